@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Reads what `replica deliver` writes with programs of others, and compares it with the clouds of the run by value.
 
-  python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1
-  replica deliver RUN --out OUT --copc --cloudcompare --semantic-kitti --bands
+  python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1 rasterio rio-cogeo
+  replica deliver RUN --out OUT --copc --rasters --cloudcompare --semantic-kitti --bands
   venv/bin/python benches/peers/deliver.py RUN OUT
 
-laspy with lazrs (LAZ, COPC), pyproj (systems, coordinates), plyfile (PLY), GDAL by pyogrio (GeoJSON), evo (TUM, KITTI). SBET and
+laspy with lazrs (LAZ, COPC), pyproj (systems, coordinates), plyfile (PLY), GDAL by pyogrio
+(GeoJSON) and by rasterio with rio-cogeo (GeoTIFF), evo (TUM, KITTI). SBET and
 SemanticKITTI are read as their readers do, by numpy. Exit code 1 if a value differs.
 """
 import argparse, json, pathlib, re, sys, time
@@ -15,6 +16,8 @@ import laspy
 import numpy as np
 import plyfile
 import pyproj
+import rasterio
+import rio_cogeo
 from evo.tools import file_interface
 from laspy.copc import Bounds, CopcReader
 
@@ -175,6 +178,40 @@ def objects(out, facts):
         f"{len(boxes)} boxes, centers within {1e3 * off:.0f} mm")
 
 
+def rasters(run, out, facts, tiles):
+    points = np.concatenate([np.stack([np.asarray(tile[name]) for name in ["x", "y", "z", "class", "moving", "camera"]], 1) for tile in tiles])
+    rgb = np.concatenate([np.stack([np.asarray(tile[name]) // 257 for name in ["red", "green", "blue"]], 1) for tile in tiles])
+    still = points[:, 4] == 0
+    points, rgb = points[still], rgb[still]
+    images = {}
+    for name in ["height", "terrain", "class", "color"]:
+        path = out / f"{name}.tif"
+        is_valid, errors, _ = rio_cogeo.cog_validate(path)
+        with rasterio.open(path) as image:
+            images[name], transform = image.read(), image.transform
+            row("rio-cogeo, GDAL", path.name, is_valid and image.crs.to_epsg() == facts["epsg"] and len(image.overviews(1)) > 0,
+                f"{image.width} x {image.height}, overviews {image.overviews(1)} {' '.join(errors)}")
+    # Stored coordinates are mm; a cell has a whole number of them.
+    mm = np.round(points[:, :2] * 1000).astype(int)
+    cell, left, top = round(transform.a * 1000), round(transform.c * 1000), round(transform.f * 1000)
+    column, line = (mm[:, 0] - left) // cell, (top - mm[:, 1] - 1) // cell
+    shape = images["height"].shape[1:]
+    at = line * shape[1] + column
+    height = np.full(shape, -9999.0).ravel()
+    np.maximum.at(height, at, points[:, 2])
+    row("rasterio", "heights by cell", np.abs(height.reshape(shape) - images["height"][0]).max() < 1e-3, f"{(height > -9999).sum()} cells")
+    ground = np.isin(points[:, 3], [6, 7, 8, 14, 16, 22])
+    n = np.bincount(at[ground], minlength=height.size)
+    mean = np.where(n > 0, np.bincount(at[ground], points[ground, 2], height.size) / np.maximum(n, 1), -9999)
+    row("rasterio", "terrain by cell", np.abs(mean.reshape(shape) - images["terrain"][0]).max() < 1e-3, f"{(n > 0).sum()} cells")
+    # Of points of equal height the first counts, which tiles do not tell.
+    highest = np.round(points[:, 2] * 1000) == np.round(height[at] * 1000)
+    alone = np.bincount(at[highest], minlength=height.size)[at] == 1
+    row("rasterio", "classes by cell", (images["class"][0].ravel()[at] == points[:, 3])[highest & alone].all())
+    seen = highest & alone & (points[:, 5] != 255)
+    row("rasterio", "colors by cell", (images["color"].reshape(4, -1).T[at][seen] == np.c_[rgb[seen], np.full(seen.sum(), 255)]).all())
+
+
 def cloudcompare(run, out, facts):
     path = sorted((out / "cloudcompare").glob("*.ply"))[0]
     ply = plyfile.PlyData.read(path)
@@ -223,6 +260,7 @@ def main():
     copc(args.out, tiles)
     path(run, args.out, facts)
     objects(args.out, facts)
+    rasters(run, args.out, facts, tiles)
     cloudcompare(run, args.out, facts)
     semantic_kitti(run, args.out)
     sys.exit(f"differ: {', '.join(FAILED)}" if FAILED else 0)

@@ -4,7 +4,7 @@ mod file;
 mod plane;
 mod report;
 
-pub use file::CheckPoint;
+pub use file::{CheckPoint, load_check_points};
 pub use report::{Accuracy, AxisAccuracy};
 
 use crate::cloud::{self, Cloud};
@@ -41,15 +41,14 @@ pub struct Residual {
     pub roughness_m: Option<f64>,
 }
 
-/// Compares the cloud with the check points of a CSV file, and writes `check_points.csv` and `check_points_summary.csv` into the existing
+/// Compares the cloud with check points, and writes `check_points.csv` and `check_points_summary.csv` into the existing
 /// folder `out`.
 pub fn write_check_points(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
-    file: &Path,
+    points: Vec<CheckPoint>,
     out: &Path,
 ) -> Result<Accuracy, DeliverError> {
-    let points = file::load(file)?;
     let sums = surfaces(run, frame, &points)?;
     let residuals: Vec<Residual> = points.into_iter().zip(sums).map(|(point, sums)| residual(point, &sums)).collect();
     let accuracy = Accuracy::of(&residuals);

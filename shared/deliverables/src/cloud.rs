@@ -47,6 +47,7 @@ pub struct CloudPoint {
 
 /// Columns that at least one cloud of a run has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "a flag for each column")]
 pub struct Present {
     /// Classes with scores.
     pub class: bool,

@@ -42,7 +42,9 @@ fn write_cloud(
         .info(format!("scalar_time s since {begin} s after 1970-01-01T00:00:00Z"));
     let mut add = |name: &str, kind: Kind| header.properties.push(Property::new(name, kind));
     if present.color {
-        ["red", "green", "blue"].iter().for_each(|name| add(name, Kind::UChar));
+        for name in ["red", "green", "blue"] {
+            add(name, Kind::UChar);
+        }
     }
     let scalars = [
         ("scalar_intensity", true),
@@ -56,8 +58,12 @@ fn write_cloud(
         ("scalar_score", present.class),
         ("scalar_camera", present.color),
     ];
-    scalars.iter().filter(|(_, is_present)| *is_present).for_each(|(name, _)| add(name, Kind::Float));
-    bands.iter().for_each(|band| add(&format!("scalar_{band}"), Kind::Float));
+    for (name, _) in scalars.iter().filter(|(_, is_present)| *is_present) {
+        add(name, Kind::Float);
+    }
+    for band in bands {
+        add(&format!("scalar_{band}"), Kind::Float);
+    }
     let spectra = Spectra::load(run, cloud, bands)?;
     let begin_s = begin.0 as f64 * 1e-9;
     let mut writer = PlyWriter::create(&path, &header, cloud.len())?;

@@ -35,8 +35,9 @@ pub fn write_copc(
 ) -> Result<(PointFile, LeftOut), DeliverError> {
     let mut delivery = CloudDelivery::new(run, frame, options)?;
     let blocks = delivery.spool(out, block_of, &mut progress)?;
-    let octree = Octree::of(blocks.keys().into_iter().map(|(block, _)| block));
-    let nodes = place(&octree, &blocks, (out, delivery.facts.record_bytes), &mut progress)?;
+    let places: Vec<[i16; 3]> = blocks.keys().into_iter().map(|(block, _)| block).collect();
+    let octree = Octree::of(&places);
+    let nodes = place(&octree, (&blocks, octree.order(places)), (out, delivery.facts.record_bytes), &mut progress)?;
     drop(blocks);
     let merged = merged(&nodes.keys());
     let extent = file::write(&out.join(name), &delivery, &octree, (&nodes, &merged), &mut progress)?;
@@ -47,12 +48,11 @@ pub fn write_copc(
 /// Gives each point its node.
 fn place(
     octree: &Octree,
-    blocks: &Spool<[i16; 3]>,
+    (blocks, order): (&Spool<[i16; 3]>, Vec<[i16; 3]>),
     (folder, record_bytes): (&Path, usize),
     mut progress: impl FnMut(u64),
 ) -> Result<Spool<NodeKey>, DeliverError> {
     let mut nodes = Spool::create(folder, record_bytes)?;
-    let order = octree.order(blocks.keys().into_iter().map(|(block, _)| block));
     let mut root = Node::default();
     for block in order {
         root.forget_all_but(octree, block);
@@ -69,13 +69,13 @@ fn place(
 fn merged(nodes: &[(NodeKey, u64)]) -> BTreeMap<NodeKey, Vec<NodeKey>> {
     let mut totals: BTreeMap<NodeKey, u64> = BTreeMap::new();
     for (key, n_points) in nodes {
-        for ancestor in key.from_root() {
+        for ancestor in key.path_from_root() {
             *totals.entry(ancestor).or_default() += n_points;
         }
     }
     let mut merged: BTreeMap<NodeKey, Vec<NodeKey>> = BTreeMap::new();
     for (key, _) in nodes {
-        let small = key.from_root().find(|ancestor| totals[ancestor] <= MERGED_POINTS);
+        let small = key.path_from_root().find(|ancestor| totals[ancestor] <= MERGED_POINTS);
         merged.entry(small.unwrap_or(*key)).or_default().push(*key);
     }
     merged

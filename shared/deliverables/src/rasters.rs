@@ -56,14 +56,14 @@ pub fn write_rasters(
     let has = |field: ExtraField| fields.iter().any(|(found, at)| *found == field && at.is_some());
     let mut images = vec![("height.tif", Content::Height)];
     if has(ExtraField::Class) {
-        images.extend([("terrain.tif", Content::Terrain), ("class.tif", Content::Class(class_colors))]);
+        images.extend([("terrain.tif", Content::Terrain), ("class.tif", Content::Class(&class_colors))]);
     }
     if has(ExtraField::Camera) {
         images.push(("color.tif", Content::Color));
     }
     let tiles: BTreeSet<Tile> = points.keys().into_iter().map(|(tile, _)| tile).collect();
     let Some(pyramid) = Pyramid::new(&tiles) else { return Ok(Vec::new()) };
-    let stores: Result<Vec<ImageTiles>, DeliverError> =
+    let stores: Result<Vec<ImageTiles<'_>>, DeliverError> =
         images.iter().map(|(_, content)| ImageTiles::create(out, *content)).collect();
     let stores = stores?;
     pyramid.build(pyramid.top(), &reader, &stores)?;
@@ -151,7 +151,7 @@ impl Pyramid {
         &self,
         (level, tile): (usize, Tile),
         reader: &CellReader<'_>,
-        images: &[ImageTiles],
+        images: &[ImageTiles<'_>],
     ) -> Result<Option<Cells>, DeliverError> {
         if !self.levels[level].contains(&tile) {
             return Ok(None);

@@ -20,11 +20,14 @@ enum Kind {
     AsIs,
     /// East, north and up at the origin of the run, from clouds in UTM.
     Local,
-    Projected {
-        crs: Crs,
-        projection: Projection,
-        geoid: Option<(String, GeoidGrid)>,
-    },
+    Map(Box<MapSystem>),
+}
+
+/// A projected system, and the grid that heights count from with its name.
+struct MapSystem {
+    crs: Crs,
+    projection: Projection,
+    geoid: Option<(String, GeoidGrid)>,
 }
 
 impl<'a> TargetFrame<'a> {
@@ -41,7 +44,14 @@ impl<'a> TargetFrame<'a> {
         geoid: Option<(String, GeoidGrid)>,
     ) -> Result<Self, CrsError> {
         let projection = crs.projection()?;
-        Ok(Self { georeference: Some(georeference), kind: Kind::Projected { crs, projection, geoid } })
+        Ok(Self { georeference: Some(georeference), kind: Kind::Map(Box::new(MapSystem { crs, projection, geoid })) })
+    }
+
+    fn map(&self) -> Option<&MapSystem> {
+        match &self.kind {
+            Kind::Map(map) => Some(map),
+            _ => None,
+        }
     }
 
     /// Description of the system. `None` for local coordinates.
@@ -52,9 +62,10 @@ impl<'a> TargetFrame<'a> {
 
     /// System and heights. `None` for local coordinates.
     pub fn crs(&self) -> Option<(&Crs, VerticalDatum)> {
-        let Kind::Projected { crs, geoid, .. } = &self.kind else { return None };
-        let vertical = geoid.as_ref().map_or(VerticalDatum::Ellipsoid, |(name, _)| VerticalDatum::Geoid(name.clone()));
-        Some((crs, vertical))
+        let map = self.map()?;
+        let vertical =
+            map.geoid.as_ref().map_or(VerticalDatum::Ellipsoid, |(name, _)| VerticalDatum::Geoid(name.clone()));
+        Some((&map.crs, vertical))
     }
 
     /// Coordinates in words.
@@ -78,7 +89,7 @@ impl<'a> TargetFrame<'a> {
 
     /// Coordinates of a geographic position. `None` if the delivery is not placed on the Earth.
     pub fn from_geodetic(&self, place: &Geodetic) -> Result<Option<[f64; 3]>, CrsError> {
-        let Kind::Projected { projection, geoid, .. } = &self.kind else {
+        let Some(MapSystem { projection, geoid, .. }) = self.map() else {
             let local = self.georeference.and_then(Georeference::local);
             return Ok(local.map(|local| local.world_from_geodetic(place).coords.into()));
         };
@@ -94,7 +105,7 @@ impl<'a> TargetFrame<'a> {
     /// Coordinates of a pose's position, given in the local frame of the trajectory.
     pub fn from_local(&self, p: &Point3<f64>) -> Result<[f64; 3], CrsError> {
         let local = self.georeference.and_then(Georeference::local);
-        let (Some(local), Kind::Projected { .. }) = (local, &self.kind) else { return Ok(p.coords.into()) };
+        let (Some(local), Some(_)) = (local, self.map()) else { return Ok(p.coords.into()) };
         Ok(self.from_geodetic(&local.geodetic_from_world(p))?.unwrap_or(p.coords.into()))
     }
 
@@ -107,7 +118,7 @@ impl<'a> TargetFrame<'a> {
     fn smooth(&self, xyz: [f64; 3]) -> Result<[f64; 5], CrsError> {
         let geodetic =
             self.georeference.map(|georeference| georeference.geodetic_from_cloud(xyz)).transpose()?.flatten();
-        let (Some(place), Kind::Projected { projection, .. }) = (geodetic, &self.kind) else {
+        let (Some(place), Some(MapSystem { projection, .. })) = (geodetic, self.map()) else {
             let [x, y, z] = self.from_cloud(xyz)?;
             return Ok([x, y, z, 0.0, 0.0]);
         };
@@ -132,7 +143,7 @@ impl Converter<'_> {
             return Ok(xyz);
         }
         let [x, y, height, latitude_deg, longitude_deg] = self.cell(xyz)?.at(xyz);
-        let Kind::Projected { geoid: Some((_, geoid)), .. } = &self.frame.kind else { return Ok([x, y, height]) };
+        let Some(MapSystem { geoid: Some((_, geoid)), .. }) = self.frame.map() else { return Ok([x, y, height]) };
         let undulation = geoid.height(latitude_deg, longitude_deg);
         Ok([x, y, height - undulation.ok_or(CrsError::OutsideGeoid { latitude_deg, longitude_deg })?])
     }

@@ -20,7 +20,7 @@ const REQUIRED: [&str; 4] = ["name", "x", "y", "z"];
 const IN_CLOUD: [&str; 3] = ["cloud_x", "cloud_y", "cloud_z"];
 
 /// Reads a CSV file whose first line names the columns, in any order. Other columns are ignored.
-pub(super) fn load(path: &Path) -> Result<Vec<CheckPoint>, DeliverError> {
+pub fn load_check_points(path: &Path) -> Result<Vec<CheckPoint>, DeliverError> {
     let text = std::fs::read_to_string(path).map_err(DeliverError::file(path, "read"))?;
     parse(&text).map_err(|(line, rule)| {
         let place = if line == 0 { String::new() } else { format!("line {line}: ") };

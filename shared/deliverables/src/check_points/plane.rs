@@ -37,7 +37,8 @@ impl PlaneSums {
         let (xz, yz, zz) = (xz - x * z, yz - y * z, zz - z * z);
         let determinant = xx * yy - xy * xy;
         // The smaller eigenvalue is at least the determinant over the trace.
-        if !(determinant > MIN_VARIANCE * (xx + yy)) {
+        let is_wide = determinant > MIN_VARIANCE * (xx + yy);
+        if !is_wide {
             return None;
         }
         let (slope_x, slope_y) = ((xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant);

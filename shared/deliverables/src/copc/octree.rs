@@ -21,7 +21,7 @@ pub(super) struct NodeKey {
 
 impl NodeKey {
     /// The root, and the nodes from it to this one.
-    pub(super) fn from_root(self) -> impl Iterator<Item = Self> {
+    pub(super) fn path_from_root(self) -> impl Iterator<Item = Self> {
         (0..=self.level).map(move |level| Self { level, cell: self.cell.map(|cell| cell >> (self.level - level)) })
     }
 }
@@ -42,9 +42,9 @@ pub(super) struct Octree {
 
 impl Octree {
     /// The smallest cube around blocks, a power of two of them.
-    pub(super) fn of(blocks: impl Iterator<Item = [i16; 3]> + Clone) -> Self {
-        let low = [0, 1, 2].map(|axis| blocks.clone().map(|block| block[axis]).min().unwrap_or(0));
-        let high = [0, 1, 2].map(|axis| blocks.clone().map(|block| block[axis]).max().unwrap_or(0));
+    pub(super) fn of(blocks: &[[i16; 3]]) -> Self {
+        let low = [0, 1, 2].map(|axis| blocks.iter().map(|block| block[axis]).min().unwrap_or(0));
+        let high = [0, 1, 2].map(|axis| blocks.iter().map(|block| block[axis]).max().unwrap_or(0));
         let widest = (0..3).map(|axis| (i32::from(high[axis]) - i32::from(low[axis]) + 1) as u32).max().unwrap_or(1);
         let side_bits = BLOCK_BITS + widest.next_power_of_two().trailing_zeros();
         Self { low: low.map(|cell| i32::from(cell) << BLOCK_BITS), side_bits }
@@ -60,8 +60,7 @@ impl Octree {
     }
 
     /// Blocks in the order of the octree: those of a node follow one another.
-    pub(super) fn order(&self, blocks: impl Iterator<Item = [i16; 3]>) -> Vec<[i16; 3]> {
-        let mut blocks: Vec<[i16; 3]> = blocks.collect();
+    pub(super) fn order(&self, mut blocks: Vec<[i16; 3]>) -> Vec<[i16; 3]> {
         blocks.sort_by_key(|block| {
             let corner = self.corner(*block);
             (BLOCK_BITS..self.side_bits).rev().fold(0_u64, |code, bit| code << 3 | octant(corner, bit) as u64)
@@ -73,9 +72,9 @@ impl Octree {
     pub(super) fn place(&self, root: &mut Node, records: &[u8], record_bytes: usize) -> Vec<NodeKey> {
         let inside: Vec<[u32; 3]> =
             records.chunks_exact(record_bytes).map(|record| self.inside(position_of(record))).collect();
-        let all = (0..inside.len() as u32).collect();
+        let all: Vec<u32> = (0..inside.len() as u32).collect();
         let mut keys = vec![NodeKey { level: 0, cell: [0; 3] }; inside.len()];
-        for (i, level) in root.place(all, &inside, self.side_bits, 0) {
+        for (i, level) in root.place(&all, &inside, self.side_bits, 0) {
             let cell = inside[i as usize].map(|value| (u64::from(value) >> (self.side_bits - level)) as u32);
             keys[i as usize] = NodeKey { level, cell };
         }
@@ -100,14 +99,14 @@ pub(super) struct Node {
 
 impl Node {
     /// Levels of points, given by their numbers. `bits` is the side of this node.
-    fn place(&mut self, points: Vec<u32>, inside: &[[u32; 3]], bits: u32, level: u32) -> Vec<(u32, u32)> {
+    fn place(&mut self, points: &[u32], inside: &[[u32; 3]], bits: u32, level: u32) -> Vec<(u32, u32)> {
         if bits == DEEPEST_BITS {
-            return points.into_iter().map(|i| (i, level)).collect();
+            return points.iter().map(|i| (*i, level)).collect();
         }
         self.occupied.resize(N_WORDS, 0);
         let mut placed = Vec::new();
         let mut below: [Vec<u32>; 8] = Default::default();
-        for i in points {
+        for &i in points {
             let position = inside[i as usize];
             // Bits of a voxel that lie below the side of the node.
             let voxel = |axis: usize| (position[axis] >> (bits - VOXEL_BITS) & ((1 << VOXEL_BITS) - 1)) as usize;
@@ -125,7 +124,7 @@ impl Node {
             .par_iter_mut()
             .zip(below)
             .filter(|(_, points)| !points.is_empty())
-            .map(|(child, points)| child.get_or_insert_default().place(points, inside, bits - 1, level + 1));
+            .map(|(child, points)| child.get_or_insert_default().place(&points, inside, bits - 1, level + 1));
         let levels: Vec<Vec<(u32, u32)>> = levels.collect();
         placed.extend(levels.into_iter().flatten());
         placed
@@ -161,10 +160,10 @@ mod tests {
     #[test]
     fn root_is_a_power_of_two_of_blocks() {
         let blocks = [[-3_i16, 5, 0], [1, 5, 0]];
-        let octree = Octree::of(blocks.into_iter());
+        let octree = Octree::of(&blocks);
         // Five blocks in x: eight.
         assert_eq!(octree, Octree { low: [-3 << 16, 5 << 16, 0], side_bits: 19 });
-        assert_eq!(Octree::of(blocks[..1].iter().copied()).side_bits, 16);
+        assert_eq!(Octree::of(&blocks[..1]).side_bits, 16);
         assert_eq!(block_of([-1, 65_536, 65_535]), [-1, 1, 0]);
     }
 
@@ -192,7 +191,7 @@ mod tests {
     fn voxels_of_blocks_that_are_done_are_forgotten() {
         let octree = Octree { low: [0; 3], side_bits: 18 };
         let blocks = [[3, 0, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0]];
-        let order = octree.order(blocks.into_iter());
+        let order = octree.order(blocks.to_vec());
         assert_eq!(order, [[0, 0, 0], [0, 1, 0], [1, 1, 0], [3, 0, 0]]);
         let mut root = Node::default();
         let records: Vec<u8> = (0..100).flat_map(|i| record([i, 0, 0])).collect();
@@ -208,7 +207,7 @@ mod tests {
     #[test]
     fn ancestors_begin_with_the_root() {
         let key = NodeKey { level: 2, cell: [3, 1, 0] };
-        let cells: Vec<[u32; 3]> = key.from_root().map(|key| key.cell).collect();
+        let cells: Vec<[u32; 3]> = key.path_from_root().map(|key| key.cell).collect();
         assert_eq!(cells, [[0, 0, 0], [1, 0, 0], [3, 1, 0]]);
     }
 }

@@ -12,17 +12,11 @@ use std::io::{self, BufWriter, Cursor, Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Number and bounds of points.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Extent {
     pub(crate) n_points: u64,
     /// Smallest and largest stored coordinates; 0 without points.
     pub(crate) bounds: [[i32; 3]; 2],
-}
-
-impl Default for Extent {
-    fn default() -> Self {
-        Self { n_points: 0, bounds: [[0; 3]; 2] }
-    }
 }
 
 impl Extent {
@@ -48,9 +42,9 @@ impl Extent {
                 self.bounds = [position; 2];
             }
             self.n_points += 1;
-            for axis in 0..3 {
-                self.bounds[0][axis] = self.bounds[0][axis].min(position[axis]);
-                self.bounds[1][axis] = self.bounds[1][axis].max(position[axis]);
+            let [low, high] = &mut self.bounds;
+            for ((low, high), value) in low.iter_mut().zip(high).zip(position) {
+                (*low, *high) = ((*low).min(value), (*high).max(value));
             }
         }
     }

@@ -116,7 +116,7 @@ fn mean(values: [f32; 4]) -> f32 {
 
 /// The class that most cells have, of several the lowest id.
 fn most_frequent(classes: [u8; 4]) -> u8 {
-    let count = |class: u8| classes.iter().filter(|other| **other == class).count();
+    let count = |class: u8| classes.iter().map(|other| u32::from(*other == class)).sum::<u32>();
     let known = classes.into_iter().filter(|class| *class != NO_CLASS);
     known.max_by_key(|class| (count(*class), u8::MAX - class)).unwrap_or(NO_CLASS)
 }

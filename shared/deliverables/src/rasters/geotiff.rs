@@ -18,11 +18,11 @@ use std::sync::{Mutex, PoisonError};
 
 /// What an image shows.
 #[derive(Clone, Copy)]
-pub(super) enum Content {
+pub(super) enum Content<'a> {
     Height,
     Terrain,
     /// With sRGB by class id.
-    Class([[u8; 3]; 256]),
+    Class(&'a [[u8; 3]; 256]),
     Color,
 }
 
@@ -37,8 +37,8 @@ pub(super) struct Grid {
 }
 
 /// Compressed tiles of an image, in a temporary file until all are known.
-pub(super) struct ImageTiles {
-    content: Content,
+pub(super) struct ImageTiles<'a> {
+    content: Content<'a>,
     file: File,
     folder: PathBuf,
     stored: Mutex<Stored>,
@@ -51,7 +51,7 @@ struct Stored {
     tiles: BTreeMap<(usize, Tile), (u64, usize)>,
 }
 
-impl Content {
+impl Content<'_> {
     /// Bytes of cells, as in the file.
     fn encode(self, cells: &Cells) -> Vec<u8> {
         let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -83,8 +83,8 @@ fn compressed(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap_or_default()
 }
 
-impl ImageTiles {
-    pub(super) fn create(folder: &Path, content: Content) -> Result<Self, DeliverError> {
+impl<'a> ImageTiles<'a> {
+    pub(super) fn create(folder: &Path, content: Content<'a>) -> Result<Self, DeliverError> {
         let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file in"))?;
         Ok(Self { content, file, folder: folder.to_owned(), stored: Mutex::default() })
     }
@@ -114,22 +114,21 @@ impl ImageTiles {
         for level in 0..grid.n_levels {
             at += self.directory(grid, level, frame, &[], 0, false).len() as u64;
         }
-        let empty_at = at;
-        at += empty.len() as u64;
         let mut places: Vec<Vec<[u32; 2]>> = vec![Vec::new(); grid.n_levels];
-        let mut order = Vec::new();
+        // Tiles in the file: those found, and for each level an empty one, to which all places without points lead.
+        let mut order: Vec<Option<(u64, usize)>> = Vec::new();
         for level in (0..grid.n_levels).rev() {
             let [columns, rows] = grid.tiles(level);
+            let empty_at = at;
+            order.push(None);
+            at += empty.len() as u64;
             for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row as i64, column as i64))) {
-                let (place, n_bytes) = match stored.tiles.get(&(level, (column, row))) {
-                    Some(found) => {
-                        order.push(*found);
-                        let place = at;
-                        at += found.1 as u64;
-                        (place, found.1)
-                    }
-                    None => (empty_at, empty.len()),
-                };
+                let found = stored.tiles.get(&(level, (column, row))).copied();
+                let (place, n_bytes) = found.map_or((empty_at, empty.len()), |(_, n_bytes)| (at, n_bytes));
+                if found.is_some() {
+                    order.push(found);
+                    at += n_bytes as u64;
+                }
                 let place = u32::try_from(place);
                 let place = place.map_err(|_| io::Error::other("the image has more than 4 GiB; use larger cells"))?;
                 places[level].push([place, n_bytes as u32]);
@@ -143,8 +142,11 @@ impl ImageTiles {
             at += directory.len() as u32;
             writer.write_all(&directory)?;
         }
-        writer.write_all(&empty)?;
-        for (at, n_bytes) in order {
+        for tile in order {
+            let Some((at, n_bytes)) = tile else {
+                writer.write_all(&empty)?;
+                continue;
+            };
             let mut bytes = vec![0; n_bytes];
             self.file.read_exact_at(&mut bytes, at)?;
             writer.write_all(&bytes)?;
@@ -184,7 +186,7 @@ impl ImageTiles {
         );
         tags.shorts(277, &[n_samples]);
         tags.shorts(284, &[1]);
-        if let Content::Class(colors) = &self.content {
+        if let Content::Class(colors) = self.content {
             let channel = |channel: usize| colors.iter().map(move |color| u16::from(color[channel]) * 257);
             tags.shorts(320, &(0..3).flat_map(channel).collect::<Vec<u16>>());
         }

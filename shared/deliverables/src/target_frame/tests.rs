@@ -13,12 +13,12 @@ fn georeference(folder: &std::path::Path, is_utm: bool) -> Georeference {
 }
 
 /// A plane geoid: 40 m at 48.8 degrees, 2 m less per degree of longitude.
-fn geoid() -> Option<(String, GeoidGrid)> {
+fn geoid() -> (String, GeoidGrid) {
     let doubles = [48.0, 2.0, 1.0, 1.0].into_iter().flat_map(f64::to_be_bytes);
     let sizes = [2_i32, 2].into_iter().flat_map(i32::to_be_bytes);
     let values = [44.0_f32, 42.0, 44.0, 42.0].into_iter().flat_map(f32::to_be_bytes);
     let bytes: Vec<u8> = doubles.chain(sizes).chain(values).collect();
-    Some(("plane.gtx".to_owned(), GeoidGrid::decode(&bytes).expect("is a grid")))
+    ("plane.gtx".to_owned(), GeoidGrid::decode(&bytes).expect("is a grid"))
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn quadratics_differ_from_the_exact_projection_by_less_than_a_hundredth_of_a_mil
         let start = if is_utm { [452_048.0, 5_410_567.0, 104.6] } else { [0.0; 3] };
         for epsg in [32_631, 2154] {
             let crs = Crs::from_epsg(epsg).expect("is supported");
-            let frame = TargetFrame::projected(&georeference, crs, geoid()).expect("a frame");
+            let frame = TargetFrame::projected(&georeference, crs, Some(geoid())).expect("a frame");
             let mut converter = frame.converter();
             for i in 0..500 {
                 let (s, t) = (f64::from(i) * 37.3, f64::from(i % 40) * 3.0 - 60.0);
@@ -53,7 +53,7 @@ fn clouds_in_utm_and_in_the_local_frame_have_the_same_coordinates() {
     assert!((0..3).all(|k| (back[k] - p[k]).abs() < 1e-6), "{back:?}");
     let lambert = |georeference, p| {
         let crs = Crs::from_epsg(2154).expect("is supported");
-        TargetFrame::projected(georeference, crs, geoid()).expect("a frame").from_cloud(p).expect("converts")
+        TargetFrame::projected(georeference, crs, Some(geoid())).expect("a frame").from_cloud(p).expect("converts")
     };
     let (a, b) = (lambert(&local, p), lambert(&utm, in_utm));
     assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-6), "{a:?} {b:?}");
@@ -66,7 +66,7 @@ fn place_outside_of_the_geoid_is_an_error() {
     let folder = tempfile::tempdir().expect("a folder");
     let georeference = georeference(folder.path(), false);
     let crs = Crs::from_epsg(2154).expect("is supported");
-    let frame = TargetFrame::projected(&georeference, crs, geoid()).expect("a frame");
+    let frame = TargetFrame::projected(&georeference, crs, Some(geoid())).expect("a frame");
     let error = frame.converter().convert([-40_000.0, 0.0, 0.0]).expect_err("is outside").to_string();
     assert!(error.contains("is outside of the geoid grid"), "{error}");
 }

@@ -2,7 +2,8 @@
 
 use crate::support::{utm, write_run};
 use deliverables::RunFolder;
-use deliverables::check_points::write_check_points;
+use deliverables::check_points::{load_check_points, write_check_points};
+use std::fmt::Write as _;
 
 #[test]
 fn surface_of_the_cloud_gives_the_residual_of_the_height() {
@@ -26,11 +27,12 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     let file = folder.path().join("points.csv");
     let mut text = "name,x,y,z,cloud_x,cloud_y,cloud_z\n".to_owned();
     for (name, (x, y, z)) in [("A", a), ("B", b), ("C", c)] {
-        text += &format!("{name},{x},{y},{z},,,\n");
+        let _ = writeln!(text, "{name},{x},{y},{z},,,");
     }
-    text += &format!("D,{0},{1},{2},{3},{1},{2}\n", d.0, d.1, d.2, d.0 + 0.04);
+    let _ = writeln!(text, "D,{0},{1},{2},{3},{1},{2}", d.0, d.1, d.2, d.0 + 0.04);
     std::fs::write(&file, text).expect("writes");
-    let accuracy = write_check_points(&opened, &frame, &file, &out).expect("compares");
+    let accuracy =
+        write_check_points(&opened, &frame, load_check_points(&file).expect("loads"), &out).expect("compares");
     let table = std::fs::read_to_string(out.join("check_points.csv")).expect("was written");
     let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
     let number = |row: usize, column: usize| rows[row][column].parse::<f64>().expect("a number");
@@ -44,6 +46,6 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     assert!(summary.contains("rmse_x,1,0.0400") && summary.contains("le90,3,"), "{summary}");
 
     std::fs::write(&file, "name,x,y\n").expect("writes");
-    let error = write_check_points(&opened, &frame, &file, &out).expect_err("is refused").to_string();
+    let error = load_check_points(&file).expect_err("is refused").to_string();
     assert!(error.contains("points.csv: line 1: no column `z`"), "{error}");
 }

@@ -8,7 +8,7 @@ use crate::class_color::class_color;
 use crate::terminal::say;
 use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
-use deliverables::check_points::{Accuracy, write_check_points};
+use deliverables::check_points::{Accuracy, CheckPoint, load_check_points, write_check_points};
 use deliverables::objects::write_objects;
 use deliverables::{
     CloudOptions, LeftOut, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc,
@@ -31,6 +31,7 @@ const MAX_SYSTEM: usize = 32;
 
 /// Write a finished run for surveyors: LAZ, COPC, path, objects.
 #[derive(clap::Args, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "a flag for each kind of file")]
 #[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage")]
 pub struct Args {
     /// Output folder of a finished run
@@ -59,7 +60,7 @@ pub struct Args {
     /// Write also cloudcompare/*.ply: clouds whose fields CloudCompare keeps
     #[arg(long)]
     cloudcompare: bool,
-    /// Write also sequences/00: sweeps and labels in the layout of SemanticKITTI
+    /// Write also sequences/00: sweeps and labels as in the data set SemanticKITTI
     #[arg(long)]
     semantic_kitti: bool,
     /// Write also terrain.tif, height.tif, color.tif and class.tif: views from above
@@ -100,6 +101,8 @@ fn system(text: &str) -> Result<String, InvalidValue> {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let summary = Summary::load(&args.run).context("the run is not finished")?;
     let run = RunFolder::open(&args.run)?;
+    // Errors of files are reported before the clouds are read, which takes longer.
+    let check_points = args.check_points.as_deref().map(load_check_points).transpose()?;
     let frame = frame::choose(args, &run, &summary)?;
     create_empty(&args.out)?;
     let ChosenFrame { target, unreferenced } = &frame;
@@ -122,7 +125,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         files.push(write_copc(&run, target, &options, (&args.out, COPC_FILE), |n| bar.inc(n))?.0);
     }
     bar.finish_and_clear();
-    write_others(args, &run, target, &options)?;
+    write_others(args, &run, (target, &options), check_points)?;
     let facts = Facts::new(&run, target, unreferenced.as_deref(), (n_points, &files), left_out);
     facts.write(&args.out)?;
     say!("{}: {}", args.out.display(), target.description())?;
@@ -130,10 +133,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 /// Everything but LAS and COPC.
-fn write_others(args: &Args, run: &RunFolder, target: &TargetFrame<'_>, options: &CloudOptions) -> anyhow::Result<()> {
+fn write_others(
+    args: &Args,
+    run: &RunFolder,
+    (target, options): (&TargetFrame<'_>, &CloudOptions),
+    check_points: Option<Vec<CheckPoint>>,
+) -> anyhow::Result<()> {
     say!("path: {}", write_trajectory(run, target, &args.out)?.join(", "))?;
     match write_objects(run, target, &args.out)? {
-        Some(n_objects) => say!("objects: {n_objects} in objects.csv, objects.geojson")?,
+        Some(n_objects) => say!("objects: {n_objects}")?,
         None => say!("objects: none, the clouds have no instances")?,
     }
     if args.rasters {
@@ -141,8 +149,8 @@ fn write_others(args: &Args, run: &RunFolder, target: &TargetFrame<'_>, options:
         let rasters = RasterOptions { cell_mm: args.cell_m, class_colors };
         say!("rasters: {}", write_rasters(run, target, options, rasters, &args.out)?.join(", "))?;
     }
-    if let Some(file) = &args.check_points {
-        say_accuracy(&write_check_points(run, target, file, &args.out)?)?;
+    if let Some(points) = check_points {
+        say_accuracy(&write_check_points(run, target, points, &args.out)?)?;
     }
     if args.cloudcompare {
         let folder = folder(&args.out, "cloudcompare")?;
