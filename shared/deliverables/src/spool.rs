@@ -28,7 +28,7 @@ struct Piece {
 impl<K: Ord + Copy + Send + Sync> Spool<K> {
     /// A spool in `folder`, where there must be room for all records.
     pub(crate) fn create(folder: &Path, record_bytes: usize) -> Result<Self, DeliverError> {
-        let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file in"))?;
+        let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file"))?;
         Ok(Self { file, folder: folder.to_owned(), record_bytes, n_bytes: 0, pieces: BTreeMap::new() })
     }
 
@@ -43,7 +43,7 @@ impl<K: Ord + Copy + Send + Sync> Spool<K> {
         }
         self.file
             .write_all_at(&sorted, self.n_bytes)
-            .map_err(DeliverError::file(&self.folder, "write a temporary file in"))?;
+            .map_err(DeliverError::file(&self.folder, "write a temporary file"))?;
         for run in order.chunk_by(|a, b| keys[*a as usize] == keys[*b as usize]) {
             let piece = Piece { at: self.n_bytes, n_points: run.len() as u32 };
             self.pieces.entry(keys[run[0] as usize]).or_default().push(piece);
@@ -74,7 +74,7 @@ impl<K: Ord + Copy + Send + Sync> Spool<K> {
                 bytes.resize(begin + n * self.record_bytes, 0);
                 self.file
                     .read_exact_at(&mut bytes[begin..], at)
-                    .map_err(DeliverError::file(&self.folder, "read a temporary file in"))?;
+                    .map_err(DeliverError::file(&self.folder, "read a temporary file"))?;
                 at += (n * self.record_bytes) as u64;
                 left -= n;
                 if bytes.len() / self.record_bytes == most_points {
@@ -113,6 +113,6 @@ mod tests {
     #[test]
     fn folder_that_cannot_be_written_is_named() {
         let error = Spool::<u8>::create(Path::new("/nowhere/out"), 2).err().expect("fails").to_string();
-        assert!(error.starts_with("/nowhere/out: cannot create a temporary file in"), "{error}");
+        assert!(error.starts_with("/nowhere/out: cannot create a temporary file"), "{error}");
     }
 }

@@ -85,7 +85,7 @@ fn compressed(bytes: &[u8]) -> Vec<u8> {
 
 impl<'a> ImageTiles<'a> {
     pub(super) fn create(folder: &Path, content: Content<'a>) -> Result<Self, DeliverError> {
-        let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file in"))?;
+        let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file"))?;
         Ok(Self { content, file, folder: folder.to_owned(), stored: Mutex::default() })
     }
 
@@ -96,7 +96,7 @@ impl<'a> ImageTiles<'a> {
         stored.n_bytes += bytes.len() as u64;
         stored.tiles.insert(key, (at, bytes.len()));
         drop(stored);
-        self.file.write_all_at(&bytes, at).map_err(DeliverError::file(&self.folder, "write a temporary file in"))
+        self.file.write_all_at(&bytes, at).map_err(DeliverError::file(&self.folder, "write a temporary file"))
     }
 
     /// Writes the image.

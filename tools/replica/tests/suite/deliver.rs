@@ -133,7 +133,7 @@ fn wrong_arguments_are_refused_before_anything_is_written() {
         (&["--crs", "utm"], 2, "must be auto, local or EPSG:N"),
         (&["--crs", "local", "--geoid", text(&grid)], 2, "--geoid: needs a coordinate reference system"),
         (&["--geoid", text(&grid)], 1, "grid.gtx: is not a GTX grid: 7 bytes"),
-        (&["--tile-m", "-1"], 2, "--tile-m"),
+        (&["--tile-m", "0.5"], 2, "must be a whole number, 0 to 100000"),
         (&["--cell-m", "0.5"], 2, "--rasters"),
         (&["--rasters", "--cell-m", "0"], 2, "must be 0.01 to 100"),
         (&["--system", "a name of more than thirty-two letters"], 2, "must be up to 32 ASCII characters"),
