@@ -6,6 +6,8 @@ pub mod cloud;
 pub mod drive;
 pub mod ecostress;
 pub mod envi;
+pub mod gps_time;
+pub mod gtx;
 pub mod hesai;
 pub mod imu;
 pub mod jpeg;

@@ -1,16 +1,13 @@
 //! Universal Transverse Mercator coordinates.
 
-use crate::Geodetic;
-use proj4rs::Proj;
-use proj4rs::transform::transform;
+use crate::{Geodetic, Projection, ProjectionError};
 
 /// A UTM zone on WGS84 with its projection.
 #[derive(Debug)]
 pub struct Utm {
     zone: u32,
     is_north: bool,
-    geodetic: Proj,
-    projected: Proj,
+    projection: Projection,
 }
 
 /// A position without UTM coordinates.
@@ -24,8 +21,8 @@ pub enum UtmError {
     Projection {
         /// 1 to 60.
         zone: u32,
-        /// Its message.
-        cause: String,
+        /// Why.
+        cause: ProjectionError,
     },
 }
 
@@ -44,16 +41,10 @@ impl Utm {
             _ => regular,
         };
         let is_north = lat >= 0.0;
-        let make = |definition: &str| {
-            Proj::from_proj_string(definition).map_err(|cause| UtmError::Projection { zone, cause: cause.to_string() })
-        };
         let south = if is_north { "" } else { " +south" };
-        Ok(Self {
-            zone,
-            is_north,
-            geodetic: make("+proj=latlong +datum=WGS84 +no_defs")?,
-            projected: make(&format!("+proj=utm +zone={zone}{south} +datum=WGS84 +units=m +no_defs"))?,
-        })
+        let projection = Projection::new(&format!("+proj=utm +zone={zone}{south}"), "+datum=WGS84")
+            .map_err(|cause| UtmError::Projection { zone, cause })?;
+        Ok(Self { zone, is_north, projection })
     }
     /// Number of the zone, 1 to 60.
     pub const fn zone(&self) -> u32 {
@@ -69,10 +60,7 @@ impl Utm {
     }
     /// Easting, northing (m, within 0.1 mm) and height above the ellipsoid (m) of a position in or near the zone.
     pub fn project(&self, place: &Geodetic) -> Result<[f64; 3], UtmError> {
-        let mut point = (place.longitude_deg.to_radians(), place.latitude_deg.to_radians(), place.altitude_m);
-        transform(&self.geodetic, &self.projected, &mut point)
-            .map_err(|cause| UtmError::Projection { zone: self.zone, cause: cause.to_string() })?;
-        Ok([point.0, point.1, point.2])
+        self.projection.project(place).map_err(|cause| UtmError::Projection { zone: self.zone, cause })
     }
 }
 

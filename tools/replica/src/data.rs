@@ -3,6 +3,7 @@
 mod compare;
 mod convert;
 mod cube;
+mod deliver;
 mod grab;
 mod import;
 mod inspect;
@@ -24,6 +25,7 @@ pub enum Command {
     Inspect(inspect::Args),
     Report(report::Args),
     Compare(compare::Args),
+    Deliver(deliver::Args),
     Cube(cube::Args),
     Spectrum(spectrum::Args),
     Send(send::Args),
@@ -42,6 +44,7 @@ impl Command {
             Command::Inspect(args) => inspect::run(args),
             Command::Report(args) => report::run(args),
             Command::Compare(args) => compare::run(args),
+            Command::Deliver(args) => deliver::run(args),
             Command::Cube(args) => cube::run(args),
             Command::Spectrum(args) => spectrum::run(args),
             Command::Send(args) => send::run(args),

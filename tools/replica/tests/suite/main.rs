@@ -3,6 +3,7 @@
 mod commands;
 mod compare;
 mod cube;
+mod deliver;
 mod evaluate_classes;
 mod evaluate_run;
 mod finished_run;

@@ -2,7 +2,7 @@
 
 use super::finished_run::FinishedRun;
 use crate::cloud_picture::{Background, Camera, Canvas, CloudSummary, ColorBy, LoadedCloud, Palette, PictureSize};
-use crate::lab::instances::{self, Object, ObjectSummary};
+use deliverables::objects::{ObjectSummary, Objects};
 use formats::ply::{PlyRows, Vertices};
 use geometry::BevGrid;
 use image::RgbImage;
@@ -80,7 +80,7 @@ impl CloudSurvey {
         let grid = BevGrid::covering(corner(bounds[0]), corner(bounds[1]), CELL_M, MAX_CELLS);
         let mut covered = vec![false; grid.as_ref().map_or(0, BevGrid::n_cells)];
         let mut canvas = Canvas::new(size);
-        let (mut objects, mut by_camera, mut n_read) = (BTreeMap::<i64, Object>::new(), BTreeMap::new(), 0);
+        let (mut objects, mut by_camera, mut n_read) = (Objects::default(), BTreeMap::new(), 0);
         let mut has = [false; 3];
         let step = thinned.each(MAX_POINTS, |vertices| {
             let cloud = LoadedCloud::from_vertices(vertices)?;
@@ -92,7 +92,7 @@ impl CloudSurvey {
             has[1] |= cloud.classes().is_some();
             has[2] |= cloud.instances().is_some();
             if cloud.classes().is_some() && cloud.instances().is_some() {
-                instances::add(&mut objects, vertices)?;
+                objects.add(vertices)?;
             }
             n_read += cloud.len() as u64;
             for i in 0..cloud.len() {
@@ -110,7 +110,7 @@ impl CloudSurvey {
         let mut pixels = canvas.finish(Background::White).map(Some);
         let (width, height) = (size.width as u32, size.height as u32);
         let views = std::array::from_fn(|k| RgbImage::from_raw(width, height, pixels[k].take().filter(|_| has[k])?));
-        let mut objects: Vec<ObjectSummary> = objects.iter().filter_map(|(id, object)| object.summary(*id)).collect();
+        let mut objects = objects.summaries();
         for object in &mut objects {
             object.n_points *= step as u64;
         }

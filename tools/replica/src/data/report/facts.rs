@@ -9,7 +9,7 @@ use super::verdict::Verdict;
 use crate::data::inspect::drive::DriveReport;
 use crate::data::inspect::drive::stream::Stream;
 use crate::data::inspect::georeference::Georeference;
-use crate::lab::instances::ObjectSummary;
+use deliverables::objects::ObjectSummary;
 use run::health::Doubt;
 use run::launch_file::LaunchFile;
 use run::summary::Total;

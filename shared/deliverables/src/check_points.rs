@@ -1,0 +1,115 @@
+//! Residuals of the cloud against check points that were measured independently.
+
+mod file;
+mod plane;
+mod report;
+
+pub use file::{CheckPoint, load_check_points};
+pub use report::{Accuracy, AxisAccuracy};
+
+use crate::cloud::{self, Cloud};
+use crate::error::DeliverError;
+use crate::run_folder::RunFolder;
+use crate::target_frame::TargetFrame;
+use formats::atomic_file::write_atomic;
+use plane::PlaneSums;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Horizontal distance within which points of the cloud give the surface at a check point, m.
+const RADIUS_M: f64 = 0.5;
+/// Height difference within which they do, m: a car or a tree over the check point is not its surface.
+const MAX_HEIGHT_M: f64 = 0.5;
+/// Points of the cloud that are needed for a surface.
+const MIN_POINTS: u64 = 10;
+/// Points that are converted with one converter.
+const PART_POINTS: usize = 1 << 14;
+
+/// A check point with the residuals of the cloud, cloud minus check point, m.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residual {
+    /// The check point.
+    pub point: CheckPoint,
+    /// East and north; `None` unless the file says where the point is in the cloud.
+    pub horizontal_m: Option<[f64; 2]>,
+    /// Up; `None` with too few points of the cloud.
+    pub up_m: Option<f64>,
+    /// Points of the cloud that gave the surface.
+    pub n_points: u64,
+    /// Standard deviation of these points from their plane, m.
+    pub roughness_m: Option<f64>,
+}
+
+/// Compares the cloud with check points, and writes `check_points.csv` and `check_points_summary.csv` into the existing
+/// folder `out`.
+pub fn write_check_points(
+    run: &RunFolder,
+    frame: &TargetFrame<'_>,
+    points: Vec<CheckPoint>,
+    out: &Path,
+) -> Result<Accuracy, DeliverError> {
+    let sums = surfaces(run, frame, &points)?;
+    let residuals: Vec<Residual> = points.into_iter().zip(sums).map(|(point, sums)| residual(point, &sums)).collect();
+    let accuracy = Accuracy::of(&residuals);
+    for (name, text) in
+        [("check_points.csv", report::table(&residuals)), ("check_points_summary.csv", accuracy.table())]
+    {
+        let path = out.join(name);
+        write_atomic(&path, text.as_bytes()).map_err(DeliverError::file(&path, "write"))?;
+    }
+    Ok(accuracy)
+}
+
+fn residual(point: CheckPoint, sums: &PlaneSums) -> Residual {
+    let surface = sums.plane().filter(|_| sums.n_points() >= MIN_POINTS);
+    let (horizontal_m, up_m) = match point.in_cloud {
+        Some(found) => {
+            let [x, y, z] = std::array::from_fn(|axis| found[axis] - point.xyz[axis]);
+            (Some([x, y]), Some(z))
+        }
+        None => (None, surface.map(|(height, _)| height)),
+    };
+    let roughness_m = surface.map(|(_, deviation)| deviation);
+    Residual { point, horizontal_m, up_m, n_points: sums.n_points(), roughness_m }
+}
+
+/// The points of the cloud around each check point, relative to it. Points on moving objects are left out.
+fn surfaces(run: &RunFolder, frame: &TargetFrame<'_>, points: &[CheckPoint]) -> Result<Vec<PlaneSums>, DeliverError> {
+    let cell = |value: f64| (value / RADIUS_M).floor() as i64;
+    // Each check point is entered in the cells around its own.
+    let mut near: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
+    for (k, CheckPoint { xyz: [x, y, _], .. }) in points.iter().enumerate() {
+        for (i, j) in (-1..=1).flat_map(|i| (-1..=1).map(move |j| (i, j))) {
+            near.entry((cell(*x) + i, cell(*y) + j)).or_default().push(k);
+        }
+    }
+    let find = |cloud: &Cloud<'_>, rows: &[u8]| -> Result<Vec<(usize, [f64; 3])>, DeliverError> {
+        let (mut converter, mut found) = (frame.converter(), Vec::new());
+        for row in rows.chunks_exact(cloud.columns.row_size()) {
+            let point = cloud.columns.point(row);
+            if point.is_moving || point.xyz.iter().any(|value| !value.is_finite()) {
+                continue;
+            }
+            let xyz = converter.convert(point.xyz)?;
+            for k in near.get(&(cell(xyz[0]), cell(xyz[1]))).into_iter().flatten() {
+                let off: [f64; 3] = std::array::from_fn(|axis| xyz[axis] - points[*k].xyz[axis]);
+                if off[0].hypot(off[1]) <= RADIUS_M && off[2].abs() <= MAX_HEIGHT_M {
+                    found.push((*k, off));
+                }
+            }
+        }
+        Ok(found)
+    };
+    let mut sums = vec![PlaneSums::default(); points.len()];
+    let (clouds, _) = cloud::open_all(run)?;
+    for cloud in &clouds {
+        cloud.each_block(|_, rows| {
+            let parts = rows.par_chunks(PART_POINTS * cloud.columns.row_size());
+            let parts: Result<Vec<_>, DeliverError> = parts.map(|rows| find(cloud, rows)).collect();
+            parts?.into_iter().flatten().for_each(|(k, off)| sums[k].add(off));
+            Ok(())
+        })?;
+    }
+    Ok(sums)
+}

@@ -1,0 +1,124 @@
+//! Tables of residuals.
+
+use super::Residual;
+use std::fmt::Write as _;
+
+/// Accuracy over all check points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Accuracy {
+    /// East, north, up.
+    pub axes: [AxisAccuracy; 3],
+    /// Horizontal distance that 90 % of the points do not exceed, m. `None` without horizontal residuals.
+    pub ce90_m: Option<f64>,
+    /// Height difference that 90 % of the points do not exceed, m. `None` without residuals.
+    pub le90_m: Option<f64>,
+}
+
+/// Residuals of one axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisAccuracy {
+    /// Number of residuals.
+    pub n: usize,
+    /// Mean, m; 0 without residuals.
+    pub mean_m: f64,
+    /// Root of the mean square, m; 0 without residuals.
+    pub rmse_m: f64,
+}
+
+impl AxisAccuracy {
+    fn of(residuals: &[f64]) -> Self {
+        let n = residuals.len();
+        let mean = |value: fn(f64) -> f64| residuals.iter().map(|r| value(*r)).sum::<f64>() / n.max(1) as f64;
+        Self { n, mean_m: mean(|r| r), rmse_m: mean(|r| r * r).sqrt() }
+    }
+}
+
+impl Accuracy {
+    pub(super) fn of(residuals: &[Residual]) -> Self {
+        let horizontal: Vec<[f64; 2]> = residuals.iter().filter_map(|residual| residual.horizontal_m).collect();
+        let up: Vec<f64> = residuals.iter().filter_map(|residual| residual.up_m).collect();
+        let axis = |k: usize| AxisAccuracy::of(&horizontal.iter().map(|residual| residual[k]).collect::<Vec<_>>());
+        Self {
+            axes: [axis(0), axis(1), AxisAccuracy::of(&up)],
+            ce90_m: percentile_90(horizontal.iter().map(|[x, y]| x.hypot(*y)).collect()),
+            le90_m: percentile_90(up.iter().map(|up| up.abs()).collect()),
+        }
+    }
+
+    /// One measure a line.
+    pub(super) fn table(&self) -> String {
+        let mut text = "measure,points,value_m\n".to_owned();
+        for (name, AxisAccuracy { n, mean_m, rmse_m }) in ["x", "y", "z"].iter().zip(self.axes) {
+            // Writing to a string cannot fail.
+            let _ = match n {
+                0 => writeln!(text, "mean_{name},0,\nrmse_{name},0,"),
+                _ => writeln!(text, "mean_{name},{n},{mean_m:.4}\nrmse_{name},{n},{rmse_m:.4}"),
+            };
+        }
+        for (name, n, value) in [("ce90", self.axes[0].n, self.ce90_m), ("le90", self.axes[2].n, self.le90_m)] {
+            let _ = writeln!(text, "{name},{n},{}", metres(value));
+        }
+        text
+    }
+}
+
+/// The value that 90 % do not exceed, linear between the sorted values. `None` without values.
+fn percentile_90(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let at = 0.9 * values.len().checked_sub(1)? as f64;
+    let below = values[at.floor() as usize];
+    let above = values[at.ceil() as usize];
+    Some(below + (above - below) * at.fract())
+}
+
+/// One check point a line.
+pub(super) fn table(residuals: &[Residual]) -> String {
+    let mut text = "name,x,y,z,dx_m,dy_m,dz_m,points,roughness_m\n".to_owned();
+    for Residual { point, horizontal_m, up_m, n_points, roughness_m } in residuals {
+        let [x, y, z] = point.xyz;
+        let [dx, dy] = [0, 1].map(|axis| metres(horizontal_m.map(|residual| residual[axis])));
+        let (dz, roughness) = (metres(*up_m), metres(*roughness_m));
+        let _ = writeln!(text, "{},{x},{y},{z},{dx},{dy},{dz},{n_points},{roughness}", point.name);
+    }
+    text
+}
+
+/// Empty if unknown.
+fn metres(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |value| format!("{value:.4}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check_points::CheckPoint;
+
+    #[test]
+    fn measures_are_those_counted_by_hand() {
+        let residual = |horizontal_m: Option<[f64; 2]>, up_m: Option<f64>| Residual {
+            point: CheckPoint { name: "A".to_owned(), xyz: [1.0, 2.5, 3.0], in_cloud: None },
+            horizontal_m,
+            up_m,
+            n_points: 20,
+            roughness_m: Some(0.01),
+        };
+        let residuals = [
+            residual(Some([0.03, 0.04]), Some(-0.02)),
+            residual(Some([-0.03, 0.0]), Some(0.04)),
+            residual(None, Some(0.04)),
+            residual(None, None),
+        ];
+        let accuracy = Accuracy::of(&residuals);
+        assert_eq!(accuracy.axes.map(|axis| axis.n), [2, 2, 3]);
+        assert!((accuracy.axes[0].rmse_m - 0.03).abs() < 1e-12 && accuracy.axes[0].mean_m.abs() < 1e-12);
+        assert!((accuracy.axes[2].rmse_m - (0.0036_f64 / 3.0).sqrt()).abs() < 1e-12);
+        // Distances 0.03 and 0.05.
+        assert!((accuracy.ce90_m.expect("has some") - 0.048).abs() < 1e-12, "{accuracy:?}");
+        assert!((accuracy.le90_m.expect("has some") - 0.04).abs() < 1e-12);
+        let text = table(&residuals);
+        assert_eq!(text.lines().nth(1), Some("A,1,2.5,3,0.0300,0.0400,-0.0200,20,0.0100"));
+        assert_eq!(text.lines().nth(4), Some("A,1,2.5,3,,,,20,0.0100"));
+        assert!(accuracy.table().contains("rmse_x,2,0.0300\n") && accuracy.table().contains("le90,3,0.0400\n"));
+        assert!(Accuracy::of(&[]).table().contains("rmse_z,0,\n"));
+    }
+}

@@ -1,0 +1,82 @@
+//! Cloud-Optimized Point Clouds (COPC 1.0, <https://copc.io>): LAZ whose chunks are the nodes of an octree, so that a viewer loads what it
+//! shows.
+//!
+//! `copc_converter` does the same from LAZ files. It needs 86 crates, among them an older laz and an allocator in C.
+//!
+//! A point belongs to the first node from the root down whose voxel at its place is free; a node has 128 voxels a side. Blocks of the drive
+//! are placed one after the other, so the voxels of few nodes are in memory. Two temporary files hold the points: by block, then by node.
+
+mod file;
+mod octree;
+
+use crate::cloud_delivery::{CloudDelivery, CloudOptions, LeftOut, metres};
+use crate::error::DeliverError;
+use crate::run_folder::RunFolder;
+use crate::spool::Spool;
+use crate::target_frame::TargetFrame;
+use crate::tiles::PointFile;
+use octree::{Node, NodeKey, Octree, block_of};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Points that are placed at a time.
+const POINTS_AT_A_TIME: usize = 1 << 18;
+/// A node whose points and those below it are not more than these takes them all. More nodes cost more requests of a viewer.
+const MERGED_POINTS: u64 = 20_000;
+
+/// Writes all points of a run as `name` into the existing folder `out`. `progress` receives numbers of points: each point is read, placed
+/// and written.
+pub fn write_copc(
+    run: &RunFolder,
+    frame: &TargetFrame<'_>,
+    options: &CloudOptions,
+    (out, name): (&Path, &str),
+    mut progress: impl FnMut(u64),
+) -> Result<(PointFile, LeftOut), DeliverError> {
+    let mut delivery = CloudDelivery::new(run, frame, options)?;
+    let blocks = delivery.spool(out, block_of, &mut progress)?;
+    let places: Vec<[i16; 3]> = blocks.keys().into_iter().map(|(block, _)| block).collect();
+    let octree = Octree::of(&places);
+    let nodes = place(&octree, (&blocks, octree.order(places)), (out, delivery.facts.record_bytes), &mut progress)?;
+    drop(blocks);
+    let merged = merged(&nodes.keys());
+    let extent = file::write(&out.join(name), &delivery, &octree, (&nodes, &merged), &mut progress)?;
+    let bounds = extent.bounds.map(|corner| metres(corner, delivery.facts.offset_m));
+    Ok((PointFile { file: name.to_owned(), n_points: extent.n_points, bounds }, delivery.left_out))
+}
+
+/// Gives each point its node.
+fn place(
+    octree: &Octree,
+    (blocks, order): (&Spool<[i16; 3]>, Vec<[i16; 3]>),
+    (folder, record_bytes): (&Path, usize),
+    mut progress: impl FnMut(u64),
+) -> Result<Spool<NodeKey>, DeliverError> {
+    let mut nodes = Spool::create(folder, record_bytes)?;
+    let mut root = Node::default();
+    for block in order {
+        root.forget_all_but(octree, block);
+        blocks.each_piece(&block, POINTS_AT_A_TIME, |records| {
+            let keys = octree.place(&mut root, records, record_bytes);
+            progress(keys.len() as u64);
+            nodes.add(records, &keys)
+        })?;
+    }
+    Ok(nodes)
+}
+
+/// Nodes, each with those whose points it takes.
+fn merged(nodes: &[(NodeKey, u64)]) -> BTreeMap<NodeKey, Vec<NodeKey>> {
+    let mut totals: BTreeMap<NodeKey, u64> = BTreeMap::new();
+    for (key, n_points) in nodes {
+        for ancestor in key.path_from_root() {
+            *totals.entry(ancestor).or_default() += n_points;
+        }
+    }
+    let mut merged: BTreeMap<NodeKey, Vec<NodeKey>> = BTreeMap::new();
+    for (key, _) in nodes {
+        let small = key.path_from_root().find(|ancestor| totals[ancestor] <= MERGED_POINTS);
+        merged.entry(small.unwrap_or(*key)).or_default().push(*key);
+    }
+    merged
+}

@@ -1,0 +1,206 @@
+//! Records of point format 7 with extra bytes.
+//!
+//! ```text
+//!  0  3 x i32 coordinates      17  u8 user data, 0
+//! 12  u16 intensity            18  i16 scan angle, 0.006 degrees
+//! 14  u8 return 1 of 1         20  u16 point source: number of the submap + 1
+//! 15  u8 scanner channel       22  f64 GPS time
+//! 16  u8 class                 30  3 x u16 red, green, blue
+//!                              36  extra bytes
+//! ```
+
+use super::extra_bytes::{NO_REFLECTANCE, REFLECTANCE_STEP};
+use super::{ExtraBytes, ExtraField, FORMAT_7_BYTES};
+use crate::asprs::{NEVER_CLASSIFIED, asprs_table};
+use crate::cloud::{CloudPoint, Present};
+use formats::gps_time::adjusted_gps_from_unix;
+
+/// Step of the coordinates, m.
+pub(crate) const SCALE_M: f64 = 0.001;
+/// Steps in a metre: exact, unlike [`SCALE_M`].
+const STEPS_PER_M: f64 = 1000.0;
+/// Full scale of 16 bits from full scale of 8 bits: 255 becomes 65535.
+const WIDE: u16 = 257;
+/// Steps of the scan angle in a radian.
+const ANGLE_STEPS: f64 = 180.0 / std::f64::consts::PI / 0.006;
+/// The first return of one.
+const ONE_OF_ONE: u8 = 0b0001_0001;
+/// LiDARs that the two bits of the scanner channel distinguish.
+const N_CHANNELS: u8 = 4;
+
+/// Encodes points as records.
+pub(crate) struct RecordLayout {
+    pub(crate) extra: ExtraBytes,
+    has_classes: bool,
+    asprs: [u8; 256],
+    /// Coordinates of the stored 0, m.
+    offset_m: [f64; 3],
+}
+
+/// Stored coordinates of a record.
+#[inline]
+pub(crate) fn position_of(record: &[u8]) -> [i32; 3] {
+    std::array::from_fn(|axis| i32::from_le_bytes(record[4 * axis..4 * axis + 4].try_into().expect("4 bytes")))
+}
+
+/// GPS time of a record, s.
+#[inline]
+pub(crate) fn gps_time_of(record: &[u8]) -> f64 {
+    f64::from_le_bytes(record[22..30].try_into().expect("8 bytes"))
+}
+
+impl RecordLayout {
+    pub(crate) fn new(present: Present, bands: &[String], offset_m: [f64; 3]) -> Self {
+        let extra = ExtraBytes::new(present, bands);
+        Self { extra, has_classes: present.class, asprs: asprs_table(), offset_m }
+    }
+
+    /// Bytes of a record.
+    pub(crate) fn n_bytes(&self) -> usize {
+        FORMAT_7_BYTES + self.extra.n_bytes()
+    }
+
+    /// Stored coordinates, steps of [`SCALE_M`]. `None` beyond 2147 km from the offset, and for NaN.
+    #[inline]
+    pub(crate) fn stored(&self, xyz: [f64; 3]) -> Option<[i32; 3]> {
+        let mut stored = [0; 3];
+        for axis in 0..3 {
+            let steps = ((xyz[axis] - self.offset_m[axis]) * STEPS_PER_M).round();
+            if !(f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&steps) {
+                return None;
+            }
+            stored[axis] = steps as i32;
+        }
+        Some(stored)
+    }
+
+    /// Writes a record. `forward` is the direction of travel in the frame of the cloud; `spectrum` has a value for each band, or is absent.
+    #[inline]
+    pub(crate) fn encode(
+        &self,
+        point: &CloudPoint,
+        stored: [i32; 3],
+        source: u16,
+        forward: [f64; 2],
+        spectrum: Option<&[f32]>,
+        record: &mut [u8],
+    ) {
+        let mut at = 0;
+        let mut put = |bytes: &[u8]| {
+            record[at..at + bytes.len()].copy_from_slice(bytes);
+            at += bytes.len();
+        };
+        for value in stored {
+            put(&value.to_le_bytes());
+        }
+        put(&(u16::from(point.intensity) * WIDE).to_le_bytes());
+        let class = if self.has_classes { self.asprs[usize::from(point.class)] } else { NEVER_CLASSIFIED };
+        put(&[ONE_OF_ONE, point.lidar.min(N_CHANNELS - 1) << 4, class, 0]);
+        put(&scan_angle(point, forward).to_le_bytes());
+        put(&source.to_le_bytes());
+        put(&adjusted_gps_from_unix(point.time_s).to_le_bytes());
+        for channel in point.rgb {
+            put(&(u16::from(channel) * WIDE).to_le_bytes());
+        }
+        for field in &self.extra.fields {
+            match field {
+                ExtraField::Class => put(&[point.class]),
+                ExtraField::Score => put(&[point.score]),
+                ExtraField::Laser => put(&[point.ring]),
+                ExtraField::Moving => put(&[u8::from(point.is_moving)]),
+                ExtraField::Camera => put(&[point.camera]),
+                ExtraField::Lidar => put(&[point.lidar]),
+                ExtraField::Instance => put(&point.instance.to_le_bytes()),
+                ExtraField::Frame => put(&point.frame.to_le_bytes()),
+                ExtraField::Band(band) => put(&reflectance(spectrum, *band).to_le_bytes()),
+            }
+        }
+    }
+}
+
+/// Angle of the beam about the direction of travel: 0 = down, positive to the right of the vehicle, 180 degrees = up.
+#[inline]
+fn scan_angle(point: &CloudPoint, forward: [f64; 2]) -> i16 {
+    let [x, y, z] = std::array::from_fn(|axis| point.xyz[axis] - point.lidar_xyz[axis]);
+    let right = x * forward[1] - y * forward[0];
+    (right.atan2(-z) * ANGLE_STEPS).round() as i16
+}
+
+#[inline]
+fn reflectance(spectrum: Option<&[f32]>, band: usize) -> i16 {
+    match spectrum.and_then(|spectrum| spectrum.get(band)) {
+        Some(value) if value.is_finite() => {
+            let steps = (f64::from(*value) / REFLECTANCE_STEP).round();
+            steps.clamp(f64::from(NO_REFLECTANCE + 1), f64::from(i16::MAX)) as i16
+        }
+        _ => NO_REFLECTANCE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(off: [f64; 3]) -> CloudPoint {
+        CloudPoint {
+            xyz: off.map(|value| value + 100.0),
+            lidar_xyz: [100.0; 3],
+            time_s: 1_726_230_400.5,
+            frame: 70_000,
+            intensity: 255,
+            ring: 31,
+            is_moving: true,
+            lidar: 0,
+            instance: 100_000,
+            class: 10,
+            score: 128,
+            rgb: [255, 1, 0],
+            camera: 3,
+        }
+    }
+
+    #[test]
+    fn scan_angle_is_zero_down_and_positive_to_the_right() {
+        // North: right is east.
+        let degrees = |off: [f64; 3], forward: [f64; 2]| f64::from(scan_angle(&point(off), forward)) * 0.006;
+        for (off, forward, expected) in [
+            ([0.0, 0.0, -2.0], [0.0, 1.0], 0.0),
+            ([3.0, 9.0, 0.0], [0.0, 1.0], 90.0),
+            ([-3.0, 0.0, 0.0], [0.0, 1.0], -90.0),
+            ([0.0, -3.0, -3.0], [1.0, 0.0], 45.0),
+            ([0.0, 0.0, 5.0], [1.0, 0.0], 180.0),
+        ] {
+            assert!((degrees(off, forward) - expected).abs() < 0.006, "{off:?}: {}", degrees(off, forward));
+        }
+    }
+
+    #[test]
+    fn record_has_wide_colors_gps_time_and_extra_bytes() {
+        let present = Present { class: true, instance: true, color: true, lidar: false };
+        let layout = RecordLayout::new(present, &["band_0700nm".to_owned()], [0.0; 3]);
+        let point = point([1.0, 2.0, -3.0005]);
+        let stored = layout.stored(point.xyz).expect("fits");
+        assert_eq!(stored, [101_000, 102_000, 97_000]);
+        let mut record = vec![0; layout.n_bytes()];
+        layout.encode(&point, stored, 5, [1.0, 0.0], Some(&[0.25]), &mut record);
+        assert_eq!(record.len(), 36 + 5 + 4 + 4 + 2);
+        assert_eq!(position_of(&record), stored);
+        assert_eq!(record[12..18], [255, 255, 0x11, 0, 74, 0]);
+        assert_eq!(f64::from_le_bytes(record[22..30].try_into().expect("8 bytes")), 410_265_618.5);
+        assert_eq!(record[30..36], [255, 255, 1, 1, 0, 0]);
+        assert_eq!(record[36..41], [10, 128, 31, 1, 3]);
+        assert_eq!(record[41..45], 100_000_u32.to_le_bytes());
+        assert_eq!(record[45..49], 70_000_u32.to_le_bytes());
+        assert_eq!(record[49..51], 2500_i16.to_le_bytes());
+        assert_eq!(layout.stored([f64::NAN, 0.0, 0.0]), None);
+        assert_eq!(layout.stored([3e6, 0.0, 0.0]), None);
+    }
+
+    #[test]
+    fn reflectance_that_was_not_measured_is_marked_and_large_ones_are_cut() {
+        assert_eq!(reflectance(None, 0), NO_REFLECTANCE);
+        assert_eq!(reflectance(Some(&[f32::NAN]), 0), NO_REFLECTANCE);
+        assert_eq!(reflectance(Some(&[9.0, -9.0]), 0), i16::MAX);
+        assert_eq!(reflectance(Some(&[9.0, -9.0]), 1), NO_REFLECTANCE + 1);
+    }
+}

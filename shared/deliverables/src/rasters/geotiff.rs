@@ -1,0 +1,285 @@
+//! Cloud-Optimized GeoTIFF: directories of all levels, then the tiles, those of the coarsest level first (OGC 21-026).
+//!
+//! The crate tiff writes strips, and compresses with a feature of its own; a directory is a page of code.
+
+use super::Tile;
+use super::cells::{Cells, NO_CLASS, NO_HEIGHT, TILE};
+use crate::error::DeliverError;
+use crate::target_frame::TargetFrame;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use formats::atomic_file::AtomicFile;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// What an image shows.
+#[derive(Clone, Copy)]
+pub(super) enum Content<'a> {
+    Height,
+    Terrain,
+    /// With sRGB by class id.
+    Class(&'a [[u8; 3]; 256]),
+    Color,
+}
+
+/// Place and number of the tiles of an image.
+pub(super) struct Grid {
+    /// The tile at the upper left, from the origin of the coordinates.
+    pub(super) low: Tile,
+    /// Columns and rows of tiles of full resolution.
+    pub(super) size: [usize; 2],
+    pub(super) n_levels: usize,
+    pub(super) cell_m: f64,
+}
+
+/// Compressed tiles of an image, in a temporary file until all are known.
+pub(super) struct ImageTiles<'a> {
+    content: Content<'a>,
+    file: File,
+    folder: PathBuf,
+    stored: Mutex<Stored>,
+}
+
+#[derive(Default)]
+struct Stored {
+    n_bytes: u64,
+    /// Place and size in the file, by level and tile.
+    tiles: BTreeMap<(usize, Tile), (u64, usize)>,
+}
+
+impl Content<'_> {
+    /// Bytes of cells, as in the file.
+    fn encode(self, cells: &Cells) -> Vec<u8> {
+        let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        match self {
+            Self::Height => floats(&cells.height),
+            Self::Terrain => floats(&cells.terrain),
+            Self::Class(_) => cells.class.clone(),
+            Self::Color => cells.color.concat(),
+        }
+    }
+    /// Bytes of a tile without points.
+    fn empty(self) -> Vec<u8> {
+        self.encode(&Cells::joined(&[]))
+    }
+    /// Bits of each sample.
+    fn bits(self) -> Vec<u16> {
+        match self {
+            Self::Height | Self::Terrain => vec![32],
+            Self::Class(_) => vec![8],
+            Self::Color => vec![8; 4],
+        }
+    }
+}
+
+fn compressed(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    // Writing to a vector cannot fail.
+    let _ = encoder.write_all(bytes);
+    encoder.finish().unwrap_or_default()
+}
+
+impl<'a> ImageTiles<'a> {
+    pub(super) fn create(folder: &Path, content: Content<'a>) -> Result<Self, DeliverError> {
+        let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file"))?;
+        Ok(Self { content, file, folder: folder.to_owned(), stored: Mutex::default() })
+    }
+
+    pub(super) fn add(&self, key: (usize, Tile), cells: &Cells) -> Result<(), DeliverError> {
+        let bytes = compressed(&self.content.encode(cells));
+        let mut stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = stored.n_bytes;
+        stored.n_bytes += bytes.len() as u64;
+        stored.tiles.insert(key, (at, bytes.len()));
+        drop(stored);
+        self.file.write_all_at(&bytes, at).map_err(DeliverError::file(&self.folder, "write a temporary file"))
+    }
+
+    /// Writes the image.
+    pub(super) fn write(&self, path: &Path, grid: &Grid, frame: &TargetFrame<'_>) -> Result<(), DeliverError> {
+        let file = AtomicFile::create(path).map_err(DeliverError::file(path, "create"))?;
+        let written = self.write_to(file.file(), grid, frame).and_then(|()| file.commit_unsynced());
+        written.map_err(DeliverError::file(path, "write"))
+    }
+
+    fn write_to(&self, file: &File, grid: &Grid, frame: &TargetFrame<'_>) -> io::Result<()> {
+        let stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
+        let empty = compressed(&self.content.empty());
+        // Sizes of the directories do not depend on the places of the tiles.
+        let mut at = 8_u64;
+        for level in 0..grid.n_levels {
+            at += self.directory(grid, level, frame, &[], 0, false).len() as u64;
+        }
+        let mut places: Vec<Vec<[u32; 2]>> = vec![Vec::new(); grid.n_levels];
+        // Tiles in the file: those found, and for each level an empty one, to which all places without points lead.
+        let mut order: Vec<Option<(u64, usize)>> = Vec::new();
+        for level in (0..grid.n_levels).rev() {
+            let [columns, rows] = grid.tiles(level);
+            let empty_at = at;
+            order.push(None);
+            at += empty.len() as u64;
+            for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row as i64, column as i64))) {
+                let found = stored.tiles.get(&(level, (column, row))).copied();
+                let (place, n_bytes) = found.map_or((empty_at, empty.len()), |(_, n_bytes)| (at, n_bytes));
+                if found.is_some() {
+                    order.push(found);
+                    at += n_bytes as u64;
+                }
+                let place = u32::try_from(place);
+                let place = place.map_err(|_| io::Error::other("the image has more than 4 GiB; use larger cells"))?;
+                places[level].push([place, n_bytes as u32]);
+            }
+        }
+        let mut writer = BufWriter::with_capacity(1 << 20, file);
+        writer.write_all(b"II*\0\x08\0\0\0")?;
+        let mut at = 8;
+        for (level, places) in places.iter().enumerate() {
+            let directory = self.directory(grid, level, frame, places, at, level + 1 == grid.n_levels);
+            at += directory.len() as u32;
+            writer.write_all(&directory)?;
+        }
+        for tile in order {
+            let Some((at, n_bytes)) = tile else {
+                writer.write_all(&empty)?;
+                continue;
+            };
+            let mut bytes = vec![0; n_bytes];
+            self.file.read_exact_at(&mut bytes, at)?;
+            writer.write_all(&bytes)?;
+        }
+        writer.flush()
+    }
+
+    /// The directory of a level, which begins at byte `at`.
+    fn directory(
+        &self,
+        grid: &Grid,
+        level: usize,
+        frame: &TargetFrame<'_>,
+        places: &[[u32; 2]],
+        at: u32,
+        is_last: bool,
+    ) -> Vec<u8> {
+        let [columns, rows] = grid.tiles(level);
+        let places = if places.is_empty() { &vec![[0; 2]; columns * rows] } else { places };
+        let [width, height] = grid.size.map(|n| (n * TILE).div_ceil(1 << level) as u32);
+        let bits = self.content.bits();
+        let n_samples = bits.len() as u16;
+        let mut tags = Tags::default();
+        tags.longs(254, &[u32::from(level > 0)]);
+        tags.longs(256, &[width]);
+        tags.longs(257, &[height]);
+        tags.shorts(258, &bits);
+        // Deflate.
+        tags.shorts(259, &[8]);
+        tags.shorts(
+            262,
+            &[match self.content {
+                Content::Height | Content::Terrain => 1,
+                Content::Color => 2,
+                Content::Class(_) => 3,
+            }],
+        );
+        tags.shorts(277, &[n_samples]);
+        tags.shorts(284, &[1]);
+        if let Content::Class(colors) = self.content {
+            let channel = |channel: usize| colors.iter().map(move |color| u16::from(color[channel]) * 257);
+            tags.shorts(320, &(0..3).flat_map(channel).collect::<Vec<u16>>());
+        }
+        tags.shorts(322, &[TILE as u16]);
+        tags.shorts(323, &[TILE as u16]);
+        tags.longs(324, &places.iter().map(|place| place[0]).collect::<Vec<u32>>());
+        tags.longs(325, &places.iter().map(|place| place[1]).collect::<Vec<u32>>());
+        if matches!(self.content, Content::Color) {
+            // The fourth sample is opacity.
+            tags.shorts(338, &[2]);
+        }
+        // Unsigned integers, or floats.
+        tags.shorts(339, &vec![if n_samples == 1 && bits[0] == 32 { 3 } else { 1 }; bits.len()]);
+        if level == 0 {
+            tags.doubles(33_550, &[grid.cell_m, grid.cell_m, 0.0]);
+            let side_m = TILE as f64 * grid.cell_m;
+            let corner = [grid.low.0 as f64 * side_m, (grid.low.1 + 1) as f64 * side_m];
+            tags.doubles(33_922, &[0.0, 0.0, 0.0, corner[0], corner[1], 0.0]);
+            tags.shorts(34_735, &geo_keys(frame));
+        }
+        match self.content {
+            Content::Height | Content::Terrain => tags.text(42_113, &NO_HEIGHT.to_string()),
+            Content::Class(_) => tags.text(42_113, &NO_CLASS.to_string()),
+            Content::Color => (),
+        }
+        tags.bytes(at, is_last)
+    }
+}
+
+impl Grid {
+    /// Columns and rows of tiles of a level.
+    fn tiles(&self, level: usize) -> [usize; 2] {
+        self.size.map(|n| n.div_ceil(1 << level))
+    }
+}
+
+/// Keys of the coordinate reference system (OGC 19-008): sorted, each with a number.
+fn geo_keys(frame: &TargetFrame<'_>) -> Vec<u16> {
+    // The raster has areas, not points.
+    let mut keys = vec![(1025, 1)];
+    if let Some((crs, vertical)) = frame.crs() {
+        // A projected system by its number, in m.
+        keys.extend([(1024, 1), (3072, crs.epsg() as u16), (3076, 9001)]);
+        if let Some(epsg) = vertical.epsg() {
+            keys.extend([(4096, epsg as u16), (4099, 9001)]);
+        }
+    }
+    keys.sort_unstable();
+    let mut words = vec![1, 1, 0, keys.len() as u16];
+    words.extend(keys.into_iter().flat_map(|(key, value)| [key, 0, 1, value]));
+    words
+}
+
+/// Entries of a directory, in increasing order of their numbers.
+#[derive(Default)]
+struct Tags(Vec<(u16, u16, u32, Vec<u8>)>);
+
+impl Tags {
+    fn shorts(&mut self, tag: u16, values: &[u16]) {
+        self.0.push((tag, 3, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect()));
+    }
+    fn longs(&mut self, tag: u16, values: &[u32]) {
+        self.0.push((tag, 4, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect()));
+    }
+    fn doubles(&mut self, tag: u16, values: &[f64]) {
+        self.0.push((tag, 12, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect()));
+    }
+    fn text(&mut self, tag: u16, text: &str) {
+        self.0.push((tag, 2, text.len() as u32 + 1, [text.as_bytes(), b"\0"].concat()));
+    }
+
+    /// The directory at byte `at`: entries, place of the next directory, then values that do not fit into an entry.
+    fn bytes(self, at: u32, is_last: bool) -> Vec<u8> {
+        let head_bytes = 2 + 12 * self.0.len() + 4;
+        let (mut head, mut tail) = (Vec::with_capacity(head_bytes), Vec::new());
+        head.extend((self.0.len() as u16).to_le_bytes());
+        for (tag, kind, n, mut value) in self.0 {
+            head.extend(tag.to_le_bytes());
+            head.extend(kind.to_le_bytes());
+            head.extend(n.to_le_bytes());
+            if value.len() <= 4 {
+                value.resize(4, 0);
+                head.extend(value);
+            } else {
+                head.extend((at + (head_bytes + tail.len()) as u32).to_le_bytes());
+                // Values begin at even bytes.
+                value.resize(value.len().next_multiple_of(2), 0);
+                tail.extend(value);
+            }
+        }
+        let next = if is_last { 0 } else { at + (head_bytes + tail.len()) as u32 };
+        head.extend(next.to_le_bytes());
+        head.extend(tail);
+        head
+    }
+}

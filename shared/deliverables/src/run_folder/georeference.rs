@@ -1,0 +1,81 @@
+//! Where the clouds of a run lie on the Earth.
+
+use crate::crs::{Crs, CrsError};
+use crate::error::DeliverError;
+use geometry::{Geodetic, LocalFrame, Point3, Projection};
+use serde::Deserialize;
+use std::path::Path;
+
+/// The fields of a run's `georeference.json` that are needed here.
+#[derive(Deserialize)]
+struct File {
+    frame: String,
+    trajectory_frame: String,
+    origin: Option<Geodetic>,
+    #[serde(default)]
+    utm: Option<Utm>,
+}
+
+#[derive(Deserialize)]
+struct Utm {
+    epsg: u32,
+    convergence_deg: f64,
+}
+
+/// Frames of the clouds and of the trajectory.
+#[derive(Debug)]
+pub struct Georeference {
+    /// Frame of the trajectory: east, north, up at the origin. `None` without GNSS.
+    local: Option<LocalFrame>,
+    /// Projection of the clouds and the heading of its north, clockwise from true north, rad. `None` if the clouds are in the local frame.
+    utm: Option<(Projection, f64)>,
+}
+
+impl Georeference {
+    /// Reads `georeference.json`.
+    pub fn load(path: &Path) -> Result<Self, DeliverError> {
+        let text = std::fs::read_to_string(path).map_err(DeliverError::file(path, "read"))?;
+        let File { frame, trajectory_frame, origin, utm } =
+            serde_json::from_str(&text).map_err(|error| DeliverError::content(path, error.to_string()))?;
+        if let Some(Geodetic { latitude_deg, longitude_deg, altitude_m }) = origin
+            && Geodetic::new(latitude_deg, longitude_deg, altitude_m).is_none()
+        {
+            let rule = format!("origin {latitude_deg} {longitude_deg} {altitude_m} is not a valid position");
+            return Err(DeliverError::content(path, rule));
+        }
+        let utm = match (frame == trajectory_frame, utm) {
+            (true, _) => None,
+            (false, Some(Utm { epsg, convergence_deg })) => {
+                let projection = Crs::from_epsg(epsg).and_then(|crs| Ok(crs.projection()?));
+                let projection = projection.map_err(|error| DeliverError::content(path, error.to_string()))?;
+                Some((projection, convergence_deg.to_radians()))
+            }
+            (false, None) => {
+                let rule = format!("the clouds are in frame {frame:?}; expected the local frame or `utm`");
+                return Err(DeliverError::content(path, rule));
+            }
+        };
+        Ok(Self { local: origin.map(LocalFrame::new), utm })
+    }
+
+    /// The local frame. `None` if the run is not placed on the Earth.
+    pub fn local(&self) -> Option<&LocalFrame> {
+        self.local.as_ref()
+    }
+    /// Whether the clouds are in UTM.
+    pub fn is_utm(&self) -> bool {
+        self.utm.is_some()
+    }
+    /// Angle from true north, the y axis of the trajectory, to the y axis of the clouds, clockwise, rad.
+    pub fn convergence(&self) -> f64 {
+        self.utm.as_ref().map_or(0.0, |(_, convergence)| *convergence)
+    }
+    /// Geographic position of coordinates of the clouds. `None` if the run is not placed on the Earth.
+    pub fn geodetic_from_cloud(&self, xyz: [f64; 3]) -> Result<Option<Geodetic>, CrsError> {
+        match (&self.utm, &self.local) {
+            (Some((projection, _)), _) => Ok(Some(projection.unproject(xyz)?)),
+            (None, Some(local)) => Ok(Some(local.geodetic_from_world(&Point3::from(xyz)))),
+            (None, None) => Ok(None),
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! `replica deliver`: a finished run in the formats that surveyors and other programs read.
+
+mod facts;
+mod frame;
+
+use crate::argument::InvalidValue;
+use crate::class_color::class_color;
+use crate::terminal::say;
+use crate::usage_error::UsageError;
+use anyhow::{Context, ensure};
+use deliverables::check_points::{Accuracy, CheckPoint, load_check_points, write_check_points};
+use deliverables::objects::write_objects;
+use deliverables::{
+    CloudOptions, LeftOut, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc,
+    write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
+};
+use facts::Facts;
+use frame::{ChosenFrame, CrsChoice};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use run::summary::Summary;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Largest side of a tile, m.
+const MAX_TILE_M: u32 = 100_000;
+/// Name of the octree.
+const COPC_FILE: &str = "points.copc.laz";
+/// Length of a text in the header of LAS files.
+const MAX_SYSTEM: usize = 32;
+
+/// Write a finished run for surveyors: LAZ, COPC, path, objects.
+#[derive(clap::Args, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "a flag for each kind of file")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage")]
+pub struct Args {
+    /// Output folder of a finished run
+    run: PathBuf,
+    /// Folder for the files; created if absent, must be empty
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Coordinates: auto (UTM of the place), local (east, north, up at the origin of the run), or EPSG:N
+    #[arg(long, default_value = "auto")]
+    crs: CrsChoice,
+    /// Heights above the geoid of this grid (.gtx), not above the ellipsoid
+    #[arg(long, value_name = "GTX")]
+    geoid: Option<PathBuf>,
+    /// Write local coordinates if heading, height or position of the run is not determined
+    #[arg(long)]
+    allow_unreferenced: bool,
+    /// Side of the tiles, m; 0 = one file
+    #[arg(long, value_name = "M", default_value_t = 50, value_parser = tile_m)]
+    tile_m: u32,
+    /// Write LAS without compression
+    #[arg(long)]
+    las: bool,
+    /// Write also points.copc.laz: all points as an octree, which viewers load piece by piece
+    #[arg(long)]
+    copc: bool,
+    /// Write also cloudcompare/*.ply: clouds whose fields CloudCompare keeps
+    #[arg(long)]
+    cloudcompare: bool,
+    /// Write also sequences/00: sweeps and labels as in the data set SemanticKITTI
+    #[arg(long)]
+    semantic_kitti: bool,
+    /// Write also terrain.tif, height.tif, color.tif and class.tif: views from above
+    #[arg(long)]
+    rasters: bool,
+    /// Side of the cells of the rasters, m
+    #[arg(long, value_name = "M", default_value = "0.2", value_parser = cell_mm, requires = "rasters")]
+    cell_m: u32,
+    /// Compare the cloud with these points (CSV: name,x,y,z in the coordinates of the delivery)
+    #[arg(long, value_name = "CSV")]
+    check_points: Option<PathBuf>,
+    /// Add the reflectances of the mosaic cameras to each point of LAZ, COPC and PLY
+    #[arg(long)]
+    bands: bool,
+    /// What recorded the points, for the headers
+    #[arg(long, value_name = "TEXT", default_value = "mobile LiDAR", value_parser = system)]
+    system: String,
+}
+
+fn tile_m(text: &str) -> Result<u32, InvalidValue> {
+    let side: Option<u32> = text.parse().ok();
+    side.filter(|side| *side <= MAX_TILE_M).ok_or(InvalidValue("a whole number, 0 to 100000"))
+}
+
+/// Cells in mm, so that they lie on whole stored coordinates.
+fn cell_mm(text: &str) -> Result<u32, InvalidValue> {
+    let mm =
+        text.parse().ok().map(|metres: f64| (metres * 1000.0).round()).filter(|mm| (10.0..=100_000.0).contains(mm));
+    mm.map(|mm| mm as u32).ok_or(InvalidValue("0.01 to 100, in whole mm"))
+}
+
+fn system(text: &str) -> Result<String, InvalidValue> {
+    let fits = text.is_ascii() && text.len() <= MAX_SYSTEM;
+    fits.then(|| text.to_owned()).ok_or(InvalidValue("up to 32 ASCII characters"))
+}
+
+/// Writes all files.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let summary = Summary::load(&args.run).context("the run is not finished")?;
+    let run = RunFolder::open(&args.run)?;
+    // Errors of files are reported before the clouds are read, which takes longer.
+    let check_points = args.check_points.as_deref().map(load_check_points).transpose()?;
+    let frame = frame::choose(args, &run, &summary)?;
+    create_empty(&args.out)?;
+    let ChosenFrame { target, unreferenced } = &frame;
+    if let Some(reasons) = unreferenced {
+        eprintln!("warning: coordinates are local, without coordinate reference system: {reasons}");
+    }
+    let options = CloudOptions {
+        has_bands: args.bands,
+        system: args.system.clone(),
+        software: concat!("REPLICA ", env!("CARGO_PKG_VERSION")).to_owned(),
+        note: unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default(),
+    };
+    let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
+    // Tiles read and write each point, COPC also places it.
+    let bar = progress_bar(run.index.n_points * if args.copc { 5 } else { 2 });
+    let (mut files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
+    let n_points = files.iter().map(|file| file.n_points).sum();
+    say_points(n_points, files.len(), left_out)?;
+    if args.copc {
+        files.push(write_copc(&run, target, &options, (&args.out, COPC_FILE), |n| bar.inc(n))?.0);
+    }
+    bar.finish_and_clear();
+    write_others(args, &run, (target, &options), check_points)?;
+    let facts = Facts::new(&run, target, unreferenced.as_deref(), (n_points, &files), left_out);
+    facts.write(&args.out)?;
+    say!("{}: {}", args.out.display(), target.description())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Everything but LAS and COPC.
+fn write_others(
+    args: &Args,
+    run: &RunFolder,
+    (target, options): (&TargetFrame<'_>, &CloudOptions),
+    check_points: Option<Vec<CheckPoint>>,
+) -> anyhow::Result<()> {
+    say!("path: {}", write_trajectory(run, target, &args.out)?.join(", "))?;
+    match write_objects(run, target, &args.out)? {
+        Some(n_objects) => say!("objects: {n_objects}")?,
+        None => say!("objects: none, the clouds have no instances")?,
+    }
+    if args.rasters {
+        let class_colors = std::array::from_fn(|id| class_color(id as u8));
+        let rasters = RasterOptions { cell_mm: args.cell_m, class_colors };
+        say!("rasters: {}", write_rasters(run, target, options, rasters, &args.out)?.join(", "))?;
+    }
+    if let Some(points) = check_points {
+        say_accuracy(&write_check_points(run, target, points, &args.out)?)?;
+    }
+    if args.cloudcompare {
+        let folder = folder(&args.out, "cloudcompare")?;
+        let files = write_cloudcompare(run, target, args.bands, &folder)?;
+        say!("{}: {} clouds", folder.display(), files.len())?;
+    }
+    if args.semantic_kitti {
+        let folder = folder(&args.out, "sequences/00")?;
+        say!("{}: {} sweeps", folder.display(), write_semantic_kitti(run, &folder)?)?;
+    }
+    Ok(())
+}
+
+fn say_accuracy(accuracy: &Accuracy) -> std::io::Result<()> {
+    for (name, axis) in ["x", "y", "z"].iter().zip(accuracy.axes).filter(|(_, axis)| axis.n > 0) {
+        say!("check points, {name}: {} points, RMSE {:.3} m, mean {:.3} m", axis.n, axis.rmse_m, axis.mean_m)?;
+    }
+    for (name, value) in [("CE90", accuracy.ce90_m), ("LE90", accuracy.le90_m)] {
+        if let Some(value) = value {
+            say!("check points: {name} {value:.3} m")?;
+        }
+    }
+    Ok(())
+}
+
+fn folder(out: &Path, name: &str) -> anyhow::Result<PathBuf> {
+    let folder = out.join(name);
+    std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    Ok(folder)
+}
+
+fn say_points(n_points: u64, n_files: usize, LeftOut { without_place, not_finite }: LeftOut) -> std::io::Result<()> {
+    say!("{n_points} points in {n_files} files")?;
+    for (n, reason) in [(without_place, "of clouds without place"), (not_finite, "without finite coordinates")] {
+        if n > 0 {
+            say!("left out: {n} points {reason}")?;
+        }
+    }
+    Ok(())
+}
+
+/// Files of an earlier delivery with other tiles would remain and be taken for those of this one.
+fn create_empty(out: &Path) -> anyhow::Result<()> {
+    let place = || out.display().to_string();
+    std::fs::create_dir_all(out).with_context(place)?;
+    let is_empty = std::fs::read_dir(out).with_context(place)?.next().is_none();
+    ensure!(is_empty, UsageError(format!("--out {}: the folder must be empty", place())));
+    Ok(())
+}
+
+fn progress_bar(n_points: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(n_points), ProgressDrawTarget::stderr());
+    // The template is a constant: without it the bar is plain, not wrong.
+    match ProgressStyle::with_template("deliver [{wide_bar}] {percent} % {eta} left") {
+        Ok(style) => bar.with_style(style.progress_chars("=> ")),
+        Err(_) => bar,
+    }
+}

@@ -1,0 +1,70 @@
+//! `delivery.json`: what was delivered.
+
+use anyhow::Context;
+use deliverables::{LeftOut, PointFile, RunFolder, TargetFrame};
+use formats::atomic_file::write_atomic;
+use geometry::Stamp;
+use serde::Serialize;
+use std::path::Path;
+
+/// Name of the file.
+const FILE: &str = "delivery.json";
+
+/// The whole file.
+#[derive(Serialize)]
+pub struct Facts<'a> {
+    /// Version of this file format.
+    version: u32,
+    software: &'static str,
+    /// Coordinates in words.
+    frame: String,
+    /// EPSG number; null for local coordinates.
+    epsg: Option<u32>,
+    /// What heights count from; null for local coordinates.
+    heights: Option<String>,
+    /// Why coordinates are local although a reference system was wanted.
+    unreferenced: Option<&'a str>,
+    /// Time of the first shot, s since the Unix epoch.
+    begin_s: Option<String>,
+    n_points: u64,
+    left_out: Left,
+    /// Files with points.
+    files: &'a [PointFile],
+}
+
+#[derive(Serialize)]
+struct Left {
+    without_place: u64,
+    not_finite: u64,
+}
+
+impl<'a> Facts<'a> {
+    pub fn new(
+        run: &RunFolder,
+        target: &TargetFrame<'_>,
+        unreferenced: Option<&'a str>,
+        (n_points, files): (u64, &'a [PointFile]),
+        LeftOut { without_place, not_finite }: LeftOut,
+    ) -> Self {
+        let crs = target.crs();
+        Self {
+            version: 1,
+            software: concat!("REPLICA ", env!("CARGO_PKG_VERSION")),
+            frame: target.description(),
+            epsg: crs.as_ref().map(|(crs, _)| crs.epsg()),
+            heights: crs.as_ref().map(|(_, vertical)| vertical.name()),
+            unreferenced,
+            begin_s: run.begin_nanos().map(|nanos| Stamp(nanos).to_string()),
+            n_points,
+            left_out: Left { without_place, not_finite },
+            files,
+        }
+    }
+
+    /// Writes the file into the folder of the delivery.
+    pub fn write(&self, out: &Path) -> anyhow::Result<()> {
+        let path = out.join(FILE);
+        let text = serde_json::to_string_pretty(self).context(FILE)? + "\n";
+        write_atomic(&path, text.as_bytes()).with_context(|| format!("{}: cannot write", path.display()))
+    }
+}

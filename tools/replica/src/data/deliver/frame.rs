@@ -1,0 +1,112 @@
+//! Which coordinates are written, and whether the run determines them.
+
+use super::Args;
+use crate::argument::InvalidValue;
+use crate::usage_error::UsageError;
+use anyhow::{bail, ensure};
+use deliverables::crs::Crs;
+use deliverables::{Georeference, RunFolder, TargetFrame};
+use formats::gtx::GeoidGrid;
+use run::summary::Summary;
+use std::str::FromStr;
+
+/// Doubts of `export` about the place of the clouds.
+const PLACE_DOUBTS: [&str; 3] = ["heading_undetermined", "position_uncertain", "height_uncertain"];
+
+/// The argument `--crs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CrsChoice {
+    /// UTM of the place.
+    Auto,
+    /// East, north, up at the origin of the run.
+    Local,
+    /// This number.
+    Epsg(u32),
+}
+
+impl FromStr for CrsChoice {
+    type Err = InvalidValue;
+
+    fn from_str(text: &str) -> Result<Self, InvalidValue> {
+        let epsg =
+            || text.get(..5).filter(|begin| begin.eq_ignore_ascii_case("epsg:")).and(text.get(5..)?.parse().ok());
+        match text {
+            "auto" => Ok(Self::Auto),
+            "local" => Ok(Self::Local),
+            _ => epsg().map(Self::Epsg).ok_or(InvalidValue("auto, local or EPSG:N")),
+        }
+    }
+}
+
+/// The coordinates of the delivery.
+pub struct ChosenFrame<'a> {
+    pub target: TargetFrame<'a>,
+    /// Why they are local although a reference system was wanted.
+    pub unreferenced: Option<String>,
+}
+
+/// Fails if the run does not determine the coordinates that are wanted, unless that is allowed.
+pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow::Result<ChosenFrame<'a>> {
+    let georeference = run.georeference.as_ref();
+    let local = |unreferenced| ChosenFrame { target: TargetFrame::local(georeference), unreferenced };
+    if args.crs == CrsChoice::Local {
+        ensure!(
+            args.geoid.is_none(),
+            UsageError("--geoid: needs a coordinate reference system, not --crs local".into())
+        );
+        return Ok(local(None));
+    }
+    // Errors of files are reported before those of the run.
+    let geoid = match &args.geoid {
+        None => None,
+        Some(path) => {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            Some((name, GeoidGrid::load(path)?))
+        }
+    };
+    let wanted = match args.crs {
+        CrsChoice::Epsg(epsg) => Some(Crs::from_epsg(epsg).map_err(|error| UsageError(format!("--crs: {error}")))?),
+        _ => None,
+    };
+    let origin = georeference.and_then(Georeference::local).map(geometry::LocalFrame::origin);
+    match (not_determined(origin.is_some(), summary), georeference, origin) {
+        (None, Some(georeference), Some(origin)) => {
+            let crs = wanted.map_or_else(|| Crs::utm_of(&origin), Ok)?;
+            Ok(ChosenFrame { target: TargetFrame::projected(georeference, crs, geoid)?, unreferenced: None })
+        }
+        (reasons, ..) => {
+            let reasons = reasons.unwrap_or_default();
+            if args.allow_unreferenced {
+                return Ok(local(Some(reasons)));
+            }
+            bail!(
+                "{}: {reasons}\nhint: --allow-unreferenced writes local coordinates without coordinate reference system",
+                args.run.display()
+            )
+        }
+    }
+}
+
+/// Why coordinates on the Earth would be wrong.
+fn not_determined(is_placed: bool, summary: &Summary) -> Option<String> {
+    if !is_placed {
+        return Some("the run is not placed on the Earth: it has no origin in georeference.json".to_owned());
+    }
+    let doubts = summary.doubts().map(|(_, doubt)| doubt).filter(|doubt| PLACE_DOUBTS.contains(&doubt.name.as_str()));
+    let texts: Vec<&str> = doubts.map(|doubt| doubt.text.as_str()).collect();
+    (!texts.is_empty()).then(|| texts.join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choice_is_auto_local_or_a_number() {
+        assert_eq!("auto".parse::<CrsChoice>().expect("is one"), CrsChoice::Auto);
+        assert_eq!("epsg:2154".parse::<CrsChoice>().expect("is one"), CrsChoice::Epsg(2154));
+        for text in ["", "2154", "EPSG:", "EPSG:x", "utm", "é:4326"] {
+            assert!(text.parse::<CrsChoice>().is_err(), "{text}");
+        }
+    }
+}
