@@ -32,11 +32,11 @@ impl Weights {
     /// The weights `share` of the way from these to `other` ones of the same network.
     #[must_use]
     pub fn mixed_with(&self, other: &Self, share: f32) -> Self {
-        let mixed = |((name, (shape, values)), (_, others)): ((&String, &(Vec<usize>, Vec<f32>)), &(_, Vec<f32>))| {
-            let values = values.iter().zip(others).map(|(a, b)| a + share * (b - a)).collect();
-            (name.clone(), (shape.clone(), values))
-        };
-        Self { tensors: self.tensors.iter().zip(other.tensors.values()).map(mixed).collect() }
+        let mut mixed = self.clone();
+        for ((_, values), (_, others)) in mixed.tensors.values_mut().zip(other.tensors.values()) {
+            values.iter_mut().zip(others).for_each(|(value, other)| *value += share * (other - *value));
+        }
+        mixed
     }
     pub(crate) fn to_tensors(&self) -> Result<BTreeMap<&str, Tensor>, SegmentationError> {
         let tensor =

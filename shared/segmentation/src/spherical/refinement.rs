@@ -11,6 +11,7 @@ use ndarray::Array2;
 
 /// The corrections that are applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "each correction is chosen for itself")]
 pub struct Refinement {
     /// Thin objects that stand out in the depth image become poles; poles that are not thin lose their class.
     pub poles: bool,
