@@ -80,7 +80,7 @@ impl PlyRows {
         Ok(Vertices::of_rows(&self.path, &self.header, bytes))
     }
 
-    /// About every `step`-th row: of `step` groups of [`GROUP`] neighbors, which one read returns, the first one.
+    /// About every `step`-th row: of `step` groups of `GROUP` neighbors, which one read returns, the first one.
     pub fn thinned(&self, step: usize) -> Result<Vertices, PlyError> {
         let starts = (0..self.n_points).step_by(GROUP.saturating_mul(step.max(1)));
         self.select(starts.map(|start| start..start + GROUP))
