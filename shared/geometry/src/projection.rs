@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn invalid_definition_is_reported() {
-        let error = Projection::new("+proj=potato", "+datum=WGS84").expect_err("is none");
+        let error = Projection::new("+proj=potato", "+datum=WGS84").expect_err("an unknown projection is refused");
         assert!(!error.to_string().is_empty());
     }
 }

@@ -95,7 +95,7 @@ impl FinishedRun {
         counter("instances").saturating_sub(counter("instances_of_earlier_submaps"))
     }
 
-    /// A counter of a stage; 0 if there is none.
+    /// A counter of a stage; 0 if the stage has not counted it.
     pub fn counter(&self, stage: &str, name: &str) -> u64 {
         let stage = self.summary.stages.iter().find(|found| found.name == stage);
         stage.and_then(|stage| stage.counters.get(name)).copied().unwrap_or_default()
