@@ -68,7 +68,10 @@ fn write_street(path: &Path) -> u64 {
 fn scored(recording: &Path, out: &Path, topics: &str) -> Value {
     let launch = Path::new(env!("CARGO_MANIFEST_DIR")).join("launch.toml");
     let output = format!("run.output={}", out.display());
-    let arguments = ["replay", text(recording), "--launch", text(&launch), "--topics", topics, "--set", &output];
+    // A model of its own: the test is not about the default one.
+    let model = "infer.model=models/street_simulated.safetensors";
+    let arguments =
+        ["replay", text(recording), "--launch", text(&launch), "--topics", topics, "--set", &output, "--set", model];
     let output = replica(&arguments);
     // Done, but in doubt: the launch file has stages that read images and placement, which clouds do not have.
     assert_eq!(output.status.code(), Some(3), "{}", output_text(&output));
@@ -96,7 +99,7 @@ fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     assert_eq!(points["without_instance"], 0, "{points}");
     // Walls without windows are unlike those of the training. The car is found in part.
     let accuracy = found["classes"]["overall_accuracy"].as_f64().expect("a number");
-    assert!(accuracy > 0.05 && accuracy < 1.0, "{accuracy}");
+    assert!(accuracy > 0.1 && accuracy < 1.0, "{accuracy}");
 
     // The true classes in place of those of infer are all right, and the car is one object.
     let truth = scored(&recording, &folder.path().join("truth"), "submap,trajectory,class");

@@ -57,7 +57,7 @@ impl Default for Parameters {
             slope: 0.15,
             standing_m: 1.5,
             min_zone_m2: 2.0,
-            rough_m: 0.04,
+            rough_m: 0.045,
         };
         // Noise of 8 cm and a slope of 15 %, across gaps of up to 3 m.
         let steps_m = (1..=15).map(|gap| 0.08 + 0.15 * 0.2 * gap as f32).collect();

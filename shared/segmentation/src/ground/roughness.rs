@@ -14,12 +14,12 @@ const MIN_CELLS: f32 = 8.0;
 const MIN_SPREAD: f32 = 0.5;
 
 /// Half the side of the window of the vote, cells.
-const VOTE_REACH: usize = 4;
+const VOTE_REACH: usize = 5;
 
 /// Whether the heights around a cell scatter by more than `limit_m` (standard deviation, m) around their plane. NaN is a cell without
 /// a height; it is not rough, as cells with too few heights around them.
 ///
-/// A larger window sees more of the curvature: its limit is larger by its number (1, 2, 3). The majority of the cells within 0.9 m
+/// A larger window sees more of the curvature: its limit is larger by its number (1, 2, 3). The majority of the cells within 1.1 m
 /// decides, so that a curb, which is narrow, is not rough.
 pub(super) fn rough_cells(heights_m: &Array2<f32>, limit_m: f32) -> Array2<bool> {
     let scatters = for_each_cell(heights_m.dim(), |cell| {

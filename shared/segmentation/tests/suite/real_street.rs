@@ -54,7 +54,7 @@ fn ground_of_real_road_is_found() {
     let confusion = pooled(&[NO_ID]);
     // Labeling all points as ground gives 0.744.
     assert!(confusion.accuracy() > 0.97, "{confusion:?}");
-    assert!(confusion.recall() > 0.98, "{confusion:?}");
+    assert!(confusion.recall() > 0.985, "{confusion:?}");
 }
 
 #[real_data::test("semantickitti")]

@@ -64,7 +64,7 @@ fn ground_of_sloped_street_is_found() {
     let cloud = street(1);
     let confusion = GroundConfusion::of(&cloud, &classes_of(model.as_ref(), &cloud.points));
     println!("{confusion:?} accuracy {:.4}", confusion.accuracy());
-    assert!(confusion.accuracy() > 0.996, "{confusion:?}");
+    assert!(confusion.accuracy() > 0.997, "{confusion:?}");
     assert!(confusion.recall() > 0.995, "{confusion:?}");
     // Labeling all or no points as ground must be far from correct.
     let share = (confusion.true_positives + confusion.false_negatives) as f64 / confusion.n() as f64;
