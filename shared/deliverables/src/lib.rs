@@ -41,7 +41,7 @@ pub use cloudcompare::write_cloudcompare;
 pub use copc::write_copc;
 pub use error::DeliverError;
 pub use rasters::{RasterOptions, write_rasters};
-pub use run_folder::{Georeference, RunFolder};
+pub use run_folder::{Georeference, RunFolder, load_trajectory};
 pub use semantic_kitti::write_semantic_kitti;
 pub use target_frame::TargetFrame;
 pub use tiles::{PointFile, Tiling, write_tiles};

@@ -55,7 +55,8 @@ impl RunFolder {
     }
 }
 
-fn load_trajectory(run: &Path) -> Result<Trajectory, DeliverError> {
+/// The trajectory of a run from the first of its files with times.
+pub fn load_trajectory(run: &Path) -> Result<Trajectory, DeliverError> {
     let path = TRAJECTORIES.iter().map(|name| run.join(name)).find(|path| path.exists());
     let rule = "has no trajectory.txt or trajectory.csv\nhint: run with [export] trajectory = [\"tum\"]";
     let path = path.ok_or_else(|| DeliverError::content(run, rule))?;
@@ -63,5 +64,27 @@ fn load_trajectory(run: &Path) -> Result<Trajectory, DeliverError> {
         Ok(TrajectoryFile::Stamped(trajectory)) => Ok(trajectory),
         Ok(TrajectoryFile::Numbered(_)) => Err(DeliverError::content(&path, "has poses without times")),
         Err(error) => Err(DeliverError::content(&path, error.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory};
+    use geometry::{Isometry3, Stamp};
+
+    #[test]
+    fn trajectory_is_read_from_any_file_with_times() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut trajectory = Trajectory::default();
+        for i in 0..3 {
+            let pose = Isometry3::translation(f64::from(i), 0.5, 0.0);
+            trajectory.push(Stamp(1_000_000_000 * i64::from(i)), pose);
+        }
+        std::fs::write(folder.path().join("trajectory_kitti.txt"), kitti_from_trajectory(&trajectory)).expect("writes");
+        let error = load_trajectory(folder.path()).expect_err("the KITTI file has no times");
+        assert!(error.to_string().contains("has no trajectory.txt or trajectory.csv"), "{error}");
+        std::fs::write(folder.path().join("trajectory.csv"), csv_from_trajectory(&trajectory)).expect("writes");
+        assert_eq!(load_trajectory(folder.path()).expect("reads").poses(), trajectory.poses());
     }
 }

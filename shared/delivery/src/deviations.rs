@@ -1,10 +1,10 @@
 //! Standard deviations of the poses of all submaps.
 
 use messages::{PlacementRow, PoseDeviation};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The part of `georeference.json` about the standard deviations of the submaps.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Deviations {
     /// Horizontal position.
     pub position_m: MedianAndLargest,
@@ -15,7 +15,7 @@ pub struct Deviations {
 }
 
 /// Median and largest value of all submaps.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MedianAndLargest {
     /// Half of the submaps have a smaller value.
     pub median: f64,

@@ -2,9 +2,9 @@
 
 use crate::deviations::Deviations;
 use crate::error::DeliveryError;
+use crate::georeference::{GeoreferenceFile, Uses, UtmOrigin};
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Stamp, Utm, UtmError};
 use messages::{FRAME_EAST_NORTH_UP, PlacementHeader, PlacementRow, PoseDeviation};
-use serde::Serialize;
 
 /// What the user wants of the frame of the clouds.
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +19,7 @@ pub struct FrameChoice {
 pub struct World {
     choice: FrameChoice,
     submaps: Vec<PlacedSubmap>,
-    georeference: Georeference,
+    georeference: GeoreferenceFile,
     local: Option<LocalFrame>,
     /// Projection of the coordinates, if the frame is UTM.
     utm: Option<Utm>,
@@ -40,44 +40,6 @@ pub struct PlacedSubmap {
     pub sigma_rad: [f32; 3],
     /// Standard deviations in the world.
     pub deviation: PoseDeviation,
-}
-
-/// `georeference.json`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Georeference {
-    /// Version of this file format.
-    version: u32,
-    /// Frame of the clouds.
-    frame: String,
-    /// Frame of the trajectory.
-    trajectory_frame: String,
-    /// Origin of the local frame (WGS84).
-    origin: Option<Geodetic>,
-    /// UTM coordinates of the origin.
-    utm: Option<UtmOrigin>,
-    /// Standard deviations of the poses of the submaps. In a frame without origin: against the first submap.
-    standard_deviations: Option<Deviations>,
-    closed_loops: Uses,
-    fixes: Uses,
-    /// Number of submaps with a gravity measurement.
-    uprights: u32,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct UtmOrigin {
-    epsg: u32,
-    zone: String,
-    easting_m: f64,
-    northing_m: f64,
-    /// Meridian convergence with the sign of PROJ: angle from true north (the y axis of the local frame) to grid north, clockwise,
-    /// deg. Positive west of the central meridian in the southern hemisphere and east of it in the northern one.
-    convergence_deg: f64,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct Uses {
-    used: u32,
-    refused: u32,
 }
 
 impl World {
@@ -105,7 +67,7 @@ impl World {
             }
             None => "local, first place and heading of the vehicle, z up, m".to_owned(),
         };
-        let georeference = Georeference {
+        let georeference = GeoreferenceFile {
             version: 1,
             frame: utm.as_ref().map_or_else(|| local_name.clone(), utm_frame),
             trajectory_frame: local_name,
@@ -179,19 +141,4 @@ impl PlacedSubmap {
 fn utm_frame(utm: &Utm) -> String {
     let (zone, hemisphere, epsg) = (utm.zone(), utm.hemisphere(), utm.epsg());
     format!("UTM {zone}{hemisphere} (EPSG:{epsg}) easting northing, height above the WGS84 ellipsoid, m")
-}
-
-impl UtmOrigin {
-    fn of(local: &LocalFrame, utm: &Utm) -> Result<Self, DeliveryError> {
-        let project = |p: Point3<f64>| utm.project(&local.geodetic_from_world(&p)).map_err(DeliveryError::from);
-        let [easting_m, northing_m, _] = project(Point3::origin())?;
-        let [east, north, _] = project(Point3::new(0.0, 100.0, 0.0))?;
-        Ok(Self {
-            epsg: utm.epsg(),
-            zone: format!("{}{}", utm.zone(), utm.hemisphere()),
-            easting_m,
-            northing_m,
-            convergence_deg: -(east - easting_m).atan2(north - northing_m).to_degrees(),
-        })
-    }
 }

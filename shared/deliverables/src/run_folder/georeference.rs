@@ -2,25 +2,9 @@
 
 use crate::crs::{Crs, CrsError};
 use crate::error::DeliverError;
+use delivery::{GeoreferenceFile, UtmOrigin};
 use geometry::{Geodetic, LocalFrame, Point3, Projection};
-use serde::Deserialize;
 use std::path::Path;
-
-/// The fields of a run's `georeference.json` that are needed here.
-#[derive(Deserialize)]
-struct File {
-    frame: String,
-    trajectory_frame: String,
-    origin: Option<Geodetic>,
-    #[serde(default)]
-    utm: Option<Utm>,
-}
-
-#[derive(Deserialize)]
-struct Utm {
-    epsg: u32,
-    convergence_deg: f64,
-}
 
 /// Frames of the clouds and of the trajectory.
 #[derive(Debug)]
@@ -35,7 +19,7 @@ impl Georeference {
     /// Reads `georeference.json`.
     pub fn load(path: &Path) -> Result<Self, DeliverError> {
         let text = std::fs::read_to_string(path).map_err(DeliverError::file(path, "read"))?;
-        let File { frame, trajectory_frame, origin, utm } =
+        let GeoreferenceFile { frame, trajectory_frame, origin, utm, .. } =
             serde_json::from_str(&text).map_err(|error| DeliverError::content(path, error.to_string()))?;
         if let Some(Geodetic { latitude_deg, longitude_deg, altitude_m }) = origin
             && Geodetic::new(latitude_deg, longitude_deg, altitude_m).is_none()
@@ -45,7 +29,7 @@ impl Georeference {
         }
         let utm = match (frame == trajectory_frame, utm) {
             (true, _) => None,
-            (false, Some(Utm { epsg, convergence_deg })) => {
+            (false, Some(UtmOrigin { epsg, convergence_deg, .. })) => {
                 let projection = Crs::from_epsg(epsg).and_then(|crs| Ok(crs.projection()?));
                 let projection = projection.map_err(|error| DeliverError::content(path, error.to_string()))?;
                 Some((projection, convergence_deg.to_radians()))

@@ -1,56 +1,18 @@
 //! Where the clouds of a run lie in the world, and how certain that is.
 
-use geometry::Geodetic;
-use serde::{Deserialize, Serialize};
+use delivery::{Deviations, GEOREFERENCE, GeoreferenceFile};
 use std::fmt::Write;
 use std::path::Path;
 
-/// The fields of a run's `georeference.json` that are shown.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Georeference {
-    /// Frame of the clouds.
-    pub frame: String,
-    /// Frame of the trajectory.
-    #[serde(default)]
-    pub trajectory_frame: String,
-    /// Origin of the trajectory's frame. `None` without fixes.
-    #[serde(default)]
-    pub origin: Option<Geodetic>,
-    pub standard_deviations: Option<Deviations>,
-    pub fixes: Uses,
-    pub closed_loops: Uses,
-}
-
-#[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Deviations {
-    pub position_m: Deviation,
-    pub height_m: Deviation,
-    pub heading_deg: Deviation,
-}
-
-#[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Deviation {
-    pub median: f64,
-    pub largest: f64,
-}
-
-#[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Uses {
-    pub used: u32,
-    pub refused: u32,
-}
-
-impl Georeference {
-    /// That of the run in this folder. `None` without `georeference.json`, or with one of another version.
-    pub fn load(run: &Path) -> Option<Self> {
-        let text = std::fs::read_to_string(run.join("georeference.json")).ok()?;
-        serde_json::from_str(&text).ok()
-    }
+/// That of the run in this folder. `None` without `georeference.json`, or with one of another version.
+pub fn load(run: &Path) -> Option<GeoreferenceFile> {
+    let text = std::fs::read_to_string(run.join(GEOREFERENCE)).ok()?;
+    serde_json::from_str(&text).ok()
 }
 
 /// Lines for the operator. Empty for a folder without `georeference.json`, or with one of another version.
 pub fn lines(run: &Path) -> String {
-    let Some(Georeference { frame, standard_deviations, fixes, closed_loops, .. }) = Georeference::load(run) else {
+    let Some(GeoreferenceFile { frame, standard_deviations, fixes, closed_loops, .. }) = load(run) else {
         return String::new();
     };
     let mut lines = format!(

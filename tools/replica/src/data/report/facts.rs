@@ -8,8 +8,8 @@ use super::uncertain::{CameraShare, Loss};
 use super::verdict::Verdict;
 use crate::data::inspect::drive::DriveReport;
 use crate::data::inspect::drive::stream::Stream;
-use crate::data::inspect::georeference::Georeference;
 use deliverables::objects::ObjectSummary;
+use delivery::GeoreferenceFile;
 use run::health::Doubt;
 use run::launch_file::LaunchFile;
 use run::summary::Total;
@@ -30,7 +30,7 @@ pub struct Facts {
     /// `None` if the drive folder is no longer there.
     pub input: Option<Input>,
     pub path: Option<Place>,
-    pub georeference: Option<Georeference>,
+    pub georeference: Option<GeoreferenceFile>,
     pub points: Points,
     pub bands: Vec<Band>,
     pub diagnosis: Vec<Diagnosis>,

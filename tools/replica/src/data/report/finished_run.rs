@@ -1,9 +1,9 @@
 //! What a run has left in its output folder.
 
-use crate::data::inspect::georeference::Georeference;
+use crate::data::inspect::georeference;
 use anyhow::Context;
-use delivery::{INDEX, Index};
-use formats::trajectory::trajectory_from_tum;
+use deliverables::load_trajectory;
+use delivery::{GeoreferenceFile, INDEX, Index};
 use geometry::Trajectory;
 use run::summary::Summary;
 use serde::Deserialize;
@@ -19,7 +19,7 @@ pub struct FinishedRun {
     /// The clouds.
     pub index: Option<Index>,
     /// Frame of the results. `None` also with the frame `odom`.
-    pub georeference: Option<Georeference>,
+    pub georeference: Option<GeoreferenceFile>,
     /// Empty without a file.
     pub trajectory: Trajectory,
     /// With what the run began.
@@ -55,13 +55,12 @@ impl FinishedRun {
     pub fn load(folder: &Path) -> anyhow::Result<Self> {
         let summary =
             Summary::load(folder).context("hint: `replica report` needs the output folder of a run that has ended")?;
-        let text = std::fs::read_to_string(folder.join("trajectory.txt")).unwrap_or_default();
         Ok(Self {
             folder: folder.to_owned(),
             summary,
             index: json(&folder.join(INDEX)),
-            georeference: Georeference::load(folder),
-            trajectory: trajectory_from_tum(&text).unwrap_or_default(),
+            georeference: georeference::load(folder),
+            trajectory: load_trajectory(folder).unwrap_or_default(),
             begun: json(&folder.join("run/settings.json")),
         })
     }

@@ -1,17 +1,10 @@
 //! Where a run lies in the world of the truth.
 
 use anyhow::Context;
-use delivery::GEOREFERENCE;
+use delivery::{GEOREFERENCE, GeoreferenceFile};
 use formats::drive::Drive;
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Translation3, UnitQuaternion, Vector3};
-use serde::Deserialize;
 use std::path::Path;
-
-/// The fields of `georeference.json` that are used here.
-#[derive(Deserialize)]
-struct Georeference {
-    origin: Option<Geodetic>,
-}
 
 /// The frame of a run against that of the truth.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +28,7 @@ impl RunPlace {
             return Ok(Self::Odometry);
         }
         let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-        let found: Georeference = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+        let found: GeoreferenceFile = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
         let Some(origin) = found.origin else { return Ok(Self::Own("the run has no geographic origin".to_owned())) };
         let Some(gnss) = &drive.manifest().gnss else {
             return Ok(Self::Own("the drive has no [gnss] origin, so the place of its truth is not known".to_owned()));
