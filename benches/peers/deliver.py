@@ -98,7 +98,7 @@ def points(run, out, facts):
     off = np.abs(where - np.stack([columns[name] for name in "xyz"], axis=1)).max()
     row("laspy, pyproj", "coordinates", off < 0.00062, f"largest difference {1e3 * off:.2f} mm")
     row("laspy", "GPS time", np.abs(columns["gps_time"] - gps_time(expected["timestamp"])).max() < 1e-6)
-    row("laspy", "colors of 16 bits", all((columns[name] == expected[name].astype(int) * 257).all() for name in ["red", "green", "blue"]))
+    row("laspy", "colors of 16 bits", all((columns[name] == expected[name].astype(int) * 256).all() for name in ["red", "green", "blue"]))
     row("laspy", "intensity of 16 bits", (columns["intensity"] == expected["intensity"].astype(int) * 257).all())
     table = np.array([ASPRS.get(i, 64 + i) for i in range(23)])
     row("laspy", "classes of the ASPRS", (columns["classification"] == table[expected["semantic"]]).all(),
@@ -180,7 +180,7 @@ def objects(out, facts):
 
 def rasters(run, out, facts, tiles):
     points = np.concatenate([np.stack([np.asarray(tile[name]) for name in ["x", "y", "z", "class", "moving", "camera"]], 1) for tile in tiles])
-    rgb = np.concatenate([np.stack([np.asarray(tile[name]) // 257 for name in ["red", "green", "blue"]], 1) for tile in tiles])
+    rgb = np.concatenate([np.stack([np.asarray(tile[name]) // 256 for name in ["red", "green", "blue"]], 1) for tile in tiles])
     still = points[:, 4] == 0
     points, rgb = points[still], rgb[still]
     images = {}

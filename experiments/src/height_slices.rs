@@ -5,7 +5,7 @@
 use crate::experiment::{Experiment, Results};
 use crate::loss_table::{loss, table_of_losses};
 use crate::recipe::{Recipe, settings, unet};
-use crate::task::Task;
+use crate::task::{DataSets, Examples, Task};
 use messages::ClassId;
 use random::Random;
 use segmentation::engine::{Border, Planes};
@@ -160,14 +160,13 @@ impl Experiment for HeightSlice {
         (0..n_seeds).flat_map(|seed| LOSSES.map(|row| (seed, row))).map(recipe).collect()
     }
     fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
-        Ok(Task {
+        let sets = DataSets::<Example> {
             train: Box::new(top_views(TRAIN, self)?),
             validation: Box::new(top_views(VALIDATION, self)?),
             tests: vec![("urban", Box::new(top_views(TEST, self)?))],
-            shape: (3, 1),
-            border: Border::Zero,
-            tree: Hierarchy::new(vec![0; 3]),
-        })
+        };
+        let examples = Examples::Images { sets, fold: 1, border: Border::Zero };
+        Ok(Task { examples, n_classes: 3, tree: Hierarchy::new(vec![0; 3]) })
     }
     /// Estimated from the number of pixels.
     fn cpu_seconds(&self, _: &Recipe) -> f64 {

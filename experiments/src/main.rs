@@ -74,8 +74,10 @@ enum Table {
     Specialized,
     /// Hierarchical loss (tables 6.9, 6.10)
     Hierarchy,
-    /// Color as an additional input (table 6.12)
+    /// Color as an additional input (table 6.12), range images
     Color,
+    /// Color as an additional input (table 6.12), points
+    ColorPoints,
     /// Curriculum, and a class tree grown from confusions (section 7.3)
     Perspectives,
 }
@@ -94,6 +96,7 @@ impl Table {
             Self::Specialized => (Box::new(StreetTable::specialized()), 3),
             Self::Hierarchy => (Box::new(StreetTable::hierarchy()), 3),
             Self::Color => (Box::new(StreetTable::color()), 3),
+            Self::ColorPoints => (Box::new(streets::color_of_points::ColorOfPoints::default()), 3),
             Self::Perspectives => (Box::new(streets::perspectives::Perspectives(Streets::default())), 3),
         })
     }

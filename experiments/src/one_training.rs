@@ -1,11 +1,12 @@
 //! One training to its end, or to the end of the budget.
 
 use crate::outcome::{Outcome, Scene};
-use crate::recipe::Recipe;
+use crate::recipe::{Architecture, Recipe};
 use crate::store::Store;
-use crate::task::Task;
+use crate::task::{DataSets, Examples, Task};
+use anyhow::anyhow;
 use rustix::time::{ClockId, clock_gettime};
-use training::{Curves, Hierarchy, TrainSettings, Trainer, Variables};
+use training::{Curves, Dataset, Hierarchy, ImageNetwork, Network, PointNetwork, TrainSettings, Trainer, Variables};
 
 /// When training stops with a checkpoint: asked before each epoch.
 pub struct Budget<'a> {
@@ -59,26 +60,68 @@ pub fn end(curves: &Curves, settings: &TrainSettings) -> Option<End> {
     }
 }
 
-/// A training before its first epoch, or as its checkpoint has it.
-fn trainer(recipe: &Recipe, task: &Task, store: &Store) -> anyhow::Result<Trainer> {
-    let variables = match &recipe.start {
-        Some(source) => Variables::from_weights(&recipe.network, trainer(source, task, store)?.best())?,
-        None => Variables::random(&recipe.network, recipe.settings.seed)?,
-    };
-    let tree = match &recipe.tree_of {
-        Some(source) => {
-            let source = trainer(source, task, store)?.best_trainer()?;
-            let (_, confusion) = source.evaluate(task.validation.as_ref())?;
-            Hierarchy::of_confusions(&confusion, task.shape.0, task.tree.n_used_nodes())
+/// What the trainings of a table on one kind of examples share.
+struct Trainings<'a, N: Network> {
+    sets: &'a DataSets<N::Example>,
+    task: &'a Task,
+    store: &'a Store,
+    /// The network of a recipe with random weights.
+    random: &'a dyn Fn(&Recipe) -> anyhow::Result<N>,
+}
+
+impl<N: Network> Trainings<'_, N> {
+    /// A training before its first epoch, or as its checkpoint has it.
+    fn trainer(&self, recipe: &Recipe) -> anyhow::Result<Trainer<N>> {
+        let mut network = (self.random)(recipe)?;
+        if let Some(source) = &recipe.start {
+            network = network.with_weights(self.trainer(source)?.best())?;
         }
-        None => task.tree.clone(),
-    };
-    let mut trainer = Trainer::new(recipe.settings.clone(), variables, task.shape, task.border, tree)?;
-    trainer.freeze(recipe.frozen.clone());
-    if store.checkpoint(recipe).exists() {
-        trainer.resume(&store.checkpoint(recipe))?;
+        let Task { n_classes, tree, .. } = self.task;
+        let tree = match &recipe.tree_of {
+            Some(source) => {
+                let source = self.trainer(source)?.best_trainer()?;
+                let (_, confusion) = source.evaluate(self.sets.validation.as_ref())?;
+                Hierarchy::of_confusions(&confusion, *n_classes, tree.n_used_nodes())
+            }
+            None => tree.clone(),
+        };
+        let mut trainer = Trainer::of_network(recipe.settings.clone(), network, *n_classes, tree)?;
+        trainer.freeze(recipe.frozen.clone());
+        if self.store.checkpoint(recipe).exists() {
+            trainer.resume(&self.store.checkpoint(recipe))?;
+        }
+        Ok(trainer)
     }
-    Ok(trainer)
+
+    /// Begins or continues a training, with a checkpoint after each epoch. `None`: the budget is spent.
+    fn train(&self, recipe: &Recipe, inputs: u64, budget: &Budget<'_>) -> anyhow::Result<Option<Outcome>> {
+        let Self { sets, task, store, .. } = self;
+        let mut trainer = self.trainer(recipe)?;
+        store.begin(recipe, inputs)?;
+        let (before, begin) = (store.cpu_seconds(recipe)?, cpu_now());
+        let end = loop {
+            if let Some(end) = end(trainer.curves(), &recipe.settings) {
+                break end;
+            }
+            if budget.is_spent() {
+                return Ok(None);
+            }
+            trainer.epoch(sets.train.as_ref(), sets.validation.as_ref(), &mut |_, _| {})?;
+            store.save_checkpoint(recipe, &trainer.checkpoint()?, before + cpu_now() - begin)?;
+        };
+        let best = trainer.best_trainer()?;
+        let scene = |(name, data): &(&'static str, Box<dyn Dataset<N::Example>>)| -> anyhow::Result<Scene> {
+            Ok(Scene::new(name, task.n_classes, &best.evaluate(data.as_ref())?.1))
+        };
+        let outcome = Outcome {
+            epochs: trainer.curves().epochs.len(),
+            best_epoch: trainer.curves().best().map_or(0, |(epoch, _)| epoch + 1),
+            converged: end == End::Converged,
+            scenes: sets.tests.iter().map(scene).collect::<anyhow::Result<_>>()?,
+        };
+        store.finish(recipe, &outcome)?;
+        Ok(Some(outcome))
+    }
 }
 
 /// Begins or continues a training, with a checkpoint after each epoch. `None`: the budget is spent.
@@ -89,29 +132,23 @@ pub fn train(
     store: &Store,
     budget: &Budget<'_>,
 ) -> anyhow::Result<Option<Outcome>> {
-    let mut trainer = trainer(recipe, task, store)?;
-    store.begin(recipe, inputs)?;
-    let (before, begin) = (store.cpu_seconds(recipe)?, cpu_now());
-    let end = loop {
-        if let Some(end) = end(trainer.curves(), &recipe.settings) {
-            break end;
+    let other = |recipe: &Recipe| anyhow!("{}: the network does not fit the kind of its data", recipe.name());
+    match &task.examples {
+        Examples::Images { sets, fold, border } => {
+            let random = |recipe: &Recipe| match &recipe.network {
+                Architecture::Images(network) => {
+                    Ok(ImageNetwork::new(Variables::random(network, recipe.settings.seed)?, *fold, *border))
+                }
+                Architecture::Points(_) => Err(other(recipe)),
+            };
+            Trainings { sets, task, store, random: &random }.train(recipe, inputs, budget)
         }
-        if budget.is_spent() {
-            return Ok(None);
+        Examples::Points(sets) => {
+            let random = |recipe: &Recipe| match &recipe.network {
+                Architecture::Points(network) => Ok(PointNetwork::random(network, recipe.settings.seed)?),
+                Architecture::Images(_) => Err(other(recipe)),
+            };
+            Trainings { sets, task, store, random: &random }.train(recipe, inputs, budget)
         }
-        trainer.epoch(task.train.as_ref(), task.validation.as_ref(), &mut |_, _| {})?;
-        store.save_checkpoint(recipe, &trainer.checkpoint()?, before + cpu_now() - begin)?;
-    };
-    let best = trainer.best_trainer()?;
-    let scene = |(name, data): &(&'static str, Box<dyn training::Dataset>)| -> anyhow::Result<Scene> {
-        Ok(Scene::new(name, task.shape.0, &best.evaluate(data.as_ref())?.1))
-    };
-    let outcome = Outcome {
-        epochs: trainer.curves().epochs.len(),
-        best_epoch: trainer.curves().best().map_or(0, |(epoch, _)| epoch + 1),
-        converged: end == End::Converged,
-        scenes: task.tests.iter().map(scene).collect::<anyhow::Result<_>>()?,
-    };
-    store.finish(recipe, &outcome)?;
-    Ok(Some(outcome))
+    }
 }

@@ -1,6 +1,7 @@
 //! The settings of one training.
 
 use segmentation::network::NetworkSpec;
+use segmentation::points::PointNetworkSpec;
 use serde::{Deserialize, Serialize};
 use training::{Loss, TrainSettings};
 
@@ -8,6 +9,14 @@ use training::{Loss, TrainSettings};
 pub const EPOCHS: usize = 100;
 /// Training ends if the validation loss has not fallen for this number of epochs (section 5.6.2 and the published code).
 pub const PATIENCE: usize = 5;
+
+/// A network on images or on points. In files only its own fields are seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Architecture {
+    Images(NetworkSpec),
+    Points(PointNetworkSpec),
+}
 
 /// All that determines a training, besides the data itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,7 +28,7 @@ pub struct Recipe {
     pub column: String,
     /// Description of the data; trainings with equal descriptions use the same data.
     pub data: String,
-    pub network: NetworkSpec,
+    pub network: Architecture,
     /// Variables whose names start with one of these are not changed.
     pub frozen: Vec<String>,
     /// The training whose best weights this one starts from; `None`: random weights.
@@ -42,12 +51,13 @@ impl Recipe {
     pub fn sources(&self) -> impl Iterator<Item = &Recipe> {
         [&self.start, &self.tree_of].into_iter().filter_map(Option::as_deref)
     }
-    /// Filters of the first level.
+    /// Filters of the first level of a network on images.
     pub fn filters(&self) -> usize {
         match &self.network {
-            NetworkSpec::Unet { widths, .. } | NetworkSpec::SphericalDz { widths, .. } => {
+            Architecture::Images(NetworkSpec::Unet { widths, .. } | NetworkSpec::SphericalDz { widths, .. }) => {
                 widths.first().copied().unwrap_or(0)
             }
+            Architecture::Points(_) => 0,
         }
     }
 }
@@ -69,6 +79,7 @@ pub fn settings(batch: usize, learning_rate: f64, loss: Loss, seed: u64) -> Trai
 }
 
 /// A U-Net of three levels: filters, twice and four times as many.
-pub fn unet(inputs: usize, outputs: usize, filters: usize) -> NetworkSpec {
-    NetworkSpec::Unet { inputs, outputs, widths: vec![filters, 2 * filters, 4 * filters], head: None }
+pub fn unet(inputs: usize, outputs: usize, filters: usize) -> Architecture {
+    let widths = vec![filters, 2 * filters, 4 * filters];
+    Architecture::Images(NetworkSpec::Unet { inputs, outputs, widths, head: None })
 }

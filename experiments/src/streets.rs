@@ -1,16 +1,18 @@
-//! Tables 6.4 to 6.12 on sweeps of simulated towns, with a small U-Net on range images instead of `KPConv`.
+//! Tables 6.4 to 6.12 in simulated towns: with a small U-Net on range images, and table 6.12 also with a network on points.
 
 mod classes;
+pub mod color_of_points;
 mod ideal_colors;
 mod iou_table;
 pub mod perspectives;
 mod street_data;
 mod sweep_images;
+mod town_spheres;
 pub mod transfer;
 
 use crate::experiment::{Experiment, Results};
 use crate::loss_table::loss;
-use crate::recipe::{Recipe, settings};
+use crate::recipe::{Architecture, Recipe, settings};
 use crate::statistics::mean_and_deviation;
 use crate::task::Task;
 use anyhow::Context;
@@ -32,12 +34,12 @@ const HIERARCHICAL: &str = "hierarchical Jac. 2";
 /// The recipe of a loss (row) in a column of a table.
 fn recipe((row, column): (&str, &str), (data, classes): (StreetData, &[ClassId]), seed: u64) -> Recipe {
     let n_inputs = if data == StreetData::UrbanInColor { N_INPUTS_WITH_COLOR } else { N_INPUTS };
-    let widths = vec![16, 24, 32];
+    let (outputs, widths) = (FOLD * classes.len(), vec![16, 24, 32]);
     Recipe {
         row: row.to_owned(),
         column: column.to_owned(),
         data: format!("{}; {} classes", data.description(), classes.len()),
-        network: NetworkSpec::Unet { inputs: n_inputs, outputs: FOLD * classes.len(), widths, head: None },
+        network: Architecture::Images(NetworkSpec::Unet { inputs: n_inputs, outputs, widths, head: None }),
         frozen: Vec::new(),
         start: None,
         tree_of: None,

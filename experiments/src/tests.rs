@@ -3,14 +3,15 @@
 use crate::experiment::{Experiment, Job, Results, train_all};
 use crate::loss_table::{loss, table_of_losses};
 use crate::one_training::{Budget, End, end};
-use crate::recipe::{Recipe, settings, unet};
+use crate::recipe::{Architecture, Recipe, settings, unet};
 use crate::store::Store;
-use crate::task::{Masked, Task};
+use crate::task::{DataSets, Examples, Task};
 use random::Random;
 use segmentation::engine::{Border, Planes};
+use segmentation::points::{PointNet, PointNetworkSpec};
 use std::cell::RefCell;
 use std::path::Path;
-use training::{Curves, Dataset, Epoch, Example, Hierarchy, TrainSettings, UNKNOWN};
+use training::{Curves, Dataset, Epoch, Example, Hierarchy, PointExample, TrainSettings, UNKNOWN};
 
 const SIDE: usize = 8;
 
@@ -76,14 +77,13 @@ impl Experiment for Tiny {
     }
     fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
         *self.loaded.borrow_mut() += 1;
-        Ok(Task {
+        let sets = DataSets::<Example> {
             train: Box::new(Rows(self.data)),
             validation: Box::new(Rows(2)),
             tests: vec![("test", Box::new(Rows(3)))],
-            shape: (2, 1),
-            border: Border::Zero,
-            tree: Hierarchy::new(vec![0; 2]),
-        })
+        };
+        let examples = Examples::Images { sets, fold: 1, border: Border::Zero };
+        Ok(Task { examples, n_classes: 2, tree: Hierarchy::new(vec![0; 2]) })
     }
     fn cpu_seconds(&self, _: &Recipe) -> f64 {
         1.0
@@ -95,8 +95,49 @@ impl Experiment for Tiny {
 
 const ALL: Job = Job(1, 1);
 
+/// Points on two planes, which are the classes.
+struct Layers;
+
+impl Dataset<PointExample> for Layers {
+    fn len(&self) -> usize {
+        4
+    }
+    fn example(&self, index: usize, _: Option<&mut Random>) -> PointExample {
+        let mut random = Random::of_stream(7, index as u64);
+        let truth: Vec<u8> = (0..40).map(|i| i % 2).collect();
+        let position = |class: &u8| [random.range(-2.0, 2.0), random.range(-2.0, 2.0), f32::from(*class)];
+        let positions: Vec<[f32; 3]> = truth.iter().map(position).collect();
+        PointExample { features: positions.as_flattened().to_vec(), positions, truth }
+    }
+}
+
+/// A training on points.
+struct TinyPoints;
+
+impl Experiment for TinyPoints {
+    fn name(&self) -> &'static str {
+        "tiny-points"
+    }
+    fn recipes(&self, _: u64) -> Vec<Recipe> {
+        let of_image = Tiny::new().recipes(1).remove(0);
+        let network = PointNetworkSpec::Pointnet(PointNet { inputs: 3, outputs: 2, width: 4 });
+        vec![Recipe { data: "layers".to_owned(), network: Architecture::Points(network), ..of_image }]
+    }
+    fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
+        let data = || -> Box<dyn Dataset<PointExample>> { Box::new(Layers) };
+        let sets = DataSets { train: data(), validation: data(), tests: vec![("test", data())] };
+        Ok(Task { examples: Examples::Points(sets), n_classes: 2, tree: Hierarchy::new(vec![0; 2]) })
+    }
+    fn cpu_seconds(&self, _: &Recipe) -> f64 {
+        1.0
+    }
+    fn table(&self, results: &Results) -> String {
+        table_of_losses(results)
+    }
+}
+
 /// Trains as far as the budget and the job allow; returns the number of trainings left and the bytes of the results.
-fn trained(experiment: &Tiny, folder: &Path, budget: &Budget<'_>, job: Job) -> (usize, String) {
+fn trained(experiment: &dyn Experiment, folder: &Path, budget: &Budget<'_>, job: Job) -> (usize, String) {
     let (recipes, store) = (experiment.recipes(2), Store::new(folder.into()));
     let n_left = train_all(experiment, &recipes, (&store, budget, job)).expect("trains");
     store.collect(&recipes).expect("writes");
@@ -109,33 +150,30 @@ fn folder() -> tempfile::TempDir {
 
 #[test]
 fn interrupted_training_gives_same_results_file() {
-    let (whole, cut) = (folder(), folder());
-    let unlimited = Budget::new(None);
-    let (n_left, expected) = trained(&Tiny::new(), whole.path(), &unlimited, ALL);
-    assert_eq!((n_left, expected.lines().count()), (0, 6));
-    let mut starts = 0;
-    let found = loop {
-        let (n_left, text) = trained_one_epoch(cut.path());
-        starts += 1;
-        if n_left == 0 {
-            break text;
-        }
-        assert!(starts < 100, "no progress");
-    };
-    assert!(starts > 6, "{starts} starts: nothing was interrupted");
-    assert_eq!(found, expected);
+    for (experiment, n_trainings) in [(&Tiny::new() as &dyn Experiment, 6), (&TinyPoints, 1)] {
+        let (whole, cut) = (folder(), folder());
+        let (n_left, expected) = trained(experiment, whole.path(), &Budget::new(None), ALL);
+        assert_eq!((n_left, expected.lines().count()), (0, n_trainings));
+        let mut starts = 0;
+        let found = loop {
+            let (n_left, text) = trained_one_epoch(experiment, cut.path());
+            starts += 1;
+            if n_left == 0 {
+                break text;
+            }
+            assert!(starts < 100, "no progress");
+        };
+        assert!(starts > n_trainings, "{starts} starts: nothing was interrupted");
+        assert_eq!(found, expected);
+    }
 }
 
 /// One more epoch of one training.
-fn trained_one_epoch(folder: &Path) -> (usize, String) {
-    let experiment = Tiny::new();
-    let (recipes, store) = (experiment.recipes(2), Store::new(folder.into()));
+fn trained_one_epoch(experiment: &dyn Experiment, folder: &Path) -> (usize, String) {
     let n_checks = std::cell::Cell::new(0);
     // Before the first training, before its first epoch, before its second one.
     let budget = Budget::until(|_| n_checks.replace(n_checks.get() + 1) >= 2);
-    let n_left = train_all(&experiment, &recipes, (&store, &budget, ALL)).expect("trains");
-    store.collect(&recipes).expect("writes");
-    (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
+    trained(experiment, folder, &budget, ALL)
 }
 
 #[test]
@@ -262,8 +300,10 @@ fn job_is_read_from_its_part_and_number() {
 
 #[test]
 fn masked_labels_are_unknown_and_others_stay() {
-    let masked = Masked { data: Box::new(Rows(1)), is_kept: vec![false, true] };
-    let (plain, example) = (Rows(1).example(0, None), masked.example(0, None));
+    let recipe = &Tiny::new().recipes(1)[0];
+    let task = Tiny::new().load(recipe).expect("loads").with_labels_of(&[false, true]);
+    let Examples::Images { sets, .. } = &task.examples else { panic!("images") };
+    let (plain, example) = (Rows(1).example(0, None), sets.train.example(0, None));
     assert!(example.input.values() == plain.input.values());
     let expected = |class: &u8| if *class == 0 { UNKNOWN } else { *class };
     assert_eq!(example.truth, plain.truth.iter().map(expected).collect::<Vec<_>>());

@@ -6,7 +6,7 @@ use super::street_data::StreetData;
 use super::{HIERARCHICAL, Streets, recipe};
 use crate::experiment::{Experiment, Results};
 use crate::recipe::Recipe;
-use crate::task::{Masked, Task};
+use crate::task::Task;
 
 /// Loss of the trainings without a tree.
 const LOSS: &str = "Jac. 2";
@@ -43,13 +43,9 @@ impl Experiment for Perspectives {
         (0..n_seeds).flat_map(of_seed).collect()
     }
     fn load(&self, recipe: &Recipe) -> anyhow::Result<Task> {
-        let mut task = self.0.load(recipe, [StreetData::Urban], &ALL)?;
-        if recipe.data.ends_with(ONLY_SIMPLE) {
-            let is_simple = ALL.map(|class| SIMPLE.contains(&class)).to_vec();
-            task.train = Box::new(Masked { data: task.train, is_kept: is_simple.clone() });
-            task.validation = Box::new(Masked { data: task.validation, is_kept: is_simple });
-        }
-        Ok(task)
+        let task = self.0.load(recipe, [StreetData::Urban], &ALL)?;
+        let is_first_stage = recipe.data.ends_with(ONLY_SIMPLE);
+        Ok(if is_first_stage { task.with_labels_of(&ALL.map(|class| SIMPLE.contains(&class))) } else { task })
     }
     fn cpu_seconds(&self, _: &Recipe) -> f64 {
         super::CPU_SECONDS

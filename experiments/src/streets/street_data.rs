@@ -1,7 +1,7 @@
 //! The data sets of the street experiments.
 
 use super::sweep_images::{self, FOLD, SensorScenario, SweepDataset, TownSweep};
-use crate::task::Task;
+use crate::task::{DataSets, Examples, Task};
 use messages::ClassId;
 use segmentation::engine::Border;
 use simulation::Town;
@@ -11,9 +11,9 @@ use town_sweeps::Mount;
 use training::{Dataset, Hierarchy};
 
 /// Drives for validation; two sweeps of each.
-const VALIDATION: RangeInclusive<u64> = 2001..=2006;
+pub const VALIDATION: RangeInclusive<u64> = 2001..=2006;
 /// Drives that are only scored; three sweeps of each.
-const TEST: RangeInclusive<u64> = 9501..=9508;
+pub const TEST: RangeInclusive<u64> = 9501..=9508;
 /// Sweeps of a training drive.
 const N_SWEEPS: usize = 4;
 
@@ -83,13 +83,12 @@ impl Sweeps {
         let data = |sweeps: &Arc<Vec<TownSweep>>| -> Box<dyn Dataset> {
             Box::new(SweepDataset::new(Arc::clone(sweeps), classes, with_color))
         };
-        Task {
+        let sets = DataSets {
             train: data(&self.train),
             validation: data(&self.validation),
             tests: vec![(self.scene, data(&self.test))],
-            shape: (classes.len(), FOLD),
-            border: Border::Circular,
-            tree: Hierarchy::of_classes(classes),
-        }
+        };
+        let examples = Examples::Images { sets, fold: FOLD, border: Border::Circular };
+        Task { examples, n_classes: classes.len(), tree: Hierarchy::of_classes(classes) }
     }
 }

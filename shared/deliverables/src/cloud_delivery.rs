@@ -1,6 +1,6 @@
 //! The points of a run as LAS or LAZ: one pass over the clouds encodes records, a second one writes the files.
 
-use crate::cloud::{self, Cloud, Spectra};
+use crate::cloud::{self, Cloud, CloudPoint, Columns, Spectra};
 use crate::crs::CrsError;
 use crate::error::DeliverError;
 use crate::las::{HeaderFacts, RecordLayout, SCALE_M, Vlr};
@@ -11,8 +11,8 @@ use crate::target_frame::TargetFrame;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Points that a thread encodes at a time.
-const PART_POINTS: usize = 1 << 14;
+/// Points that a thread encodes at a time. Their indices fit 16 bits.
+const PART_POINTS: usize = 1 << 16;
 /// The offset of the coordinates is a multiple of this, m.
 const OFFSET_STEP_M: f64 = 1000.0;
 
@@ -75,7 +75,7 @@ impl<'a> CloudDelivery<'a> {
     }
 
     /// Encodes all points into a spool in `folder`, by the key of their stored coordinates.
-    pub(crate) fn spool<K: Ord + Copy + Send + Sync>(
+    pub(crate) fn spool<K: Ord + Copy + Send>(
         &mut self,
         folder: &Path,
         key_of: impl Fn([i32; 3]) -> K + Sync,
@@ -88,10 +88,12 @@ impl<'a> CloudDelivery<'a> {
             let spectra = Spectra::load(self.run, cloud, &self.bands)?;
             cloud.each_block(|first, rows| {
                 let encoder = Encoder { delivery: self, cloud, spectra: &spectra, heading: &heading };
-                let (records, keys) = encoder.block(first, rows, &key_of)?;
                 let n_rows = rows.len() / cloud.columns.row_size();
-                not_finite += (n_rows - keys.len()) as u64;
-                spool.add(&records, &keys)?;
+                not_finite += n_rows as u64;
+                for (records, keys) in encoder.block(first, rows, &key_of)? {
+                    not_finite -= keys.len() as u64;
+                    spool.add(&records, &keys)?;
+                }
                 progress(n_rows as u64);
                 Ok(())
             })?;
@@ -121,30 +123,22 @@ struct Encoder<'a> {
     heading: &'a PathHeading,
 }
 
+/// Records, and the key of each.
+type Part<K> = (Vec<u8>, Vec<K>);
+
 impl Encoder<'_> {
-    /// Records and keys of the points with finite coordinates, in their order.
+    /// Records and keys of the points with finite coordinates, part by part.
     fn block<K: Send>(
         &self,
         first: usize,
         rows: &[u8],
         key_of: &(impl Fn([i32; 3]) -> K + Sync),
-    ) -> Result<(Vec<u8>, Vec<K>), DeliverError> {
-        let part_bytes = PART_POINTS * self.cloud.columns.row_size();
-        let parts: Result<Vec<_>, CrsError> = rows
-            .par_chunks(part_bytes)
-            .enumerate()
-            .map(|(part, rows)| self.part(first + part * PART_POINTS, rows, key_of))
-            .collect();
-        let (records, keys): (Vec<_>, Vec<_>) = parts?.into_iter().unzip();
-        Ok((records.concat(), keys.into_iter().flatten().collect()))
+    ) -> Result<Vec<Part<K>>, CrsError> {
+        let parts = rows.par_chunks(PART_POINTS * self.cloud.columns.row_size()).enumerate();
+        parts.map(|(part, rows)| self.part(first + part * PART_POINTS, rows, key_of)).collect()
     }
 
-    fn part<K>(
-        &self,
-        first: usize,
-        rows: &[u8],
-        key_of: impl Fn([i32; 3]) -> K,
-    ) -> Result<(Vec<u8>, Vec<K>), CrsError> {
+    fn part<K>(&self, first: usize, rows: &[u8], key_of: impl Fn([i32; 3]) -> K) -> Result<Part<K>, CrsError> {
         let Self { delivery, cloud, .. } = self;
         let (row_size, n_bytes) = (cloud.columns.row_size(), delivery.layout.n_bytes());
         // 0 is no source.
@@ -152,8 +146,8 @@ impl Encoder<'_> {
         let n = rows.len() / row_size;
         let (mut records, mut keys) = (vec![0; n * n_bytes], Vec::with_capacity(n));
         let (mut converter, mut near) = (delivery.frame.converter(), 0);
-        for (i, row) in rows.chunks_exact(row_size).enumerate() {
-            let point = cloud.columns.point(row);
+        for i in scan_line_order(&cloud.columns, rows) {
+            let point = cloud.columns.point(&rows[i * row_size..][..row_size]);
             if point.xyz.iter().any(|value| !value.is_finite()) {
                 continue;
             }
@@ -167,6 +161,19 @@ impl Encoder<'_> {
         records.truncate(keys.len() * n_bytes);
         Ok((records, keys))
     }
+}
+
+/// Row numbers of a part by sweep, LiDAR and laser, then as they are. Neighbors on a scan line differ little, which halves the size of LAZ:
+/// shots of all lasers in turn differ by meters.
+fn scan_line_order(columns: &Columns, rows: &[u8]) -> impl Iterator<Item = usize> {
+    let line = |row: &[u8]| {
+        let CloudPoint { frame, lidar, ring, .. } = columns.point(row);
+        u64::from(frame) << 32 | u64::from(lidar) << 24 | u64::from(ring) << 16
+    };
+    let mut order: Vec<u64> =
+        rows.chunks_exact(columns.row_size()).zip(0..).map(|(row, i): (_, u64)| line(row) | i).collect();
+    order.sort_unstable();
+    order.into_iter().map(|place| (place & 0xffff) as usize)
 }
 
 /// Coordinates in m of stored ones.

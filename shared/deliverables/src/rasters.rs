@@ -8,7 +8,7 @@ mod geotiff;
 
 use crate::cloud_delivery::{CloudDelivery, CloudOptions};
 use crate::error::DeliverError;
-use crate::las::{ExtraField, FORMAT_7_BYTES};
+use crate::las::{ExtraField, FORMAT_7_BYTES, color_of, position_of};
 use crate::run_folder::RunFolder;
 use crate::spool::Spool;
 use crate::target_frame::TargetFrame;
@@ -100,15 +100,13 @@ impl CellReader<'_> {
                 if value(record, moving, 0) != 0 {
                     continue;
                 }
-                let [x, y, z] = crate::las::position_of(record);
+                let [x, y, z] = position_of(record);
                 let column = (i64::from(x) + self.origin[0]).div_euclid(self.cell) - tile.0 * TILE as i64;
                 let row = (i64::from(y) + self.origin[1]).div_euclid(self.cell) - tile.1 * TILE as i64;
                 // Rows of images go to the south.
                 let idx = (TILE - 1 - row as usize) * TILE + column as usize;
-                // 16 bits are 257 times 8 bits: both bytes are the value.
-                let rgb = [30, 32, 34].map(|at| record[at]);
                 let is_colored = value(record, camera, messages::UNSEEN) != messages::UNSEEN;
-                cells.add(idx, z, value(record, class, 0), is_colored.then_some(rgb));
+                cells.add(idx, z, value(record, class, 0), is_colored.then_some(color_of(record)));
             }
             Ok(())
         })?;

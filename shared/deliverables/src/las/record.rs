@@ -19,8 +19,10 @@ use formats::gps_time::adjusted_gps_from_unix;
 pub(crate) const SCALE_M: f64 = 0.001;
 /// Steps in a metre: exact, unlike [`SCALE_M`].
 const STEPS_PER_M: f64 = 1000.0;
-/// Full scale of 16 bits from full scale of 8 bits: 255 becomes 65535.
-const WIDE: u16 = 257;
+/// 16 bits from 8 for intensities: 255 becomes 65535, the full scale, as the specification has it.
+const WIDE_INTENSITY: u16 = 257;
+/// 16 bits from 8 for colors: the specification multiplies by 256. Low bytes that are 0 also take less time to compress.
+const WIDE_COLOR: u16 = 256;
 /// Steps of the scan angle in a radian.
 const ANGLE_STEPS: f64 = 180.0 / std::f64::consts::PI / 0.006;
 /// The first return of one.
@@ -47,6 +49,12 @@ pub(crate) fn position_of(record: &[u8]) -> [i32; 3] {
 #[inline]
 pub(crate) fn gps_time_of(record: &[u8]) -> f64 {
     f64::from_le_bytes(record[22..30].try_into().expect("8 bytes"))
+}
+
+/// Color of a record, 8 bits.
+#[inline]
+pub(crate) fn color_of(record: &[u8]) -> [u8; 3] {
+    [31, 33, 35].map(|high_byte| record[high_byte])
 }
 
 impl RecordLayout {
@@ -93,14 +101,14 @@ impl RecordLayout {
         for value in stored {
             put(&value.to_le_bytes());
         }
-        put(&(u16::from(point.intensity) * WIDE).to_le_bytes());
+        put(&(u16::from(point.intensity) * WIDE_INTENSITY).to_le_bytes());
         let class = if self.has_classes { self.asprs[usize::from(point.class)] } else { NEVER_CLASSIFIED };
         put(&[ONE_OF_ONE, point.lidar.min(N_CHANNELS - 1) << 4, class, 0]);
         put(&scan_angle(point, forward).to_le_bytes());
         put(&source.to_le_bytes());
         put(&adjusted_gps_from_unix(point.time_s).to_le_bytes());
         for channel in point.rgb {
-            put(&(u16::from(channel) * WIDE).to_le_bytes());
+            put(&(u16::from(channel) * WIDE_COLOR).to_le_bytes());
         }
         for field in &self.extra.fields {
             match field {
@@ -187,7 +195,8 @@ mod tests {
         assert_eq!(position_of(&record), stored);
         assert_eq!(record[12..18], [255, 255, 0x11, 0, 74, 0]);
         assert_eq!(f64::from_le_bytes(record[22..30].try_into().expect("8 bytes")), 410_265_618.5);
-        assert_eq!(record[30..36], [255, 255, 1, 1, 0, 0]);
+        assert_eq!(record[30..36], [0, 255, 0, 1, 0, 0]);
+        assert_eq!(color_of(&record), [255, 1, 0]);
         assert_eq!(record[36..41], [10, 128, 31, 1, 3]);
         assert_eq!(record[41..45], 100_000_u32.to_le_bytes());
         assert_eq!(record[45..49], 70_000_u32.to_le_bytes());
