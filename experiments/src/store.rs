@@ -87,7 +87,8 @@ impl Store {
     /// Which settings a stored training of this name has otherwise, if any.
     fn difference(&self, recipe: &Recipe) -> anyhow::Result<Option<String>> {
         let Some(stored) = read::<serde_json::Value>(&self.path(recipe, RECIPE))? else { return Ok(None) };
-        let wanted = serde_json::to_value(recipe)?;
+        // As it is stored: in a value, numbers of 32 bits would be widened.
+        let wanted = serde_json::from_slice(&serde_json::to_vec(recipe)?)?;
         let mut differences = Vec::new();
         compare("", &stored, &wanted, &mut differences);
         Ok((!differences.is_empty()).then(|| differences.join("; ")))

@@ -8,7 +8,7 @@ use crate::store::Store;
 use crate::task::{DataSets, Examples, Task};
 use random::Random;
 use segmentation::engine::{Border, Planes};
-use segmentation::points::{PointNet, PointNetworkSpec};
+use segmentation::points::{PlaneConvolution, PointNetworkSpec, WaffleIron};
 use std::cell::RefCell;
 use std::path::Path;
 use training::{Curves, Dataset, Epoch, Example, Hierarchy, PointExample, TrainSettings, UNKNOWN};
@@ -120,7 +120,17 @@ impl Experiment for TinyPoints {
     }
     fn recipes(&self, _: u64) -> Vec<Recipe> {
         let of_image = Tiny::new().recipes(1).remove(0);
-        let network = PointNetworkSpec::Pointnet(PointNet { inputs: 3, outputs: 2, width: 4 });
+        let network = PointNetworkSpec::WaffleIron(WaffleIron {
+            inputs: 3,
+            outputs: 2,
+            width: 4,
+            depth: 1,
+            neighbors: 3,
+            cell_m: 0.6,
+            low_m: [-2.0; 3],
+            high_m: [2.0; 3],
+            convolution: PlaneConvolution::DepthWise,
+        });
         vec![Recipe { data: "layers".to_owned(), network: Architecture::Points(network), ..of_image }]
     }
     fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
