@@ -1,6 +1,6 @@
 //! The points of a run as LAS or LAZ: one pass over the clouds encodes records, a second one writes the files.
 
-use crate::cloud::{self, Cloud, CloudPoint, Columns, Spectra};
+use crate::cloud::{self, Cloud, Columns, Spectra};
 use crate::crs::CrsError;
 use crate::error::DeliverError;
 use crate::las::{HeaderFacts, RecordLayout, SCALE_M, Vlr};
@@ -167,7 +167,7 @@ impl Encoder<'_> {
 /// shots of all lasers in turn differ by meters.
 fn scan_line_order(columns: &Columns, rows: &[u8]) -> impl Iterator<Item = usize> {
     let line = |row: &[u8]| {
-        let CloudPoint { frame, lidar, ring, .. } = columns.point(row);
+        let (frame, lidar, ring) = columns.scan_line(row);
         u64::from(frame) << 32 | u64::from(lidar) << 24 | u64::from(ring) << 16
     };
     let mut order: Vec<u64> =

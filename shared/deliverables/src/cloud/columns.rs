@@ -90,6 +90,13 @@ impl Columns {
         }
     }
 
+    /// Sweep, LiDAR and laser of a row.
+    #[inline]
+    pub(crate) fn scan_line(&self, row: &[u8]) -> (u32, u8, u8) {
+        let frame = i32::from_le_bytes(field(row, self.index_frame)) as u32;
+        (frame, self.lidar.map_or(0, |at| row[at]), row[self.ring])
+    }
+
     /// The point of a row.
     #[inline]
     pub(crate) fn point(&self, row: &[u8]) -> CloudPoint {
@@ -101,15 +108,16 @@ impl Columns {
             (row[class], (f32::from_le_bytes(field(row, score)) * 255.0).round() as u8)
         });
         let [red, green, blue, camera] = self.color.map_or([0, 0, 0, messages::UNSEEN], |at| field(row, at));
+        let (frame, lidar, ring) = self.scan_line(row);
         CloudPoint {
             xyz: coordinates(self.xyz),
             lidar_xyz: coordinates(self.lidar_xyz),
             time_s: f64::from_le_bytes(field(row, self.timestamp)),
-            frame: i32::from_le_bytes(field(row, self.index_frame)) as u32,
+            frame,
             intensity: row[self.intensity],
-            ring: row[self.ring],
+            ring,
             is_moving: row[self.dynamic] != 0,
-            lidar: self.lidar.map_or(0, |at| row[at]),
+            lidar,
             instance: self.instance.map_or(0, |at| i32::from_le_bytes(field(row, at)) as u32),
             class,
             score,

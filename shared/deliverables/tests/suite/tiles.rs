@@ -15,6 +15,31 @@ fn deliver(run: &Path, out: &Path, tiling: Tiling) -> (Vec<deliverables::PointFi
     write_tiles(&run, &frame, (&options(), tiling), out, |_| ()).expect("writes")
 }
 
+/// Numbers of the cloud and of the point in it, by the time of a record.
+fn cloud_and_point(record: &[u8]) -> (usize, usize) {
+    let unix_s = gps_time_s(record) + ADJUSTED_S;
+    let seq = (unix_s - BEGIN_S as f64) as usize;
+    (seq, ((unix_s - time_s(seq, 0)) * 1e5).round() as usize)
+}
+
+#[test]
+fn points_lie_by_sweep_and_laser_and_then_in_their_order() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    write_run(&run, &[(street(1000), true)]);
+    let (files, _) = deliver(&run, &out, Tiling { side_m: 0, is_compressed: true });
+    let places = LasContent::read(&out.join(&files[0].file))
+        .records
+        .iter()
+        .map(|record| {
+            // Laser and frame behind class, score, laser, moving, camera and instance.
+            let frame = u32::from_le_bytes(record[45..49].try_into().expect("4 bytes"));
+            (frame, record[38], cloud_and_point(record).1)
+        })
+        .collect::<Vec<_>>();
+    assert!(places.is_sorted() && places.len() == 1000, "{places:?}");
+}
+
 #[test]
 fn every_point_is_in_its_tile_once_with_its_values() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -35,10 +60,7 @@ fn every_point_is_in_its_tile_once_with_its_values() {
         for record in &content.records {
             let position = content.position(record);
             assert!((0..2).all(|k| (corner[k]..corner[k] + 20.0).contains(&position[k])), "{position:?} in {corner:?}");
-            // The point by its time.
-            let unix_s = gps_time_s(record) + ADJUSTED_S;
-            let seq = (unix_s - BEGIN_S as f64) as usize;
-            let i = ((unix_s - time_s(seq, 0)) * 1e5).round() as usize;
+            let (seq, i) = cloud_and_point(record);
             let number = seq * 600 + i;
             seen[number] += 1;
             let (xyz, class) = points[number];
@@ -47,7 +69,7 @@ fn every_point_is_in_its_tile_once_with_its_values() {
             let asprs = if class == 7 { 11 } else { 6 };
             assert_eq!((record[12], record[14], record[16]), ((i % 256) as u8, 0x11, asprs));
             assert_eq!(record[20..22], (seq as u16 + 1).to_le_bytes());
-            assert_eq!(record[30..36], [10, 10, 20, 20, (i % 100) as u8, (i % 100) as u8]);
+            assert_eq!(record[30..36], [0, 10, 0, 20, 0, (i % 100) as u8]);
             // Class, score, laser, moving, camera; instance, frame.
             assert_eq!(record[36..41], [class, 200, (i % 32) as u8, u8::from(i.is_multiple_of(5)), 3]);
             assert_eq!(record[41..45], ((i % 4) as u32).to_le_bytes());
@@ -102,8 +124,9 @@ fn local_coordinates_are_those_of_the_clouds_without_reference_system() {
     let tiling = Tiling { side_m: 0, is_compressed: false };
     let (files, _) = write_tiles(&opened, &frame, (&options, tiling), &out, |_| ()).expect("writes");
     let content = LasContent::read(&out.join(&files[0].file));
-    for (record, (xyz, _)) in content.records.iter().zip(&points) {
-        let position = content.position(record);
+    assert_eq!(content.records.len(), points.len());
+    for record in &content.records {
+        let (xyz, position) = (points[cloud_and_point(record).1].0, content.position(record));
         assert!((0..3).all(|k| (position[k] - xyz[k]).abs() < 6e-4), "{position:?} {xyz:?}");
     }
     let text = String::from_utf8_lossy(&content.bytes[..2000]).into_owned();
