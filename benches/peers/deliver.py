@@ -6,10 +6,11 @@
   venv/bin/python benches/peers/deliver.py RUN OUT
 
 laspy with lazrs (LAZ, COPC), pyproj (systems, coordinates), plyfile (PLY), GDAL by pyogrio
-(GeoJSON) and by rasterio with rio-cogeo (GeoTIFF), evo (TUM, KITTI). SBET and
+(GeoJSON) and by rasterio with rio-cogeo (GeoTIFF), evo (TUM, KITTI), CloudCompare (Debian's
+package, if it is installed). SBET and
 SemanticKITTI are read as their readers do, by numpy. Exit code 1 if a value differs.
 """
-import argparse, json, pathlib, re, sys, time
+import argparse, json, os, pathlib, re, shutil, subprocess, sys, tempfile, time
 
 import geopandas
 import laspy
@@ -212,6 +213,29 @@ def rasters(run, out, facts, tiles):
     row("rasterio", "colors by cell", (images["color"].reshape(4, -1).T[at][seen] == np.c_[rgb[seen], np.full(seen.sum(), 255)]).all())
 
 
+def cloudcompare_program(run, out, facts):
+    """The smallest cloud as CloudCompare (Debian) loads it: coordinates, colors and all scalar fields."""
+    program = shutil.which("CloudCompare")
+    if program is None:
+        print("| CloudCompare | PLY | not installed | |")
+        return
+    paths = sorted((out / "cloudcompare").glob("*.ply"))
+    number = min(range(len(paths)), key=lambda k: paths[k].stat().st_size)
+    expected = run.clouds[number]
+    with tempfile.TemporaryDirectory() as folder:
+        text = pathlib.Path(folder) / "cloud.txt"
+        options = ["-SILENT", "-C_EXPORT_FMT", "ASC", "-ADD_HEADER", "-PREC", "6", "-NO_TIMESTAMP", "-O", "-GLOBAL_SHIFT", "AUTO"]
+        subprocess.run([program, *options, paths[number], "-SAVE_CLOUDS", "FILE", text], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                       env={**os.environ, "QT_QPA_PLATFORM": "offscreen"})
+        found = geopandas.pd.read_csv(text, sep=" ")
+    found.columns = [name.strip("/") for name in found.columns]
+    off = np.abs(found[["X", "Y", "Z"]].to_numpy() - projected(run, run.xyz(expected), facts["epsg"])).max()
+    names = {"R": "red", "G": "green", "B": "blue", "class": "semantic", "instance": "instance", "laser": "ring", "moving": "dynamic",
+             "frame": "index_frame", "intensity": "intensity", "camera": "camera"}
+    equal = all((found[a].to_numpy() == expected[b]).all() for a, b in names.items())
+    row("CloudCompare", "PLY", equal and off < 2e-3, f"{len(found)} points, {len(found.columns)} columns, coordinates within {1e3 * off:.1f} mm")
+
+
 def cloudcompare(run, out, facts):
     path = sorted((out / "cloudcompare").glob("*.ply"))[0]
     ply = plyfile.PlyData.read(path)
@@ -262,6 +286,7 @@ def main():
     objects(args.out, facts)
     rasters(run, args.out, facts, tiles)
     cloudcompare(run, args.out, facts)
+    cloudcompare_program(run, args.out, facts)
     semantic_kitti(run, args.out)
     sys.exit(f"differ: {', '.join(FAILED)}" if FAILED else 0)
 
