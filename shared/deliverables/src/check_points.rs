@@ -1,10 +1,11 @@
 //! Residuals of the cloud against check points that were measured independently.
 
 mod file;
+mod map;
 mod plane;
 mod report;
 
-pub use file::{CheckPoint, load_check_points};
+pub use file::{CheckPoint, check_points_from_csv, load_check_points};
 pub use report::{Accuracy, AxisAccuracy};
 
 use crate::cloud::{self, Cloud};
@@ -41,8 +42,8 @@ pub struct Residual {
     pub roughness_m: Option<f64>,
 }
 
-/// Compares the cloud with check points, and writes `check_points.csv` and `check_points_summary.csv` into the existing
-/// folder `out`.
+/// Compares the cloud with check points, and writes `check_points.csv`, `check_points_summary.csv` and the map `check_points.svg` into the
+/// existing folder `out`.
 pub fn write_check_points(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
@@ -52,9 +53,14 @@ pub fn write_check_points(
     let sums = surfaces(run, frame, &points)?;
     let residuals: Vec<Residual> = points.into_iter().zip(sums).map(|(point, sums)| residual(point, &sums)).collect();
     let accuracy = Accuracy::of(&residuals);
-    for (name, text) in
-        [("check_points.csv", report::table(&residuals)), ("check_points_summary.csv", accuracy.table())]
-    {
+    let poses = run.trajectory.poses().iter();
+    let path = poses.map(|(_, pose)| frame.from_local(&pose.translation.vector.into()).map(|[x, y, _]| [x, y]));
+    let path: Vec<[f64; 2]> = path.collect::<Result<_, _>>()?;
+    for (name, text) in [
+        ("check_points.csv", report::table(&residuals)),
+        ("check_points_summary.csv", accuracy.table()),
+        ("check_points.svg", map::map(&residuals, path)),
+    ] {
         let path = out.join(name);
         write_atomic(&path, text.as_bytes()).map_err(DeliverError::file(&path, "write"))?;
     }

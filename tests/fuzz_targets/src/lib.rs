@@ -26,7 +26,7 @@ use std::time::Duration;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 65] = [
+pub const TARGETS: [Target; 67] = [
     ("pcap", captures::capture),
     ("pcapng", captures::capture),
     ("hdl32e", captures::hdl32e),
@@ -62,6 +62,8 @@ pub const TARGETS: [Target; 65] = [
     ("tum", texts::tum),
     ("trajectory_csv", texts::trajectory_csv),
     ("kitti_poses", texts::kitti_poses),
+    ("check_points", texts::check_points),
+    ("geoid_grid", texts::geoid_grid),
     ("launch_file", programs::launch_file),
     ("drive_manifest", programs::drive_manifest),
     ("mcap", programs::mcap),

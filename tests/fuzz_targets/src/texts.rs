@@ -1,6 +1,8 @@
-//! Trajectories and lens calibrations.
+//! Trajectories, lens calibrations, check points and grids of geoids.
 
 use crate::accepted::accepted;
+use deliverables::check_points::check_points_from_csv;
+use formats::gtx::GeoidGrid;
 use formats::ladybug::LadybugCalibration;
 use formats::trajectory::{
     TrajectoryError, poses_from_kitti, times_from_kitti, trajectory_from_csv, trajectory_from_tum,
@@ -33,6 +35,24 @@ pub(crate) fn kitti_poses(bytes: &[u8]) {
         assert!(poses.iter().all(|pose| (pose.rotation.norm() - 1.0).abs() < 1e-9));
     }
     let _ = times_from_kitti(&text(bytes));
+}
+
+pub(crate) fn check_points(bytes: &[u8]) {
+    let read = check_points_from_csv(&text(bytes));
+    accepted(&read);
+    if let Ok(points) = read {
+        assert!(points.iter().flat_map(|point| point.xyz).all(f64::is_finite));
+    }
+}
+
+pub(crate) fn geoid_grid(bytes: &[u8]) {
+    let read = GeoidGrid::decode(bytes);
+    accepted(&read);
+    if let Ok(grid) = read {
+        let places = (-6..=6).flat_map(|i| (-12..=12).map(move |j| [f64::from(i) * 15.0, f64::from(j) * 15.0]));
+        let heights = places.filter_map(|[latitude_deg, longitude_deg]| grid.height(latitude_deg, longitude_deg));
+        assert!(heights.into_iter().all(|height| !height.is_nan()));
+    }
 }
 
 pub(crate) fn ladybug(bytes: &[u8]) {

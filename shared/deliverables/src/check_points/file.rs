@@ -22,10 +22,12 @@ const IN_CLOUD: [&str; 3] = ["cloud_x", "cloud_y", "cloud_z"];
 /// Reads a CSV file whose first line names the columns, in any order. Other columns are ignored.
 pub fn load_check_points(path: &Path) -> Result<Vec<CheckPoint>, DeliverError> {
     let text = std::fs::read_to_string(path).map_err(DeliverError::file(path, "read"))?;
-    parse(&text).map_err(|(line, rule)| {
-        let place = if line == 0 { String::new() } else { format!("line {line}: ") };
-        DeliverError::content(path, format!("{place}{rule}"))
-    })
+    check_points_from_csv(&text).map_err(|rule| DeliverError::content(path, rule))
+}
+
+/// The points of such a text. The error is the rule that it breaks, with the line.
+pub fn check_points_from_csv(text: &str) -> Result<Vec<CheckPoint>, String> {
+    parse(text).map_err(|(line, rule)| if line == 0 { rule } else { format!("line {line}: {rule}") })
 }
 
 fn parse(text: &str) -> Result<Vec<CheckPoint>, (usize, String)> {

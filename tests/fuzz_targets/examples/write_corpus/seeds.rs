@@ -65,6 +65,8 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("tum", vec![tum_from_trajectory(&trajectory).into_bytes()]),
         ("trajectory_csv", vec![csv_from_trajectory(&trajectory).into_bytes()]),
         ("kitti_poses", vec![poses.into_bytes()]),
+        ("check_points", vec![CHECK_POINTS.as_bytes().to_vec()]),
+        ("geoid_grid", vec![geoid_grid()]),
         ("launch_file", vec![LAUNCH.as_bytes().to_vec()]),
         ("drive_manifest", vec![DRIVE.as_bytes().to_vec()]),
         ("mcap", vec![mcap()]),
@@ -468,4 +470,14 @@ fn multipart() -> Vec<u8> {
         [header.into_bytes(), image, b"\r\n".to_vec()].concat()
     };
     [part(picture(ImageFormat::Png)), part(pgm_from_samples(20, 10, 255, &[77; 200]))].concat()
+}
+
+const CHECK_POINTS: &str = "name,x,y,z,cloud_x,cloud_y,cloud_z\nA,448251.5,5411932.25,36.1,448251.51,5411932.24,36.12\n# one that was not found\nB,448260,5411940,36.3,,,\n";
+
+/// 3 rows of 4 columns around 48 degrees north, 2 degrees east; one node without value.
+fn geoid_grid() -> Vec<u8> {
+    let doubles = [47.0_f64, 1.0, 0.5, 0.5].into_iter().flat_map(f64::to_be_bytes);
+    let sizes = [3_i32, 4].into_iter().flat_map(i32::to_be_bytes);
+    let values = (0..12_u8).map(|i| if i == 5 { -88.8888 } else { 44.0 + f32::from(i) }).flat_map(f32::to_be_bytes);
+    doubles.chain(sizes).chain(values).collect()
 }

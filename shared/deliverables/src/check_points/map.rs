@@ -1,0 +1,74 @@
+//! The check points on a map: height differences as colors, horizontal ones as enlarged lines.
+
+use super::Residual;
+use chart::{Chart, Series};
+
+/// Height differences up to these, m, have a color each; larger ones have the last.
+const HEIGHT_STEPS_M: [f64; 2] = [0.02, 0.05];
+/// Up to the steps, beyond, and without height.
+const COLORS: [&str; 4] = ["#009e73", "#e69f00", "#d55e00", "#999999"];
+const PATH_COLOR: &str = "#bbbbbb";
+const HORIZONTAL_COLOR: &str = "#0072b2";
+/// Horizontal differences are drawn this many times as long.
+const ENLARGED: f64 = 100.0;
+
+/// Content of an SVG file. `path` is that of the vehicle; all coordinates are those of the delivery, m.
+pub(super) fn map(residuals: &[Residual], path: Vec<[f64; 2]>) -> String {
+    let mut series = vec![Series::thin_line("path", PATH_COLOR, path)];
+    for Residual { point, horizontal_m, .. } in residuals {
+        let [x, y, _] = point.xyz;
+        if let Some([east_m, north_m]) = horizontal_m {
+            let end = [x + ENLARGED * east_m, y + ENLARGED * north_m];
+            series.push(Series::thin_line(
+                format!("horizontal, {ENLARGED} times"),
+                HORIZONTAL_COLOR,
+                vec![[x, y], end],
+            ));
+        }
+    }
+    let [fine, coarse] = HEIGHT_STEPS_M;
+    let names = [
+        format!("height within {fine} m"),
+        format!("within {coarse} m"),
+        format!("beyond {coarse} m"),
+        "no height".to_owned(),
+    ];
+    for (step, (name, color)) in names.into_iter().zip(COLORS).enumerate() {
+        let of_step = residuals.iter().filter(|residual| step_of(residual.up_m) == step);
+        let points: Vec<[f64; 2]> = of_step.map(|Residual { point, .. }| [point.xyz[0], point.xyz[1]]).collect();
+        if !points.is_empty() {
+            series.push(Series::dots(name, color, points));
+        }
+    }
+    Chart::map("Check points: cloud minus check point", ["x, m", "y, m"], series).svg()
+}
+
+/// Index in [`COLORS`].
+fn step_of(up_m: Option<f64>) -> usize {
+    let Some(up_m) = up_m else { return COLORS.len() - 1 };
+    HEIGHT_STEPS_M.iter().filter(|step| up_m.abs() > **step).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check_points::CheckPoint;
+
+    #[test]
+    fn map_has_a_color_for_each_size_of_height_difference() {
+        let residual = |x: f64, horizontal_m: Option<[f64; 2]>, up_m: Option<f64>| Residual {
+            point: CheckPoint { name: "A".to_owned(), xyz: [x, 5.0, 3.0], in_cloud: None },
+            horizontal_m,
+            up_m,
+            n_points: 20,
+            roughness_m: None,
+        };
+        assert_eq!([Some(-0.02), Some(0.03), Some(-0.06), None].map(step_of), [0, 1, 2, 3]);
+        let residuals = [residual(1.0, Some([0.01, 0.0]), Some(0.01)), residual(9.0, None, None)];
+        let svg = map(&residuals, vec![[0.0, 0.0], [10.0, 10.0]]);
+        for text in ["height within 0.02 m", "no height", "horizontal, 100 times", "path"] {
+            assert!(svg.contains(text), "{text}");
+        }
+        assert!(!svg.contains("beyond"), "no entry without points");
+    }
+}
