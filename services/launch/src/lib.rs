@@ -10,6 +10,7 @@
 //! | `swap` | replacing a stage of a running pipeline |
 //! | `log` | events on stderr, as text or as JSON |
 
+mod about_itself;
 mod active_run;
 mod check;
 mod control;
@@ -32,7 +33,8 @@ mod supervise;
 mod swap;
 mod swap_record;
 
-use clap::Parser;
+use about_itself::AboutItself;
+use clap::{CommandFactory, Parser};
 use log::LogFormat;
 use plan::{Plan, Selection};
 use run::exit;
@@ -46,7 +48,7 @@ use supervise::{Options, Start};
 #[derive(Parser)]
 #[command(
     name = "replica-launch",
-    version,
+    version = env!("REPLICA_VERSION"),
     after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but doubtful or not complete, 78 wrong configuration"
 )]
 #[allow(clippy::struct_excessive_bools, reason = "each flag of a command line is independent of the others")]
@@ -57,6 +59,10 @@ struct Arguments {
     /// Replace a setting, e.g. --set run.drive=drives/monday (may be repeated)
     #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
     overrides: Vec<String>,
+    /// Leave out a key of the launch file, so that its default holds, e.g. --unset infer.model (may be repeated); --set may set
+    /// it again
+    #[arg(long, value_name = "TABLE.KEY")]
+    unset: Vec<String>,
     /// The table of the run's source, e.g. replay. It replaces the stages that produce its topics. Stages that then lack an
     /// input, or whose topics no stage reads any more, are left out
     #[arg(long, value_name = "TABLE")]
@@ -93,20 +99,33 @@ struct Arguments {
     /// Format of the messages on stderr and of the stages' logs
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     log: LogFormat,
+    #[command(flatten)]
+    own: AboutItself,
+}
+
+impl Arguments {
+    /// What changes the launch file, as [`run::launch_file::LaunchFile::load`] takes it.
+    fn changes(&self) -> Vec<String> {
+        self.unset.iter().map(|key| format!("!{key}")).chain(self.overrides.iter().cloned()).collect()
+    }
 }
 
 /// The whole program.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     arguments.log.install();
+    if let Some(code) = arguments.own.write(Arguments::command()) {
+        return code;
+    }
     if let Some(parent) = arguments.end_with
         && let Err(error) = run::process::end_with(parent)
     {
         tracing::error!("replica-launch: --end-with {parent}: {error}, or it did not start this program");
         return ExitCode::from(exit::FAILED);
     }
+    let changes = arguments.changes();
     let selection = Selection { source: arguments.source, without: arguments.without, recorded: arguments.topics };
-    let plan = match check::plan(&arguments.launch_file, &arguments.overrides, &selection) {
+    let plan = match check::plan(&arguments.launch_file, &changes, &selection) {
         Ok(plan) => plan,
         Err(problems) => {
             for problem in &problems {

@@ -11,6 +11,7 @@ mod data;
 mod error_text;
 mod exit_code;
 mod lab;
+mod setup;
 mod terminal;
 mod usage_error;
 

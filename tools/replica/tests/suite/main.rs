@@ -9,5 +9,6 @@ mod evaluate_run;
 mod finished_run;
 mod inspect_drive;
 mod instances;
+mod setup;
 mod spectrum;
 mod support;
