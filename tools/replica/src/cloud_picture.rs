@@ -3,6 +3,7 @@
 mod bev_picture;
 mod camera;
 mod canvas;
+mod cloud_facts;
 mod cloud_summary;
 mod loaded_cloud;
 mod palette;
@@ -11,6 +12,7 @@ mod settings;
 pub use bev_picture::{BevRequest, render_bev};
 pub use camera::Camera;
 pub use canvas::Canvas;
+pub use cloud_facts::CloudFacts;
 pub use cloud_summary::CloudSummary;
 pub use loaded_cloud::LoadedCloud;
 pub use palette::{Palette, ramp, share};

@@ -1,5 +1,6 @@
 //! `replica`: the command line tool beside `replica-launch`. Data goes to stdout, diagnostics go to stderr.
 
+mod answer;
 mod argument;
 mod byte_values;
 mod class_color;

@@ -1,11 +1,10 @@
 //! Statistics of a set of clouds.
 
+use super::cloud_facts::{CloudFacts, Count};
 use super::loaded_cloud::LoadedCloud;
 use super::settings::ColorBy;
 use messages::class_name;
-use page::grouped;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
 use std::path::Path;
 
 /// Points of one file that are sampled for percentiles and for the path.
@@ -101,49 +100,21 @@ impl CloudSummary {
         }
     }
 
-    /// The statistics as text.
-    pub fn table(&self, path: &Path) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{}: {} clouds, {} points", path.display(), self.files.len(), grouped(self.n_points));
-        for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
-            if let Some([min, max]) = self.bounds {
-                let _ = writeln!(text, "{axis} {:>12.2} to {:>10.2} m, {:>8.2} m", min[k], max[k], max[k] - min[k]);
-            }
+    /// The statistics, for people and for programs.
+    pub fn facts(&self) -> CloudFacts {
+        let counts = |(name, points): (&str, usize)| Count { name: name.to_owned(), points };
+        let mut classes: Vec<Count> = self.classes.iter().map(|(name, n)| counts((name, *n))).collect();
+        classes.sort_by_key(|class| std::cmp::Reverse(class.points));
+        CloudFacts {
+            points: self.n_points,
+            bounds_m: self.bounds,
+            seconds: self.times_s.map(|[first, last]| last - first),
+            path_m: (!self.path.is_empty()).then(|| length_m(&self.path)),
+            colored_points: self.has_color.then_some(self.n_colored),
+            instances: self.instances.as_ref().map(BTreeSet::len),
+            classes,
+            clouds: self.files.iter().map(|(name, n)| counts((name, *n))).collect(),
         }
-        if let Some([first, last]) = self.times_s {
-            let _ = writeln!(text, "time {:.3} s", last - first);
-        }
-        if !self.path.is_empty() {
-            let _ = writeln!(text, "path {:.1} m", length_m(&self.path));
-        }
-        if self.has_color {
-            let _ = writeln!(text, "color {:.1} % of the points", self.percent(self.n_colored));
-        }
-        if let Some(instances) = &self.instances {
-            let _ = writeln!(text, "instances {}", instances.len());
-        }
-        let mut classes: Vec<(&str, usize)> = self.classes.iter().map(|(name, n)| (*name, *n)).collect();
-        classes.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-        self.list(&mut text, "class", &classes);
-        let files: Vec<(&str, usize)> = self.files.iter().map(|(name, n)| (name.as_str(), *n)).collect();
-        self.list(&mut text, "cloud", &files);
-        text
-    }
-
-    fn list(&self, text: &mut String, title: &str, rows: &[(&str, usize)]) {
-        if rows.is_empty() {
-            return;
-        }
-        let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or_default().max(title.len());
-        let _ = writeln!(text, "\n{title:<width$} {:>14} {:>8}", "points", "share");
-        for (name, n) in rows {
-            let _ = writeln!(text, "{name:<width$} {:>14} {:>6.1} %", grouped(*n), self.percent(*n));
-        }
-    }
-
-    fn percent(&self, n: usize) -> f64 {
-        100.0 * n as f64 / self.n_points.max(1) as f64
     }
 }
 

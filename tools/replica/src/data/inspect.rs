@@ -5,16 +5,20 @@ pub mod georeference;
 mod offset;
 mod recording;
 
+use super::report::StageDoubt;
+use crate::answer::Answer;
 use crate::cloud_files::cloud_files;
 use crate::cloud_picture::{
-    Background, BevRequest, ColorBy, PictureSettings, PictureSize, Viewpoint, render, render_bev, summarize,
+    Background, BevRequest, CloudFacts, ColorBy, PictureSettings, PictureSize, Viewpoint, render, render_bev, summarize,
 };
 use crate::exit_code;
 use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
+use delivery::GeoreferenceFile;
 use drive::Reading;
+use recording::RecordingFacts;
 use run::summary::Summary;
-use std::io::Write;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -68,21 +72,25 @@ pub struct Args {
     /// Background of the picture
     #[arg(long, default_value = "dark")]
     background: Background,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Prints the table and renders the picture, if one is requested.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.offset {
-        let _ = std::io::stdout().write_all(offset::report(&args.path)?.as_bytes());
+        let offset = offset::read(&args.path)?;
+        args.answer.print(&offset, || offset.text())?;
         return Ok(ExitCode::SUCCESS);
     }
     if args.path.extension().is_some_and(|extension| extension == "mcap") {
-        let (table, complete) = recording::table(&args.path)?;
-        let _ = std::io::stdout().write_all(table.as_bytes());
-        return Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
+        let recording = RecordingFacts::of(&args.path)?;
+        args.answer.print(&recording, || recording.table())?;
+        return Ok(if recording.complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
     }
     if drive::is_drive(&args.path) {
-        return drive::run(&args.path, if args.full { Reading::All } else { Reading::Samples }, args.page.as_deref());
+        let reading = if args.full { Reading::All } else { Reading::Samples };
+        return drive::run(&args.path, reading, args.page.as_deref(), args.answer);
     }
     if args.full || args.page.is_some() {
         let path = args.path.display();
@@ -92,13 +100,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     ensure!((0.0..=1.0).contains(&args.at), "--at {}: must be 0 to 1", args.at);
     let files = cloud_files(&args.path)?;
     let summary = summarize(&files)?;
-    // A reader that closes the pipe early has seen enough.
-    let text = summary.table(&args.path) + &georeference::lines(&args.path) + &doubts(&args.path);
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    let result = ResultFacts::of(&args.path, summary.facts());
+    args.answer.print(&result, || result.text())?;
     if let (Some(request), Some(picture)) = (&args.bev, &args.picture) {
         let line = render_bev(&files, &summary, request, args.background, picture)
             .with_context(|| args.path.display().to_string())?;
-        let _ = std::io::stdout().write_all(line.as_bytes());
+        eprint!("{line}");
     } else if let Some(picture) = &args.picture {
         let settings = PictureSettings {
             color_by: args.by,
@@ -112,12 +119,32 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The doubts of the run in folder `path`, one per line. Clouds may lie anywhere, so a folder without a summary has none.
-fn doubts(path: &Path) -> String {
-    let summary = Summary::load(path).unwrap_or_default();
-    let lines: Vec<String> =
-        summary.doubts().map(|(stage, doubt)| format!("doubt ({stage}): {}\n", doubt.text)).collect();
-    lines.concat()
+/// Clouds, and what the run that made them says about them.
+#[derive(Serialize)]
+struct ResultFacts {
+    path: String,
+    #[serde(flatten)]
+    clouds: CloudFacts,
+    georeference: Option<GeoreferenceFile>,
+    /// Of stages. Clouds may lie anywhere, so a folder without a summary has none.
+    doubts: Vec<StageDoubt>,
+}
+
+impl ResultFacts {
+    fn of(path: &Path, clouds: CloudFacts) -> Self {
+        Self {
+            path: path.display().to_string(),
+            clouds,
+            georeference: georeference::load(path),
+            doubts: StageDoubt::of(&Summary::load(path).unwrap_or_default()),
+        }
+    }
+
+    fn text(&self) -> String {
+        let doubts = self.doubts.iter().map(|doubt| format!("doubt ({}): {}\n", doubt.stage, doubt.doubt.text));
+        let georeference = self.georeference.as_ref().map(georeference::lines).unwrap_or_default();
+        self.clouds.table(&self.path) + &georeference + &doubts.collect::<String>()
+    }
 }
 
 #[cfg(test)]
@@ -151,7 +178,7 @@ mod tests {
         write_street(&folder.path().join("clouds/submap_0000_spectra.ply"));
         let files = cloud_files(folder.path()).expect("has clouds");
         assert_eq!(files.len(), 1, "files of spectra are not clouds");
-        let table = summarize(&files).expect("loads").table(folder.path());
+        let table = summarize(&files).expect("loads").facts().table("street");
         for line in ["1 clouds, 40 000 points", "path 39.", "instances 1", "road", "98.0 %", "vehicles", "2.0 %"] {
             assert!(table.contains(line), "{line:?} is not in\n{table}");
         }
