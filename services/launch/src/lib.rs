@@ -27,6 +27,7 @@ mod progress;
 mod recorder;
 mod resources;
 mod run_folder;
+mod slowest;
 mod stage_figures;
 mod stage_process;
 mod supervise;

@@ -33,6 +33,7 @@ pub use log::catch_panic;
 pub use messages;
 pub use outputs::Outputs;
 pub use port::Port;
+pub use run::space;
 pub use run::{
     Context, Field, Mode, Problem, Rule, Settings, StateError, any, at_least, each_one_of, exit, one_of, parse_table,
     settings, toml, within,
