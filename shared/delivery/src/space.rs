@@ -7,9 +7,9 @@ use formats::lidar::SweepError;
 /// Sweeps from which the number of points is estimated. One sweep of a capture may be cut off; ten are read in some 50 ms.
 const SAMPLE_SWEEPS: usize = 10;
 
-/// Share of the points that a mosaic camera sees, and that are also written with their spectra: 12 % in the sample drive, whose two
+/// Share of the points that a mosaic camera sees, and that are also written with their spectra: 6.4 % in the sample drive, whose two
 /// cameras look to the sides.
-const SHARE_WITH_SPECTRA: f64 = 0.12;
+const SHARE_WITH_SPECTRA: f64 = 0.064;
 
 /// Points and bytes of clouds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,9 +29,10 @@ pub fn space_need(drive: &Drive, fields: CloudFields, has_spectra: bool) -> Resu
     }
     let has_lidars = drive.lidars().count() > 1;
     let row_bytes = header_of(CloudFields { has_lidars, ..fields }).row_size() as f64;
-    let bands = drive.expected_bands();
-    let mean_bands = bands.iter().map(Vec::len).sum::<usize>() as f64 / bands.len().max(1) as f64;
-    let spectra_bytes = if has_spectra { SHARE_WITH_SPECTRA * mean_bands * size_of::<f32>() as f64 } else { 0.0 };
+    // Position, number of the point, and the bands of all cameras.
+    let n_bands: usize = drive.expected_bands().iter().map(Vec::len).sum();
+    let spectrum_bytes = if has_spectra && n_bands > 0 { 4 * (4 + n_bands) } else { 0 };
+    let spectra_bytes = SHARE_WITH_SPECTRA * spectrum_bytes as f64;
     Ok(SpaceNeed { points: points as u64, bytes: (points * (row_bytes + spectra_bytes)) as u64 })
 }
 

@@ -33,7 +33,7 @@ pub mod summary;
 pub mod terminal;
 pub mod wiring;
 
-pub use context::{Context, Mode};
+pub use context::{Context, Mode, find_file};
 pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
 pub use settings::{
     Field, Problem, Rule, SettingError, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,

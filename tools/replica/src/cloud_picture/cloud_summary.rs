@@ -22,6 +22,11 @@ pub struct CloudSummary {
     intensities: Vec<f64>,
     path: Vec<[f64; 3]>,
     times_s: Option<[f64; 2]>,
+    /// Of the submaps.
+    sigmas_m: Option<[f64; 2]>,
+    bands: Vec<f64>,
+    has_moving: bool,
+    has_score: bool,
     n_points: usize,
     n_colored: usize,
     has_color: bool,
@@ -43,10 +48,10 @@ impl CloudSummary {
         if let Some(ids) = cloud.instances() {
             self.instances.get_or_insert_default().extend(ids.iter().filter(|id| **id != 0));
         }
-        for time_s in cloud.times_s().unwrap_or_default() {
-            let [first, last] = self.times_s.get_or_insert([*time_s; 2]);
-            (*first, *last) = (first.min(*time_s), last.max(*time_s));
-        }
+        self.has_moving |= cloud.moving().is_some();
+        self.has_score |= cloud.scores().is_some();
+        cloud.times_s().unwrap_or_default().iter().for_each(|time_s| extend(&mut self.times_s, *time_s));
+        cloud.sigma_m().into_iter().for_each(|sigma_m| extend(&mut self.sigmas_m, sigma_m));
         for i in (0..cloud.len()).step_by(cloud.len().div_ceil(SAMPLES).max(1)) {
             self.sample(cloud, i);
         }
@@ -68,6 +73,8 @@ impl CloudSummary {
         if let Some(intensities) = cloud.intensities() {
             self.intensities.push(f64::from(intensities[i]));
         }
+        // Few points have a spectrum, so that few samples do.
+        self.bands.extend(cloud.band().map(|band| f64::from(band[i])).filter(|value| value.is_finite()));
         let Some(position) = cloud.lidar_position(i).filter(|p| p.iter().all(|v| v.is_finite())) else { return };
         let is_new = |last: &[f64; 3]| (position[0] - last[0]).hypot(position[1] - last[1]) >= PATH_STEP_M;
         if self.path.last().is_none_or(is_new) {
@@ -90,6 +97,46 @@ impl CloudSummary {
     /// 1st and 99th percentile of the intensities.
     pub fn intensity_range(&self) -> [f64; 2] {
         percentiles(&self.intensities)
+    }
+    /// First and last time of a return, s.
+    pub fn times_s(&self) -> [f64; 2] {
+        self.times_s.unwrap_or_default()
+    }
+    /// Smallest and largest standard deviation of a submap, m.
+    pub fn sigma_range_m(&self) -> [f64; 2] {
+        self.sigmas_m.unwrap_or_default()
+    }
+    /// 1st and 99th percentile of the reflectances of the band.
+    pub fn band_range(&self) -> [f64; 2] {
+        percentiles(&self.bands)
+    }
+    /// Classes of the points, the most frequent first.
+    pub fn classes(&self) -> Vec<&'static str> {
+        let mut classes: Vec<(&'static str, usize)> = self.classes.iter().map(|(name, n)| (*name, *n)).collect();
+        classes.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+        classes.into_iter().map(|(name, _)| name).collect()
+    }
+    /// Number of clouds.
+    pub fn n_clouds(&self) -> usize {
+        self.files.len()
+    }
+    /// What a coloring needs and the clouds do not have.
+    pub fn lacks(&self, by: ColorBy) -> Option<&'static str> {
+        let (has, what) = match by {
+            ColorBy::Color => (self.has_color, "colors: red, green, blue"),
+            ColorBy::Class => (!self.classes.is_empty(), "classes: semantic"),
+            ColorBy::Instance => (self.instances.is_some(), "instances: instance"),
+            ColorBy::Intensity => (!self.intensities.is_empty(), "intensities: intensity"),
+            ColorBy::Moving => (self.has_moving, "flags of moving points: dynamic"),
+            ColorBy::Score => (self.has_score, "scores: score"),
+            ColorBy::Time => (self.times_s.is_some(), "times: timestamp"),
+            ColorBy::Band => (!self.bands.is_empty(), "spectra: files submap_N_spectra.ply beside them"),
+            ColorBy::Sigma => {
+                (self.sigmas_m.is_some(), "standard deviations: the drive had no GNSS, or was not placed")
+            }
+            ColorBy::Height | ColorBy::Submap => (true, ""),
+        };
+        (!has).then_some(what)
     }
     /// The default coloring: the most informative one that the clouds have.
     pub fn default_coloring(&self) -> ColorBy {
@@ -116,6 +163,12 @@ impl CloudSummary {
             clouds: self.files.iter().map(|(name, n)| counts((name, *n))).collect(),
         }
     }
+}
+
+/// Extends the range by a value.
+fn extend(range: &mut Option<[f64; 2]>, value: f64) {
+    let [low, high] = range.get_or_insert([value; 2]);
+    (*low, *high) = (low.min(value), high.max(value));
 }
 
 /// Length of a polyline, m.
