@@ -45,6 +45,12 @@ pub struct CloudFields {
     pub has_color: bool,
 }
 
+impl CloudFields {
+    /// Those of a run with all stages.
+    pub const ALL: Self =
+        Self { coordinates: Kind::Float, has_lidars: false, has_instance: true, has_class: true, has_color: true };
+}
+
 /// The header of a cloud.
 pub(crate) fn header_of(fields: CloudFields) -> Header {
     let mut header = Header::new([

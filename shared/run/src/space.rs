@@ -23,12 +23,13 @@ pub fn bytes_of_files(folder: &Path) -> u64 {
     files.filter_map(|file| file.metadata().ok()).filter(std::fs::Metadata::is_file).map(|file| file.len()).sum()
 }
 
-/// A size for people: MB below 1 GB, else GB.
-pub fn size_text(bytes: u64) -> String {
-    if bytes < 1_000_000_000 {
-        format!("{:.1} MB", bytes as f64 * 1e-6)
-    } else {
-        format!("{:.1} GB", bytes as f64 * 1e-9)
+/// A size with a unit.
+pub fn size_text(n: u64) -> String {
+    match n {
+        0..1_000 => format!("{n} B"),
+        1_000..1_000_000 => format!("{:.1} kB", n as f64 * 1e-3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", n as f64 * 1e-6),
+        _ => format!("{:.2} GB", n as f64 * 1e-9),
     }
 }
 
@@ -58,6 +59,7 @@ mod tests {
 
     #[test]
     fn sizes_have_units() {
-        assert_eq!((size_text(1_500_000).as_str(), size_text(2_340_000_000).as_str()), ("1.5 MB", "2.3 GB"));
+        let texts = [999, 1_500, 1_500_000, 2_340_000_000].map(size_text);
+        assert_eq!(texts, ["999 B", "1.5 kB", "1.5 MB", "2.34 GB"]);
     }
 }

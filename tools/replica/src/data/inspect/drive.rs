@@ -137,7 +137,7 @@ impl DriveReport {
         inertial::add(drive, &mut report)?;
         cameras::add(drive, reading, &mut report);
         clocks::add(&lidar, &mut report);
-        processing::add(drive, path, &lidar, &mut report);
+        processing::add(drive, path, &mut report);
         Ok(report)
     }
 }

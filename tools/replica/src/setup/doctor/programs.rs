@@ -3,7 +3,6 @@
 use super::check::{Check, State};
 use delivery::{CloudFields, SpaceNeed, space_need};
 use formats::drive::Drive;
-use formats::ply::Kind;
 use run::launch_file::LaunchFile;
 use run::process::{own_folder, sibling};
 use std::path::{Path, PathBuf};
@@ -33,10 +32,7 @@ impl PlannedRun {
 
     /// What clouds with all columns need; `None` if the drive cannot be read yet.
     pub fn space_need(&self) -> Option<SpaceNeed> {
-        let coordinates = Kind::Float;
-        let fields =
-            CloudFields { coordinates, has_lidars: false, has_instance: true, has_class: true, has_color: true };
-        space_need(&Drive::open(&self.drive).ok()?, fields, true).ok()
+        space_need(&Drive::open(&self.drive).ok()?, CloudFields::ALL, true).ok()
     }
 }
 
