@@ -10,7 +10,6 @@
 //! | `swap` | replacing a stage of a running pipeline |
 //! | `log` | events on stderr, as text or as JSON |
 
-mod about_itself;
 mod active_run;
 mod check;
 mod control;
@@ -27,6 +26,7 @@ mod progress;
 mod recorder;
 mod resources;
 mod run_folder;
+mod shell_files;
 mod slowest;
 mod stage_figures;
 mod stage_process;
@@ -34,12 +34,12 @@ mod supervise;
 mod swap;
 mod swap_record;
 
-use about_itself::AboutItself;
 use clap::{CommandFactory, Parser};
 use log::LogFormat;
 use plan::{Plan, Selection};
 use run::exit;
 use run_folder::EarlierResults;
+use shell_files::ShellFiles;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -101,7 +101,7 @@ struct Arguments {
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     log: LogFormat,
     #[command(flatten)]
-    own: AboutItself,
+    shell_files: ShellFiles,
 }
 
 impl Arguments {
@@ -115,7 +115,7 @@ impl Arguments {
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     arguments.log.install();
-    if let Some(code) = arguments.own.write(Arguments::command()) {
+    if let Some(code) = arguments.shell_files.write(Arguments::command()) {
         return code;
     }
     if let Some(parent) = arguments.end_with

@@ -28,7 +28,7 @@ impl Table<'_> {
         let widths: Vec<usize> = (0..self.columns.len()).map(width_of).collect();
         let mut shown: Vec<usize> = (0..self.columns.len()).collect();
         let total = |shown: &[usize]| shown.iter().map(|index| widths[*index] + 1).sum::<usize>();
-        while total(&shown) > width + 1 {
+        while total(&shown) > width.saturating_add(1) {
             let Some(least) =
                 shown.iter().copied().filter(|i| self.columns[*i].rank > 0).max_by_key(|i| self.columns[*i].rank)
             else {
@@ -71,6 +71,7 @@ mod tests {
         let table = Table { columns: &COLUMNS, n_texts: 1, rows };
         assert_eq!(table.text(80), "NAME     MS  CPU\ninfer    12   96\n");
         assert_eq!(table.text(16), table.text(80));
+        assert_eq!(table.text(usize::MAX), table.text(80), "a pipe has no width");
         assert_eq!(table.text(15), "NAME    CPU\ninfer    96\n");
         assert_eq!(table.text(3), "NAME\ninfer\n", "the name stays");
     }

@@ -1,4 +1,4 @@
-//! Files that the program writes about its own command line: completions of shells and a man page.
+//! Files for the shell, written from the definition of the command line: completions and a man page.
 
 use crate::print;
 use clap::Command;
@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 /// Options that write such a file and start nothing.
 #[derive(clap::Args)]
-pub struct AboutItself {
+pub struct ShellFiles {
     /// Print the completions of a shell
     #[arg(long, value_name = "SHELL")]
     completions: Option<Shell>,
@@ -18,7 +18,7 @@ pub struct AboutItself {
     man: Option<PathBuf>,
 }
 
-impl AboutItself {
+impl ShellFiles {
     /// Writes what was asked for; `None` if nothing was.
     pub fn write(&self, mut command: Command) -> Option<ExitCode> {
         if let Some(folder) = &self.man {
