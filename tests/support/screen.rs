@@ -63,24 +63,16 @@ impl Screen {
                     row += 1;
                     lines.resize(lines.len().max(row + 1), Vec::new());
                 }
-                '\x1b' => {
-                    let sequence: String =
-                        characters.by_ref().skip(1).take_while(|c| !c.is_ascii_alphabetic()).collect();
-                    let end = written_end(&characters, &written);
-                    match end {
-                        // The cursor does not leave the screen.
-                        'A' => {
-                            row =
-                                row.saturating_sub(sequence.parse().unwrap_or(1)).max(lines.len().saturating_sub(rows))
-                        }
-                        'J' => {
-                            lines.truncate(row + 1);
-                            lines[row].truncate(column);
-                        }
-                        'm' => {}
-                        other => panic!("unknown sequence ESC [ {sequence} {other}"),
+                '\x1b' => match control_sequence(&mut characters) {
+                    // The cursor does not leave the screen.
+                    ('A', n) => row = row.saturating_sub(n).max(lines.len().saturating_sub(rows)),
+                    ('J', _) => {
+                        lines.truncate(row + 1);
+                        lines[row].truncate(column);
                     }
-                }
+                    ('m', _) => {}
+                    other => panic!("unknown control sequence {other:?}"),
+                },
                 character => {
                     if column == columns {
                         (row, column) = (row + 1, 0);
@@ -103,9 +95,16 @@ impl Screen {
     }
 }
 
-/// The last character that was taken.
-fn written_end(rest: &std::str::Chars<'_>, written: &str) -> char {
-    written[..written.len() - rest.as_str().len()].chars().next_back().unwrap_or_default()
+/// Of `[ n letter`: the letter, and n or 1.
+fn control_sequence(characters: &mut std::str::Chars<'_>) -> (char, usize) {
+    let mut number = String::new();
+    for character in characters.by_ref().skip_while(|character| *character == '[') {
+        if character.is_ascii_alphabetic() {
+            return (character, number.parse().unwrap_or(1));
+        }
+        number.push(character);
+    }
+    ('\0', 1)
 }
 
 #[cfg(test)]

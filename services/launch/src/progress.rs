@@ -82,7 +82,8 @@ impl Progress {
             Mode::Live => self.live_line(&health),
         };
         if !slowest.is_empty() {
-            line += &format!("  slowest: {slowest}");
+            line.push_str("  slowest: ");
+            line.push_str(slowest);
         }
         tracing::info!(kind = "progress", share, slowest, stages = %Json(&figures(processes)), "{line}");
     }

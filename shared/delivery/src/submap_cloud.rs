@@ -32,6 +32,7 @@ pub struct ReceivedSubmap<'a> {
 
 /// What the points of a cloud have beside position, time, angles and intensity.
 #[derive(Clone, Copy, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "a flag for each column")]
 pub struct CloudFields {
     /// Type of coordinates.
     pub coordinates: Kind,
