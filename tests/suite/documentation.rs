@@ -1,4 +1,5 @@
-//! The pages under `docs/` agree with the tree: links resolve, and the settings page is what the stages describe.
+//! The pages under `docs/` agree with the tree: links resolve, commands have the options that the pages show, and the settings page
+//! is what the stages describe.
 
 use replica_tests::binary;
 use serde_json::Value;
@@ -114,6 +115,57 @@ fn every_link_of_the_documentation_resolves() {
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+/// The command lines in the shell blocks of a page, without comments.
+fn command_lines(page: &Path) -> Vec<String> {
+    let text = fs::read_to_string(page).expect("a page is UTF-8 text").replace("\\\n", " ");
+    let blocks = text.split("```sh\n").skip(1).filter_map(|rest| rest.split_once("```"));
+    let lines = blocks.flat_map(|(block, _)| block.lines().map(str::to_owned).collect::<Vec<_>>());
+    let without_comment = |line: String| line.split(" #").next().unwrap_or_default().trim().to_owned();
+    let commands = |line: String| line.split(['|', ';', '&', '(', ')']).map(str::to_owned).collect::<Vec<_>>();
+    lines.map(without_comment).flat_map(commands).filter(|line| !line.starts_with('#')).collect()
+}
+
+/// What a command says about its options, by the words that select it.
+fn help(program: &str, words: &[&str]) -> Option<String> {
+    let output = Command::new(binary(program)).args(words).arg("--help").output().expect("starts");
+    output.status.success().then(|| String::from_utf8(output.stdout).expect("UTF-8"))
+}
+
+#[test]
+fn options_of_the_commands_in_the_documentation_exist() {
+    let (mut unknown, mut n_checked) = (Vec::new(), 0);
+    for page in pages() {
+        for line in command_lines(&page) {
+            let words: Vec<&str> = line.split_whitespace().map(|word| word.trim_matches(['[', ']', '\''])).collect();
+            let Some((program, arguments)) = words.split_first() else { continue };
+            let program = program.rsplit('/').next().unwrap_or_default();
+            if !["replica", "replica-launch"].contains(&program) {
+                continue;
+            }
+            // `replica evaluate map`: the options of both.
+            let n_words = if program == "replica" { 2 } else { 0 };
+            let selected: Vec<&str> = arguments
+                .iter()
+                .copied()
+                .take(n_words)
+                .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase()))
+                .collect();
+            let texts: Vec<String> = (0..=selected.len()).filter_map(|n| help(program, &selected[..n])).collect();
+            let options = arguments.iter().filter(|word| word.starts_with("--") && word.len() > 2);
+            for option in options.map(|word| word.split('=').next().unwrap_or_default()) {
+                n_checked += 1;
+                let is_known =
+                    |text: &String| text.split([' ', '\n', '=', ',', '[', '<', ']']).any(|word| word == option);
+                if !texts.iter().any(is_known) {
+                    unknown.push(format!("{}: {option} in `{line}`", page.display()));
+                }
+            }
+        }
+    }
+    assert!(unknown.is_empty(), "{}", unknown.join("\n"));
+    assert!(n_checked > 100, "{n_checked} options were found");
 }
 
 #[test]

@@ -27,6 +27,7 @@ mod stage_alone;
 mod supervision;
 mod swap;
 mod swap_segmenter;
+mod terminal;
 mod transports;
 mod two_lidars;
 mod zero_copy;

@@ -84,6 +84,30 @@ fn disk_too_small_for_the_clouds_ends_the_run_and_is_reported() {
 }
 
 #[test]
+#[cfg_attr(not(mount_namespaces), ignore = "needs a mount namespace (unshare)")]
+fn clouds_that_will_not_fit_are_refused_before_the_start() {
+    if !in_own_namespace!("clouds_that_will_not_fit_are_refused_before_the_start") {
+        return;
+    }
+    let expected = reference("pipeline", || pipeline(&drive(), "", ""));
+    let bytes: usize = expected.iter().filter(|(name, _)| name.contains("submap_")).map(|(_, file)| file.len()).sum();
+    let launch = pipeline(&drive(), "", "");
+    mount_tmpfs(&launch.output(), bytes as u64 / 3);
+    let (code, output_text) = end(launch.start());
+    assert_eq!(code, Some(78), "{output_text}");
+    assert!(output_text.contains("make room, or set another run.output"), "{output_text}");
+    let estimate = output_text.split("points need about ").nth(1).and_then(|rest| rest.split(" MB").next());
+    let estimate: f64 = estimate.and_then(|text| text.parse().ok()).expect(&output_text);
+    let ratio = estimate * 1e6 / bytes as f64;
+    assert!((0.7..1.4).contains(&ratio), "{estimate} MB estimated, {bytes} bytes written");
+    // Saved states need room, too.
+    resize_tmpfs(&launch.output(), 16 * bytes as u64);
+    let (code, output_text) = end(launch.start_again(&[]));
+    assert_eq!(code, Some(0), "{output_text}");
+    assert!(result_files(&launch.output()) == expected);
+}
+
+#[test]
 fn file_size_limit_is_reported() {
     // A shell sets the limit and becomes the relay; the file that outgrows it is made by the relay's log and state.
     let launch = limited_relay("ulimit -f 0");

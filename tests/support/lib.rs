@@ -9,6 +9,7 @@ pub mod power_loss;
 mod processes;
 mod recorded_kills;
 mod running;
+mod screen;
 mod shared;
 pub mod swaps;
 
@@ -22,6 +23,7 @@ pub use processes::{domain_of, is_alive, leftovers, processes_of};
 pub use random::Random;
 pub use recorded_kills::{RECORDED_VICTIMS, RecordedKills, kill_while_recording};
 pub use running::Running;
+pub use screen::{Screen, Terminal};
 pub use shared::{reference, undisturbed, undisturbed_lines};
 
 use std::path::{Path, PathBuf};

@@ -20,6 +20,7 @@
 
 mod doubts;
 mod settings;
+mod space;
 
 pub use settings::Settings;
 
@@ -110,7 +111,8 @@ impl Stage for Export {
         let is_unplaced = settings.frame == "utm" && !context.is_connected::<PlacementTopic>();
         let no_placement = "must not be \"utm\": no stage publishes placement, which moves the clouds to the world";
         let problems = [is_coarse.then_some(text), is_unplaced.then_some(no_placement)];
-        problems.into_iter().flatten().map(|text| Problem::of_key("frame", text)).collect()
+        let problems = problems.into_iter().flatten().map(|text| Problem::of_key("frame", text));
+        problems.chain(space::lacks(settings, context)).collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {

@@ -13,7 +13,7 @@ use segmentation::spherical::{AskedColumns, IntensityUse, Refinement};
 use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
-    SubmapJoin, decode_head,
+    SubmapJoin, decode_head, find_file,
 };
 use std::path::Path;
 
@@ -175,7 +175,8 @@ impl Stage for Infer {
 
     /// Those that the model reads. A model file that cannot be read is reported by [`Self::check`].
     fn inputs_with(settings: &Settings, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
-        let columns = segmentation::asked_columns(&launch_folder.join(&settings.model)).unwrap_or_default();
+        let columns =
+            segmentation::asked_columns(&find_file(launch_folder, Path::new(&settings.model))).unwrap_or_default();
         let color = columns.color.then(Port::of::<ColorTopic>);
         let spectra = (!columns.wavelengths_nm.is_empty()).then(Port::of::<SpectraTopic>);
         Ok([Some(Port::of::<SubmapTopic>()), color, spectra].into_iter().flatten().collect())

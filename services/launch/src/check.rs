@@ -148,7 +148,8 @@ fn select(
 ) -> (Option<String>, Vec<String>) {
     for name in selection.without.iter().chain(&selection.source) {
         if !problems.has_table(name) {
-            problems.add_without_place(format!("the command line names stage {name}, but the file has no such table"));
+            problems
+                .add_without_place(format!("the command line names stage {name}: {}", problems.nearest_table(name)));
         }
     }
     let Some(source) = &selection.source else { return (None, Vec::new()) };

@@ -4,6 +4,7 @@
 use crate::plan::Plan;
 use formats::drive::MANIFEST_FILE;
 use run::checksum::Checksum;
+use run::find_file;
 use run::toml::de::DeValue;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -116,14 +117,14 @@ fn seen(metadata: &Metadata) -> [i64; 7] {
     [device, inode, len, metadata.mtime(), metadata.mtime_nsec(), metadata.ctime(), metadata.ctime_nsec()]
 }
 
-/// The files that texts among these values name: absolute, or relative to `folder`.
+/// The files that texts among these values name: see [`find_file`].
 pub fn named_files<'a>(values: impl Iterator<Item = &'a DeValue<'a>>, folder: &Path) -> BTreeSet<PathBuf> {
     let mut files = BTreeSet::new();
     let mut left: Vec<&DeValue<'_>> = values.collect();
     while let Some(value) = left.pop() {
         match value {
             DeValue::String(text) if !text.is_empty() => {
-                let path = folder.join(text.as_ref());
+                let path = find_file(folder, Path::new(text.as_ref()));
                 files.extend(path.is_file().then_some(path));
             }
             DeValue::Array(items) => left.extend(items.iter().map(run::toml::Spanned::get_ref)),

@@ -26,17 +26,20 @@ mod progress;
 mod recorder;
 mod resources;
 mod run_folder;
+mod shell_files;
+mod slowest;
 mod stage_figures;
 mod stage_process;
 mod supervise;
 mod swap;
 mod swap_record;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use log::LogFormat;
 use plan::{Plan, Selection};
 use run::exit;
 use run_folder::EarlierResults;
+use shell_files::ShellFiles;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -46,7 +49,7 @@ use supervise::{Options, Start};
 #[derive(Parser)]
 #[command(
     name = "replica-launch",
-    version,
+    version = env!("REPLICA_VERSION"),
     after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but doubtful or not complete, 78 wrong configuration"
 )]
 #[allow(clippy::struct_excessive_bools, reason = "each flag of a command line is independent of the others")]
@@ -57,6 +60,10 @@ struct Arguments {
     /// Replace a setting, e.g. --set run.drive=drives/monday (may be repeated)
     #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
     overrides: Vec<String>,
+    /// Leave out a key of the launch file, so that its default holds, e.g. --unset infer.model (may be repeated); --set may set
+    /// it again
+    #[arg(long, value_name = "TABLE.KEY")]
+    unset: Vec<String>,
     /// The table of the run's source, e.g. replay. It replaces the stages that produce its topics. Stages that then lack an
     /// input, or whose topics no stage reads any more, are left out
     #[arg(long, value_name = "TABLE")]
@@ -93,20 +100,33 @@ struct Arguments {
     /// Format of the messages on stderr and of the stages' logs
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     log: LogFormat,
+    #[command(flatten)]
+    shell_files: ShellFiles,
+}
+
+impl Arguments {
+    /// What changes the launch file, as [`run::launch_file::LaunchFile::load`] takes it.
+    fn changes(&self) -> Vec<String> {
+        self.unset.iter().map(|key| format!("!{key}")).chain(self.overrides.iter().cloned()).collect()
+    }
 }
 
 /// The whole program.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     arguments.log.install();
+    if let Some(code) = arguments.shell_files.write(Arguments::command()) {
+        return code;
+    }
     if let Some(parent) = arguments.end_with
         && let Err(error) = run::process::end_with(parent)
     {
         tracing::error!("replica-launch: --end-with {parent}: {error}, or it did not start this program");
         return ExitCode::from(exit::FAILED);
     }
+    let changes = arguments.changes();
     let selection = Selection { source: arguments.source, without: arguments.without, recorded: arguments.topics };
-    let plan = match check::plan(&arguments.launch_file, &arguments.overrides, &selection) {
+    let plan = match check::plan(&arguments.launch_file, &changes, &selection) {
         Ok(plan) => plan,
         Err(problems) => {
             for problem in &problems {

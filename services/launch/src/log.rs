@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `problem` | a problem of the launch file |
 //! | `note` | `stage`, `note`: what a stage reports to the operator |
-//! | `progress` | `share` (0 to 1), `stages`: figures of each stage |
+//! | `progress` | `share` (0 to 1), `slowest` (stage that the others wait for), `stages`: figures of each stage |
 //! | `fault` | `stage`, `fault`, `fault_kind`, `last_log_lines`, `log` |
 //! | `restart` | `restart`, `allowed`, `barrier`, `delay_s` |
 //! | `done` | `outcome`, `total` |

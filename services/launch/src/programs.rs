@@ -92,7 +92,8 @@ pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf,
         return if program.is_file() { Ok(program) } else { Err(ProgramError::Absent { program }) };
     }
     sibling(&format!("replica-{table}")).map_err(|absent| {
-        let known = known_stages();
+        let mut known = known_stages();
+        known.extend(["run".to_owned(), "simulate".to_owned()]);
         let hint = nearest_key(table, known.iter().map(String::as_str)).replace("unknown key", "no such stage");
         ProgramError::UnknownStage { hint, absent }
     })

@@ -1,9 +1,12 @@
 //! Events about the progress of a run: where the stages are, and the notes that they report.
 
 use crate::log::{Json, LogFormat};
+use crate::plan::Plan;
+use crate::slowest::Dataflow;
 use crate::stage_figures::StageFigures;
 use crate::stage_process::StageProcess;
-use run::health::Activity;
+use run::Mode;
+use run::health::{Activity, Health};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
@@ -20,20 +23,31 @@ const BAR: usize = 20;
 /// Reports progress from time to time.
 pub struct Progress {
     every: Duration,
+    mode: Mode,
+    dataflow: Dataflow,
     begun: Instant,
     last: Option<Instant>,
+    rates: Rates,
     reported_notes: BTreeSet<String>,
 }
 
 impl Progress {
     /// As often as the format is read.
-    pub fn new(format: LogFormat) -> Self {
+    pub fn new(format: LogFormat, plan: &Plan) -> Self {
         let every = match format {
             LogFormat::Json => JSON_EVERY,
             LogFormat::Text if format.is_live_table() => TABLE_EVERY,
             LogFormat::Text => LINE_EVERY,
         };
-        Self { every, begun: Instant::now(), last: None, reported_notes: BTreeSet::new() }
+        Self {
+            every,
+            mode: plan.context.mode,
+            dataflow: Dataflow::of(&plan.stages),
+            begun: Instant::now(),
+            last: None,
+            rates: Rates::default(),
+            reported_notes: BTreeSet::new(),
+        }
     }
 
     /// The sources of the run start now.
@@ -52,33 +66,73 @@ impl Progress {
             }
         }
         let last = *self.last.get_or_insert(self.begun);
-        if last.elapsed() < self.every {
-            return;
+        if last.elapsed() >= self.every {
+            self.last = Some(Instant::now());
+            self.report_now(processes);
         }
-        self.last = Some(Instant::now());
-        let share = processes.iter().map(|process| process.health.progress).fold(1.0, f64::min);
-        let line = self.line(processes);
-        tracing::info!(kind = "progress", share, stages = %Json(&figures(processes)), "{line}");
     }
 
-    /// The progress of the slowest stage, in drive time.
-    fn line(&self, processes: &[StageProcess]) -> String {
-        let slowest = processes.iter().min_by(|a, b| a.health.progress.total_cmp(&b.health.progress));
-        let Some(slowest) = slowest else { return String::new() };
-        let share = slowest.health.progress.clamp(0.0, 1.0);
+    /// Reports the progress.
+    pub fn report_now(&mut self, processes: &[StageProcess]) {
+        let health: Vec<&Health> = processes.iter().map(|process| &process.health).collect();
+        let slowest = self.dataflow.slowest(&health).map(|index| processes[index].name.as_str()).unwrap_or_default();
+        let share = health.iter().map(|health| health.progress).fold(1.0, f64::min).clamp(0.0, 1.0);
+        let mut line = match self.mode {
+            Mode::Offline => self.line(share, processes),
+            Mode::Live => self.live_line(&health),
+        };
+        if !slowest.is_empty() {
+            line.push_str("  slowest: ");
+            line.push_str(slowest);
+        }
+        tracing::info!(kind = "progress", share, slowest, stages = %Json(&figures(processes)), "{line}");
+    }
+
+    /// The progress of the stage that is behind most, in drive time.
+    fn line(&self, share: f64, processes: &[StageProcess]) -> String {
         let elapsed = self.begun.elapsed().as_secs_f64();
-        let left =
-            if share > 0.0 { format!("{:.0} s left", elapsed * (1.0 - share) / share) } else { "starting".to_owned() };
+        let left = if share > 0.0 {
+            format!("{:.0} s left", elapsed * (1.0 - share) / share)
+        } else {
+            let waits: Vec<String> = processes.iter().filter_map(start_state).collect();
+            if waits.is_empty() { "starting".to_owned() } else { format!("starting: {}", waits.join(", ")) }
+        };
         let filled = (share * BAR as f64) as usize;
-        let waits: Vec<String> = processes.iter().filter_map(start_state).collect();
-        let waits = if share > 0.0 || waits.is_empty() { String::new() } else { format!("  {}", waits.join(", ")) };
+        let (bar, rest) = ("#".repeat(filled), "-".repeat(BAR - filled));
+        format!("[{bar}{rest}] {:3.0} %  {elapsed:.0} s  {left}", share * 100.0)
+    }
+
+    /// A live run has no end: rates since the last line, and how far the last stage is behind the first.
+    fn live_line(&mut self, health: &[&Health]) -> String {
+        let elapsed = self.begun.elapsed().as_secs_f64();
+        let (Some(source), Some(sink)) = (health.first(), health.last()) else { return String::new() };
+        let rates = self.rates.update(elapsed, source.ticks, sink.points);
+        let newest = health.iter().filter_map(|health| health.drive_time).max();
+        let lag_s = newest.zip(sink.drive_time).map_or(0.0, |(newest, own)| newest.saturating_sub(own) as f64 * 1e-9);
+        let dropped: u64 = health.iter().flat_map(|health| health.inputs.values()).map(|traffic| traffic.dropped).sum();
+        let [ticks, points] = rates;
         format!(
-            "[{}{}] {:3.0} %  {elapsed:.0} s  {left}  slowest: {}{waits}",
-            "#".repeat(filled),
-            "-".repeat(BAR - filled),
-            share * 100.0,
-            slowest.name
+            "live  {elapsed:.0} s  {ticks:.1} ticks/s  {:.2} M points/s  lag {lag_s:.1} s  dropped {dropped}",
+            points * 1e-6
         )
+    }
+}
+
+/// Ticks of the source and points of the sink at the last line.
+#[derive(Default)]
+struct Rates {
+    elapsed_s: f64,
+    ticks: u64,
+    points: u64,
+}
+
+impl Rates {
+    /// Both per second since the last call. Counts of a stage that was restarted begin again at its last barrier.
+    fn update(&mut self, elapsed_s: f64, ticks: u64, points: u64) -> [f64; 2] {
+        let seconds = (elapsed_s - self.elapsed_s).max(1e-3);
+        let rates = [ticks.saturating_sub(self.ticks), points.saturating_sub(self.points)];
+        *self = Self { elapsed_s, ticks, points };
+        rates.map(|n| n as f64 / seconds)
     }
 }
 
@@ -113,5 +167,18 @@ fn start_state(process: &StageProcess) -> Option<String> {
         Activity::Connecting(topic) => Some(format!("{} waits for {topic}", process.name)),
         Activity::Starting => Some(format!("{} starts", process.name)),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rates_are_those_since_the_last_line() {
+        let mut rates = Rates::default();
+        assert_eq!(rates.update(2.0, 20, 4000), [10.0, 2000.0]);
+        assert_eq!(rates.update(4.0, 60, 4000), [20.0, 0.0]);
+        assert_eq!(rates.update(5.0, 50, 5000), [0.0, 1000.0], "the source was restarted");
     }
 }

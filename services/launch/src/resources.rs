@@ -3,14 +3,8 @@
 use crate::decision::Evidence;
 use crate::decision::cause::mib;
 use ipc::Domain;
-use rustix::fs::statvfs;
+use run::space::{MIN_SHARED_MEMORY, SHARED_MEMORY, free_bytes};
 use std::path::{Path, PathBuf};
-
-const SHARED_MEMORY: &str = "/dev/shm";
-
-/// Free shared memory that a run needs, bytes: two submaps of 4 million points of 28 bytes with their columns, one in work
-/// and one waiting.
-const MIN_SHARED_MEMORY: u64 = 512 << 20;
 
 /// The resources that a run uses.
 pub struct Resources {
@@ -48,10 +42,6 @@ pub fn lacks_shared_memory(left_over: Option<&Domain>) -> Option<String> {
         let (free, needed) = (mib(Some(free)), mib(Some(MIN_SHARED_MEMORY)));
         format!("shared memory: {free} free in {SHARED_MEMORY}, a run needs at least {needed}")
     })
-}
-
-fn free_bytes(path: impl AsRef<Path>) -> Option<u64> {
-    statvfs(path.as_ref()).ok().map(|space| space.f_bavail * space.f_frsize)
 }
 
 /// Processes that the kernel has killed for lack of memory: in the control group of this process, or else on the machine.

@@ -6,6 +6,7 @@
 //! | the final frame and the poses of the submaps in it | [`World`], `deviations` |
 //! | moving clouds and trajectory to the final frame | `place`, `coordinates`, `frame`, `corrected` |
 //! | the output folder: names, leftovers of earlier runs, index | [`Folder`], [`Index`] |
+//! | space that the clouds of a drive will take | `space` |
 //! | syncing clouds to the disk | `disk_sync` |
 //!
 //! The caller joins submaps and columns, decides when a cloud is written and reports doubts.
@@ -22,6 +23,7 @@ mod frame;
 mod georeference;
 mod index;
 mod place;
+mod space;
 mod spectra;
 mod submap_cloud;
 mod submap_files;
@@ -36,6 +38,7 @@ pub use folder::{Folder, GEOREFERENCE, INDEX};
 pub use georeference::{GeoreferenceFile, Uses, UtmOrigin};
 pub use index::{CloudEntry, Index, SpectraEntry};
 pub use place::move_clouds;
-pub use submap_cloud::ReceivedSubmap;
+pub use space::{SpaceNeed, space_need};
+pub use submap_cloud::{CloudFields, ReceivedSubmap};
 pub use submap_files::write_submap;
 pub use world::{FrameChoice, PlacedSubmap, World};

@@ -30,6 +30,71 @@ pub struct ReceivedSubmap<'a> {
     pub lost: &'a [&'static str],
 }
 
+/// What the points of a cloud have beside position, time, angles and intensity.
+#[derive(Clone, Copy, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "a flag for each column")]
+pub struct CloudFields {
+    /// Type of coordinates.
+    pub coordinates: Kind,
+    /// Whether the points are those of several LiDARs.
+    pub has_lidars: bool,
+    /// Whether there are instances.
+    pub has_instance: bool,
+    /// Whether there are classes.
+    pub has_class: bool,
+    /// Whether there are colors.
+    pub has_color: bool,
+}
+
+impl CloudFields {
+    /// Those of a run with all stages.
+    pub const ALL: Self =
+        Self { coordinates: Kind::Float, has_lidars: false, has_instance: true, has_class: true, has_color: true };
+}
+
+/// The header of a cloud.
+pub(crate) fn header_of(fields: CloudFields) -> Header {
+    let mut header = Header::new([
+        ("x", fields.coordinates),
+        ("y", fields.coordinates),
+        ("z", fields.coordinates),
+        ("x_lidar_position", fields.coordinates),
+        ("y_lidar_position", fields.coordinates),
+        ("z_lidar_position", fields.coordinates),
+        ("cos_angle_lidar_surface", Kind::Float),
+        ("timestamp", Kind::Double),
+        ("index_frame", Kind::Int),
+        ("intensity", Kind::UChar),
+        ("ring", Kind::UChar),
+        ("azimuth_deg", Kind::Float),
+        ("elevation_deg", Kind::Float),
+        ("dynamic", Kind::UChar),
+    ])
+    .info(odometry_line())
+    .info("timestamp s since 1970-01-01T00:00:00Z")
+    .info("cos_angle_lidar_surface -1 where unknown");
+    let mut add = |more: &[(&str, Kind)], info: String| {
+        header.properties.extend(Header::new(more.iter().copied()).properties);
+        header.infos.push(info);
+    };
+    if fields.has_lidars {
+        add(&[("lidar", Kind::UChar)], "lidar index in drive.toml".to_owned());
+    }
+    if fields.has_instance {
+        add(&[("instance", Kind::Int)], "instance 0 where none".to_owned());
+    }
+    if fields.has_class {
+        let names: Vec<&str> = ClassId::ALL.iter().map(|class| class.name()).collect();
+        let table = format!("semantic table {CLASS_TABLE_VERSION}: {}", names.join(" "));
+        add(&[("semantic", Kind::UChar), ("score", Kind::Float)], table);
+    }
+    if fields.has_color {
+        let colors = [("red", Kind::UChar), ("green", Kind::UChar), ("blue", Kind::UChar), ("camera", Kind::UChar)];
+        add(&colors, format!("camera {UNSEEN} where none saw the point"));
+    }
+    header
+}
+
 /// A checked submap with its columns, as slices of equal length.
 pub(crate) struct SubmapColumns<'a> {
     pub(crate) seq: u64,
@@ -57,46 +122,14 @@ impl<'a> SubmapColumns<'a> {
     }
 
     pub(crate) fn header(&self) -> Header {
-        let mut header = Header::new([
-            ("x", self.coordinates),
-            ("y", self.coordinates),
-            ("z", self.coordinates),
-            ("x_lidar_position", self.coordinates),
-            ("y_lidar_position", self.coordinates),
-            ("z_lidar_position", self.coordinates),
-            ("cos_angle_lidar_surface", Kind::Float),
-            ("timestamp", Kind::Double),
-            ("index_frame", Kind::Int),
-            ("intensity", Kind::UChar),
-            ("ring", Kind::UChar),
-            ("azimuth_deg", Kind::Float),
-            ("elevation_deg", Kind::Float),
-            ("dynamic", Kind::UChar),
-        ])
-        .comment(format!("REPLICA submap {}", self.seq))
-        .info(odometry_line())
-        .info("timestamp s since 1970-01-01T00:00:00Z")
-        .info("cos_angle_lidar_surface -1 where unknown");
-        let mut add = |fields: &[(&str, Kind)], info: String| {
-            header.properties.extend(Header::new(fields.iter().copied()).properties);
-            header.infos.push(info);
+        let fields = CloudFields {
+            coordinates: self.coordinates,
+            has_lidars: self.has_lidars,
+            has_instance: self.instance.is_some(),
+            has_class: self.class.is_some(),
+            has_color: self.color.is_some(),
         };
-        if self.has_lidars {
-            add(&[("lidar", Kind::UChar)], "lidar index in drive.toml".to_owned());
-        }
-        if self.instance.is_some() {
-            add(&[("instance", Kind::Int)], "instance 0 where none".to_owned());
-        }
-        if self.class.is_some() {
-            let names: Vec<&str> = ClassId::ALL.iter().map(|class| class.name()).collect();
-            let table = format!("semantic table {CLASS_TABLE_VERSION}: {}", names.join(" "));
-            add(&[("semantic", Kind::UChar), ("score", Kind::Float)], table);
-        }
-        if self.color.is_some() {
-            let fields = [("red", Kind::UChar), ("green", Kind::UChar), ("blue", Kind::UChar), ("camera", Kind::UChar)];
-            add(&fields, format!("camera {UNSEEN} where none saw the point"));
-        }
-        header
+        header_of(fields).comment(format!("REPLICA submap {}", self.seq))
     }
 
     #[inline]

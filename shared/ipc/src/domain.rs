@@ -85,6 +85,25 @@ impl Domain {
         Ok(of_output.filter_map(name).filter_map(|name| Self::new(&name).ok()).collect())
     }
 
+    /// The domains of which this user has files in shared memory, of running and of killed runs, by name; with the output of the run
+    /// if it is known.
+    pub fn all_own() -> Result<Vec<(Self, Option<PathBuf>)>, IpcError> {
+        let own = listed("replica_")?.into_iter().filter(|path| !is_foreign(path));
+        let name = |path: PathBuf| {
+            let name = path.file_name()?.to_str()?.strip_prefix("replica_")?;
+            // `replica_<name>`, or a file `replica_<name>_<rest>`.
+            Self::new(name.split('_').next()?).ok()
+        };
+        let mut domains: Vec<Self> = own.filter_map(name).collect();
+        domains.sort_by(|a, b| a.name.cmp(&b.name));
+        domains.dedup();
+        let with_output = |domain: Self| {
+            let output = std::fs::read(domain.root().join(OUTPUT)).ok();
+            (domain, output.map(|bytes| PathBuf::from(std::ffi::OsStr::from_bytes(&bytes))))
+        };
+        Ok(domains.into_iter().map(with_output).collect())
+    }
+
     /// Removes all files of this domain; those of other users are not the domain's. Call it only when none of its processes is
     /// running.
     pub fn wipe(&self) -> Result<(), IpcError> {

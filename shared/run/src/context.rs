@@ -1,5 +1,6 @@
 //! Where and how a run happens.
 
+use crate::process::own_folder;
 use messages::Message;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -24,13 +25,28 @@ pub struct Context {
 }
 
 impl Context {
-    /// A path from the settings, made absolute.
+    /// A path from the settings, made absolute: see [`find_file`].
     pub fn resolve(&self, path: &Path) -> PathBuf {
-        self.launch_folder.join(path)
+        find_file(&self.launch_folder, path)
     }
     /// Whether a stage of this run publishes the topic of `T`.
     pub fn is_connected<T: Message>(&self) -> bool {
         self.connected.iter().any(|topic| topic == T::TOPIC)
+    }
+}
+
+/// The file that a setting names: relative to the folder of the launch file. If it is not there, the one that was installed with the
+/// programs, in `share/replica` beside their folder: so `models/street.safetensors` is found everywhere.
+pub fn find_file(launch_folder: &Path, named: &Path) -> PathBuf {
+    find_in(launch_folder, &own_folder(), named)
+}
+
+fn find_in(launch_folder: &Path, programs: &Path, named: &Path) -> PathBuf {
+    let path = launch_folder.join(named);
+    let installed = programs.parent().map(|prefix| prefix.join("share/replica").join(named));
+    match installed.filter(|installed| !path.exists() && installed.is_file()) {
+        Some(installed) => installed,
+        None => path,
     }
 }
 
@@ -42,4 +58,26 @@ pub enum Mode {
     Offline,
     /// Bounded latency: the oldest unprocessed message is dropped and counted.
     Live,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_beside_the_launch_file_comes_before_the_installed_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (own, programs) = (folder.path().join("own"), folder.path().join("usr/bin"));
+        let installed = folder.path().join("usr/share/replica/models");
+        std::fs::create_dir_all(&installed).expect("made");
+        std::fs::create_dir_all(own.join("models")).expect("made");
+        let model = Path::new("models/street.safetensors");
+        assert_eq!(find_in(&own, &programs, model), own.join(model), "neither is there: the first is reported");
+        std::fs::write(installed.join("street.safetensors"), "installed").expect("written");
+        assert_eq!(find_in(&own, &programs, model), installed.join("street.safetensors"));
+        std::fs::write(own.join(model), "own").expect("written");
+        assert_eq!(find_in(&own, &programs, model), own.join(model));
+        let absolute = folder.path().join("absent.safetensors");
+        assert_eq!(find_in(&own, &programs, &absolute), absolute);
+    }
 }

@@ -1,8 +1,9 @@
 //! Reads launch.toml. Every problem can be shown with its line.
 
-use crate::Problem;
+use crate::{Problem, nearest_key};
 use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use formats::toml_nesting::check_nesting;
+use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -61,7 +62,7 @@ impl LaunchFile {
         for text in overrides {
             match apply(&mut root, text) {
                 Ok(key) => overridden.push(key),
-                Err(rule) => problems.push(Problem::of_key("", format!("--set {text}: {rule}"))),
+                Err(rule) => problems.push(Problem::of_key("", override_problem(text, &rule))),
             }
         }
         if problems.is_empty() {
@@ -146,15 +147,23 @@ pub fn render(path: &Path, text: &str, problem: &Problem) -> String {
     )
 }
 
+/// The problem of an override, with the option of the command line that it comes from.
+fn override_problem(text: &str, rule: &OverrideError) -> String {
+    match text.strip_prefix('!') {
+        Some(key) => format!("--unset {key}: {rule}"),
+        None => format!("--set {text}: {rule}"),
+    }
+}
+
 /// An override that cannot be applied.
 #[derive(Debug, thiserror::Error)]
 enum OverrideError {
     #[error("must have the form table.key=value")]
     Form,
-    #[error("must have the form !table.key")]
+    #[error("must have the form table.key")]
     RemovalForm,
-    #[error("there is no {path} to remove")]
-    Absent { path: String },
+    #[error("the launch file does not set {path}{hint}")]
+    Absent { path: String, hint: String },
     #[error("{key} is not a table")]
     NotATable { key: String },
 }
@@ -166,14 +175,18 @@ fn apply(root: &mut DeTable<'static>, text: &str) -> Result<String, OverrideErro
         let table = root.iter_mut().find(|(key, _)| key.get_ref() == name).map(|(_, value)| value.get_mut());
         let found = if let Some(DeValue::Table(table)) = table { table.remove(left_out) } else { None };
         let path = path.trim().to_owned();
-        return if found.is_some() { Ok(path) } else { Err(OverrideError::Absent { path }) };
+        return if found.is_some() {
+            Ok(path)
+        } else {
+            Err(OverrideError::Absent { hint: nearest_set(root, &path), path })
+        };
     }
     let (path, value) = text.split_once('=').ok_or(OverrideError::Form)?;
     let (table, key) = path.trim().split_once('.').ok_or(OverrideError::Form)?;
-    let nowhere = || Spanned::new(0..0, std::borrow::Cow::Owned(String::new()));
+    let nowhere = || Spanned::new(0..0, Cow::Owned(String::new()));
     let named = |name: &str| {
         let mut key = nowhere();
-        *key.get_mut() = std::borrow::Cow::Owned(name.to_owned());
+        *key.get_mut() = Cow::Owned(name.to_owned());
         key
     };
     let value = toml_value(value.trim());
@@ -187,6 +200,18 @@ fn apply(root: &mut DeTable<'static>, text: &str) -> Result<String, OverrideErro
     }
 }
 
+/// The key that is set and looks most like `path`, as a hint; empty if none does.
+fn nearest_set(root: &DeTable<'static>, path: &str) -> String {
+    let keys_of = |(name, value): (&Spanned<Cow<'static, str>>, &Spanned<DeValue<'static>>)| {
+        let keys = value.get_ref().as_table().into_iter().flat_map(|table| table.keys());
+        let of_table = |key: &Spanned<Cow<'static, str>>| format!("{}.{}", name.get_ref(), key.get_ref());
+        keys.map(of_table).collect::<Vec<_>>()
+    };
+    let set: Vec<String> = root.iter().flat_map(keys_of).collect();
+    let hint = nearest_key(path, set.iter().map(String::as_str));
+    hint.split_once(';').map(|(_, hint)| format!(";{hint}")).unwrap_or_default()
+}
+
 /// The text as a TOML value if it is one, else as a string: `--set run.drive=drives/a` needs no quotes.
 fn toml_value(text: &str) -> Spanned<DeValue<'static>> {
     let parsed = check_nesting(text).is_ok().then(|| {
@@ -195,7 +220,7 @@ fn toml_value(text: &str) -> Spanned<DeValue<'static>> {
     });
     match parsed.flatten() {
         Some((_, value)) => value,
-        None => Spanned::new(0..0, DeValue::String(std::borrow::Cow::Owned(text.to_owned()))),
+        None => Spanned::new(0..0, DeValue::String(Cow::Owned(text.to_owned()))),
     }
 }
 

@@ -11,6 +11,8 @@
 //! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
 //! | [`control`] | requests to a running supervisor |
 //! | [`summary`] | `summary.json` |
+//! | [`space`] | free space of file systems |
+//! | [`terminal`] | size and colors of a terminal |
 //! | [`process`], [`histogram`] | what the operating system reports of a process; durations |
 //!
 //! Authors of stages use the crate `stage`, which re-exports what they need.
@@ -25,11 +27,13 @@ pub mod launch_file;
 pub mod process;
 pub mod program;
 pub mod settings;
+pub mod space;
 pub mod state_file;
 pub mod summary;
+pub mod terminal;
 pub mod wiring;
 
-pub use context::{Context, Mode};
+pub use context::{Context, Mode, find_file};
 pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
 pub use settings::{
     Field, Problem, Rule, SettingError, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,

@@ -33,9 +33,10 @@ pub use log::catch_panic;
 pub use messages;
 pub use outputs::Outputs;
 pub use port::Port;
+pub use run::space;
 pub use run::{
-    Context, Field, Mode, Problem, Rule, Settings, StateError, any, at_least, each_one_of, exit, one_of, parse_table,
-    settings, toml, within,
+    Context, Field, Mode, Problem, Rule, Settings, StateError, any, at_least, each_one_of, exit, find_file, one_of,
+    parse_table, settings, toml, within,
 };
 pub use state::{Bytes, decode_state, encode_state};
 pub use state_bytes::{StateBytes, decode_head, next_message};

@@ -1,13 +1,13 @@
-//! The command line: one flat list of subcommands, shown in three groups.
+//! The command line: one flat list of subcommands, shown in four groups.
 
-use crate::{control, data, lab};
+use crate::{control, data, lab, setup};
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::fmt::Write;
 use std::process::ExitCode;
 
 /// Records, inspects and evaluates what `replica-launch` runs.
 #[derive(Parser)]
-#[command(name = "replica", version)]
+#[command(name = "replica", version = env!("REPLICA_VERSION"))]
 enum Cli {
     #[command(flatten)]
     Control(control::Command),
@@ -15,6 +15,8 @@ enum Cli {
     Data(data::Command),
     #[command(flatten)]
     Lab(lab::Command),
+    #[command(flatten)]
+    Setup(setup::Command),
 }
 
 /// A parsed command line.
@@ -47,6 +49,7 @@ impl Parsed {
             Cli::Control(command) => command.run(),
             Cli::Data(command) => command.run(),
             Cli::Lab(command) => command.run(),
+            Cli::Setup(command) => command.run(),
         }
     }
 }
@@ -57,17 +60,18 @@ struct Group {
     command: Command,
 }
 
-fn groups() -> [Group; 3] {
+fn groups() -> [Group; 4] {
     let group = |heading, command| Group { heading, command };
     [
         group("Run control", control::Command::augment_subcommands(Command::new("control"))),
         group("Data", data::Command::augment_subcommands(Command::new("data"))),
         group("Lab", lab::Command::augment_subcommands(Command::new("lab"))),
+        group("Setup", setup::Command::augment_subcommands(Command::new("setup"))),
     ]
 }
 
 /// The whole command line. Its help shows the groups: clap has one heading for all subcommands.
-fn command() -> Command {
+pub fn command() -> Command {
     Cli::command().help_template(HELP_TEMPLATE).after_help(grouped_subcommands())
 }
 
@@ -78,7 +82,7 @@ fn grouped_subcommands() -> String {
         let _ = writeln!(text, "{heading}:");
         for subcommand in command.get_subcommands() {
             let about = subcommand.get_about().map(ToString::to_string).unwrap_or_default();
-            let _ = writeln!(text, "  {:<10}  {about}", subcommand.get_name());
+            let _ = writeln!(text, "  {:<11}  {about}", subcommand.get_name());
         }
         text.push('\n');
     }
@@ -99,7 +103,7 @@ mod tests {
         all.sort_unstable();
         grouped.sort_unstable();
         assert_eq!(grouped, all);
-        assert_eq!(all.len(), 25);
+        assert_eq!(all.len(), 28);
         grouped.dedup();
         assert_eq!(grouped, all, "a subcommand is in two groups");
     }
@@ -110,7 +114,7 @@ mod tests {
         let help = command.render_help().to_string();
         // clap adds `help` itself.
         for subcommand in command.get_subcommands().filter(|subcommand| subcommand.get_name() != "help") {
-            let entry = format!("\n  {:<10}  ", subcommand.get_name());
+            let entry = format!("\n  {:<11}  ", subcommand.get_name());
             assert_eq!(help.matches(&entry).count(), 1, "{}:\n{help}", subcommand.get_name());
             let about = subcommand.get_about().map(ToString::to_string).unwrap_or_default();
             assert!((1..=66).contains(&about.len()), "{}: {about:?}", subcommand.get_name());

@@ -3,30 +3,46 @@
 mod bev_picture;
 mod camera;
 mod canvas;
+mod cloud_facts;
 mod cloud_summary;
 mod loaded_cloud;
+mod overlay;
 mod palette;
 mod settings;
+mod spectra;
+mod text;
 
 pub use bev_picture::{BevRequest, render_bev};
 pub use camera::Camera;
 pub use canvas::Canvas;
+pub use cloud_facts::CloudFacts;
 pub use cloud_summary::CloudSummary;
 pub use loaded_cloud::LoadedCloud;
+pub use overlay::round_length;
 pub use palette::{Palette, ramp, share};
-pub use settings::{Background, ColorBy, PictureSettings, PictureSize, Viewpoint};
+pub use settings::{At, Background, ColorBy, PictureSettings, PictureSize, Viewpoint};
 
 use crate::cloud_files::cloud_files;
-use anyhow::Context;
+use anyhow::{Context, bail, ensure};
+use image::{ImageFormat, RgbImage};
 use std::path::{Path, PathBuf};
 
-/// Statistics of all points of these files.
-pub fn summarize(files: &[PathBuf]) -> anyhow::Result<CloudSummary> {
+/// What a view of a place shows around it, m: a house and the street before it.
+pub const DEFAULT_RADIUS_M: f64 = 15.0;
+/// Red, which most mosaic cameras have, nm.
+pub const DEFAULT_BAND_NM: f64 = 650.0;
+
+/// Statistics of all points of these files, with the reflectances of a band if one is asked for.
+pub fn summarize(files: &[PathBuf], band_nm: Option<f64>) -> anyhow::Result<CloudSummary> {
     let mut summary = CloudSummary::default();
     for file in files {
-        summary.add(file, &LoadedCloud::load(file)?);
+        summary.add(file, &load(file, band_nm)?);
     }
     Ok(summary)
+}
+
+fn load(file: &Path, band_nm: Option<f64>) -> anyhow::Result<LoadedCloud> {
+    band_nm.map_or_else(|| LoadedCloud::load(file), |band_nm| LoadedCloud::load_with_band(file, band_nm))
 }
 
 /// Renders the points of these files, which `summary` describes, into a PNG.
@@ -36,26 +52,58 @@ pub fn render(
     settings: &PictureSettings,
     picture: &Path,
 ) -> anyhow::Result<()> {
-    let bounds = summary.bounds().context("no points to render")?;
-    let PictureSettings { size, at, .. } = *settings;
-    let camera = match settings.viewpoint {
-        Viewpoint::Top => Camera::top_view(bounds, summary.path(), size),
-        Viewpoint::Street => Camera::street_view(bounds, summary.path(), at, size),
-    };
-    let palette = Palette::new(settings.color_by.unwrap_or_else(|| summary.default_coloring()), summary);
+    let color_by = settings.color_by.unwrap_or_else(|| summary.default_coloring());
+    if let Some(what) = summary.lacks(color_by) {
+        bail!("the clouds have no {what}");
+    }
+    let size = settings.size;
+    let camera = camera(summary, settings)?;
+    let palette = Palette::new(color_by, summary);
     let mut canvas = Canvas::new(size);
-    for file in files {
-        let cloud = LoadedCloud::load(file)?;
+    let band_nm = (color_by == ColorBy::Band).then_some(settings.band_nm);
+    for (number, file) in files.iter().enumerate() {
+        let cloud = load(file, band_nm)?;
         for point_idx in 0..cloud.len() {
-            canvas.splat(&camera, cloud.position(point_idx), [palette.color(&cloud, point_idx)]);
+            canvas.splat(&camera, cloud.position(point_idx), [palette.color(&cloud, number, point_idx)]);
         }
     }
     let [pixels] = canvas.finish(settings.background);
-    let (width, height) = (size.width as u32, size.height as u32);
-    image::save_buffer_with_format(picture, &pixels, width, height, image::ColorType::Rgb8, image::ImageFormat::Png)
+    let mut image = RgbImage::from_raw(size.width as u32, size.height as u32, pixels).context("a pixel has 3 bytes")?;
+    if !settings.is_plain {
+        overlay::draw_over(&mut image, &camera, &palette.legend(summary, settings.band_nm), summary.path());
+    }
+    image
+        .save_with_format(picture, ImageFormat::Png)
         .with_context(|| format!("{}: cannot write the picture", picture.display()))?;
     eprintln!("wrote {}", picture.display());
     Ok(())
+}
+
+fn camera(summary: &CloudSummary, settings: &PictureSettings) -> anyhow::Result<Camera> {
+    let bounds = summary.bounds().context("no points to render")?;
+    let PictureSettings { size, radius_m, at, viewpoint, .. } = *settings;
+    if let At::Place([x, y]) = at {
+        let [min, max] = bounds;
+        let is_inside = (min[0]..=max[0]).contains(&x) && (min[1]..=max[1]).contains(&y);
+        ensure!(
+            is_inside,
+            "--at {x},{y}: the clouds reach from {:.1},{:.1} to {:.1},{:.1}",
+            min[0],
+            min[1],
+            max[0],
+            max[1]
+        );
+    }
+    Ok(match (viewpoint, at) {
+        (Viewpoint::Top, At::Share(_)) => Camera::top_view(bounds, summary.path(), size),
+        (Viewpoint::Top, At::Place(place)) => Camera::top_view_of(place, radius_m, bounds, size),
+        (Viewpoint::Street, At::Share(share)) => Camera::street_view(bounds, summary.path(), share, size),
+        (Viewpoint::Street, At::Place(place)) => {
+            // Most points are on the ground, and the lowest ones are errors.
+            let [ground_m, _] = summary.height_range();
+            Camera::street_view_of(place, radius_m, ground_m, summary.path(), size)
+        }
+    })
 }
 
 /// Renders a cloud as `replica inspect CLOUD --picture PNG --view top` does.
@@ -64,9 +112,12 @@ pub fn render_top_view(path: &Path, picture: &Path) -> anyhow::Result<()> {
         color_by: None,
         size: PictureSize { width: 1600, height: 900 },
         viewpoint: Viewpoint::Top,
-        at: 0.0,
+        at: At::Share(0.0),
+        radius_m: DEFAULT_RADIUS_M,
+        band_nm: DEFAULT_BAND_NM,
         background: Background::Dark,
+        is_plain: false,
     };
     let files = cloud_files(path)?;
-    render(&files, &summarize(&files)?, &settings, picture).with_context(|| path.display().to_string())
+    render(&files, &summarize(&files, None)?, &settings, picture).with_context(|| path.display().to_string())
 }

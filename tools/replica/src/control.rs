@@ -2,6 +2,7 @@
 
 mod attach;
 mod batch;
+mod columns;
 mod echo;
 mod hz;
 mod metrics;

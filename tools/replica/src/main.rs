@@ -1,5 +1,6 @@
 //! `replica`: the command line tool beside `replica-launch`. Data goes to stdout, diagnostics go to stderr.
 
+mod answer;
 mod argument;
 mod byte_values;
 mod class_color;
@@ -11,6 +12,7 @@ mod data;
 mod error_text;
 mod exit_code;
 mod lab;
+mod setup;
 mod terminal;
 mod usage_error;
 

@@ -2,7 +2,7 @@
 
 use run::Problem;
 use run::launch_file::LaunchFile;
-use run::{Settings, parse_table};
+use run::{Settings, nearest_key, parse_table};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +31,13 @@ impl<'a> Problems<'a> {
     /// Whether the file has the table.
     pub fn has_table(&self, name: &str) -> bool {
         self.file.tables().iter().any(|(table, _)| table == name)
+    }
+
+    /// The table of the file that looks most like `name`, or all of them, as a hint.
+    pub fn nearest_table(&self, name: &str) -> String {
+        let tables = self.file.tables();
+        nearest_key(name, tables.iter().map(|(table, _)| table.as_str()))
+            .replace("unknown key", "no such table in the file")
     }
 
     /// Adds a problem of a table.

@@ -110,6 +110,7 @@ impl Supervisor {
         }
         self.restart_due_stages(&ipc.node, processes)?;
         if decision == Decision::Finish {
+            self.observers.show_last(&processes.0);
             return Ok(Some(Ending::Done));
         }
         if self.operator.must_stop() {

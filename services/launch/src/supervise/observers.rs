@@ -36,7 +36,7 @@ impl Observers {
             recorder: record.map(|file| Recorder::new(plan, file)),
             metrics,
             costs: (plan.context.mode == Mode::Offline).then(|| Costs::new(folder.costs())),
-            progress: Progress::new(format),
+            progress: Progress::new(format, plan),
         }
     }
 
@@ -61,6 +61,11 @@ impl Observers {
     /// The sources start now.
     pub fn begin_progress(&mut self) {
         self.progress.begin();
+    }
+
+    /// Shows the stages as they ended: what stays on the screen.
+    pub fn show_last(&mut self, processes: &[StageProcess]) {
+        self.progress.report_now(processes);
     }
 
     /// Shows and writes what is due.

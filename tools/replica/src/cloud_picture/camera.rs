@@ -16,6 +16,8 @@ const HALF_WIDTH: f64 = 0.70;
 
 /// Nothing nearer than this is drawn, m.
 const NEAR_M: f64 = 1.0;
+/// A view of a place leaves out what is nearer than this share of the distance: leaves and facades in front of it.
+const NEAR_SHARE: f64 = 0.55;
 
 /// Margin around the path in the top view, m.
 const BESIDE_PATH_M: f64 = 30.0;
@@ -30,6 +32,8 @@ pub struct Camera {
     scale: f64,
     is_perspective: bool,
     center: [f64; 2],
+    /// Nothing nearer than this is drawn.
+    near_m: f64,
 }
 
 /// The projection of a point.
@@ -59,7 +63,49 @@ impl Camera {
             scale: fit(size.width, x0, x1).min(fit(size.height, y0, y1)),
             is_perspective: false,
             center: center(size),
+            near_m: NEAR_M,
         }
+    }
+
+    /// Orthographic view from above of the surroundings of a place.
+    pub fn top_view_of(place: [f64; 2], radius_m: f64, bounds: [[f64; 3]; 2], size: PictureSize) -> Self {
+        let [min, max] = bounds;
+        let low = [place[0] - radius_m, place[1] - radius_m, min[2]];
+        let high = [place[0] + radius_m, place[1] + radius_m, max[2]];
+        Self::top_view([low, high], &[], size)
+    }
+
+    /// Perspective view of the surroundings of a place, from the side of the path. `ground_m`: height of the ground there.
+    pub fn street_view_of(place: [f64; 2], radius_m: f64, ground_m: f64, path: &[[f64; 3]], size: PictureSize) -> Self {
+        let target = Vector3::new(place[0], place[1], ground_m);
+        let distance = |p: &[f64; 3]| (p[0] - place[0]).hypot(p[1] - place[1]);
+        // From the nearest position on the path that is far enough to have a direction; without one, from the south.
+        let far_enough = path.iter().filter(|p| distance(p) > 0.2 * radius_m);
+        let from = far_enough.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let side = from.map(|p| Vector3::new(p[0] - place[0], p[1] - place[1], 0.0).normalize());
+        // At this distance the radius fills half of the picture's width.
+        let eye = target + side.unwrap_or(-Vector3::y()) * (1.2 * radius_m) + Vector3::z() * (0.8 * radius_m);
+        Self { near_m: NEAR_SHARE * (target - eye).norm(), ..Self::looking(eye, target, size) }
+    }
+
+    fn looking(eye: Vector3<f64>, target: Vector3<f64>, size: PictureSize) -> Self {
+        let forward = (target - eye).normalize();
+        let right = forward.cross(&Vector3::z()).normalize();
+        Self {
+            eye,
+            right,
+            down: forward.cross(&right),
+            forward,
+            scale: size.width as f64 / 2.0 / HALF_WIDTH,
+            is_perspective: true,
+            center: center(size),
+            near_m: NEAR_M,
+        }
+    }
+
+    /// Whether this is a view from above with north up.
+    pub fn is_top_view(&self) -> bool {
+        !self.is_perspective
     }
 
     /// What the top view shows: smallest and largest x, and y, m.
@@ -83,17 +129,7 @@ impl Camera {
         };
         let eye = place - heading * CAMERA_BACK_M + Vector3::z() * CAMERA_UP_M;
         let target = place + heading * TARGET_AHEAD_M - Vector3::z() * LIDAR_HEIGHT_M;
-        let forward = (target - eye).normalize();
-        let right = forward.cross(&Vector3::z()).normalize();
-        Self {
-            eye,
-            right,
-            down: forward.cross(&right),
-            forward,
-            scale: size.width as f64 / 2.0 / HALF_WIDTH,
-            is_perspective: true,
-            center: center(size),
-        }
+        Self::looking(eye, target, size)
     }
 
     /// px per m: of the top view everywhere, of a perspective at a distance of 1 m.
@@ -106,7 +142,7 @@ impl Camera {
         let p = Vector3::new(x, y, z) - self.eye;
         let depth_m = p.dot(&self.forward);
         // NaN is not less than anything, so it needs a test of its own.
-        if depth_m.is_nan() || depth_m < NEAR_M {
+        if depth_m.is_nan() || depth_m < self.near_m {
             return None;
         }
         let px_per_m = if self.is_perspective { self.scale / depth_m } else { self.scale };

@@ -1,11 +1,10 @@
 //! Statistics of a set of clouds.
 
+use super::cloud_facts::{CloudFacts, Count};
 use super::loaded_cloud::LoadedCloud;
 use super::settings::ColorBy;
 use messages::class_name;
-use page::grouped;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
 use std::path::Path;
 
 /// Points of one file that are sampled for percentiles and for the path.
@@ -23,6 +22,11 @@ pub struct CloudSummary {
     intensities: Vec<f64>,
     path: Vec<[f64; 3]>,
     times_s: Option<[f64; 2]>,
+    /// Of the submaps.
+    sigmas_m: Option<[f64; 2]>,
+    bands: Vec<f64>,
+    has_moving: bool,
+    has_score: bool,
     n_points: usize,
     n_colored: usize,
     has_color: bool,
@@ -44,10 +48,10 @@ impl CloudSummary {
         if let Some(ids) = cloud.instances() {
             self.instances.get_or_insert_default().extend(ids.iter().filter(|id| **id != 0));
         }
-        for time_s in cloud.times_s().unwrap_or_default() {
-            let [first, last] = self.times_s.get_or_insert([*time_s; 2]);
-            (*first, *last) = (first.min(*time_s), last.max(*time_s));
-        }
+        self.has_moving |= cloud.moving().is_some();
+        self.has_score |= cloud.scores().is_some();
+        cloud.times_s().unwrap_or_default().iter().for_each(|time_s| extend(&mut self.times_s, *time_s));
+        cloud.sigma_m().into_iter().for_each(|sigma_m| extend(&mut self.sigmas_m, sigma_m));
         for i in (0..cloud.len()).step_by(cloud.len().div_ceil(SAMPLES).max(1)) {
             self.sample(cloud, i);
         }
@@ -69,6 +73,8 @@ impl CloudSummary {
         if let Some(intensities) = cloud.intensities() {
             self.intensities.push(f64::from(intensities[i]));
         }
+        // Few points have a spectrum, so that few samples do.
+        self.bands.extend(cloud.band().map(|band| f64::from(band[i])).filter(|value| value.is_finite()));
         let Some(position) = cloud.lidar_position(i).filter(|p| p.iter().all(|v| v.is_finite())) else { return };
         let is_new = |last: &[f64; 3]| (position[0] - last[0]).hypot(position[1] - last[1]) >= PATH_STEP_M;
         if self.path.last().is_none_or(is_new) {
@@ -92,6 +98,46 @@ impl CloudSummary {
     pub fn intensity_range(&self) -> [f64; 2] {
         percentiles(&self.intensities)
     }
+    /// First and last time of a return, s.
+    pub fn times_s(&self) -> [f64; 2] {
+        self.times_s.unwrap_or_default()
+    }
+    /// Smallest and largest standard deviation of a submap, m.
+    pub fn sigma_range_m(&self) -> [f64; 2] {
+        self.sigmas_m.unwrap_or_default()
+    }
+    /// 1st and 99th percentile of the reflectances of the band.
+    pub fn band_range(&self) -> [f64; 2] {
+        percentiles(&self.bands)
+    }
+    /// Classes of the points, the most frequent first.
+    pub fn classes(&self) -> Vec<&'static str> {
+        let mut classes: Vec<(&'static str, usize)> = self.classes.iter().map(|(name, n)| (*name, *n)).collect();
+        classes.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+        classes.into_iter().map(|(name, _)| name).collect()
+    }
+    /// Number of clouds.
+    pub fn n_clouds(&self) -> usize {
+        self.files.len()
+    }
+    /// What a coloring needs and the clouds do not have.
+    pub fn lacks(&self, by: ColorBy) -> Option<&'static str> {
+        let (has, what) = match by {
+            ColorBy::Color => (self.has_color, "colors: red, green, blue"),
+            ColorBy::Class => (!self.classes.is_empty(), "classes: semantic"),
+            ColorBy::Instance => (self.instances.is_some(), "instances: instance"),
+            ColorBy::Intensity => (!self.intensities.is_empty(), "intensities: intensity"),
+            ColorBy::Moving => (self.has_moving, "flags of moving points: dynamic"),
+            ColorBy::Score => (self.has_score, "scores: score"),
+            ColorBy::Time => (self.times_s.is_some(), "times: timestamp"),
+            ColorBy::Band => (!self.bands.is_empty(), "spectra: files submap_N_spectra.ply beside them"),
+            ColorBy::Sigma => {
+                (self.sigmas_m.is_some(), "standard deviations: the drive had no GNSS, or was not placed")
+            }
+            ColorBy::Height | ColorBy::Submap => (true, ""),
+        };
+        (!has).then_some(what)
+    }
     /// The default coloring: the most informative one that the clouds have.
     pub fn default_coloring(&self) -> ColorBy {
         match () {
@@ -101,50 +147,28 @@ impl CloudSummary {
         }
     }
 
-    /// The statistics as text.
-    pub fn table(&self, path: &Path) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{}: {} clouds, {} points", path.display(), self.files.len(), grouped(self.n_points));
-        for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
-            if let Some([min, max]) = self.bounds {
-                let _ = writeln!(text, "{axis} {:>12.2} to {:>10.2} m, {:>8.2} m", min[k], max[k], max[k] - min[k]);
-            }
+    /// The statistics, for people and for programs.
+    pub fn facts(&self) -> CloudFacts {
+        let counts = |(name, points): (&str, usize)| Count { name: name.to_owned(), points };
+        let mut classes: Vec<Count> = self.classes.iter().map(|(name, n)| counts((name, *n))).collect();
+        classes.sort_by_key(|class| std::cmp::Reverse(class.points));
+        CloudFacts {
+            points: self.n_points,
+            bounds_m: self.bounds,
+            seconds: self.times_s.map(|[first, last]| last - first),
+            path_m: (!self.path.is_empty()).then(|| length_m(&self.path)),
+            colored_points: self.has_color.then_some(self.n_colored),
+            instances: self.instances.as_ref().map(BTreeSet::len),
+            classes,
+            clouds: self.files.iter().map(|(name, n)| counts((name, *n))).collect(),
         }
-        if let Some([first, last]) = self.times_s {
-            let _ = writeln!(text, "time {:.3} s", last - first);
-        }
-        if !self.path.is_empty() {
-            let _ = writeln!(text, "path {:.1} m", length_m(&self.path));
-        }
-        if self.has_color {
-            let _ = writeln!(text, "color {:.1} % of the points", self.percent(self.n_colored));
-        }
-        if let Some(instances) = &self.instances {
-            let _ = writeln!(text, "instances {}", instances.len());
-        }
-        let mut classes: Vec<(&str, usize)> = self.classes.iter().map(|(name, n)| (*name, *n)).collect();
-        classes.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-        self.list(&mut text, "class", &classes);
-        let files: Vec<(&str, usize)> = self.files.iter().map(|(name, n)| (name.as_str(), *n)).collect();
-        self.list(&mut text, "cloud", &files);
-        text
     }
+}
 
-    fn list(&self, text: &mut String, title: &str, rows: &[(&str, usize)]) {
-        if rows.is_empty() {
-            return;
-        }
-        let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or_default().max(title.len());
-        let _ = writeln!(text, "\n{title:<width$} {:>14} {:>8}", "points", "share");
-        for (name, n) in rows {
-            let _ = writeln!(text, "{name:<width$} {:>14} {:>6.1} %", grouped(*n), self.percent(*n));
-        }
-    }
-
-    fn percent(&self, n: usize) -> f64 {
-        100.0 * n as f64 / self.n_points.max(1) as f64
-    }
+/// Extends the range by a value.
+fn extend(range: &mut Option<[f64; 2]>, value: f64) {
+    let [low, high] = range.get_or_insert([value; 2]);
+    (*low, *high) = (low.min(value), high.max(value));
 }
 
 /// Length of a polyline, m.

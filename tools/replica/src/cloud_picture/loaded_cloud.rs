@@ -1,5 +1,6 @@
 //! A PLY cloud in memory, with the columns that a table and a picture need.
 
+use super::spectra;
 use formats::ply::Vertices;
 use messages::UNSEEN;
 use std::path::Path;
@@ -15,12 +16,26 @@ pub struct LoadedCloud {
     instance: Option<Vec<i64>>,
     intensity: Option<Vec<f32>>,
     time_s: Option<Vec<f64>>,
+    /// Not 0: of a moving object.
+    moving: Option<Vec<u8>>,
+    score: Option<Vec<f32>>,
+    /// Stated standard deviation of the horizontal position of the submap, m.
+    sigma_m: Option<f64>,
+    /// Reflectance of one band; NaN for points without.
+    band: Option<Vec<f32>>,
 }
 
 impl LoadedCloud {
     /// Reads a PLY file.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
         Self::from_vertices(&Vertices::load(path)?)
+    }
+
+    /// The same, with the reflectances of the band nearest to this wavelength, if there is a file of spectra beside it.
+    pub fn load_with_band(path: &Path, band_nm: f64) -> anyhow::Result<Self> {
+        let cloud = Self::load(path)?;
+        let band = spectra::band(path, cloud.len(), band_nm)?;
+        Ok(Self { band, ..cloud })
     }
 
     /// The columns of a cloud.
@@ -36,6 +51,10 @@ impl LoadedCloud {
             instance: named(["instance", "ins", "instance_id"]).map(|name| v.i64s(name)).transpose()?,
             intensity: named(["intensity", "reflectance", "scalar_Intensity"]).map(|name| v.f32s(name)).transpose()?,
             time_s: named(["timestamp", "GPS_time", "time"]).map(|name| v.f64s(name)).transpose()?,
+            moving: v.has("dynamic").then(|| v.u8s("dynamic")).transpose()?,
+            score: v.has("score").then(|| v.f32s("score")).transpose()?,
+            sigma_m: sigma_m(v.infos()),
+            band: None,
         })
     }
 
@@ -71,10 +90,32 @@ impl LoadedCloud {
     pub fn intensities(&self) -> Option<&[f32]> {
         self.intensity.as_deref()
     }
+    /// Not 0 where a point is of a moving object.
+    pub fn moving(&self) -> Option<&[u8]> {
+        self.moving.as_deref()
+    }
+    /// Score of the class of each point.
+    pub fn scores(&self) -> Option<&[f32]> {
+        self.score.as_deref()
+    }
+    /// Stated standard deviation of the horizontal position, m.
+    pub fn sigma_m(&self) -> Option<f64> {
+        self.sigma_m
+    }
+    /// Reflectance of each point in the band, NaN for points without; see [`LoadedCloud::load_with_band`].
+    pub fn band(&self) -> Option<&[f32]> {
+        self.band.as_deref()
+    }
     /// Time of each return, s; the epoch depends on the file.
     pub fn times_s(&self) -> Option<&[f64]> {
         self.time_s.as_deref()
     }
+}
+
+/// From the line `standard_deviation position_m 3.260 ...`.
+fn sigma_m(infos: &[String]) -> Option<f64> {
+    let words = infos.iter().find_map(|info| info.strip_prefix("standard_deviation position_m "))?;
+    words.split_whitespace().next()?.parse().ok()
 }
 
 fn axes(v: &Vertices, names: [&str; 3]) -> anyhow::Result<[Vec<f64>; 3]> {

@@ -4,6 +4,7 @@ use super::cloud_summary::CloudSummary;
 use super::loaded_cloud::LoadedCloud;
 use super::settings::ColorBy;
 use crate::class_color::class_color;
+use messages::ClassId;
 
 /// Color of points that lack the attribute.
 const GRAY: [u8; 3] = [90, 94, 102];
@@ -12,38 +13,109 @@ const GRAY: [u8; 3] = [90, 94, 102];
 const RAMP: [[f64; 3]; 5] =
     [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
 
+/// Color of moving points.
+const MOVING: [u8; 3] = [235, 70, 50];
+
 /// Maps an attribute of the points to colors.
 pub struct Palette {
     by: ColorBy,
-    height_range: [f64; 2],
+    /// Of the attribute, if it is a number.
+    range: [f64; 2],
     intensity_range: [f64; 2],
 }
+
+/// What the colors of a picture mean.
+#[derive(Debug, PartialEq)]
+pub enum Legend {
+    /// A name for each color.
+    Names(Vec<([u8; 3], String)>),
+    /// From the first color of the ramp to its last: what it shows, and the values at both ends.
+    Ramp { title: String, ends: [String; 2] },
+}
+
+/// Classes of a legend.
+const MAX_NAMES: usize = 12;
 
 impl Palette {
     /// The ranges are those of all clouds, so that equal values get equal colors in each.
     pub fn new(by: ColorBy, summary: &CloudSummary) -> Self {
-        Self { by, height_range: summary.height_range(), intensity_range: summary.intensity_range() }
+        let range = match by {
+            ColorBy::Height => summary.height_range(),
+            ColorBy::Intensity => summary.intensity_range(),
+            ColorBy::Time => summary.times_s(),
+            ColorBy::Band => summary.band_range(),
+            ColorBy::Sigma => summary.sigma_range_m(),
+            _ => [0.0, 1.0],
+        };
+        Self { by, range, intensity_range: summary.intensity_range() }
     }
 
-    /// sRGB of a point.
-    pub fn color(&self, cloud: &LoadedCloud, i: usize) -> [u8; 3] {
+    /// sRGB of a point; `number` is that of the cloud among all clouds.
+    pub fn color(&self, cloud: &LoadedCloud, number: usize, i: usize) -> [u8; 3] {
+        let scalar = |value: Option<f64>| match value.filter(|value| value.is_finite()) {
+            Some(value) => ramp(share(value, self.range)),
+            None => GRAY,
+        };
         match self.by {
             ColorBy::Color => cloud.color(i).unwrap_or_else(|| self.uncolored(cloud, i)),
             ColorBy::Class => cloud.classes().map_or(GRAY, |classes| class_color(classes[i])),
             ColorBy::Instance => cloud.instances().map_or(GRAY, |ids| instance_color(ids[i])),
-            ColorBy::Height => ramp(share(cloud.position(i)[2], self.height_range)),
+            ColorBy::Submap => instance_color(number as i64 + 1),
+            ColorBy::Moving => match cloud.moving() {
+                Some(moving) if moving[i] != 0 => MOVING,
+                _ => self.uncolored(cloud, i),
+            },
+            ColorBy::Height => scalar(Some(cloud.position(i)[2])),
             ColorBy::Intensity => match cloud.intensities() {
-                Some(intensities) => ramp(share(f64::from(intensities[i]), self.intensity_range).sqrt()),
+                Some(intensities) => ramp(share(f64::from(intensities[i]), self.range).sqrt()),
                 None => GRAY,
             },
+            ColorBy::Score => scalar(cloud.scores().map(|scores| f64::from(scores[i]))),
+            ColorBy::Time => scalar(cloud.times_s().map(|times| times[i])),
+            ColorBy::Band => match cloud.band().map(|band| f64::from(band[i])).filter(|value| value.is_finite()) {
+                Some(value) => scalar(Some(value)),
+                None => self.uncolored(cloud, i),
+            },
+            ColorBy::Sigma => scalar(cloud.sigma_m()),
         }
     }
 
-    /// A dim gray by intensity, for points that no camera saw: it still shows shapes.
+    /// A dim gray by intensity, for points without the attribute: it still shows shapes.
     fn uncolored(&self, cloud: &LoadedCloud, i: usize) -> [u8; 3] {
         let Some(intensities) = cloud.intensities() else { return GRAY };
         let level = share(f64::from(intensities[i]), self.intensity_range).sqrt();
         [52.0, 56.0, 64.0].map(|dark| (dark + 80.0 * level) as u8)
+    }
+
+    /// What the colors mean.
+    pub fn legend(&self, summary: &CloudSummary, band_nm: f64) -> Legend {
+        let [low, high] = self.range;
+        let ramp = |title: &str, ends: [String; 2]| Legend::Ramp { title: title.to_owned(), ends };
+        let metres = |decimals: usize| [low, high].map(|value| format!("{value:.decimals$}"));
+        match self.by {
+            ColorBy::Color => Legend::Names(vec![(GRAY, "gray: seen by no camera".to_owned())]),
+            ColorBy::Class => {
+                let id = |name: &str| ClassId::ALL.iter().position(|class| class.name() == name);
+                let classes = summary.classes().into_iter().take(MAX_NAMES);
+                Legend::Names(
+                    classes.filter_map(|name| Some((class_color(id(name)? as u8), name.to_owned()))).collect(),
+                )
+            }
+            ColorBy::Instance => Legend::Names(vec![
+                (instance_color(1), "a color for each object".to_owned()),
+                (GRAY, "no object".to_owned()),
+            ]),
+            ColorBy::Submap => {
+                Legend::Names(vec![(instance_color(1), format!("a color for each of {} clouds", summary.n_clouds()))])
+            }
+            ColorBy::Moving => Legend::Names(vec![(MOVING, "moving".to_owned()), (GRAY, "not moving".to_owned())]),
+            ColorBy::Height => ramp("height, m", metres(1)),
+            ColorBy::Intensity => ramp("intensity (square root)", metres(0)),
+            ColorBy::Score => ramp("score", metres(1)),
+            ColorBy::Time => ramp("time, s", ["0".to_owned(), format!("{:.1}", high - low)]),
+            ColorBy::Band => ramp(&format!("reflectance near {band_nm:.0} nm; gray: none"), metres(2)),
+            ColorBy::Sigma => ramp("deviation of the position, m", metres(2)),
+        }
     }
 }
 

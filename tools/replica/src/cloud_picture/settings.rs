@@ -16,6 +16,43 @@ pub enum ColorBy {
     Height,
     /// Instance; points without one are gray.
     Instance,
+    /// Moving objects (column `dynamic`).
+    Moving,
+    /// Score of the class, 0 to 1.
+    Score,
+    /// Time of the return.
+    Time,
+    /// A color for each cloud.
+    Submap,
+    /// Reflectance of the band of --band-nm; points without spectrum are gray.
+    Band,
+    /// Stated standard deviation of the horizontal position of the submap.
+    Sigma,
+}
+
+/// Where the camera is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum At {
+    /// Along the path, 0 to 1.
+    Share(f64),
+    /// At a place: x and y in the frame of the clouds, m.
+    Place([f64; 2]),
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("must be a share of the path, 0 to 1, or a place X,Y in m")]
+pub struct InvalidAt;
+
+impl FromStr for At {
+    type Err = InvalidAt;
+
+    fn from_str(text: &str) -> Result<Self, InvalidAt> {
+        let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or(InvalidAt);
+        match text.split_once(',') {
+            Some((x, y)) => Ok(Self::Place([number(x)?, number(y)?])),
+            None => number(text).ok().filter(|share| (0.0..=1.0).contains(share)).map(Self::Share).ok_or(InvalidAt),
+        }
+    }
 }
 
 /// The position of the camera.
@@ -66,7 +103,27 @@ pub struct PictureSettings {
     pub color_by: Option<ColorBy>,
     pub size: PictureSize,
     pub viewpoint: Viewpoint,
-    /// Street view: position along the path, 0 to 1.
-    pub at: f64,
+    /// The top view of a share of the path is of the whole path.
+    pub at: At,
+    /// What a view of a place shows around it, m.
+    pub radius_m: f64,
+    /// Wavelength of [`ColorBy::Band`], nm.
+    pub band_nm: f64,
     pub background: Background,
+    /// Without legend, scale bar, north arrow and path.
+    pub is_plain: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn place_and_share_are_told_apart() {
+        assert_eq!("0.35".parse::<At>().expect("a share"), At::Share(0.35));
+        assert_eq!("12.5,-3".parse::<At>().expect("a place"), At::Place([12.5, -3.0]));
+        for wrong in ["1.5", "a", "1,b", "1,2,3", "nan", "inf,0"] {
+            assert!(wrong.parse::<At>().is_err(), "{wrong}");
+        }
+    }
 }

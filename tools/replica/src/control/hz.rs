@@ -1,11 +1,12 @@
 //! `replica hz`: rate and intervals of the messages of a topic.
 
 use super::attach::{RunArgument, TopicEvent, TopicReader};
+use crate::answer::Answer;
 use crate::terminal::StopFlag;
 use ipc::{Observed, ObserverMode};
 use run::exit;
+use serde::Serialize;
 use std::collections::VecDeque;
-use std::io::Write;
 use std::time::{Duration, Instant};
 
 /// More lines per second could not be read.
@@ -25,6 +26,8 @@ pub struct Args {
     /// Time that rate and intervals are averaged over, s (1 to 3600)
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=3600))]
     window: u64,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Runs the command.
@@ -47,16 +50,53 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         if Instant::now() >= next_line {
             next_line += LINE_INTERVAL;
-            print(&window.line())?;
+            print(args, &window)?;
         }
     }
-    print(&window.line())
+    print(args, &window)
 }
 
-fn print(line: &str) -> anyhow::Result<()> {
-    let mut stdout = std::io::stdout().lock();
-    writeln!(stdout, "{line}")?;
-    Ok(stdout.flush()?)
+fn print(args: &Args, window: &Window) -> anyhow::Result<()> {
+    let rates = window.rates();
+    args.answer.print_line(&rates, || rates.line())
+}
+
+/// Rates and intervals of a window. `None`: too few messages.
+#[derive(Serialize)]
+struct Rates {
+    messages_per_s: Option<f64>,
+    rows_per_s: Option<f64>,
+    bytes_per_s: Option<f64>,
+    interval_ms: Option<Intervals>,
+    /// Messages of the window.
+    #[serde(skip)]
+    n_in_window: usize,
+    /// Since the start of the command.
+    received: u64,
+    missed: u64,
+}
+
+/// Times between consecutive messages, ms.
+#[derive(Serialize)]
+struct Intervals {
+    mean: f64,
+    min: f64,
+    max: f64,
+    deviation: f64,
+}
+
+impl Rates {
+    fn line(&self) -> String {
+        let counts = format!("received {}  missed {}", self.received, self.missed);
+        let (Some(messages), Some(rows), Some(bytes)) = (self.messages_per_s, self.rows_per_s, self.bytes_per_s) else {
+            return format!("{}  {counts}", if self.n_in_window == 0 { "no messages" } else { "one message" });
+        };
+        let intervals = self.interval_ms.as_ref().map_or("-".to_owned(), |Intervals { mean, min, max, deviation }| {
+            format!("mean {mean:.2} min {min:.2} max {max:.2} std {deviation:.2} ms")
+        });
+        let mb = bytes * 1e-6;
+        format!("{messages:.2} messages/s  {rows:.0} rows/s  {mb:.2} MB/s  interval {intervals}  {counts}")
+    }
 }
 
 /// The properties of a message that count here.
@@ -100,39 +140,43 @@ impl Window {
         }
     }
 
-    /// Rates and intervals of the window. Missed messages count towards the rates like received ones.
-    fn line(&self) -> String {
-        let counts = format!("received {}  missed {}", self.n_received, self.n_missed);
-        let (Some(first), Some(last)) = (self.messages.front(), self.messages.back()) else {
-            return format!("no messages  {counts}");
+    /// Missed messages count towards the rates like received ones.
+    fn rates(&self) -> Rates {
+        let mut rates = Rates {
+            messages_per_s: None,
+            rows_per_s: None,
+            bytes_per_s: None,
+            interval_ms: self.intervals(),
+            n_in_window: self.messages.len(),
+            received: self.n_received,
+            missed: self.n_missed,
         };
+        let (Some(first), Some(last)) = (self.messages.front(), self.messages.back()) else { return rates };
         let seconds = last.sent_nanos.saturating_sub(first.sent_nanos) as f64 * 1e-9;
-        if seconds <= 0.0 {
-            return format!("one message  {counts}");
+        if seconds > 0.0 {
+            let messages_per_s = (last.seq - first.seq) as f64 / seconds;
+            let per_s = |count: fn(&Received) -> u64| {
+                let n = self.messages.iter().skip(1).map(count).sum::<u64>();
+                n as f64 / (self.messages.len() - 1) as f64 * messages_per_s
+            };
+            rates.messages_per_s = Some(messages_per_s);
+            rates.rows_per_s = Some(per_s(|message| message.rows));
+            rates.bytes_per_s = Some(per_s(|message| message.bytes));
         }
-        let messages_per_s = (last.seq - first.seq) as f64 / seconds;
-        let mean = |count: fn(&Received) -> u64| {
-            self.messages.iter().skip(1).map(count).sum::<u64>() as f64 / (self.messages.len() - 1) as f64
-        };
-        format!(
-            "{messages_per_s:.2} messages/s  {:.0} rows/s  {:.2} MB/s  interval {}  {counts}",
-            mean(|message| message.rows) * messages_per_s,
-            mean(|message| message.bytes) * messages_per_s * 1e-6,
-            self.intervals()
-        )
+        rates
     }
 
     /// Times between consecutive messages.
-    fn intervals(&self) -> String {
+    fn intervals(&self) -> Option<Intervals> {
         let pairs = self.messages.iter().zip(self.messages.iter().skip(1)).filter(|(a, b)| b.seq == a.seq + 1);
         let ms: Vec<f64> = pairs.map(|(a, b)| (b.sent_nanos - a.sent_nanos) as f64 * 1e-6).collect();
         if ms.is_empty() {
-            return "-".to_owned();
+            return None;
         }
         let mean = ms.iter().sum::<f64>() / ms.len() as f64;
-        let std = (ms.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / ms.len() as f64).sqrt();
+        let deviation = (ms.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / ms.len() as f64).sqrt();
         let (min, max) = ms.iter().fold((f64::INFINITY, 0.0_f64), |(min, max), x| (min.min(*x), max.max(*x)));
-        format!("mean {mean:.2} min {min:.2} max {max:.2} std {std:.2} ms")
+        Some(Intervals { mean, min, max, deviation })
     }
 }
 
@@ -147,14 +191,14 @@ mod tests {
     #[test]
     fn missed_messages_count_towards_rates_but_not_intervals() {
         let mut window = Window::new(10);
-        assert_eq!(window.line(), "no messages  received 0  missed 0");
+        assert_eq!(window.rates().line(), "no messages  received 0  missed 0");
         for (message, missed) in
             [(message(5, 1000), 0), (message(6, 1100), 0), (message(7, 1300), 0), (message(15, 2000), 7)]
         {
             window.add(message, missed);
         }
         assert_eq!(
-            window.line(),
+            window.rates().line(),
             "10.00 messages/s  1000 rows/s  20.00 MB/s  interval mean 150.00 min 100.00 max 200.00 std 50.00 ms  \
              received 4  missed 7"
         );
@@ -165,6 +209,6 @@ mod tests {
         let mut window = Window::new(1);
         (0..50).for_each(|i| window.add(message(i, i * 1000), 0));
         assert_eq!(window.messages.len(), 2);
-        assert!(window.line().starts_with("1.00 messages/s"), "{}", window.line());
+        assert!(window.rates().line().starts_with("1.00 messages/s"), "{}", window.rates().line());
     }
 }

@@ -1,13 +1,15 @@
 //! `replica status`: state, rates and latencies of the stages and topics of a running pipeline.
 
 use super::attach::{Run, RunArgument};
+use super::columns::{Column, Table};
 use super::metrics::{ConsumerMetrics, Heartbeats, RunMetrics, StageMetrics, TopicMetrics};
 use crate::argument::InvalidValue;
 use crate::terminal::StopFlag;
 use run::exit;
 use run::health::{Activity, Latency};
-use std::fmt::{Display, Write as _};
-use std::io::{IsTerminal, Write as _};
+use run::terminal::{Screen, Style};
+use std::fmt::Display;
+use std::io::Write as _;
 use std::time::Duration;
 
 /// Show state, rates and latencies of the stages and topics of a run.
@@ -61,68 +63,78 @@ fn show(run: &Run, heartbeats: &Heartbeats, args: &Args, shown_lines: usize) -> 
         stdout.flush()?;
         return Ok(0);
     }
-    let text = block(&metrics);
-    let in_place = args.watch && stdout.is_terminal();
-    if in_place && shown_lines > 0 {
+    let screen = Screen::of(&stdout).filter(|_| args.watch);
+    let text = match screen {
+        Some(screen) => fitting(&block(&metrics, screen.columns), screen),
+        None => block(&metrics, usize::MAX),
+    };
+    if screen.is_some() && shown_lines > 0 {
         // Up by the last block's height, then clear to the end of the screen.
         write!(stdout, "\x1b[{shown_lines}A\x1b[J")?;
     }
     stdout.write_all(text.as_bytes())?;
-    if args.watch && !in_place {
+    if args.watch && screen.is_none() {
         writeln!(stdout)?;
     }
     stdout.flush()?;
     Ok(text.lines().count())
 }
 
-fn block(metrics: &RunMetrics) -> String {
-    let mut text = format!(
-        "{}  supervisor {}  restarts {}  shared memory {} MB\n",
-        metrics.run.display(),
-        metrics.supervisor,
-        metrics.started_anew,
-        millions(metrics.shared_memory_bytes as f64)
-    );
-    let durations = "p50/p99/max ms";
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        text,
-        "\n{:<16} {:<28} {:>7} {:>9} {:>6} {:>24} {:>24} {:>5} {:>7}",
-        "STAGE",
-        "STATE",
-        "TICKS/s",
-        "POINTS/s",
-        "LAG s",
-        format!("STEP {durations}"),
-        format!("AGE {durations}"),
-        "CPU %",
-        "RSS MB"
-    );
-    for stage in &metrics.stages {
-        stage_row(&mut text, stage);
-    }
-    let _ = writeln!(
-        text,
-        "\n{:<12} {:>8} {:>9} {:>9} {:>7} {:>5} {:>26}  SLOWEST CONSUMER",
-        "TOPIC",
-        "MSG/s",
-        "ROWS/s",
-        "MB/s",
-        "WAITING",
-        "QUEUE",
-        format!("LATENCY {durations}")
-    );
-    for topic in &metrics.topics {
-        topic_row(&mut text, topic);
+/// The first lines, cut to the width of the screen: a block that scrolls cannot be redrawn in place.
+fn fitting(block: &str, screen: Screen) -> String {
+    let lines: Vec<&str> = block.lines().collect();
+    // The cursor has the last line.
+    let n_fitting = screen.rows.saturating_sub(1);
+    let n_shown = if lines.len() > n_fitting { n_fitting.saturating_sub(1) } else { lines.len() };
+    let style = |line: &str| ["STAGE", "TOPIC"].iter().any(|heading| line.starts_with(heading)).then_some(Style::Bold);
+    let mut text: String = lines[..n_shown].iter().map(|line| screen.line(line, style(line)) + "\n").collect();
+    if n_shown < lines.len() {
+        let more = format!("{} more lines in a larger window", lines.len() - n_shown);
+        text = text + &screen.line(&more, None) + "\n";
     }
     text
 }
 
-fn stage_row(text: &mut String, stage: &StageMetrics) {
-    let _ = writeln!(
-        text,
-        "{:<16} {:<28} {:>7} {:>9} {:>6} {:>24} {:>24} {:>5} {:>7}",
-        stage.name,
+const STAGE_COLUMNS: [Column; 9] = [
+    Column { heading: "STAGE", width: 14, rank: 0 },
+    Column { heading: "STATE", width: 26, rank: 0 },
+    Column { heading: "TICKS/s", width: 7, rank: 1 },
+    Column { heading: "POINTS/s", width: 9, rank: 4 },
+    Column { heading: "LAG s", width: 5, rank: 2 },
+    Column { heading: "STEP p50/p99/max ms", width: 21, rank: 5 },
+    Column { heading: "AGE p50/p99/max ms", width: 24, rank: 6 },
+    Column { heading: "CPU %", width: 5, rank: 1 },
+    Column { heading: "RSS MB", width: 6, rank: 3 },
+];
+
+const TOPIC_COLUMNS: [Column; 8] = [
+    Column { heading: "TOPIC", width: 10, rank: 0 },
+    Column { heading: "SLOWEST CONSUMER", width: 16, rank: 2 },
+    Column { heading: "MSG/s", width: 7, rank: 1 },
+    Column { heading: "ROWS/s", width: 9, rank: 4 },
+    Column { heading: "MB/s", width: 7, rank: 3 },
+    Column { heading: "WAITING", width: 7, rank: 1 },
+    Column { heading: "QUEUE", width: 5, rank: 2 },
+    Column { heading: "LATENCY p50/p99/max ms", width: 24, rank: 5 },
+];
+
+fn block(metrics: &RunMetrics, width: usize) -> String {
+    let stages = Table { columns: &STAGE_COLUMNS, n_texts: 2, rows: metrics.stages.iter().map(stage_row).collect() };
+    let topics = Table { columns: &TOPIC_COLUMNS, n_texts: 2, rows: metrics.topics.iter().map(topic_row).collect() };
+    format!(
+        "{}  supervisor {}  restarts {}  shared memory {} MB\n{}\n{}",
+        metrics.run.display(),
+        metrics.supervisor,
+        metrics.started_anew,
+        millions(metrics.shared_memory_bytes as f64),
+        stages.text(width),
+        topics.text(width)
+    )
+}
+
+fn stage_row(stage: &StageMetrics) -> Vec<String> {
+    vec![
+        stage.name.clone(),
         stage.activity.as_ref().map_or_else(|| "no heartbeat".to_owned(), Activity::to_string),
         or_dash(stage.ticks_per_s.map(|rate| format!("{rate:.1}"))),
         or_dash(stage.points_per_s.map(|rate| format!("{rate:.0}"))),
@@ -130,26 +142,24 @@ fn stage_row(text: &mut String, stage: &StageMetrics) {
         or_dash(stage.step.as_ref().map(durations)),
         or_dash(stage.age.as_ref().map(durations)),
         or_dash(stage.cpu_percent.map(|percent| format!("{percent:.0}"))),
-        or_dash(stage.rss_bytes.map(|bytes| format!("{:.0}", bytes as f64 * 1e-6)))
-    );
+        or_dash(stage.rss_bytes.map(|bytes| format!("{:.0}", bytes as f64 * 1e-6))),
+    ]
 }
 
-fn topic_row(text: &mut String, topic: &TopicMetrics) {
+fn topic_row(topic: &TopicMetrics) -> Vec<String> {
     let latency_of = |consumer: &&ConsumerMetrics| consumer.latency.map_or(0.0, |latency| latency.p50_ms);
     let slowest = topic.consumers.iter().max_by(|a, b| latency_of(a).total_cmp(&latency_of(b)));
     let queue = topic.consumers.iter().filter_map(|consumer| consumer.queue).max();
-    let _ = writeln!(
-        text,
-        "{:<12} {:>8} {:>9} {:>9} {:>7} {:>5} {:>26}  {}",
-        topic.topic,
+    vec![
+        topic.topic.clone(),
+        slowest.map_or("-", |slowest| slowest.stage.as_str()).to_owned(),
         or_dash(topic.messages_per_s.map(|rate| format!("{rate:.1}"))),
         or_dash(topic.rows_per_s.map(|rate| format!("{rate:.0}"))),
         or_dash(topic.bytes_per_s.map(millions)),
         or_dash(topic.waiting),
         or_dash(queue),
         or_dash(slowest.and_then(|slowest| slowest.latency.as_ref()).map(durations)),
-        slowest.map_or("-", |slowest| slowest.stage.as_str())
-    );
+    ]
 }
 
 /// In millions, with two decimals: MB if the value is in bytes.

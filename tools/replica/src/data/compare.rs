@@ -3,14 +3,15 @@
 mod fields;
 mod message_reader;
 
+use crate::answer::Answer;
 use crate::argument::InvalidValue;
 use crate::exit_code;
-use crate::terminal::say;
 use anyhow::Context;
 use fields::{Differences, FieldRule};
 use formats::recording::{RecordedTopic, RecordingReader};
 use message_reader::MessageReader;
-use std::collections::BTreeSet;
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -33,6 +34,8 @@ pub struct Args {
     /// Largest difference of a field that is ignored, e.g. score=1 or header.origin=1e-6 (may be repeated)
     #[arg(long = "tolerance", value_name = "FIELD=VALUE")]
     tolerances: Vec<Tolerance>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// `field=value`.
@@ -56,71 +59,122 @@ impl FromStr for Tolerance {
 
 /// Compares the recordings and prints the result.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let readers = [RecordingReader::open(&args.a)?, RecordingReader::open(&args.b)?];
-    let mut names: Vec<String> = readers.iter().flat_map(|r| r.topics().iter().map(|t| t.name.clone())).collect();
-    names.sort();
-    names.dedup();
+    let compared = Comparison::of(args)?;
+    args.answer.print(&compared, || compared.text())?;
+    let is_fine = compared.is_equal && compared.is_complete;
+    Ok(if is_fine { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
+}
+
+/// The whole result.
+#[derive(Serialize)]
+struct Comparison {
+    /// Whether no topic differs, as far as both recordings go.
+    is_equal: bool,
+    /// Whether both recordings reach the end of their run.
+    is_complete: bool,
+    /// By name.
+    topics: BTreeMap<String, TopicResult>,
+    /// Why a recording is not complete, by recording.
+    faults: [BTreeSet<String>; 2],
+}
+
+/// What is to be said about a topic.
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+enum TopicResult {
+    /// Its messages have different layouts: version and layout in each recording.
+    Layouts([String; 2]),
+    /// Only one recording has it.
+    OnlyIn(&'static str),
+    Compared(TopicComparison),
+}
+
+/// The names of the recordings in the result.
+const FILES: [&str; 2] = ["a", "b"];
+
+impl Comparison {
+    fn of(args: &Args) -> anyhow::Result<Self> {
+        let readers = [RecordingReader::open(&args.a)?, RecordingReader::open(&args.b)?];
+        let names = topic_names(args, &readers)?;
+        let mut faults = readers.each_ref().map(|_| BTreeSet::new());
+        if names.is_empty() {
+            // A file that is cut before its first message has no topics.
+            for (fault, reader) in faults.iter_mut().zip(readers.each_ref().map(RecordingReader::path)) {
+                fault.extend(MessageReader::open(reader, "")?.cut);
+            }
+        }
+        let mut topics = BTreeMap::new();
+        for name in names {
+            let found = readers.each_ref().map(|reader| reader.topics().iter().find(|topic| topic.name == name));
+            let result = match found {
+                [Some(a), Some(b)] if (a.table.version, a.table.layout) != (b.table.version, b.table.layout) => {
+                    let of = |t: &RecordedTopic| format!("version {} layout {:016x}", t.table.version, t.table.layout);
+                    TopicResult::Layouts([of(a), of(b)])
+                }
+                [Some(topic), Some(_)] => {
+                    let compared = compare_topic(args, topic)?;
+                    for (all, own) in faults.iter_mut().zip(&compared.faults) {
+                        all.extend(own.clone());
+                    }
+                    TopicResult::Compared(compared)
+                }
+                [a, _] => TopicResult::OnlyIn(FILES[usize::from(a.is_none())]),
+            };
+            topics.insert(name, result);
+        }
+        let is_equal = |result: &TopicResult| matches!(result, TopicResult::Compared(topic) if topic.is_equal());
+        Ok(Self {
+            is_equal: topics.values().all(is_equal),
+            is_complete: faults.iter().all(BTreeSet::is_empty),
+            topics,
+            faults,
+        })
+    }
+
+    fn text(&self) -> String {
+        let mut text = String::new();
+        for (name, result) in &self.topics {
+            // Writing to a string cannot fail.
+            let _ = match result {
+                TopicResult::Layouts([a, b]) => writeln!(text, "{name}: {a} in a, {b} in b"),
+                TopicResult::OnlyIn(file) => writeln!(text, "{name}: only in {file}"),
+                TopicResult::Compared(topic) => write!(text, "{}", topic.text(name)),
+            };
+        }
+        for (file, faults) in FILES.iter().zip(&self.faults) {
+            for fault in faults {
+                let _ = writeln!(text, "{file} is not complete: {fault}");
+            }
+        }
+        text + match (self.is_equal, self.is_complete) {
+            (true, true) => "equal\n",
+            (true, false) => "equal as far as both go, but not complete\n",
+            (false, _) => "different\n",
+        }
+    }
+}
+
+/// The topics to compare, sorted.
+fn topic_names(args: &Args, readers: &[RecordingReader; 2]) -> anyhow::Result<BTreeSet<String>> {
+    let mut names: BTreeSet<String> =
+        readers.iter().flat_map(|reader| reader.topics().iter().map(|topic| topic.name.clone())).collect();
     if !args.topics.is_empty() {
         for topic in &args.topics {
             anyhow::ensure!(
                 names.contains(topic),
                 "topic {topic} is in neither recording; their topics are {}",
-                names.join(", ")
+                names.iter().cloned().collect::<Vec<_>>().join(", ")
             );
         }
         names.retain(|name| args.topics.iter().any(|topic| name == topic || *name == format!("{topic}.tick")));
     }
-    let mut equal = true;
-    let mut faults = readers.each_ref().map(|_| BTreeSet::new());
-    if names.is_empty() {
-        // A file that is cut before its first message has no topics.
-        for (fault, reader) in faults.iter_mut().zip(readers.each_ref().map(RecordingReader::path)) {
-            fault.extend(MessageReader::open(reader, "")?.cut);
-        }
-    }
-    for name in &names {
-        let [a, b] = readers.each_ref().map(|reader| reader.topics().iter().find(|topic| topic.name == *name));
-        let text = match (a, b) {
-            (Some(a), Some(b)) if (a.table.version, a.table.layout) != (b.table.version, b.table.layout) => {
-                equal = false;
-                let of = |t: &RecordedTopic| format!("version {} layout {:016x}", t.table.version, t.table.layout);
-                format!("{name}: {} in a, {} in b\n", of(a), of(b))
-            }
-            (Some(topic), Some(_)) => {
-                let compared = compare_topic(args, topic)?;
-                equal &= compared.is_equal();
-                for (all, own) in faults.iter_mut().zip(&compared.faults) {
-                    all.extend(own.clone());
-                }
-                compared.text(name)
-            }
-            (a, _) => {
-                equal = false;
-                format!("{name}: only in {}\n", if a.is_some() { "a" } else { "b" })
-            }
-        };
-        say!("{}", text.trim_end())?;
-    }
-    for (file, faults) in ["a", "b"].iter().zip(&faults) {
-        for fault in faults {
-            say!("{file} is not complete: {fault}")?;
-        }
-    }
-    let complete = faults.iter().all(BTreeSet::is_empty);
-    say!(
-        "{}",
-        match (equal, complete) {
-            (true, true) => "equal",
-            (true, false) => "equal as far as both go, but not complete",
-            (false, _) => "different",
-        }
-    )?;
-    Ok(if equal && complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
+    Ok(names)
 }
 
 /// The result for one topic.
-#[derive(Default)]
+#[derive(Default, Serialize)]
 struct TopicComparison {
+    /// Messages that both recordings have, and those of them that differ.
     n_both: u64,
     n_different: u64,
     /// Messages that only one file has: the first sequence number and the count, by file.
@@ -139,7 +193,7 @@ impl TopicComparison {
 
     fn text(&self, name: &str) -> String {
         let mut text = format!("{name}: {} messages in both, {} differ\n", self.n_both, self.n_different);
-        for (unmatched, file) in self.unmatched.iter().zip(["a", "b"]) {
+        for (unmatched, file) in self.unmatched.iter().zip(FILES) {
             if let Some((first, n)) = unmatched {
                 // Writing to a string cannot fail.
                 let _ = writeln!(text, "  {n} messages only in {file}, the first is {first}");

@@ -5,16 +5,22 @@ pub mod georeference;
 mod offset;
 mod recording;
 
+use super::report::StageDoubt;
+use crate::answer::Answer;
+use crate::argument::positive;
 use crate::cloud_files::cloud_files;
 use crate::cloud_picture::{
-    Background, BevRequest, ColorBy, PictureSettings, PictureSize, Viewpoint, render, render_bev, summarize,
+    At, Background, BevRequest, CloudFacts, ColorBy, DEFAULT_BAND_NM, DEFAULT_RADIUS_M, PictureSettings, PictureSize,
+    Viewpoint, render, render_bev, summarize,
 };
 use crate::exit_code;
 use crate::usage_error::UsageError;
-use anyhow::{Context, ensure};
+use anyhow::Context;
+use delivery::GeoreferenceFile;
 use drive::Reading;
+use recording::RecordingFacts;
 use run::summary::Summary;
-use std::io::Write;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -62,62 +68,97 @@ pub struct Args {
     /// Viewpoint of the picture
     #[arg(long, default_value = "street")]
     view: Viewpoint,
-    /// Street view: position along the path, 0 to 1
-    #[arg(long, default_value_t = 0.35)]
-    at: f64,
+    /// Street view: position along the path, 0 to 1. Both views: X,Y shows this place, m in the frame of the clouds
+    #[arg(long, value_name = "SHARE|X,Y", default_value = "0.35", allow_hyphen_values = true)]
+    at: At,
+    /// With --at X,Y: how far around the place the picture reaches, m
+    #[arg(long, value_name = "M", default_value_t = DEFAULT_RADIUS_M, value_parser = positive)]
+    radius: f64,
+    /// With --by band: the band nearest to this wavelength, nm
+    #[arg(long, value_name = "NM", default_value_t = DEFAULT_BAND_NM, value_parser = positive)]
+    band_nm: f64,
+    /// Only points: no legend, scale bar, north arrow or path
+    #[arg(long)]
+    plain: bool,
     /// Background of the picture
     #[arg(long, default_value = "dark")]
     background: Background,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Prints the table and renders the picture, if one is requested.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.offset {
-        let _ = std::io::stdout().write_all(offset::report(&args.path)?.as_bytes());
+        let offset = offset::read(&args.path)?;
+        args.answer.print(&offset, || offset.text())?;
         return Ok(ExitCode::SUCCESS);
     }
     if args.path.extension().is_some_and(|extension| extension == "mcap") {
-        let (table, complete) = recording::table(&args.path)?;
-        let _ = std::io::stdout().write_all(table.as_bytes());
-        return Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
+        let recording = RecordingFacts::of(&args.path)?;
+        args.answer.print(&recording, || recording.table())?;
+        return Ok(if recording.complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
     }
     if drive::is_drive(&args.path) {
-        return drive::run(&args.path, if args.full { Reading::All } else { Reading::Samples }, args.page.as_deref());
+        let reading = if args.full { Reading::All } else { Reading::Samples };
+        return drive::run(&args.path, reading, args.page.as_deref(), args.answer);
     }
     if args.full || args.page.is_some() {
         let path = args.path.display();
         let rule = "--full and --page need a drive folder, a folder of sweeps or a capture";
         return Err(UsageError(format!("{path}: {rule}")).into());
     }
-    ensure!((0.0..=1.0).contains(&args.at), "--at {}: must be 0 to 1", args.at);
     let files = cloud_files(&args.path)?;
-    let summary = summarize(&files)?;
-    // A reader that closes the pipe early has seen enough.
-    let text = summary.table(&args.path) + &georeference::lines(&args.path) + &doubts(&args.path);
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    let band_nm = (args.by == Some(ColorBy::Band)).then_some(args.band_nm);
+    let summary = summarize(&files, band_nm)?;
+    let result = ResultFacts::of(&args.path, summary.facts());
+    args.answer.print(&result, || result.text())?;
     if let (Some(request), Some(picture)) = (&args.bev, &args.picture) {
         let line = render_bev(&files, &summary, request, args.background, picture)
             .with_context(|| args.path.display().to_string())?;
-        let _ = std::io::stdout().write_all(line.as_bytes());
+        eprint!("{line}");
     } else if let Some(picture) = &args.picture {
         let settings = PictureSettings {
             color_by: args.by,
             size: args.size,
             viewpoint: args.view,
             at: args.at,
+            radius_m: args.radius,
+            band_nm: args.band_nm,
             background: args.background,
+            is_plain: args.plain,
         };
         render(&files, &summary, &settings, picture).with_context(|| args.path.display().to_string())?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// The doubts of the run in folder `path`, one per line. Clouds may lie anywhere, so a folder without a summary has none.
-fn doubts(path: &Path) -> String {
-    let summary = Summary::load(path).unwrap_or_default();
-    let lines: Vec<String> =
-        summary.doubts().map(|(stage, doubt)| format!("doubt ({stage}): {}\n", doubt.text)).collect();
-    lines.concat()
+/// Clouds, and what the run that made them says about them.
+#[derive(Serialize)]
+struct ResultFacts {
+    path: String,
+    #[serde(flatten)]
+    clouds: CloudFacts,
+    georeference: Option<GeoreferenceFile>,
+    /// Of stages. Clouds may lie anywhere, so a folder without a summary has none.
+    doubts: Vec<StageDoubt>,
+}
+
+impl ResultFacts {
+    fn of(path: &Path, clouds: CloudFacts) -> Self {
+        Self {
+            path: path.display().to_string(),
+            clouds,
+            georeference: georeference::load(path),
+            doubts: StageDoubt::of(&Summary::load(path).unwrap_or_default()),
+        }
+    }
+
+    fn text(&self) -> String {
+        let doubts = self.doubts.iter().map(|doubt| format!("doubt ({}): {}\n", doubt.stage, doubt.doubt.text));
+        let georeference = self.georeference.as_ref().map(georeference::lines).unwrap_or_default();
+        self.clouds.table(&self.path) + &georeference + &doubts.collect::<String>()
+    }
 }
 
 #[cfg(test)]
@@ -151,14 +192,14 @@ mod tests {
         write_street(&folder.path().join("clouds/submap_0000_spectra.ply"));
         let files = cloud_files(folder.path()).expect("has clouds");
         assert_eq!(files.len(), 1, "files of spectra are not clouds");
-        let table = summarize(&files).expect("loads").table(folder.path());
+        let table = summarize(&files, None).expect("loads").facts().table("street");
         for line in ["1 clouds, 40 000 points", "path 39.", "instances 1", "road", "98.0 %", "vehicles", "2.0 %"] {
             assert!(table.contains(line), "{line:?} is not in\n{table}");
         }
         for (view, by) in [("street", "class"), ("top", "instance"), ("top", "height")] {
             let picture = folder.path().join(format!("{view}_{by}.png"));
             let (input, output) = (folder.path().to_string_lossy(), picture.to_string_lossy());
-            let words = ["", &input, "--picture", &output, "--view", view, "--by", by, "--size", "320x180"];
+            let words = ["", &input, "--picture", &output, "--view", view, "--by", by, "--size", "320x180", "--plain"];
             run(&Cli::parse_from(words).args).expect("renders");
             let image = image::open(&picture).expect("is a picture").to_rgb8();
             assert_eq!(image.dimensions(), (320, 180));
@@ -166,6 +207,31 @@ mod tests {
             let n_car = image.pixels().filter(|pixel| of_car(pixel)).count();
             assert!((20..8000).contains(&n_car), "{view} {by}: {n_car} pixels of the car");
         }
+    }
+
+    #[test]
+    fn close_up_of_a_place_shows_it_and_columns_must_be_there() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let cloud = folder.path().join("street.ply");
+        write_street(&cloud);
+        let picture = folder.path().join("car.png");
+        let (input, output) = (cloud.to_string_lossy(), picture.to_string_lossy());
+        let words = ["", &input, "--picture", &output, "--by", "class", "--size", "320x180", "--plain"];
+        let n_car = |more: &[&str]| {
+            run(&Cli::parse_from([&words[..], more].concat()).args).expect("renders");
+            let image = image::open(&picture).expect("is a picture").to_rgb8();
+            image.pixels().filter(|pixel| pixel.0[2] > 180 && pixel.0[0] < 60).count()
+        };
+        for view in ["top", "street"] {
+            let [near, far] = ["22,2", "5,-3"].map(|at| n_car(&["--view", view, "--at", at, "--radius", "4"]));
+            assert!(near > 300 && far == 0, "{view}: {near} and {far} pixels of the car");
+        }
+        let error = |more: &[&str]| {
+            format!("{:#}", run(&Cli::parse_from([&words[..4], more].concat()).args).expect_err("is refused"))
+        };
+        assert!(error(&["--by", "score"]).contains("the clouds have no scores"));
+        assert!(error(&["--by", "band"]).contains("the clouds have no spectra"));
+        assert!(error(&["--at", "-90,2"]).contains("--at -90,2: the clouds reach from 0.0,-5.0 to 39.9,4.9"));
     }
 
     #[test]
@@ -201,7 +267,6 @@ mod tests {
         for words in [["", &path, "--size", "16x9"], ["", &path, "--size", "1600"], ["", &path, "--by", "taste"]] {
             assert!(Cli::<Args>::try_parse_from(words).is_err());
         }
-        let outside = Cli::parse_from(["", &path, "--at", "1.5"]);
-        assert!(run(&outside.args).expect_err("is outside").to_string().contains("--at 1.5: must be 0 to 1"));
+        assert!(Cli::<Args>::try_parse_from(["", &path, "--at", "1.5"]).is_err(), "is outside of the path");
     }
 }

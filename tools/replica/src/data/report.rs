@@ -25,9 +25,11 @@ mod uncertain;
 mod verdict;
 mod view_drawing;
 
+use crate::answer::Answer;
 use anyhow::Context;
 use comparison::{ComparedRun, Comparison};
-use facts::{Facts, Input, ObjectFacts, Points, Settings, StageCosts, StageDoubt};
+pub use facts::StageDoubt;
+use facts::{Facts, Input, ObjectFacts, Points, Settings, StageCosts};
 use finished_run::FinishedRun;
 use formats::atomic_file::write_atomic;
 use material::Material;
@@ -51,6 +53,8 @@ pub struct Args {
     /// Folder for the files [default: the run; with several runs, the current folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Writes the files.
@@ -59,10 +63,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let [run] = runs.as_slice() {
         let (page, facts) = report(run).with_context(|| run.folder.display().to_string())?;
         write(args.out.as_deref().unwrap_or(&run.folder), REPORT_FILES, &page, &facts)?;
+        args.answer.print(&facts, String::new)?;
     } else {
         let comparison = Comparison { version: 1, runs: runs.iter().map(ComparedRun::of).collect() };
         let out = args.out.as_deref().unwrap_or(Path::new("."));
         write(out, ["comparison.html", "comparison.json"], &comparison.page(), &comparison)?;
+        args.answer.print(&comparison, String::new)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -89,10 +95,7 @@ fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
         n_objects: survey.map_or(0, |survey| survey.objects.len()),
         colored_by: survey.map(|survey| uncertain::camera_shares(survey, material.drive.as_ref())).unwrap_or_default(),
         losses: uncertain::losses(run),
-        doubts: summary
-            .doubts()
-            .map(|(stage, doubt)| StageDoubt { stage: stage.to_owned(), doubt: doubt.clone() })
-            .collect(),
+        doubts: StageDoubt::of(summary),
         notes: summary
             .stages
             .iter()

@@ -12,6 +12,7 @@ pub mod source;
 mod stretch;
 
 use super::sensor_calibration;
+use crate::answer::Answer;
 use crate::argument::{percent, positive, rectangle};
 use anyhow::Context;
 use channel::Channel;
@@ -20,7 +21,6 @@ use formats::envi::LibrarySpectrum;
 use input::InputSelection;
 use report::{InputReport, Report};
 use source::Region;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use stretch::Stretch;
@@ -77,12 +77,15 @@ pub struct Args {
     /// normalized.svg, and `pixels_N.svg` and `region_N.png` for each input
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {
     Markdown,
     Csv,
+    /// As --json.
     Json,
 }
 
@@ -134,12 +137,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         )
     });
     let report = Report { warning, thresholds: args.thresholds.clone(), inputs };
-    let text = match args.format {
-        Format::Markdown => report.markdown(),
-        Format::Csv => report.csv(),
-        Format::Json => serde_json::to_string_pretty(&report)? + "\n",
-    };
-    std::io::stdout().lock().write_all(text.as_bytes()).context("stdout")?;
+    let answer = args.answer.or(matches!(args.format, Format::Json));
+    answer.print(&report, || if matches!(args.format, Format::Csv) { report.csv() } else { report.markdown() })?;
     if let Some(folder) = &args.figures {
         let quantity = if args.ignore_exposure { "share of the white signal" } else { "reflectance" };
         let figures =

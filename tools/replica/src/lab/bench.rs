@@ -7,8 +7,8 @@ mod profile;
 mod report;
 mod series;
 
+use crate::answer::Answer;
 use crate::exit_code;
-use crate::terminal::say;
 use anyhow::{Context, bail};
 use configuration::Configuration;
 use ipc::Transport;
@@ -52,6 +52,8 @@ pub struct Args {
     /// Override a setting of the launch file (may be repeated)
     #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
     overrides: Vec<String>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Runs the command.
@@ -95,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             Err(Failure::Other(error)) => return Err(error),
         }
     }
-    say!("{}", report.markdown(args.stages).trim_end())?;
+    args.answer.print(&report, || report.markdown(args.stages))?;
     let (text, data) = write(&report, args)?;
     eprintln!("{}\n{}", text.display(), data.display());
     Ok(ExitCode::from(if report.runs_agree() { 0 } else { exit_code::INCOMPLETE }))

@@ -1,12 +1,14 @@
 //! `replica instances`: lists the objects in the clouds of a run.
 
+use crate::answer::Answer;
 use crate::cloud_files::cloud_files;
 use anyhow::Context as _;
 use deliverables::Georeference;
-use deliverables::objects::{Objects, geojson, table};
+use deliverables::objects::{ObjectSummary, Objects, geojson, table};
 use delivery::GEOREFERENCE;
 use formats::ply::Vertices;
-use std::io::Write as _;
+use geometry::OrientedRectangle;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -19,8 +21,10 @@ pub struct Args {
     /// Output folder of a run or a PLY file, with the fields semantic and instance
     path: PathBuf,
     /// Print GeoJSON (WGS84); the output folder must have a georeference.json with an origin
-    #[arg(long)]
+    #[arg(long, conflicts_with = "json")]
     geojson: bool,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Prints the objects.
@@ -37,9 +41,19 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some(georeference) => geojson(&summaries, georeference)?
             .with_context(|| format!("{}: has no `origin`; {GEOJSON_NEEDS}", args.path.display()))?,
     };
-    // A reader that closes the pipe early has seen enough.
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    args.answer.print(&json!({"objects": summaries.iter().map(facts).collect::<Vec<_>>()}), || text)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// An object in the frame of the clouds, m and rad.
+fn facts(object: &ObjectSummary) -> Value {
+    let OrientedRectangle { center, length_m, width_m, heading } = object.footprint;
+    let (z_low_m, z_high_m) = object.z;
+    json!({
+        "id": object.id, "class": object.class, "points": object.n_points, "clouds": object.n_clouds,
+        "score": object.score, "x_m": center[0], "y_m": center[1], "z_low_m": z_low_m, "z_high_m": z_high_m,
+        "length_m": length_m, "width_m": width_m, "heading_rad": heading,
+    })
 }
 
 const GEOJSON_NEEDS: &str = "GeoJSON needs the geographic position of the clouds";

@@ -9,5 +9,7 @@ mod evaluate_run;
 mod finished_run;
 mod inspect_drive;
 mod instances;
+mod json;
+mod setup;
 mod spectrum;
 mod support;

@@ -3,6 +3,7 @@
 use crate::byte_values::{Number, number};
 use formats::recording::kind_bytes;
 use messages::{ByteField, ByteTable, Envelope};
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -56,7 +57,7 @@ impl FieldRule {
 }
 
 /// By field: number of rows that differ, and the largest difference.
-#[derive(Default)]
+#[derive(Default, Serialize)]
 pub struct Differences(BTreeMap<String, (u64, f64)>);
 
 impl Differences {

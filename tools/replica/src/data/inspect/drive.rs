@@ -2,6 +2,7 @@
 
 mod cameras;
 mod clocks;
+mod facts;
 mod inertial;
 mod lidar;
 mod other_lidars;
@@ -13,13 +14,15 @@ mod receiver;
 pub mod stream;
 pub mod text;
 
+use crate::answer::Answer;
 use crate::exit_code;
 use anyhow::Context;
+use facts::DriveFacts;
 use formats::drive::{Drive, MANIFEST_FILE};
 use formats::nmea::Fix;
 use geometry::Stamp;
 use pictures::Picture;
-use std::io::Write;
+use serde::Serialize;
 use std::path::Path;
 use std::process::ExitCode;
 use stream::Stream;
@@ -54,6 +57,7 @@ pub struct DriveReport {
 }
 
 /// Facts about one subject.
+#[derive(Serialize)]
 pub struct Section {
     pub heading: String,
     pub lines: Vec<String>,
@@ -100,10 +104,9 @@ pub fn is_drive(path: &Path) -> bool {
 }
 
 /// Prints the report and writes the page.
-pub fn run(path: &Path, reading: Reading, page: Option<&Path>) -> anyhow::Result<ExitCode> {
+pub fn run(path: &Path, reading: Reading, page: Option<&Path>, answer: Answer) -> anyhow::Result<ExitCode> {
     let report = DriveReport::of(&Drive::open(path)?, path, reading)?;
-    // A reader that closes the pipe early has seen enough.
-    let _ = std::io::stdout().write_all(text::of(&report).as_bytes());
+    answer.print(&DriveFacts::of(&report), || text::of(&report))?;
     if let Some(page) = page {
         std::fs::write(page, page::of(&report)).with_context(|| page.display().to_string())?;
         eprintln!("wrote {}", page.display());
@@ -134,7 +137,7 @@ impl DriveReport {
         inertial::add(drive, &mut report)?;
         cameras::add(drive, reading, &mut report);
         clocks::add(&lidar, &mut report);
-        processing::add(drive, path, &lidar, &mut report);
+        processing::add(drive, path, &mut report);
         Ok(report)
     }
 }

@@ -10,11 +10,9 @@ pub fn load(run: &Path) -> Option<GeoreferenceFile> {
     serde_json::from_str(&text).ok()
 }
 
-/// Lines for the operator. Empty for a folder without `georeference.json`, or with one of another version.
-pub fn lines(run: &Path) -> String {
-    let Some(GeoreferenceFile { frame, standard_deviations, fixes, closed_loops, .. }) = load(run) else {
-        return String::new();
-    };
+/// Lines for the operator.
+pub fn lines(georeference: &GeoreferenceFile) -> String {
+    let GeoreferenceFile { frame, standard_deviations, fixes, closed_loops, .. } = georeference;
     let mut lines = format!(
         "frame: {frame}\n  {} fixes used, {} rejected; {} loop closures used, {} rejected\n",
         fixes.used, fixes.refused, closed_loops.used, closed_loops.refused
@@ -43,7 +41,7 @@ mod tests {
     #[test]
     fn frame_and_standard_deviations_of_a_run_are_shown() {
         let folder = tempfile::tempdir().expect("a folder");
-        assert_eq!(lines(folder.path()), "");
+        assert_eq!(load(folder.path()), None);
         let text = r#"{
             "version": 1, "frame": "local east-north-up around 48.8 2.3 100, m", "trajectory_frame": "the same",
             "standard_deviations": {
@@ -53,7 +51,7 @@ mod tests {
             "closed_loops": {"used": 2, "refused": 1}, "fixes": {"used": 12, "refused": 3}, "uprights": 4
         }"#;
         std::fs::write(folder.path().join("georeference.json"), text).expect("writes");
-        let shown = lines(folder.path());
+        let shown = lines(&load(folder.path()).expect("is there"));
         for words in [
             "frame: local east-north-up around 48.8 2.3 100, m",
             "12 fixes used, 3 rejected; 2 loop closures used, 1 rejected",

@@ -2,22 +2,44 @@
 
 use anyhow::{Context, ensure};
 use run::summary::Summary;
+use serde::Serialize;
 use std::path::Path;
 
-/// The notes of `colorize` about the offset, one per line.
-pub fn report(run: &Path) -> anyhow::Result<String> {
+/// The offset of a run.
+#[derive(Serialize)]
+pub struct OffsetFacts {
+    /// The notes of `colorize` about the offset.
+    notes: Vec<String>,
+    cameras_with_known_offset: u64,
+    /// Beyond `max_offset_mrad`.
+    cameras_with_large_offset: u64,
+}
+
+impl OffsetFacts {
+    /// The notes, one per line, and the counts.
+    pub fn text(&self) -> String {
+        let (known, far) = (self.cameras_with_known_offset, self.cameras_with_large_offset);
+        let notes = self.notes.join("\n");
+        format!("{notes}\n{known} cameras with a known offset, {far} of them beyond max_offset_mrad\n")
+    }
+}
+
+/// What the summary of a run says about the offset.
+pub fn read(run: &Path) -> anyhow::Result<OffsetFacts> {
     let summary = Summary::load(run).context("hint: --offset needs the output folder of a run that has ended")?;
     let path = run.join("summary.json");
     let stage = summary.stages.iter().find(|stage| stage.name == "colorize");
     let stage = stage
         .with_context(|| format!("{}: the run had no stage colorize, which measures the offset", path.display()))?;
     let is_about_offset = |note: &&String| note.starts_with("offset ") || note.starts_with("images were taken ");
-    let lines: Vec<&str> = stage.notes.iter().filter(is_about_offset).map(String::as_str).collect();
-    ensure!(!lines.is_empty(), "{}: colorize found no outline in any image, so the offset is unknown", path.display());
+    let notes: Vec<String> = stage.notes.iter().filter(is_about_offset).cloned().collect();
+    ensure!(!notes.is_empty(), "{}: colorize found no outline in any image, so the offset is unknown", path.display());
     let count = |name: &str| stage.counters.get(name).copied().unwrap_or_default();
-    let (known, far) = (count("cameras_with_known_offset"), count("cameras_with_large_offset"));
-    let end = format!("{known} cameras with a known offset, {far} of them beyond max_offset_mrad");
-    Ok(format!("{}\n{end}\n", lines.join("\n")))
+    Ok(OffsetFacts {
+        notes,
+        cameras_with_known_offset: count("cameras_with_known_offset"),
+        cameras_with_large_offset: count("cameras_with_large_offset"),
+    })
 }
 
 #[cfg(test)]
@@ -43,14 +65,14 @@ mod tests {
             counters: counters.map(|(name, n)| (name.to_owned(), n)).into(),
             ..StageSummary::default()
         });
-        let report = report(folder.path()).expect("is there");
+        let report = read(folder.path()).expect("is there").text();
         let end = "1 cameras with a known offset, 1 of them beyond max_offset_mrad";
         assert_eq!(report.lines().collect::<Vec<_>>(), [notes[0], notes[1], end]);
     }
 
     #[test]
     fn run_without_measurement_is_an_error() {
-        let error = |folder: &Path| report(folder).expect_err("nothing").to_string();
+        let error = |folder: &Path| read(folder).map(|offset| offset.text()).expect_err("nothing").to_string();
         let seen_nothing = written(StageSummary { name: "colorize".to_owned(), ..StageSummary::default() });
         assert!(error(seen_nothing.path()).contains("the offset is unknown"));
         assert!(error(written(StageSummary::default()).path()).contains("no stage colorize"));

@@ -97,7 +97,7 @@ impl CloudSurvey {
             n_read += cloud.len() as u64;
             for i in 0..cloud.len() {
                 let position = cloud.position(i);
-                canvas.splat(&camera, position, palettes.each_ref().map(|palette| palette.color(&cloud, i)));
+                canvas.splat(&camera, position, palettes.each_ref().map(|palette| palette.color(&cloud, 0, i)));
                 let cell = grid.as_ref().and_then(|grid| Some((grid.cell(position[0], position[1])?, grid.cols)));
                 if let Some(((row, col), cols)) = cell {
                     covered[row * cols + col] = true;

@@ -12,7 +12,7 @@ use deliverables::objects::ObjectSummary;
 use delivery::GeoreferenceFile;
 use run::health::Doubt;
 use run::launch_file::LaunchFile;
-use run::summary::Total;
+use run::summary::{Summary, Total};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -156,6 +156,13 @@ pub struct StageDoubt {
     pub stage: String,
     #[serde(flatten)]
     pub doubt: Doubt,
+}
+
+impl StageDoubt {
+    /// All of a run.
+    pub fn of(summary: &Summary) -> Vec<Self> {
+        summary.doubts().map(|(stage, doubt)| Self { stage: stage.to_owned(), doubt: doubt.clone() }).collect()
+    }
 }
 
 /// Time and memory of a stage.

@@ -1,5 +1,6 @@
 //! A top view with scale bar and north arrow.
 
+use crate::cloud_picture::round_length;
 use image::RgbImage;
 use std::fmt::Write;
 
@@ -42,19 +43,12 @@ fn label(x: f64, y: f64, text: &str) -> String {
     )
 }
 
-/// The largest of 1, 2 or 5 times a power of ten up to a length.
-fn round_length(longest: f64) -> f64 {
-    let power = 10.0_f64.powf(longest.max(1e-3).log10().floor());
-    [5.0, 2.0].map(|k| k * power).into_iter().find(|length| *length <= longest).unwrap_or(power)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn scale_bar_has_its_length_and_the_arrow_only_where_up_is_north() {
-        assert_eq!([9.9, 10.0, 24.0, 0.3].map(round_length), [5.0, 10.0, 20.0, 0.2]);
         let view = RgbImage::new(1000, 500);
         let svg = drawing(&view, "data:a", 8.0, true);
         // 220 px are 27.5 m.

@@ -15,13 +15,13 @@ mod source;
 mod tally;
 mod towns;
 
+use crate::answer::Answer;
 use anyhow::Context;
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use models::Models;
 use report::ClassReport;
 use segmentation::spherical::IntensityUse;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tally::Tally;
@@ -102,6 +102,8 @@ pub struct Args {
     /// Also write scores.md, scores.json and coverage.svg to this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Names of the sensors.
@@ -166,9 +168,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let text = match args.format {
         Format::Markdown => report.markdown(),
         Format::Csv => report.csv(),
+        // The list of scores.json.
         Format::Json => serde_json::to_string_pretty(&report.json())?,
     };
-    writeln!(std::io::stdout(), "{text}").context("stdout")?;
+    args.answer.print(&serde_json::json!({"clouds": report.json()}), || text + "\n")?;
     if let Some(out) = &args.out {
         write_files(&report, out)?;
     }

@@ -1,15 +1,16 @@
 //! `replica evaluate instances`: scores the instances of all clouds of a run together. An object that changes its id from one
 //! submap to the next counts as a miss and a false positive.
 
+use crate::answer::Answer;
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
 use crate::lab::true_points::TruePoints;
-use crate::terminal::say;
 use anyhow::{Context, bail, ensure};
 use formats::drive::{Drive, MANIFEST_FILE, NoLabel};
 use formats::ply::Vertices;
 use messages::ClassId;
 use scores::{InstanceScores, Overlaps, PointLabel};
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -28,6 +29,8 @@ pub struct Args {
     /// True instances with fewer points, over all clouds, are ignored
     #[arg(long, value_name = "N", default_value_t = 100)]
     min_points: u64,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Prints the table.
@@ -35,7 +38,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (mut overlaps, n_unknown) = overlaps(&args.truth, &args.prediction)?;
     let void = ClassId::Unlabeled as u8;
     let scores = args.classes.iter().map(|&class| overlaps.score(class as u8, void, args.min_points));
-    say!("{}", table(&scores.collect::<Vec<_>>()).trim_end())?;
+    let scores: Vec<InstanceScores> = scores.collect();
+    args.answer.print(&json!({"classes": facts(&scores), "points_without_truth": n_unknown}), || table(&scores))?;
     if n_unknown == 0 {
         return Ok(ExitCode::SUCCESS);
     }
@@ -86,6 +90,17 @@ fn point_labels(cloud: &Vertices, file: &Path) -> anyhow::Result<Vec<PointLabel>
         Err(_) => bail!("{}: instance of point {point_idx} is {instance}; must be 0 to 2^32 - 1", file.display()),
     };
     cloud.u8s("semantic")?.into_iter().zip(instances.into_iter().enumerate()).map(label).collect()
+}
+
+/// An object per class.
+pub fn facts(scores: &[InstanceScores]) -> Value {
+    let of_class = |score: &InstanceScores| {
+        json!({
+            "class": messages::class_name(score.class), "true": score.n_true, "found": score.n_predicted,
+            "sm": score.sm(), "pq": score.pq(), "sq": score.sq(), "rq": score.rq(), "miou": score.miou(),
+        })
+    };
+    scores.iter().map(of_class).collect()
 }
 
 /// A line per class.

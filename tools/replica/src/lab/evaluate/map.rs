@@ -4,6 +4,7 @@ mod map_points;
 mod report;
 
 use super::trajectory::{alignment_by_trajectory, true_trajectory};
+use crate::answer::Answer;
 use crate::argument::InvalidValue;
 use crate::cloud_picture::render_top_view;
 use anyhow::{Context, ensure};
@@ -12,7 +13,6 @@ use geometry::{Pose, Vector3};
 use map_points::{LocalPoints, PointSelection};
 use report::MapReport;
 use scores::map::{CrispnessSettings, DistanceSettings, PointIndex, crispness, distances};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -48,6 +48,8 @@ pub struct Args {
     /// Folder for map.md, map.json and, for PLY files and runs, a top view of each
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 fn radius(text: &str) -> Result<f32, InvalidValue> {
@@ -58,8 +60,8 @@ fn radius(text: &str) -> Result<f32, InvalidValue> {
 /// Prints the tables and writes the files.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let reports = evaluate(args)?;
-    // A reader that closes the pipe early has seen enough.
-    let _ = std::io::stdout().write_all(report::markdown(&reports).as_bytes());
+    let scores = report::json(&reports);
+    args.answer.print(&serde_json::json!({ "clouds": scores }), || report::markdown(&reports))?;
     let Some(out) = &args.out else { return Ok(ExitCode::SUCCESS) };
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let write = |name: &str, text: String| {
@@ -67,7 +69,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         std::fs::write(&path, text).with_context(|| path.display().to_string())
     };
     write("map.md", report::markdown(&reports))?;
-    write("map.json", serde_json::to_string_pretty(&report::json(&reports))? + "\n")?;
+    write("map.json", serde_json::to_string_pretty(&scores)? + "\n")?;
     for (number, cloud) in args.clouds.iter().enumerate().filter(|(_, cloud)| !is_drive(cloud)) {
         render_top_view(cloud, &out.join(format!("top_{number}.png")))?;
     }

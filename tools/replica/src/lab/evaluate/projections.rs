@@ -1,11 +1,13 @@
 //! `replica evaluate projections`: information that range images lose (thesis figures 6.5 and 6.7).
 
 use super::classes::semantic_kitti::{self, LabelledSweep};
+use crate::answer::Answer;
 use anyhow::Context;
 use chart::{Axis, COLORS, Chart, Series};
 use geometry::{RangeImage, SphericalGrid};
 use segmentation::spherical::back_projection::{BackProjection, NO_CLASS, back_project};
-use std::io::Write;
+use serde_json::{Value, json};
+use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use town_sweeps::{Mount, TownDrive, town_from_name};
@@ -27,6 +29,8 @@ pub struct Args {
     /// Draw both figures of each set of sweeps into this SVG
     #[arg(long, value_name = "SVG")]
     picture: Option<PathBuf>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Image sizes of figure 6.5: rows and columns.
@@ -59,12 +63,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if !args.seeds.is_empty() {
         sets.push((format!("Simulated town, {}", args.town), town_sweeps(args)?));
     }
-    let mut charts = Vec::new();
+    let (mut charts, mut text, mut facts) = (Vec::new(), String::new(), Vec::new());
     for (name, sweeps) in &sets {
         let losses: Vec<Losses> = SIZES.iter().map(|size| Losses::of(*size, sweeps)).collect();
-        write_table(&format!("{name}, {} sweeps", sweeps.len()), &losses)?;
+        text += &table(&format!("{name}, {} sweeps", sweeps.len()), &losses);
+        facts.push(json!({"name": name, "sweeps": sweeps.len(), "sizes": facts_of(&losses)}));
         charts.extend(figures(name, &losses));
     }
+    args.answer.print(&json!({ "sets": facts }), || text)?;
     if let Some(path) = &args.picture {
         std::fs::write(path, chart::sheet(&charts, 2)).with_context(|| path.display().to_string())?;
     }
@@ -112,16 +118,26 @@ impl Losses {
     }
 }
 
-fn write_table(title: &str, losses: &[Losses]) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
+/// An object per size, with shares from 0 to 1.
+fn facts_of(losses: &[Losses]) -> Value {
+    let of_size = |Losses { size, collisions, accuracies }: &Losses| {
+        let by_method: serde_json::Map<String, Value> =
+            METHODS.iter().zip(accuracies).map(|((name, _), share)| ((*name).to_owned(), json!(share))).collect();
+        json!({"size": size, "collisions": collisions, "accuracy": by_method})
+    };
+    losses.iter().map(of_size).collect()
+}
+
+fn table(title: &str, losses: &[Losses]) -> String {
     let names: Vec<&str> = METHODS.iter().map(|(name, _)| *name).collect();
-    writeln!(out, "### {title}\n\n| size | collisions | {} |", names.join(" | "))?;
-    writeln!(out, "|---|---|{}", "---|".repeat(METHODS.len()))?;
+    let mut text = format!("### {title}\n\n| size | collisions | {} |\n", names.join(" | "));
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "|---|---|{}", "---|".repeat(METHODS.len()));
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     for Losses { size, collisions, accuracies } in losses {
-        writeln!(out, "| {size} | {} | {} |", percent(*collisions), accuracies.map(percent).join(" | "))?;
+        let _ = writeln!(text, "| {size} | {} | {} |", percent(*collisions), accuracies.map(percent).join(" | "));
     }
-    Ok(writeln!(out)?)
+    text + "\n"
 }
 
 /// Figures 6.5 and 6.7, with one color per size.

@@ -9,6 +9,7 @@ mod pose_error;
 mod report;
 
 use super::recorded_truth::RecordedTruth;
+use crate::answer::Answer;
 use crate::argument::percent;
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
@@ -18,7 +19,6 @@ use formats::ply::Vertices;
 use messages::ClassId;
 use point_scores::{PointScores, TrueLabels};
 use report::RunReport;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -51,6 +51,10 @@ pub struct Args {
     /// Folder for scores.md and scores.json
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print one JSON object instead of text
+    // Not flattened: clap leaves out optional arguments that have arguments of their own.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Prints the scores and writes the files.
@@ -77,8 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// Prints the report and writes its files.
 fn finish(args: &Args, points: Option<PointScores>, poses: Option<errors::PoseScores>) -> anyhow::Result<ExitCode> {
     let report = RunReport::new(&args.run, &args.truth, points, poses, &args.instances, args.min_points, args.ground);
-    // A reader that closes the pipe early has seen enough.
-    let _ = std::io::stdout().write_all(report.markdown().as_bytes());
+    Answer::default().or(args.json).print(&report.json(), || report.markdown())?;
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
         let write = |name: &str, text: String| {

@@ -6,6 +6,7 @@ mod pose_input;
 mod report;
 mod thinning;
 
+use crate::answer::Answer;
 use crate::argument::{finite, not_negative, positive};
 use crate::exit_code;
 use anyhow::{Context, ensure};
@@ -21,7 +22,6 @@ use scores::trajectory::{
     intervals_by_count, intervals_by_distance, kitti_segments, relative_errors,
 };
 use serde_json::Value;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -76,6 +76,8 @@ pub struct Args {
     /// Also write both trajectories into the folder, aligned and at the same times
     #[arg(long, value_enum, requires = "out")]
     write: Option<Format>,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 /// Alignment of the estimate.
@@ -112,8 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         );
         return Ok(ExitCode::from(exit_code::INCOMPLETE));
     };
-    // A reader that closes the pipe early has seen enough.
-    let _ = std::io::stdout().write_all(report.markdown().as_bytes());
+    args.answer.print(&report.json(), || report.markdown())?;
     if let Some(out) = &args.out {
         write(out, &report, args)?;
     }

@@ -25,10 +25,6 @@ const MAX_MISSING_SHARE: f64 = 0.02;
 
 /// What the other parts of the report need.
 pub struct LidarSurvey {
-    /// Sweeps of the drive; an estimate if not all were read.
-    pub n_sweeps: u64,
-    /// Median returns of a sweep.
-    pub n_returns: u64,
     /// Fixes and sentences of position packets.
     pub fixes: Vec<Fix>,
     pub log: LogStats,
@@ -111,7 +107,6 @@ pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) -> anyhow::Re
     let ahead_of_capture_s = add_streams(drive, is_full, packets.as_ref(), &samples, report);
     let mut n_returns: Vec<u64> = samples.whole().iter().map(|sweep| sweep.n_returns as u64).collect();
     n_returns.sort_unstable();
-    let median_returns = n_returns.get(n_returns.len() / 2).copied().unwrap_or(0);
     let known = if is_full { Some(samples.sweeps.len()) } else { (!is_capture).then(|| drive.sweep_files().len()) };
     let span_s = report.lidar_span().map_or(0.0, |[first, last]| seconds_between(last, first));
     let estimate = || sweep_s.filter(|sweep_s| *sweep_s > 0.0).map_or(0, |sweep_s| (span_s / sweep_s).round() as u64);
@@ -126,8 +121,6 @@ pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) -> anyhow::Re
     }
     let packets = packets.unwrap_or_default();
     Ok(LidarSurvey {
-        n_sweeps,
-        n_returns: median_returns,
         fixes: packets.fixes,
         log: packets.log,
         clock_references: packets.clock_references,

@@ -3,6 +3,7 @@
 use super::DriveReport;
 use super::stream::{Gap, Stream, seconds_between};
 use geometry::Stamp;
+use run::space::size_text;
 use std::fmt::Write;
 
 /// The whole report.
@@ -54,7 +55,7 @@ pub fn row(stream: &Stream) -> [String; 9] {
         stream.name.clone(),
         stream.kind.clone(),
         if stream.n_files == 0 { "-".to_owned() } else { stream.n_files.to_string() },
-        if stream.n_bytes == 0 { "-".to_owned() } else { bytes(stream.n_bytes) },
+        if stream.n_bytes == 0 { "-".to_owned() } else { size_text(stream.n_bytes) },
         format!("{}{more}", stream.len()),
         number(stream.rate_hz(), 2),
         number(stream.jitter_s().map(|jitter_s| jitter_s * 1e3), 2),
@@ -75,14 +76,4 @@ pub fn gap_lines(stream: &Stream, origin: Stamp) -> String {
     let more =
         if gaps.n > gaps.listed.len() { format!(", and {} more", gaps.n - gaps.listed.len()) } else { String::new() };
     format!("gaps of {} (longer than {limit_s:.3} s): {}{more}\n", stream.name, listed.join(", "))
-}
-
-/// A size with a unit.
-pub fn bytes(n: u64) -> String {
-    match n {
-        0..1_000 => format!("{n} B"),
-        1_000..1_000_000 => format!("{:.1} kB", n as f64 * 1e-3),
-        1_000_000..1_000_000_000 => format!("{:.1} MB", n as f64 * 1e-6),
-        _ => format!("{:.2} GB", n as f64 * 1e-9),
-    }
 }

@@ -116,7 +116,7 @@ impl RunReport {
             "truth": self.truth,
             "points": self.points.as_ref().map(points_json),
             "classes": self.confusion.as_ref().map(|confusion| score_table("all clouds", confusion).json()[0].clone()),
-            "instances": self.instances.as_ref().map(|scores| scores.iter().map(instances_json).collect::<Vec<_>>()),
+            "instances": self.instances.as_deref().map(instances::facts),
             "color": self.points.as_ref().map(color_json),
             "trajectory": self.poses.as_ref().map(|poses| poses.aligned.json()),
             "absolute": self.poses.as_ref().and_then(|poses| poses.absolute.as_ref()).map(absolute_json),
@@ -216,13 +216,6 @@ fn points_json(points: &PointScores) -> Value {
         "unlabeled_in_truth": points.n_unlabeled,
         "in_unlabeled_sweeps": points.n_in_unlabeled, "unlabeled_sweeps": n_unlabeled, "sweeps": n_sweeps,
         "without_class": no_class, "without_instance": no_instance, "without_color": no_color,
-    })
-}
-
-fn instances_json(score: &InstanceScores) -> Value {
-    json!({
-        "class": messages::class_name(score.class), "true": score.n_true, "found": score.n_predicted,
-        "sm": score.sm(), "pq": score.pq(), "sq": score.sq(), "rq": score.rq(), "miou": score.miou(),
     })
 }
 

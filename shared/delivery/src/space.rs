@@ -1,0 +1,47 @@
+//! Space that the clouds of a recorded drive will take, estimated from its first sweeps before a run.
+
+use crate::submap_cloud::{CloudFields, header_of};
+use formats::drive::{Drive, SweepSource};
+use formats::lidar::SweepError;
+
+/// Sweeps from which the number of points is estimated. One sweep of a capture may be cut off; ten are read in some 50 ms.
+const SAMPLE_SWEEPS: usize = 10;
+
+/// Share of the points that a mosaic camera sees, and that are also written with their spectra: 6.4 % in the sample drive, whose two
+/// cameras look to the sides.
+const SHARE_WITH_SPECTRA: f64 = 0.064;
+
+/// Points and bytes of clouds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpaceNeed {
+    /// Points.
+    pub points: u64,
+    /// Bytes of all clouds.
+    pub bytes: u64,
+}
+
+/// Clouds with these fields, and with spectra if `has_spectra` and the drive has mosaic cameras. Drives whose surroundings change, from
+/// a street to a field, differ from the estimate by up to a half.
+pub fn space_need(drive: &Drive, fields: CloudFields, has_spectra: bool) -> Result<SpaceNeed, SweepError> {
+    let mut points = 0.0;
+    for lidar in drive.lidars() {
+        points += estimated_points(&mut SweepSource::open(lidar)?)?;
+    }
+    let has_lidars = drive.lidars().count() > 1;
+    let row_bytes = header_of(CloudFields { has_lidars, ..fields }).row_size() as f64;
+    // Position, number of the point, and the bands of all cameras.
+    let n_bands: usize = drive.expected_bands().iter().map(Vec::len).sum();
+    let spectrum_bytes = if has_spectra && n_bands > 0 { 4 * (4 + n_bands) } else { 0 };
+    let spectra_bytes = SHARE_WITH_SPECTRA * spectrum_bytes as f64;
+    Ok(SpaceNeed { points: points as u64, bytes: (points * (row_bytes + spectra_bytes)) as u64 })
+}
+
+/// Points of the first sweeps, divided by the part of the drive that they are.
+fn estimated_points(sweeps: &mut SweepSource) -> Result<f64, SweepError> {
+    let (mut n_points, mut n_sweeps) = (0, 0);
+    while n_sweeps < SAMPLE_SWEEPS && sweeps.next_sweep(|points| n_points += points.len())?.is_some() {
+        n_sweeps += 1;
+    }
+    // A reader that has just begun has progress 0, without any points.
+    Ok(n_points as f64 / sweeps.progress().max(1e-9))
+}

@@ -1,0 +1,84 @@
+//! The terminal on which a screen is drawn over and over: its size, lines that fit, colors.
+
+use rustix::termios::tcgetwinsize;
+use std::io::IsTerminal;
+use std::os::fd::AsFd;
+
+/// Size of a terminal that reports none, as the smallest that every screen fits.
+const DEFAULT_SIZE: [usize; 2] = [80, 24];
+
+/// Lines and columns of a terminal, and whether it shows colors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Screen {
+    /// Characters of a line.
+    pub columns: usize,
+    /// Lines.
+    pub rows: usize,
+    /// False if `NO_COLOR` is set or the terminal is dumb.
+    pub has_colors: bool,
+}
+
+/// How a line is emphasized.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// Headings.
+    Bold,
+    /// Warnings, and the stage that others wait for.
+    Yellow,
+    /// Errors.
+    Red,
+}
+
+impl Screen {
+    /// The terminal behind an output as it is now, because windows change; `None` if it is a file or a pipe.
+    pub fn of(output: &(impl AsFd + IsTerminal)) -> Option<Self> {
+        if !output.is_terminal() {
+            return None;
+        }
+        let size = tcgetwinsize(output).ok().map(|size| [size.ws_col, size.ws_row].map(usize::from));
+        let [columns, rows] = size.filter(|size| !size.contains(&0)).unwrap_or(DEFAULT_SIZE);
+        let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+        let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
+        Some(Self { columns, rows, has_colors: !is_set("NO_COLOR") && !is_dumb })
+    }
+
+    /// The line with this emphasis, cut to the width of the terminal: a line that wraps would spoil the next redraw.
+    pub fn line(self, text: &str, style: Option<Style>) -> String {
+        let text = clip(text, self.columns);
+        let code = match style.filter(|_| self.has_colors) {
+            None => return text,
+            Some(Style::Bold) => 1,
+            Some(Style::Yellow) => 33,
+            Some(Style::Red) => 31,
+        };
+        format!("\x1b[{code}m{text}\x1b[0m")
+    }
+}
+
+/// The first characters of a text, with `…` for the others.
+pub fn clip(text: &str, columns: usize) -> String {
+    if text.chars().count() <= columns {
+        return text.to_owned();
+    }
+    text.chars().take(columns.saturating_sub(1)).chain(['…']).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_is_no_screen() {
+        assert_eq!(Screen::of(&tempfile::tempfile().expect("a file")), None);
+    }
+
+    #[test]
+    fn line_is_cut_to_the_width_and_colored_only_with_colors() {
+        let plain = Screen { columns: 6, rows: 24, has_colors: false };
+        assert_eq!(plain.line("abcdefgh", Some(Style::Red)), "abcde…");
+        assert_eq!(plain.line("abcdef", None), "abcdef");
+        let colored = Screen { has_colors: true, ..plain };
+        assert_eq!(colored.line("abcdefgh", Some(Style::Red)), "\x1b[31mabcde…\x1b[0m");
+        assert_eq!(colored.line("a", None), "a");
+    }
+}

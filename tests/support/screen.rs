@@ -1,0 +1,124 @@
+//! A pseudo-terminal, and what a person sees on it.
+
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{Winsize, tcsetwinsize};
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::ffi::OsStrExt;
+
+/// Both ends of a pseudo-terminal.
+pub struct Terminal {
+    /// The end of the program.
+    pub program: File,
+    screen: File,
+    size: [usize; 2],
+}
+
+impl Terminal {
+    /// Of this many columns and rows.
+    pub fn new(columns: usize, rows: usize) -> Self {
+        let screen = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
+        grantpt(&screen).expect("granted");
+        unlockpt(&screen).expect("unlocked");
+        let size = Winsize { ws_col: columns as u16, ws_row: rows as u16, ws_xpixel: 0, ws_ypixel: 0 };
+        tcsetwinsize(&screen, size).expect("sized");
+        let name = ptsname(&screen, Vec::new()).expect("a name");
+        let path = std::path::Path::new(std::ffi::OsStr::from_bytes(name.as_bytes()));
+        let program = File::options().read(true).write(true).open(path).expect("opens");
+        Self { program, screen: screen.into(), size: [columns, rows] }
+    }
+
+    /// Reads until all programs have closed their end. Call it while they run: they wait for a reader.
+    pub fn read_to_end(self) -> Screen {
+        let Self { program, mut screen, size: [columns, rows] } = self;
+        drop(program);
+        let mut bytes = Vec::new();
+        let mut buffer = [0; 4096];
+        // Linux reports an error, not an end, when the last program has closed its end.
+        while let Ok(n @ 1..) = screen.read(&mut buffer) {
+            bytes.extend_from_slice(&buffer[..n]);
+        }
+        Screen::of(String::from_utf8_lossy(&bytes).into_owned(), columns, rows)
+    }
+}
+
+/// What was written, and what stands on the screen and above it.
+pub struct Screen {
+    /// All bytes as text.
+    pub written: String,
+    /// Lines as they are at the end, the oldest first.
+    pub lines: Vec<String>,
+}
+
+impl Screen {
+    /// Draws what programs of the project use: text, colors, `ESC [ n A` (up) and `ESC [ J` (clear below).
+    fn of(written: String, columns: usize, rows: usize) -> Self {
+        let mut lines: Vec<Vec<char>> = vec![Vec::new()];
+        let [mut row, mut column] = [0, 0];
+        let mut characters = written.chars();
+        while let Some(character) = characters.next() {
+            match character {
+                '\r' => column = 0,
+                '\n' => {
+                    row += 1;
+                    lines.resize(lines.len().max(row + 1), Vec::new());
+                }
+                '\x1b' => match control_sequence(&mut characters) {
+                    // The cursor does not leave the screen.
+                    ('A', n) => row = row.saturating_sub(n).max(lines.len().saturating_sub(rows)),
+                    ('J', _) => {
+                        lines.truncate(row + 1);
+                        lines[row].truncate(column);
+                    }
+                    ('m', _) => {}
+                    other => panic!("unknown control sequence {other:?}"),
+                },
+                character => {
+                    if column == columns {
+                        (row, column) = (row + 1, 0);
+                        lines.resize(lines.len().max(row + 1), Vec::new());
+                    }
+                    let line = &mut lines[row];
+                    line.resize(line.len().max(column + 1), ' ');
+                    line[column] = character;
+                    column += 1;
+                }
+            }
+        }
+        let lines = lines.into_iter().map(|line| line.into_iter().collect()).collect();
+        Self { written, lines }
+    }
+
+    /// Numbers of the lines that begin with these words.
+    pub fn find(&self, words: &str) -> Vec<usize> {
+        (0..self.lines.len()).filter(|index| self.lines[*index].starts_with(words)).collect()
+    }
+}
+
+/// Of `[ n letter`: the letter, and n or 1.
+fn control_sequence(characters: &mut std::str::Chars<'_>) -> (char, usize) {
+    let mut number = String::new();
+    for character in characters.by_ref().skip_while(|character| *character == '[') {
+        if character.is_ascii_alphabetic() {
+            return (character, number.parse().unwrap_or(1));
+        }
+        number.push(character);
+    }
+    ('\0', 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn redrawn_lines_replace_the_old_ones() {
+        let screen = Screen::of("a\r\nbb\r\n\x1b[1A\x1b[J\x1b[33mc\x1b[0m\r\n".to_owned(), 80, 24);
+        assert_eq!(screen.lines, ["a", "c", ""]);
+    }
+
+    #[test]
+    fn wrapped_line_takes_two() {
+        assert_eq!(Screen::of("abc\r\n".to_owned(), 2, 24).lines, ["ab", "c", ""]);
+    }
+}

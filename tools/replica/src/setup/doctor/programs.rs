@@ -1,0 +1,87 @@
+//! The programs of the project, the default model, and a launch file with what its drive needs.
+
+use super::check::{Check, State};
+use delivery::{CloudFields, SpaceNeed, space_need};
+use formats::drive::Drive;
+use run::launch_file::LaunchFile;
+use run::process::{own_folder, sibling};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const SUPERVISOR: &str = "replica-launch";
+/// The stages of the launch file of the sample.
+const STAGES: [&str; 7] = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
+
+/// Drive and output of a launch file.
+pub struct PlannedRun {
+    drive: PathBuf,
+    pub output: PathBuf,
+}
+
+impl PlannedRun {
+    /// `None` for a file that cannot be read or that names no output; `replica-launch --check` says why.
+    pub fn read(file: &Path, overrides: &[String]) -> Option<Self> {
+        let file = std::path::absolute(file).ok()?;
+        let run = LaunchFile::load(&file, overrides).ok()?.table("run").ok()?;
+        let path = |key: &str| {
+            let (_, value) = run.iter().find(|(name, _)| name.get_ref() == key)?;
+            Some(file.parent()?.join(value.get_ref().as_str()?))
+        };
+        Some(Self { drive: path("drive")?, output: path("output")? })
+    }
+
+    /// What clouds with all columns need; `None` if the drive cannot be read yet.
+    pub fn space_need(&self) -> Option<SpaceNeed> {
+        space_need(&Drive::open(&self.drive).ok()?, CloudFields::ALL, true).ok()
+    }
+}
+
+/// Whether all programs are beside this one, and of its version.
+pub fn installed() -> Vec<Check> {
+    let names = STAGES.map(|stage| format!("replica-{stage}"));
+    let all: Vec<&str> = std::iter::once(SUPERVISOR).chain(names.iter().map(String::as_str)).collect();
+    let absent: Vec<&str> = all.iter().copied().filter(|name| sibling(name).is_err()).collect();
+    let folder = own_folder();
+    let place = folder.display();
+    let rule = format!("{SUPERVISOR} and {} stages", STAGES.len());
+    if !absent.is_empty() {
+        let found = format!("absent in {place}: {}", absent.join(", "));
+        let advice = || "cargo build --release --locked, or install all programs into one folder".to_owned();
+        return vec![Check::ok("programs", found, rule).or(State::Problem, advice)];
+    }
+    let own = env!("REPLICA_VERSION");
+    let version = version_of(SUPERVISOR).unwrap_or("unknown".to_owned());
+    let state = if version == own { State::Ok } else { State::Warning };
+    let advice = || "build or install all programs together".to_owned();
+    vec![
+        Check::ok("programs", format!("all {} in {place}", all.len()), rule),
+        Check::ok("version", version, format!("that of this program, {own}")).or(state, advice),
+    ]
+}
+
+fn version_of(program: &str) -> Option<String> {
+    let output = Command::new(sibling(program).ok()?).arg("--version").output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    Some(text.trim().strip_prefix(program)?.trim().to_owned())
+}
+
+/// What `replica-launch --check` says.
+pub fn launch_file(file: &Path, overrides: &[String]) -> Check {
+    let rule = format!("{SUPERVISOR} --check has no problems");
+    let Ok(program) = sibling(SUPERVISOR) else {
+        return Check::ok("launch file", format!("{SUPERVISOR} is absent"), rule)
+            .or(State::Problem, || "see programs".to_owned());
+    };
+    let sets = overrides.iter().flat_map(|text| ["--set", text]);
+    match Command::new(program).arg(file).arg("--check").args(sets).output() {
+        Ok(output) if output.status.success() => {
+            let text = String::from_utf8_lossy(&output.stdout).into_owned();
+            Check::ok("launch file", text.lines().collect::<Vec<_>>().join("; "), rule)
+        }
+        Ok(output) => Check::ok("launch file", file.display().to_string(), rule)
+            .or(State::Problem, || String::from_utf8_lossy(&output.stderr).trim_end().to_owned()),
+        Err(error) => {
+            Check::ok("launch file", error.to_string(), rule).or(State::Problem, || "see programs".to_owned())
+        }
+    }
+}
