@@ -1,0 +1,16 @@
+// Elements of the page.
+
+export const element = (id) => document.getElementById(id)
+
+/** Calls `action` with the input whenever its value changes. */
+export function onInput(id, action) {
+  element(id).addEventListener('input', ({ target }) => action(target))
+}
+
+const ENTITIES = { '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;', "'": '&#39;' }
+
+/** Text of a file as HTML. */
+export const escaped = (text) => String(text).replace(/[&<>"']/g, (letter) => ENTITIES[letter])
+
+/** 1234567 as "1 234 567". */
+export const grouped = (n) => String(Math.round(n)).replace(/\B(?=(\d{3})+$)/g, ' ')
