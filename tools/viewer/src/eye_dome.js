@@ -24,7 +24,7 @@ void main() {
       ivec2 off = ivec2(round(1.4 * vec2(cos(angle), sin(angle))));
       sum += max(0.0, here - logDepth(at + off));
     }
-    color.rgb *= exp(-strength * sum * 12.0);
+    color.rgb *= exp(-strength * sum * 7.0);
   }
   fragment = vec4(color.rgb, 1.0);
 }`

@@ -26,6 +26,11 @@ async function start() {
   const local = (position) => position.map((value, axis) => value - origin[axis])
   const world = (position) => position.map((value, axis) => value + origin[axis])
 
+  let picks = 0
+  // The hash that was written last, and the timer of the next.
+  let written = ''
+  let timer
+
   const uniforms = pointUniforms()
   uniforms.heightOrigin.value = origin[2]
   const [low, high] = cloud.bounds.map(local)
@@ -43,7 +48,6 @@ async function start() {
   const clippingBox = new ClippingBox(view, uniforms)
   const images = new ImageViewer(scene.images)
   const layers = addLayers()
-  let picks = 0
 
   function beforeFrame() {
     uniforms.focalPx.value = view.focalPx
@@ -51,7 +55,7 @@ async function start() {
     measurement.placeLabels()
     coloring.showLegend()
     const parts = [`${grouped(nodes.nDrawn)} of ${grouped(cloud.nPoints)} points`, `${view.frameMs.toFixed(0)} ms a frame`]
-    if (nodes.nLoading > 0) parts.push(`loading ${nodes.nLoading}`)
+    if (nodes.nMissing > 0) parts.push(`loading ${nodes.nMissing} pieces`)
     element('status').textContent = parts.join(', ')
     if (nodes.error) showMessage(nodes.error)
   }
@@ -156,8 +160,6 @@ async function start() {
     })
   }
 
-  let written = ''
-  let timer
   function rememberView() {
     clearTimeout(timer)
     timer = setTimeout(() => {

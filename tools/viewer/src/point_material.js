@@ -43,7 +43,8 @@ float scaled(float value) { return (value - range.x) / max(range.y - range.x, 1e
 const vec3 NONE = vec3(0.25, 0.26, 0.28);
 
 vec3 colorOf(vec4 classColor, float height) {
-  if (mode == 0) return color.rgb;
+  // No camera saw it.
+  if (mode == 0) return color.rgb == vec3(0.0) ? NONE : color.rgb;
   if (mode == 1) return vec3(clamp(scaled(marks.x * 65535.0), 0.0, 1.0));
   if (mode == 2) return classColor.rgb;
   if (mode == 3) return instance == 0u ? NONE : hashed(instance);

@@ -16,6 +16,8 @@ export class PointNodes {
   /** Points by class of all nodes that were loaded. */
   classCounts = new Float64Array(256)
   nDrawn = 0
+  /** Nodes that belong to the picture and are not loaded yet. */
+  nMissing = 0
   nLoaded = 0
   nLoading = 0
   /** Points that were decompressed since the start. */
@@ -44,6 +46,7 @@ export class PointNodes {
     }
     for (const node of pages.slice(0, 4)) this.cloud.loadPage(node).then(this.onChange, (error) => this.#fail(error))
     for (const node of selected.filter((node) => node.state === 'absent').slice(0, this.workers.nFree)) this.#load(node)
+    this.nMissing = pages.length + selected.filter((node) => node.state === 'absent' || node.state === 'loading').length
     this.#dropUnused()
   }
 

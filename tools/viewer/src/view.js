@@ -14,9 +14,11 @@ const CLICK_PX = 4
 export class View {
   scene = new Scene()
   eyeDome = new EyeDome()
-  /** Duration of the last frames, ms, smoothed. */
+  /** Time from frame to frame while something moves, ms, smoothed. */
   frameMs = 0
   #isDirty = true
+  /** When the frame before was drawn; null if nothing has changed since. */
+  #lastFrame = null
 
   /** `beforeFrame` is called before each frame that is drawn. */
   constructor(canvas, radius, beforeFrame) {
@@ -33,7 +35,7 @@ export class View {
     this.beforeFrame = beforeFrame
     new ResizeObserver(() => this.#resize()).observe(canvas)
     this.#resize()
-    requestAnimationFrame(() => this.#loop())
+    requestAnimationFrame((now) => this.#loop(now))
   }
 
   /** Pixels of an object of 1 m at a distance of 1 m. */
@@ -87,15 +89,17 @@ export class View {
     this.eyeDome.render(renderer, this.scene, camera)
   }
 
-  #loop() {
+  #loop(now) {
     if (this.#isDirty) {
       this.#isDirty = false
-      const begin = performance.now()
+      // The graphics card works behind: only the next frame shows how long this one took.
+      if (this.#lastFrame !== null) this.frameMs += (this.frameMs === 0 ? 1 : 0.2) * (now - this.#lastFrame - this.frameMs)
+      this.#lastFrame = now
       this.draw()
-      const ms = performance.now() - begin
-      this.frameMs = this.frameMs === 0 ? ms : 0.8 * this.frameMs + 0.2 * ms
+    } else {
+      this.#lastFrame = null
     }
-    requestAnimationFrame(() => this.#loop())
+    requestAnimationFrame((next) => this.#loop(next))
   }
 
   #resize() {
