@@ -29,4 +29,5 @@ mod swap;
 mod swap_segmenter;
 mod transports;
 mod two_lidars;
+mod view;
 mod zero_copy;

@@ -3,8 +3,8 @@
 import { MODES, classTable, modesOf } from './color_modes.js'
 import { element, escaped, grouped, onInput } from './elements.js'
 
-/** Bands of natural colors and of the band that shows plants, nm. */
-const DEFAULT_NM = [650, 560, 480]
+/** Bands of natural colors that one camera can have, nm: few points are seen by two. */
+const DEFAULT_NM = [610, 540, 480]
 
 export class Coloring {
   mode = 'rgb'
