@@ -11,3 +11,4 @@ mod inspect_drive;
 mod instances;
 mod spectrum;
 mod support;
+mod view;
