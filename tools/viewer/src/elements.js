@@ -7,6 +7,12 @@ export function onInput(id, action) {
   element(id).addEventListener('input', ({ target }) => action(target))
 }
 
+/** Moves an element to a place of the canvas, CSS px; hides it without a place. */
+export function placeAt(target, place) {
+  target.hidden = !place
+  if (place) [target.style.left, target.style.top] = place.map((value) => `${value}px`)
+}
+
 const ENTITIES = { '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;', "'": '&#39;' }
 
 /** Text of a file as HTML. */

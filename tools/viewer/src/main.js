@@ -5,7 +5,7 @@ import { boxes, cameraPyramids, thickLine } from './annotations.js'
 import { ClippingBox } from './clipping_box.js'
 import { Cloud } from './cloud.js'
 import { Coloring } from './coloring.js'
-import { element, grouped, onInput } from './elements.js'
+import { element, grouped, onInput, placeAt } from './elements.js'
 import { ImageViewer } from './image_viewer.js'
 import { Measurement } from './measurement.js'
 import { Picking } from './picking.js'
@@ -27,6 +27,8 @@ async function start() {
   const world = (position) => position.map((value, axis) => value + origin[axis])
 
   let picks = 0
+  // The point that was clicked last, m from the origin.
+  let marked = null
   // The hash that was written last, and the timer of the next.
   let written = ''
   let timer
@@ -53,6 +55,7 @@ async function start() {
     uniforms.focalPx.value = view.focalPx
     nodes.update(view.camera, view.focalPx)
     measurement.placeLabels()
+    placeAt(element('marker'), marked && view.placeOf(marked))
     coloring.showLegend()
     const parts = [`${grouped(nodes.nDrawn)} of ${grouped(cloud.nPoints)} points`, `${view.frameMs.toFixed(0)} ms a frame`]
     if (nodes.nMissing > 0) parts.push(`loading ${nodes.nMissing} pieces`)
@@ -75,7 +78,8 @@ async function start() {
       apply()
       return object
     }
-    const colors = new Map(scene.classes.map(({ name, color }) => [name, color.map((value) => value / 255)]))
+    // Brighter than the points of the class, which are inside.
+    const colors = new Map(scene.classes.map(({ name, color }) => [name, color.map((value) => 0.5 + value / 510)]))
     const path = scene.path.length > 1 ? thickLine(scene.path.map(local), 0xffd54a, 3) : null
     const corners = scene.objects.map((object) => object.corners.map(local))
     const objects = corners.length > 0 ? boxes(corners, scene.objects.map(({ class: name }) => colors.get(name) ?? [1, 1, 1])) : null
@@ -117,7 +121,8 @@ async function start() {
     const position = showPoint(found, { scene, classes: coloring.classes })
     picks++
     if (measurement.isOn) measurement.add(local(position))
-    else view.marked = local(position)
+    else marked = local(position)
+    view.redraw()
     return undefined
   }
 
@@ -148,7 +153,7 @@ async function start() {
   onInput('eyeDome', ({ valueAsNumber }) => { view.eyeDome.strength = valueAsNumber; view.redraw() })
   element('home').onclick = wholeCloud
   element('top').onclick = fromAbove
-  element('clipHere').onclick = () => clippingBox.moveTo(view.marked ?? view.controls.target.toArray())
+  element('clipHere').onclick = () => clippingBox.moveTo(marked ?? view.controls.target.toArray())
   element('screenshot').onclick = () => {
     view.draw()
     view.renderer.domElement.toBlob((blob) => {

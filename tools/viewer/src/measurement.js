@@ -2,7 +2,7 @@
 
 import { Group } from 'three'
 import { thickLine } from './annotations.js'
-import { element } from './elements.js'
+import { element, placeAt } from './elements.js'
 
 const COLOR = 0xff5a5a
 
@@ -58,9 +58,7 @@ export class Measurement {
   placeLabels() {
     ;[...element('labels').children].forEach((label, k) => {
       const middle = this.positions[k].map((value, axis) => (value + this.positions[k + 1][axis]) / 2)
-      const place = this.view.placeOf(middle)
-      label.hidden = place === null
-      if (place) [label.style.left, label.style.top] = place.map((value) => `${value}px`)
+      placeAt(label, this.view.placeOf(middle))
     })
   }
 }
