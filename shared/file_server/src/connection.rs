@@ -63,7 +63,8 @@ fn wait(input: &mut BufReader<&TcpStream>, stream: &TcpStream, is_stopped: impl 
     let begin = Instant::now();
     while begin.elapsed() < IDLE && !is_stopped() {
         match has_bytes(input) {
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(error)
+                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             other => return other,
         }
     }

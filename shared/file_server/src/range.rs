@@ -29,20 +29,13 @@ impl Range {
 fn single(value: &str) -> Option<(Option<u64>, Option<u64>)> {
     let (unit, range) = value.split_once('=')?;
     let (first, last) = range.trim().split_once('-')?;
-    if !unit.trim().eq_ignore_ascii_case("bytes") {
+    // `parse` would accept a sign.
+    let are_digits = first.bytes().chain(last.bytes()).all(|b| b.is_ascii_digit());
+    if !unit.trim().eq_ignore_ascii_case("bytes") || !are_digits {
         return None;
     }
-    Some((number(first)?, number(last)?))
-}
-
-/// An absent number is `Some(None)`, a wrong one `None`.
-fn number(digits: &str) -> Option<Option<u64>> {
-    match digits {
-        "" => Some(None),
-        // `parse` would accept a sign.
-        digits if digits.bytes().all(|b| b.is_ascii_digit()) => digits.parse().ok().map(Some),
-        _ => None,
-    }
+    let number = |digits: &str| if digits.is_empty() { Ok(None) } else { digits.parse().map(Some) };
+    Some((number(first).ok()?, number(last).ok()?))
 }
 
 #[cfg(test)]
@@ -69,7 +62,8 @@ mod tests {
 
     #[test]
     fn what_is_no_single_range_asks_for_the_whole_content() {
-        let others = ["", "bytes", "bytes=", "bytes=-", "bytes=3-2", "bytes=0-1,4-5", "lines=1-2", "bytes=+1-2", "bytes=a-"];
+        let others =
+            ["", "bytes", "bytes=", "bytes=-", "bytes=3-2", "bytes=0-1,4-5", "lines=1-2", "bytes=+1-2", "bytes=a-"];
         for value in others.into_iter().map(Some).chain([None, Some("bytes=99999999999999999999-")]) {
             assert_eq!(Range::of(value, 10), Range::Whole, "{value:?}");
         }

@@ -140,8 +140,13 @@ mod tests {
 
     #[test]
     fn garbage_is_invalid_and_endless_headers_are_too_large() {
-        for head in ["\r\n\r\n", "GET\r\n\r\n", "GET / HTTP/2\r\n\r\n", "GET a HTTP/1.1\r\n\r\n", "GET / HTTP/1.1\r\nno colon\r\n\r\n"]
-        {
+        for head in [
+            "\r\n\r\n",
+            "GET\r\n\r\n",
+            "GET / HTTP/2\r\n\r\n",
+            "GET a HTTP/1.1\r\n\r\n",
+            "GET / HTTP/1.1\r\nno colon\r\n\r\n",
+        ] {
             assert_eq!(parsed(head), Err(NoRequest::Invalid), "{head:?}");
         }
         assert_eq!(Request::read(&mut &b"\xff\xfe / HTTP/1.1\r\n\r\n"[..], || false), Err(NoRequest::Invalid));

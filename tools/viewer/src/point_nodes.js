@@ -24,6 +24,8 @@ export class PointNodes {
   nDecoded = 0
   error = null
   #ready = new Set()
+  /** Nodes to load, in their order. */
+  #wanted = []
   #visits = 0
 
   /** `onChange`: something was loaded. `onFirst`: arrays of the first node, before they leave memory. */
@@ -45,8 +47,9 @@ export class PointNodes {
       }
     }
     for (const node of pages.slice(0, 4)) this.cloud.loadPage(node).then(this.onChange, (error) => this.#fail(error))
-    for (const node of selected.filter((node) => node.state === 'absent').slice(0, this.workers.nFree)) this.#load(node)
-    this.nMissing = pages.length + selected.filter((node) => node.state === 'absent' || node.state === 'loading').length
+    this.#wanted = selected.filter((node) => node.state === 'absent')
+    this.nMissing = pages.length + this.#wanted.length + selected.filter((node) => node.state === 'loading').length
+    this.#loadWanted()
     this.#dropUnused()
   }
 
@@ -88,6 +91,11 @@ export class PointNodes {
     }
   }
 
+  /** Keeps the workers busy. Not only with each frame: frames may be slow. */
+  #loadWanted() {
+    while (this.#wanted.length > 0 && this.workers.nFree > 0) this.#load(this.#wanted.shift())
+  }
+
   async #load(node) {
     node.state = 'loading'
     this.nLoading++
@@ -105,6 +113,7 @@ export class PointNodes {
       this.#fail(error)
     }
     this.nLoading--
+    this.#loadWanted()
     this.onChange()
   }
 

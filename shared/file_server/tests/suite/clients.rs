@@ -55,7 +55,9 @@ fn connection_serves_many_requests_and_head_sends_no_body() {
             assert_eq!(response(&mut stream).1, b"image");
         }
         // Two at once; the response to the first has a length but no body.
-        stream.write_all(b"HEAD /cloud.laz HTTP/1.1\r\n\r\nGET / HTTP/1.1\r\nConnection: close\r\n\r\n").expect("sends");
+        stream
+            .write_all(b"HEAD /cloud.laz HTTP/1.1\r\n\r\nGET / HTTP/1.1\r\nConnection: close\r\n\r\n")
+            .expect("sends");
         let mut rest = Vec::new();
         stream.read_to_end(&mut rest).expect("ends");
         let rest = String::from_utf8(rest).expect("text");
@@ -68,7 +70,9 @@ fn connection_serves_many_requests_and_head_sends_no_body() {
 #[test]
 fn names_outside_the_site_do_not_exist() {
     with_server(|address| {
-        for target in ["/secret", "/../secret", "/images/../secret", "/%2e%2e/secret", "//etc/passwd", "/gone.laz", "/images/"] {
+        for target in
+            ["/secret", "/../secret", "/images/../secret", "/%2e%2e/secret", "//etc/passwd", "/gone.laz", "/images/"]
+        {
             let (head, body) = get(address, target, "");
             assert!(head.starts_with("HTTP/1.1 404 "), "{target}: {head}");
             assert_eq!(body, b"404 Not Found\n");

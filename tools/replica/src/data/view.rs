@@ -78,7 +78,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.path.is_dir() {
         add_run(args, &mut site)?;
     } else {
-        ensure!(!args.bands, UsageError("--bands: needs a run; a COPC file has the bands that it was written with".into()));
+        ensure!(
+            !args.bands,
+            UsageError("--bands: needs a run; a COPC file has the bands that it was written with".into())
+        );
         add_file(&args.path, &mut site)?;
     }
     match (&args.out, server) {

@@ -74,7 +74,8 @@ struct SceneMaterial {
 impl Scene {
     /// A scene of points alone.
     pub fn new(title: String) -> Self {
-        let class = |class: &ClassId| SceneClass { id: *class as u8, name: class.name(), color: class_color(*class as u8) };
+        let class =
+            |class: &ClassId| SceneClass { id: *class as u8, name: class.name(), color: class_color(*class as u8) };
         Self {
             version: 1,
             title,
@@ -83,7 +84,7 @@ impl Scene {
             path: Vec::new(),
             images: Vec::new(),
             objects: Vec::new(),
-            materials: town::Material::ALL.iter().map(SceneMaterial::of).collect(),
+            materials: town::Material::ALL.iter().copied().map(SceneMaterial::of).collect(),
         }
     }
 
@@ -122,7 +123,7 @@ impl SceneObject {
 }
 
 impl SceneMaterial {
-    fn of(material: &town::Material) -> Self {
+    fn of(material: town::Material) -> Self {
         // Three digits are more than the spectra are known to.
         let rounded = |value: &f32| (value * 1000.0).round() / 1000.0;
         Self {
