@@ -30,7 +30,19 @@ class Node {
   }
 }
 
+/** Names of classes from the record `LASF_Spec` 0: a number and 15 characters each. */
+function classNames(bytes) {
+  const names = new Map()
+  for (let at = 0; at + 16 <= bytes.length; at += 16) {
+    const name = new TextDecoder().decode(bytes.subarray(at + 1, at + 16)).replace(/\0.*$/s, '')
+    if (name !== '') names.set(bytes[at], name)
+  }
+  return names
+}
+
 export class Cloud {
+  /** Names of the values of `classification` that the file defines. */
+  classNames = new Map()
   #get
   #nodes = new Map()
 
@@ -40,6 +52,8 @@ export class Cloud {
     const vlr = Las.Vlr.find(vlrs, 'LASF_Spec', 4)
     const extraBytes = vlr ? await Las.Vlr.fetch(get, vlr) : null
     const cloud = new Cloud(url, get, header, info, recordLayout(header, extraBytes))
+    const names = Las.Vlr.find(vlrs, 'LASF_Spec', 0)
+    if (names) cloud.classNames = classNames(await Las.Vlr.fetch(get, names))
     cloud.root = cloud.#node([0, 0, 0, 0])
     await cloud.#load(info.rootHierarchyPage)
     return cloud

@@ -26,7 +26,7 @@ export function classTable(cloud, scene) {
   return Array.from({ length: 256 }, (_, id) => {
     const own = cloud.has.class ? scene.classes.find((known) => known.id === id) : undefined
     if (own) return own
-    const name = cloud.has.class ? `class ${id}` : (ASPRS[id] ?? `class ${id}`)
+    const name = cloud.has.class ? `class ${id}` : (cloud.classNames.get(id) ?? ASPRS[id] ?? `class ${id}`)
     // Hues far apart for neighboring numbers.
     const hue = (id * 0.618034) % 1
     const wave = (shift) => Math.round(150 + 90 * Math.cos(2 * Math.PI * (hue + shift)))

@@ -15,6 +15,9 @@ import { showPoint } from './point_panel.js'
 import { View } from './view.js'
 import { Workers } from './workers.js'
 
+/** Distance from which a street is seen whole, m. */
+const STREET_M = 60
+
 async function start() {
   const response = await fetch('scene.json')
   if (!response.ok) throw new Error(`scene.json: HTTP status ${response.status}`)
@@ -91,11 +94,18 @@ async function start() {
     }
   }
 
-  function wholeCloud() {
-    // Above and south of it.
-    const target = scene.path.length > 0 ? local(scene.path[Math.floor(scene.path.length / 2)]) : [0, 0, low[2]]
-    const distance = Math.min(radius, 60)
+  /** Looks at a position from south of it and above. */
+  function lookFromSouth(target, distance) {
     view.look([target[0] - 0.35 * distance, target[1] - 0.8 * distance, target[2] + 0.6 * distance], target)
+  }
+
+  function wholeCloud() {
+    lookFromSouth(low.map((value, axis) => (value + high[axis]) / 2), 1.5 * radius)
+  }
+
+  function firstView() {
+    if (scene.path.length === 0) wholeCloud()
+    else lookFromSouth(local(scene.path[Math.floor(scene.path.length / 2)]), Math.min(radius, STREET_M))
   }
 
   function fromAbove() {
@@ -178,7 +188,7 @@ async function start() {
     const state = stateFromHash(location.hash)
     coloring.restore(state)
     if (state.eye && state.target) view.look(local(state.eye), local(state.target))
-    else wholeCloud()
+    else firstView()
   }
   window.addEventListener('hashchange', restoreView)
   view.controls.addEventListener('change', rememberView)
