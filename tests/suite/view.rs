@@ -85,7 +85,7 @@ fn browser_draws_hides_and_picks_points() {
     set(&browser, "budget", "value", "3");
 
     // Without classes and path nothing is left.
-    set(&browser, "showPath", "checked", "false");
+    set(&browser, "path", "checked", "false");
     browser.evaluate("document.getElementById('noClasses').click()");
     assert_eq!(drawn_pixels(&browser), 0.0);
     browser.evaluate("document.getElementById('allClasses').click()");
@@ -148,7 +148,7 @@ fn measures_distance(browser: &Browser) {
 
 /// Clicks the drawn pixel that is nearest to the middle of the page at a share of its width, and waits for the point.
 fn click_point(browser: &Browser, share: f64) {
-    let n_before = number(browser, "__state.picks");
+    let n_before = number(browser, "__state.nClicked");
     let found = browser.evaluate(&format!(
         "(() => {{ const p = __state.pixels(), w = innerWidth, h = innerHeight; let best = null, least = Infinity; \
          for (let i = 0; i < w * h; i++) {{ const x = i % w, y = h - 1 - Math.floor(i / w); \
@@ -158,5 +158,5 @@ fn click_point(browser: &Browser, share: f64) {
     ));
     let place = [0, 1].map(|axis| found[axis].as_f64().expect("a drawn pixel") + 0.5);
     browser.click(place);
-    wait_for("the point that was clicked", || (number(browser, "__state.picks") > n_before).then_some(()));
+    wait_for("the point that was clicked", || (number(browser, "__state.nClicked") > n_before).then_some(()));
 }

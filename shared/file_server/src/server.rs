@@ -66,11 +66,27 @@ fn start<'scope>(
         let _ = refuse(&mut &stream, Refusal::TooManyConnections, true);
         return Ok(());
     }
-    n_connections.fetch_add(1, Ordering::Relaxed);
+    let place = Place::take(n_connections);
     thread::Builder::new().name("client".to_owned()).spawn_scoped(scope, move || {
+        let _place = place;
         // The client is gone or too slow: nobody is left to be told.
         let _ = serve(&stream);
-        n_connections.fetch_sub(1, Ordering::Relaxed);
     })?;
     Ok(())
+}
+
+/// One of the connections. It is given back also when a content panics.
+struct Place<'a>(&'a AtomicUsize);
+
+impl<'a> Place<'a> {
+    fn take(n_connections: &'a AtomicUsize) -> Self {
+        n_connections.fetch_add(1, Ordering::Relaxed);
+        Self(n_connections)
+    }
+}
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
 }

@@ -25,3 +25,37 @@ export function stateFromHash(hash) {
     bands: parts.get('bands')?.split(','), range: numbers('range', 2),
   }
 }
+
+/** The address is written when nothing has changed for this long, ms. */
+const DELAY_MS = 300
+
+/** Keeps the address up to date with the view, and the view with an address that the user enters. */
+export class Address {
+  #written = ''
+  #timer
+
+  constructor(view, coloring, cloud, cameraMoves) {
+    Object.assign(this, { view, coloring, cloud, cameraMoves })
+    window.addEventListener('hashchange', () => this.#read())
+    view.controls.addEventListener('change', () => this.write())
+    this.#read()
+  }
+
+  /** Writes the view into the address, a little later. */
+  write() {
+    clearTimeout(this.#timer)
+    this.#timer = setTimeout(() => {
+      const [eye, target] = [this.view.camera.position, this.view.controls.target].map((p) => this.cloud.world(p.toArray()))
+      this.#written = hashFromState({ eye, target, ...this.coloring.state() })
+      history.replaceState(null, '', this.#written)
+    }, DELAY_MS)
+  }
+
+  #read() {
+    if (location.hash === this.#written && this.#written !== '') return
+    const state = stateFromHash(location.hash)
+    this.coloring.restore(state)
+    if (state.eye && state.target) this.view.look(this.cloud.local(state.eye), this.cloud.local(state.target))
+    else this.cameraMoves.first()
+  }
+}

@@ -66,10 +66,21 @@ export class Cloud {
     this.bounds = [header.min, header.max]
     /** What is subtracted from coordinates before they become 32 bits wide. */
     this.origin = header.min.map((low, axis) => Math.floor((low + header.max[axis]) / 2))
+    this.radius = Math.max(0.5 * Math.hypot(...header.max.map((high, axis) => high - header.min[axis])), 1)
     this.begin = info.gpsTimeRange[0]
     this.bands = bandsOf(layout)
     const has = (name) => extraField(layout, name) !== undefined
     this.has = { class: has('class'), score: has('score'), moving: has('moving'), instance: has('instance'), color: layout.hasColor, bands: this.bands.length > 0 }
+  }
+
+  /** Coordinates of the file as m from the origin. */
+  local(position) {
+    return position.map((value, axis) => value - this.origin[axis])
+  }
+
+  /** m from the origin as coordinates of the file. */
+  world(position) {
+    return position.map((value, axis) => value + this.origin[axis])
   }
 
   /** Loads the part of the hierarchy that begins at a node. */

@@ -12,11 +12,13 @@ export class Coloring {
   hidden = new Set()
   /** Chosen bands by name: red, green, blue. */
   bands = []
+  /** Called after each change. */
+  onChange = () => {}
   #ranges = {}
   #legend = ''
 
-  constructor(cloud, scene, nodes, uniforms, onChange) {
-    Object.assign(this, { cloud, nodes, uniforms, onChange, classes: classTable(cloud, scene) })
+  constructor(cloud, scene, nodes, uniforms) {
+    Object.assign(this, { cloud, nodes, uniforms, classes: classTable(cloud, scene) })
     this.#ranges.times = [0, Math.max(cloud.info.gpsTimeRange[1] - cloud.begin, 0)]
     this.#ranges.heights = [cloud.bounds[0][2], cloud.bounds[1][2]]
     this.#ranges.intensities = [0, 65535]

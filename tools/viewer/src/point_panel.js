@@ -5,7 +5,7 @@ import { recordFields, spectrumOf } from './record.js'
 import { nearestMaterials, spectrumPlot } from './spectrum_plot.js'
 
 /** Shows a record. Returns the position of its point in the coordinates of the file. */
-export function showPoint({ record, layout }, { scene, classes }) {
+export function showPoint(record, layout, scene, classes) {
   const { position, fields } = recordFields(layout, record)
   const text = ([name, value]) => {
     if (value === null) return 'none'

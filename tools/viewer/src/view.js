@@ -89,6 +89,28 @@ export class View {
     this.eyeDome.render(renderer, this.scene, camera)
   }
 
+  /** The colors of the whole canvas, four bytes a pixel, the lowest row first. */
+  pixels() {
+    this.draw()
+    const gl = this.renderer.getContext()
+    const [width, height] = [gl.drawingBufferWidth, gl.drawingBufferHeight]
+    const bytes = new Uint8Array(width * height * 4)
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes)
+    return bytes
+  }
+
+  /** Offers the picture as a file. */
+  save(name) {
+    this.draw()
+    this.renderer.domElement.toBlob((blob) => {
+      const link = document.createElement('a')
+      link.href = URL.createObjectURL(blob)
+      link.download = name
+      link.click()
+      URL.revokeObjectURL(link.href)
+    })
+  }
+
   #loop(now) {
     if (this.#isDirty) {
       this.#isDirty = false

@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
     // Tiles read and write each point, COPC also places it.
-    let bar = progress_bar(run.index.n_points * if args.copc { 5 } else { 2 });
+    let bar = progress_bar("deliver", run.index.n_points * if args.copc { 5 } else { 2 });
     let (mut files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
     let n_points = files.iter().map(|file| file.n_points).sum();
     say_points(n_points, files.len(), left_out)?;
@@ -204,14 +204,14 @@ pub fn create_empty(out: &Path) -> anyhow::Result<()> {
 }
 
 /// A bar on a terminal, else nothing.
-pub fn progress_bar(n_points: u64) -> ProgressBar {
+pub fn progress_bar(command: &'static str, n_steps: u64) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::with_draw_target(Some(n_points), ProgressDrawTarget::stderr());
+    let bar = ProgressBar::with_draw_target(Some(n_steps), ProgressDrawTarget::stderr());
     // The template is a constant: without it the bar is plain, not wrong.
-    match ProgressStyle::with_template("deliver [{wide_bar}] {percent} % {eta} left") {
-        Ok(style) => bar.with_style(style.progress_chars("=> ")),
+    match ProgressStyle::with_template("{prefix} [{wide_bar}] {percent} % {eta} left") {
+        Ok(style) => bar.with_prefix(command).with_style(style.progress_chars("=> ")),
         Err(_) => bar,
     }
 }

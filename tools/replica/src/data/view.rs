@@ -13,6 +13,7 @@ mod page_files;
 mod scene;
 
 use super::deliver::frame::utm_or_local;
+use super::deliver::{create_empty, progress_bar};
 use super::report::finished_run::FinishedRun;
 use crate::argument::not_negative;
 use crate::terminal::{StopFlag, say};
@@ -24,7 +25,8 @@ use deliverables::RunFolder;
 use file_server::{Content, Server, Site};
 use run::summary::Summary;
 use scene::Scene;
-use std::io::ErrorKind;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -68,35 +70,47 @@ pub struct Args {
 
 /// Serves or writes the page.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    if let Some(out) = &args.out {
-        super::deliver::create_empty(out)?;
+    // Errors of folder and address are reported before the octree is made, which takes longer.
+    match &args.out {
+        Some(out) => {
+            create_empty(out)?;
+            write(&site(args)?, out)?;
+        }
+        None => {
+            let server = bind(args)?;
+            serve(&server, &site(args)?)?;
+        }
     }
-    // Errors of the address are reported before the octree is made, which takes longer.
-    let server = if args.out.is_some() { None } else { Some(bind(args)?) };
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Page, points and scene.
+fn site(args: &Args) -> anyhow::Result<Site> {
     let mut site = Site::default();
     page_files::add(&mut site);
     if args.path.is_dir() {
         add_run(args, &mut site)?;
     } else {
-        ensure!(
-            !args.bands,
-            UsageError("--bands: needs a run; a COPC file has the bands that it was written with".into())
-        );
+        let rule = "--bands: needs a run; a COPC file has the bands that it was written with";
+        ensure!(!args.bands, UsageError(rule.to_owned()));
         add_file(&args.path, &mut site)?;
     }
-    match (&args.out, server) {
-        (Some(out), _) => {
-            site.write(out, |_| {})?;
-            say!("{}: serve this folder with any web server that answers byte ranges", out.display())?;
-        }
-        (None, Some(server)) => {
-            let stop = StopFlag::register(run::exit::DONE)?;
-            say!("http://{}/  (Ctrl-C ends)", server.address())?;
-            server.run(&site, || stop.is_set())?;
-        }
-        (None, None) => {}
-    }
-    Ok(ExitCode::SUCCESS)
+    Ok(site)
+}
+
+fn write(site: &Site, out: &Path) -> anyhow::Result<()> {
+    let bar = progress_bar("view", site.names().count() as u64);
+    site.write(out, |_| bar.inc(1))?;
+    bar.finish_and_clear();
+    say!("{}: serve this folder with any web server that answers byte ranges", out.display())?;
+    Ok(())
+}
+
+fn serve(server: &Server, site: &Site) -> anyhow::Result<()> {
+    let stop = StopFlag::register(run::exit::DONE)?;
+    say!("http://{}/  (Ctrl-C ends)", server.address())?;
+    server.run(site, || stop.is_set())?;
+    Ok(())
 }
 
 fn bind(args: &Args) -> anyhow::Result<Server> {
@@ -122,10 +136,9 @@ fn add_file(path: &Path, site: &mut Site) -> anyhow::Result<()> {
     add_scene(&Scene::new(title), site)
 }
 
-fn first_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
-    use std::io::Read;
+fn first_bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut begin = Vec::new();
-    std::fs::File::open(path)?.take(512).read_to_end(&mut begin)?;
+    File::open(path)?.take(512).read_to_end(&mut begin)?;
     Ok(begin)
 }
 

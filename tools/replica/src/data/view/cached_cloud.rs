@@ -59,7 +59,7 @@ fn write_cloud(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool, folder
         software: SOFTWARE.to_owned(),
         note: frame.unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default(),
     };
-    let bar = progress_bar(run.index.n_points * PASSES);
+    let bar = progress_bar("view", run.index.n_points * PASSES);
     write_copc(run, &frame.target, &options, (folder, COPC_FILE), |n| bar.inc(n))?;
     bar.finish_and_clear();
     Ok(())
