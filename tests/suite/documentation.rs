@@ -23,8 +23,9 @@ fn root() -> PathBuf {
 /// Every page: those in the root, those beside code, and all under `docs/`.
 fn pages() -> Vec<PathBuf> {
     let root = root();
-    let beside_code = ["benches", "benches/peers", "experiments", "fuzz", "models", "shared/simulation/rigs"]
-        .map(|folder| root.join(folder).join("README.md"));
+    let beside_code =
+        ["benches", "benches/peers", "experiments", "fuzz", "models", "shared/simulation/rigs", "tools/viewer"]
+            .map(|folder| root.join(folder).join("README.md"));
     let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|page| root.join(page)).into();
     pages.extend(beside_code);
     let mut folders = vec![root.join("docs")];

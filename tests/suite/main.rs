@@ -30,4 +30,5 @@ mod swap_segmenter;
 mod terminal;
 mod transports;
 mod two_lidars;
+mod view;
 mod zero_copy;

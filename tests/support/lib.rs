@@ -1,6 +1,7 @@
 //! What the process tests share: launch files in a folder of their own, running supervisors, waiting for conditions, kills at
 //! seeded moments, drives and reference results that are made once, and mounts in a namespace.
 
+mod browser;
 mod drive;
 mod kills;
 mod launch;
@@ -13,6 +14,7 @@ mod screen;
 mod shared;
 pub mod swaps;
 
+pub use browser::Browser;
 pub use drive::{
     ANY_DEVIATION, ANY_FIXES, drive, lidar_pipeline, long_drive, pipeline, simulated_drive, two_lidar_drive,
 };

@@ -23,6 +23,20 @@ const CELL_M: f64 = 0.05;
 /// Writes `objects.csv` in coordinates of the delivery into the existing folder `out`, and if these are placed on the Earth
 /// `objects.geojson`. Returns the number of objects. `None` if the clouds have no instances.
 pub fn write_objects(run: &RunFolder, frame: &TargetFrame<'_>, out: &Path) -> Result<Option<usize>, DeliverError> {
+    let Some(summaries) = objects_of(run)? else { return Ok(None) };
+    let mut files = vec![("objects.csv", table_in_frame(&summaries, frame)?)];
+    let georeference = run.georeference.as_ref().filter(|_| frame.crs().is_some());
+    let geojson = georeference.map(|georeference| geojson(&summaries, georeference)).transpose()?.flatten();
+    files.extend(geojson.map(|text| ("objects.geojson", text)));
+    for (name, text) in &files {
+        let path = out.join(name);
+        write_atomic(&path, text.as_bytes()).map_err(DeliverError::file(&path, "write"))?;
+    }
+    Ok(Some(summaries.len()))
+}
+
+/// The objects of a run, in the frame of its clouds. `None` if the clouds have no instances.
+pub fn objects_of(run: &RunFolder) -> Result<Option<Vec<ObjectSummary>>, DeliverError> {
     let (clouds, _) = cloud::open_all(run)?;
     let present = cloud::present(&clouds);
     if !present.instance || !present.class {
@@ -35,16 +49,7 @@ pub fn write_objects(run: &RunFolder, frame: &TargetFrame<'_>, out: &Path) -> Re
             objects.add(&Vertices::load(&run.cloud(cloud.entry))?)?;
         }
     }
-    let summaries = objects.summaries();
-    let mut files = vec![("objects.csv", table_in_frame(&summaries, frame)?)];
-    let georeference = run.georeference.as_ref().filter(|_| frame.crs().is_some());
-    let geojson = georeference.map(|georeference| geojson(&summaries, georeference)).transpose()?.flatten();
-    files.extend(geojson.map(|text| ("objects.geojson", text)));
-    for (name, text) in &files {
-        let path = out.join(name);
-        write_atomic(&path, text.as_bytes()).map_err(DeliverError::file(&path, "write"))?;
-    }
-    Ok(Some(summaries.len()))
+    Ok(Some(objects.summaries()))
 }
 
 /// The objects in the clouds that were added.
@@ -129,8 +134,8 @@ impl Object {
 }
 
 impl ObjectSummary {
-    /// Corners of the footprint, counter-clockwise, the first side along the length.
-    fn corners(&self) -> [[f64; 2]; 4] {
+    /// Corners of the footprint in the frame of the clouds, m; counter-clockwise, the first side along the length.
+    pub fn corners(&self) -> [[f64; 2]; 4] {
         let OrientedRectangle { center: [x, y], length_m, width_m, heading } = self.footprint;
         let (sin, cos) = heading.sin_cos();
         [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[along, across]| {

@@ -13,6 +13,7 @@ mod send;
 mod sensor_calibration;
 mod simulate;
 mod spectrum;
+mod view;
 
 use std::process::ExitCode;
 
@@ -24,6 +25,7 @@ pub enum Command {
     Convert(convert::Args),
     Inspect(inspect::Args),
     Report(report::Args),
+    View(view::Args),
     Compare(compare::Args),
     Deliver(deliver::Args),
     Cube(cube::Args),
@@ -43,6 +45,7 @@ impl Command {
             Command::Convert(args) => convert::run(args),
             Command::Inspect(args) => inspect::run(args),
             Command::Report(args) => report::run(args),
+            Command::View(args) => view::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Deliver(args) => deliver::run(args),
             Command::Cube(args) => cube::run(args),

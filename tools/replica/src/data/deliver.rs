@@ -1,7 +1,7 @@
 //! `replica deliver`: a finished run in the formats that surveyors and other programs read.
 
 mod facts;
-mod frame;
+pub mod frame;
 
 use crate::argument::InvalidValue;
 use crate::class_color::class_color;
@@ -25,9 +25,11 @@ use std::process::ExitCode;
 /// Largest side of a tile, m.
 const MAX_TILE_M: u32 = 100_000;
 /// Name of the octree.
-const COPC_FILE: &str = "points.copc.laz";
+pub const COPC_FILE: &str = "points.copc.laz";
 /// Length of a text in the header of LAS files.
 const MAX_SYSTEM: usize = 32;
+/// `generating software` of the headers.
+pub const SOFTWARE: &str = concat!("REPLICA ", env!("CARGO_PKG_VERSION"));
 
 /// Write a finished run for surveyors: LAZ, COPC, path, objects.
 #[derive(clap::Args, Debug)]
@@ -112,12 +114,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let options = CloudOptions {
         has_bands: args.bands,
         system: args.system.clone(),
-        software: concat!("REPLICA ", env!("CARGO_PKG_VERSION")).to_owned(),
+        software: SOFTWARE.to_owned(),
         note: unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default(),
     };
     let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
     // Tiles read and write each point, COPC also places it.
-    let bar = progress_bar(run.index.n_points * if args.copc { 5 } else { 2 });
+    let bar = progress_bar("deliver", run.index.n_points * if args.copc { 5 } else { 2 });
     let (mut files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
     let n_points = files.iter().map(|file| file.n_points).sum();
     say_points(n_points, files.len(), left_out)?;
@@ -193,7 +195,7 @@ fn say_points(n_points: u64, n_files: usize, LeftOut { without_place, not_finite
 }
 
 /// Files of an earlier delivery with other tiles would remain and be taken for those of this one.
-fn create_empty(out: &Path) -> anyhow::Result<()> {
+pub fn create_empty(out: &Path) -> anyhow::Result<()> {
     let place = || out.display().to_string();
     std::fs::create_dir_all(out).with_context(place)?;
     let is_empty = std::fs::read_dir(out).with_context(place)?.next().is_none();
@@ -201,14 +203,15 @@ fn create_empty(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn progress_bar(n_points: u64) -> ProgressBar {
+/// A bar on a terminal, else nothing.
+pub fn progress_bar(command: &'static str, n_steps: u64) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let bar = ProgressBar::with_draw_target(Some(n_points), ProgressDrawTarget::stderr());
+    let bar = ProgressBar::with_draw_target(Some(n_steps), ProgressDrawTarget::stderr());
     // The template is a constant: without it the bar is plain, not wrong.
-    match ProgressStyle::with_template("deliver [{wide_bar}] {percent} % {eta} left") {
-        Ok(style) => bar.with_style(style.progress_chars("=> ")),
+    match ProgressStyle::with_template("{prefix} [{wide_bar}] {percent} % {eta} left") {
+        Ok(style) => bar.with_prefix(command).with_style(style.progress_chars("=> ")),
         Err(_) => bar,
     }
 }

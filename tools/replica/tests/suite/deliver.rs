@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// A run of two sweeps at the origin of its drive, with these doubts of export.
-fn run_with_doubts(folder: &Path, doubts: &Value) -> (PathBuf, FinishedRun) {
+pub fn run_with_doubts(folder: &Path, doubts: &Value) -> (PathBuf, FinishedRun) {
     let (drive, run) = (folder.join("drive"), folder.join("run"));
     if !drive.exists() {
         let arguments = ["simulate", "--seed", "1", "--seconds", "0.25", "--rig", "survey", "--out", text(&drive)];
@@ -26,7 +26,7 @@ fn facts(out: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(out.join("delivery.json")).expect("was written")).expect("JSON")
 }
 
-fn names(out: &Path) -> Vec<String> {
+pub fn names(out: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(out).expect("lists");
     let mut names: Vec<String> =
         entries.map(|entry| entry.expect("lists").file_name().to_string_lossy().into_owned()).collect();

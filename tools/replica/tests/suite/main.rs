@@ -13,3 +13,4 @@ mod json;
 mod setup;
 mod spectrum;
 mod support;
+mod view;

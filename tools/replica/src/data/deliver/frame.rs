@@ -68,6 +68,28 @@ pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow:
         CrsChoice::Epsg(epsg) => Some(Crs::from_epsg(epsg).map_err(|error| UsageError(format!("--crs: {error}")))?),
         _ => None,
     };
+    let frame = projected_or_local(run, summary, wanted, geoid)?;
+    match &frame.unreferenced {
+        Some(reasons) if !args.allow_unreferenced => bail!(
+            "{}: {reasons}\nhint: --allow-unreferenced writes local coordinates without coordinate reference system",
+            args.run.display()
+        ),
+        _ => Ok(frame),
+    }
+}
+
+/// UTM of the place, or local coordinates if the run does not determine it.
+pub fn utm_or_local<'a>(run: &'a RunFolder, summary: &Summary) -> anyhow::Result<ChosenFrame<'a>> {
+    projected_or_local(run, summary, None, None)
+}
+
+fn projected_or_local<'a>(
+    run: &'a RunFolder,
+    summary: &Summary,
+    wanted: Option<Crs>,
+    geoid: Option<(String, GeoidGrid)>,
+) -> anyhow::Result<ChosenFrame<'a>> {
+    let georeference = run.georeference.as_ref();
     let origin = georeference.and_then(Georeference::local).map(geometry::LocalFrame::origin);
     match (not_determined(origin.is_some(), summary), georeference, origin) {
         (None, Some(georeference), Some(origin)) => {
@@ -75,14 +97,8 @@ pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow:
             Ok(ChosenFrame { target: TargetFrame::projected(georeference, crs, geoid)?, unreferenced: None })
         }
         (reasons, ..) => {
-            let reasons = reasons.unwrap_or_default();
-            if args.allow_unreferenced {
-                return Ok(local(Some(reasons)));
-            }
-            bail!(
-                "{}: {reasons}\nhint: --allow-unreferenced writes local coordinates without coordinate reference system",
-                args.run.display()
-            )
+            let unreferenced = Some(reasons.unwrap_or_default());
+            Ok(ChosenFrame { target: TargetFrame::local(georeference), unreferenced })
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::finished_run::FinishedRun;
 use super::moment::points_around;
-use crate::data::inspect::drive::pictures::{Picture, jpeg, thumbnail};
+use crate::data::inspect::drive::pictures::{Picture, WIDTH, jpeg, thumbnail};
 use formats::drive::{Drive, Frame};
 use geometry::Stamp;
 use image::RgbImage;
@@ -21,15 +21,15 @@ pub fn overlays(run: &FinishedRun, drive: &Drive, stamp: Stamp) -> Vec<Picture> 
         covered.min_by_key(|frame| (frame.stamp.0 - stamp.0).abs())
     };
     let frames: Vec<&Frame> = (0..drive.manifest().cameras.len()).filter_map(frame_of).collect();
-    frames.par_iter().filter_map(|frame| overlay(run, drive, frame)).collect()
+    frames.par_iter().filter_map(|frame| overlay(run, drive, frame, WIDTH)).collect()
 }
 
-/// `None` if the image is damaged (`acquire` reports it) or no point is in it.
-fn overlay(run: &FinishedRun, drive: &Drive, frame: &Frame) -> Option<Picture> {
+/// A picture of one exposure, at most `max_width` px wide. `None` if the image is damaged (`acquire` reports it) or no point is in it.
+pub fn overlay(run: &FinishedRun, drive: &Drive, frame: &Frame, max_width: u32) -> Option<Picture> {
     let entry = &drive.manifest().cameras[frame.camera];
     let pixels = decoded(frame, entry)?;
     let full = RgbImage::from_raw(pixels.width, pixels.height, pixels.bytes)?;
-    let mut image = thumbnail(&full)?;
+    let mut image = thumbnail(&full, max_width)?;
     let scale = f64::from(image.width()) / f64::from(full.width());
     let camera = &drive.rig().cameras[frame.camera];
     let camera_from_world = (run.trajectory.at(frame.stamp)? * camera.body_from_camera).inverse();

@@ -8,8 +8,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, Rgb, RgbImage};
 use std::io::Cursor;
 
-/// Width of a picture of a camera, px.
-const WIDTH: u32 = 480;
+/// Width of a picture of a camera on a page, px.
+pub const WIDTH: u32 = 480;
 const JPEG_QUALITY: u8 = 80;
 /// Side of the top view, px.
 const SIDE: u32 = 720;
@@ -27,6 +27,11 @@ pub struct Picture {
 }
 
 impl Picture {
+    /// The bytes of its file.
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
     /// The picture as the address of an `img` element.
     pub fn data_uri(&self) -> String {
         page::data_uri(self.kind, &self.bytes)
@@ -35,18 +40,18 @@ impl Picture {
 
 /// A smaller copy of an image, as JPEG. `None` for an image without pixels.
 pub fn small(title: &str, rgb: &RgbImage) -> Option<Picture> {
-    jpeg(format!("{title}, first image"), &thumbnail(rgb)?)
+    jpeg(format!("{title}, first image"), &thumbnail(rgb, WIDTH)?)
 }
 
-/// A copy of an image, at most [`WIDTH`] wide. `None` for an image without pixels.
-pub fn thumbnail(rgb: &RgbImage) -> Option<RgbImage> {
+/// A copy of an image, at most `max_width` px wide. `None` for an image without pixels.
+pub fn thumbnail(rgb: &RgbImage, max_width: u32) -> Option<RgbImage> {
     let (width, height) = rgb.dimensions();
     if width == 0 || height == 0 {
         return None;
     }
-    let scale = f64::from(WIDTH.min(width)) / f64::from(width);
+    let scale = f64::from(max_width.min(width)) / f64::from(width);
     let height = ((f64::from(height) * scale).round() as u32).max(1);
-    Some(image::imageops::thumbnail(rgb, WIDTH.min(width), height))
+    Some(image::imageops::thumbnail(rgb, max_width.min(width), height))
 }
 
 /// An image as JPEG.

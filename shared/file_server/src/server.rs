@@ -1,0 +1,92 @@
+//! All clients.
+
+use crate::connection::{self, Hosts};
+use crate::response::{Refusal, refuse};
+use crate::site::Site;
+use std::io;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::{self, Scope};
+use std::time::Duration;
+
+/// Clients at a time. A browser opens six connections to a host.
+const MAX_CONNECTIONS: usize = 64;
+/// How often the server looks for a new client and whether it shall stop.
+const POLL: Duration = Duration::from_millis(20);
+
+/// A server that has its address, and clients once it runs.
+pub struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+}
+
+impl Server {
+    /// Takes an address; with port 0 the system chooses a free one.
+    pub fn bind(address: SocketAddr) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        Ok(Self { address: listener.local_addr()?, listener })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Serves clients until `is_stopped`. Errors of clients end their connections only.
+    pub fn run(&self, site: &Site, is_stopped: impl Fn() -> bool + Sync) -> io::Result<()> {
+        let hosts = if self.address.ip().is_loopback() { Hosts::Loopback } else { Hosts::Any };
+        let (n_connections, is_stopped) = (AtomicUsize::new(0), &is_stopped);
+        thread::scope(|scope| {
+            while !is_stopped() {
+                match self.listener.accept() {
+                    Ok((stream, _)) => {
+                        let serve = move |stream: &TcpStream| connection::serve(stream, site, hosts, is_stopped);
+                        start(scope, &n_connections, stream, serve)?;
+                    }
+                    // Also when there are too many open files: some will be closed.
+                    Err(_) => thread::sleep(POLL),
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Serves a client in a thread of its own.
+fn start<'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    n_connections: &'scope AtomicUsize,
+    stream: TcpStream,
+    serve: impl FnOnce(&TcpStream) -> io::Result<()> + Send + 'scope,
+) -> io::Result<()> {
+    stream.set_nonblocking(false)?;
+    if n_connections.load(Ordering::Relaxed) >= MAX_CONNECTIONS {
+        // The client may be gone.
+        let _ = refuse(&mut &stream, Refusal::TooManyConnections, true);
+        return Ok(());
+    }
+    let place = Place::take(n_connections);
+    thread::Builder::new().name("client".to_owned()).spawn_scoped(scope, move || {
+        let _place = place;
+        // The client is gone or too slow: nobody is left to be told.
+        let _ = serve(&stream);
+    })?;
+    Ok(())
+}
+
+/// One of the connections. It is given back also when a content panics.
+struct Place<'a>(&'a AtomicUsize);
+
+impl<'a> Place<'a> {
+    fn take(n_connections: &'a AtomicUsize) -> Self {
+        n_connections.fetch_add(1, Ordering::Relaxed);
+        Self(n_connections)
+    }
+}
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}

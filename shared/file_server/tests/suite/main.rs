@@ -1,0 +1,4 @@
+//! The server and raw sockets.
+
+mod clients;
+mod support;

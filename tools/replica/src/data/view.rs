@@ -1,0 +1,193 @@
+//! `replica view`: the cloud of a run in the browser.
+//!
+//! | idea | module |
+//! |---|---|
+//! | octree and objects of a run, made once | `cached_cloud` |
+//! | what is shown beside the points: `scene.json` | `scene` |
+//! | images of the cameras with points over them | `camera_images` |
+//! | the page itself, built in `tools/viewer` | `page_files` |
+
+mod cached_cloud;
+mod camera_images;
+mod page_files;
+mod scene;
+
+use super::deliver::frame::utm_or_local;
+use super::deliver::{create_empty, progress_bar};
+use super::report::finished_run::FinishedRun;
+use crate::argument::not_negative;
+use crate::terminal::{StopFlag, say};
+use crate::usage_error::UsageError;
+use anyhow::{Context, ensure};
+use cached_cloud::CachedCloud;
+use camera_images::CameraImages;
+use deliverables::RunFolder;
+use file_server::{Content, Server, Site};
+use run::summary::Summary;
+use scene::Scene;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// The port if it is free and none is given.
+const PORT: u16 = 8099;
+/// Names in the site.
+const CLOUD: &str = "points.copc.laz";
+const SCENE: &str = "scene.json";
+/// The four bytes that every LAS file begins with, and those of the description of a COPC file at byte 377.
+const LAS_SIGNATURE: &[u8] = b"LASF";
+const COPC_SIGNATURE: (usize, &[u8]) = (377, b"copc");
+
+/// Show the cloud of a run in the browser.
+///
+/// Serves a page until Ctrl-C, to this computer only unless --host says otherwise. The first time, the points of a run are written as
+/// octree into the folder `view` of the run; later calls use it as long as the clouds are the same.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+pub struct Args {
+    /// Output folder of a finished run, or a COPC file (.copc.laz)
+    #[arg(value_name = "RUN|FILE")]
+    path: PathBuf,
+    /// Port; 0 = any that is free [default: 8099, or any if that is taken]
+    #[arg(long, value_name = "N")]
+    port: Option<u16>,
+    /// Address to listen on; 0.0.0.0 serves everyone who reaches this computer, without password
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    host: IpAddr,
+    /// Write the page and all that it needs into this empty folder instead, for any web server with byte ranges
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "host"])]
+    out: Option<PathBuf>,
+    /// Run: add the reflectances of the mosaic cameras to each point
+    #[arg(long)]
+    bands: bool,
+    /// Run: distance along the path between two images of a camera, m; 0 = no images
+    #[arg(long, value_name = "M", default_value = "5", value_parser = not_negative)]
+    image_step_m: f64,
+}
+
+/// Serves or writes the page.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    // Errors of folder and address are reported before the octree is made, which takes longer.
+    match &args.out {
+        Some(out) => {
+            create_empty(out)?;
+            write(&site(args)?, out)?;
+        }
+        None => {
+            let server = bind(args)?;
+            serve(&server, &site(args)?)?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Page, points and scene.
+fn site(args: &Args) -> anyhow::Result<Site> {
+    let mut site = Site::default();
+    page_files::add(&mut site);
+    if args.path.is_dir() {
+        add_run(args, &mut site)?;
+    } else {
+        let rule = "--bands: needs a run; a COPC file has the bands that it was written with";
+        ensure!(!args.bands, UsageError(rule.to_owned()));
+        add_file(&args.path, &mut site)?;
+    }
+    Ok(site)
+}
+
+fn write(site: &Site, out: &Path) -> anyhow::Result<()> {
+    let bar = progress_bar("view", site.names().count() as u64);
+    site.write(out, |_| bar.inc(1))?;
+    bar.finish_and_clear();
+    say!("{}: serve this folder with any web server that answers byte ranges", out.display())?;
+    Ok(())
+}
+
+fn serve(server: &Server, site: &Site) -> anyhow::Result<()> {
+    let stop = StopFlag::register(run::exit::DONE)?;
+    say!("http://{}/  (Ctrl-C ends)", server.address())?;
+    server.run(site, || stop.is_set())?;
+    Ok(())
+}
+
+fn bind(args: &Args) -> anyhow::Result<Server> {
+    let bind = |port| Server::bind(SocketAddr::new(args.host, port));
+    let server = match args.port {
+        Some(port) => bind(port),
+        None => bind(PORT).or_else(|error| if error.kind() == ErrorKind::AddrInUse { bind(0) } else { Err(error) }),
+    };
+    let port = args.port.unwrap_or(PORT);
+    server.with_context(|| format!("cannot listen on {}:{port}\nhint: --port 0 takes any free port", args.host))
+}
+
+fn add_file(path: &Path, site: &mut Site) -> anyhow::Result<()> {
+    let begin = first_bytes(path).with_context(|| path.display().to_string())?;
+    let (at, signature) = COPC_SIGNATURE;
+    ensure!(
+        begin.starts_with(LAS_SIGNATURE) && begin.get(at..at + signature.len()) == Some(signature),
+        "{}: is no COPC file\nhint: `replica deliver RUN --out DIR --copc` writes DIR/points.copc.laz",
+        path.display()
+    );
+    let title = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    site.add(CLOUD, Content::File(path.to_owned()));
+    add_scene(&Scene::new(title), site)
+}
+
+fn first_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut begin = Vec::new();
+    File::open(path)?.take(512).read_to_end(&mut begin)?;
+    Ok(begin)
+}
+
+fn add_run(args: &Args, site: &mut Site) -> anyhow::Result<()> {
+    let summary = Summary::load(&args.path).context("the run is not finished")?;
+    let run = RunFolder::open(&args.path)?;
+    let frame = utm_or_local(&run, &summary)?;
+    let CachedCloud { cloud, objects } = CachedCloud::of(&run, &frame, args.bands)?;
+    site.add(CLOUD, Content::File(cloud));
+    let folder = args.path.canonicalize().with_context(|| args.path.display().to_string())?;
+    let mut scene = Scene::new(folder.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    scene.add_run(&run, &frame, objects)?;
+    if args.image_step_m > 0.0
+        && let Some(images) = CameraImages::open(FinishedRun::load(&args.path)?, args.image_step_m)
+    {
+        let images = Arc::new(images);
+        scene.images = images.places(&frame.target)?;
+        images.add_to(site);
+    }
+    add_scene(&scene, site)
+}
+
+fn add_scene(scene: &Scene, site: &mut Site) -> anyhow::Result<()> {
+    let text = serde_json::to_string(scene)?;
+    site.add(SCENE, Content::Bytes(text.into_bytes().into()));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::argument::Cli;
+    use clap::Parser;
+
+    #[test]
+    fn page_is_served_to_this_computer_alone_by_default() {
+        let args = Cli::<Args>::try_parse_from(["view", "run"]).expect("parses").args;
+        assert!(args.host.is_loopback() && args.port.is_none());
+        assert!(Cli::<Args>::try_parse_from(["view", "run", "--out", "a", "--port", "1"]).is_err());
+    }
+
+    #[test]
+    fn file_that_is_no_copc_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.laz");
+        for bytes in [Vec::new(), b"LASF".to_vec(), [b"LASF".to_vec(), vec![0; 600]].concat()] {
+            std::fs::write(&path, &bytes).expect("writes");
+            let error = add_file(&path, &mut Site::default()).expect_err("is none");
+            assert!(error.to_string().contains("is no COPC file"), "{error}");
+        }
+    }
+}

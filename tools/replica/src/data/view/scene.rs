@@ -1,0 +1,164 @@
+//! `scene.json`: what the page shows beside the points. Coordinates are those of the points.
+
+use crate::class_color::class_color;
+use crate::data::deliver::frame::ChosenFrame;
+use deliverables::crs::CrsError;
+use deliverables::objects::ObjectSummary;
+use deliverables::{RunFolder, TargetFrame};
+use messages::ClassId;
+use serde::{Deserialize, Serialize};
+
+/// Vertices of the path: more are not told apart on a screen.
+const MAX_VERTICES: usize = 20_000;
+
+/// All that is shown beside the points.
+#[derive(Serialize)]
+pub struct Scene {
+    /// Of the format.
+    version: u32,
+    title: String,
+    /// Coordinates in words.
+    coordinates: String,
+    /// Names and colors of the values of the field `class`.
+    classes: Vec<SceneClass>,
+    /// Positions of the vehicle, m.
+    path: Vec<[f64; 3]>,
+    pub images: Vec<SceneImage>,
+    objects: Vec<SceneObject>,
+    /// Reference spectra.
+    materials: Vec<SceneMaterial>,
+}
+
+#[derive(Serialize)]
+struct SceneClass {
+    id: u8,
+    name: &'static str,
+    /// sRGB.
+    color: [u8; 3],
+}
+
+/// An exposure of a camera.
+#[derive(Serialize)]
+pub struct SceneImage {
+    /// Of the picture.
+    pub file: String,
+    pub camera: String,
+    /// The camera, m.
+    pub position: [f64; 3],
+    /// A point one metre before it, m.
+    pub ahead: [f64; 3],
+}
+
+/// An object and the box around it.
+#[derive(Serialize, Deserialize)]
+pub struct SceneObject {
+    id: i64,
+    class: String,
+    n_points: u64,
+    score: Option<f64>,
+    /// Corners of the box: four below, then four above, m.
+    corners: Vec<[f64; 3]>,
+}
+
+#[derive(Serialize)]
+struct SceneMaterial {
+    name: String,
+    /// nm.
+    first: f32,
+    /// nm.
+    step: f32,
+    /// 0 to 1.
+    reflectances: Vec<f32>,
+}
+
+impl Scene {
+    /// A scene of points alone.
+    pub fn new(title: String) -> Self {
+        let class =
+            |class: &ClassId| SceneClass { id: *class as u8, name: class.name(), color: class_color(*class as u8) };
+        Self {
+            version: 1,
+            title,
+            coordinates: String::new(),
+            classes: ClassId::ALL.iter().map(class).collect(),
+            path: Vec::new(),
+            images: Vec::new(),
+            objects: Vec::new(),
+            materials: town::Material::ALL.iter().copied().map(SceneMaterial::of).collect(),
+        }
+    }
+
+    /// Adds path and objects of a run.
+    pub fn add_run(
+        &mut self,
+        run: &RunFolder,
+        frame: &ChosenFrame<'_>,
+        objects: Vec<SceneObject>,
+    ) -> Result<(), CrsError> {
+        self.coordinates = frame.target.description();
+        let poses = run.trajectory.poses();
+        let step = poses.len().div_ceil(MAX_VERTICES).max(1);
+        let vertices = poses.iter().step_by(step);
+        self.path = vertices
+            .map(|(_, pose)| frame.target.from_local(&pose.translation.vector.into()))
+            .collect::<Result<_, _>>()?;
+        self.objects = objects;
+        Ok(())
+    }
+}
+
+impl SceneObject {
+    /// An object of the clouds in the coordinates of the points.
+    pub fn of(object: &ObjectSummary, frame: &TargetFrame<'_>) -> Result<Self, CrsError> {
+        let (low, high) = object.z;
+        let corners = [low, high].into_iter().flat_map(|z| object.corners().map(|[x, y]| [x, y, z]));
+        Ok(Self {
+            id: object.id,
+            class: object.class.to_owned(),
+            n_points: object.n_points,
+            score: object.score,
+            corners: corners.map(|corner| frame.from_cloud(corner)).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+impl SceneMaterial {
+    fn of(material: town::Material) -> Self {
+        // Three digits are more than the spectra are known to.
+        let rounded = |value: &f32| (value * 1000.0).round() / 1000.0;
+        Self {
+            name: words(&format!("{material:?}")),
+            first: town::spectrum::FIRST_NM,
+            step: town::spectrum::STEP_NM,
+            reflectances: material.spectrum().values().iter().map(rounded).collect(),
+        }
+    }
+}
+
+/// `BrickYellow` as "brick yellow".
+fn words(name: &str) -> String {
+    let mut words = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !words.is_empty() {
+            words.push(' ');
+        }
+        words.extend(letter.to_lowercase());
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn materials_have_names_in_words_and_reflectances() {
+        assert_eq!(words("BrickYellow"), "brick yellow");
+        let scene = serde_json::to_value(Scene::new("a".to_owned())).expect("encodes");
+        let materials = scene["materials"].as_array().expect("a list");
+        let grass = materials.iter().find(|material| material["name"] == "grass").expect("is one");
+        let at = |nm: usize| grass["reflectances"][(nm - 400) / 10].as_f64().expect("a number");
+        assert!(at(800) > 3.0 * at(670), "the red edge: {} {}", at(670), at(800));
+        assert_eq!(scene["classes"].as_array().map(Vec::len), Some(ClassId::ALL.len()));
+    }
+}

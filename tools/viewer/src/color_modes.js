@@ -1,0 +1,35 @@
+// What the colors show.
+
+/** Modes by name: number in the shader, label, which field the file must have, and the default range of values. */
+export const MODES = {
+  rgb: { number: 0, label: 'RGB', needs: 'color' },
+  intensity: { number: 1, label: 'intensity', range: ({ intensities }) => intensities },
+  class: { number: 2, label: 'class' },
+  instance: { number: 3, label: 'instance', needs: 'instance' },
+  height: { number: 4, label: 'height, m', range: ({ heights }) => heights },
+  time: { number: 5, label: 'time, s', range: ({ times }) => times },
+  moving: { number: 6, label: 'moving', needs: 'moving' },
+  score: { number: 7, label: 'score', needs: 'score', range: () => [0, 1] },
+  band: { number: 8, label: 'one band', needs: 'bands', range: () => [0, 0.6] },
+  bands: { number: 9, label: 'three bands', needs: 'bands', range: () => [0, 0.6] },
+}
+
+/** Names of the modes that a cloud allows. */
+export const modesOf = (cloud) => Object.keys(MODES).filter((name) => !MODES[name].needs || cloud.has[MODES[name].needs])
+
+/** Names of the classes of the ASPRS, for files without a field `class`. */
+const ASPRS = ['never classified', 'unclassified', 'ground', 'low vegetation', 'medium vegetation', 'high vegetation', 'building', 'low point', 'reserved', 'water', 'rail', 'road surface', 'reserved', 'wire guard', 'wire conductor', 'transmission tower', 'wire connector', 'bridge deck', 'high noise']
+const ASPRS_COLORS = { 2: [150, 110, 70], 3: [150, 190, 90], 4: [100, 160, 60], 5: [50, 120, 40], 6: [180, 80, 70], 9: [70, 130, 200], 11: [110, 110, 120] }
+
+/** Name and sRGB color of each of 256 classes. */
+export function classTable(cloud, scene) {
+  return Array.from({ length: 256 }, (_, id) => {
+    const own = cloud.has.class ? scene.classes.find((known) => known.id === id) : undefined
+    if (own) return own
+    const name = cloud.has.class ? `class ${id}` : (cloud.classNames.get(id) ?? ASPRS[id] ?? `class ${id}`)
+    // Hues far apart for neighboring numbers.
+    const hue = (id * 0.618034) % 1
+    const wave = (shift) => Math.round(150 + 90 * Math.cos(2 * Math.PI * (hue + shift)))
+    return { id, name, color: ASPRS_COLORS[id] ?? [wave(0), wave(1 / 3), wave(2 / 3)] }
+  })
+}

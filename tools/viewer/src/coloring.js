@@ -1,0 +1,139 @@
+// The choice of colors: mode, range, bands, hidden classes.
+
+import { MODES, classTable, modesOf } from './color_modes.js'
+import { element, escaped, grouped, onInput } from './elements.js'
+
+/** Bands of natural colors that one camera can have, nm: few points are seen by two. */
+const DEFAULT_NM = [610, 540, 480]
+
+export class Coloring {
+  mode = 'rgb'
+  range = null
+  hidden = new Set()
+  /** Chosen bands by name: red, green, blue. */
+  bands = []
+  /** Called after each change. */
+  onChange = () => {}
+  #ranges = {}
+  #legend = ''
+
+  constructor(cloud, scene, nodes, uniforms) {
+    Object.assign(this, { cloud, nodes, uniforms, classes: classTable(cloud, scene) })
+    this.#ranges.times = [0, Math.max(cloud.info.gpsTimeRange[1] - cloud.begin, 0)]
+    this.#ranges.heights = [cloud.bounds[0][2], cloud.bounds[1][2]]
+    this.#ranges.intensities = [0, 65535]
+    const modes = modesOf(cloud)
+    element('mode').innerHTML = modes.map((name) => `<option value="${name}">${MODES[name].label}</option>`).join('')
+    this.mode = modes[0]
+    const nearest = (nm) => [...cloud.bands].sort((a, b) => Math.abs(a.nm - nm) - Math.abs(b.nm - nm))[0]?.name
+    this.bands = cloud.bands.length > 0 ? DEFAULT_NM.map(nearest) : []
+    const options = cloud.bands.map(({ name, nm }) => `<option value="${escaped(name)}">${nm} nm</option>`).join('')
+    for (const k of [0, 1, 2]) {
+      element(`band${k}`).innerHTML = options
+      onInput(`band${k}`, ({ value }) => { this.bands[k] = value; this.apply() })
+    }
+    onInput('mode', ({ value }) => { this.mode = value; this.range = null; this.apply() })
+    for (const id of ['rangeLow', 'rangeHigh']) onInput(id, () => this.#readRange())
+    element('allClasses').onclick = () => this.hide([])
+    element('noClasses').onclick = () => this.hide(this.#present())
+    element('classes').addEventListener('input', ({ target }) => {
+      if (target.checked) this.hidden.delete(Number(target.value))
+      else this.hidden.add(Number(target.value))
+      this.apply()
+    })
+    this.apply()
+  }
+
+  /** Ranges in which most values of the first node lie: it has points of the whole cloud. */
+  learnRanges(node, { positions, marks }) {
+    const z = node.center[2] + this.cloud.origin[2]
+    this.#ranges.heights = middleOf(every(positions, 3, 2)).map((value) => value + z)
+    this.#ranges.intensities = middleOf(every(marks, 4, 0))
+    this.apply()
+  }
+
+  hide(classes) {
+    this.hidden = new Set(classes)
+    this.apply()
+  }
+
+  /** Mode, hidden classes, bands and range, for the address. */
+  state() {
+    return { mode: this.mode, hidden: [...this.hidden].sort((a, b) => a - b), bands: this.#usedBands(), range: this.range }
+  }
+
+  restore({ mode, hidden, bands, range }) {
+    if (modesOf(this.cloud).includes(mode)) this.mode = mode
+    this.hidden = new Set(hidden ?? [])
+    bands?.forEach((name, k) => { if (k < 3 && this.cloud.bands.some((band) => band.name === name)) this.bands[k] = name })
+    this.range = range ?? null
+    this.apply()
+  }
+
+  /** Makes shader and panel show the choice. */
+  apply() {
+    const { uniforms, mode } = this
+    const { number, range: rangeOf } = MODES[mode]
+    element('mode').value = mode
+    uniforms.mode.value = number
+    const range = this.range ?? rangeOf?.(this.#ranges) ?? [0, 1]
+    uniforms.range.value.set(...range)
+    element('rangeChoice').hidden = rangeOf === undefined
+    if (document.activeElement?.parentElement?.id !== 'rangeChoice') {
+      element('rangeLow').value = Number(range[0].toPrecision(6))
+      element('rangeHigh').value = Number(range[1].toPrecision(6))
+    }
+    const used = this.#usedBands()
+    element('bandChoice').hidden = used.length === 0
+    for (const k of [0, 1, 2]) {
+      element(`band${k}`).hidden = k >= used.length
+      if (used[k]) element(`band${k}`).value = used[k]
+    }
+    // Bands stay loaded while other colors are shown.
+    if (used.length > 0) this.nodes.setBands(used)
+    const data = uniforms.classes.value.image.data
+    this.classes.forEach(({ color }, id) => data.set([...color, this.hidden.has(id) ? 0 : 255], 4 * id))
+    uniforms.classes.value.needsUpdate = true
+    this.#legend = ''
+    this.onChange()
+  }
+
+  /** Lists the classes of the points that were loaded so far. */
+  showLegend() {
+    const present = this.#present()
+    const legend = present.map((id) => `${id}:${this.nodes.classCounts[id]}`).join()
+    if (legend === this.#legend) return
+    this.#legend = legend
+    const counts = this.nodes.classCounts
+    element('classes').innerHTML = present.map((id) => {
+      const { name, color } = this.classes[id]
+      return `<label><input type="checkbox" value="${id}"${this.hidden.has(id) ? '' : ' checked'}><i style="background:rgb(${color.join()})"></i>${escaped(name)}<span title="points loaded so far">${grouped(counts[id])}</span></label>`
+    }).join('')
+  }
+
+  #present() {
+    return [...this.nodes.classCounts.keys()].filter((id) => this.nodes.classCounts[id] > 0)
+  }
+
+  #usedBands() {
+    return { band: this.bands.slice(0, 1), bands: this.bands }[this.mode] ?? []
+  }
+
+  #readRange() {
+    const range = ['rangeLow', 'rangeHigh'].map((id) => element(id).valueAsNumber)
+    if (!range.every(Number.isFinite)) return
+    this.range = range
+    this.apply()
+  }
+}
+
+/** Every `step`th value from `first` on. */
+function every(values, step, first) {
+  return Float64Array.from({ length: Math.floor(values.length / step) }, (_, i) => values[step * i + first])
+}
+
+/** The values below which 2 % and 98 % lie. */
+function middleOf(values) {
+  values.sort()
+  return [0.02, 0.98].map((share) => values[Math.floor(share * (values.length - 1))] ?? 0)
+}
