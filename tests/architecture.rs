@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 31] = [
+const SHARED: [&str; 32] = [
     "wide_loops",
     "allocator",
     "chart",
@@ -18,6 +18,7 @@ const SHARED: [&str; 31] = [
     "messages",
     "formats",
     "spectral",
+    "color_lines",
     "morphology",
     "neighbors",
     "registration",

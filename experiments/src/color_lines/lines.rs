@@ -1,0 +1,44 @@
+//! Table 3.1 and figure 3.11: straight and graph-based color lines of color images.
+
+use super::{ColorImage, inputs_or};
+use color_lines::{Model, Settings, project_onto_straight_lines};
+use std::path::PathBuf;
+
+/// Numbers of hemispheres and of lines of the figure.
+const HEMISPHERES: [usize; 9] = [1, 2, 4, 6, 8, 10, 15, 20, 40];
+const LINES: [usize; 11] = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20];
+
+/// Prints the table and the figure of each image.
+pub fn lines(inputs: &[PathBuf]) -> anyhow::Result<()> {
+    let inputs = inputs_or(inputs, &["images/astronaut.png", "images/coffee.png"])?;
+    let images = inputs.iter().map(|path| ColorImage::read(path)).collect::<Result<Vec<_>, _>>()?;
+    let name = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    println!("| image | Gaussians | K | straight, PSNR dB | graph, PSNR dB | straight, MSE | graph, MSE |\n|---|{}", "---:|".repeat(6));
+    for (path, image) in inputs.iter().zip(&images) {
+        let model = Model::fit(&image.image()?, &Settings::default())?.model;
+        for n_lines in [3, 4, 5] {
+            let straight = image.fidelity(&project_onto_straight_lines(&image.image()?, n_lines).values)?;
+            let graph = image.fidelity(&model.projected(&image.image()?, n_lines)?.values)?;
+            println!(
+                "| {} | {} | {n_lines} | {:.2} | {:.2} | {:.0} | {:.0} |",
+                name(path),
+                model.regions.len(),
+                straight.psnr_db,
+                graph.psnr_db,
+                straight.squared_error,
+                graph.squared_error
+            );
+        }
+    }
+    for (path, image) in inputs.iter().zip(&images) {
+        println!("\n{}: PSNR, dB, by hemispheres (rows) and lines\n", name(path));
+        println!("| | {} |\n|---:|{}", LINES.map(|n| n.to_string()).join(" | "), "---:|".repeat(LINES.len()));
+        for hemispheres in HEMISPHERES {
+            let model = Model::fit(&image.image()?, &Settings { hemispheres, ..Settings::default() })?.model;
+            let psnr = |n_lines| Ok(format!("{:.1}", image.fidelity(&model.projected(&image.image()?, n_lines)?.values)?.psnr_db));
+            let cells = LINES.into_iter().map(psnr).collect::<anyhow::Result<Vec<_>>>()?;
+            println!("| {hemispheres} | {} |", cells.join(" | "));
+        }
+    }
+    Ok(())
+}
