@@ -18,15 +18,25 @@ fn main() {
         fit = Some(Model::fit(&img, &set).unwrap());
         best = best.min(t.elapsed().as_secs_f64());
     }
-    let fit = fit.unwrap();
+    let mut fit = fit.unwrap();
+    if std::env::var("UNIQUE").is_ok() {
+        let mut u: Vec<[u8;3]> = rgb.pixels().map(|p| p.0).collect(); u.sort(); u.dedup();
+        let n = u.len().isqrt(); u.truncate(n * (u.len() / n));
+        let flat: Vec<u8> = u.iter().flatten().copied().collect();
+        let v = band_sequential(&flat, 3);
+        let im = Image::new([n, u.len() / n], 3, &v).unwrap();
+        fit = Model::fit(&im, &set).unwrap();
+        fit.labels = fit.model.labels(&img).unwrap();
+    }
     let simple = fit.model.simplified(&img, &fit.labels).unwrap();
     let f = scores::fidelity(&values, &simple, 3, 255.0).unwrap();
     let l = scores::regions::LabelImage::new(w, &fit.labels).unwrap();
-    println!("{} regions, {} iterations {:?}, {:.1} ms, PSNR {:.2}, {:?} density {:.4}", fit.model.regions.len(), fit.n_iterations.iter().sum::<usize>(), fit.n_iterations, best * 1e3, f.psnr_db, scores::regions::shapes(&l), scores::regions::contour_density(&l));
+    println!("{} regions, {} iterations {:?}, {:.1} ms, PSNR {:.2}, {:?} density {:.4}", fit.model.regions.len(), fit.n_iterations.iter().sum::<usize>(), fit.n_iterations, best * 1e3, f.psnr_db, scores::regions::shapes(&l), scores::regions::contour_density(&l).one_side);
+    if let Ok(p) = std::env::var("DUMP") { std::fs::write(p, fit.labels.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<_>>()).unwrap(); }
     for k in [3, 4, 5, 10, 20] {
         if s == 0.0 {
             let p = fit.model.projected(&img, k).unwrap();
-            let d = project_onto_straight_lines(&img, if k < 6 { k } else { 1 });
+            let d = project_onto_straight_lines(&img, k, StraightLines::Refined).unwrap();
             println!("K {k}: GCL {:.2}  DCL {:.2}", scores::fidelity(&values, &p.values, 3, 255.0).unwrap().psnr_db, scores::fidelity(&values, &d.values, 3, 255.0).unwrap().psnr_db);
         }
     }

@@ -41,5 +41,5 @@ pub use settings::{MAX_GAUSSIANS, Settings, Start};
 pub use slic::slic;
 pub use slices::Slice;
 pub use space::{Points, Space};
-pub use straight_lines::project_onto_straight_lines;
+pub use straight_lines::{StraightLines, project_onto_straight_lines};
 pub use tree::{Line, Tree};

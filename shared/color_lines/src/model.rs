@@ -101,7 +101,7 @@ impl Model {
 
     /// The regions of another image: by pixel, row by row, the number of its region from 1; 0 if the pixel is invalid.
     pub fn labels(&self, image: &Image<'_>) -> Result<Vec<u32>, ColorLinesError> {
-        self.check(image)?;
+        self.check_bands(image)?;
         let pixels = image.pixels();
         let points = self.space.points(&pixels);
         let mut region_of = vec![0; pixels.len()];
@@ -114,7 +114,7 @@ impl Model {
 
     /// The image with the mean spectrum of the region in each pixel, band-sequential. Pixels of label 0 are NaN.
     pub fn simplified(&self, image: &Image<'_>, labels: &[u32]) -> Result<Vec<f32>, ColorLinesError> {
-        self.check(image)?;
+        self.check_bands(image)?;
         if labels.len() != image.n_pixels() {
             return Err(ColorLinesError::Length { found: labels.len(), expected: image.n_pixels() });
         }
@@ -134,8 +134,26 @@ impl Model {
         self.regions.first().map_or(0, |region| region.spectrum.len())
     }
 
+    /// Checks a model from a file: parts that contradict each other would be a panic or silent nonsense later.
+    pub fn check(&self) -> Result<(), ColorLinesError> {
+        let n_bands = self.n_bands();
+        let n_channels = n_bands + if self.space.spatial_weight > 0.0 { 2 } else { 0 };
+        let rule = |holds: bool, what| if holds { Ok(()) } else { Err(ColorLinesError::Model(what)) };
+        rule(n_bands > 0, "has no regions with a spectrum")?;
+        rule(self.regions.iter().all(|region| region.spectrum.len() == n_bands), "has spectra of different lengths")?;
+        rule(self.regions.is_sorted_by_key(|region| region.hemisphere), "has regions that are not sorted by hemisphere")?;
+        let has_channels = |values: &Vec<f64>| values.len() == n_channels;
+        rule(has_channels(&self.space.mean) && self.space.axes.iter().all(has_channels), "has a space of other channels")?;
+        rule(self.space.scale > 0.0 && self.hemispheres.width >= 0.0, "has a scale or a width that is not positive")?;
+        rule((1..=64).contains(&self.hemispheres.n), "has no or more than 64 hemispheres")?;
+        let is_node = |node: &usize| *node <= self.regions.len();
+        rule(self.lines.iter().all(|line| !line.nodes.is_empty() && line.nodes.iter().all(is_node)), "has a line of no or unknown nodes")?;
+        let is_tree = |tree: &Tree| tree.toward_origin.len() == self.regions.len() && tree.toward_origin.iter().all(|(node, _)| is_node(node));
+        rule(self.tree.as_ref().is_none_or(is_tree), "has a tree that is not that of its regions")
+    }
+
     /// Whether an image has the bands of the model.
-    pub(crate) fn check(&self, image: &Image<'_>) -> Result<(), ColorLinesError> {
+    pub(crate) fn check_bands(&self, image: &Image<'_>) -> Result<(), ColorLinesError> {
         let (found, expected) = (image.n_bands(), self.n_bands());
         if found == expected { Ok(()) } else { Err(ColorLinesError::Bands { found, expected }) }
     }

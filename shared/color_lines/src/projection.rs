@@ -12,6 +12,13 @@ pub struct Projection {
     pub lines: Vec<u32>,
 }
 
+impl Projection {
+    /// All pixels invalid.
+    pub(crate) fn empty(image: &Image<'_>) -> Self {
+        Self { values: vec![f32::NAN; image.n_pixels() * image.n_bands()], lines: vec![0; image.n_pixels()] }
+    }
+}
+
 /// A piece of a line: its begin, its direction to the end, and the squared length.
 struct Segment {
     line: u32,
@@ -27,7 +34,7 @@ impl Model {
     /// Replaces each pixel by the nearest point on the `n_lines` longest lines (thesis, section 3.4.2): the means of a line are joined
     /// by straight pieces.
     pub fn projected(&self, image: &Image<'_>, n_lines: usize) -> Result<Projection, ColorLinesError> {
-        self.check(image)?;
+        self.check_bands(image)?;
         let segments = self.segments(n_lines)?;
         Ok(project(image, &segments))
     }
@@ -36,20 +43,15 @@ impl Model {
         if self.lines.is_empty() {
             return Err(ColorLinesError::Model("has no lines: it was made with a spatial weight"));
         }
-        let n_bands = self.n_bands();
-        let node = |node: usize| match node {
-            0 => Ok(vec![0.0; n_bands]),
-            _ => (self.regions.get(node - 1).map(|region| region.spectrum.clone()))
-                .ok_or(ColorLinesError::Model("a line has a node that is no region")),
-        };
+        let origin = vec![0.0; self.n_bands()];
+        let node = |node: &usize| node.checked_sub(1).map_or(&origin, |region| &self.regions[region].spectrum);
         let mut segments = Vec::new();
         for (number, line) in (1..).zip(self.lines.iter().take(n_lines)) {
-            let nodes = line.nodes.iter().map(|index| node(*index)).collect::<Result<Vec<_>, _>>()?;
-            match nodes.as_slice() {
-                [] => return Err(ColorLinesError::Model("a line has no nodes")),
-                [single] => segments.push(Segment::new(number, single, single)),
-                nodes => segments.extend(nodes.windows(2).map(|pair| Segment::new(number, &pair[0], &pair[1]))),
+            // A line of one node is a point.
+            if let [single] = line.nodes.as_slice() {
+                segments.push(Segment::new(number, node(single), node(single)));
             }
+            segments.extend(line.nodes.windows(2).map(|pair| Segment::new(number, node(&pair[0]), node(&pair[1]))));
         }
         Ok(segments)
     }
@@ -66,8 +68,7 @@ impl Segment {
 /// The nearest point of all segments for every pixel.
 fn project(image: &Image<'_>, segments: &[Segment]) -> Projection {
     let pixels = image.pixels();
-    let mut projection =
-        Projection { values: vec![f32::NAN; image.n_pixels() * image.n_bands()], lines: vec![0; image.n_pixels()] };
+    let mut projection = Projection::empty(image);
     for start in (0..pixels.len()).step_by(BLOCK) {
         let n = BLOCK.min(pixels.len() - start);
         let mut best = Best { square: [f32::INFINITY; BLOCK], segment: [0; BLOCK], share: [0.0; BLOCK] };

@@ -31,22 +31,25 @@ pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Sett
         }
     }
     match settings.start {
-        Start::Contrast(h) => take_above(&mut slices, &maxima, h),
-        Start::Count(n) => {
-            let mut contrasts: Vec<f64> = maxima.iter().flatten().map(|maximum| maximum.contrast).collect();
-            contrasts.sort_by(|a, b| b.total_cmp(a));
-            // Of equal contrasts all or none: which one comes first would be chance.
-            take_above(&mut slices, &maxima, contrasts.get(n).copied().unwrap_or(0.0));
+        Start::Contrast(h) => {
+            for (slice, maxima) in slices.iter_mut().zip(&maxima) {
+                // The highest maximum has an infinite contrast.
+                slice.means = maxima.iter().filter(|maximum| maximum.contrast > h).map(|maximum| maximum.mean).collect();
+            }
         }
+        Start::Count(n) => take_highest(&mut slices, &maxima, n),
         Start::KMeans(n, seed) => slices.iter_mut().for_each(|slice| slice.means = k_means(&slice.points, n, seed)),
     }
     slices
 }
 
-/// Starts at the maxima above a contrast, and at the highest one of each slice.
-fn take_above(slices: &mut [Slice], maxima: &[Vec<Maximum>], h: f64) {
-    for (slice, maxima) in slices.iter_mut().zip(maxima) {
-        let is_chosen = |maximum: &&Maximum| maximum.contrast > h || maximum.contrast.is_infinite();
-        slice.means = maxima.iter().filter(is_chosen).map(|maximum| maximum.mean).collect();
+/// Starts at `n` maxima of the highest contrast over all slices, and at the highest maximum of each slice. Of equal contrasts those of
+/// inner slices come first.
+fn take_highest(slices: &mut [Slice], maxima: &[Vec<Maximum>], n: usize) {
+    let mut all: Vec<(usize, &Maximum)> =
+        maxima.iter().enumerate().flat_map(|(slice, maxima)| maxima.iter().map(move |maximum| (slice, maximum))).collect();
+    all.sort_by(|a, b| b.1.contrast.total_cmp(&a.1.contrast));
+    for (slice, maximum) in all.into_iter().take(n.max(slices.len())) {
+        slices[slice].means.push(maximum.mean);
     }
 }

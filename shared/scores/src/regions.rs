@@ -6,7 +6,7 @@ mod boundaries;
 mod overlap;
 mod shapes;
 
-pub use boundaries::{BoundaryScores, boundary_scores, contour_density};
+pub use boundaries::{BoundaryScores, ContourDensity, boundary_scores, contour_density};
 pub use overlap::{OverlapScores, explained_variation, overlap_scores};
 pub use shapes::{Shapes, shapes};
 
@@ -35,6 +35,24 @@ impl<'a> LabelImage<'a> {
         self.areas().iter().filter(|area| **area > 0).count()
     }
 
+    /// Number of connected parts of regions, by four neighbors.
+    pub fn n_parts(&self) -> usize {
+        let mut is_visited = vec![false; self.labels.len()];
+        let mut open = Vec::new();
+        let mut n_parts = 0;
+        for start in 0..self.labels.len() {
+            n_parts += usize::from(!is_visited[start]);
+            open.push(start);
+            while let Some(at) = open.pop() {
+                if !std::mem::replace(&mut is_visited[at], true) {
+                    let is_same = |neighbor: &usize| self.labels[*neighbor] == self.labels[at];
+                    open.extend(self.neighbors(at).into_iter().flatten().filter(is_same));
+                }
+            }
+        }
+        n_parts
+    }
+
     fn rows(&self) -> usize {
         self.labels.len() / self.columns
     }
@@ -47,22 +65,39 @@ impl<'a> LabelImage<'a> {
         areas
     }
 
-    /// Number of the four neighbors of a pixel with another label, and of those outside the image.
-    fn foreign_neighbors(&self, at: usize) -> [u32; 2] {
+    /// Left, right, upper and lower neighbor; `None` outside of the image.
+    fn neighbors(&self, at: usize) -> [Option<usize>; 4] {
         let (x, y) = (at % self.columns, at / self.columns);
-        let neighbors = [
+        [
             (x > 0).then(|| at - 1),
             (x + 1 < self.columns).then_some(at + 1),
             (y > 0).then(|| at - self.columns),
             (y + 1 < self.rows()).then_some(at + self.columns),
-        ];
+        ]
+    }
+
+    /// Sides of a pixel toward another label, and at the rim of the image.
+    fn open_sides(&self, at: usize) -> [u32; 2] {
         let mut counts = [0; 2];
-        for neighbor in neighbors {
+        for neighbor in self.neighbors(at) {
             match neighbor {
                 Some(neighbor) => counts[0] += u32::from(self.labels[neighbor] != self.labels[at]),
                 None => counts[1] += 1,
             }
         }
         counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_connected_by_sides() {
+        let labels = [1, 2, 2, 1, 1, 2, 1, 2, 1];
+        let image = LabelImage::new(3, &labels).expect("an image");
+        assert_eq!((image.n_regions(), image.n_parts()), (2, 4));
+        assert!(LabelImage::new(2, &labels).is_none() && LabelImage::new(3, &[10; 9]).is_none());
     }
 }

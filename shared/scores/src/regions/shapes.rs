@@ -20,7 +20,7 @@ pub fn shapes(image: &LabelImage<'_>) -> Shapes {
     let outlines = outlines(image, areas.len());
     let mut perimeters = vec![0_u64; areas.len()];
     for (at, label) in image.labels.iter().enumerate() {
-        perimeters[*label as usize] += u64::from(image.foreign_neighbors(at).iter().sum::<u32>());
+        perimeters[*label as usize] += u64::from(image.open_sides(at).iter().sum::<u32>());
     }
     let (mut extent, mut solidity, mut compactness, mut n) = (0.0, 0.0, 0.0, 0.0);
     for ((area, outline), perimeter) in areas.iter().zip(&outlines).zip(perimeters).filter(|((area, _), _)| **area > 0) {
