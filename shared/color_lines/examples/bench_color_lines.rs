@@ -1,43 +1,73 @@
-//! scratch
-use color_lines::*;
+//! Times the model of an image, and writes its fits for `benches/peers/color_lines.py`.
+//!
+//! `bench_color_lines IMAGE|CUBE SPATIAL_WEIGHT GAUSSIANS RUNS [FOLDER]` prints milliseconds (fastest of the runs) of the parts and of the
+//! whole, PSNR, and iterations. FOLDER receives the points, starts and fitted Gaussians of each hemisphere, the labels and the image.
+
+use anyhow::Context;
+use color_lines::{Image, Model, Settings, Start, band_sequential, mixture, slic};
+use std::path::Path;
 use std::time::Instant;
-fn main() {
-    let args: Vec<String> = std::env::args().collect();
-    let rgb = image::open(&args[1]).unwrap().to_rgb8();
-    let (w, h) = (rgb.width() as usize, rgb.height() as usize);
-    let get = |i: usize, d: f64| args.get(i).and_then(|a| a.parse().ok()).unwrap_or(d);
-    let (s, n, bins, hemi, c) = (get(2, 0.0), get(3, 150.0), get(4, 32.0), get(5, 10.0), get(6, 0.0));
-    let values: Vec<f32> = (0..3).flat_map(|c| rgb.pixels().map(move |p| f32::from(p.0[c]))).collect();
-    let img = Image::new([w, h], 3, &values).unwrap();
-    let start = if n < 0.0 { Start::Contrast(-n - 1.0) } else { Start::Count(n as usize) };
-    let set = Settings { hemispheres: hemi as usize, bins: bins as usize, start, spatial_weight: s, constrained: c > 0.0 };
-    let mut best = f64::MAX;
-    let mut fit = None;
-    for _ in 0..5 {
-        let t = Instant::now();
-        fit = Some(Model::fit(&img, &set).unwrap());
-        best = best.min(t.elapsed().as_secs_f64());
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [input, spatial_weight, gaussians, runs, folder @ ..] = arguments.as_slice() else {
+        anyhow::bail!("usage: bench_color_lines IMAGE|CUBE SPATIAL_WEIGHT GAUSSIANS RUNS [FOLDER]")
+    };
+    let path = Path::new(input);
+    let is_cube = path.extension().is_some_and(|ending| ["hdr", "tif"].iter().any(|known| ending == *known));
+    let (size, n_bands, values) = if is_cube {
+        let cube = formats::band_image::read(path)?;
+        (cube.size, cube.n_bands, cube.values)
+    } else {
+        let image = image::open(path)?.to_rgb8();
+        ([image.width() as usize, image.height() as usize], 3, band_sequential(image.as_raw(), 3))
+    };
+    let image = Image::new(size, n_bands, &values)?;
+    let start = Start::Count(gaussians.parse()?);
+    let settings = Settings { start, spatial_weight: spatial_weight.parse()?, ..Settings::default() };
+    let runs: usize = runs.parse()?;
+    let slices = Model::slices(&image, &settings)?;
+    let starts: Vec<_> = slices.iter().map(|slice| mixture::start(&slice.points, &slice.means)).collect();
+    let mut mixtures = Vec::new();
+    let fits_ms = fastest_ms(runs, || {
+        mixtures = slices.iter().zip(&starts).map(|(slice, start)| mixture::fit(&slice.points, start.clone())).collect();
+    });
+    let mut fit = Model::fit(&image, &settings)?;
+    let model_ms = fastest_ms(runs, || fit = Model::fit(&image, &settings).expect("fits as before"));
+    let mut simplified = Vec::new();
+    let simplified_ms = fastest_ms(runs, || {
+        simplified = fit.model.simplified(&image, &fit.labels).expect("the image of the model");
+    });
+    let fidelity = scores::fidelity(&values, &simplified, n_bands, f64::from(image.largest())).context("no pixels")?;
+    println!(
+        "fits {fits_ms:.1} ms, model {model_ms:.1} ms, simplified image {simplified_ms:.1} ms; {} Gaussians, {} iterations, PSNR {:.2} dB",
+        fit.model.regions.len(),
+        fit.n_iterations.iter().sum::<usize>(),
+        fidelity.psnr_db
+    );
+    let [folder] = folder else { return Ok(()) };
+    let folder = Path::new(folder);
+    for (slice, (start, mixture)) in slices.iter().zip(starts.iter().zip(&mixtures)) {
+        let name = |ending: &str| folder.join(format!("{}.{ending}", slice.hemisphere));
+        let points: Vec<u8> = slice.points.0.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+        std::fs::write(name("points"), points)?;
+        std::fs::write(name("json"), serde_json::to_string(&(start, &mixture.gaussians, mixture.n_iterations))?)?;
     }
-    let mut fit = fit.unwrap();
-    if std::env::var("UNIQUE").is_ok() {
-        let mut u: Vec<[u8;3]> = rgb.pixels().map(|p| p.0).collect(); u.sort(); u.dedup();
-        let n = u.len().isqrt(); u.truncate(n * (u.len() / n));
-        let flat: Vec<u8> = u.iter().flatten().copied().collect();
-        let v = band_sequential(&flat, 3);
-        let im = Image::new([n, u.len() / n], 3, &v).unwrap();
-        fit = Model::fit(&im, &set).unwrap();
-        fit.labels = fit.model.labels(&img).unwrap();
+    let bytes = |labels: &[u32]| labels.iter().flat_map(|label| label.to_le_bytes()).collect::<Vec<u8>>();
+    std::fs::write(folder.join("labels"), bytes(&fit.labels))?;
+    if !is_cube {
+        let rgb: Vec<[u8; 3]> = (0..image.n_pixels()).map(|at| [0, 1, 2].map(|band| image.band(band)[at] as u8)).collect();
+        std::fs::write(folder.join("slic"), bytes(&slic(size, &rgb, 200, 10.0)))?;
     }
-    let simple = fit.model.simplified(&img, &fit.labels).unwrap();
-    let f = scores::fidelity(&values, &simple, 3, 255.0).unwrap();
-    let l = scores::regions::LabelImage::new(w, &fit.labels).unwrap();
-    println!("{} regions, {} iterations {:?}, {:.1} ms, PSNR {:.2}, {:?} density {:.4}", fit.model.regions.len(), fit.n_iterations.iter().sum::<usize>(), fit.n_iterations, best * 1e3, f.psnr_db, scores::regions::shapes(&l), scores::regions::contour_density(&l).one_side);
-    if let Ok(p) = std::env::var("DUMP") { std::fs::write(p, fit.labels.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<_>>()).unwrap(); }
-    for k in [3, 4, 5, 10, 20] {
-        if s == 0.0 {
-            let p = fit.model.projected(&img, k).unwrap();
-            let d = project_onto_straight_lines(&img, k, StraightLines::Refined).unwrap();
-            println!("K {k}: GCL {:.2}  DCL {:.2}", scores::fidelity(&values, &p.values, 3, 255.0).unwrap().psnr_db, scores::fidelity(&values, &d.values, 3, 255.0).unwrap().psnr_db);
-        }
+    Ok(())
+}
+
+fn fastest_ms(runs: usize, mut work: impl FnMut()) -> f64 {
+    let mut fastest = f64::INFINITY;
+    for _ in 0..runs.max(1) {
+        let begin = Instant::now();
+        work();
+        fastest = fastest.min(begin.elapsed().as_secs_f64() * 1e3);
     }
+    fastest
 }

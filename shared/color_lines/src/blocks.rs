@@ -10,8 +10,8 @@ use crate::space::Points;
 const BLOCK: usize = 128;
 /// Partial sums, so that loops over them are vectorized; their number does not depend on the machine.
 const LANES: usize = 8;
-/// Density below the largest one of a point, as a logarithm, that changes no sum of 53 bits.
-const NEGLIGIBLE: f64 = -40.0;
+/// Density below the largest one of a point, as a logarithm, that changes no sum of 53 bits: ln 2^-53 = -36.7.
+const NEGLIGIBLE: f64 = -37.0;
 
 /// Values by point of a block.
 type Lane = [f64; BLOCK];
@@ -28,74 +28,146 @@ pub(crate) struct Share {
 struct Block {
     points: [Lane; 3],
     n: usize,
+    /// Middle and half of the sides of the bounding box.
+    middle: [f64; 3],
+    half: [f64; 3],
 }
 
-/// Buffers of a pass.
-struct Scratch {
-    /// By Gaussian.
-    densities: Vec<Lane>,
+/// Densities of a block.
+struct Densities {
+    /// Gaussians that can matter for a point of the block.
+    near: Vec<usize>,
+    /// By Gaussian; current for those of `near`.
+    values: Vec<Lane>,
+    /// By point: the largest one.
     largest: Lane,
+    /// By Gaussian: the largest density that a point of the bounding box can have.
+    bounds: Vec<f64>,
 }
 
 impl Block {
+    const fn new() -> Self {
+        Self { points: [[0.0; BLOCK]; 3], n: 0, middle: [0.0; 3], half: [0.0; 3] }
+    }
+
     #[inline(always)]
     fn load(&mut self, points: &Points, start: usize) {
         self.n = BLOCK.min(points.len() - start);
-        for (lane, axis) in self.points.iter_mut().zip(&points.0) {
+        for (k, (lane, axis)) in self.points.iter_mut().zip(&points.0).enumerate() {
             lane[..self.n].copy_from_slice(&axis[start..start + self.n]);
             let last = lane[self.n - 1];
             lane[self.n..].fill(last);
+            let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+            for chunk in 0..BLOCK / LANES {
+                for i in 0..LANES {
+                    let value = lane[chunk * LANES + i];
+                    low[i] = if value < low[i] { value } else { low[i] };
+                    high[i] = if value > high[i] { value } else { high[i] };
+                }
+            }
+            let (low, high) = (low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(last, f64::max));
+            self.middle[k] = 0.5 * (low + high);
+            self.half[k] = 0.5 * (high - low);
         }
+    }
+
+    /// The smallest and the largest density that a Gaussian can have in the bounding box.
+    #[inline(always)]
+    fn bounds(&self, gaussian: &Normalized) -> [f64; 2] {
+        let f = gaussian.factor;
+        let d: [f64; 3] = std::array::from_fn(|k| self.middle[k] - gaussian.mean[k]);
+        let middles = [f[0] * d[0], f[1] * d[0] + f[2] * d[1], f[3] * d[0] + f[4] * d[1] + f[5] * d[2]];
+        let (h, a) = (self.half, f.map(f64::abs));
+        let slacks = [a[0] * h[0], a[1] * h[0] + a[2] * h[1], a[3] * h[0] + a[4] * h[1] + a[5] * h[2]];
+        let (mut least, mut most) = (0.0, 0.0);
+        for (middle, slack) in middles.iter().zip(slacks) {
+            let (near, far) = ((middle.abs() - slack).max(0.0), middle.abs() + slack);
+            least += near * near;
+            most += far * far;
+        }
+        [gaussian.constant - most, gaussian.constant - least]
     }
 }
 
-/// Fills the densities, and the largest of each point.
-#[inline(always)]
-fn densities(block: &Block, gaussians: &[Normalized], scratch: &mut Scratch) {
-    let [x, y, z] = &block.points;
-    scratch.largest = [f64::NEG_INFINITY; BLOCK];
-    for (gaussian, out) in gaussians.iter().zip(&mut scratch.densities) {
-        let ([mx, my, mz], f, constant) = (gaussian.mean, gaussian.factor, gaussian.constant);
-        for i in 0..BLOCK {
-            let (dx, dy, dz) = (x[i] - mx, y[i] - my, z[i] - mz);
-            let (a, b, c) = (f[0] * dx, f[1] * dx + f[2] * dy, f[3] * dx + f[4] * dy + f[5] * dz);
-            let density = constant - (a * a + b * b + c * c);
-            out[i] = density;
-            scratch.largest[i] = if density > scratch.largest[i] { density } else { scratch.largest[i] };
+impl Densities {
+    fn new(n_gaussians: usize) -> Self {
+        Self {
+            near: Vec::with_capacity(n_gaussians),
+            values: vec![[0.0; BLOCK]; n_gaussians],
+            largest: [0.0; BLOCK],
+            bounds: vec![0.0; n_gaussians],
+        }
+    }
+
+    /// Finds the Gaussians whose density can come within `reach` (at most 0) of the largest one at a point of the block.
+    #[inline(always)]
+    fn find_near(&mut self, block: &Block, gaussians: &[Normalized], reach: f64) {
+        let mut sure = f64::NEG_INFINITY;
+        for (bound, gaussian) in self.bounds.iter_mut().zip(gaussians) {
+            let [least, most] = block.bounds(gaussian);
+            *bound = most;
+            sure = sure.max(least);
+        }
+        self.near.clear();
+        let bounds = self.bounds.iter().enumerate();
+        // The margin is far above rounding errors of densities.
+        self.near.extend(bounds.filter(|(_, bound)| **bound >= sure + reach - 1e-6).map(|(index, _)| index));
+    }
+
+    /// Fills the densities of the near Gaussians, and the largest of each point.
+    #[inline(always)]
+    fn fill(&mut self, block: &Block, gaussians: &[Normalized]) {
+        let [x, y, z] = &block.points;
+        self.largest = [f64::NEG_INFINITY; BLOCK];
+        for index in &self.near {
+            let Normalized { mean: [mx, my, mz], factor: f, constant } = gaussians[*index];
+            let out = &mut self.values[*index];
+            for i in 0..BLOCK {
+                let (dx, dy, dz) = (x[i] - mx, y[i] - my, z[i] - mz);
+                let (a, b, c) = (f[0] * dx, f[1] * dx + f[2] * dy, f[3] * dx + f[4] * dy + f[5] * dz);
+                let density = constant - (a * a + b * b + c * c);
+                out[i] = density;
+                // `max`, not a comparison: that becomes a masked store, for which the next load of the value would wait.
+                self.largest[i] = self.largest[i].max(density);
+            }
         }
     }
 }
 
 /// Adds the points to the shares of the Gaussians. Returns the sum of the logarithmic densities of the mixture at the points.
 pub(crate) fn expectation(points: &Points, gaussians: &[Normalized], shares: &mut [Share]) -> f64 {
-    let mut block = Block { points: [[0.0; BLOCK]; 3], n: 0 };
-    let mut scratch = Scratch { densities: vec![[0.0; BLOCK]; gaussians.len()], largest: [0.0; BLOCK] };
-    let mut is_near = vec![false; gaussians.len()];
+    let (mut block, mut densities) = (Block::new(), Densities::new(gaussians.len()));
     let mut log_likelihood = 0.0;
     wide_loops::run(
         #[inline(always)]
         || {
             for start in (0..points.len()).step_by(BLOCK) {
                 block.load(points, start);
-                densities(&block, gaussians, &mut scratch);
+                densities.find_near(&block, gaussians, NEGLIGIBLE);
+                densities.fill(&block, gaussians);
+                let Densities { near, values, largest, .. } = &mut densities;
                 let mut sums = [0.0; BLOCK];
-                for (densities, near) in scratch.densities.iter_mut().zip(&mut is_near) {
-                    *near = nearest_approach(densities, &scratch.largest) > NEGLIGIBLE;
-                    if *near {
+                // A loop, not `retain`: its closure would not be inlined.
+                let mut n_near = 0;
+                for k in 0..near.len() {
+                    let values = &mut values[near[k]];
+                    if nearest_approach(values, largest) > NEGLIGIBLE {
                         for i in 0..BLOCK {
-                            densities[i] = exponential(densities[i] - scratch.largest[i]);
-                            sums[i] += densities[i];
+                            values[i] = exponential(values[i] - largest[i]);
+                            sums[i] += values[i];
                         }
+                        near[n_near] = near[k];
+                        n_near += 1;
                     }
                 }
-                log_likelihood += (0..block.n).map(|i| scratch.largest[i] + sums[i].ln()).sum::<f64>();
+                near.truncate(n_near);
+                log_likelihood += (0..block.n).map(|i| largest[i] + sums[i].ln()).sum::<f64>();
                 let mut factors = [0.0; BLOCK];
                 for i in 0..block.n {
                     factors[i] = 1.0 / sums[i];
                 }
-                let near = scratch.densities.iter().zip(gaussians).zip(&mut *shares).zip(&is_near);
-                for (((densities, gaussian), share), _) in near.filter(|(_, near)| **near) {
-                    add(&block, &gaussian.mean, densities, &factors, share);
+                for index in near {
+                    add(&block, &gaussians[*index].mean, &values[*index], &factors, &mut shares[*index]);
                 }
             }
         },
@@ -116,6 +188,7 @@ fn nearest_approach(densities: &Lane, largest: &Lane) -> f64 {
     lanes.into_iter().fold(f64::NEG_INFINITY, f64::max)
 }
 
+/// Adds the points of a block to the share of a Gaussian.
 #[inline(always)]
 fn add(block: &Block, mean: &[f64; 3], densities: &Lane, factors: &Lane, share: &mut Share) {
     let [x, y, z] = &block.points;
@@ -137,21 +210,21 @@ fn add(block: &Block, mean: &[f64; 3], densities: &Lane, factors: &Lane, share: 
 
 /// The Gaussian of the highest density of each point; the first of equal ones.
 pub(crate) fn classify(points: &Points, gaussians: &[Normalized]) -> Vec<u32> {
-    let mut block = Block { points: [[0.0; BLOCK]; 3], n: 0 };
-    let mut scratch = Scratch { densities: vec![[0.0; BLOCK]; 1], largest: [0.0; BLOCK] };
+    let (mut block, mut densities) = (Block::new(), Densities::new(gaussians.len()));
     let mut found = Vec::with_capacity(points.len());
     wide_loops::run(
         #[inline(always)]
         || {
             for start in (0..points.len()).step_by(BLOCK) {
                 block.load(points, start);
-                let (mut best, mut highest) = ([0_u64; BLOCK], [f64::NEG_INFINITY; BLOCK]);
-                for (index, gaussian) in (0..).zip(gaussians) {
-                    densities(&block, std::slice::from_ref(gaussian), &mut scratch);
+                densities.find_near(&block, gaussians, 0.0);
+                densities.fill(&block, gaussians);
+                let Densities { near, values, largest, .. } = &densities;
+                let mut best = [u64::MAX; BLOCK];
+                for index in near.iter().rev() {
                     for i in 0..BLOCK {
-                        let is_higher = scratch.densities[0][i] > highest[i];
-                        best[i] = if is_higher { index } else { best[i] };
-                        highest[i] = if is_higher { scratch.densities[0][i] } else { highest[i] };
+                        let is_largest = u64::from(values[*index][i] == largest[i]).wrapping_neg();
+                        best[i] = (best[i] & !is_largest) | (*index as u64 & is_largest);
                     }
                 }
                 found.extend(best[..block.n].iter().map(|index| *index as u32));

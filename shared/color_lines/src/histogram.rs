@@ -1,6 +1,7 @@
 //! Maxima of a histogram in three dimensions.
 
 use crate::space::Points;
+use std::ops::Range;
 
 /// The cells of histograms: cubes of equal size.
 pub(crate) struct Cells {
@@ -19,14 +20,21 @@ pub(crate) struct Maximum {
     pub contrast: f64,
 }
 
-/// The points of a hemisphere, sorted by cell.
+/// The points of a hemisphere, sorted by cell along a Morton curve.
 pub(crate) struct Histogram {
     /// Numbers of the points as they were given.
     pub order: Vec<u32>,
     /// The points in this order: neighbors in memory are neighbors in space.
     pub points: Points,
-    /// Occupied cells in ascending order: cell, begin in `order`.
-    cells: Vec<(usize, usize)>,
+    /// Occupied cells in ascending order.
+    cells: Vec<Occupied>,
+}
+
+/// A cell with points.
+struct Occupied {
+    cell: usize,
+    /// Its points in `order`.
+    points: Range<usize>,
 }
 
 impl Cells {
@@ -64,20 +72,30 @@ impl Cells {
             }
             counts[*cell as usize] += 1;
         }
-        occupied.sort_unstable();
+        // Along a Morton curve, so that consecutive points are close in all directions.
+        occupied.sort_unstable_by_key(|cell| self.morton(*cell));
         let mut begin = 0;
         let mut cells = Vec::with_capacity(occupied.len());
         for cell in occupied {
-            cells.push((cell, begin));
-            begin += std::mem::replace(&mut counts[cell], begin as u32) as usize;
+            let n = std::mem::replace(&mut counts[cell], begin as u32) as usize;
+            cells.push(Occupied { cell, points: begin..begin + n });
+            begin += n;
         }
+        cells.sort_unstable_by_key(|occupied| occupied.cell);
         let mut order = vec![0; numbers.len()];
         for (number, cell) in numbers.iter().zip(&of) {
             order[counts[*cell as usize] as usize] = *number;
             counts[*cell as usize] += 1;
         }
-        cells.iter().for_each(|(cell, _)| counts[*cell] = 0);
+        cells.iter().for_each(|occupied| counts[occupied.cell] = 0);
         Histogram { points: all.selected(&order), order, cells }
+    }
+
+    /// The bits of the three coordinates of a cell, in turn.
+    fn morton(&self, cell: usize) -> u32 {
+        let coordinates = [cell % self.side, cell / self.side % self.side, cell / self.side / self.side];
+        let bit = |k: usize, bit: usize| ((coordinates[k] >> bit & 1) as u32) << (3 * bit + k);
+        (0..8).flat_map(|index| [0, 1, 2].map(|k| bit(k, index))).sum()
     }
 
     /// All local maxima of a histogram with their contrasts (dynamics), highest contrast first. Those above h are the h-maxima.
@@ -86,8 +104,7 @@ impl Cells {
     /// maximum of the lower one ends, and its contrast is the way down to this pass.
     pub fn maxima(&self, histogram: &Histogram) -> Vec<Maximum> {
         let cells = &histogram.cells;
-        let end = |index: usize| cells.get(index + 1).map_or(histogram.order.len(), |(_, begin)| *begin);
-        let count = |index: usize| (end(index) - cells[index].1) as f64;
+        let count = |index: usize| cells[index].points.len() as f64;
         let mut by_height: Vec<usize> = (0..cells.len()).collect();
         by_height.sort_by(|a, b| count(*b).total_cmp(&count(*a)).then(a.cmp(b)));
         // By cell: its component, known by its peak. `None`: not yet visited.
@@ -98,8 +115,8 @@ impl Cells {
         for index in by_height.iter().copied() {
             parent[index] = Some(index);
             for step in self.neighbors() {
-                let neighbor = cells[index].0.wrapping_add_signed(step);
-                let Ok(other) = cells.binary_search_by_key(&neighbor, |(cell, _)| *cell) else { continue };
+                let neighbor = cells[index].cell.wrapping_add_signed(step);
+                let Ok(other) = cells.binary_search_by_key(&neighbor, |occupied| occupied.cell) else { continue };
                 if parent[other].is_none() {
                     continue;
                 }
@@ -117,9 +134,8 @@ impl Cells {
             }
         }
         let mean = |index: usize| {
-            let range = cells[index].1..end(index);
-            let n = range.len() as f64;
-            histogram.points.0.each_ref().map(|axis| axis[range.clone()].iter().sum::<f64>() / n)
+            let of_cell = |axis: &Vec<f64>| axis[cells[index].points.clone()].iter().sum::<f64>() / count(index);
+            histogram.points.0.each_ref().map(of_cell)
         };
         // A cell that joined a component at its own height is no maximum.
         let is_maximum = |index: &usize| contrast[*index] > 0.0;

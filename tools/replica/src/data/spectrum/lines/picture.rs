@@ -5,7 +5,7 @@ use chart::{Axis, COLORS, Chart, Mark, Series};
 use color_lines::Model;
 
 /// Most pixels shown: more would only hide each other.
-const MAX_DOTS: usize = 3000;
+const MAX_DOTS: usize = 1500;
 /// Side of a plot area, px.
 const SIDE: f64 = 360.0;
 
@@ -42,14 +42,14 @@ fn plane(frame: &Frame, model: &Model, n_lines: usize, bands: [usize; 2]) -> Cha
     }];
     if let Some(tree) = &model.tree {
         let edges = tree.toward_origin.iter().zip(1..);
-        series.extend(edges.map(|((next, _), from)| Series::thin_line("tree", COLORS[7], vec![node(*next), node(from)])));
+        series.extend(edges.map(|((next, _), from)| Series::thin_line("tree", COLORS[5], vec![node(*next), node(from)])));
     } else {
         let means = (1..=model.regions.len()).map(node).collect();
         series.push(Series::dots("means of the regions", COLORS[0], means));
     }
     for (number, line) in model.lines.iter().take(n_lines).enumerate() {
         let points: Vec<[f64; 2]> = line.nodes.iter().map(|index| node(*index)).collect();
-        let (name, color) = (format!("line {}", number + 1), COLORS[number % (COLORS.len() - 1)]);
+        let (name, color) = (format!("line {}", number + 1), COLORS[number % 5]);
         series.push(Series::dots(name.clone(), color, points.clone()));
         series.push(Series { name, color, mark: Mark::Line { points, width: 2.4 } });
     }
