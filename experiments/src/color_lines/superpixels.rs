@@ -12,6 +12,8 @@ use std::path::PathBuf;
 
 /// Gaussians of an image, as in the thesis.
 const N_REGIONS: usize = 150;
+/// Cells of the histogram along its longest axis: with fewer, many images have less than 150 maxima of their colors.
+const BINS: usize = 128;
 /// Superpixels that SLIC starts with, so that about as many remain.
 const N_GRID: usize = 200;
 /// Of SLIC, as its authors recommend for Lab.
@@ -102,7 +104,7 @@ fn scores(example: &Example, method: Method) -> anyhow::Result<[f64; NAMES.len()
     let image = &example.image;
     let labels = match method {
         Method::Gaussians(spatial_weight) => {
-            let settings = Settings { start: Start::Count(N_REGIONS), spatial_weight, ..Settings::default() };
+            let settings = Settings { start: Start::Count(N_REGIONS), bins: BINS, spatial_weight, ..Settings::default() };
             Model::fit(&image.image()?, &settings)?.labels
         }
         Method::Slic => slic(image.size, &image.rgb, N_GRID, COMPACTNESS),

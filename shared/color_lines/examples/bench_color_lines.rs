@@ -1,10 +1,12 @@
 //! Times the model of an image, and writes its fits for `benches/peers/color_lines.py`.
 //!
 //! `bench_color_lines IMAGE|CUBE SPATIAL_WEIGHT GAUSSIANS RUNS [FOLDER]` prints milliseconds (fastest of the runs) of the parts and of the
-//! whole, PSNR, and iterations. FOLDER receives the points, starts and fitted Gaussians of each hemisphere, the labels and the image.
+//! whole, PSNR, and iterations. FOLDER receives the points, starts and fitted Gaussians of each hemisphere, and of a color image labels,
+//! superpixels and their scores.
 
 use anyhow::Context;
 use color_lines::{Image, Model, Settings, Start, band_sequential, mixture, slic};
+use scores::regions::{LabelImage, boundary_scores, contour_density, explained_variation, overlap_scores, shapes};
 use std::path::Path;
 use std::time::Instant;
 
@@ -55,10 +57,30 @@ fn main() -> anyhow::Result<()> {
     }
     let bytes = |labels: &[u32]| labels.iter().flat_map(|label| label.to_le_bytes()).collect::<Vec<u8>>();
     std::fs::write(folder.join("labels"), bytes(&fit.labels))?;
-    if !is_cube {
-        let rgb: Vec<[u8; 3]> = (0..image.n_pixels()).map(|at| [0, 1, 2].map(|band| image.band(band)[at] as u8)).collect();
-        std::fs::write(folder.join("slic"), bytes(&slic(size, &rgb, 200, 10.0)))?;
+    if is_cube {
+        return Ok(());
     }
+    let rgb: Vec<[u8; 3]> = (0..image.n_pixels()).map(|at| [0, 1, 2].map(|band| image.band(band)[at] as u8)).collect();
+    // Decoders of JPEG differ by a level here and there.
+    std::fs::write(folder.join("rgb"), rgb.concat())?;
+    let superpixels = slic(size, &rgb, 200, 10.0);
+    std::fs::write(folder.join("slic"), bytes(&superpixels))?;
+    // The regions of the Gaussians stand for a segmentation: scores compare any two label images.
+    let images = [&superpixels, &fit.labels].map(|labels| LabelImage::new(size[0], labels));
+    let [Some(superpixels), Some(regions)] = images else { anyhow::bail!("labels are no image") };
+    let of_image = |image: &LabelImage<'_>| {
+        let (shape, density) = (shapes(image), contour_density(image));
+        let variation = explained_variation(image, &values);
+        [shape.extent, shape.solidity, shape.compactness, density.both_sides, density.one_side, variation]
+    };
+    let of_distance = |distance| {
+        let found = boundary_scores(&superpixels, &regions, distance);
+        [found.recall, found.precision, found.benchmark_precision]
+    };
+    let overlap = overlap_scores(&superpixels, &regions);
+    let overlap = [overlap.under_segmentation_bergh, overlap.under_segmentation_np, overlap.achievable_accuracy];
+    let scores = (of_image(&superpixels), of_image(&regions), of_distance(1), of_distance(2), overlap);
+    std::fs::write(folder.join("scores.json"), serde_json::to_string(&scores)?)?;
     Ok(())
 }
 

@@ -17,14 +17,17 @@ pub fn slic(size: [usize; 2], rgb: &[[u8; 3]], n_segments: usize, compactness: f
     let range = f64::from(high.saturating_sub(low).max(1));
     let unit = |value: u8| f64::from(value - low) / range;
     let colors: Vec<[f64; 3]> = rgb.iter().map(|color| lab(color.map(unit)).map(|v| v / compactness)).collect();
-    let step = ((columns * rows) as f64 / n_segments.max(1) as f64).sqrt();
-    let (begin, step) = ((step / 2.0).floor() as usize, (step.round() as usize).max(1));
+    let step_for = |n: usize| ((columns * rows) as f64 / n.max(1) as f64).sqrt();
+    let (begin, step) = ((step_for(n_segments) / 2.0).floor() as usize, step_for(n_segments).round().max(1.0));
     // The first pass has no colors: each pixel joins the nearest center of the grid.
-    let grid = (begin..rows).step_by(step).flat_map(|y| (begin..columns).step_by(step).map(move |x| (y, x)));
+    let along = |side: usize| (begin..side).step_by(step as usize);
+    let grid = along(rows).flat_map(|y| along(columns).map(move |x| (y, x)));
     let mut centers: Vec<Center> = grid.map(|(y, x)| [y as f64, x as f64, 0.0, 0.0, 0.0]).collect();
     let mut nearest = vec![0_usize; rgb.len()];
     for _ in 0..MAX_PASSES {
-        if !assign(size, &colors, &centers, step, &mut nearest) {
+        // Rounding gives another number of centers than asked for, and windows of another size.
+        let reach = 2.0 * step_for(centers.len()).round();
+        if !assign(size, &colors, &centers, [1.0 / (step * step), reach], &mut nearest) {
             break;
         }
         centers = means(columns, &colors, &nearest, centers.len());
@@ -32,20 +35,19 @@ pub fn slic(size: [usize; 2], rgb: &[[u8; 3]], n_segments: usize, compactness: f
     connected(size, &nearest, centers.len())
 }
 
-/// Assigns each pixel to the nearest of the centers whose window it is in. Returns whether any distance was found.
+/// Assigns each pixel to the nearest of the centers whose window it is in: at most `reach` px away in x and in y. `weight` is that of
+/// squared pixels. Returns whether any distance was found.
 fn assign(
     [columns, rows]: [usize; 2],
     colors: &[[f64; 3]],
     centers: &[Center],
-    step: usize,
+    [weight, reach]: [f64; 2],
     nearest: &mut [usize],
 ) -> bool {
-    let spatial = 1.0 / (step * step) as f64;
     let mut distances = vec![f64::MAX; colors.len()];
     let mut has_changed = false;
     for (number, [cy, cx, color @ ..]) in centers.iter().enumerate() {
         let window = |center: f64, side: usize| {
-            let reach = 2.0 * step as f64;
             (center - reach).max(0.0) as usize..((center + reach + 1.0).min(side as f64)) as usize
         };
         for y in window(*cy, rows) {
@@ -53,7 +55,7 @@ fn assign(
             for x in window(*cx, columns) {
                 let at = y * columns + x;
                 let of_color: f64 = colors[at].iter().zip(color).map(|(a, b)| (a - b).powi(2)).sum();
-                let distance = (dy + (cx - x as f64).powi(2)) * spatial + of_color;
+                let distance = (dy + (cx - x as f64).powi(2)) * weight + of_color;
                 if distance < distances[at] {
                     distances[at] = distance;
                     nearest[at] = number;
@@ -109,12 +111,15 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
             }
             visited += 1;
         }
-        if part.len() < min_size && beside > 0 {
+        if part.len() < min_size {
+            // With nothing beside it yet, the part is found again from its next pixel.
             part.iter().for_each(|at| labels[*at] = beside);
         } else {
             next += 1;
         }
     }
+    // What never found a neighbor joins the first superpixel.
+    labels.iter_mut().filter(|label| **label == 0).for_each(|label| *label = 1);
     labels
 }
 
