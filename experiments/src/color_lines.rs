@@ -18,7 +18,8 @@ fn inputs_or(inputs: &[PathBuf], names: &[&str]) -> anyhow::Result<Vec<PathBuf>>
     if !inputs.is_empty() {
         return Ok(inputs.to_vec());
     }
-    let find = |name: &&str| real_data::find(name).with_context(|| format!("{name} is not in the data folder; use --input"));
+    let find =
+        |name: &&str| real_data::find(name).with_context(|| format!("{name} is not in the data folder; use --input"));
     names.iter().map(find).collect()
 }
 

@@ -43,7 +43,9 @@ pub fn lines(inputs: &[PathBuf]) -> anyhow::Result<()> {
         println!("| | {} |\n|---:|{}", LINES.map(|n| n.to_string()).join(" | "), "---:|".repeat(LINES.len()));
         for hemispheres in HEMISPHERES {
             let model = Model::fit(&image.image()?, &Settings { hemispheres, ..Settings::default() })?.model;
-            let psnr = |n_lines| Ok(format!("{:.1}", image.fidelity(&model.projected(&image.image()?, n_lines)?.values)?.psnr_db));
+            let psnr = |n_lines| {
+                Ok(format!("{:.1}", image.fidelity(&model.projected(&image.image()?, n_lines)?.values)?.psnr_db))
+            };
             let cells = LINES.into_iter().map(psnr).collect::<anyhow::Result<Vec<_>>>()?;
             println!("| {hemispheres} | {} |", cells.join(" | "));
         }

@@ -5,9 +5,7 @@ use super::{inputs_or, mean_and_deviation};
 use anyhow::{Context, ensure};
 use color_lines::{Model, Settings, Start, slic};
 use rayon::prelude::*;
-use scores::regions::{
-    LabelImage, boundary_scores, contour_density, explained_variation, overlap_scores, shapes,
-};
+use scores::regions::{LabelImage, boundary_scores, contour_density, explained_variation, overlap_scores, shapes};
 use std::path::PathBuf;
 
 /// Gaussians of an image, as in the thesis.
@@ -65,8 +63,12 @@ const NAMES: [&str; 17] = [
     "parts",
 ];
 /// The columns of each table.
-const TABLES: [(&str, std::ops::Range<usize>); 4] =
-    [("Table 3.3", 0..4), ("Table 3.4", 4..9), ("Superpixel benchmark", 9..15), ("Regions and their connected parts", 15..17)];
+const TABLES: [(&str, std::ops::Range<usize>); 4] = [
+    ("Table 3.3", 0..4),
+    ("Table 3.4", 4..9),
+    ("Superpixel benchmark", 9..15),
+    ("Regions and their connected parts", 15..17),
+];
 
 /// Prints the tables.
 pub fn superpixels(inputs: &[PathBuf], limit: Option<usize>) -> anyhow::Result<()> {
@@ -104,7 +106,8 @@ fn scores(example: &Example, method: Method) -> anyhow::Result<[f64; NAMES.len()
     let image = &example.image;
     let labels = match method {
         Method::Gaussians(spatial_weight) => {
-            let settings = Settings { start: Start::Count(N_REGIONS), bins: BINS, spatial_weight, ..Settings::default() };
+            let settings =
+                Settings { start: Start::Count(N_REGIONS), bins: BINS, spatial_weight, ..Settings::default() };
             Model::fit(&image.image()?, &settings)?.labels
         }
         Method::Slic => slic(image.size, &image.rgb, N_GRID, COMPACTNESS),

@@ -63,7 +63,11 @@ mod tests {
         let Normalized { mean, factor, constant } = gaussian.normalized(0.5).expect("positive definite");
         let point = [0.3, -0.1, 0.5];
         let d = [0, 1, 2].map(|k| point[k] - mean[k]);
-        let y = [factor[0] * d[0], factor[1] * d[0] + factor[2] * d[1], factor[3] * d[0] + factor[4] * d[1] + factor[5] * d[2]];
+        let y = [
+            factor[0] * d[0],
+            factor[1] * d[0] + factor[2] * d[1],
+            factor[3] * d[0] + factor[4] * d[1] + factor[5] * d[2],
+        ];
         let found = constant - y.iter().map(|y| y * y).sum::<f64>();
         let [xx, xy, xz, yy, yz, zz] = gaussian.covariance;
         let matrix = nalgebra::Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);

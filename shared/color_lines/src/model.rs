@@ -120,7 +120,11 @@ impl Model {
         }
         let unknown = vec![f64::NAN; image.n_bands()];
         let spectra: Vec<Vec<f64>> = std::iter::once(unknown).chain(self.spectra()).collect();
-        let all = Pixels { size: image.size(), at: (0..image.n_pixels() as u32).collect(), bands: vec![Vec::new(); image.n_bands()] };
+        let all = Pixels {
+            size: image.size(),
+            at: (0..image.n_pixels() as u32).collect(),
+            bands: vec![Vec::new(); image.n_bands()],
+        };
         Ok(all.painted(labels, &spectra))
     }
 
@@ -141,14 +145,25 @@ impl Model {
         let rule = |holds: bool, what| if holds { Ok(()) } else { Err(ColorLinesError::Model(what)) };
         rule(n_bands > 0, "has no regions with a spectrum")?;
         rule(self.regions.iter().all(|region| region.spectrum.len() == n_bands), "has spectra of different lengths")?;
-        rule(self.regions.is_sorted_by_key(|region| region.hemisphere), "has regions that are not sorted by hemisphere")?;
+        rule(
+            self.regions.is_sorted_by_key(|region| region.hemisphere),
+            "has regions that are not sorted by hemisphere",
+        )?;
         let has_channels = |values: &Vec<f64>| values.len() == n_channels;
-        rule(has_channels(&self.space.mean) && self.space.axes.iter().all(has_channels), "has a space of other channels")?;
+        rule(
+            has_channels(&self.space.mean) && self.space.axes.iter().all(has_channels),
+            "has a space of other channels",
+        )?;
         rule(self.space.scale > 0.0 && self.hemispheres.width >= 0.0, "has a scale or a width that is not positive")?;
         rule((1..=64).contains(&self.hemispheres.n), "has no or more than 64 hemispheres")?;
         let is_node = |node: &usize| *node <= self.regions.len();
-        rule(self.lines.iter().all(|line| !line.nodes.is_empty() && line.nodes.iter().all(is_node)), "has a line of no or unknown nodes")?;
-        let is_tree = |tree: &Tree| tree.toward_origin.len() == self.regions.len() && tree.toward_origin.iter().all(|(node, _)| is_node(node));
+        rule(
+            self.lines.iter().all(|line| !line.nodes.is_empty() && line.nodes.iter().all(is_node)),
+            "has a line of no or unknown nodes",
+        )?;
+        let is_tree = |tree: &Tree| {
+            tree.toward_origin.len() == self.regions.len() && tree.toward_origin.iter().all(|(node, _)| is_node(node))
+        };
         rule(self.tree.as_ref().is_none_or(is_tree), "has a tree that is not that of its regions")
     }
 
@@ -165,7 +180,10 @@ impl Model {
         // A hemisphere without Gaussians, in another image than the modeled one, uses those of all.
         let (first, end, constrained) =
             if self.constrained && first < end { (first, end, true) } else { (0, self.regions.len(), false) };
-        let weighted = |region: &Region| Gaussian { weight: if constrained { region.gaussian.weight } else { 1.0 }, ..region.gaussian };
+        let weighted = |region: &Region| Gaussian {
+            weight: if constrained { region.gaussian.weight } else { 1.0 },
+            ..region.gaussian
+        };
         let gaussians: Vec<Gaussian> = self.regions[first..end].iter().map(weighted).collect();
         let mut found = blocks::classify(points, &mixture::normalized(&gaussians));
         found.iter_mut().for_each(|region| *region += first as u32);

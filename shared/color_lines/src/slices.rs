@@ -34,7 +34,8 @@ pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Sett
         Start::Contrast(h) => {
             for (slice, maxima) in slices.iter_mut().zip(&maxima) {
                 // The highest maximum has an infinite contrast.
-                slice.means = maxima.iter().filter(|maximum| maximum.contrast > h).map(|maximum| maximum.mean).collect();
+                slice.means =
+                    maxima.iter().filter(|maximum| maximum.contrast > h).map(|maximum| maximum.mean).collect();
             }
         }
         Start::Count(n) => take_highest(&mut slices, &maxima, n),
@@ -46,8 +47,11 @@ pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Sett
 /// Starts at `n` maxima of the highest contrast over all slices, and at the highest maximum of each slice. Of equal contrasts those of
 /// inner slices come first.
 fn take_highest(slices: &mut [Slice], maxima: &[Vec<Maximum>], n: usize) {
-    let mut all: Vec<(usize, &Maximum)> =
-        maxima.iter().enumerate().flat_map(|(slice, maxima)| maxima.iter().map(move |maximum| (slice, maximum))).collect();
+    let mut all: Vec<(usize, &Maximum)> = maxima
+        .iter()
+        .enumerate()
+        .flat_map(|(slice, maxima)| maxima.iter().map(move |maximum| (slice, maximum)))
+        .collect();
     all.sort_by(|a, b| b.1.contrast.total_cmp(&a.1.contrast));
     for (slice, maximum) in all.into_iter().take(n.max(slices.len())) {
         slices[slice].means.push(maximum.mean);

@@ -123,9 +123,8 @@ mod tests {
         let mut lines = Vec::new();
         for number in 0..k {
             let open = |node: &&usize| **node > 0 && !is_visited[**node];
-            let length = |node: usize| {
-                path(node).iter().filter(open).map(|node| tree.toward_origin[node - 1].1).sum::<f64>()
-            };
+            let length =
+                |node: usize| path(node).iter().filter(open).map(|node| tree.toward_origin[node - 1].1).sum::<f64>();
             let Some(end) = (1..=n).max_by(|a, b| length(*a).total_cmp(&length(*b))) else { break };
             let mut line = if number == 0 { vec![0] } else { Vec::new() };
             line.extend(path(end).iter().filter(open));

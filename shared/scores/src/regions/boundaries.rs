@@ -65,7 +65,8 @@ fn widened(marks: &[bool], columns: usize, distance: usize) -> Vec<bool> {
         let mut widened = vec![false; marks.len()];
         for line in 0..n_lines {
             for at in (0..n).filter(|at| marks[index(line, *at)]) {
-                (at.saturating_sub(distance)..n.min(at + distance + 1)).for_each(|near| widened[index(line, near)] = true);
+                (at.saturating_sub(distance)..n.min(at + distance + 1))
+                    .for_each(|near| widened[index(line, near)] = true);
             }
         }
         widened
@@ -97,7 +98,8 @@ mod tests {
     #[test]
     fn precision_falls_with_false_boundaries() {
         // Boundaries at columns 4 and 8; the truth is at 4.
-        let (truth, found) = (halves(4), (0..40).map(|at| u32::from(at % 10 >= 4) + u32::from(at % 10 >= 8)).collect::<Vec<_>>());
+        let (truth, found) =
+            (halves(4), (0..40).map(|at| u32::from(at % 10 >= 4) + u32::from(at % 10 >= 8)).collect::<Vec<_>>());
         let [truth, found] = [&truth, &found].map(|labels| LabelImage::new(10, labels).expect("an image"));
         let scores = boundary_scores(&found, &truth, 0);
         assert_eq!(scores, BoundaryScores { recall: 1.0, precision: 0.5, benchmark_precision: 0.5 });

@@ -23,7 +23,8 @@ pub fn shapes(image: &LabelImage<'_>) -> Shapes {
         perimeters[*label as usize] += u64::from(image.open_sides(at).iter().sum::<u32>());
     }
     let (mut extent, mut solidity, mut compactness, mut n) = (0.0, 0.0, 0.0, 0.0);
-    for ((area, outline), perimeter) in areas.iter().zip(&outlines).zip(perimeters).filter(|((area, _), _)| **area > 0) {
+    for ((area, outline), perimeter) in areas.iter().zip(&outlines).zip(perimeters).filter(|((area, _), _)| **area > 0)
+    {
         let area = *area as f64;
         n += 1.0;
         extent += area / outline.box_area() as f64;
@@ -130,7 +131,11 @@ mod tests {
         // Of the marked region alone: the background has its own shape.
         let outline = &outlines(&image, 2)[1];
         let area = image.areas()[1] as f64;
-        Shapes { extent: area / outline.box_area() as f64, solidity: area / outline.hull_area() as f64, ..shapes(&image) }
+        Shapes {
+            extent: area / outline.box_area() as f64,
+            solidity: area / outline.hull_area() as f64,
+            ..shapes(&image)
+        }
     }
 
     #[test]

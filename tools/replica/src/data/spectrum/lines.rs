@@ -14,8 +14,8 @@ use std::process::ExitCode;
 /// Simplify images by color lines.
 ///
 /// Models the first image, or takes the model of --apply, and projects all images. Writes for each one NAME_lines (the nearest point on
-/// the lines), NAME_regions (the mean of the region) and NAME_labels.png (16 bits; 0: invalid), and for the model model.json and
-/// spectrum.svg. Color images become PNG, cubes become ENVI. The table shows how close the results are to the originals.
+/// the lines), NAME_regions (the mean of the region) and NAME_labels.png (16 bits; 0: invalid); model.json; and spectrum.svg of the first
+/// image. Color images become PNG, cubes become ENVI. The table shows how close the results are to the originals.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -57,7 +57,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let frames = args.inputs.iter().map(|path| Frame::read(path)).collect::<anyhow::Result<Vec<_>>>()?;
     for (index, frame) in frames.iter().enumerate() {
         if let Some(other) = frames[..index].iter().find(|other| other.name == frame.name) {
-            bail!("{} and {}: have the same name, so their results would be the same files", other.path.display(), frame.path.display());
+            bail!(
+                "{} and {}: have the same name, so their results would be the same files",
+                other.path.display(),
+                frame.path.display()
+            );
         }
     }
     let model = match &args.apply {
@@ -65,7 +69,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         None => fit(&frames[0], args)?,
     };
     let n_lines = args.lines as usize;
-    say!("{} Gaussians, {} lines{}", model.regions.len(), model.lines.len(), if model.lines.is_empty() { " (spatial weight)" } else { "" })?;
+    say!(
+        "{} Gaussians, {} lines{}",
+        model.regions.len(),
+        model.lines.len(),
+        if model.lines.is_empty() { " (spatial weight)" } else { "" }
+    )?;
     say!("| image | lines: PSNR, dB | MSE | regions: PSNR, dB | MSE |\n|---|---:|---:|---:|---:|")?;
     for frame in &frames {
         let image = frame.image()?;
@@ -89,7 +98,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         std::fs::write(&path, text).with_context(|| path.display().to_string())
     };
     write("spectrum.svg", picture::spectrum(&frames[0], &model, n_lines))?;
-    write("model.json", serde_json::to_string(&model)? + "\n")?;
+    if args.apply.is_none() {
+        write("model.json", serde_json::to_string(&model)? + "\n")?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 

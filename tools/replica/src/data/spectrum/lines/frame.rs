@@ -28,7 +28,6 @@ impl Frame {
             BandImage {
                 size: [image.width() as usize, image.height() as usize],
                 n_bands: 3,
-                // Of the primaries of sRGB, for the picture's order.
                 wavelengths_nm: Vec::new(),
                 values: color_lines::band_sequential(image.as_raw(), 3),
             }

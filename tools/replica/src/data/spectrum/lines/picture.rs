@@ -38,11 +38,15 @@ fn plane(frame: &Frame, model: &Model, n_lines: usize, bands: [usize; 2]) -> Cha
     let mut series = vec![Series {
         name: "pixels".to_owned(),
         color: "#c8c8c8",
-        mark: Mark::Dots { points: dots.into_iter().filter(|dot| dot.iter().all(|v| v.is_finite())).collect(), radius: 1.2 },
+        mark: Mark::Dots {
+            points: dots.into_iter().filter(|dot| dot.iter().all(|v| v.is_finite())).collect(),
+            radius: 1.2,
+        },
     }];
     if let Some(tree) = &model.tree {
         let edges = tree.toward_origin.iter().zip(1..);
-        series.extend(edges.map(|((next, _), from)| Series::thin_line("tree", COLORS[5], vec![node(*next), node(from)])));
+        series
+            .extend(edges.map(|((next, _), from)| Series::thin_line("tree", COLORS[5], vec![node(*next), node(from)])));
     } else {
         let means = (1..=model.regions.len()).map(node).collect();
         series.push(Series::dots("means of the regions", COLORS[0], means));
