@@ -13,7 +13,7 @@ const BINS: usize = 128;
 /// Prints the tables.
 pub fn cubes(inputs: &[PathBuf]) -> anyhow::Result<()> {
     let inputs = inputs_or(inputs, &["photonfocus/frame_02245_nir.tif", "photonfocus/frame_02245_vis.tif"])?;
-    let (mut approaches, mut variants) = (String::new(), String::new());
+    let (mut approaches, mut variants) = (Vec::new(), Vec::new());
     for path in &inputs {
         let cube = formats::band_image::read(path)?;
         let image = Image::new(cube.size, cube.n_bands, &cube.values).with_context(|| path.display().to_string())?;
@@ -33,7 +33,7 @@ pub fn cubes(inputs: &[PathBuf]) -> anyhow::Result<()> {
             let third = psnr(&Settings { start: Start::Count(n), constrained: true, ..settings })?;
             [first, (n, second), third].map(|(n, psnr_db)| format!("{psnr_db:.2} ({n})"))
         };
-        approaches += &format!("| {name} | {first} | {second} | {third} |\n");
+        approaches.push(format!("| {name} | {first} | {second} | {third} |"));
         let mut cells = Vec::new();
         for spatial_weight in [0.0, 1.0] {
             for constrained in [true, false] {
@@ -43,15 +43,17 @@ pub fn cubes(inputs: &[PathBuf]) -> anyhow::Result<()> {
                 cells.push(format!("{psnr_db:.2} ({n})"));
             }
         }
-        variants += &format!("| {name} | {} |\n", cells.join(" | "));
+        variants.push(format!("| {name} | {} |", cells.join(" | ")));
     }
-    println!(
-        "Table 3.5, PSNR in dB (regions)\n\n| cube | approach 1 | approach 2 | approach 3 |\n|---|{}\n{approaches}",
-        "---:|".repeat(3)
-    );
-    println!(
-        "Table 3.6, PSNR in dB (regions)\n\n| cube | S, C | S, NO-C | S-XY, C | S-XY, NO-C |\n|---|{}\n{variants}",
-        "---:|".repeat(4)
-    );
+    let table = |title: &str, columns: &[&str], rows: &[String]| {
+        let rule = "---:|".repeat(columns.len());
+        println!(
+            "{title}: PSNR in dB (regions)\n\n| cube | {} |\n|---|{rule}\n{}\n",
+            columns.join(" | "),
+            rows.join("\n")
+        );
+    };
+    table("Table 3.5", &["approach 1", "approach 2", "approach 3"], &approaches);
+    table("Table 3.6", &["S, C", "S, NO-C", "S-XY, C", "S-XY, NO-C"], &variants);
     Ok(())
 }

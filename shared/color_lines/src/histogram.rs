@@ -87,7 +87,9 @@ impl Cells {
             order[counts[*cell as usize] as usize] = *number;
             counts[*cell as usize] += 1;
         }
-        cells.iter().for_each(|occupied| counts[occupied.cell] = 0);
+        for occupied in &cells {
+            counts[occupied.cell] = 0;
+        }
         Histogram { points: all.selected(&order), order, cells }
     }
 

@@ -186,14 +186,18 @@ impl Model {
         };
         let gaussians: Vec<Gaussian> = self.regions[first..end].iter().map(weighted).collect();
         let mut found = blocks::classify(points, &mixture::normalized(&gaussians));
-        found.iter_mut().for_each(|region| *region += first as u32);
+        for region in &mut found {
+            *region += first as u32;
+        }
         found
     }
 
     /// Fills the pixels and spectra of the regions, and removes regions without pixels.
     fn take_spectra(&mut self, pixels: &Pixels, region_of: &mut [u32]) {
         let mut n_pixels = vec![0_u64; self.regions.len()];
-        region_of.iter().for_each(|region| n_pixels[*region as usize] += 1);
+        for region in &*region_of {
+            n_pixels[*region as usize] += 1;
+        }
         for band in &pixels.bands {
             let mut sums = vec![0.0; self.regions.len()];
             region_of.iter().zip(band).for_each(|(region, value)| sums[*region as usize] += f64::from(*value));
@@ -208,7 +212,9 @@ impl Model {
                 kept.saturating_sub(1)
             })
             .collect();
-        region_of.iter_mut().for_each(|region| *region = number[*region as usize]);
+        for region in region_of {
+            *region = number[*region as usize];
+        }
         self.regions.iter_mut().zip(&n_pixels).for_each(|(region, n)| region.n_pixels = *n);
         self.regions.retain(|region| region.n_pixels > 0);
     }

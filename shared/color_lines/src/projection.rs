@@ -115,13 +115,7 @@ impl Best {
         let per_square = if segment.square > 0.0 { 1.0 / segment.square } else { 0.0 };
         for i in 0..BLOCK {
             let along = products[i] * per_square;
-            let share = if along < 0.0 {
-                0.0
-            } else if along > 1.0 {
-                1.0
-            } else {
-                along
-            };
+            let share = along.clamp(0.0, 1.0);
             let square = squares[i] + share * (share * segment.square - 2.0 * products[i]);
             let is_nearer = square < self.square[i];
             self.square[i] = if is_nearer { square } else { self.square[i] };

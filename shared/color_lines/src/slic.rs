@@ -113,7 +113,9 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
         }
         if part.len() < min_size {
             // With nothing beside it yet, the part is found again from its next pixel.
-            part.iter().for_each(|at| labels[*at] = beside);
+            for at in part {
+                labels[at] = beside;
+            }
         } else {
             next += 1;
         }

@@ -39,7 +39,11 @@ pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Sett
             }
         }
         Start::Count(n) => take_highest(&mut slices, &maxima, n),
-        Start::KMeans(n, seed) => slices.iter_mut().for_each(|slice| slice.means = k_means(&slice.points, n, seed)),
+        Start::KMeans(n, seed) => {
+            for slice in &mut slices {
+                slice.means = k_means(&slice.points, n, seed);
+            }
+        }
     }
     slices
 }

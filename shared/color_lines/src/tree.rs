@@ -93,8 +93,10 @@ mod tests {
         let mut toward_origin = vec![(0, 0.0); 11];
         let edges =
             [(1, 0, 5.0), (4, 1, 4.0), (5, 4, 3.0), (6, 5, 3.0), (7, 4, 2.0), (8, 7, 3.0), (10, 1, 2.0), (11, 10, 2.5)];
-        edges.iter().for_each(|(node, parent, step)| toward_origin[node - 1] = (*parent, *step));
-        [(2, 1, 1.0), (3, 2, 0.5), (9, 5, 1.0)].iter().for_each(|(n, p, s)| toward_origin[n - 1] = (*p, *s));
+        let branches = [(2, 1, 1.0), (3, 2, 0.5), (9, 5, 1.0)];
+        for (node, parent, step) in edges.into_iter().chain(branches) {
+            toward_origin[node - 1] = (parent, step);
+        }
         Tree { toward_origin }
     }
 
@@ -131,7 +133,9 @@ mod tests {
             if line.is_empty() {
                 break;
             }
-            line.iter().for_each(|node| is_visited[*node] = true);
+            for node in &line {
+                is_visited[*node] = true;
+            }
             lines.push(line);
         }
         lines

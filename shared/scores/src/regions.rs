@@ -61,7 +61,9 @@ impl<'a> LabelImage<'a> {
     fn areas(&self) -> Vec<u64> {
         let n_labels = self.labels.iter().max().map_or(0, |label| *label as usize + 1);
         let mut areas = vec![0; n_labels];
-        self.labels.iter().for_each(|label| areas[*label as usize] += 1);
+        for label in self.labels {
+            areas[*label as usize] += 1;
+        }
         areas
     }
 

@@ -85,7 +85,7 @@ pub struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    Lines(lines::Args),
+    Lines(Box<lines::Args>),
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -13,9 +13,9 @@ use std::process::ExitCode;
 
 /// Simplify images by color lines.
 ///
-/// Models the first image, or takes the model of --apply, and projects all images. Writes for each one NAME_lines (the nearest point on
-/// the lines), NAME_regions (the mean of the region) and NAME_labels.png (16 bits; 0: invalid); model.json; and spectrum.svg of the first
-/// image. Color images become PNG, cubes become ENVI. The table shows how close the results are to the originals.
+/// Models the first image, or takes the model of --apply, and projects all images. Writes for each image `NAME_lines` (the nearest point
+/// on the lines), `NAME_regions` (the mean of the region) and `NAME_labels.png` (16 bits; 0: invalid); `model.json`; and `spectrum.svg` of
+/// the first image. Color images become PNG, cubes become ENVI. The table shows how close the results are to the originals.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -114,7 +114,7 @@ fn fit(frame: &Frame, args: &Args) -> anyhow::Result<Model> {
     };
     let Fit { model, .. } = Model::fit(&frame.image()?, &settings).with_context(|| frame.path.display().to_string())?;
     ensure!(
-        model.regions.len() <= usize::from(u16::MAX),
+        u16::try_from(model.regions.len()).is_ok(),
         "{}: {} Gaussians; labels of 16 bits hold 65535\nhint: set a larger --contrast, or --gaussians",
         frame.path.display(),
         model.regions.len()

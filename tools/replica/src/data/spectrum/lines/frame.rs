@@ -6,6 +6,7 @@ use color_lines::Image;
 use formats::band_image::{self, BandImage};
 use formats::envi::{self, Header};
 use image::{ImageBuffer, Luma, RgbImage};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// An image with its file.
@@ -21,7 +22,7 @@ pub struct Frame {
 impl Frame {
     /// Reads PNG and JPEG as color, everything else as a cube.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let ending = path.extension().map(|ending| ending.to_ascii_lowercase()).unwrap_or_default();
+        let ending = path.extension().map(OsStr::to_ascii_lowercase).unwrap_or_default();
         let is_color = ["png", "jpg", "jpeg"].iter().any(|known| ending == *known);
         let bands = if is_color {
             let image = image::open(path).with_context(|| path.display().to_string())?.to_rgb8();
