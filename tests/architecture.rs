@@ -19,6 +19,7 @@ const SHARED: [&str; 32] = [
     "messages",
     "formats",
     "spectral",
+    "color_lines",
     "morphology",
     "neighbors",
     "registration",

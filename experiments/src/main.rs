@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p experiments -- mnist-binary` trains what is not finished and prints the table; `--help` lists all tables.
 
+mod color_lines;
 mod experiment;
 mod height_slices;
 mod loss_table;
@@ -49,6 +50,12 @@ struct Args {
     /// Threads; results do not depend on their number
     #[arg(long, default_value_t = 1)]
     threads: usize,
+    /// Images, folder of BSDS500, or cubes of the tables of chapter 3 [default: those of the data folder]
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    input: Vec<PathBuf>,
+    /// Use the first N images of BSDS500 only
+    #[arg(long, value_name = "N")]
+    limit: Option<usize>,
     /// Print the number of trainings and their CPU hours only
     #[arg(long)]
     plan: bool,
@@ -56,6 +63,12 @@ struct Args {
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Table {
+    /// Straight and graph-based color lines of images (table 3.1, figure 3.11)
+    ColorLines,
+    /// Regions of Gaussians and SLIC on BSDS500 (tables 3.3, 3.4)
+    Superpixels,
+    /// Gaussians of hyperspectral cubes (tables 3.5, 3.6)
+    Cubes,
     /// Minimum of the Power Jaccard loss (section 5.5.3); no data
     Minimum,
     /// Losses on MNIST, digit or background (table 5.1)
@@ -86,7 +99,7 @@ impl Table {
     /// The experiment, and its number of seeds. `None`: nothing is trained.
     fn experiment(self) -> Option<(Box<dyn Experiment>, u64)> {
         Some(match self {
-            Self::Minimum => return None,
+            Self::ColorLines | Self::Superpixels | Self::Cubes | Self::Minimum => return None,
             Self::MnistBinary => (Box::new(mnist::Mnist { is_binary: true }), 5),
             Self::MnistMulticlass => (Box::new(mnist::Mnist { is_binary: false }), 5),
             Self::SliceLow => (Box::new(height_slices::LOW), 5),
@@ -104,16 +117,22 @@ impl Table {
 
 fn main() -> anyhow::Result<()> {
     allocator::restart_with_kept_memory(allocator::Keep::Activations);
-    let Args { table, seeds, out, published, budget_hours, job, threads, plan } = Args::parse();
+    let Args { table, seeds, out, published, budget_hours, job, threads, input, limit, plan } = Args::parse();
     // Seeds of 9000 and above are for test drives only.
     ensure!(seeds.is_none_or(|seeds| (1..=1000).contains(&seeds)), "the number of seeds must be 1 to 1000");
     ensure!(budget_hours.is_none_or(|hours| hours >= 0.0), "--budget-hours must be at least 0");
     let of_table = |table: Table| -> anyhow::Result<()> {
         let Some((experiment, default_seeds)) = table.experiment() else {
-            if !plan {
-                power_jaccard_minimum::run();
-            }
-            return Ok(());
+            return match table {
+                _ if plan => Ok(()),
+                Table::ColorLines => color_lines::lines(&input),
+                Table::Superpixels => color_lines::superpixels(&input, limit),
+                Table::Cubes => color_lines::cubes(&input),
+                _ => {
+                    power_jaccard_minimum::run();
+                    Ok(())
+                }
+            };
         };
         let seeds = seeds.unwrap_or(default_seeds);
         let name = experiment.name();

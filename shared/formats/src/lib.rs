@@ -1,6 +1,7 @@
 //! File and packet formats of sensors and of mapping software: decoding and encoding.
 
 pub mod atomic_file;
+pub mod band_image;
 pub mod calendar;
 pub mod cloud;
 pub mod drive;

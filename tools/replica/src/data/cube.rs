@@ -71,7 +71,7 @@ pub struct Args {
 }
 
 /// Marks unknown values in the cubes: ENVI's usual number, far from any reflectance.
-const UNKNOWN: f32 = -9999.0;
+pub const UNKNOWN: f32 = -9999.0;
 
 /// Parses milliseconds to ns.
 fn nanos(text: &str) -> Result<u64, InvalidValue> {

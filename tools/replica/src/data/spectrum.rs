@@ -4,6 +4,7 @@ pub mod channel;
 pub mod diagnosis;
 pub mod figures;
 mod input;
+mod lines;
 mod moments;
 mod reference;
 mod report;
@@ -30,7 +31,10 @@ use stretch::Stretch;
 /// Lists statistics per channel, and compares several inputs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Args {
+    #[command(subcommand)]
+    action: Option<Action>,
     /// Drive folders (see --camera), ENVI cubes, or TIFFs with one sample per band, whose values are shares of the full scale
     #[arg(required_unless_present = "exposures_ms", value_name = "DRIVE|CUBE.hdr|CUBE.tif")]
     inputs: Vec<PathBuf>,
@@ -81,6 +85,11 @@ pub struct Args {
     answer: Answer,
 }
 
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    Lines(Box<lines::Args>),
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {
     Markdown,
@@ -91,6 +100,9 @@ enum Format {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if let Some(Action::Lines(args)) = &args.action {
+        return lines::run(args);
+    }
     let sensor = args.sensor.as_deref().map(sensor_calibration::read).transpose()?;
     let selection = InputSelection {
         sensor: sensor.as_ref(),

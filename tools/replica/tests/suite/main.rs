@@ -1,5 +1,6 @@
 //! The commands of `replica`, run as processes.
 
+mod color_lines;
 mod commands;
 mod compare;
 mod cube;
