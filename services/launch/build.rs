@@ -8,11 +8,12 @@ use std::path::Path;
 use std::process::Command;
 
 fn main() {
-    println!("cargo::rerun-if-changed={}", file!());
     println!("cargo::rerun-if-env-changed=REPLICA_COMMIT");
-    // HEAD names a branch or a commit; the branch has a file, or is a line of packed-refs.
-    for file in ["HEAD".to_owned(), git(&["symbolic-ref", "HEAD"]).unwrap_or_default(), "packed-refs".to_owned()] {
-        let path = git(&["rev-parse", "--git-path", &file]).filter(|path| Path::new(path).is_file());
+    // HEAD names a branch or a commit; its log changes with each commit and checkout. Without logs, the branch has a file, or is a
+    // line of packed-refs.
+    let branch = git(&["symbolic-ref", "HEAD"]).unwrap_or_default();
+    for file in ["HEAD", "logs/HEAD", &branch, "packed-refs"] {
+        let path = git(&["rev-parse", "--git-path", file]).filter(|path| Path::new(path).is_file());
         // A file that does not exist would run this script each time.
         if let Some(path) = path {
             println!("cargo::rerun-if-changed={path}");

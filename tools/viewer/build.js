@@ -1,4 +1,4 @@
-// Builds dist/ from src/. `--check` builds into memory instead and fails if dist/ differs.
+// Builds dist/ from src/ and packages. `--check` builds into memory instead and fails if dist/ differs.
 import { build } from 'esbuild'
 import { mkdirSync, readFileSync, writeFileSync } from 'node:fs'
 import { fileURLToPath } from 'node:url'
@@ -33,7 +33,6 @@ const license = (name) => {
 
 const files = new Map(result.outputFiles.map((file) => [file.path.split('/').pop(), Buffer.from(file.contents)]))
 files.set('laz-perf.wasm', readFileSync(here('node_modules/laz-perf/lib/worker/laz-perf.wasm')))
-for (const name of ['index.html', 'style.css']) files.set(name, readFileSync(here(`src/${name}`)))
 files.set('licenses.txt', Buffer.from(PACKAGES.map(license).join('\n\n')))
 
 let differs = false

@@ -161,7 +161,9 @@ pub(crate) fn expectation(points: &Points, gaussians: &[Normalized], shares: &mu
                     }
                 }
                 near.truncate(n_near);
-                log_likelihood += (0..block.n).map(|i| largest[i] + sums[i].ln()).sum::<f64>();
+                // A sum is at most the number of Gaussians, so a product of 16 does not overflow, and takes one logarithm.
+                log_likelihood += largest[..block.n].iter().sum::<f64>();
+                log_likelihood += sums[..block.n].chunks(16).map(|some| some.iter().product::<f64>().ln()).sum::<f64>();
                 let mut factors = [0.0; BLOCK];
                 for i in 0..block.n {
                     factors[i] = 1.0 / sums[i];

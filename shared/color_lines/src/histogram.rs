@@ -104,8 +104,13 @@ impl Cells {
     ///
     /// Cells are visited from the highest down; a cell joins the components of its visited neighbors. Where two components meet, the
     /// maximum of the lower one ends, and its contrast is the way down to this pass.
-    pub fn maxima(&self, histogram: &Histogram) -> Vec<Maximum> {
+    ///
+    /// `numbers` is what [`Cells::histogram`] has left.
+    pub fn maxima(&self, histogram: &Histogram, numbers: &mut [u32]) -> Vec<Maximum> {
         let cells = &histogram.cells;
+        for (number, occupied) in (1..).zip(cells) {
+            numbers[occupied.cell] = number;
+        }
         let count = |index: usize| cells[index].points.len() as f64;
         let mut by_height: Vec<usize> = (0..cells.len()).collect();
         by_height.sort_by(|a, b| count(*b).total_cmp(&count(*a)).then(a.cmp(b)));
@@ -118,7 +123,7 @@ impl Cells {
             parent[index] = Some(index);
             for step in self.neighbors() {
                 let neighbor = cells[index].cell.wrapping_add_signed(step);
-                let Ok(other) = cells.binary_search_by_key(&neighbor, |occupied| occupied.cell) else { continue };
+                let Some(other) = (numbers[neighbor] as usize).checked_sub(1) else { continue };
                 if parent[other].is_none() {
                     continue;
                 }
@@ -134,6 +139,9 @@ impl Cells {
             if parent[index] == Some(index) {
                 contrast[index] = if rank[index] == 0 { f64::INFINITY } else { count(index) };
             }
+        }
+        for occupied in cells {
+            numbers[occupied.cell] = 0;
         }
         let mean = |index: usize| {
             let of_cell = |axis: &Vec<f64>| axis[cells[index].points.clone()].iter().sum::<f64>() / count(index);

@@ -25,7 +25,7 @@ pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Sett
     for (hemisphere, numbers) in hemispheres.sorted(points).into_iter().enumerate() {
         if !numbers.is_empty() {
             let histogram = cells.histogram(points, &numbers, &mut counts);
-            maxima.push(cells.maxima(&histogram));
+            maxima.push(cells.maxima(&histogram, &mut counts));
             let Histogram { order, points, .. } = histogram;
             slices.push(Slice { hemisphere, order, points, means: Vec::new() });
         }

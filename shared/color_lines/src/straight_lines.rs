@@ -51,7 +51,9 @@ fn frequent_directions(colors: &[[f64; 3]], n_lines: usize) -> Result<Vec<[f64; 
     let points = Points([0, 1, 2].map(|k| directions.iter().map(|direction| direction[k]).collect()));
     let cells = Cells::new(&points, BINS);
     let numbers: Vec<u32> = (0..directions.len() as u32).collect();
-    let maxima = cells.maxima(&cells.histogram(&points, &numbers, &mut Vec::new()));
+    let mut counts = Vec::new();
+    let histogram = cells.histogram(&points, &numbers, &mut counts);
+    let maxima = cells.maxima(&histogram, &mut counts);
     Ok(maxima.iter().take(n_lines.max(1)).filter_map(|maximum| unit(maximum.mean)).collect())
 }
 

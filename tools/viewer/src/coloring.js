@@ -22,9 +22,8 @@ export class Coloring {
     this.#ranges.times = [0, Math.max(cloud.info.gpsTimeRange[1] - cloud.begin, 0)]
     this.#ranges.heights = [cloud.bounds[0][2], cloud.bounds[1][2]]
     this.#ranges.intensities = [0, 65535]
-    const modes = modesOf(cloud)
-    element('mode').innerHTML = modes.map((name) => `<option value="${name}">${MODES[name].label}</option>`).join('')
-    this.mode = modes[0]
+    this.#listModes()
+    this.mode = this.#defaultMode()
     const nearest = (nm) => [...cloud.bands].sort((a, b) => Math.abs(a.nm - nm) - Math.abs(b.nm - nm))[0]?.name
     this.bands = cloud.bands.length > 0 ? DEFAULT_NM.map(nearest) : []
     const options = cloud.bands.map(({ name, nm }) => `<option value="${escaped(name)}">${nm} nm</option>`).join('')
@@ -45,7 +44,13 @@ export class Coloring {
   }
 
   /** Ranges in which most values of the first node lie: it has points of the whole cloud. */
-  learnRanges(node, { positions, marks }) {
+  learnRanges(node, { positions, colors, marks }) {
+    // Point formats with colors are also used without.
+    if (this.cloud.has.color && [0, 1, 2].every((channel) => every(colors, 4, channel).every((value) => value === 0))) {
+      this.cloud.has.color = false
+      this.#listModes()
+      if (this.mode === 'rgb') this.mode = this.#defaultMode()
+    }
     const z = node.center[2] + this.cloud.origin[2]
     this.#ranges.heights = middleOf(every(positions, 3, 2)).map((value) => value + z)
     this.#ranges.intensities = middleOf(every(marks, 4, 0))
@@ -109,6 +114,15 @@ export class Coloring {
       const { name, color } = this.classes[id]
       return `<label><input type="checkbox" value="${id}"${this.hidden.has(id) ? '' : ' checked'}><i style="background:rgb(${color.join()})"></i>${escaped(name)}<span title="points loaded so far">${grouped(counts[id])}</span></label>`
     }).join('')
+  }
+
+  #listModes() {
+    element('mode').innerHTML = modesOf(this.cloud).map((name) => `<option value="${name}">${MODES[name].label}</option>`).join('')
+  }
+
+  #defaultMode() {
+    if (this.cloud.has.color) return 'rgb'
+    return this.cloud.has.class ? 'class' : 'height'
   }
 
   #present() {

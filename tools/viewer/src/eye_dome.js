@@ -11,7 +11,6 @@ uniform ivec2 size;
 out vec4 fragment;
 float logDepth(ivec2 at) {
   float depth = texelFetch(depths, clamp(at, ivec2(0), size - 1), 0).r;
-  // Nothing there: as far as can be, so that edges before the background are dark, too.
   return log2(near * far / (far - depth * (far - near)));
 }
 void main() {

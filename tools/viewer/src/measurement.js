@@ -40,6 +40,7 @@ export class Measurement {
   }
 
   #show() {
+    for (const line of this.#group.children) line.geometry.dispose()
     this.#group.clear()
     if (this.positions.length > 1) this.#group.add(thickLine(this.positions, COLOR, 3))
     const lengths = this.lengths()

@@ -71,15 +71,12 @@ pub struct Args {
 /// Serves or writes the page.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Errors of folder and address are reported before the octree is made, which takes longer.
-    match &args.out {
-        Some(out) => {
-            create_empty(out)?;
-            write(&site(args)?, out)?;
-        }
-        None => {
-            let server = bind(args)?;
-            serve(&server, &site(args)?)?;
-        }
+    if let Some(out) = &args.out {
+        create_empty(out)?;
+        write(&site(args)?, out)?;
+    } else {
+        let server = bind(args)?;
+        serve(&server, &site(args)?)?;
     }
     Ok(ExitCode::SUCCESS)
 }

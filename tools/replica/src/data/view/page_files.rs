@@ -1,12 +1,12 @@
-//! The page, as it is built in `tools/viewer`.
+//! The page: its source in `tools/viewer/src`, and in `tools/viewer/dist` what `npm run build` made of scripts and packages.
 
 use file_server::{Content, Site};
 use std::borrow::Cow;
 
 /// Files by name.
 const FILES: [(&str, &[u8]); 6] = [
-    ("index.html", include_bytes!("../../../../viewer/dist/index.html")),
-    ("style.css", include_bytes!("../../../../viewer/dist/style.css")),
+    ("index.html", include_bytes!("../../../../viewer/src/index.html")),
+    ("style.css", include_bytes!("../../../../viewer/src/style.css")),
     ("viewer.js", include_bytes!("../../../../viewer/dist/viewer.js")),
     ("worker.js", include_bytes!("../../../../viewer/dist/worker.js")),
     ("laz-perf.wasm", include_bytes!("../../../../viewer/dist/laz-perf.wasm")),
