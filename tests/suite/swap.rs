@@ -104,7 +104,7 @@ fn unsuitable_swap_is_refused_and_the_run_continues() {
         (&["relay", "--program", &sink], &["needs topic class, which no stage of this file produces"]),
         (&["relay", "--set", "salz=3"], &["relay.salz: unknown key; did you mean `salt`?"]),
         (&["relay", "--set", "salt=-3"], &["relay.salt: ", "(from --set)"]),
-        (&["relay", "--unset", "salt"], &["there is no relay.salt to remove"]),
+        (&["relay", "--unset", "salt"], &["the launch file does not set relay.salt"]),
         (&["run"], &["[run]: no such stage in this run"]),
     ];
     for (arguments, words) in cases {
