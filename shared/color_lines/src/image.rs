@@ -80,15 +80,4 @@ impl Pixels {
     pub fn len(&self) -> usize {
         self.at.len()
     }
-
-    /// An image, band-sequential, in which each valid pixel has one of these spectra. Invalid pixels are NaN.
-    pub fn painted(&self, spectrum_of: &[u32], spectra: &[Vec<f64>]) -> Vec<f32> {
-        let n_pixels = self.size[0] * self.size[1];
-        let mut values = vec![f32::NAN; n_pixels * self.bands.len()];
-        for (band, plane) in values.chunks_exact_mut(n_pixels).enumerate() {
-            let of_band: Vec<f32> = spectra.iter().map(|spectrum| spectrum[band] as f32).collect();
-            self.at.iter().zip(spectrum_of).for_each(|(at, of)| plane[*at as usize] = of_band[*of as usize]);
-        }
-        values
-    }
 }

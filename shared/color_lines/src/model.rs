@@ -118,14 +118,15 @@ impl Model {
         if labels.len() != image.n_pixels() {
             return Err(ColorLinesError::Length { found: labels.len(), expected: image.n_pixels() });
         }
-        let unknown = vec![f64::NAN; image.n_bands()];
-        let spectra: Vec<Vec<f64>> = std::iter::once(unknown).chain(self.spectra()).collect();
-        let all = Pixels {
-            size: image.size(),
-            at: (0..image.n_pixels() as u32).collect(),
-            bands: vec![Vec::new(); image.n_bands()],
+        if labels.iter().any(|label| *label as usize > self.regions.len()) {
+            return Err(ColorLinesError::Model("has no region of one of the labels"));
+        }
+        let band = |band: usize| {
+            let spectra = self.regions.iter().map(|region| region.spectrum[band] as f32);
+            let by_label: Vec<f32> = std::iter::once(f32::NAN).chain(spectra).collect();
+            labels.iter().map(move |label| by_label[*label as usize])
         };
-        Ok(all.painted(labels, &spectra))
+        Ok((0..image.n_bands()).flat_map(band).collect())
     }
 
     /// The spectra of the regions, in units of the image.
@@ -155,6 +156,15 @@ impl Model {
             "has a space of other channels",
         )?;
         rule(self.space.scale > 0.0 && self.hemispheres.width >= 0.0, "has a scale or a width that is not positive")?;
+        // Far above what any fit gives; differences and squares of such numbers stay finite.
+        let is_bounded = |value: &f64| value.abs() <= 1e6;
+        let mut axes = self.space.axes.iter().flatten().chain(&self.space.mean);
+        rule(axes.all(is_bounded), "has a space with numbers above 1e6")?;
+        let is_gaussian = |region: &Region| {
+            let factors = region.gaussian.normalized(1.0).map(|normalized| normalized.factor);
+            region.gaussian.mean.iter().all(is_bounded) && factors.is_some_and(|factors| factors.iter().all(is_bounded))
+        };
+        rule(self.regions.iter().all(is_gaussian), "has a Gaussian that is not positive definite or beyond 1e6")?;
         rule((1..=64).contains(&self.hemispheres.n), "has no or more than 64 hemispheres")?;
         let is_node = |node: &usize| *node <= self.regions.len();
         rule(

@@ -49,8 +49,7 @@ pub enum BandImageError {
     },
 }
 
-/// Whether a file name is that of a TIFF.
-pub fn is_tiff(path: &Path) -> bool {
+fn is_tiff(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("tif") || ending.eq_ignore_ascii_case("tiff"))
 }
 

@@ -74,5 +74,8 @@ fn model_file_of_unknown_nodes_is_refused() {
     let mut changed = model.clone();
     changed.regions[0].spectrum.pop();
     assert!(matches!(changed.check(), Err(ColorLinesError::Model(_))));
+    let mut changed = model.clone();
+    changed.regions[0].gaussian.covariance[0] = -1.0;
+    assert!(matches!(changed.check(), Err(ColorLinesError::Model(_))));
     assert_eq!(model.check(), Ok(()));
 }

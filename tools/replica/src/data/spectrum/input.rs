@@ -2,8 +2,8 @@
 
 use super::source::{BandImage, RawCounts, Region, Source};
 use anyhow::{Context, bail};
+use formats::band_image;
 use formats::drive::Drive;
-use formats::envi;
 use formats::pgm::Pgm;
 use formats::sensor_calibration::SensorCalibration;
 use formats::tiff::Tiff;
@@ -77,19 +77,11 @@ fn read_tiff(path: &Path, selection: &InputSelection<'_>) -> anyhow::Result<Sour
 }
 
 fn read_envi(path: &Path, selection: &InputSelection<'_>) -> anyhow::Result<Source> {
-    let image = envi::read(path)?;
-    let header = &image.header;
-    let scale = header.reflectance_scale_factor.unwrap_or(1.0);
-    let n_cells = header.samples * header.lines;
-    let mut wavelengths_nm = header.wavelengths_nm().map_err(anyhow::Error::msg)?;
-    if wavelengths_nm.len() != header.bands {
+    let band_image::BandImage { size, n_bands, mut wavelengths_nm, values } = band_image::read(path)?;
+    if wavelengths_nm.len() != n_bands {
         // Without wavelengths, channels are identified by their numbers.
-        wavelengths_nm = (1..=header.bands).map(|band| band as f32).collect();
+        wavelengths_nm = (1..=n_bands).map(|band| band as f32).collect();
     }
-    let ignored = |value: f32| !value.is_finite() || Some(value) == header.data_ignore_value;
-    let values = image.values.iter().map(|value| if ignored(*value) { f32::NAN } else { value / scale }).collect();
-    debug_assert!(n_cells > 0);
-    let size = [header.samples, header.lines];
     let cube = BandImage { size, wavelengths_nm, values, masks: Vec::new() };
     let mut source = Source::new(path.display().to_string(), &cube.wavelengths_nm);
     source.add(&cube, selection.region)?;
