@@ -1,20 +1,21 @@
 #!/usr/bin/env python3
 """Reads what `replica deliver` writes with programs of others, and compares it with the clouds of the run by value.
 
-  python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1 rasterio rio-cogeo
+  python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1 rasterio rio-cogeo open3d
   replica deliver RUN --out OUT --copc --rasters --cloudcompare --semantic-kitti --bands
   venv/bin/python benches/peers/deliver.py RUN OUT
 
 laspy with lazrs (LAZ, COPC), pyproj (systems, coordinates), plyfile (PLY), GDAL by pyogrio
-(GeoJSON) and by rasterio with rio-cogeo (GeoTIFF), evo (TUM, KITTI), CloudCompare (Debian's
-package, if it is installed). SBET and
-SemanticKITTI are read as their readers do, by numpy. Exit code 1 if a value differs.
+(GeoJSON) and by rasterio with rio-cogeo (GeoTIFF), evo (TUM, KITTI), Open3D (PLY), CloudCompare
+(PLY; Debian's package, if it is installed). SBET and SemanticKITTI are read as their readers do,
+by numpy. Exit code 1 if a value differs.
 """
 import argparse, json, os, pathlib, re, shutil, subprocess, sys, tempfile, time
 
 import geopandas
 import laspy
 import numpy as np
+import open3d
 import plyfile
 import pyproj
 import rasterio
@@ -213,19 +214,34 @@ def rasters(run, out, facts, tiles):
     row("rasterio", "colors by cell", (images["color"].reshape(4, -1).T[at][seen] == np.c_[rgb[seen], np.full(seen.sum(), 255)]).all())
 
 
+def smallest_ply(run, out):
+    """The smallest cloud for CloudCompare, and the points of the run in it."""
+    paths = sorted((out / "cloudcompare").glob("*.ply"))
+    number = min(range(len(paths)), key=lambda k: paths[k].stat().st_size)
+    return paths[number], run.clouds[number]
+
+
+def open3d_reader(run, out, facts):
+    path, expected = smallest_ply(run, out)
+    cloud = open3d.t.io.read_point_cloud(str(path)).point
+    off = np.abs(cloud.positions.numpy() - projected(run, run.xyz(expected), facts["epsg"])).max()
+    names = {"scalar_class": "semantic", "scalar_instance": "instance", "scalar_laser": "ring", "scalar_frame": "index_frame"}
+    equal = all((cloud[a].numpy()[:, 0] == expected[b]).all() for a, b in names.items())
+    colors = all((cloud.colors.numpy()[:, k] == expected[name]).all() for k, name in enumerate(["red", "green", "blue"]))
+    row("Open3D", "PLY for CloudCompare", equal and colors and off < 1e-4, f"{len(cloud.positions)} points, double coordinates")
+
+
 def cloudcompare_program(run, out, facts):
     """The smallest cloud as CloudCompare (Debian) loads it: coordinates, colors and all scalar fields."""
     program = shutil.which("CloudCompare")
     if program is None:
         print("| CloudCompare | PLY | not installed | |")
         return
-    paths = sorted((out / "cloudcompare").glob("*.ply"))
-    number = min(range(len(paths)), key=lambda k: paths[k].stat().st_size)
-    expected = run.clouds[number]
+    path, expected = smallest_ply(run, out)
     with tempfile.TemporaryDirectory() as folder:
         text = pathlib.Path(folder) / "cloud.txt"
         options = ["-SILENT", "-C_EXPORT_FMT", "ASC", "-ADD_HEADER", "-PREC", "6", "-NO_TIMESTAMP", "-O", "-GLOBAL_SHIFT", "AUTO"]
-        subprocess.run([program, *options, paths[number], "-SAVE_CLOUDS", "FILE", text], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        subprocess.run([program, *options, path, "-SAVE_CLOUDS", "FILE", text], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                        env={**os.environ, "QT_QPA_PLATFORM": "offscreen"})
         found = geopandas.pd.read_csv(text, sep=" ")
     found.columns = [name.strip("/") for name in found.columns]
@@ -286,6 +302,7 @@ def main():
     objects(args.out, facts)
     rasters(run, args.out, facts, tiles)
     cloudcompare(run, args.out, facts)
+    open3d_reader(run, args.out, facts)
     cloudcompare_program(run, args.out, facts)
     semantic_kitti(run, args.out)
     sys.exit(f"differ: {', '.join(FAILED)}" if FAILED else 0)
