@@ -10,6 +10,7 @@ pub use cubes::cubes;
 pub use lines::lines;
 pub use superpixels::superpixels;
 
+use crate::statistics::mean_and_deviation;
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 
@@ -53,9 +54,7 @@ impl ColorImage {
 }
 
 /// Mean and standard deviation as the thesis prints them.
-fn mean_and_deviation(values: &[f64]) -> String {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let deviation = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt();
+fn cell(values: &[f64]) -> String {
+    let (mean, deviation) = mean_and_deviation(values);
     format!("{mean:.4} ± {deviation:.4}")
 }

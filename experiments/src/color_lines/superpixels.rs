@@ -1,7 +1,7 @@
 //! Tables 3.3 and 3.4: regions of Gaussians for spatial weights 0 to 1, and SLIC, on the training images of BSDS500.
 
 use super::bsds::{Example, training_images};
-use super::{inputs_or, mean_and_deviation};
+use super::{cell, inputs_or};
 use anyhow::{Context, ensure};
 use color_lines::{Model, Settings, Start, slic};
 use rayon::prelude::*;
@@ -88,8 +88,8 @@ pub fn superpixels(inputs: &[PathBuf], limit: Option<usize>) -> anyhow::Result<(
     for (title, columns) in TABLES {
         println!("{title}\n\n| | {} |\n|---|{}", NAMES[columns.clone()].join(" | "), "---:|".repeat(columns.len()));
         for (number, method) in METHODS.iter().enumerate() {
-            let cell = |column| mean_and_deviation(&rows.iter().map(|of| of[number][column]).collect::<Vec<_>>());
-            let cells: Vec<String> = columns.clone().map(cell).collect();
+            let of_column = |column| cell(&rows.iter().map(|of| of[number][column]).collect::<Vec<_>>());
+            let cells: Vec<String> = columns.clone().map(of_column).collect();
             let name = match method {
                 Method::Gaussians(weight) => format!("s = {weight:.1}"),
                 Method::Slic => "SLIC".to_owned(),

@@ -3,17 +3,18 @@
 use super::street_data::{TEST, VALIDATION};
 use crate::task::{DataSets, Examples, Task};
 use messages::ClassId;
-use neighbors::squared_distance;
 use random::Random;
 use rayon::prelude::*;
-use segmentation::points::{Augmentation, CellCloud, PointFeature, SphereSettings, TrainingSpheres};
+use segmentation::points::{
+    Augmentation, CellCloud, ClassifiedCells, PointFeature, SphereSettings, TrainingSpheres, classes_of_cells,
+};
 use segmentation::spherical::IntensityMap;
 use segmentation::{ModelInput, ground};
 use simulation::{Simulation, Town};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use town_sweeps::{IdealCamera, Mount, TownDrive, TownSubmap};
-use training::{Dataset, Hierarchy, PointExample, UNKNOWN};
+use training::{Dataset, Hierarchy, PointExample};
 
 /// Drives to learn from; as many submaps of each as of the others.
 const TRAIN: RangeInclusive<u64> = 501..=520;
@@ -44,17 +45,11 @@ pub fn features(with_color: bool) -> Vec<PointFeature> {
     [PointFeature::Offset, PointFeature::Height].into_iter().chain(color).collect()
 }
 
-/// A submap with a class id for each point.
-struct TownCloud {
-    cloud: CellCloud,
-    classes: Vec<u8>,
-}
-
-/// Simulated submaps.
+/// Simulated submaps with class ids.
 pub struct TownClouds {
-    train: Vec<TownCloud>,
-    validation: Vec<TownCloud>,
-    test: Vec<TownCloud>,
+    train: Vec<ClassifiedCells>,
+    validation: Vec<ClassifiedCells>,
+    test: Vec<ClassifiedCells>,
 }
 
 impl TownClouds {
@@ -65,7 +60,7 @@ impl TownClouds {
     /// The task of distinguishing these classes; points of others are removed.
     pub fn task(&self, classes: &[ClassId], with_color: bool) -> anyhow::Result<Task> {
         let features = features(with_color);
-        let grid = |clouds: &[TownCloud], most| -> anyhow::Result<Box<dyn Dataset<PointExample>>> {
+        let grid = |clouds: &[ClassifiedCells], most| -> anyhow::Result<Box<dyn Dataset<PointExample>>> {
             Ok(Box::new(GridSpheres::new(kept(clouds, classes), features.clone(), most)?))
         };
         let sets = DataSets::<PointExample> {
@@ -77,65 +72,49 @@ impl TownClouds {
     }
 }
 
-fn clouds(seeds: RangeInclusive<u64>) -> anyhow::Result<Vec<TownCloud>> {
-    let of_drive = |seed: u64| -> anyhow::Result<Vec<TownCloud>> {
+fn clouds(seeds: RangeInclusive<u64>) -> anyhow::Result<Vec<ClassifiedCells>> {
+    let of_drive = |seed: u64| -> anyhow::Result<Vec<ClassifiedCells>> {
         let drive = TownDrive { town: Town::Urban, seed, seconds: 30.0 };
         let simulation = drive.simulation()?;
         let submaps = drive.submaps_in(&simulation, N_SUBMAPS, SWEEPS.0, SWEEPS.1, Mount::Rig)?;
         submaps.iter().map(|submap| town_cloud(&simulation, submap)).collect()
     };
-    let drives: Vec<anyhow::Result<Vec<TownCloud>>> = seeds.collect::<Vec<_>>().into_par_iter().map(of_drive).collect();
+    let drives: Vec<anyhow::Result<Vec<ClassifiedCells>>> =
+        seeds.collect::<Vec<_>>().into_par_iter().map(of_drive).collect();
     Ok(drives.into_iter().collect::<anyhow::Result<Vec<_>>>()?.into_iter().flatten().collect())
 }
 
 /// The cells of a submap: the most frequent class of their points, and the color of the first one.
-fn town_cloud(simulation: &Simulation, submap: &TownSubmap) -> anyhow::Result<TownCloud> {
+fn town_cloud(simulation: &Simulation, submap: &TownSubmap) -> anyhow::Result<ClassifiedCells> {
     let input = ModelInput::new(&submap.header, &submap.points);
     let (mut cloud, grid) = CellCloud::of(&input, &ground::heights(&input), &IntensityMap::Unknown, CELL_M)?;
     let firsts: Vec<usize> = (0..grid.len()).map(|cell| grid.points_of(cell)[0] as usize).collect();
     let levels = IdealCamera::of_color().values(simulation, &submap.header, &submap.points, &firsts);
     let colors = levels.as_chunks::<3>().0.iter();
     cloud.colors = colors.map(|rgb| if rgb[0].is_nan() { [0.0; 3] } else { *rgb }).collect();
-    let class_of = |cell: usize| {
-        let mut counts = [0_u32; 256];
-        for point in grid.points_of(cell) {
-            counts[usize::from(submap.truth[*point as usize])] += 1;
-        }
-        // The first of equals.
-        (0..=u8::MAX).rev().max_by_key(|class| counts[usize::from(*class)]).unwrap_or(UNKNOWN)
-    };
-    Ok(TownCloud { cloud, classes: (0..grid.len()).map(class_of).collect() })
+    Ok(ClassifiedCells { cloud, truth: classes_of_cells(&grid, &submap.truth) })
 }
 
 /// Points of some classes, with the index of their class.
-fn kept(clouds: &[TownCloud], classes: &[ClassId]) -> Arc<[TownCloud]> {
+fn kept(clouds: &[ClassifiedCells], classes: &[ClassId]) -> Arc<[ClassifiedCells]> {
     let output = |class: &u8| classes.iter().position(|of| *of as u8 == *class);
-    let of_cloud = |TownCloud { cloud, classes }: &TownCloud| {
+    let of_cloud = |ClassifiedCells { cloud, truth }: &ClassifiedCells| {
         let points: Vec<u32> =
-            (0..).zip(classes).filter(|(_, class)| output(class).is_some()).map(|(point, _)| point).collect();
-        let classes = classes.iter().filter_map(output).map(|output| output as u8).collect();
-        TownCloud { cloud: cloud.around([0.0; 3], &points), classes }
+            (0..).zip(truth).filter(|(_, class)| output(class).is_some()).map(|(point, _)| point).collect();
+        let truth = truth.iter().filter_map(output).map(|output| output as u8).collect();
+        ClassifiedCells { cloud: cloud.around([0.0; 3], &points), truth }
     };
     clouds.iter().map(of_cloud).collect()
 }
 
-/// The points of a cloud around a center.
-fn sphere(of: &TownCloud, center: [f32; 3]) -> TownCloud {
-    let positions = &of.cloud.positions;
-    let is_inside = |point: &u32| squared_distance(positions[*point as usize], center) <= RADIUS_M * RADIUS_M;
-    let members: Vec<u32> = (0..positions.len() as u32).filter(is_inside).collect();
-    let classes = members.iter().map(|point| of.classes[*point as usize]).collect();
-    TownCloud { cloud: of.cloud.around(center, &members), classes }
-}
-
-fn example(TownCloud { cloud, classes }: TownCloud, features: &[PointFeature]) -> PointExample {
+fn example(ClassifiedCells { cloud, truth }: ClassifiedCells, features: &[PointFeature]) -> PointExample {
     let features = cloud.features(features);
-    PointExample { positions: cloud.positions, features, truth: classes }
+    PointExample { positions: cloud.positions, features, truth }
 }
 
 /// Random spheres around points of each class in turn, changed at random.
 struct RandomSpheres {
-    clouds: Arc<[TownCloud]>,
+    clouds: Arc<[ClassifiedCells]>,
     features: Vec<PointFeature>,
     /// Clouds by the classes that they have.
     spheres: TrainingSpheres,
@@ -143,10 +122,10 @@ struct RandomSpheres {
 }
 
 impl RandomSpheres {
-    fn new(clouds: Arc<[TownCloud]>, features: Vec<PointFeature>) -> Self {
+    fn new(clouds: Arc<[ClassifiedCells]>, features: Vec<PointFeature>) -> Self {
         let mut spheres = TrainingSpheres::default();
         for (number, cloud) in (0..).zip(clouds.iter()) {
-            let mut classes = cloud.classes.clone();
+            let mut classes = cloud.truth.clone();
             classes.sort_unstable();
             classes.dedup();
             for class in classes {
@@ -170,8 +149,7 @@ impl Dataset<PointExample> for RandomSpheres {
             return PointExample { positions: Vec::new(), features: Vec::new(), truth: Vec::new() };
         };
         let of = &self.clouds[number as usize];
-        let points: Vec<usize> = (0..of.classes.len()).filter(|point| of.classes[*point] == class).collect();
-        let mut sphere = sphere(of, of.cloud.positions[*random.pick(&points)]);
+        let mut sphere = of.sphere(of.cloud.positions[*random.pick(&of.points_of(class))], RADIUS_M);
         let CellCloud { positions, colors, heights_m, .. } = &mut sphere.cloud;
         let factor = self.augmentation.apply(positions, colors, random);
         for height in heights_m {
@@ -183,7 +161,7 @@ impl Dataset<PointExample> for RandomSpheres {
 
 /// The spheres of a regular grid. Points in several of them count several times.
 struct GridSpheres {
-    clouds: Arc<[TownCloud]>,
+    clouds: Arc<[ClassifiedCells]>,
     features: Vec<PointFeature>,
     /// Cloud and center.
     spheres: Vec<(usize, [f32; 3])>,
@@ -191,7 +169,7 @@ struct GridSpheres {
 
 impl GridSpheres {
     /// At most `most` spheres, evenly distributed over all.
-    fn new(clouds: Arc<[TownCloud]>, features: Vec<PointFeature>, most: usize) -> anyhow::Result<Self> {
+    fn new(clouds: Arc<[ClassifiedCells]>, features: Vec<PointFeature>, most: usize) -> anyhow::Result<Self> {
         let settings = SphereSettings { radius_m: RADIUS_M, overlap_m: RADIUS_M / 3.0 };
         let mut spheres = Vec::new();
         for (number, of) in clouds.iter().enumerate() {
@@ -211,7 +189,7 @@ impl Dataset<PointExample> for GridSpheres {
     }
     fn example(&self, index: usize, _: Option<&mut Random>) -> PointExample {
         let (number, center) = self.spheres[index];
-        example(sphere(&self.clouds[number], center), &self.features)
+        example(self.clouds[number].sphere(center, RADIUS_M), &self.features)
     }
 }
 
@@ -221,7 +199,7 @@ mod tests {
     use messages::ClassId::{Building, Pole, Road};
 
     /// A road of 40 x 40 m in steps of 1 m, a pole in its middle, and a building.
-    fn town() -> TownCloud {
+    fn town() -> ClassifiedCells {
         let (mut cloud, mut classes) = (CellCloud::default(), Vec::new());
         let mut add = |position: [f32; 3], class: ClassId| {
             cloud.positions.push(position);
@@ -232,13 +210,13 @@ mod tests {
         (0..1600_u16).for_each(|i| add([f32::from(i % 40), f32::from(i / 40), 0.0], Road));
         (0..4_u8).for_each(|z| add([20.0, 20.0, f32::from(z)], Pole));
         (0..4_u8).for_each(|z| add([0.0, 0.0, f32::from(z)], Building));
-        TownCloud { cloud, classes }
+        ClassifiedCells { cloud, truth: classes }
     }
 
     #[test]
     fn removed_classes_are_in_no_sphere() {
         let clouds = kept(&[town()], &[Pole, Road]);
-        assert_eq!(clouds[0].classes.len(), 1604);
+        assert_eq!(clouds[0].truth.len(), 1604);
         let spheres = GridSpheres::new(clouds, features(true), usize::MAX).expect("spheres");
         let mut counts = [0_usize; 2];
         for index in 0..spheres.len() {

@@ -34,7 +34,7 @@ impl Server {
     }
 
     /// Serves clients until `is_stopped`. Errors of clients end their connections only.
-    pub fn run(&self, site: &Site, is_stopped: impl Fn() -> bool + Sync) -> io::Result<()> {
+    pub fn run(&self, site: &Site, is_stopped: impl Fn() -> bool + Sync) {
         let hosts = if self.address.ip().is_loopback() { Hosts::Loopback } else { Hosts::Any };
         let (n_connections, is_stopped) = (AtomicUsize::new(0), &is_stopped);
         thread::scope(|scope| {
@@ -42,18 +42,19 @@ impl Server {
                 match self.listener.accept() {
                     Ok((stream, _)) => {
                         let serve = move |stream: &TcpStream| connection::serve(stream, site, hosts, is_stopped);
-                        start(scope, &n_connections, stream, serve)?;
+                        if start(scope, &n_connections, stream, serve).is_err() {
+                            thread::sleep(POLL);
+                        }
                     }
                     // Also when there are too many open files: some will be closed.
                     Err(_) => thread::sleep(POLL),
                 }
             }
-            Ok(())
-        })
+        });
     }
 }
 
-/// Serves a client in a thread of its own.
+/// Serves a client in a thread of its own. An error, for example of a system without more threads, ends this connection.
 fn start<'scope>(
     scope: &'scope Scope<'scope, '_>,
     n_connections: &'scope AtomicUsize,

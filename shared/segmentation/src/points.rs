@@ -14,6 +14,7 @@
 mod augmentation;
 mod batch;
 mod cells;
+mod classified_cells;
 mod features;
 mod kernel_points;
 mod kpconv;
@@ -32,6 +33,7 @@ mod waffle_iron;
 pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, distort, rotate, scale};
 pub use batch::PointBatch;
 pub use cells::{CellCloud, NO_CELL};
+pub use classified_cells::{ClassifiedCells, classes_of_cells};
 pub use features::PointFeature;
 pub use kpconv::KpConv;
 pub use model::PointModel;

@@ -1,14 +1,14 @@
 //! The check points on a map: height differences as colors, horizontal ones as enlarged lines.
 
 use super::Residual;
-use chart::{Chart, Series};
+use chart::{COLORS, Chart, Series};
 
 /// Height differences up to these, m, have a color each; larger ones have the last.
 const HEIGHT_STEPS_M: [f64; 2] = [0.02, 0.05];
-/// Up to the steps, beyond, and without height.
-const COLORS: [&str; 4] = ["#009e73", "#e69f00", "#d55e00", "#999999"];
-const PATH_COLOR: &str = "#bbbbbb";
-const HORIZONTAL_COLOR: &str = "#0072b2";
+/// Green, yellow and orange up to the steps and beyond, gray without height.
+const HEIGHT_COLORS: [&str; 4] = [COLORS[2], COLORS[4], COLORS[1], COLORS[7]];
+const PATH_COLOR: &str = COLORS[5];
+const HORIZONTAL_COLOR: &str = COLORS[0];
 /// Horizontal differences are drawn this many times as long.
 const ENLARGED: f64 = 100.0;
 
@@ -33,7 +33,7 @@ pub(super) fn map(residuals: &[Residual], path: Vec<[f64; 2]>) -> String {
         format!("beyond {coarse} m"),
         "no height".to_owned(),
     ];
-    for (step, (name, color)) in names.into_iter().zip(COLORS).enumerate() {
+    for (step, (name, color)) in names.into_iter().zip(HEIGHT_COLORS).enumerate() {
         let of_step = residuals.iter().filter(|residual| step_of(residual.up_m) == step);
         let points: Vec<[f64; 2]> = of_step.map(|Residual { point, .. }| [point.xyz[0], point.xyz[1]]).collect();
         if !points.is_empty() {
@@ -43,9 +43,9 @@ pub(super) fn map(residuals: &[Residual], path: Vec<[f64; 2]>) -> String {
     Chart::map("Check points: cloud minus check point", ["x, m", "y, m"], series).svg()
 }
 
-/// Index in [`COLORS`].
+/// Index in [`HEIGHT_COLORS`].
 fn step_of(up_m: Option<f64>) -> usize {
-    let Some(up_m) = up_m else { return COLORS.len() - 1 };
+    let Some(up_m) = up_m else { return HEIGHT_COLORS.len() - 1 };
     HEIGHT_STEPS_M.iter().filter(|step| up_m.abs() > **step).count()
 }
 

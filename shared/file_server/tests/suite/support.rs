@@ -30,7 +30,7 @@ pub fn with_server(test: impl FnOnce(SocketAddr)) {
         let stopper = Stopper(&stop);
         test(server.address());
         drop(stopper);
-        runner.join().expect("no panic").expect("no error");
+        runner.join().expect("no panic");
     });
 }
 

@@ -24,6 +24,8 @@ use std::process::ExitCode;
 
 /// Largest side of a tile, m.
 const MAX_TILE_M: u32 = 100_000;
+/// What recorded the points, in the headers, unless the user says it.
+pub const SYSTEM: &str = "mobile LiDAR";
 /// Name of the octree.
 pub const COPC_FILE: &str = "points.copc.laz";
 /// Length of a text in the header of LAS files.
@@ -78,7 +80,7 @@ pub struct Args {
     #[arg(long)]
     bands: bool,
     /// What recorded the points, for the headers
-    #[arg(long, value_name = "TEXT", default_value = "mobile LiDAR", value_parser = system)]
+    #[arg(long, value_name = "TEXT", default_value = SYSTEM, value_parser = system)]
     system: String,
 }
 
@@ -115,7 +117,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         has_bands: args.bands,
         system: args.system.clone(),
         software: SOFTWARE.to_owned(),
-        note: unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default(),
+        note: frame.note(),
     };
     let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
     // Tiles read and write each point, COPC also places it.

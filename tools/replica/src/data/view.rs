@@ -13,7 +13,7 @@ mod page_files;
 mod scene;
 
 use super::deliver::frame::utm_or_local;
-use super::deliver::{create_empty, progress_bar};
+use super::deliver::{COPC_FILE, create_empty, progress_bar};
 use super::report::finished_run::FinishedRun;
 use crate::argument::not_negative;
 use crate::terminal::{StopFlag, say};
@@ -34,8 +34,7 @@ use std::sync::Arc;
 
 /// The port if it is free and none is given.
 const PORT: u16 = 8099;
-/// Names in the site.
-const CLOUD: &str = "points.copc.laz";
+/// Name in the site; that of the points is [`COPC_FILE`].
 const SCENE: &str = "scene.json";
 /// The four bytes that every LAS file begins with, and those of the description of a COPC file at byte 377.
 const LAS_SIGNATURE: &[u8] = b"LASF";
@@ -106,7 +105,7 @@ fn write(site: &Site, out: &Path) -> anyhow::Result<()> {
 fn serve(server: &Server, site: &Site) -> anyhow::Result<()> {
     let stop = StopFlag::register(run::exit::DONE)?;
     say!("http://{}/  (Ctrl-C ends)", server.address())?;
-    server.run(site, || stop.is_set())?;
+    server.run(site, || stop.is_set());
     Ok(())
 }
 
@@ -129,7 +128,7 @@ fn add_file(path: &Path, site: &mut Site) -> anyhow::Result<()> {
         path.display()
     );
     let title = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    site.add(CLOUD, Content::File(path.to_owned()));
+    site.add(COPC_FILE, Content::File(path.to_owned()));
     add_scene(&Scene::new(title), site)
 }
 
@@ -144,7 +143,7 @@ fn add_run(args: &Args, site: &mut Site) -> anyhow::Result<()> {
     let run = RunFolder::open(&args.path)?;
     let frame = utm_or_local(&run, &summary)?;
     let CachedCloud { cloud, objects } = CachedCloud::of(&run, &frame, args.bands)?;
-    site.add(CLOUD, Content::File(cloud));
+    site.add(COPC_FILE, Content::File(cloud));
     let folder = args.path.canonicalize().with_context(|| args.path.display().to_string())?;
     let mut scene = Scene::new(folder.file_name().unwrap_or_default().to_string_lossy().into_owned());
     scene.add_run(&run, &frame, objects)?;
@@ -183,7 +182,7 @@ mod tests {
         let path = folder.path().join("a.laz");
         for bytes in [Vec::new(), b"LASF".to_vec(), [b"LASF".to_vec(), vec![0; 600]].concat()] {
             std::fs::write(&path, &bytes).expect("writes");
-            let error = add_file(&path, &mut Site::default()).expect_err("is none");
+            let error = add_file(&path, &mut Site::default()).expect_err("no COPC signature");
             assert!(error.to_string().contains("is no COPC file"), "{error}");
         }
     }

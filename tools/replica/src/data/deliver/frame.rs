@@ -45,6 +45,13 @@ pub struct ChosenFrame<'a> {
     pub unreferenced: Option<String>,
 }
 
+impl ChosenFrame<'_> {
+    /// What a reader of the files should know about the coordinates; empty = nothing.
+    pub fn note(&self) -> String {
+        self.unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default()
+    }
+}
+
 /// Fails if the run does not determine the coordinates that are wanted, unless that is allowed.
 pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow::Result<ChosenFrame<'a>> {
     let georeference = run.georeference.as_ref();

@@ -2,7 +2,7 @@
 
 use super::scene::SceneObject;
 use crate::data::deliver::frame::ChosenFrame;
-use crate::data::deliver::{COPC_FILE, SOFTWARE, progress_bar};
+use crate::data::deliver::{COPC_FILE, SOFTWARE, SYSTEM, progress_bar};
 use anyhow::Context;
 use deliverables::objects::objects_of;
 use deliverables::{CloudOptions, RunFolder, write_copc};
@@ -53,12 +53,8 @@ impl CachedCloud {
 }
 
 fn write_cloud(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool, folder: &Path) -> anyhow::Result<()> {
-    let options = CloudOptions {
-        has_bands,
-        system: "mobile LiDAR".to_owned(),
-        software: SOFTWARE.to_owned(),
-        note: frame.unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default(),
-    };
+    let options =
+        CloudOptions { has_bands, system: SYSTEM.to_owned(), software: SOFTWARE.to_owned(), note: frame.note() };
     let bar = progress_bar("view", run.index.n_points * PASSES);
     write_copc(run, &frame.target, &options, (folder, COPC_FILE), |n| bar.inc(n))?;
     bar.finish_and_clear();

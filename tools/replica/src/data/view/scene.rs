@@ -8,7 +8,7 @@ use deliverables::{RunFolder, TargetFrame};
 use messages::ClassId;
 use serde::{Deserialize, Serialize};
 
-/// Vertices of the path: more are not told apart on a screen.
+/// Vertices of the path: a screen has fewer pixels in a row.
 const MAX_VERTICES: usize = 20_000;
 
 /// All that is shown beside the points.

@@ -9,12 +9,13 @@ use super::recipe::{Data, Range, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
 use super::removed_classes::RemovedClasses;
 use super::sources::{Labeled, simulate};
-use super::submap_file::{LabeledCloud, SubmapFile};
+use super::submap_file::SubmapFile;
 use anyhow::ensure;
 use messages::ClassId;
-use neighbors::squared_distance;
 use random::Random;
-use segmentation::points::{Augmentation, CellCloud, PointSettings, TrainingSpheres};
+use segmentation::points::{
+    Augmentation, CellCloud, ClassifiedCells, PointSettings, TrainingSpheres, classes_of_cells,
+};
 use segmentation::spherical::{GroundHistogram, GroundIntensities};
 use segmentation::{ModelInput, ground};
 use std::path::Path;
@@ -62,7 +63,7 @@ impl PointDataset {
         })
     }
 
-    fn push(&mut self, (labeled, ground): (LabeledCloud, GroundHistogram), weight: f64) -> anyhow::Result<()> {
+    fn push(&mut self, (labeled, ground): (ClassifiedCells, GroundHistogram), weight: f64) -> anyhow::Result<()> {
         for class in 0..self.counts.len() {
             let n = labeled.truth.iter().filter(|of| usize::from(**of) == class).count();
             self.counts[class] += n as u64;
@@ -78,23 +79,11 @@ impl PointDataset {
         self.file.push(&labeled)
     }
 
-    /// Positions and classes of the points of a sphere, and what its features are computed from.
-    fn sphere(&self, submap: &LabeledCloud, center: [f32; 3]) -> LabeledCloud {
-        let radius = self.settings.spheres.radius_m;
-        let is_inside = |position: [f32; 3]| squared_distance(position, center) <= radius * radius;
-        let positions = &submap.cloud.positions;
-        let members: Vec<u32> = (0..positions.len() as u32).filter(|p| is_inside(positions[*p as usize])).collect();
-        LabeledCloud {
-            cloud: submap.cloud.around(center, &members),
-            truth: members.iter().map(|point| submap.truth[*point as usize]).collect(),
-        }
-    }
-
-    fn training_sphere(&self, index: usize, random: &mut Random) -> Option<LabeledCloud> {
+    fn training_sphere(&self, index: usize, random: &mut Random) -> Option<ClassifiedCells> {
         let (class, submap) = self.spheres.draw(index, random)?;
         let submap = self.file.submap(submap as usize).expect("the file is open, and of the length that was written");
-        let points: Vec<usize> = (0..submap.truth.len()).filter(|point| submap.truth[*point] == class).collect();
-        let mut sphere = self.sphere(&submap, submap.cloud.positions[*random.pick(&points)]);
+        let center = submap.cloud.positions[*random.pick(&submap.points_of(class))];
+        let mut sphere = submap.sphere(center, self.settings.spheres.radius_m);
         let cloud = &mut sphere.cloud;
         let (factor, error_m) =
             (self.augmentation.apply(&mut cloud.positions, &mut cloud.colors, random), random_height_error_m(random));
@@ -115,30 +104,20 @@ fn cells_of(
     (outputs, removed_classes): (&[u8], &RemovedClasses),
     settings: &PointSettings,
     scale: IntensityScale,
-) -> anyhow::Result<(LabeledCloud, GroundHistogram)> {
+) -> anyhow::Result<(ClassifiedCells, GroundHistogram)> {
     let of_all_m = ground::heights(whole);
     let (points, heights_m) = (removed_classes.kept(whole.points, classes), removed_classes.kept(&of_all_m, classes));
     let colors = whole.colors.map(|colors| removed_classes.kept(colors, classes));
     let kept_classes = removed_classes.kept(classes, classes);
     let input = ModelInput { points: &points, colors: colors.as_deref(), spectra: None, ..*whole };
     let (cloud, grid) = CellCloud::of(&input, &heights_m, &scale.map(whole.points, &of_all_m), settings.cell_m)?;
-    let class_of = |cell: usize| {
-        let mut counts = vec![0_u32; settings.classes.len()];
-        for point in grid.points_of(cell) {
-            let output = outputs[usize::from(kept_classes[*point as usize])];
-            if let Some(count) = counts.get_mut(usize::from(output)) {
-                *count += 1;
-            }
-        }
-        let most = counts.iter().copied().max().filter(|most| *most > 0);
-        most.and_then(|most| counts.iter().position(|n| *n == most)).map_or(UNKNOWN, |class| class as u8)
-    };
-    let truth = (0..grid.len()).map(class_of).collect();
+    let kept_outputs: Vec<u8> = kept_classes.iter().map(|class| outputs[usize::from(*class)]).collect();
+    let truth = classes_of_cells(&grid, &kept_outputs);
     let mut ground = GroundHistogram::default();
     if !cloud.intensities.is_empty() && scale == IntensityScale::Own {
         ground.add(whole.points.iter().zip(&of_all_m).map(|(point, height_m)| (point.intensity, *height_m)));
     }
-    Ok((LabeledCloud { cloud, truth }, ground))
+    Ok((ClassifiedCells { cloud, truth }, ground))
 }
 
 impl TrainingData for PointDataset {
@@ -206,12 +185,12 @@ impl Dataset<PointExample> for PointDataset {
             (Some(spheres), _) => {
                 let (submap, center) = spheres[index];
                 let submap = self.file.submap(submap).expect("the file is open, and of the length that was written");
-                Some(self.sphere(&submap, center))
+                Some(submap.sphere(center, self.settings.spheres.radius_m))
             }
             (None, Some(random)) => self.training_sphere(index, random),
             (None, None) => self.training_sphere(index, &mut Random::of_stream(0, index as u64)),
         };
-        let Some(LabeledCloud { cloud, truth }) = sphere else {
+        let Some(ClassifiedCells { cloud, truth }) = sphere else {
             return PointExample { positions: Vec::new(), features: Vec::new(), truth: Vec::new() };
         };
         let features = cloud.features(&self.settings.features);
@@ -267,7 +246,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let mut data = dataset(folder.path(), false);
         push(&mut data, 1.0);
-        let LabeledCloud { cloud, truth } = data.file.submap(0).expect("read");
+        let ClassifiedCells { cloud, truth } = data.file.submap(0).expect("read");
         // Each cell of road and wall has four points.
         assert_eq!(data.counts(), [1600, 320, 0]);
         let unknown: Vec<&u8> = truth.iter().filter(|class| **class == UNKNOWN).collect();

@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use neighbors::SpatialIndex;
-use segmentation::points::CellCloud;
+use segmentation::points::{CellCloud, ClassifiedCells};
 use std::fs::File;
 use std::io::Write;
 use std::os::unix::fs::FileExt;
@@ -10,13 +10,6 @@ use std::path::Path;
 
 /// Bytes of a point: position, height and intensity as `f32`, color, and class.
 const POINT_BYTES: usize = 24;
-
-/// A submap with the output number of the class of each point, [`training::UNKNOWN`] without one.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LabeledCloud {
-    pub cloud: CellCloud,
-    pub truth: Vec<u8>,
-}
 
 /// Submaps in a file without a name, which the system removes with the process. Points are in Morton order.
 pub struct SubmapFile {
@@ -43,7 +36,7 @@ impl SubmapFile {
         self.submaps.len()
     }
     /// Appends a submap.
-    pub fn push(&mut self, LabeledCloud { cloud, truth }: &LabeledCloud) -> anyhow::Result<()> {
+    pub fn push(&mut self, ClassifiedCells { cloud, truth }: &ClassifiedCells) -> anyhow::Result<()> {
         let order = SpatialIndex::new(&cloud.positions).order().to_vec();
         let mut bytes = Vec::with_capacity(order.len() * POINT_BYTES);
         for point in order.iter().map(|point| *point as usize) {
@@ -65,7 +58,7 @@ impl SubmapFile {
         Ok(())
     }
     /// Reads a submap.
-    pub fn submap(&self, index: usize) -> std::io::Result<LabeledCloud> {
+    pub fn submap(&self, index: usize) -> std::io::Result<ClassifiedCells> {
         let Submap { start, n_points, has_intensity, has_color } = self.submaps[index];
         let mut bytes = vec![0; n_points * POINT_BYTES];
         self.file.read_exact_at(&mut bytes, start)?;
@@ -78,7 +71,7 @@ impl SubmapFile {
             intensities: if has_intensity { points.iter().map(|b| number(&b[16..])).collect() } else { Vec::new() },
             colors: if has_color { points.iter().map(color).collect() } else { Vec::new() },
         };
-        Ok(LabeledCloud { cloud, truth: points.iter().map(|bytes| bytes[23]).collect() })
+        Ok(ClassifiedCells { cloud, truth: points.iter().map(|bytes| bytes[23]).collect() })
     }
 }
 
@@ -87,7 +80,7 @@ mod tests {
     use super::*;
     use random::Random;
 
-    fn cloud(seed: u64, n: usize) -> LabeledCloud {
+    fn cloud(seed: u64, n: usize) -> ClassifiedCells {
         let mut random = Random::new(seed);
         let cloud = CellCloud {
             positions: (0..n).map(|_| std::array::from_fn(|_| random.range(-20.0, 20.0))).collect(),
@@ -95,22 +88,22 @@ mod tests {
             intensities: if seed == 1 { Vec::new() } else { (0..n).map(|_| 255.0 * random.unit()).collect() },
             colors: if seed == 2 { vec![[0.2, 0.4, 1.0]; n] } else { Vec::new() },
         };
-        LabeledCloud { cloud, truth: (0..n).map(|i| (i % 5) as u8).collect() }
+        ClassifiedCells { cloud, truth: (0..n).map(|i| (i % 5) as u8).collect() }
     }
 
     #[test]
     fn submaps_are_read_as_they_were_written_in_any_order() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let mut file = SubmapFile::create(folder.path()).expect("created");
-        let clouds: Vec<LabeledCloud> = [(0, 50), (1, 1), (2, 300)].map(|(seed, n)| cloud(seed, n)).into();
+        let clouds: Vec<ClassifiedCells> = [(0, 50), (1, 1), (2, 300)].map(|(seed, n)| cloud(seed, n)).into();
         for cloud in &clouds {
             file.push(cloud).expect("written");
         }
         assert_eq!(file.len(), 3);
         for index in [2, 0, 1] {
-            let LabeledCloud { cloud, truth } = &clouds[index];
+            let ClassifiedCells { cloud, truth } = &clouds[index];
             let order = SpatialIndex::new(&cloud.positions).order().to_vec();
-            let expected = LabeledCloud {
+            let expected = ClassifiedCells {
                 cloud: cloud.around([0.0; 3], &order),
                 truth: order.iter().map(|point| truth[*point as usize]).collect(),
             };
