@@ -3,6 +3,7 @@
 
 pub mod back_projection;
 mod camera_columns;
+mod coarse_azimuths;
 mod elementary;
 mod feature;
 mod features;

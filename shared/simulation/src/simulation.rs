@@ -7,7 +7,7 @@ use crate::sensors::camera::ColorCamera;
 use crate::sensors::exposure::Exposure;
 use crate::sensors::gnss::{self, Epoch};
 use crate::sensors::imu;
-use crate::sensors::lidar::{Lidar, LidarErrors, LidarModel};
+use crate::sensors::lidar::{Lidar, LidarErrors, LidarModel, Pattern, PatternLidar};
 use crate::sensors::mosaic::MosaicCamera;
 use crate::sensors::trigger;
 use crate::spec::DriveSpec;
@@ -72,6 +72,10 @@ impl Simulation {
     /// A lidar of any model at any mounting, with errors of its own.
     pub fn lidar_unit(&self, model: LidarModel, errors: &LidarErrors, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
         Lidar::new(&self.scene, &self.motion, model, errors, body_from_lidar, seed, self.spec.lidar_step)
+    }
+    /// A perfect lidar with a pattern that no Velodyne has.
+    pub fn pattern_lidar(&self, pattern: Pattern, body_from_lidar: Pose, seed: u64) -> PatternLidar<'_> {
+        PatternLidar::new(&self.scene, &self.motion, pattern, body_from_lidar, seed)
     }
     /// Stamps of the exposures.
     pub fn exposures(&self) -> Vec<Stamp> {

@@ -1,11 +1,11 @@
 //! Drives through simulated towns.
 
 use crate::error::TownSweepsError;
-use crate::mount::{Mount, MountedLidar};
-use crate::submap::{TURN_SECONDS, TownSubmap};
+use crate::mount::Mount;
+use crate::source::Source;
+use crate::submap::TownSubmap;
 use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapSweep, pose_numbers};
 use random::Random;
-use simulation::sensors::lidar::LidarModel;
 use simulation::{DriveSpec, Simulation, Town};
 
 /// A simulated drive.
@@ -65,30 +65,23 @@ impl TownDrive {
         mount: Mount,
     ) -> TownSubmap {
         let mut random = Random::of_stream(self.seed, index as u64);
-        let MountedLidar { model, body_from_lidar, errors, has_rings } = mount.lidar(&mut random);
-        let seed = self.seed ^ (index as u64) << 32;
-        let lidar = simulation.lidar_unit(LidarModel::of(model), &errors, body_from_lidar, seed);
-        let packets_per_turn = lidar.model().n_packets(TURN_SECONDS);
-        let begin = lidar.packet_stamp(first_turn * packets_per_turn);
+        let mounted = mount.lidar(&mut random);
+        let body_from_lidar = mounted.body_from_lidar;
+        let source = Source::new(simulation, &mounted, self.seed ^ (index as u64) << 32);
+        let begin = source.begin_of(first_turn);
         let submap_from_world = simulation.motion.pose_at(begin).inverse();
         let pose_at =
             |nanos: i64| submap_from_world * simulation.motion.pose_at(begin.plus_nanos(nanos)) * body_from_lidar;
         let mut submap = TownSubmap { header: Box::default(), points: Vec::new(), truth: Vec::new() };
         // The number of a lidar without rings.
-        submap.header.n_rings = if has_rings { model.n_rings() as u32 } else { 0 };
+        submap.header.n_rings = if mounted.has_rings { source.n_rings() as u32 } else { 0 };
         for sweep in 0..n_sweeps.min(MAX_SWEEPS_PER_SUBMAP) {
             let turn = first_turn + sweep as u64 * stride;
-            let stamp = lidar.packet_stamp(turn * packets_per_turn);
+            let stamp = source.begin_of(turn);
             let since_begin = stamp.0 - begin.0;
-            let duration_nanos = packets_per_turn as u32 * model.packet_nanos();
+            let duration_nanos = source.turn_nanos();
             let first_point = submap.points.len();
-            submap.push_turn(
-                &lidar,
-                turn * packets_per_turn..(turn + 1) * packets_per_turn,
-                sweep,
-                &mut random,
-                |nanos| pose_at(since_begin + nanos),
-            );
+            submap.push_turn(&source.turn(turn), sweep, &mut random, |nanos| pose_at(since_begin + nanos));
             submap.header.sweeps[sweep] = SubmapSweep {
                 stamp: stamp.0,
                 seq: turn,

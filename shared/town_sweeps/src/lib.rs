@@ -5,6 +5,7 @@ mod error;
 mod ideal_camera;
 mod mount;
 mod mount_name;
+mod source;
 mod submap;
 
 pub use drive::TownDrive;

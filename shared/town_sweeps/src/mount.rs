@@ -4,7 +4,7 @@ use formats::velodyne::Model;
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 use random::Random;
 use simulation::rig::RigSpec;
-use simulation::sensors::lidar::LidarErrors;
+use simulation::sensors::lidar::{LidarErrors, Pattern};
 
 /// The lidar and its mounting.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,23 +27,32 @@ pub enum Mount {
         /// Whether its driver numbers the rings.
         has_rings: bool,
     },
+    /// A perfect unit that is no Velodyne, upright on a roof 1.73 m above the road.
+    Pattern(Pattern),
+}
+
+/// A lidar by itself.
+pub(crate) enum Unit {
+    Rotating { model: Model, errors: LidarErrors },
+    Pattern(Pattern),
 }
 
 /// A lidar on a vehicle.
 pub(crate) struct MountedLidar {
-    pub model: Model,
+    pub unit: Unit,
     pub body_from_lidar: Pose,
-    pub errors: LidarErrors,
     /// Whether its driver numbers the rings.
     pub has_rings: bool,
 }
 
 /// Height of the body frame above the road, m.
 const BODY_M: f64 = 1.0;
+/// Height of KITTI's lidar above the road, m.
+pub(crate) const KITTI_M: f64 = 1.73;
 
 impl Mount {
     /// The HDL-64E of KITTI, 1.73 m above the road.
-    pub const KITTI: Self = Self::Roof { model: Model::Hdl64e, height_m: 1.73, has_rings: true };
+    pub const KITTI: Self = Self::Roof { model: Model::Hdl64e, height_m: KITTI_M, has_rings: true };
 
     /// The lidar, which may be random.
     pub(crate) fn lidar(self, random: &mut Random) -> MountedLidar {
@@ -51,13 +60,18 @@ impl Mount {
         let mut near = |degrees: f32| f64::from(random.range(-degrees, degrees)).to_radians();
         let jitter = UnitQuaternion::from_euler_angles(near(3.0), near(3.0), near(3.0));
         let rig = RigSpec::l3d2().lidar.body_from_lidar;
-        let errors = LidarErrors::NONE;
+        let perfect = |model| Unit::Rotating { model, errors: LidarErrors::NONE };
+        let roof = |height_m: f64| Isometry3::translation(0.0, 0.0, height_m - BODY_M);
         match self {
-            Self::Rig => MountedLidar { model: Model::Hdl32e, body_from_lidar: rig, errors, has_rings: true },
+            Self::Rig => MountedLidar { unit: perfect(Model::Hdl32e), body_from_lidar: rig, has_rings: true },
             Self::Roof { model, height_m, has_rings } => {
-                let body_from_lidar = Isometry3::translation(0.0, 0.0, height_m - BODY_M);
-                MountedLidar { model, body_from_lidar, errors, has_rings }
+                MountedLidar { unit: perfect(model), body_from_lidar: roof(height_m), has_rings }
             }
+            Self::Pattern(pattern) => MountedLidar {
+                unit: Unit::Pattern(pattern),
+                body_from_lidar: roof(KITTI_M),
+                has_rings: pattern.n_rings() > 0,
+            },
             Self::Random => random_lidar(rig, jitter, random),
         }
     }
@@ -77,9 +91,8 @@ fn random_lidar(rig: Pose, jitter: UnitQuaternion<f64>, random: &mut Random) -> 
     };
     let grade = *random.pick(&[LidarErrors::NONE, LidarErrors::TYPICAL, LidarErrors::POOR]);
     MountedLidar {
-        model,
+        unit: Unit::Rotating { model, errors: LidarErrors { unit_seed: random.bits(), ..grade } },
         body_from_lidar,
-        errors: LidarErrors { unit_seed: random.bits(), ..grade },
         has_rings: random.chance(0.75),
     }
 }

@@ -1,19 +1,22 @@
 //! Names of mounts, for command lines.
 
-use crate::mount::Mount;
+use crate::mount::{KITTI_M, Mount};
 use formats::velodyne::Model;
+use simulation::sensors::lidar::Pattern;
 
 impl Mount {
     /// The mounts that have a name.
     pub const NAMED: &[(&'static str, Self)] = &[
         ("rig", Self::Rig),
         ("kitti", Self::KITTI),
-        ("hdl32e", roof(Model::Hdl32e, 1.73, true)),
+        ("hdl32e", roof(Model::Hdl32e, KITTI_M, true)),
         ("hdl32e_low", roof(Model::Hdl32e, 1.0, true)),
         ("hdl32e_high", roof(Model::Hdl32e, 3.0, true)),
-        ("vlp32c", roof(Model::Vlp32c, 1.73, true)),
-        ("vlp16", roof(Model::Vlp16, 1.73, true)),
-        ("no_rings", roof(Model::Hdl64e, 1.73, false)),
+        ("vlp32c", roof(Model::Vlp32c, KITTI_M, true)),
+        ("vlp16", roof(Model::Vlp16, KITTI_M, true)),
+        ("no_rings", roof(Model::Hdl64e, KITTI_M, false)),
+        ("rings128", Self::Pattern(Pattern::Rings128)),
+        ("rosette", Self::Pattern(Pattern::Rosette)),
     ];
 
     /// The mount of a name; `None` if there is no such name.

@@ -45,9 +45,18 @@ pub struct PolarImage {
 impl PolarImage {
     /// The nearest point of every pixel. `pixel` converts a point, given by its index.
     pub fn of(image: &RangeImage, has_intensity: bool, pixel: impl Fn(usize) -> PolarPixel) -> Self {
+        Self::showing(&image.nearest, image.columns, has_intensity, pixel)
+    }
+    /// The given point of every pixel, [`NO_POINT`] for none, in raster order.
+    pub(super) fn showing(
+        points: &[u32],
+        columns: usize,
+        has_intensity: bool,
+        pixel: impl Fn(usize) -> PolarPixel,
+    ) -> Self {
         let show = |&point: &u32| if point == NO_POINT { PolarPixel::default() } else { pixel(point as usize) };
-        let pixels = image.nearest.iter().map(show).collect();
-        Self { rows: image.rows, columns: image.columns, pixels, has_intensity, camera: Vec::new() }
+        let pixels = points.iter().map(show).collect();
+        Self { rows: points.len() / columns.max(1), columns, pixels, has_intensity, camera: Vec::new() }
     }
     /// Number of values in [`Self::camera`] for each pixel.
     pub fn n_camera_bands(&self) -> usize {

@@ -1,10 +1,12 @@
 //! The range images of the sweeps of a submap. Ring and azimuth of a point give its pixel; without rings, elevation and azimuth.
 
 use super::camera_columns::CameraColumns;
+use super::coarse_azimuths::shown_points;
 use super::{CameraBand, PolarImage, PolarPixel};
 use crate::ModelInput;
 use geometry::{NO_POINT, RangeImage, column_of_azimuth};
 use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint, SubmapSweep};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Rows of the range image of a sensor without rings: as many as the beams of the largest sensor of the training.
@@ -17,7 +19,8 @@ pub struct RangeSweep {
     pub points: Range<usize>,
     /// The nearest point of each pixel; indices count from the first point of the sweep.
     pub image: RangeImage,
-    /// The same points relative to the position of the LiDAR.
+    /// The same points relative to the position of the LiDAR. Where a sensor's firings are farther apart than the columns, gaps show the
+    /// point to their left.
     pub polar: PolarImage,
 }
 
@@ -100,23 +103,13 @@ impl<'a> ImageSource<'a> {
     }
     /// The range image of one sweep.
     pub(super) fn sweep(&self, sweep: &SubmapSweep, points: Range<usize>) -> RangeSweep {
-        let mut of_sweep = range_sweep(self, sweep, points);
-        if !self.camera.is_empty() {
-            let RangeSweep { points, image, polar } = &mut of_sweep;
-            for &shown in &image.nearest {
-                match shown {
-                    NO_POINT => self.camera.push_nothing(&mut polar.camera),
-                    point => self.camera.push_point(points.start + point as usize, &mut polar.camera),
-                }
-            }
-        }
-        of_sweep
+        range_sweep(self, sweep, points)
     }
 }
 
 /// The range image of one sweep: row 0 is the highest ring or elevation, columns count azimuths.
 fn range_sweep(source: &ImageSource<'_>, sweep: &SubmapSweep, points: Range<usize>) -> RangeSweep {
-    let ImageSource { input, columns, heights_m, removed, .. } = *source;
+    let ImageSource { input, columns, heights_m, removed, ref camera } = *source;
     let rows = rows_of(input.header, sweep);
     let of_sweep = &input.points[points.clone()];
     let ray = |point: &SubmapPoint| {
@@ -138,12 +131,24 @@ fn range_sweep(source: &ImageSource<'_>, sweep: &SubmapSweep, points: Range<usiz
         (row.map(|row| (row, column_of_azimuth(point.azimuth, columns))), range_m)
     });
     let image = RangeImage::new(rows, columns, placed);
-    let polar = PolarImage::of(&image, of_sweep.iter().any(|point| point.intensity > 0), |index| {
+    let shown =
+        if elevation_rows.is_some() { Cow::Borrowed(&image.nearest[..]) } else { shown_points(&image, of_sweep) };
+    let has_intensity = of_sweep.iter().any(|point| point.intensity > 0);
+    let mut polar = PolarImage::showing(&shown, columns, has_intensity, |index| {
         let (point, height_m) = (&of_sweep[index], heights_m[points.start + index]);
         let ray = ray(point);
         let height_m = if height_m.is_finite() { height_m } else { ray[2] + 2.0 };
         PolarPixel { ray, height_m, intensity: point.intensity }
     });
+    if !camera.is_empty() {
+        for &point in shown.iter() {
+            match point {
+                NO_POINT => camera.push_nothing(&mut polar.camera),
+                point => camera.push_point(points.start + point as usize, &mut polar.camera),
+            }
+        }
+    }
+    drop(shown);
     RangeSweep { points, image, polar }
 }
 

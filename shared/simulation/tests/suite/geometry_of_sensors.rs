@@ -5,7 +5,7 @@ use geometry::{Point3, Pose, Stamp, Vector3};
 use messages::ClassId;
 use raytrace::Ray;
 use simulation::sensors::camera::ColorCamera;
-use simulation::sensors::lidar::{LidarModel, LidarReturn};
+use simulation::sensors::lidar::{LidarModel, LidarReturn, Optics};
 use simulation::{DriveSpec, Simulation, write_drive};
 use town::{Scene, SceneHit, Snapshot};
 
@@ -95,16 +95,20 @@ fn ranges(simulation: &Simulation, model: LidarModel) -> Vec<(f64, LidarReturn, 
     found
 }
 
+fn with_optics(optics: Optics) -> LidarModel {
+    LidarModel { optics, ..LidarModel::HDL32E }
+}
+
 #[test]
 fn range_noise_has_the_stated_standard_deviation() {
     let simulation = Simulation::new(&DriveSpec::urban(8, 0.2).sparse(5)).expect("a town");
-    for model in [LidarModel::HDL32E, LidarModel { range_sigma_m: 0.05, ..LidarModel::HDL32E }] {
+    for model in [LidarModel::HDL32E, with_optics(Optics { range_sigma_m: 0.05, ..Optics::HDL32E })] {
         let found = ranges(&simulation, model);
         assert!(found.len() > 5000, "{}", found.len());
         let n = found.len() as f64;
         let mean = found.iter().map(|(error, ..)| error).sum::<f64>() / n;
         let sigma = (found.iter().map(|(error, ..)| (error - mean).powi(2)).sum::<f64>() / n).sqrt();
-        let stated = f64::from(model.range_sigma_m);
+        let stated = f64::from(model.optics.range_sigma_m);
         assert!(mean.abs() < 0.002 && (sigma - stated).abs() < 0.05 * stated, "{mean} {sigma}");
     }
 }
@@ -112,7 +116,7 @@ fn range_noise_has_the_stated_standard_deviation() {
 #[test]
 fn echoes_mix_surfaces_only_at_edges() {
     let simulation = Simulation::new(&DriveSpec::urban(8, 0.2).sparse(5)).expect("a town");
-    let wide = LidarModel { divergence: [0.02, 0.02], ..LidarModel::HDL32E };
+    let wide = with_optics(Optics { divergence: [0.02, 0.02], ..Optics::HDL32E });
     let [narrow, wide] = [LidarModel::HDL32E, wide].map(|model| {
         let found = ranges(&simulation, model);
         let solid = |(_, sent, hit): &&(f64, LidarReturn, Option<SceneHit>)| {

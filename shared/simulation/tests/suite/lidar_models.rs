@@ -46,7 +46,7 @@ fn decoded_points_of_every_lidar_model_match_hits() {
             // The encoder's error: three sigmas and the count that it cuts.
             let off = (at.coords - point.cast::<f64>()).norm();
             assert!(off < 0.006 + 5e-4 * range_m, "{model:?} {off} m at {range_m} m");
-            assert!(*noise < 4.0 * LidarModel::of(model).range_sigma_m, "{noise}");
+            assert!(*noise < 4.0 * LidarModel::of(model).optics.range_sigma_m, "{noise}");
             assert_eq!(found.intensity, *intensity);
             // Halves of an HDL-64E fire at once; packets tell microseconds.
             let late = info.stamp.0 + i64::from(found.offset_nanos) - nanos;

@@ -17,11 +17,15 @@
 mod beams;
 mod errors;
 mod model;
+mod optics;
+mod pattern;
 mod receiver;
 mod returns;
 
 pub use errors::{GRADES, LidarErrors};
 pub use model::LidarModel;
+pub use optics::Optics;
+pub use pattern::{Firing, Pattern, PatternLidar};
 pub use returns::{Block, LidarReturn, N_BLOCKS, N_LASERS};
 
 use crate::motion::Motion;
@@ -138,7 +142,7 @@ impl<'a> Lidar<'a> {
         let middle = 0.5 * (begin + end);
         let eye = (self.motion.pose(middle) * self.body_from_lidar).translation.vector.cast();
         let margin_m = 1.0 + MAX_SPEED_MPS * (end - begin);
-        self.scene.movers_near(&eye, self.model.range_m[1] + margin_m as f32, middle)
+        self.scene.movers_near(&eye, self.model.optics.range_m[1] + margin_m as f32, middle)
     }
 
     /// Beams by slot; `None` for slots skipped by the step.
@@ -170,7 +174,7 @@ impl<'a> Lidar<'a> {
         let begin = self.packet_nanos(packet);
         let middle = (begin + self.model.packet_nanos() / 2) as f64 * 1e-9;
         let snapshot = self.scene.some_at(movers, middle);
-        let cast = |rays: &[Ray]| self.scene.cast_all(rays, self.model.range_m[1], |_| &snapshot).into_iter();
+        let cast = |rays: &[Ray]| self.scene.cast_all(rays, self.model.optics.range_m[1], |_| &snapshot).into_iter();
 
         let beams = self.aim(packet);
         let fired: Vec<(usize, Beam)> =
@@ -224,7 +228,7 @@ impl<'a> Lidar<'a> {
 
     /// Side rays of a beam.
     fn sides(&self, beam: &Beam, edges: [bool; 4]) -> impl Iterator<Item = Ray> {
-        let (beam, LidarModel { aperture_m, divergence, .. }) = (*beam, self.model);
+        let (beam, Optics { aperture_m, divergence, .. }) = (*beam, self.model.optics);
         (0..SIDES.len()).filter(move |side| edges[*side]).map(move |side| {
             let [right, up] = SIDES[side];
             let across = |[width, height]: [f32; 2]| -> Vec3 { beam.right * (right * width) + beam.up * (up * height) };

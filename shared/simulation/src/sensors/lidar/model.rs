@@ -1,72 +1,35 @@
 //! Parameters of the lidar models. Beams, firing times and packets are those of [`formats::velodyne`].
 
+use super::optics::Optics;
 use formats::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, Model};
 
 /// Returns in a packet, by slot: 32 for each of 12 blocks.
 pub const N_SLOTS: usize = BLOCKS_PER_PACKET * LASERS_PER_BLOCK;
 
-/// Physical parameters of a lidar.
+/// Parameters of a rotating lidar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LidarModel {
     /// Beams and packet format.
     pub model: Model,
     /// Revolutions per second.
     pub turns_per_second: f64,
-    /// Minimum and maximum range, m. The rig and the roof are below the minimum range.
-    pub range_m: [f32; 2],
-    /// Standard deviation of a range, m.
-    pub range_sigma_m: f32,
-    /// Width and height of the beam as full angles, rad.
-    pub divergence: [f32; 2],
-    /// Width and height of the beam where it leaves the device, m.
-    pub aperture_m: [f32; 2],
-    /// Wavelength, nm.
-    pub wavelength_nm: f32,
-    /// Echoes closer than this merge, m.
-    pub echo_m: f32,
-    /// Detection range of a surface with 10 % reflectance at normal incidence, m.
-    pub tenth_m: f32,
     /// Standard deviation of the encoder's reading, 0.01 deg.
     pub encoder_sigma: f32,
+    /// Beam and receiver.
+    pub optics: Optics,
 }
 
 impl LidarModel {
-    /// The HDL-32E at 600 turns a minute. Maker's data sheet 97-0038: 1 to 100 m, ±2 cm (one sigma), 903 nm. Walls of stone and plaster
-    /// come back from farther; in real recordings the last thousandth lies between 100 and 128 m. Beam: 3.0 by 1.5 mrad and
-    /// 12.7 by 9.5 mm, which the maker states for the younger models with the same optics (manuals of VLP-16 and VLS-128,
-    /// appendix "Laser Pulse"). Echoes: two surfaces a meter apart are resolved (the same manuals); a pulse of 5 ns is
-    /// 0.75 m long there and back. Range limit and encoder are fitted to a real recording: road under 20 degrees of
-    /// incidence is lost between 30 and 40 m, the encoder's steps scatter by half a count.
-    pub const HDL32E: Self = Self {
-        model: Model::Hdl32e,
-        turns_per_second: 10.0,
-        range_m: [1.0, 120.0],
-        range_sigma_m: 0.02,
-        divergence: [3.0e-3, 1.5e-3],
-        aperture_m: [0.0127, 0.0095],
-        wavelength_nm: 903.0,
-        echo_m: 0.75,
-        tenth_m: 90.0,
-        encoder_sigma: 0.35,
-    };
-    /// The VLP-16 at 600 turns a minute: to 100 m, ±3 cm, 903 nm, beam as above (manual 63-9243).
-    pub const VLP16: Self =
-        Self { model: Model::Vlp16, range_m: [0.5, 120.0], range_sigma_m: 0.03, tenth_m: 80.0, ..Self::HDL32E };
-    /// The VLP-32C at 600 turns a minute: ±3 cm, 903 nm, beam as above (manual 63-9325). It reaches 200 m; here, ranges have 16 bits in units
-    /// of 2 mm until they are sent.
-    pub const VLP32C: Self =
-        Self { model: Model::Vlp32c, range_m: [1.0, 130.0], range_sigma_m: 0.03, tenth_m: 120.0, ..Self::HDL32E };
-    /// The HDL-64E at 600 turns a minute: to 120 m, below 2 cm, 905 nm, 2 mrad (manual 63-HDL64ES3), stronger lasers. Its encoder
-    /// reads steady.
-    pub const HDL64E: Self = Self {
-        model: Model::Hdl64e,
-        range_m: [0.9, 120.0],
-        divergence: [2.0e-3, 2.0e-3],
-        wavelength_nm: 905.0,
-        tenth_m: 120.0,
-        encoder_sigma: 0.0,
-        ..Self::HDL32E
-    };
+    /// The HDL-32E at 600 turns a minute, with [`Optics::HDL32E`]. The encoder is fitted to a real recording: its steps scatter by half a
+    /// count.
+    pub const HDL32E: Self =
+        Self { model: Model::Hdl32e, turns_per_second: 10.0, encoder_sigma: 0.35, optics: Optics::HDL32E };
+    /// The VLP-16 at 600 turns a minute.
+    pub const VLP16: Self = Self { model: Model::Vlp16, optics: Optics::VLP16, ..Self::HDL32E };
+    /// The VLP-32C at 600 turns a minute.
+    pub const VLP32C: Self = Self { model: Model::Vlp32c, optics: Optics::VLP32C, ..Self::HDL32E };
+    /// The HDL-64E at 600 turns a minute. Its encoder reads steady.
+    pub const HDL64E: Self = Self { model: Model::Hdl64e, encoder_sigma: 0.0, optics: Optics::HDL64E, ..Self::HDL32E };
 
     /// Parameters of a model.
     pub const fn of(model: Model) -> Self {

@@ -2,6 +2,7 @@
 
 use super::errors::LaserError;
 use super::model::LidarModel;
+use super::optics::Optics;
 use super::returns::LidarReturn;
 use random::{gauss, hash, unit};
 use raytrace::Ray;
@@ -55,10 +56,24 @@ struct LaserReceiver {
     gain: f32,
 }
 
+/// Gain of a laser after factory calibration.
+fn calibrated_gain(laser: usize) -> f32 {
+    1.0 + GAIN_SIGMA * gauss(hash(0x6a14, laser as u64)).clamp(-2.0, 2.0)
+}
+
+fn materials(optics: &Optics) -> Vec<(Properties, f32)> {
+    let with_reflectance = |material: &Material| {
+        let properties = material.properties();
+        let reflectance = properties.spectrum.at(optics.wavelength_nm);
+        (properties, reflectance)
+    };
+    Material::ALL.iter().map(with_reflectance).collect()
+}
+
 /// A receiver with the properties of all materials.
 #[derive(Clone, Debug)]
 pub struct Receiver {
-    model: LidarModel,
+    optics: Optics,
     /// Properties and reflectance at the laser's wavelength, by material.
     materials: Vec<(Properties, f32)>,
     lasers: Vec<LaserReceiver>,
@@ -67,18 +82,18 @@ pub struct Receiver {
 impl Receiver {
     /// Of a model, with the errors of its lasers.
     pub(super) fn new(model: &LidarModel, errors: &[LaserError]) -> Self {
-        let materials = Material::ALL.iter().map(|material| {
-            let properties = material.properties();
-            let reflectance = properties.spectrum.at(model.wavelength_nm);
-            (properties, reflectance)
-        });
-        let gain = |laser| 1.0 + GAIN_SIGMA * gauss(hash(0x6a14, laser as u64)).clamp(-2.0, 2.0);
         let lasers = model.model.lasers().iter().zip(errors).enumerate().map(|(i, (laser, error))| LaserReceiver {
             correction_m: laser.range_m as f32,
             range_error_m: error.range_m as f32,
-            gain: gain(i) * error.gain as f32,
+            gain: calibrated_gain(i) * error.gain as f32,
         });
-        Self { model: *model, materials: materials.collect(), lasers: lasers.collect() }
+        Self { optics: model.optics, materials: materials(&model.optics), lasers: lasers.collect() }
+    }
+
+    /// Of a perfect unit with so many lasers.
+    pub(super) fn perfect(optics: Optics, n_lasers: usize) -> Self {
+        let laser = |laser| LaserReceiver { correction_m: 0.0, range_error_m: 0.0, gain: calibrated_gain(laser) };
+        Self { optics, materials: materials(&optics), lasers: (0..n_lasers).map(laser).collect() }
     }
 
     /// Light returned by a hit; `None` if it is mirrored away or transmitted.
@@ -102,19 +117,19 @@ impl Receiver {
         let LaserReceiver { correction_m, range_error_m, gain } = self.lasers[laser];
         parts.sort_unstable_by(|a, b| a.range_m.total_cmp(&b.range_m));
         let echo = parts
-            .chunk_by(|a, b| b.range_m - a.range_m < self.model.echo_m)
+            .chunk_by(|a, b| b.range_m - a.range_m < self.optics.echo_m)
             .map(|echo| (echo, echo.iter().map(Part::light).sum::<f32>()))
             .max_by(|a, b| a.1.total_cmp(&b.1));
         let (echo, light) = echo?;
         // Near the threshold, detection is random.
-        let needed = 0.1 / self.model.tenth_m.powi(2) * (0.8 + 0.4 * unit(hash(seed, 3)));
+        let needed = 0.1 / self.optics.tenth_m.powi(2) * (0.8 + 0.4 * unit(hash(seed, 3)));
         if light < needed {
             return None;
         }
         // Surfaces within the pulse length give a range between them.
         let range_m = echo.iter().map(|part| part.light() * part.range_m).sum::<f32>() / light;
-        let measured_m = range_m + self.model.range_sigma_m * gauss(hash(seed, 1));
-        let [shortest_m, longest_m] = self.model.range_m;
+        let measured_m = range_m + self.optics.range_sigma_m * gauss(hash(seed, 1));
+        let [shortest_m, longest_m] = self.optics.range_m;
         let count = ((measured_m + range_error_m - correction_m) / RANGE_UNIT_M).round();
         if !(shortest_m..longest_m).contains(&measured_m) || !(1.0..=f32::from(u16::MAX)).contains(&count) {
             return None;
@@ -131,7 +146,7 @@ impl Receiver {
 
     /// Intensity as defined by the manufacturer: 0 to 100 for diffuse targets, in percent of a white wall; above for retroreflectors.
     fn intensity(&self, echo: &[Part], range_m: f32, gain: f32, seed: u64) -> u8 {
-        let kept = 1.0 - RANGE_SHORTFALL * range_m / self.model.range_m[1];
+        let kept = 1.0 - RANGE_SHORTFALL * range_m / self.optics.range_m[1];
         let scattered: f32 = echo.iter().map(|part| part.weight * part.scattered).sum();
         let retro: f32 = echo.iter().map(|part| part.weight * part.retro).sum();
         let diffuse = (100.0 * scattered * kept * gain).min(100.0);
@@ -155,7 +170,8 @@ mod tests {
     }
 
     fn receiver() -> Receiver {
-        let model = LidarModel { range_sigma_m: 0.0, ..LidarModel::HDL32E };
+        let optics = Optics { range_sigma_m: 0.0, ..Optics::HDL32E };
+        let model = LidarModel { optics, ..LidarModel::HDL32E };
         Receiver::new(&model, &LidarErrors::NONE.of_lasers(model.model))
     }
 

@@ -53,7 +53,7 @@ pub struct Args {
     seeds: Vec<u64>,
     /// LiDARs and mountings in the simulated towns; each drive is scored with each of them: `rig` is the HDL-32E of the L3D2 vehicle,
     /// `kitti` the HDL-64E of KITTI, `no_rings` the same without numbers of the rings; the others are upright 1.73 m above the road, `low`
-    /// 1 m, `high` 3 m
+    /// 1 m, `high` 3 m; `rings128` has the beams of an OS1-128, `rosette` a pattern in the manner of a Livox Avia, which does not repeat
     #[arg(long, requires = "seeds", value_name = "NAME", value_delimiter = ',', default_value = "rig", value_parser = sensors())]
     sensor: Vec<String>,
     /// Length of each drive, s
