@@ -10,18 +10,20 @@ mod cameras;
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
 use segmentation::spherical::{AskedColumns, IntensityUse, Refinement};
-use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, UnknownBelow};
+use segmentation::{ComputeDevice, Fused, ModelInput, Options, Report, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 stage::settings! {
     /// Settings of infer.
     pub struct Settings {
         /// Model file. A relative path is relative to the folder of launch.toml.
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
+        /// Second model file: each point takes the class with the higher score, of equal ones that of `model`. Empty: none.
+        pub fused_with: String = String::new() => stage::any();
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
         /// What the model takes from the intensities: `raw` as recorded, `normalized` brought to the scale of the training by those of
@@ -140,6 +142,12 @@ impl Infer {
     }
 }
 
+/// The model files and their keys.
+fn model_files(settings: &Settings) -> impl Iterator<Item = (&'static str, &str)> {
+    let second = Some(("fused_with", settings.fused_with.as_str())).filter(|(_, file)| !file.is_empty());
+    std::iter::once(("model", settings.model.as_str())).chain(second)
+}
+
 fn options(settings: &Settings) -> Options {
     Options {
         every: settings.every as usize,
@@ -175,8 +183,9 @@ impl Stage for Infer {
 
     /// Those that the model reads. A model file that cannot be read is reported by [`Self::check`].
     fn inputs_with(settings: &Settings, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
-        let columns =
-            segmentation::asked_columns(&find_file(launch_folder, Path::new(&settings.model))).unwrap_or_default();
+        let paths = model_files(settings).map(|(_, file)| find_file(launch_folder, Path::new(file)));
+        let columns = paths.map(|path| segmentation::asked_columns(&path).unwrap_or_default());
+        let columns = columns.fold(AskedColumns::default(), AskedColumns::and);
         let color = columns.color.then(Port::of::<ColorTopic>);
         let spectra = (!columns.wavelengths_nm.is_empty()).then(Port::of::<SpectraTopic>);
         Ok([Some(Port::of::<SubmapTopic>()), color, spectra].into_iter().flatten().collect())
@@ -187,25 +196,31 @@ impl Stage for Infer {
     }
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
-        let path = context.resolve(Path::new(&settings.model));
         let options = options(settings);
         let of_device = options.device.open().err().map(|error| Problem::of_key("device", error.to_string()));
         let on_cpu = Options { device: ComputeDevice::Cpu, ..options };
-        let of_model = segmentation::load(&path, &on_cpu).err();
-        let of_model = of_model.map(|error| Problem::of_key("model", error.to_string()));
-        let of_cameras = cameras::problem(settings, &path, context);
-        of_device.into_iter().chain(of_model).chain(of_cameras).collect()
+        let of_models = model_files(settings).flat_map(|(key, file)| {
+            let path = context.resolve(Path::new(file));
+            let of_model = segmentation::load(&path, &on_cpu).err();
+            let of_model = of_model.map(|error| Problem::of_key(key, error.to_string()));
+            of_model.into_iter().chain(cameras::problem(key, file, &path, context))
+        });
+        of_device.into_iter().chain(of_models).collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let path = context.resolve(Path::new(&settings.model));
-        let columns = segmentation::asked_columns(&path).map_err(StepError::io)?;
+        let paths: Vec<PathBuf> = model_files(settings).map(|(_, file)| context.resolve(Path::new(file))).collect();
+        let columns = paths.iter().map(|path| segmentation::asked_columns(path).map_err(StepError::io));
+        let columns = columns.reduce(|all, next| Ok(all?.and(next?))).unwrap_or_else(|| Ok(AskedColumns::default()))?;
         let reads_any = columns != AskedColumns::default();
         let join = reads_any.then(|| {
             let join = SubmapJoin::new(context.mode).column::<ColorTopic>(columns.color);
             join.column::<SpectraTopic>(!columns.wavelengths_nm.is_empty())
         });
-        let model = segmentation::load(&path, &options(settings)).map_err(StepError::io)?;
+        let load = |path: &PathBuf| segmentation::load(path, &options(settings)).map_err(StepError::io);
+        let models = paths.iter().map(load);
+        let model = models.reduce(|first, second| Ok(Box::new(Fused::new(first?, second?))));
+        let model = model.unwrap_or_else(|| Err(StepError::data("no model")))?;
         Ok(Self {
             join,
             model: UnknownBelow::wrap(model, settings.unknown_below),

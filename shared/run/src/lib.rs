@@ -24,6 +24,7 @@ pub mod control;
 pub mod health;
 pub mod histogram;
 pub mod launch_file;
+pub mod observed_run;
 pub mod process;
 pub mod program;
 pub mod settings;

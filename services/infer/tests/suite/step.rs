@@ -101,6 +101,38 @@ fn classes_do_not_depend_on_batch() {
     assert!([2, 3, 64].into_iter().all(|batch| classes(batch) == one_by_one));
 }
 
+#[test]
+fn point_takes_the_class_of_the_model_that_is_surer_of_it() {
+    let (street, points) = ("models/street.safetensors", "models/points.safetensors");
+    let (header, cloud, _) = street_sweep();
+    let classes = |model: &str, fused_with: &str| {
+        let settings = Settings { model: model.to_owned(), fused_with: fused_with.to_owned(), ..Settings::default() };
+        assert_eq!(Infer::check(&settings, &at_root()), []);
+        let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the models load");
+        bench.send::<SubmapTopic>(0, header, cloud.clone());
+        bench.tick().expect("steps");
+        let columns = bench.take::<ClassTopic>();
+        (columns[0].rows().to_vec(), columns[0].header().model_digest)
+    };
+    let ((on_images, first), (on_points, second), (fused, both)) =
+        (classes(street, ""), classes(points, ""), classes(street, points));
+    let surer = |(of_images, of_points): (&ClassRow, &ClassRow)| {
+        if of_points.score > of_images.score { *of_points } else { *of_images }
+    };
+    assert!(on_images.iter().zip(&on_points).map(surer).eq(fused.iter().copied()));
+    let n_of_points = fused.iter().zip(&on_images).filter(|(fused, of_images)| fused != of_images).count();
+    assert!((1..fused.len()).contains(&n_of_points), "{n_of_points} of {}", fused.len());
+    assert!(both != first && both != second);
+}
+
+#[test]
+fn missing_second_model_is_reported_by_check() {
+    let settings = Settings { fused_with: "models/none.safetensors".to_owned(), ..ground() };
+    let problems = Infer::check(&settings, &at_root());
+    assert_eq!(problems.iter().map(|problem| problem.key.as_str()).collect::<Vec<_>>(), ["fused_with"]);
+    assert!(problems[0].text.contains("models/none.safetensors"), "{problems:?}");
+}
+
 /// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above the road.
 #[test]
 fn points_with_score_below_setting_are_unlabeled_and_counted() {

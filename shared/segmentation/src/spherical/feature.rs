@@ -214,6 +214,16 @@ pub struct AskedColumns {
     pub wavelengths_nm: Vec<u16>,
 }
 
+impl AskedColumns {
+    /// Those of two models.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        self.color |= other.color;
+        self.wavelengths_nm.extend(other.wavelengths_nm);
+        self
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

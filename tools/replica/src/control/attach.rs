@@ -5,6 +5,7 @@ mod run_argument;
 mod run_handle;
 mod topic_reader;
 
+pub use run::observed_run::channels;
 pub use run_argument::RunArgument;
-pub use run_handle::{Run, channels};
+pub use run_handle::Run;
 pub use topic_reader::{TopicEvent, TopicReader};

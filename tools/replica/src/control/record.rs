@@ -148,7 +148,7 @@ impl Recorder {
     fn attach(&mut self) -> anyhow::Result<Option<Attached<Vec<Attachment>>>> {
         let Self { run, topics, stop, may_drop, .. } = self;
         let mode = if *may_drop { ObserverMode::Dropping } else { ObserverMode::Lossless };
-        run.attach(
+        Ok(run.attach(
             |node, wiring| {
                 let open = |topic: &Progress| {
                     let channels = channels(wiring, topic.name())?;
@@ -163,7 +163,7 @@ impl Recorder {
                 topics.iter().map(open).collect()
             },
             || stop.is_set(),
-        )
+        )?)
     }
 
     /// Records until the attempt ends. Returns why recording ended, or `None` if another attempt may follow.

@@ -1,121 +1,34 @@
-//! A run, and its services in shared memory.
+//! A run that the command line names.
 
 use crate::usage_error::UsageError;
-use anyhow::Context;
-use ipc::{Attached, Domain, IpcError, Node};
-use run::assignment::TopicChannels;
-use run::wiring::Wiring;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-
-/// Between two checks of a state that may have changed.
-const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// The slot of an observer that died is free again after a second, and an attempt opens all its services a moment after the
-/// first one. A run that refuses an observer for longer has no free slot.
-const ATTACH_TIMEOUT: Duration = Duration::from_secs(10);
-/// A killed supervisor leaves its domain behind, so the supervisor itself is checked, too.
-const SUPERVISOR_CHECK_INTERVAL: Duration = Duration::from_millis(500);
-/// Operations on a domain that is being removed fail before the domain is gone. An error that lasts longer has another cause.
-const REMOVAL_TIMEOUT: Duration = Duration::from_secs(5);
+use run::observed_run::ObservedRun;
+use run::wiring::WiredTopic;
+use std::ops::{Deref, DerefMut};
+use std::path::Path;
 
 /// A run, as its supervisor describes it.
-pub struct Run {
-    /// Its output folder, absolute.
-    pub output: PathBuf,
-    /// Its latest wiring.
-    pub wiring: Wiring,
-    /// The attempt that was attached to last. Whatever was opened in it is closed before the next attempt.
-    attached_attempt: Option<u32>,
-    supervisor_checked: Instant,
-}
+pub struct Run(ObservedRun);
 
 impl Run {
     pub(super) fn read(output: &Path) -> anyhow::Result<Self> {
-        let wiring = Wiring::read(output).map_err(anyhow::Error::msg)?;
-        let output = output.canonicalize().with_context(|| output.display().to_string())?;
-        Ok(Self { output, wiring, attached_attempt: None, supervisor_checked: Instant::now() })
+        Ok(Self(ObservedRun::read(output)?))
     }
 
-    /// Whether the supervisor that wrote the wiring is running.
-    pub fn is_alive(&self) -> bool {
-        self.wiring.is_alive(&self.output)
-    }
-
-    /// The topic called `name`.
-    pub fn topic(&self, name: &str) -> anyhow::Result<&run::wiring::WiredTopic> {
-        self.wiring.topic(name).map_err(|error| UsageError(error.to_string()).into())
-    }
-
-    /// The run's services in shared memory.
-    pub fn domain(&self) -> anyhow::Result<Domain> {
-        Ok(Domain::new(&self.wiring.domain)?)
-    }
-
-    /// Waits for the next attempt of the run and opens services in it with `open`. Between two attempts a run has no services.
-    /// `None` if the run has ended or `stop` returns true.
-    pub fn attach<T>(
-        &mut self,
-        open: impl Fn(&Node, &Wiring) -> Result<T, IpcError>,
-        stop: impl Fn() -> bool,
-    ) -> anyhow::Result<Option<Attached<T>>> {
-        let mut refused_since = None;
-        while self.is_alive() && !stop() {
-            self.wiring = Wiring::read(&self.output).map_err(anyhow::Error::msg)?;
-            if self.attached_attempt == Some(self.wiring.attempt) {
-                std::thread::sleep(POLL_INTERVAL);
-                continue;
-            }
-            let domain = self.domain()?;
-            match domain.attach("observer", |node| open(node, &self.wiring)) {
-                // The supervisor announces an attempt before it creates the services of the attempt. The services that were
-                // opened belong to this attempt only if the wiring is still the same.
-                Ok(attached) if Wiring::read(&self.output).is_ok_and(|wiring| wiring == self.wiring) => {
-                    self.attached_attempt = Some(self.wiring.attempt);
-                    return Ok(Some(attached));
-                }
-                Err(_) if !domain.root().exists() => refused_since = None,
-                Err(error) if refused_since.get_or_insert_with(Instant::now).elapsed() > ATTACH_TIMEOUT => {
-                    return Err(error).context(
-                        "no free observer slot: a topic has three, one of them lossless\nhint: end another observer of the topic",
-                    );
-                }
-                _ => {}
-            }
-            std::thread::sleep(POLL_INTERVAL);
-        }
-        Ok(None)
-    }
-
-    /// Whether the attempt of `attached` has ended. Call this before receiving: a message that was published before the end is
-    /// then received before the end is noticed.
-    pub fn has_ended<T>(&mut self, attached: &Attached<T>) -> bool {
-        if !attached.is_current() {
-            return true;
-        }
-        if self.supervisor_checked.elapsed() < SUPERVISOR_CHECK_INTERVAL {
-            return false;
-        }
-        self.supervisor_checked = Instant::now();
-        !self.is_alive()
-    }
-
-    /// Waits for the attempt to end and drops `error`, which its end caused. Returns the error if the attempt goes on.
-    pub fn ignore_if_ended<T>(&self, attached: &Attached<T>, error: IpcError) -> Result<(), IpcError> {
-        let begun = Instant::now();
-        while attached.is_current() && self.is_alive() {
-            if begun.elapsed() > REMOVAL_TIMEOUT {
-                return Err(error);
-            }
-            std::thread::sleep(POLL_INTERVAL);
-        }
-        Ok(())
+    /// The topic called `name`. Another name is wrong usage.
+    pub fn topic(&self, name: &str) -> anyhow::Result<&WiredTopic> {
+        self.0.topic(name).map_err(|error| UsageError(error.to_string()).into())
     }
 }
 
-/// The channels of a topic, for use in `open` of [`Run::attach`].
-pub fn channels<'a>(wiring: &'a Wiring, topic: &str) -> Result<&'a TopicChannels, IpcError> {
-    let wired = wiring
-        .topic(topic)
-        .map_err(|cause| IpcError::Transport { what: "wiring".to_owned(), cause: cause.to_string() })?;
-    Ok(&wired.channels)
+impl Deref for Run {
+    type Target = ObservedRun;
+    fn deref(&self) -> &ObservedRun {
+        &self.0
+    }
+}
+
+impl DerefMut for Run {
+    fn deref_mut(&mut self) -> &mut ObservedRun {
+        &mut self.0
+    }
 }

@@ -1,8 +1,9 @@
 //! Receives the messages of one topic, through restarts of the run.
 
-use super::run_handle::{Run, channels};
+use super::run_handle::Run;
 use crate::terminal::StopFlag;
 use ipc::{Attached, Observed, Observer, ObserverMode};
+use run::observed_run::channels;
 use std::time::{Duration, Instant};
 
 /// Observers are not notified, so they poll. A queue of four sweeps is full after 8 ms at 500 sweeps per second, and a poll
@@ -82,5 +83,6 @@ fn attach(
     mode: ObserverMode,
     stop: &StopFlag,
 ) -> anyhow::Result<Option<Attached<Observer>>> {
-    run.attach(|node, wiring| Observer::open(node, &channels(wiring, topic)?.messages, mode), || stop.is_set())
+    let open = |node: &_, wiring: &_| Observer::open(node, &channels(wiring, topic)?.messages, mode);
+    Ok(run.attach(open, || stop.is_set())?)
 }

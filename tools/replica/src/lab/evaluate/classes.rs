@@ -2,7 +2,6 @@
 
 mod coverage;
 mod error_picture;
-mod fused;
 mod knn;
 mod label_files;
 mod models;

@@ -1,9 +1,8 @@
 //! The models that are evaluated.
 
-use super::fused::Fused;
 use super::{Args, Refine, knn};
 use segmentation::spherical::{IntensityUse, Refinement};
-use segmentation::{Options, Segmenter, UnknownBelow, ground};
+use segmentation::{Fused, Options, Segmenter, UnknownBelow, ground};
 use std::path::Path;
 
 /// A model, and the same model with other uses of the intensities.
@@ -45,7 +44,7 @@ fn load(path: &Path, args: &Args, intensity: &str) -> anyhow::Result<Box<dyn Seg
         _ => segmentation::load(path, &options)?,
     };
     let model = match &args.fused_with {
-        Some(second) => Box::new(Fused([model, segmentation::load(second, &options)?])),
+        Some(second) => Box::new(Fused::new(model, segmentation::load(second, &options)?)),
         None => model,
     };
     Ok(UnknownBelow::wrap(model, args.unknown_below))

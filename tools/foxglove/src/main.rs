@@ -1,0 +1,64 @@
+//! `replica-foxglove`: shows recordings and running pipelines in Foxglove.
+
+mod clouds;
+mod convert;
+mod live;
+mod objects;
+mod scene;
+mod submaps;
+
+use clap::{Parser, Subcommand};
+use std::net::IpAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Show recordings and running pipelines in Foxglove, Lichtblick and other programs with Foxglove's messages.
+#[derive(Parser, Debug)]
+#[command(name = "replica-foxglove", version, after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage")]
+struct Args {
+    /// Points of a submap to show at most; others are left out evenly
+    #[arg(long, global = true, value_name = "N", default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(1..))]
+    points: u32,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Convert a recording of `replica record` or `replica-launch --record`
+    Convert {
+        /// The recording
+        recording: PathBuf,
+        /// MCAP file with Foxglove's messages; must not exist
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// Serve a running pipeline by Foxglove's WebSocket protocol, until it ends or Ctrl-C
+    Serve {
+        /// Output folder of the run
+        #[arg(long, value_name = "DIR")]
+        run: PathBuf,
+        /// Address to listen at; others than this machine's own can be reached from the network, without a password
+        #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
+        bind: IpAddr,
+        /// Port; 0 takes a free one
+        #[arg(long, default_value_t = 8765)]
+        port: u16,
+    },
+}
+
+fn main() -> ExitCode {
+    let Args { points, command } = Args::parse();
+    let points = points as usize;
+    let result = match command {
+        Command::Convert { recording, out } => convert::convert(&recording, &out, points),
+        Command::Serve { run, bind, port } => live::serve(&run, bind, port, points),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

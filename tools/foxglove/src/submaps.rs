@@ -1,0 +1,95 @@
+//! Submaps that wait for their columns.
+
+use crate::clouds::ShownPoint;
+use messages::pod::rows_from_bytes;
+use messages::{ClassRow, ColorRow, POINT_DYNAMIC, Pod, SubmapPoint, UNSEEN};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Submaps that wait at most. A column that is missing then was missed.
+const MOST_WAITING: usize = 6;
+/// Color of a point that no camera saw.
+const GRAY: [u8; 4] = [150, 150, 150, 255];
+
+/// A submap and what is known of its points.
+pub struct ShownSubmap {
+    /// ns since 1970, first shot.
+    pub stamp: i64,
+    /// Pose of the submap.
+    pub odom_from_submap: geometry::Pose,
+    /// Points, without those that are left out.
+    pub points: Vec<ShownPoint>,
+    /// Every so many rows there is a point.
+    step: usize,
+    columns: BTreeSet<String>,
+}
+
+/// Submaps by their numbers.
+#[derive(Default)]
+pub struct Submaps {
+    expected: BTreeSet<String>,
+    waiting: BTreeMap<u64, ShownSubmap>,
+    most_points: usize,
+}
+
+impl Submaps {
+    /// The columns that are joined.
+    pub const COLUMNS: [&'static str; 3] = ["color", "class", "instance"];
+
+    /// Shows up to so many points of a submap.
+    pub fn new(most_points: usize) -> Self {
+        Self { most_points, ..Self::default() }
+    }
+    /// Waits for the columns among `topics`.
+    pub fn expect<'a>(&mut self, topics: impl Iterator<Item = &'a str>) {
+        self.expected = topics.filter(|topic| Self::COLUMNS.contains(topic)).map(str::to_owned).collect();
+    }
+    /// Adds a submap.
+    pub fn add(&mut self, seq: u64, stamp: i64, odom_from_submap: geometry::Pose, rows: &[u8]) {
+        let step = (rows.len() / size_of::<SubmapPoint>()).div_ceil(self.most_points).max(1);
+        let shown = |point: &SubmapPoint| ShownPoint {
+            position: [point.x, point.y, point.z],
+            color: GRAY,
+            intensity: point.intensity,
+            moving: point.flags & POINT_DYNAMIC != 0,
+            ..ShownPoint::default()
+        };
+        let points = every(rows, step).iter().map(shown).collect();
+        self.waiting.insert(seq, ShownSubmap { stamp, odom_from_submap, points, step, columns: BTreeSet::new() });
+    }
+    /// Adds a column of a submap. A column of a submap that is not waiting is left out.
+    pub fn add_column(&mut self, topic: &str, seq: u64, rows: &[u8]) {
+        let Some(submap) = self.waiting.get_mut(&seq) else { return };
+        submap.columns.insert(topic.to_owned());
+        let (points, step) = (&mut submap.points, submap.step);
+        match topic {
+            "color" => {
+                for (point, row) in points.iter_mut().zip(every::<ColorRow>(rows, step)) {
+                    if row.camera != UNSEEN {
+                        point.color = [row.r, row.g, row.b, 255];
+                    }
+                }
+            }
+            "class" => {
+                for (point, row) in points.iter_mut().zip(every::<ClassRow>(rows, step)) {
+                    (point.class, point.score) = (row.class_id, row.score);
+                }
+            }
+            _ => points.iter_mut().zip(every::<u32>(rows, step)).for_each(|(point, id)| point.instance = id),
+        }
+    }
+    /// Takes the oldest submap if it has all columns, or if too many wait, or in any case if `is_end`.
+    pub fn take(&mut self, is_end: bool) -> Option<ShownSubmap> {
+        let oldest = self.waiting.first_entry()?;
+        let is_complete = self.expected.is_subset(&oldest.get().columns);
+        if !(is_complete || is_end) && self.waiting.len() <= MOST_WAITING {
+            return None;
+        }
+        self.waiting.pop_first().map(|(_, submap)| submap)
+    }
+}
+
+/// Every `step`-th row.
+fn every<T: Pod>(rows: &[u8], step: usize) -> Vec<T> {
+    let bytes: Vec<u8> = rows.chunks_exact(size_of::<T>()).step_by(step).flatten().copied().collect();
+    rows_from_bytes(&bytes).unwrap_or_default()
+}
