@@ -23,11 +23,35 @@ pub struct ShownSubmap {
     columns: BTreeSet<String>,
 }
 
+impl ShownSubmap {
+    fn add_column(&mut self, topic: &str, rows: &[u8]) {
+        self.columns.insert(topic.to_owned());
+        let (points, step) = (&mut self.points, self.step);
+        match topic {
+            "color" => {
+                for (point, row) in points.iter_mut().zip(every::<ColorRow>(rows, step)) {
+                    if row.camera != UNSEEN {
+                        point.color = [row.r, row.g, row.b, 255];
+                    }
+                }
+            }
+            "class" => {
+                for (point, row) in points.iter_mut().zip(every::<ClassRow>(rows, step)) {
+                    (point.class, point.score) = (row.class_id, row.score);
+                }
+            }
+            _ => points.iter_mut().zip(every::<u32>(rows, step)).for_each(|(point, id)| point.instance = id),
+        }
+    }
+}
+
 /// Submaps by their numbers.
 #[derive(Default)]
 pub struct Submaps {
     expected: BTreeSet<String>,
     waiting: BTreeMap<u64, ShownSubmap>,
+    /// Columns that came before their submap: topics are received independently of each other.
+    early: BTreeMap<u64, BTreeMap<String, Vec<u8>>>,
     most_points: usize,
 }
 
@@ -54,27 +78,21 @@ impl Submaps {
             ..ShownPoint::default()
         };
         let points = every(rows, step).iter().map(shown).collect();
-        self.waiting.insert(seq, ShownSubmap { stamp, odom_from_submap, points, step, columns: BTreeSet::new() });
+        let mut submap = ShownSubmap { stamp, odom_from_submap, points, step, columns: BTreeSet::new() };
+        for (topic, rows) in self.early.remove(&seq).into_iter().flatten() {
+            submap.add_column(&topic, &rows);
+        }
+        self.waiting.insert(seq, submap);
     }
-    /// Adds a column of a submap. A column of a submap that is not waiting is left out.
+    /// Adds a column of a submap.
     pub fn add_column(&mut self, topic: &str, seq: u64, rows: &[u8]) {
-        let Some(submap) = self.waiting.get_mut(&seq) else { return };
-        submap.columns.insert(topic.to_owned());
-        let (points, step) = (&mut submap.points, submap.step);
-        match topic {
-            "color" => {
-                for (point, row) in points.iter_mut().zip(every::<ColorRow>(rows, step)) {
-                    if row.camera != UNSEEN {
-                        point.color = [row.r, row.g, row.b, 255];
-                    }
-                }
-            }
-            "class" => {
-                for (point, row) in points.iter_mut().zip(every::<ClassRow>(rows, step)) {
-                    (point.class, point.score) = (row.class_id, row.score);
-                }
-            }
-            _ => points.iter_mut().zip(every::<u32>(rows, step)).for_each(|(point, id)| point.instance = id),
+        if let Some(submap) = self.waiting.get_mut(&seq) {
+            return submap.add_column(topic, rows);
+        }
+        self.early.entry(seq).or_default().insert(topic.to_owned(), rows.to_vec());
+        // The submaps of the oldest were missed, or are shown already.
+        while self.early.len() > MOST_WAITING {
+            self.early.pop_first();
         }
     }
     /// Takes the oldest submap if it has all columns, or if too many wait, or in any case if `is_end`.
