@@ -10,12 +10,13 @@ const IMAGE_COLOR = [0.4, 0.9, 1]
 
 export class Layers {
   #view
+  #path = null
   #images = null
   #imagePlaces
 
   constructor(view, scene, cloud) {
     this.#view = view
-    if (scene.path.length > 1) this.#add(thickLine(scene.path.map((p) => cloud.local(p)), PATH_COLOR, 3), 'path')
+    this.setPath(scene.path.map((p) => cloud.local(p)))
     if (scene.objects.length > 0) {
       // Brighter than the points of the class, which are inside.
       const colors = new Map(scene.classes.map(({ name, color }) => [name, color.map((value) => 0.5 + value / 510)]))
@@ -25,6 +26,14 @@ export class Layers {
     const images = scene.images.map(({ position, ahead }) => ({ position: cloud.local(position), ahead: cloud.local(ahead) }))
     this.#imagePlaces = images.map(({ position }) => position)
     if (images.length > 0) this.#images = this.#add(cameraPyramids(images, IMAGE_COLOR), 'images')
+  }
+
+  /** Draws the path through positions, m from the origin of the cloud, in place of the one before. */
+  setPath(positions) {
+    if (this.#path) this.#view.scene.remove(this.#path)
+    this.#path?.geometry.dispose()
+    this.#path = positions.length > 1 ? thickLine(positions, PATH_COLOR, 3) : null
+    if (this.#path) this.#add(this.#path, 'path')
   }
 
   #add(object, checkbox) {
