@@ -11,7 +11,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Points of a cloud that are taken, evenly spread. A page that shows hundreds of clouds cannot draw more of each.
-const MAX_POINTS: usize = 100_000;
+const MAX_POINTS: usize = 200_000;
 /// The points of a part are written in this many passes, so that its first points are a thinner cloud of the same place.
 const PASSES: [usize; 8] = [0, 4, 2, 6, 1, 5, 3, 7];
 
@@ -78,7 +78,7 @@ impl GrowingCloud {
         Ok(this)
     }
 
-    /// Appends up to 100 000 points of the cloud of a submap. `None` if it is in its final frame, which is not that of the other parts, or
+    /// Appends up to 200 000 points of the cloud of a submap. `None` if it is in its final frame, which is not that of the other parts, or
     /// has no points.
     pub fn add(&mut self, seq: u64, cloud: &PlyRows) -> Result<Option<Part>, DeliverError> {
         if !is_in_odometry(cloud.header()) {
@@ -209,11 +209,11 @@ mod tests {
     #[test]
     fn cloud_in_its_final_frame_and_surplus_points_are_left_out() {
         let folder = tempfile::tempdir().expect("a folder");
-        let first = cloud(&folder.path().join("a.ply"), "frame odometry, m", (0.0, 250_000));
+        let first = cloud(&folder.path().join("a.ply"), "frame odometry, m", (0.0, 500_000));
         let path = folder.path().join("live.las");
         let mut growing = GrowingCloud::create(&path, &first, ("system", "software")).expect("creates");
         let part = growing.add(0, &first).expect("adds").expect("is in the frame");
-        assert_eq!((part.n_all, part.n_points), (250_000, 250_000_u64.div_ceil(3)));
+        assert_eq!((part.n_all, part.n_points), (500_000, 500_000_u64.div_ceil(3)));
         let placed = cloud(&folder.path().join("b.ply"), "frame local east-north-up, m", (0.0, 8));
         assert_eq!(growing.add(1, &placed).expect("reads"), None);
     }

@@ -34,7 +34,7 @@ fn answer_as_json_has_the_facts_of_the_text() {
     assert_eq!(answer["files"], facts(&out)["files"]);
     assert!(answer["path"].as_array().is_some_and(|files| files.contains(&json!("trajectory.csv"))), "{answer}");
     assert_eq!((&answer["rasters"], &answer["accuracy"]), (&json!([]), &Value::Null));
-    assert_eq!(answer["semantic_kitti"]["n"], 2);
+    assert_eq!(answer["semantic_kitti"]["n"], 3);
 }
 
 fn facts(out: &Path) -> Value {

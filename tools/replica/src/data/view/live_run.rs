@@ -102,7 +102,9 @@ impl LiveRun {
         }
         self.seen.clear();
         (self.begun, self.growing, self.has_moved_clouds) = (begun, None, false);
-        self.state = LiveState { run: self.state.run + 1, ..LiveState::default() };
+        // A page without points need not begin anew.
+        let run = self.state.run + u64::from(self.state.parts_bytes > 0);
+        self.state = LiveState { run, ..LiveState::default() };
         Ok(())
     }
 
