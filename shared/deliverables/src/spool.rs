@@ -67,8 +67,7 @@ impl<K: Ord + Copy> Spool<K> {
     /// Writes the keys with most waiting records until half of the bytes are left: the fewest pieces, and the places where the vehicle is
     /// now often need no file.
     fn write_waiting(&mut self) -> Result<(), DeliverError> {
-        let mut longest: Vec<&mut OfKey> =
-            self.keys.values_mut().filter(|of_key| !of_key.waiting.is_empty()).collect();
+        let mut longest: Vec<&mut OfKey> = self.keys.values_mut().filter(|of_key| !of_key.waiting.is_empty()).collect();
         longest.sort_by_key(|of_key| std::cmp::Reverse(of_key.waiting.len()));
         for OfKey { pieces, waiting } in longest {
             if self.n_waiting_bytes <= self.most_waiting_bytes / 2 {

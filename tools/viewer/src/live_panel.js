@@ -17,6 +17,8 @@ export class LivePanel {
   /** Bytes of the list of the parts. */
   nListBytes = 0
   #run = null
+  /** Whether the site of the finished run was asked for: it has no state to ask for. */
+  #isEnding = false
 
   constructor() {
     element('live').hidden = false
@@ -26,12 +28,12 @@ export class LivePanel {
   /** Waits until there are points. */
   async waitForPoints() {
     element('status').textContent = 'no points yet'
-    while (!await this.#ask()) await pause()
+    while (this.#isEnding || !await this.#ask()) await pause()
   }
 
   /** Calls `grow` whenever the cloud has grown. */
   async run(cloud, grow) {
-    for (;;) {
+    while (!this.#isEnding) {
       await this.#ask()
       if (await cloud.read(this.nListBytes)) grow()
       await pause()
@@ -65,8 +67,11 @@ export class LivePanel {
 
   /** Asks for the site of the finished run, and waits for it. */
   async #showFinal() {
+    this.#isEnding = true
     element('final').disabled = true
     element('final').textContent = 'preparing the final cloud'
+    // A question that is under way is answered before.
+    await pause()
     await fetch('final.json').catch(() => null)
     for (;;) {
       const scene = await fetch('scene.json').then((response) => response.json()).catch(() => null)
