@@ -1,5 +1,6 @@
 // What is drawn beside the points, each with a checkbox: the path, boxes of objects, places of images.
 
+import { Group } from 'three'
 import { boxes, cameraPyramids, thickLine } from './annotations.js'
 import { element, onInput } from './elements.js'
 
@@ -10,7 +11,7 @@ const IMAGE_COLOR = [0.4, 0.9, 1]
 
 export class Layers {
   #view
-  #path = null
+  #path = new Group()
   #images = null
   #imagePlaces
 
@@ -30,10 +31,12 @@ export class Layers {
 
   /** Draws the path through positions, m from the origin of the cloud, in place of the one before. */
   setPath(positions) {
-    if (this.#path) this.#view.scene.remove(this.#path)
-    this.#path?.geometry.dispose()
-    this.#path = positions.length > 1 ? thickLine(positions, PATH_COLOR, 3) : null
-    if (this.#path) this.#add(this.#path, 'path')
+    if (positions.length < 2) return
+    const [before] = this.#path.children
+    before?.geometry.dispose()
+    this.#path.clear()
+    this.#path.add(thickLine(positions, PATH_COLOR, 3))
+    if (!before) this.#add(this.#path, 'path')
   }
 
   #add(object, checkbox) {

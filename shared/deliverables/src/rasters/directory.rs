@@ -1,4 +1,4 @@
-//! Directories of TIFF files (TIFF 6.0), and of BigTIFF files, whose places have 64 bits.
+//! Directories of TIFF files (TIFF 6.0), and of `BigTIFF` files, whose places have 64 bits.
 
 /// Which of the two a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

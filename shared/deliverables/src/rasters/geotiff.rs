@@ -113,7 +113,7 @@ impl<'a> ImageTiles<'a> {
         written.map_err(DeliverError::file(path, "write"))
     }
 
-    /// As BigTIFF if a classic file would have more than `classic_bytes`.
+    /// As `BigTIFF` if a classic file would have more than `classic_bytes`.
     fn write_to(&self, file: &File, grid: &Grid, frame: &TargetFrame<'_>, classic_bytes: u64) -> io::Result<()> {
         let stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
         let empty = compressed(&self.content.empty());
