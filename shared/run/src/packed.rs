@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(unpack(&by_rows).expect("unpacks"), bytes);
         assert!(by_rows.len() < bytes.len() / 2, "{} of {}", by_rows.len(), bytes.len());
         assert!(by_rows.len() < packed(&bytes, 1).len(), "the columns are more alike than the rows");
-        for (bytes, row_bytes) in [(&[][..], 4), (&[7][..], 4), (&bytes[..BLOCK + 1], 1), (&bytes[..BLOCK], 70_000)] {
+        for (bytes, row_bytes) in [(&[][..], 4), (&[7][..], 4), (&bytes[..=BLOCK], 1), (&bytes[..BLOCK], 70_000)] {
             assert_eq!(unpack(&packed(bytes, row_bytes)).expect("unpacks"), bytes);
         }
     }
