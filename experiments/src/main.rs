@@ -116,7 +116,7 @@ impl Table {
 }
 
 fn main() -> anyhow::Result<()> {
-    allocator::restart_with_kept_memory(allocator::Keep::Activations);
+    allocator::restart_with_kept_memory(allocator::Keep::Large);
     let Args { table, seeds, out, published, budget_hours, job, threads, input, limit, plan } = Args::parse();
     // Seeds of 9000 and above are for test drives only.
     ensure!(seeds.is_none_or(|seeds| (1..=1000).contains(&seeds)), "the number of seeds must be 1 to 1000");

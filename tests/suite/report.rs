@@ -36,7 +36,8 @@ fn run_ends_with_a_report_that_names_its_doubts() {
     let text = doubt["text"].as_str().expect("text");
     assert!(page.contains(text), "{text}");
     assert_eq!(page.matches("data:image/png").count(), 4, "three views from above and a range image");
-    assert!(page.matches("data:image/jpeg").count() >= 4, "points over the images of most cameras");
+    assert!(page.matches("data:image/jpeg").count() >= 6, "points over the images of most cameras");
+    assert!(["hs02: ", "hs03: "].iter().all(|camera| page.contains(camera)), "and of both mosaic cameras");
     let external = ["<script", "src=\"http", "href=\"http", "@import"];
     assert!(external.iter().all(|word| !page.contains(word)), "the page needs no other file");
     assert!(page.len() < 5_000_000, "{} bytes", page.len());

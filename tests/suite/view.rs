@@ -1,6 +1,7 @@
 //! The page of `replica view` in a browser, on the clouds of a run.
 
-use replica_tests::{Browser, binary, drive, pipeline, wait_for};
+use replica_tests::{Browser, SIDE, binary, drive, lidar_pipeline, long_drive, pipeline, wait_for, write_foreign_copc};
+use rustix::process::{Signal, kill_process};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -12,11 +13,13 @@ struct Viewer {
 }
 
 impl Viewer {
-    fn of(run: &Path) -> Self {
+    /// Of a run or a file.
+    fn of(path: &Path, options: &[&str]) -> Self {
         let mut child = Command::new(binary("replica"))
             .arg("view")
-            .arg(run)
-            .args(["--bands", "--port", "0"])
+            .arg(path)
+            .args(options)
+            .args(["--port", "0"])
             .stdout(Stdio::piped())
             .spawn()
             .expect("starts");
@@ -67,7 +70,7 @@ fn wait_for_points(browser: &Browser) {
 fn browser_draws_hides_and_picks_points() {
     let launch = pipeline(&drive(), "report = false", "");
     assert_eq!(launch.run().status.code(), Some(0));
-    let viewer = Viewer::of(&launch.output());
+    let viewer = Viewer::of(&launch.output(), &["--bands"]);
     let browser = Browser::open(&viewer.url, [900, 600]);
     wait_for_points(&browser);
     let n_points = launch.summary()["total"]["points"].as_f64().expect("a number");
@@ -94,6 +97,9 @@ fn browser_draws_hides_and_picks_points() {
     assert!(legend.as_str().is_some_and(|text| text.contains("ground") && text.contains("unlabeled")), "{legend}");
 
     picks_point(&browser);
+    let text = browser.evaluate("document.getElementById('point').innerText");
+    let fields = ["class", "score", "instance"];
+    assert!(text.as_str().is_some_and(|text| fields.iter().all(|field| text.contains(field))), "{text}");
     measures_distance(&browser);
 
     // Every mode of colors draws, and the address keeps the view.
@@ -115,12 +121,90 @@ fn browser_draws_hides_and_picks_points() {
     assert_eq!(browser.errors(), Vec::<String>::new());
 }
 
+#[test]
+#[cfg_attr(not(chromium), ignore = "needs Chromium: apt-get install chromium")]
+fn live_page_shows_submaps_while_they_are_written_and_then_the_final_cloud() {
+    let launch = lidar_pipeline(&long_drive(), "report = false");
+    let viewer = Viewer::of(&launch.output(), &["--live"]);
+    let browser = Browser::open(&viewer.url, [900, 600]);
+    let phase = || browser.evaluate("document.getElementById('phase')?.textContent ?? ''").to_string();
+    wait_for("a page without a run", || phase().contains("No run is active").then_some(()));
+    browser.evaluate("window.__isFirstPage = true");
+
+    // A source that is stopped early keeps the run from ending before the page has met it.
+    let running = launch.start();
+    wait_for("a submap", || launch.output().join("clouds/submap_0000.ply").exists().then_some(()));
+    let source = running.stage("acquire");
+    kill_process(source, Signal::STOP).expect("it lives");
+    wait_for_points(&browser);
+    assert!(phase().contains("is active"), "{}", phase());
+    let n_first = number(&browser, "__state.nodes.nDrawn");
+    let pixels = drawn_pixels(&browser);
+    assert!(n_first > 1000.0 && pixels > 1000.0, "{n_first} points on {pixels} pixels");
+    assert!(number(&browser, "__state.cloud.path.length") > 5.0);
+    picks_point(&browser);
+    // The budget thins all parts.
+    set(&browser, "budget", "value", "0.1");
+    drawn_pixels(&browser);
+    assert!(number(&browser, "__state.nodes.nDrawn") < 101_000.0);
+    set(&browser, "budget", "value", "3");
+
+    kill_process(source, Signal::CONT).expect("it lives");
+    wait_for("more points", || (number(&browser, "__state.cloud.nPoints") > n_first).then_some(()));
+    assert_eq!(running.wait(), Some(0));
+    wait_for("the end of the run", || phase().contains("has ended: done").then_some(()));
+    assert!(phase().contains("before the poses were corrected"), "{}", phase());
+    assert_eq!(browser.evaluate("window.__isFirstPage"), true, "the page was not loaded anew");
+    let n_live = number(&browser, "__state.cloud.nPoints");
+
+    browser.evaluate("document.getElementById('final').click()");
+    let is_final = "window.__isFirstPage === undefined && !!window.__state";
+    wait_for("the final cloud", || (browser.evaluate(is_final) == true).then_some(()));
+    wait_for_points(&browser);
+    let n_points = launch.summary()["total"]["points"].as_f64().expect("a number");
+    assert_eq!(number(&browser, "__state.cloud.nPoints"), n_points);
+    assert!(n_live > 0.0 && n_live <= n_points, "{n_live} of {n_points}");
+    assert_eq!(browser.evaluate("document.getElementById('live').hidden"), true);
+    assert_eq!(browser.errors(), Vec::<String>::new());
+}
+
+#[test]
+#[cfg_attr(not(chromium), ignore = "needs Chromium: apt-get install chromium")]
+fn files_of_other_programs_are_drawn_in_all_point_formats() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("foreign.copc.laz");
+    let (red, black) = ([u16::MAX, 0, 0], [0; 3]);
+    for (format, rgb, mode) in [(6, black, "height"), (7, red, "rgb"), (8, red, "rgb"), (8, black, "height")] {
+        write_foreign_copc(&path, format, rgb);
+        let viewer = Viewer::of(&path, &[]);
+        let browser = Browser::open(&viewer.url, [600, 400]);
+        wait_for_points(&browser);
+        let n_points = (SIDE * SIDE) as f64;
+        assert_eq!(number(&browser, "__state.cloud.nPoints"), n_points);
+        drawn_pixels(&browser);
+        assert_eq!(number(&browser, "__state.nodes.nDrawn"), n_points, "format {format}");
+        assert_eq!(browser.evaluate("document.getElementById('mode').value"), mode, "format {format}");
+        if rgb == red {
+            let is_red = "(() => { const p = __state.pixels(); let n = 0; \
+                          for (let i = 0; i < p.length; i += 4) n += p[i] > 60 && p[i + 1] < 20; return n })()";
+            assert!(number(&browser, is_red) > 1000.0, "format {format}");
+        }
+        let legend = browser.evaluate("document.getElementById('classes').innerText");
+        let legend = legend.as_str().expect("text");
+        assert!(legend.contains("ground") && legend.contains("building") && legend.contains("5 000"), "{legend}");
+        click_point(&browser, 0.5);
+        let point = browser.evaluate("document.getElementById('point').innerText");
+        assert!(point.as_str().is_some_and(|text| text.contains("classification")), "{point}");
+        assert_eq!(browser.errors(), Vec::<String>::new());
+    }
+}
+
 /// Clicks a drawn pixel near the middle: the panel shows the point that is there.
 fn picks_point(browser: &Browser) {
     click_point(browser, 0.5);
     let text = browser.evaluate("document.getElementById('point').innerText");
     let text = text.as_str().expect("text");
-    for field in ["intensity", "class", "score", "instance", "frame", "GPS time"] {
+    for field in ["intensity", "laser", "moving", "frame", "GPS time"] {
         assert!(text.contains(field), "{field}: {text}");
     }
     let value = |name: &str| -> f64 {

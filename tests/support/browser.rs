@@ -70,7 +70,13 @@ impl Browser {
     /// The value of an expression; promises are awaited.
     pub fn evaluate(&self, expression: &str) -> Value {
         let parameters = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
-        let answer = self.call("Runtime.evaluate", &parameters);
+        // A page that is being loaded anew does not answer: the next one does.
+        let answer = loop {
+            match self.try_call("Runtime.evaluate", &parameters) {
+                Err(error) if error.to_string().contains("navigated") => {}
+                answer => break answer.unwrap_or_else(|error| panic!("{expression}: {error}")),
+            }
+        };
         assert!(answer["exceptionDetails"].is_null(), "{expression}: {}", answer["exceptionDetails"]);
         answer["result"]["value"].clone()
     }
@@ -88,8 +94,12 @@ impl Browser {
         self.errors.borrow().clone()
     }
 
-    /// Sends a command and waits for its answer.
     fn call(&self, method: &str, parameters: &Value) -> Value {
+        self.try_call(method, parameters).unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// Sends a command and waits for its answer.
+    fn try_call(&self, method: &str, parameters: &Value) -> Result<Value, Value> {
         let id = self.last_id.get() + 1;
         self.last_id.set(id);
         let mut command = json!({"id": id, "method": method, "params": parameters});
@@ -103,8 +113,11 @@ impl Browser {
             assert!(bytes.pop() == Some(0), "Chromium has ended");
             let message: Value = serde_json::from_slice(&bytes).expect("JSON");
             if message["id"] == id {
-                assert!(message["error"].is_null(), "{method}: {}", message["error"]);
-                return message["result"].clone();
+                return if message["error"].is_null() {
+                    Ok(message["result"].clone())
+                } else {
+                    Err(message["error"].clone())
+                };
             }
             self.note(&message);
         }

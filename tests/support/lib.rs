@@ -3,6 +3,7 @@
 
 mod browser;
 mod drive;
+mod foreign_copc;
 mod kills;
 mod launch;
 mod namespace;
@@ -18,6 +19,7 @@ pub use browser::Browser;
 pub use drive::{
     ANY_DEVIATION, ANY_FIXES, drive, lidar_pipeline, long_drive, pipeline, simulated_drive, two_lidar_drive,
 };
+pub use foreign_copc::{SIDE, write_foreign_copc};
 pub use kills::{Kills, run_under_kills};
 pub use launch::{Launch, PATIENT, digest, gate, output_text, reported_seconds, result_files};
 pub use namespace::{mount_tmpfs, resize_tmpfs, run_in_own_namespace, runs_in_own_namespace};

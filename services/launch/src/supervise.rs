@@ -289,6 +289,10 @@ impl Supervisor {
         let summary = self.account.summary(&self.run.plan, outcome, swaps, wall_s);
         let output = &self.run.plan.context.output;
         summary.write(output)?;
+        if outcome == "done" {
+            // Nothing is left to continue.
+            self.run.folder.states().remove_before(u64::MAX);
+        }
         // The recorder learns from the summary that the run was cut short, so it ends only now.
         let is_recorded = self.observers.finish_recording(outcome);
         self.operator.control.end(outcome);

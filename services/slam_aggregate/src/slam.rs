@@ -8,7 +8,9 @@ use formats::drive::{Drive, LiveRig};
 use formats::manifest::Manifest;
 use geometry::{Isometry3, Pose};
 use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, InertialUnit, Placed};
-use messages::{GnssTopic, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod};
+use messages::{
+    GnssTopic, ImuTopic, PlacementTopic, StampedPose, SubmapPoint, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
+};
 use registration::{
     BodyPoses, GroundVelocity, OtherLidar, PreparedSweep, RawSweep, Registered, SelectedOdometry, SensorMounting,
     Stretches, SweepRows, sweeps_by_tick,
@@ -261,7 +263,7 @@ impl Stage for SlamAggregate {
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
         self.waiting.iter().flatten().for_each(|waiting| state.push(waiting));
-        state.push_bytes(rows);
+        state.push_rows(rows, size_of::<SubmapPoint>());
         Ok(state)
     }
 

@@ -17,15 +17,15 @@ const OF_USER: [&str; 2] = ["MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"];
 pub enum Keep {
     /// Buffers below 32 MiB, up to 64 MiB: the buffers of a few sweeps.
     Sweeps,
-    /// Buffers below 1 GiB, without a limit: the activations of a step of a training.
-    Activations,
+    /// Buffers below 1 GiB, without a limit: activations of a training, records of a delivery.
+    Large,
 }
 
 impl Keep {
     fn tunables(self) -> &'static str {
         match self {
             Self::Sweeps => "glibc.malloc.mmap_threshold=33554432:glibc.malloc.trim_threshold=67108864",
-            Self::Activations => "glibc.malloc.mmap_threshold=1073741824:glibc.malloc.trim_threshold=1099511627776",
+            Self::Large => "glibc.malloc.mmap_threshold=1073741824:glibc.malloc.trim_threshold=1099511627776",
         }
     }
 }
@@ -71,6 +71,6 @@ mod tests {
         assert_eq!(tunables(None, Keep::Sweeps).as_deref(), Some(kept));
         let others = tunables(Some(OsStr::new("glibc.rtld.nns=2")), Keep::Sweeps).expect("added");
         assert_eq!(others, format!("glibc.rtld.nns=2:{kept}"));
-        assert_eq!(tunables(Some(OsStr::new("glibc.malloc.trim_threshold=1")), Keep::Activations), None);
+        assert_eq!(tunables(Some(OsStr::new("glibc.malloc.trim_threshold=1")), Keep::Large), None);
     }
 }

@@ -7,6 +7,7 @@
 //! | classes of the ASPRS | `asprs` |
 //! | bytes of LAS and LAZ | `las` |
 //! | points by tile or node, in bounded memory | `cloud_delivery`, `spool`, `tiles`, `copc` |
+//! | points of a run that is not finished | [`GrowingCloud`] |
 //! | path and objects | `trajectory`, [`objects`] |
 //! | terrain and top views | `rasters` |
 //! | accuracy at points that were measured independently | [`check_points`] |
@@ -24,6 +25,7 @@ mod copc;
 pub mod crs;
 mod error;
 mod geojson;
+mod growing_cloud;
 mod las;
 pub mod objects;
 mod path_heading;
@@ -40,6 +42,7 @@ pub use cloud_delivery::{CloudOptions, LeftOut};
 pub use cloudcompare::write_cloudcompare;
 pub use copc::write_copc;
 pub use error::DeliverError;
+pub use growing_cloud::{GrowingCloud, Part};
 pub use rasters::{RasterOptions, write_rasters};
 pub use run_folder::{Georeference, RunFolder, load_trajectory};
 pub use semantic_kitti::write_semantic_kitti;

@@ -4,6 +4,7 @@
 //! tiles below them. So memory does not grow with the length of the drive.
 
 mod cells;
+mod directory;
 mod geotiff;
 
 use crate::cloud_delivery::{CloudDelivery, CloudOptions};

@@ -64,8 +64,16 @@ impl<K: Ord + Copy> Spool<K> {
         if self.n_waiting_bytes > self.most_waiting_bytes { self.write_waiting() } else { Ok(()) }
     }
 
+    /// Writes the keys with most waiting records until half of the bytes are left: the fewest pieces, and the places where the vehicle is
+    /// now often need no file.
     fn write_waiting(&mut self) -> Result<(), DeliverError> {
-        for OfKey { pieces, waiting } in self.keys.values_mut().filter(|of_key| !of_key.waiting.is_empty()) {
+        let mut longest: Vec<&mut OfKey> = self.keys.values_mut().filter(|of_key| !of_key.waiting.is_empty()).collect();
+        longest.sort_by_key(|of_key| std::cmp::Reverse(of_key.waiting.len()));
+        for OfKey { pieces, waiting } in longest {
+            if self.n_waiting_bytes <= self.most_waiting_bytes / 2 {
+                break;
+            }
+            self.n_waiting_bytes -= waiting.len();
             self.file
                 .write_all_at(waiting, self.n_file_bytes)
                 .map_err(DeliverError::file(&self.folder, "write a temporary file"))?;
@@ -73,7 +81,6 @@ impl<K: Ord + Copy> Spool<K> {
             self.n_file_bytes += waiting.len() as u64;
             *waiting = Vec::new();
         }
-        self.n_waiting_bytes = 0;
         Ok(())
     }
 

@@ -10,6 +10,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// Folder of the clouds.
+pub const CLOUDS: &str = "clouds";
 /// File with the list of clouds.
 pub const INDEX: &str = "clouds/index.json";
 /// File that describes the frame of the results.
@@ -45,7 +47,7 @@ impl Folder {
 
     /// Removes all files that this crate writes, except these clouds, which must exist. Other files are kept.
     pub fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), DeliveryError> {
-        let folder = self.path("clouds");
+        let folder = self.path(CLOUDS);
         if !folder.is_dir() {
             fs::create_dir_all(&folder).map_err(fault(&folder, "create"))?;
             // A power loss must not lose the folder with clouds that a saved state lists.
@@ -75,6 +77,12 @@ impl Folder {
     }
 }
 
+/// Number of the submap whose complete cloud has this name in [`CLOUDS`]. `None` for spectra and other files.
+pub fn submap_of(name: &str) -> Option<u64> {
+    let digits = name.strip_prefix("submap_")?.strip_suffix(".ply")?;
+    digits.parse().ok().filter(|_| is_cloud(name))
+}
+
 /// Whether the name of a file in `clouds/` is one that this crate writes, complete or partial.
 fn is_cloud(name: &str) -> bool {
     let finished = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial")).unwrap_or(name);
@@ -102,6 +110,7 @@ mod tests {
     fn only_written_names_are_clouds() {
         for name in ["submap_0000.ply", "submap_12345.ply", "submap_0003_spectra.ply", ".submap_0000.ply.partial"] {
             assert!(is_cloud(name), "{name}");
+            assert_eq!(submap_of(name).is_some(), name.starts_with("submap_") && !name.contains("spectra"), "{name}");
         }
         for name in ["submap_.ply", "submap_mine.ply", "submap_1.ply", "cloud.ply", "index.json", "submap_0000.las"] {
             assert!(!is_cloud(name), "{name}");

@@ -3,7 +3,7 @@
 //! Clouds are first written in the frame of the odometry. The header of a cloud in its final frame contains the pose of its submap,
 //! so that a restarted run does not move it again.
 
-use formats::ply::PlyRows;
+use formats::ply::{Header, PlyRows};
 use geometry::Pose;
 use messages::PoseDeviation;
 use std::path::Path;
@@ -16,6 +16,11 @@ const PLACED: &str = "world_from_submap ";
 /// The line of clouds in the frame of the odometry.
 pub(crate) fn odometry_line() -> String {
     frame_line("odometry, m")
+}
+
+/// Whether a cloud has this header before its final pose is known.
+pub fn is_in_odometry(header: &Header) -> bool {
+    header.infos.contains(&odometry_line())
 }
 
 /// The line of clouds in a frame.

@@ -5,7 +5,7 @@
 use crate::coordinates::{Bounds, Coordinates, SharedBounds};
 use crate::error::DeliveryError;
 use crate::folder::Folder;
-use crate::frame::{deviation_line, frame_line, odometry_line, pose_line};
+use crate::frame::{deviation_line, frame_line, is_in_odometry, odometry_line, pose_line};
 use crate::index::CloudEntry;
 use crate::world::{PlacedSubmap, World};
 use formats::ply::{Header, PlyError, PlyRows, PlyWriter, Row};
@@ -112,7 +112,7 @@ fn move_file(
     if place.lines().iter().all(|line| header.infos.contains(line)) {
         return Ok((cloud.n_bytes(), coordinates.bounds_of_all(&cloud)?));
     }
-    if !header.infos.contains(&odometry_line()) {
+    if !is_in_odometry(header) {
         return Err(DeliveryError::UnknownFrame { path: path.to_owned() });
     }
     let mut writer = PlyWriter::create(path, &place.header(header.clone()), cloud.len())?;

@@ -14,13 +14,15 @@ use crate::survey::{Survey, SurveySettings};
 use formats::drive::Drive;
 use formats::manifest::Manifest;
 use formats::manifest::rules::MAX_DELAY_NANOS;
+use serde::Serialize;
 use std::fmt;
 
 /// Deviations by which a value must differ.
 pub(crate) const SIGNIFICANT: f64 = 2.0;
 
 /// What happens to a value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// It is replaced.
     Replaced,
@@ -33,7 +35,7 @@ pub enum Outcome {
 }
 
 /// A value of the rig.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
     /// The sensor.
     pub subject: String,

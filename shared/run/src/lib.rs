@@ -6,7 +6,7 @@
 //! | [`program`] | command line and exit codes of every program |
 //! | [`assignment`] | what the supervisor hands to a stage, and its commands |
 //! | [`health`] | the heartbeat of a stage |
-//! | [`state_file`] | the saved state of a stage at a barrier |
+//! | [`state_file`] | the saved state of a stage at a barrier; `packed`: its rows |
 //! | [`checksum`] | of saved states and of the files that results depend on |
 //! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
 //! | [`control`] | requests to a running supervisor |
@@ -25,6 +25,7 @@ pub mod health;
 pub mod histogram;
 pub mod launch_file;
 pub mod observed_run;
+mod packed;
 pub mod process;
 pub mod program;
 pub mod settings;
@@ -35,6 +36,7 @@ pub mod terminal;
 pub mod wiring;
 
 pub use context::{Context, Mode, find_file};
+pub use packed::Piece;
 pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
 pub use settings::{
     Field, Problem, Rule, SettingError, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,

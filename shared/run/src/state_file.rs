@@ -2,6 +2,7 @@
 
 use crate::checksum::Checksum;
 use crate::health::{Doubt, Traffic};
+use crate::packed::{Piece, pack, unpack};
 use formats::atomic_file::{AtomicFile, sync_all};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -76,7 +77,7 @@ impl StateFileError {
 const MAGIC: [u8; 8] = *b"REPLICAS";
 
 /// Raised with every change of the layout below or of [`RunnerState`].
-const RUNNER_STATE_VERSION: u32 = 4;
+const RUNNER_STATE_VERSION: u32 = 5;
 
 /// Bytes before the content of a state file.
 ///
@@ -86,7 +87,7 @@ const RUNNER_STATE_VERSION: u32 = 4;
 /// | 8 | version u32 |
 /// | 12 | length of the runner's part u32 |
 /// | 16 | checksum u64 of that length and of all that follows |
-/// | 24 | the runner's part, then the stage's |
+/// | 24 | the runner's part, then the stage's, packed |
 const HEAD: usize = 24;
 
 /// A stage's runner at a barrier.
@@ -139,7 +140,7 @@ impl WrittenState {
 pub fn write_state<'a>(
     path: &Path,
     runner: &RunnerState,
-    stage: impl Iterator<Item = &'a [u8]>,
+    stage: impl Iterator<Item = Piece<'a>>,
     relied_on: &[PathBuf],
 ) -> Result<WrittenState, StateFileError> {
     let runner = postcard::to_stdvec(runner)
@@ -148,15 +149,19 @@ pub fn write_state<'a>(
     Ok(WrittenState { file, relied_on: relied_on.to_vec() })
 }
 
-fn write<'a>(path: &Path, runner: &[u8], stage: impl Iterator<Item = &'a [u8]>) -> std::io::Result<AtomicFile> {
+fn write<'a>(path: &Path, runner: &[u8], stage: impl Iterator<Item = Piece<'a>>) -> std::io::Result<AtomicFile> {
     std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
     let file = AtomicFile::create(path)?;
     let mut sum = checksum_of_len(runner.len());
     // The head is written last: the checksum is computed of each piece while it is in the cache.
     file.file().write_all(&[0; HEAD])?;
-    for piece in runner.chunks(PIECE).chain(stage.flat_map(|piece| piece.chunks(PIECE))) {
-        sum.add(piece);
-        file.file().write_all(piece)?;
+    let mut add = |bytes: &[u8]| {
+        sum.add(bytes);
+        file.file().write_all(bytes)
+    };
+    add(runner)?;
+    for piece in stage {
+        pack(piece, &mut add)?;
     }
     let mut head = Vec::with_capacity(HEAD);
     head.extend_from_slice(&MAGIC);
@@ -173,10 +178,11 @@ pub fn load_state(path: &Path) -> Result<(RunnerState, Vec<u8>), StateFileError>
     let (runner, stage) = split_state(&bytes).map_err(|cause| StateFileError::state(path, cause))?;
     let runner = postcard::from_bytes(runner)
         .map_err(|error| StateFileError::state(path, StateError::Content(error.to_string())))?;
-    Ok((runner, stage.to_vec()))
+    let stage = unpack(stage).map_err(|error| StateFileError::state(path, StateError::Content(error)))?;
+    Ok((runner, stage))
 }
 
-/// Length of the stage's own part of a state file, bytes. Reads no more than the head.
+/// Length of the stage's own part in a state file, bytes: packed. Reads no more than the head.
 pub fn saved_bytes(path: &Path) -> std::io::Result<u64> {
     let mut file = std::fs::File::open(path)?;
     let mut head = [0; HEAD];
@@ -246,7 +252,7 @@ impl Head {
     }
 }
 
-/// Bytes that are read or written at a time: few enough to stay in the cache.
+/// Bytes that are read at a time: few enough to stay in the cache.
 const PIECE: usize = 256 << 10;
 
 /// Starts the checksum: the length of the runner's part is content, too.
@@ -277,7 +283,8 @@ mod tests {
         };
         let stage: Vec<u8> = (0..100).collect();
         let relied_on = [folder.path().join("cloud.ply")];
-        let write = || write_state(&path, &runner, std::iter::once(&stage[..]), &relied_on).expect("writes");
+        let pieces = || std::iter::once(Piece::plain(&stage));
+        let write = || write_state(&path, &runner, pieces(), &relied_on).expect("writes");
         let unsaved = write().commit();
         assert!(unsaved.is_err_and(|error| error.to_string().contains("cloud.ply")), "what it relies on is not there");
         assert!(!path.exists());
@@ -287,7 +294,7 @@ mod tests {
         assert_eq!((back.tick, back.barrier, back.drive_begin, back.counters), (7, 3, Some(-5), runner.counters));
         assert_eq!((back.notes, back.doubts), (runner.notes, runner.doubts));
         assert_eq!(stage_back, stage);
-        assert_eq!(saved_bytes(&path).expect("a state"), 100);
+        assert_eq!(saved_bytes(&path).expect("a state"), 110, "a block of bytes that do not become shorter");
         let bytes = std::fs::read(&path).expect("written");
         let both_refuse = |bytes: &[u8], what: &str| {
             let loaded = split_state(bytes).map(drop);
@@ -314,9 +321,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("stage.state");
         let stage: Vec<u8> = (0..3 * PIECE + 5).map(|i| (i * i % 251) as u8).collect();
-        let pieces = std::iter::once(&stage[..]);
+        let pieces = std::iter::once(Piece { bytes: &stage, row_bytes: 7 });
         write_state(&path, &RunnerState::default(), pieces, &[]).expect("writes").commit().expect("saves");
         assert_eq!(verify_state(&path), Ok(()));
+        assert_eq!(load_state(&path).expect("loads").1, stage);
         let mut bytes = std::fs::read(&path).expect("written");
         *bytes.last_mut().expect("bytes") ^= 1;
         std::fs::write(&path, &bytes).expect("writes");

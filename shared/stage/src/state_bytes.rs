@@ -3,6 +3,7 @@
 use crate::state::{decode_state, encode_state};
 use crate::{Received, StateError, StepError};
 use messages::Message;
+use run::Piece;
 use serde::{Serialize, de::DeserializeOwned};
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -11,13 +12,14 @@ use std::path::PathBuf;
 /// from shared memory without a copy, because a window of images has hundreds of megabytes.
 #[derive(Debug, Default)]
 pub struct StateBytes<'a> {
-    pieces: Vec<Cow<'a, [u8]>>,
+    /// Each with the bytes of a row.
+    pieces: Vec<(Cow<'a, [u8]>, usize)>,
     files: Vec<PathBuf>,
 }
 
 impl From<Vec<u8>> for StateBytes<'_> {
     fn from(bytes: Vec<u8>) -> Self {
-        Self { pieces: vec![bytes.into()], files: Vec::new() }
+        Self { pieces: vec![(bytes.into(), 1)], files: Vec::new() }
     }
 }
 
@@ -25,15 +27,18 @@ impl<'a> StateBytes<'a> {
     /// A state whose messages follow `head`: [`encode_state`] behind its length (u32, little-endian). [`decode_head`] is the inverse.
     pub fn with_head<S: Serialize>(version: u32, head: &S) -> Result<Self, StateError> {
         let head = encode_state(version, head)?;
-        Ok(Self { pieces: vec![(head.len() as u32).to_le_bytes().to_vec().into(), head.into()], files: Vec::new() })
+        let len = (head.len() as u32).to_le_bytes();
+        Ok(Self::from([&len[..], &head].concat()))
     }
     /// Appends a message. [`next_message`] is the inverse.
     pub fn push<T: Message>(&mut self, message: &'a Received<T>) {
-        self.pieces.extend(message.parts().map(Cow::Borrowed));
+        let [envelope, header, rows] = message.parts();
+        self.pieces.extend([envelope, header].map(|bytes| (Cow::Borrowed(bytes), 1)));
+        self.push_rows(rows, size_of::<T::Row>());
     }
-    /// Appends bytes without a copy.
-    pub fn push_bytes(&mut self, bytes: &'a [u8]) {
-        self.pieces.push(Cow::Borrowed(bytes));
+    /// Appends rows of `row_bytes` without a copy.
+    pub fn push_rows(&mut self, rows: &'a [u8], row_bytes: usize) {
+        self.pieces.push((Cow::Borrowed(rows), row_bytes));
     }
     /// Files that the state refers to. They are synced to the disk before the state counts as saved.
     pub fn rely_on(&mut self, files: impl IntoIterator<Item = PathBuf>) {
@@ -44,12 +49,12 @@ impl<'a> StateBytes<'a> {
         &self.files
     }
     /// The pieces in their order.
-    pub fn pieces(&self) -> impl Iterator<Item = &[u8]> {
-        self.pieces.iter().map(|piece| &**piece)
+    pub fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
+        self.pieces.iter().map(|(bytes, row_bytes)| Piece { bytes, row_bytes: *row_bytes })
     }
     /// All pieces in one.
     pub fn to_vec(&self) -> Vec<u8> {
-        self.pieces.concat()
+        self.pieces().map(|piece| piece.bytes).collect::<Vec<_>>().concat()
     }
 }
 

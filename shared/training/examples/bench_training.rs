@@ -51,7 +51,7 @@ impl Dataset for Noise {
 }
 
 fn main() -> Result<(), TrainingError> {
-    allocator::restart_with_kept_memory(allocator::Keep::Activations);
+    allocator::restart_with_kept_memory(allocator::Keep::Large);
     for hierarchy in [false, true] {
         let loss = if hierarchy {
             Loss::WeightedCrossEntropyPowerJaccard { weights: vec![1.0; N_CLASSES], power: 2.0 }

@@ -15,6 +15,7 @@ mod simulate;
 mod spectrum;
 mod view;
 
+use allocator::{Keep, restart_with_kept_memory};
 use std::process::ExitCode;
 
 /// The subcommands.
@@ -47,7 +48,10 @@ impl Command {
             Command::Report(args) => report::run(args),
             Command::View(args) => view::run(args),
             Command::Compare(args) => compare::run(args),
-            Command::Deliver(args) => deliver::run(args),
+            Command::Deliver(args) => {
+                restart_with_kept_memory(Keep::Large);
+                deliver::run(args)
+            }
             Command::Cube(args) => cube::run(args),
             Command::Spectrum(args) => spectrum::run(args),
             Command::Send(args) => send::run(args),

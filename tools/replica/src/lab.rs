@@ -24,7 +24,7 @@ impl Command {
     pub fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
             Command::Train(args) => {
-                restart_with_kept_memory(Keep::Activations);
+                restart_with_kept_memory(Keep::Large);
                 train::run(args)
             }
             Command::Evaluate(args) => evaluate::run(args),

@@ -11,6 +11,8 @@ export class CameraMoves {
   #view
   #cloud
   #path
+  /** Where the vehicle was that is followed. */
+  #followed = null
 
   constructor(view, cloud, scene) {
     this.#view = view
@@ -30,6 +32,15 @@ export class CameraMoves {
   whole() {
     const [low, high] = this.#cloud.bounds.map((corner) => this.#cloud.local(corner))
     this.#lookFromSouth(low.map((value, axis) => (value + high[axis]) / 2), 1.5 * this.#view.radius)
+  }
+
+  /** Moves the camera as the vehicle has moved to a position since the last call. */
+  follow(position) {
+    const { camera, controls } = this.#view
+    const from = this.#followed ?? controls.target.toArray()
+    const moved = (place) => place.toArray().map((value, axis) => value + position[axis] - from[axis])
+    this.#followed = position
+    this.#view.look(moved(camera.position), moved(controls.target))
   }
 
   /** Makes a position the center of rotation, and comes nearer. */

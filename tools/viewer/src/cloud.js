@@ -1,6 +1,7 @@
 // The file: header, fields, and the tree of its nodes.
 
 import { Copc, Las } from 'copc'
+import { selectNodes } from './detail.js'
 import { fetchRange } from './fetch_range.js'
 import { bandsOf, extraField, recordLayout } from './record.js'
 
@@ -40,37 +41,50 @@ function classNames(bytes) {
   return names
 }
 
+/** What the records of a file have, and the names of classes that it defines. */
+export async function readRecords(get, header, vlrs) {
+  const data = async (id) => {
+    const vlr = Las.Vlr.find(vlrs, 'LASF_Spec', id)
+    return vlr ? Las.Vlr.fetch(get, vlr) : null
+  }
+  const layout = recordLayout(header, await data(4))
+  const names = await data(0)
+  const has = (name) => extraField(layout, name) !== undefined
+  const fields = { class: has('class'), score: has('score'), moving: has('moving'), instance: has('instance'), color: layout.hasColor, bands: bandsOf(layout).length > 0 }
+  return { layout, has: fields, classNames: names ? classNames(names) : new Map() }
+}
+
+/** Half the diagonal of a box, at least 1 m. */
+export const radiusOf = ([low, high]) => Math.max(0.5 * Math.hypot(...high.map((value, axis) => value - low[axis])), 1)
+
 export class Cloud {
-  /** Names of the values of `classification` that the file defines. */
-  classNames = new Map()
   #get
   #nodes = new Map()
 
   static async open(url) {
     const get = (begin, end) => fetchRange(url, begin, end)
     const { header, info, vlrs } = await Copc.create(get)
-    const vlr = Las.Vlr.find(vlrs, 'LASF_Spec', 4)
-    const extraBytes = vlr ? await Las.Vlr.fetch(get, vlr) : null
-    const cloud = new Cloud(url, get, header, info, recordLayout(header, extraBytes))
-    const names = Las.Vlr.find(vlrs, 'LASF_Spec', 0)
-    if (names) cloud.classNames = classNames(await Las.Vlr.fetch(get, names))
+    const cloud = new Cloud(url, get, header, info, await readRecords(get, header, vlrs))
     cloud.root = cloud.#node([0, 0, 0, 0])
     await cloud.#load(info.rootHierarchyPage)
     return cloud
   }
 
-  constructor(url, get, header, info, layout) {
-    Object.assign(this, { url, info, layout })
+  constructor(url, get, header, info, { layout, has, classNames }) {
+    Object.assign(this, { url, info, layout, has, classNames })
     this.#get = get
     this.nPoints = header.pointCount
     this.bounds = [header.min, header.max]
     /** What is subtracted from coordinates before they become 32 bits wide. */
     this.origin = header.min.map((low, axis) => Math.floor((low + header.max[axis]) / 2))
-    this.radius = Math.max(0.5 * Math.hypot(...header.max.map((high, axis) => high - header.min[axis])), 1)
-    this.begin = info.gpsTimeRange[0]
+    this.radius = radiusOf(this.bounds)
+    ;[this.begin, this.end] = info.gpsTimeRange
     this.bands = bandsOf(layout)
-    const has = (name) => extraField(layout, name) !== undefined
-    this.has = { class: has('class'), score: has('score'), moving: has('moving'), instance: has('instance'), color: layout.hasColor, bands: this.bands.length > 0 }
+  }
+
+  /** The nodes to show, and those whose children must be loaded before they are known. */
+  select(camera, focalPx, budget) {
+    return selectNodes(this, camera, focalPx, budget)
   }
 
   /** Coordinates of the file as m from the origin. */

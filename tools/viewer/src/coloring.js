@@ -19,7 +19,7 @@ export class Coloring {
 
   constructor(cloud, scene, nodes, uniforms) {
     Object.assign(this, { cloud, nodes, uniforms, classes: classTable(cloud, scene) })
-    this.#ranges.times = [0, Math.max(cloud.info.gpsTimeRange[1] - cloud.begin, 0)]
+    this.#learnTimes()
     this.#ranges.heights = [cloud.bounds[0][2], cloud.bounds[1][2]]
     this.#ranges.intensities = [0, 65535]
     this.#listModes()
@@ -55,6 +55,16 @@ export class Coloring {
     this.#ranges.heights = middleOf(every(positions, 3, 2)).map((value) => value + z)
     this.#ranges.intensities = middleOf(every(marks, 4, 0))
     this.apply()
+  }
+
+  /** Covers the times of a cloud that has grown. */
+  grow() {
+    this.#learnTimes()
+    if (this.mode === 'time') this.apply()
+  }
+
+  #learnTimes() {
+    this.#ranges.times = [0, Math.max(this.cloud.end - this.cloud.begin, 0)]
   }
 
   hide(classes) {

@@ -1,5 +1,6 @@
 // What is drawn beside the points, each with a checkbox: the path, boxes of objects, places of images.
 
+import { Group } from 'three'
 import { boxes, cameraPyramids, thickLine } from './annotations.js'
 import { element, onInput } from './elements.js'
 
@@ -10,12 +11,13 @@ const IMAGE_COLOR = [0.4, 0.9, 1]
 
 export class Layers {
   #view
+  #path = new Group()
   #images = null
   #imagePlaces
 
   constructor(view, scene, cloud) {
     this.#view = view
-    if (scene.path.length > 1) this.#add(thickLine(scene.path.map((p) => cloud.local(p)), PATH_COLOR, 3), 'path')
+    this.setPath(scene.path.map((p) => cloud.local(p)))
     if (scene.objects.length > 0) {
       // Brighter than the points of the class, which are inside.
       const colors = new Map(scene.classes.map(({ name, color }) => [name, color.map((value) => 0.5 + value / 510)]))
@@ -25,6 +27,16 @@ export class Layers {
     const images = scene.images.map(({ position, ahead }) => ({ position: cloud.local(position), ahead: cloud.local(ahead) }))
     this.#imagePlaces = images.map(({ position }) => position)
     if (images.length > 0) this.#images = this.#add(cameraPyramids(images, IMAGE_COLOR), 'images')
+  }
+
+  /** Draws the path through positions, m from the origin of the cloud, in place of the one before. */
+  setPath(positions) {
+    if (positions.length < 2) return
+    const [before] = this.#path.children
+    before?.geometry.dispose()
+    this.#path.clear()
+    this.#path.add(thickLine(positions, PATH_COLOR, 3))
+    if (!before) this.#add(this.#path, 'path')
   }
 
   #add(object, checkbox) {

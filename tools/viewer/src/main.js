@@ -8,6 +8,8 @@ import { Coloring } from './coloring.js'
 import { element, grouped, onInput, placeAt } from './elements.js'
 import { ImageViewer } from './image_viewer.js'
 import { Layers } from './layers.js'
+import { LiveCloud } from './live_cloud.js'
+import { LivePanel } from './live_panel.js'
 import { Measurement } from './measurement.js'
 import { Picking } from './picking.js'
 import { pointMaterial, pointUniforms } from './point_material.js'
@@ -22,7 +24,12 @@ async function start() {
   const scene = await response.json()
   document.title = scene.title
   element('title').textContent = scene.title
-  show(await Cloud.open(new URL('points.copc.laz', location.href).href), scene)
+  const url = (name) => new URL(name, location.href).href
+  if (!scene.is_live) return show(await Cloud.open(url('points.copc.laz')), scene)
+  const live = new LivePanel()
+  const cloud = await LiveCloud.open(url('live.las'), url('live_parts.jsonl'), live)
+  const page = show(cloud, scene)
+  return live.run(cloud, page.grow)
 }
 
 function show(cloud, scene) {
@@ -33,7 +40,7 @@ function show(cloud, scene) {
   const uniforms = pointUniforms()
   uniforms.heightOrigin.value = cloud.origin[2]
   const view = new View(element('canvas'), cloud.radius, beforeFrame)
-  const workers = new Workers({ url: cloud.url, layout: cloud.layout, begin: cloud.begin })
+  const workers = new Workers({ url: cloud.url, layout: cloud.layout, begin: cloud.begin, isCompressed: !scene.is_live })
   const nodes = new PointNodes(cloud, workers, pointMaterial(uniforms, false), {
     onChange: () => view.redraw(),
     onFirst: (node, arrays) => coloring.learnRanges(node, arrays),
@@ -105,6 +112,17 @@ function show(cloud, scene) {
     placeOf: (position) => view.placeOf(cloud.local(position)),
     pixels: () => view.pixels(),
   }
+
+  /** Shows what a live cloud has grown by, and follows the vehicle. */
+  function grow() {
+    view.radius = cloud.radius
+    coloring.grow()
+    layers.setPath(cloud.path)
+    if (element('follow').checked) cameraMoves.follow(cloud.path.at(-1))
+    view.redraw()
+  }
+  if (scene.is_live) grow()
+  return { grow }
 }
 
 function showMessage(text) {

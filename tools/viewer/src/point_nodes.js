@@ -1,7 +1,6 @@
 // Nodes on the graphics card: loads what is selected, keeps some of what is not, draws within the budget.
 
 import { BufferAttribute, BufferGeometry, Group, Points } from 'three'
-import { selectNodes } from './detail.js'
 
 /** Points that stay loaded although they are not shown, as a share of the budget. */
 const KEPT_SHARE = 0.3
@@ -35,7 +34,7 @@ export class PointNodes {
 
   /** Shows the nodes for a camera and starts to load those that are absent. */
   update(camera, focalPx) {
-    const { selected, pages } = selectNodes(this.cloud, camera, focalPx, this.budget)
+    const { selected, pages } = this.cloud.select(camera, focalPx, this.budget)
     this.#visits++
     for (const { points } of this.#ready) points.visible = false
     this.nDrawn = 0
@@ -43,7 +42,9 @@ export class PointNodes {
       node.lastUse = this.#visits
       if (node.state === 'ready') {
         node.points.visible = true
-        this.nDrawn += node.nPoints
+        const nShown = node.nShown ?? node.nPoints
+        node.points.geometry.setDrawRange(0, nShown)
+        this.nDrawn += nShown
       }
     }
     for (const node of pages.slice(0, 4)) this.cloud.loadPage(node).then(this.onChange, (error) => this.#fail(error))

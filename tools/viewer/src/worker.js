@@ -9,6 +9,7 @@ let cloud
 
 /** The records of a node. */
 async function recordsOf({ offset, nBytes, nPoints }) {
+  if (!cloud.isCompressed) return fetchRange(cloud.url, offset, offset + nBytes)
   const [compressed, laz] = await Promise.all([fetchRange(cloud.url, offset, offset + nBytes), lazPerf])
   const { format, nBytes: recordBytes } = cloud.layout
   const decoder = new laz.ChunkDecoder()

@@ -1,10 +1,11 @@
 //! Tables of residuals.
 
 use super::Residual;
+use serde::Serialize;
 use std::fmt::Write as _;
 
 /// Accuracy over all check points.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Accuracy {
     /// East, north, up.
     pub axes: [AxisAccuracy; 3],
@@ -15,7 +16,7 @@ pub struct Accuracy {
 }
 
 /// Residuals of one axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct AxisAccuracy {
     /// Number of residuals.
     pub n: usize,

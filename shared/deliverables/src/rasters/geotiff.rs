@@ -4,6 +4,7 @@
 
 use super::Tile;
 use super::cells::{Cells, NO_CLASS, NO_HEIGHT, TILE};
+use super::directory::{Layout, Tags};
 use crate::error::DeliverError;
 use crate::target_frame::TargetFrame;
 use flate2::Compression;
@@ -15,6 +16,9 @@ use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+
+/// Bytes of a file whose places have 32 bits.
+const CLASSIC_BYTES: u64 = u32::MAX as u64;
 
 /// What an image shows.
 #[derive(Clone, Copy)]
@@ -43,6 +47,9 @@ pub(super) struct ImageTiles<'a> {
     folder: PathBuf,
     stored: Mutex<Stored>,
 }
+
+/// Place and size of a tile in the image.
+type TilePlace = (u64, u32);
 
 #[derive(Default)]
 struct Stored {
@@ -102,19 +109,24 @@ impl<'a> ImageTiles<'a> {
     /// Writes the image.
     pub(super) fn write(&self, path: &Path, grid: &Grid, frame: &TargetFrame<'_>) -> Result<(), DeliverError> {
         let file = AtomicFile::create(path).map_err(DeliverError::file(path, "create"))?;
-        let written = self.write_to(file.file(), grid, frame).and_then(|()| file.commit_unsynced());
+        let written = self.write_to(file.file(), grid, frame, CLASSIC_BYTES).and_then(|()| file.commit_unsynced());
         written.map_err(DeliverError::file(path, "write"))
     }
 
-    fn write_to(&self, file: &File, grid: &Grid, frame: &TargetFrame<'_>) -> io::Result<()> {
+    /// As `BigTIFF` if a classic file would have more than `classic_bytes`.
+    fn write_to(&self, file: &File, grid: &Grid, frame: &TargetFrame<'_>, classic_bytes: u64) -> io::Result<()> {
         let stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
         let empty = compressed(&self.content.empty());
         // Sizes of the directories do not depend on the places of the tiles.
-        let mut at = 8_u64;
-        for level in 0..grid.n_levels {
-            at += self.directory(grid, level, frame, &[], 0, false).len() as u64;
-        }
-        let mut places: Vec<Vec<[u32; 2]>> = vec![Vec::new(); grid.n_levels];
+        let first_tile = |layout: Layout| {
+            let directory = |level| self.directory(grid, (layout, level), frame, &[], (0, false)).len() as u64;
+            layout.signature().len() as u64 + (0..grid.n_levels).map(directory).sum::<u64>()
+        };
+        let n_tile_bytes = stored.n_bytes + (grid.n_levels * empty.len()) as u64;
+        let fits = first_tile(Layout::Classic) + n_tile_bytes <= classic_bytes;
+        let layout = if fits { Layout::Classic } else { Layout::Big };
+        let mut at = first_tile(layout);
+        let mut places: Vec<Vec<TilePlace>> = vec![Vec::new(); grid.n_levels];
         // Tiles in the file: those found, and for each level an empty one, to which all places without points lead.
         let mut order: Vec<Option<(u64, usize)>> = Vec::new();
         for level in (0..grid.n_levels).rev() {
@@ -129,17 +141,15 @@ impl<'a> ImageTiles<'a> {
                     order.push(found);
                     at += n_bytes as u64;
                 }
-                let place = u32::try_from(place);
-                let place = place.map_err(|_| io::Error::other("the image has more than 4 GiB; use larger cells"))?;
-                places[level].push([place, n_bytes as u32]);
+                places[level].push((place, n_bytes as u32));
             }
         }
         let mut writer = BufWriter::with_capacity(1 << 20, file);
-        writer.write_all(b"II*\0\x08\0\0\0")?;
-        let mut at = 8;
+        writer.write_all(layout.signature())?;
+        let mut at = layout.signature().len() as u64;
         for (level, places) in places.iter().enumerate() {
-            let directory = self.directory(grid, level, frame, places, at, level + 1 == grid.n_levels);
-            at += directory.len() as u32;
+            let directory = self.directory(grid, (layout, level), frame, places, (at, level + 1 == grid.n_levels));
+            at += directory.len() as u64;
             writer.write_all(&directory)?;
         }
         for tile in order {
@@ -158,18 +168,17 @@ impl<'a> ImageTiles<'a> {
     fn directory(
         &self,
         grid: &Grid,
-        level: usize,
+        (layout, level): (Layout, usize),
         frame: &TargetFrame<'_>,
-        places: &[[u32; 2]],
-        at: u32,
-        is_last: bool,
+        places: &[TilePlace],
+        (at, is_last): (u64, bool),
     ) -> Vec<u8> {
         let [columns, rows] = grid.tiles(level);
-        let places = if places.is_empty() { &vec![[0; 2]; columns * rows] } else { places };
+        let places = if places.is_empty() { &vec![(0, 0); columns * rows] } else { places };
         let [width, height] = grid.size.map(|n| (n * TILE).div_ceil(1 << level) as u32);
         let bits = self.content.bits();
         let n_samples = bits.len() as u16;
-        let mut tags = Tags::default();
+        let mut tags = Tags::new(layout);
         tags.longs(254, &[u32::from(level > 0)]);
         tags.longs(256, &[width]);
         tags.longs(257, &[height]);
@@ -192,8 +201,9 @@ impl<'a> ImageTiles<'a> {
         }
         tags.shorts(322, &[TILE as u16]);
         tags.shorts(323, &[TILE as u16]);
-        tags.longs(324, &places.iter().map(|place| place[0]).collect::<Vec<u32>>());
-        tags.longs(325, &places.iter().map(|place| place[1]).collect::<Vec<u32>>());
+        let (begins, sizes): (Vec<u64>, Vec<u32>) = places.iter().copied().unzip();
+        tags.places(324, &begins);
+        tags.longs(325, &sizes);
         if matches!(self.content, Content::Color) {
             // The fourth sample is opacity.
             tags.shorts(338, &[2]);
@@ -240,46 +250,62 @@ fn geo_keys(frame: &TargetFrame<'_>) -> Vec<u16> {
     words
 }
 
-/// Entries of a directory, in increasing order of their numbers.
-#[derive(Default)]
-struct Tags(Vec<(u16, u16, u32, Vec<u8>)>);
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl Tags {
-    fn shorts(&mut self, tag: u16, values: &[u16]) {
-        self.0.push((tag, 3, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect()));
-    }
-    fn longs(&mut self, tag: u16, values: &[u32]) {
-        self.0.push((tag, 4, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect()));
-    }
-    fn doubles(&mut self, tag: u16, values: &[f64]) {
-        self.0.push((tag, 12, values.len() as u32, values.iter().flat_map(|value| value.to_le_bytes()).collect()));
-    }
-    fn text(&mut self, tag: u16, text: &str) {
-        self.0.push((tag, 2, text.len() as u32 + 1, [text.as_bytes(), b"\0"].concat()));
+    /// Numbers of a directory at a byte: the values of tag `tag`, and the place of the next directory.
+    fn values(bytes: &[u8], layout: Layout, at: u64, tag: u16) -> (Vec<u64>, u64) {
+        let (count_bytes, word) = if layout == Layout::Big { (8, 8) } else { (2, 4) };
+        let number =
+            |at: usize, n: usize| bytes[at..at + n].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
+        let (at, n_entries) = (at as usize, number(at as usize, count_bytes) as usize);
+        let entry = |k: usize| at + count_bytes + k * (4 + 2 * word);
+        let found = (0..n_entries).map(entry).find(|at| number(*at, 2) == u64::from(tag)).expect("has the tag");
+        let size = match number(found + 2, 2) {
+            3 => 2,
+            4 => 4,
+            16 => 8,
+            kind => panic!("type {kind}"),
+        };
+        let n = number(found + 4, word) as usize;
+        let first = if n * size <= word { found + 4 + word } else { number(found + 4 + word, word) as usize };
+        ((0..n).map(|k| number(first + k * size, size)).collect(), number(entry(n_entries), word))
     }
 
-    /// The directory at byte `at`: entries, place of the next directory, then values that do not fit into an entry.
-    fn bytes(self, at: u32, is_last: bool) -> Vec<u8> {
-        let head_bytes = 2 + 12 * self.0.len() + 4;
-        let (mut head, mut tail) = (Vec::with_capacity(head_bytes), Vec::new());
-        head.extend((self.0.len() as u16).to_le_bytes());
-        for (tag, kind, n, mut value) in self.0 {
-            head.extend(tag.to_le_bytes());
-            head.extend(kind.to_le_bytes());
-            head.extend(n.to_le_bytes());
-            if value.len() <= 4 {
-                value.resize(4, 0);
-                head.extend(value);
-            } else {
-                head.extend((at + (head_bytes + tail.len()) as u32).to_le_bytes());
-                // Values begin at even bytes.
-                value.resize(value.len().next_multiple_of(2), 0);
-                tail.extend(value);
-            }
+    #[test]
+    fn large_image_is_a_big_tiff_with_the_same_tiles() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let image = ImageTiles::create(folder.path(), Content::Height).expect("creates");
+        let grid = Grid { low: (0, 0), size: [2, 1], n_levels: 2, cell_m: 0.2 };
+        let mut tiles = Vec::new();
+        for (key, height) in [((0, (1, 0)), 2.5), ((1, (0, 0)), 7.0)] {
+            let mut cells = Cells::joined(&[]);
+            cells.height.fill(height);
+            image.add(key, &cells).expect("adds");
+            tiles.push(compressed(&image.content.encode(&cells)));
         }
-        let next = if is_last { 0 } else { at + (head_bytes + tail.len()) as u32 };
-        head.extend(next.to_le_bytes());
-        head.extend(tail);
-        head
+        let write = |name: &str, classic_bytes: u64| {
+            let path = folder.path().join(name);
+            let file = File::create(&path).expect("creates");
+            image.write_to(&file, &grid, &TargetFrame::local(None), classic_bytes).expect("writes");
+            std::fs::read(&path).expect("reads")
+        };
+        let empty = compressed(&image.content.empty());
+        let classic = write("classic.tif", CLASSIC_BYTES);
+        for (bytes, layout) in [(&classic, Layout::Classic), (&write("big.tif", classic.len() as u64 - 1), Layout::Big)]
+        {
+            assert!(bytes.starts_with(layout.signature()), "{layout:?}");
+            let first = layout.signature().len() as u64;
+            let (begins, second) = values(bytes, layout, first, 324);
+            let (sizes, _) = values(bytes, layout, first, 325);
+            let tile = |begin: u64, size: u64| &bytes[begin as usize..(begin + size) as usize];
+            assert_eq!(tile(begins[0], sizes[0]), empty, "{layout:?}");
+            assert_eq!(tile(begins[1], sizes[1]), tiles[0], "{layout:?}");
+            let ((begins, last), (sizes, _)) = (values(bytes, layout, second, 324), values(bytes, layout, second, 325));
+            assert_eq!((tile(begins[0], sizes[0]), last), (&tiles[1][..], 0), "{layout:?}");
+            assert_eq!(values(bytes, layout, first, 256).0, [2 * TILE as u64]);
+        }
+        assert_eq!(write("fits.tif", classic.len() as u64), classic);
     }
 }

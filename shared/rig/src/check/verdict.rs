@@ -1,9 +1,11 @@
 //! What a check says.
 
+use serde::Serialize;
 use std::fmt;
 
 /// The answer of a check.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Answer {
     /// Rig and data agree.
     Fits,
@@ -25,7 +27,7 @@ impl Answer {
 }
 
 /// The result of one check of one sensor.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Verdict {
     /// Name of the check.
     pub check: &'static str,

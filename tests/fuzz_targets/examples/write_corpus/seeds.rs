@@ -454,7 +454,10 @@ fn states() -> Vec<Vec<u8>> {
         ..RunnerState::default()
     };
     let stage = [3; 40];
-    write_state(&path, &runner, std::iter::once(&stage[..]), &[]).expect("writes").commit().expect("saves");
+    write_state(&path, &runner, std::iter::once(run::Piece::plain(&stage)), &[])
+        .expect("writes")
+        .commit()
+        .expect("saves");
     let position = formats::drive::SourcePosition::Clouds { next: 4, taken: 2, n_bad: 1 };
     vec![
         fs::read(path).expect("reads"),

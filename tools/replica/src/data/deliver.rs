@@ -1,19 +1,21 @@
 //! `replica deliver`: a finished run in the formats that surveyors and other programs read.
 
+mod delivered;
 mod facts;
 pub mod frame;
 
+use crate::answer::Answer;
 use crate::argument::InvalidValue;
 use crate::class_color::class_color;
-use crate::terminal::say;
 use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
-use deliverables::check_points::{Accuracy, CheckPoint, load_check_points, write_check_points};
+use deliverables::check_points::{CheckPoint, load_check_points, write_check_points};
 use deliverables::objects::write_objects;
 use deliverables::{
-    CloudOptions, LeftOut, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc,
-    write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
+    CloudOptions, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc, write_rasters,
+    write_semantic_kitti, write_tiles, write_trajectory,
 };
+use delivered::{Delivered, Folder, Others};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -82,6 +84,8 @@ pub struct Args {
     /// What recorded the points, for the headers
     #[arg(long, value_name = "TEXT", default_value = SYSTEM, value_parser = system)]
     system: String,
+    #[command(flatten)]
+    answer: Answer,
 }
 
 fn tile_m(text: &str) -> Result<u32, InvalidValue> {
@@ -123,16 +127,16 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Tiles read and write each point, COPC also places it.
     let bar = progress_bar("deliver", run.index.n_points * if args.copc { 5 } else { 2 });
     let (mut files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
-    let n_points = files.iter().map(|file| file.n_points).sum();
-    say_points(n_points, files.len(), left_out)?;
+    let (n_points, n_tiles) = (files.iter().map(|file| file.n_points).sum(), files.len());
     if args.copc {
         files.push(write_copc(&run, target, &options, (&args.out, COPC_FILE), |n| bar.inc(n))?.0);
     }
     bar.finish_and_clear();
-    write_others(args, &run, (target, &options), check_points)?;
+    let others = write_others(args, &run, (target, &options), check_points)?;
     let facts = Facts::new(&run, target, unreferenced.as_deref(), (n_points, &files), left_out);
     facts.write(&args.out)?;
-    say!("{}: {}", args.out.display(), target.description())?;
+    let delivered = Delivered { out: &args.out, facts, others };
+    args.answer.print(&delivered, || delivered.text(n_tiles))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -142,58 +146,37 @@ fn write_others(
     run: &RunFolder,
     (target, options): (&TargetFrame<'_>, &CloudOptions),
     check_points: Option<Vec<CheckPoint>>,
-) -> anyhow::Result<()> {
-    say!("path: {}", write_trajectory(run, target, &args.out)?.join(", "))?;
-    match write_objects(run, target, &args.out)? {
-        Some(n_objects) => say!("objects: {n_objects}")?,
-        None => say!("objects: none, the clouds have no instances")?,
-    }
+) -> anyhow::Result<Others> {
+    let mut others = Others {
+        path: write_trajectory(run, target, &args.out)?,
+        n_objects: write_objects(run, target, &args.out)?,
+        ..Others::default()
+    };
     if args.rasters {
         let class_colors = std::array::from_fn(|id| class_color(id as u8));
         let rasters = RasterOptions { cell_mm: args.cell_m, class_colors };
-        say!("rasters: {}", write_rasters(run, target, options, rasters, &args.out)?.join(", "))?;
+        others.rasters = write_rasters(run, target, options, rasters, &args.out)?;
     }
     if let Some(points) = check_points {
-        say_accuracy(&write_check_points(run, target, points, &args.out)?)?;
+        others.accuracy = Some(write_check_points(run, target, points, &args.out)?);
     }
     if args.cloudcompare {
         let folder = folder(&args.out, "cloudcompare")?;
-        let files = write_cloudcompare(run, target, args.bands, &folder)?;
-        say!("{}: {} clouds", folder.display(), files.len())?;
+        let n_clouds = write_cloudcompare(run, target, args.bands, &folder)?.len();
+        others.cloudcompare = Some(Folder { folder, n: n_clouds });
     }
     if args.semantic_kitti {
         let folder = folder(&args.out, "sequences/00")?;
-        say!("{}: {} sweeps", folder.display(), write_semantic_kitti(run, &folder)?)?;
+        let n_sweeps = write_semantic_kitti(run, &folder)?;
+        others.semantic_kitti = Some(Folder { folder, n: n_sweeps });
     }
-    Ok(())
-}
-
-fn say_accuracy(accuracy: &Accuracy) -> std::io::Result<()> {
-    for (name, axis) in ["x", "y", "z"].iter().zip(accuracy.axes).filter(|(_, axis)| axis.n > 0) {
-        say!("check points, {name}: {} points, RMSE {:.3} m, mean {:.3} m", axis.n, axis.rmse_m, axis.mean_m)?;
-    }
-    for (name, value) in [("CE90", accuracy.ce90_m), ("LE90", accuracy.le90_m)] {
-        if let Some(value) = value {
-            say!("check points: {name} {value:.3} m")?;
-        }
-    }
-    Ok(())
+    Ok(others)
 }
 
 fn folder(out: &Path, name: &str) -> anyhow::Result<PathBuf> {
     let folder = out.join(name);
     std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     Ok(folder)
-}
-
-fn say_points(n_points: u64, n_files: usize, LeftOut { without_place, not_finite }: LeftOut) -> std::io::Result<()> {
-    say!("{n_points} points in {n_files} files")?;
-    for (n, reason) in [(without_place, "of clouds without place"), (not_finite, "without finite coordinates")] {
-        if n > 0 {
-            say!("left out: {n} points {reason}")?;
-        }
-    }
-    Ok(())
 }
 
 /// Files of an earlier delivery with other tiles would remain and be taken for those of this one.

@@ -5,10 +5,13 @@
 //! | octree and objects of a run, made once | `cached_cloud` |
 //! | what is shown beside the points: `scene.json` | `scene` |
 //! | images of the cameras with points over them | `camera_images` |
+//! | a run that is not finished | `live_run`, `live_site` |
 //! | the page itself, built in `tools/viewer` | `page_files` |
 
 mod cached_cloud;
 mod camera_images;
+mod live_run;
+mod live_site;
 mod page_files;
 mod scene;
 
@@ -23,6 +26,7 @@ use cached_cloud::CachedCloud;
 use camera_images::CameraImages;
 use deliverables::RunFolder;
 use file_server::{Content, Server, Site};
+use live_site::LiveSite;
 use run::summary::Summary;
 use scene::Scene;
 use std::fs::File;
@@ -43,11 +47,12 @@ const COPC_SIGNATURE: (usize, &[u8]) = (377, b"copc");
 /// Show the cloud of a run in the browser.
 ///
 /// Serves a page until Ctrl-C, to this computer only unless --host says otherwise. The first time, the points of a run are written as
-/// octree into the folder `view` of the run; later calls use it as long as the clouds are the same.
+/// octree into the folder `view` of the run; later calls use it as long as the clouds are the same. With --live the page follows a run
+/// while its clouds are written.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
-    /// Output folder of a finished run, or a COPC file (.copc.laz)
+    /// Output folder of a finished run (with --live: of any), or a COPC file (.copc.laz)
     #[arg(value_name = "RUN|FILE")]
     path: PathBuf,
     /// Port; 0 = any that is free [default: 8099, or any if that is taken]
@@ -59,6 +64,9 @@ pub struct Args {
     /// Write the page and all that it needs into this empty folder instead, for any web server with byte ranges
     #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "host"])]
     out: Option<PathBuf>,
+    /// Run: show its clouds while they are written. Also before it starts
+    #[arg(long, conflicts_with = "out")]
+    live: bool,
     /// Run: add the reflectances of the mosaic cameras to each point
     #[arg(long)]
     bands: bool,
@@ -73,9 +81,21 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(out) = &args.out {
         create_empty(out)?;
         write(&site(args)?, out)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let server = bind(args)?;
+    let stop = StopFlag::register(run::exit::DONE)?;
+    if args.live {
+        let live = LiveSite::of(&args.path)?;
+        announce(&server)?;
+        if live.serve(&server, &stop)? {
+            // Someone has asked for the final cloud. The page waits for its answer while the octree is made.
+            server.run(&site(args)?, || stop.is_set());
+        }
     } else {
-        let server = bind(args)?;
-        serve(&server, &site(args)?)?;
+        let site = site(args)?;
+        announce(&server)?;
+        server.run(&site, || stop.is_set());
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -102,10 +122,8 @@ fn write(site: &Site, out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn serve(server: &Server, site: &Site) -> anyhow::Result<()> {
-    let stop = StopFlag::register(run::exit::DONE)?;
+fn announce(server: &Server) -> anyhow::Result<()> {
     say!("http://{}/  (Ctrl-C ends)", server.address())?;
-    server.run(site, || stop.is_set());
     Ok(())
 }
 
@@ -127,9 +145,8 @@ fn add_file(path: &Path, site: &mut Site) -> anyhow::Result<()> {
         "{}: is no COPC file\nhint: `replica deliver RUN --out DIR --copc` writes DIR/points.copc.laz",
         path.display()
     );
-    let title = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     site.add(COPC_FILE, Content::File(path.to_owned()));
-    add_scene(&Scene::new(title), site)
+    add_scene(&Scene::new(title(path)), site)
 }
 
 fn first_bytes(path: &Path) -> io::Result<Vec<u8>> {
@@ -145,7 +162,7 @@ fn add_run(args: &Args, site: &mut Site) -> anyhow::Result<()> {
     let CachedCloud { cloud, objects } = CachedCloud::of(&run, &frame, args.bands)?;
     site.add(COPC_FILE, Content::File(cloud));
     let folder = args.path.canonicalize().with_context(|| args.path.display().to_string())?;
-    let mut scene = Scene::new(folder.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    let mut scene = Scene::new(title(&folder));
     scene.add_run(&run, &frame, objects)?;
     if args.image_step_m > 0.0
         && let Some(images) = CameraImages::open(FinishedRun::load(&args.path)?, args.image_step_m)
@@ -155,6 +172,11 @@ fn add_run(args: &Args, site: &mut Site) -> anyhow::Result<()> {
         images.add_to(site);
     }
     add_scene(&scene, site)
+}
+
+/// Last name of a path.
+fn title(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn add_scene(scene: &Scene, site: &mut Site) -> anyhow::Result<()> {

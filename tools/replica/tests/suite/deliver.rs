@@ -22,6 +22,21 @@ pub fn run_with_doubts(folder: &Path, doubts: &Value) -> (PathBuf, FinishedRun) 
     (run, written)
 }
 
+#[test]
+fn answer_as_json_has_the_facts_of_the_text() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, written) = run_with_doubts(folder.path(), &json!([]));
+    let out = folder.path().join("out");
+    let said = succeeded(&replica(&["deliver", text(&run), "--out", text(&out), "--semantic-kitti", "--json"]));
+    let answer: Value = serde_json::from_str(&said).expect("one object and nothing else");
+    assert_eq!((&answer["out"], &answer["epsg"]), (&json!(text(&out)), &json!(32_631)));
+    assert_eq!(answer["n_points"], written.n_points);
+    assert_eq!(answer["files"], facts(&out)["files"]);
+    assert!(answer["path"].as_array().is_some_and(|files| files.contains(&json!("trajectory.csv"))), "{answer}");
+    assert_eq!((&answer["rasters"], &answer["accuracy"]), (&json!([]), &Value::Null));
+    assert_eq!(answer["semantic_kitti"]["n"], 3);
+}
+
 fn facts(out: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(out.join("delivery.json")).expect("was written")).expect("JSON")
 }

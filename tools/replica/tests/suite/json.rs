@@ -52,6 +52,26 @@ fn clouds_drives_and_objects_are_one_object_each() {
 }
 
 #[test]
+fn rigs_are_one_object_each() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (rig, drive) = (folder.path().join("rig.toml"), folder.path().join("drive"));
+    let facts = object(&["rig", "new", text(&rig), "--lidar", "vlp16", "--lidar-position", "0,0,1.8"]);
+    assert_eq!((&facts["lidar"], &facts["n_cameras"]), (&"vlp16".into(), &0.into()));
+    let simulate = ["simulate", "--seed", "1", "--seconds", "2", "--rig", "survey", "--out", text(&drive)];
+    assert!(replica(&simulate).status.success());
+    let facts = object(&["rig", "check", text(&drive)]);
+    let sensors = facts["sensors"].as_array().expect("a list");
+    assert!(sensors.iter().any(|sensor| sensor["n"].as_u64() > Some(10) && sensor["first"].is_string()), "{facts}");
+    let verdicts = facts["verdicts"].as_array().expect("a list");
+    let n_doubts = verdicts.iter().filter(|verdict| verdict["answer"] == "doubt").count();
+    assert!(verdicts.len() > 3 && facts["n_doubts"] == n_doubts, "{facts}");
+    let facts = object(&["rig", "calibrate", text(&drive)]);
+    let changes = facts["changes"].as_array().expect("a list");
+    assert!(changes.iter().all(|change| change["subject"].is_string() && change["outcome"].is_string()), "{facts}");
+    assert!(!changes.is_empty() && facts["written"] == serde_json::json!([]), "{facts}");
+}
+
+#[test]
 fn geojson_and_json_exclude_each_other() {
     let output = replica(&["instances", "cloud.ply", "--json", "--geojson"]);
     assert_eq!(output.status.code(), Some(2));

@@ -17,7 +17,7 @@ pub struct Facts<'a> {
     version: u32,
     software: &'static str,
     /// Coordinates in words.
-    frame: String,
+    pub frame: String,
     /// EPSG number; null for local coordinates.
     epsg: Option<u32>,
     /// What heights count from; null for local coordinates.
@@ -26,16 +26,17 @@ pub struct Facts<'a> {
     unreferenced: Option<&'a str>,
     /// Time of the first shot, s since the Unix epoch.
     begin_s: Option<String>,
-    n_points: u64,
-    left_out: Left,
+    pub n_points: u64,
+    pub left_out: Left,
     /// Files with points.
     files: &'a [PointFile],
 }
 
+/// Points that the files lack.
 #[derive(Serialize)]
-struct Left {
-    without_place: u64,
-    not_finite: u64,
+pub struct Left {
+    pub without_place: u64,
+    pub not_finite: u64,
 }
 
 impl<'a> Facts<'a> {

@@ -57,8 +57,9 @@ fn pictures(run: &FinishedRun, drive: Option<&Drive>) -> (Vec<Picture>, &'static
     let range_picture = range_picture(&points).and_then(|image| png(String::new(), &image));
     let reason = match drive {
         None => "The drive folder cannot be read any more, so there are no images.",
-        Some(drive) if drive.manifest().cameras.is_empty() => "The drive has no color cameras.",
-        Some(_) if !run.has_local_clouds() => "Points are drawn over images only if the clouds are in the local frame.",
+        Some(drive) if drive.manifest().cameras.is_empty() && drive.manifest().mosaics.is_empty() => {
+            "The drive has no cameras."
+        }
         Some(drive) => return (overlays(run, drive, stamp), "No image shows points of the clouds.", range_picture),
     };
     (Vec::new(), reason, range_picture)

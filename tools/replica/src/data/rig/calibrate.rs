@@ -1,11 +1,13 @@
 //! `replica rig calibrate`: refines a rig by its drive.
 
 use super::PartOfDrive;
-use crate::terminal::say;
+use crate::answer::Answer;
 use anyhow::{Context, ensure};
 use formats::drive::{Drive, MANIFEST_FILE};
-use rig::refine::Refined;
+use rig::refine::{Change, Refined};
 use rig::survey::Survey;
+use serde::Serialize;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -24,6 +26,15 @@ pub struct Args {
     /// Replace files that exist; without --out, replace the drive.toml of the drive. Comments are lost
     #[arg(long)]
     write: bool,
+    #[command(flatten)]
+    answer: Answer,
+}
+
+/// All values, and the files with those that are replaced.
+#[derive(Serialize)]
+struct Found<'a> {
+    changes: &'a [Change],
+    written: Vec<PathBuf>,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -31,30 +42,47 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let settings = args.part.settings();
     let survey = Survey::of(&drive, &settings)?;
     let refined = Refined::of(&drive, &survey, &settings)?;
-    for change in &refined.changes {
-        say!("{change}")?;
-    }
     let in_place = args.write.then(|| drive.folder().join(MANIFEST_FILE));
-    let Some(out) = args.out.clone().or(in_place) else {
-        say!("\nnothing written; --out FILE writes the refined drive.toml")?;
-        return Ok(ExitCode::SUCCESS);
+    let out = args.out.clone().or(in_place);
+    let (has_out, has_changes) = (out.is_some(), refined.has_changes());
+    let written = match out.filter(|_| has_changes) {
+        Some(out) => write(&refined, out, args.write)?,
+        None => Vec::new(),
     };
-    if !refined.has_changes() {
-        say!("\nno value is replaced: nothing written")?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    let beside = out.parent().unwrap_or(Path::new(""));
-    let mut files = Vec::new();
-    if let Some((name, text)) = &refined.lidar_file {
-        files.push((beside.join(name), text.clone()));
-    }
-    files.push((out, toml::to_string(&refined.manifest)?));
+    let found = Found { changes: &refined.changes, written };
+    args.answer.print(&found, || found.text(has_out))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the refined drive.toml and what it refers to. Returns the files.
+fn write(refined: &Refined, out: PathBuf, may_replace: bool) -> anyhow::Result<Vec<PathBuf>> {
+    let beside = out.parent().unwrap_or(Path::new("")).to_owned();
+    let lidar_file = refined.lidar_file.iter().map(|(name, text)| (beside.join(name), text.clone()));
+    let files: Vec<_> = lidar_file.chain([(out, toml::to_string(&refined.manifest)?)]).collect();
     for (path, _) in &files {
-        ensure!(args.write || !path.exists(), "{} exists already; --write replaces it", path.display());
+        ensure!(may_replace || !path.exists(), "{} exists already; --write replaces it", path.display());
     }
     for (path, text) in &files {
         std::fs::write(path, text).with_context(|| path.display().to_string())?;
-        say!("\nwritten: {}", path.display())?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(files.into_iter().map(|(path, _)| path).collect())
+}
+
+impl Found<'_> {
+    fn text(&self, has_out: bool) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        for change in self.changes {
+            let _ = writeln!(text, "{change}");
+        }
+        for path in &self.written {
+            let _ = writeln!(text, "\nwritten: {}", path.display());
+        }
+        if self.written.is_empty() && has_out {
+            text.push_str("\nno value is replaced: nothing written\n");
+        } else if self.written.is_empty() {
+            text.push_str("\nnothing written; --out FILE writes the refined drive.toml\n");
+        }
+        text
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::other_lidar::{self, OtherLidar};
 use super::questions::{Answers, ask, position};
-use crate::terminal::say;
+use crate::answer::Answer;
 use anyhow::{Context, bail, ensure};
 use formats::drive::MANIFEST_FILE;
 use formats::lidar::Model;
@@ -10,6 +10,7 @@ use formats::manifest::LidarEntry;
 use geometry::{Pose, Translation3, UnitQuaternion};
 use rig::rotation;
 use rig::source::{self, FrameTree, RigParts, SourceOptions};
+use serde::Serialize;
 use std::fmt::Write;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -75,6 +76,26 @@ pub struct Args {
     /// Rotation of the IMU in the body
     #[arg(long, value_name = "ROTATION", value_parser = rotation::parse)]
     imu_rotation: Option<UnitQuaternion<f64>>,
+    #[command(flatten)]
+    answer: Answer,
+}
+
+/// What was written.
+#[derive(Serialize)]
+struct Written<'a> {
+    file: &'a Path,
+    lidar: &'static str,
+    n_cameras: usize,
+    /// What the sources leave open.
+    notes: &'a [String],
+}
+
+impl Written<'_> {
+    fn text(&self) -> String {
+        let file = format!("{}: {}, {} cameras\n", self.file.display(), self.lidar, self.n_cameras);
+        let lines = self.notes.iter().map(String::as_str).chain([file.as_str()]);
+        lines.collect::<Vec<_>>().join("\n")
+    }
 }
 
 fn model(name: &str) -> Result<Model, String> {
@@ -142,10 +163,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     text.push_str(&toml::to_string(&manifest)?);
     std::fs::write(&out, text).with_context(|| out.display().to_string())?;
-    for note in &parts.notes {
-        say!("{note}")?;
-    }
-    say!("{}: {model_name}, {} cameras", out.display(), manifest.cameras.len(), model_name = model.name())?;
+    let written = Written { file: &out, lidar: model.name(), n_cameras: manifest.cameras.len(), notes: &parts.notes };
+    args.answer.print(&written, || written.text())?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -26,12 +26,8 @@ struct Chosen {
 }
 
 impl CameraImages {
-    /// One exposure of each camera every `step_m` of the path. `None` if the drive cannot be read any more, or if the clouds have another
-    /// frame than the path: points could not be drawn over images.
+    /// One exposure of each color camera every `step_m` of the path. `None` if the drive cannot be read any more.
     pub fn open(run: FinishedRun, step_m: f64) -> Option<Self> {
-        if !run.has_local_clouds() {
-            return None;
-        }
         let drive = Drive::open(&run.drive()?).ok()?;
         let mut chosen = Vec::new();
         for (camera, known) in drive.rig().cameras.iter().enumerate() {

@@ -17,6 +17,8 @@ pub struct Scene {
     /// Of the format.
     version: u32,
     title: String,
+    /// Whether the points are those of `live.json`, which grow.
+    is_live: bool,
     /// Coordinates in words.
     coordinates: String,
     /// Names and colors of the values of the field `class`.
@@ -79,6 +81,7 @@ impl Scene {
         Self {
             version: 1,
             title,
+            is_live: false,
             coordinates: String::new(),
             classes: ClassId::ALL.iter().map(class).collect(),
             path: Vec::new(),
@@ -86,6 +89,12 @@ impl Scene {
             objects: Vec::new(),
             materials: town::Material::ALL.iter().copied().map(SceneMaterial::of).collect(),
         }
+    }
+
+    /// A scene of points that grow.
+    pub fn live(title: String) -> Self {
+        let coordinates = "frame of the odometry, m: final poses are known at the end of the run".to_owned();
+        Self { is_live: true, coordinates, ..Self::new(title) }
     }
 
     /// Adds path and objects of a run.

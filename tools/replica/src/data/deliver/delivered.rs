@@ -1,0 +1,87 @@
+//! What `replica deliver` answers.
+
+use super::facts::Facts;
+use deliverables::check_points::Accuracy;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// A delivery.
+#[derive(Serialize)]
+pub struct Delivered<'a> {
+    pub out: &'a Path,
+    #[serde(flatten)]
+    pub facts: Facts<'a>,
+    #[serde(flatten)]
+    pub others: Others,
+}
+
+/// All but LAS and COPC.
+#[derive(Default, Serialize)]
+pub struct Others {
+    /// Files of the path.
+    pub path: Vec<&'static str>,
+    /// `None` if the clouds have no instances.
+    pub n_objects: Option<usize>,
+    /// Files from above.
+    pub rasters: Vec<&'static str>,
+    pub accuracy: Option<Accuracy>,
+    pub cloudcompare: Option<Folder>,
+    pub semantic_kitti: Option<Folder>,
+}
+
+/// A folder with clouds or sweeps.
+#[derive(Serialize)]
+pub struct Folder {
+    pub folder: PathBuf,
+    pub n: usize,
+}
+
+impl Delivered<'_> {
+    /// The answer for people. `n_tiles` are the files of points but the octree.
+    pub fn text(&self, n_tiles: usize) -> String {
+        let Others { path, n_objects, rasters, accuracy, cloudcompare, semantic_kitti } = &self.others;
+        let (mut text, facts) = (String::new(), &self.facts);
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{} points in {n_tiles} files", facts.n_points);
+        let left = &facts.left_out;
+        let reasons =
+            [(left.without_place, "of clouds without place"), (left.not_finite, "without finite coordinates")];
+        for (n, reason) in reasons.into_iter().filter(|(n, _)| *n > 0) {
+            let _ = writeln!(text, "left out: {n} points {reason}");
+        }
+        let _ = writeln!(text, "path: {}", path.join(", "));
+        let _ = match n_objects {
+            Some(n_objects) => writeln!(text, "objects: {n_objects}"),
+            None => writeln!(text, "objects: none, the clouds have no instances"),
+        };
+        if !rasters.is_empty() {
+            let _ = writeln!(text, "rasters: {}", rasters.join(", "));
+        }
+        if let Some(accuracy) = accuracy {
+            text.push_str(&accuracy_text(accuracy));
+        }
+        for (folder, what) in [(cloudcompare, "clouds"), (semantic_kitti, "sweeps")] {
+            if let Some(Folder { folder, n }) = folder {
+                let _ = writeln!(text, "{}: {n} {what}", folder.display());
+            }
+        }
+        let _ = writeln!(text, "{}: {}", self.out.display(), facts.frame);
+        text
+    }
+}
+
+fn accuracy_text(accuracy: &Accuracy) -> String {
+    let mut text = String::new();
+    for (name, axis) in ["x", "y", "z"].iter().zip(accuracy.axes).filter(|(_, axis)| axis.n > 0) {
+        // Writing to a string cannot fail.
+        let (n, rmse_m, mean_m) = (axis.n, axis.rmse_m, axis.mean_m);
+        let _ = writeln!(text, "check points, {name}: {n} points, RMSE {rmse_m:.3} m, mean {mean_m:.3} m");
+    }
+    for (name, value) in [("CE90", accuracy.ce90_m), ("LE90", accuracy.le90_m)] {
+        if let Some(value) = value {
+            let _ = writeln!(text, "check points: {name} {value:.3} m");
+        }
+    }
+    text
+}
