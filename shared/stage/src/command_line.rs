@@ -70,7 +70,8 @@ pub(crate) struct AloneArguments {
 
 /// The parsed arguments, or the exit code after help or a usage error has been printed.
 pub(crate) fn parse(program: &dyn Program, arguments: Vec<OsString>) -> Result<CommandLine, u8> {
-    let parsed = command(program).try_get_matches_from(arguments).and_then(|matches| CommandLine::from_arg_matches(&matches));
+    let parsed =
+        command(program).try_get_matches_from(arguments).and_then(|matches| CommandLine::from_arg_matches(&matches));
     parsed.map_err(|error| print(&error))
 }
 

@@ -33,6 +33,7 @@ pub(crate) struct PortMakers {
     pub(crate) push_bytes: fn(&mut Inputs, &[u8]) -> Result<(), StepError>,
     pub(crate) byte_table: fn() -> ByteTable,
     pub(crate) take: fn(&mut Inputs) -> Vec<Box<dyn UntypedMessage>>,
+    pub(crate) publish_bytes: fn(&mut Outputs, &[u8]) -> Result<(), StepError>,
     pub(crate) loan: fn(&mut Outputs, usize) -> Result<Box<dyn UntypedLoan>, StepError>,
 }
 
@@ -53,6 +54,7 @@ impl Port {
                 push_bytes: push_bytes::<T>,
                 byte_table: ByteTable::of::<T>,
                 take: untyped::take::<T>,
+                publish_bytes: untyped::publish_bytes::<T>,
                 loan: untyped::loan::<T>,
             },
         }

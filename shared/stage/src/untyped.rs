@@ -61,6 +61,11 @@ impl Inputs {
 }
 
 impl Outputs {
+    /// Publishes a message that was kept as bytes ([`Received::to_bytes`]), under the next number of the topic.
+    pub fn publish_bytes(&mut self, port: &Port, bytes: &[u8]) -> Result<(), StepError> {
+        (port.make.publish_bytes)(self, bytes)
+    }
+
     /// A loan of the port's topic with `n_rows` zeroed rows.
     pub fn loan_untyped(&mut self, port: &Port, n_rows: usize) -> Result<Box<dyn UntypedLoan>, StepError> {
         (port.make.loan)(self, n_rows)
@@ -69,6 +74,14 @@ impl Outputs {
 
 pub(crate) fn take<T: Message>(inputs: &mut Inputs) -> Vec<Box<dyn UntypedMessage>> {
     inputs.take::<T>().into_iter().map(|message| Box::new(message) as Box<dyn UntypedMessage>).collect()
+}
+
+pub(crate) fn publish_bytes<T: Message>(outputs: &mut Outputs, bytes: &[u8]) -> Result<(), StepError> {
+    let message = Received::<T>::from_bytes(bytes)?;
+    let mut loan = outputs.loan::<T>(message.rows().len())?;
+    *loan.header_mut() = *message.header();
+    loan.extend_from_slice(message.rows())?;
+    outputs.publish(loan, message.stamp())
 }
 
 pub(crate) fn loan<T: Message>(outputs: &mut Outputs, n_rows: usize) -> Result<Box<dyn UntypedLoan>, StepError> {

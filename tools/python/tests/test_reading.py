@@ -43,7 +43,7 @@ def finished(folder, drive):
 def test_run_has_clouds_trajectory_and_summary(finished):
     run = replica.open_run(finished)
     clouds = list(run.clouds)
-    assert sum(len(cloud.points) for cloud in clouds) == run.index["n_points"] == run.summary["points"]
+    assert sum(len(cloud.points) for cloud in clouds) == run.index["n_points"] == run.summary["total"]["points"]
     assert {"x", "y", "z", "semantic"} <= set(clouds[0].points.dtype.names) and not clouds[0].points.flags.writeable
     assert any(line.startswith("frame ") for line in clouds[0].info)
     norms = np.linalg.norm(run.trajectory["rotation"], axis=1)

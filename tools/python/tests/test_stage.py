@@ -2,7 +2,6 @@
 
 import random
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -14,6 +13,27 @@ from conftest import HEIGHT_SEGMENTER, PROGRAMS, STAGES, call, launch_file, pyth
 import replica
 
 MISBEHAVING = STAGES / "misbehaving.py"
+RUST_SEGMENTER = f"program = '{PROGRAMS / 'height-segmenter'}'"
+
+
+def start(path: Path, output: Path) -> subprocess.Popen:
+    """A run that has saved its first states."""
+    running = subprocess.Popen([PROGRAMS / "replica-launch", path], stderr=subprocess.DEVNULL)
+    while not any(output.glob("run/states/*/export.state")):
+        assert running.poll() is None, "the run must not end before its first barrier"
+        time.sleep(0.005)
+    return running
+
+
+def processes(command: str) -> list[str]:
+    """Ids of the processes with this in their command line."""
+    return subprocess.run(["pgrep", "-f", command], capture_output=True, text=True).stdout.split()
+
+
+def signal_all(pids: list[str], name: str):
+    """A process may have ended meanwhile."""
+    for pid in pids:
+        subprocess.run(["kill", f"-{name}", pid], stderr=subprocess.DEVNULL)
 
 
 def test_classes_of_a_recording_equal_those_of_the_rust_segmenter(folder, submaps):
@@ -25,11 +45,34 @@ def test_classes_of_a_recording_equal_those_of_the_rust_segmenter(folder, submap
     assert len(classes) == 6 and all(len(set(ids)) >= 3 for ids in classes)
 
 
-def test_run_with_the_python_segmenter_has_the_bytes_of_the_rust_run(folder, drive):
-    segmenters = {"run_python": python_stage(HEIGHT_SEGMENTER), "run_rust": f"program = '{PROGRAMS / 'height-segmenter'}'"}
-    for output, infer in segmenters.items():
-        call("replica-launch", launch_file(folder, drive, output, infer))
-    assert results(folder / "run_python") == results(folder / "run_rust")
+@pytest.fixture(scope="module")
+def rust_run(folder, drive) -> dict[str, bytes]:
+    """Results with the segmenter in Rust."""
+    call("replica-launch", launch_file(folder, drive, "run_rust", RUST_SEGMENTER))
+    return results(folder / "run_rust")
+
+
+def test_run_with_the_python_segmenter_has_the_bytes_of_the_rust_run(folder, drive, rust_run):
+    call("replica-launch", launch_file(folder, drive, "run_python", python_stage(HEIGHT_SEGMENTER)))
+    assert results(folder / "run_python") == rust_run
+
+
+def test_python_segmenter_is_swapped_in_with_the_same_bytes(folder, drive, rust_run):
+    output = folder / "swapped"
+    running = start(launch_file(folder, drive, "swapped", RUST_SEGMENTER), output)
+    # The sink waits, so that the run does not end before the swap.
+    export = processes(f"replica-export run {output}/run/export.json")
+    signal_all(export, "STOP")
+    arguments = ["--run", output, "--program", HEIGHT_SEGMENTER, "--set", f"python={sys.executable}"]
+    swap = subprocess.Popen([PROGRAMS / "replica", "swap", "infer", *arguments], stderr=subprocess.PIPE, text=True)
+    shown = swap.stderr.readline()
+    while shown and "draining to a barrier" not in shown:
+        shown = swap.stderr.readline()
+    signal_all(export, "CONT")
+    assert swap.wait() == 0, shown
+    assert running.wait() == 0
+    assert results(output) == rust_run
+    assert "height_segmenter.py" in (output / "run/swaps.json").read_text()
 
 
 def test_killed_python_stage_continues_from_its_saved_state_with_the_same_bytes(folder, drive):
@@ -38,15 +81,14 @@ def test_killed_python_stage_continues_from_its_saved_state_with_the_same_bytes(
     notes = (folder / "undisturbed/summary.json").read_text()
     assert "another thread runs while the stage waits" in notes
     choose, n_kills = random.Random(7), 0
-    running = subprocess.Popen([PROGRAMS / "replica-launch", launch_file(folder, drive, "killed", infer)], stderr=subprocess.PIPE)
-    while running.poll() is None:
+    path = launch_file(folder, drive, "killed", infer)
+    running = subprocess.Popen([PROGRAMS / "replica-launch", path], stderr=subprocess.PIPE, text=True)
+    while running.poll() is None and n_kills < 5:
         time.sleep(choose.uniform(0.1, 0.6))
-        assignment = str(folder / "killed/run/infer.json")
-        found = subprocess.run(["pgrep", "-f", f"counting.py run {assignment}"], capture_output=True, text=True).stdout.split()
-        for pid in found if n_kills < 5 else []:
-            subprocess.run(["kill", "-KILL", pid])
-            n_kills += 1
-    stderr = running.stderr.read().decode()
+        found = processes(f"counting.py run {folder}/killed/run/infer.json")
+        signal_all(found, "KILL")
+        n_kills += len(found)
+    stderr = running.communicate()[1]
     assert running.returncode == 0, stderr
     assert n_kills >= 1 and "SIGKILL" in stderr
     assert results(folder / "killed") == results(folder / "undisturbed")
@@ -111,11 +153,8 @@ def test_changed_script_is_refused_by_resume(folder, drive):
     script = folder / "changing.py"
     script.write_text((STAGES / "counting.py").read_text())
     path = launch_file(folder, drive, "changed", python_stage(script))
-    running = subprocess.Popen([PROGRAMS / "replica-launch", path], stderr=subprocess.DEVNULL)
-    while not any((folder / "changed/run/states").glob("*/export.state")):
-        assert running.poll() is None, "the run must not end before its first barrier"
-        time.sleep(0.005)
-    running.send_signal(signal.SIGKILL)
+    running = start(path, folder / "changed")
+    running.kill()
     running.wait()
     script.write_text(script.read_text() + "\n# changed\n")
     assert "changing.py" in call("replica-launch", path, "--resume", code=78)
