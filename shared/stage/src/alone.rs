@@ -121,7 +121,7 @@ impl<'a> Alone<'a> {
         for port in program.outputs() {
             outputs.by_topic.insert(port.topic(), (port.make.memory_output)());
         }
-        let mut tables: Vec<_> = program.outputs().iter().map(|port| port.byte_table()).collect();
+        let mut tables: Vec<_> = program.outputs().iter().map(Port::byte_table).collect();
         tables.sort_by(|a, b| a.topic.cmp(&b.topic));
         let about = BTreeMap::from([
             ("mode".to_owned(), "offline".to_owned()),

@@ -4,7 +4,7 @@ use crate::inputs::push_bytes;
 use crate::memory_output::memory_output;
 use crate::outputs::AnyOutput;
 use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_output};
-use crate::untyped::{self, UntypedLoan, UntypedMessage};
+use crate::untyped::{self, LoanMaker, UntypedMessage};
 use crate::{Inputs, Outputs, StepError};
 use messages::{
     ByteTable, ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, Message, MosaicTopic,
@@ -34,7 +34,7 @@ pub(crate) struct PortMakers {
     pub(crate) byte_table: fn() -> ByteTable,
     pub(crate) take: fn(&mut Inputs) -> Vec<Box<dyn UntypedMessage>>,
     pub(crate) publish_bytes: fn(&mut Outputs, &[u8]) -> Result<(), StepError>,
-    pub(crate) loan: fn(&mut Outputs, usize) -> Result<Box<dyn UntypedLoan>, StepError>,
+    pub(crate) loan: LoanMaker,
 }
 
 impl Port {

@@ -72,6 +72,9 @@ impl Outputs {
     }
 }
 
+/// [`loan`] of a type.
+pub(crate) type LoanMaker = fn(&mut Outputs, usize) -> Result<Box<dyn UntypedLoan>, StepError>;
+
 pub(crate) fn take<T: Message>(inputs: &mut Inputs) -> Vec<Box<dyn UntypedMessage>> {
     inputs.take::<T>().into_iter().map(|message| Box::new(message) as Box<dyn UntypedMessage>).collect()
 }
