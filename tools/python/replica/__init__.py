@@ -22,6 +22,7 @@ A stage is a class with a method ``step``::
 ``[infer] program = "segmenter.py"`` in the launch file starts it.
 """
 
+from ._join import SubmapJoin
 from ._messages import CLASS_NAMES, CLASS_TABLE_VERSION, Inputs, Loan, Message, Outputs
 from ._native import fingerprint
 from ._reading import Cloud, Recording, Run, observe, open_recording, open_run, read_ply
@@ -42,6 +43,7 @@ __all__ = [
     "Run",
     "Setting",
     "Stage",
+    "SubmapJoin",
     "fingerprint",
     "observe",
     "open_recording",

@@ -58,27 +58,30 @@ class Loan:
             self.header["class_table_version"] = CLASS_TABLE_VERSION
 
     def __len__(self) -> int:
-        return len(self._open())
+        return len(self.rows)
 
     def __getitem__(self, key):
         """A field of all rows, to be written: ``loan["class_id"][:] = classes``."""
-        return self._open()[key]
+        return self.rows[key]
 
     def __setitem__(self, key, value):
-        self._open()[key] = value
+        self.rows[key] = value
 
-    def _open(self):
-        if self.rows is None:
+    def __getattr__(self, name: str):
+        """Of attributes that are not there."""
+        if name in ("header", "rows"):
             raise RuntimeError(f"{self.topic}: the loan is published: its memory belongs to the readers")
-        return self.rows
+        raise AttributeError(name)
 
     def _publish(self, stamp: int | None):
-        self._open()
         stamp = self._stamp if stamp is None else stamp
         if stamp is None:
             raise ValueError(f"{self.topic}: publish needs the stamp of a message that is not like another one")
-        # Without these, only arrays that the stage keeps refer to the loan.
-        self.header = self.rows = None
+        # Only arrays that the stage keeps still refer to the loan. A second time, there is nothing to delete.
+        try:
+            del self.header, self.rows
+        except AttributeError:
+            pass
         _native.publish(self._number, self.topic, stamp, self._seq)
 
 
@@ -91,11 +94,11 @@ class Outputs:
 
     def loan(self, topic: str, rows: int | None = None, *, like: Message | None = None) -> Loan:
         """Memory for a message of ``rows`` rows. ``like``: a column of that submap, with as many rows and its stamp."""
-        if (rows is None) == (like is None):
-            raise ValueError(f"{topic}: a loan needs either rows=N or like=MESSAGE")
-        if like is None:
+        if like is not None and rows is None:
+            return Loan(topic, len(like), like.stamp, like.seq)
+        if rows is not None and like is None:
             return Loan(topic, rows, None, None)
-        return Loan(topic, len(like), like.stamp, like.seq)
+        raise ValueError(f"{topic}: a loan needs either rows=N or like=MESSAGE")
 
     def publish(self, loan: Loan, stamp: int | None = None):
         """Publishes the loan. Waits while the queue of a reader is full; other threads of Python run meanwhile.

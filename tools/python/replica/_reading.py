@@ -75,7 +75,7 @@ def read_ply(path: str | Path) -> Cloud:
     """A cloud of a run: binary little-endian PLY."""
     path = Path(path)
     with path.open("rb") as file:
-        lines = []
+        lines: list[str] = []
         while (line := file.readline(1 << 16).decode("ascii", "replace").rstrip("\n")) != "end_header":
             if not line or len(lines) > 1000 or lines[:1] not in ([], ["ply"]):
                 raise ValueError(f"{path}: line {len(lines) + 1}: {line!r} is not a line of a PLY header")
@@ -137,12 +137,10 @@ def observe(output: str | Path, topic: str, *, lossless: bool = False) -> Iterat
         while True:
             has_ended = observation.has_ended()
             if (message := observation.receive()) is not None:
-                *numbers, header, rows = message
-                del message
-                message = Message(topic, *numbers, np.asarray(header), np.asarray(rows), types)
-                del header, rows
-                yield message
-                del message
+                seq, stamp, tick, header, rows = message
+                yield Message(topic, seq, stamp, tick, np.asarray(header), np.asarray(rows), types)
+                # From here on, only the caller may refer to the message.
+                del message, header, rows
             elif has_ended:
                 break
             else:

@@ -54,9 +54,8 @@ class Context:
     @classmethod
     def _of(cls, text: str) -> "Context":
         values = json.loads(text)
-        paths = {key: Path(values[key]) for key in ("drive", "output", "launch_folder")}
-        topics = {key: tuple(values[key]) for key in ("connected", "missing")}
-        return cls(mode=values["mode"], **paths, **topics)
+        drive, output, launch_folder = (Path(values[key]) for key in ("drive", "output", "launch_folder"))
+        return cls(drive, output, launch_folder, values["mode"], tuple(values["connected"]), tuple(values["missing"]))
 
 
 class Stage:
@@ -108,7 +107,7 @@ class _Host:
 
     def __init__(self, stage_class: type[Stage]):
         self.stage_class = stage_class
-        self.stage: Stage | None = None
+        self.stage: Stage
         self.outputs = Outputs()
 
     def spec(self) -> str:
@@ -134,14 +133,15 @@ class _Host:
         stage.setup()
 
     def step(self, messages: list) -> bool:
+        return self.stage.step(self._inputs(messages), self.outputs) == END
+
+    def _inputs(self, messages: list) -> Inputs:
         inputs = Inputs((topic, []) for topic in [*self.stage_class.inputs, *self.stage_class.optional_inputs])
         for topic, seq, stamp, tick, header, rows in messages:
-            message = Message(topic, seq, stamp, tick, np.asarray(header), np.asarray(rows), dtypes(topic))
-            inputs[topic].append(message)
-        # What is left refers to the messages only as long as the stage does.
+            inputs[topic].append(Message(topic, seq, stamp, tick, np.asarray(header), np.asarray(rows), dtypes(topic)))
+        # From here on, only the inputs refer to the messages.
         messages.clear()
-        message = header = rows = None
-        return self.stage.step(inputs, self.outputs) == END
+        return inputs
 
     def finish(self):
         self.stage.finish(self.outputs)

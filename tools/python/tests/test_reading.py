@@ -33,6 +33,22 @@ def test_recording_has_its_messages_with_header_and_rows(submaps):
         next(recording.messages("color"))
 
 
+def test_submaps_are_joined_with_later_columns_before_and_after_a_restart(folder, submaps):
+    call(HEIGHT_SEGMENTER, "run", "--recording", submaps, "--record", folder / "columns.mcap")
+    points = list(replica.open_recording(submaps).messages("submap"))
+    columns = list(replica.open_recording(folder / "columns.mcap").messages("class"))
+    join = replica.SubmapJoin("class")
+    assert join.save() == b"" and not list(join.complete({"submap": points[:2], "class": []}))
+    joined = list(join.complete({"submap": [], "class": columns[:1]}))
+    restarted = replica.SubmapJoin("class")
+    restarted.restore(join.save())
+    joined += restarted.complete({"submap": points[2:3], "class": columns[1:3]})
+    assert [(submap.seq, others["class"].seq) for submap, others in joined] == [(0, 0), (1, 1), (2, 2)]
+    assert all(np.array_equal(submap.rows, points[submap.seq].rows) for submap, _ in joined)
+    with pytest.raises(ValueError, match="<class 4: .* arrived when that of <submap 3: .* was due"):
+        list(restarted.complete({"submap": points[3:4], "class": columns[4:5]}))
+
+
 @pytest.fixture(scope="module")
 def finished(folder, drive):
     path = launch_file(folder, drive, "finished", python_stage(HEIGHT_SEGMENTER))
