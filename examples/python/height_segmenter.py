@@ -7,7 +7,8 @@ import replica
 from replica import Setting
 
 SIDE_M, RISE_M = np.float32(0.5), np.float32(0.15) * np.float32(0.5)
-UNLABELED, BUILDING, VEGETATION, VEHICLES, GROUND = map(replica.CLASS_NAMES.index, ("unlabeled", "building", "vegetation", "vehicles", "ground"))
+CLASSES = ("unlabeled", "building", "vegetation", "vehicles", "ground")
+UNLABELED, BUILDING, VEGETATION, VEHICLES, GROUND = map(replica.CLASS_NAMES.index, CLASSES)
 
 
 class HeightSegmenter(replica.Stage):
