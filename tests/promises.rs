@@ -87,6 +87,22 @@ fn named_tests_exist() {
     assert!(absent.is_empty(), "{PAGE} names tests that do not exist: {absent:#?}");
 }
 
+/// The tests of the Python package, and those that the page names.
+#[test]
+fn python_tests_are_listed() {
+    let mut tests = BTreeSet::new();
+    for entry in std::fs::read_dir(root().join("tools/python/tests")).expect("a folder").flatten() {
+        let text = std::fs::read_to_string(entry.path()).unwrap_or_default();
+        let names = text.lines().filter_map(|line| line.strip_prefix("def test_")?.split('(').next());
+        tests.extend(names.map(|name| format!("test_{name}")));
+    }
+    let page = std::fs::read_to_string(root().join(PAGE)).expect("the page exists");
+    let named = page.split('`').skip(1).step_by(2).filter(|span| span.starts_with("test_"));
+    let named: BTreeSet<String> = named.map(str::to_owned).collect();
+    assert!(!tests.is_empty());
+    assert_eq!(tests, named, "{PAGE} must list the tests of tools/python/tests");
+}
+
 #[test]
 fn process_tests_are_listed() {
     let named = named_tests();

@@ -201,7 +201,7 @@ fn check_settings(
             table: stage.name.clone(),
             context: context.clone(),
         };
-        programs::check(&stage.program, &request)
+        programs::check(&stage.program, &stage.table.python, &request)
     });
     for (stage, checked) in stages.iter().zip(checked) {
         match checked {

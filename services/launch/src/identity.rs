@@ -48,7 +48,9 @@ impl Files {
     pub fn of(plan: &Plan, known: &Self) -> Result<Self, UnreadableFile> {
         let mut files = Self::default();
         for stage in &plan.stages {
-            let paths = std::iter::once(&stage.program).chain(&stage.files);
+            let python = PathBuf::from(&stage.table.python);
+            let interpreter = (python.is_absolute() && python.is_file()).then_some(&python);
+            let paths = std::iter::once(&stage.program).chain(interpreter).chain(&stage.files);
             files.add(&stage.name, paths, known)?;
         }
         let manifest = plan.context.drive.join(MANIFEST_FILE);

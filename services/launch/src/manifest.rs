@@ -94,6 +94,8 @@ run::settings! {
     pub struct StageTable {
         /// The stage's program; default `replica-<table>` beside replica-launch.
         pub program: String = String::new() => any();
+        /// Interpreter of a program `*.py`: a command, or a path relative to the launch file.
+        pub python: String = "python3".to_owned() => any();
         /// A stage that spends this long in one step stalls, s; 0 = the limit of `[run]`.
         pub stall_s: f64 = 0.0 => within(0.0, 86400.0);
         /// Threads of its parallel loops; 0 = one per core.

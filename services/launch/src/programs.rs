@@ -110,14 +110,31 @@ fn known_stages() -> Vec<String> {
     names
 }
 
+/// The interpreter that a table names: a command of the search path, or a path relative to the launch file.
+pub fn interpreter(python: &str, launch_folder: &Path) -> String {
+    let is_path = python.contains('/');
+    if is_path { launch_folder.join(python).to_string_lossy().into_owned() } else { python.to_owned() }
+}
+
+/// The command that starts a stage's program: `*.py` with the interpreter `python`, any other by itself.
+pub fn command(program: &Path, python: &str) -> Command {
+    if program.extension().is_none_or(|extension| extension != "py") {
+        return Command::new(program);
+    }
+    let mut command = Command::new(python);
+    // Python orders sets by a seed, which it would draw anew in each process. Lines are in the log before a crash.
+    command.env("PYTHONHASHSEED", "0").env("PYTHONUNBUFFERED", "1").arg(program);
+    command
+}
+
 /// Topics and settings of a program, with the settings of its table.
-pub fn describe(program: &Path, request: &DescribeRequest) -> Result<Description, ProgramError> {
-    ask(program, "--describe", request)
+pub fn describe(program: &Path, python: &str, request: &DescribeRequest) -> Result<Description, ProgramError> {
+    ask(program, python, "--describe", request)
 }
 
 /// The problems of a program's table.
-pub fn check(program: &Path, request: &CheckRequest) -> Result<Vec<Problem>, ProgramError> {
-    ask(program, "--check", request)
+pub fn check(program: &Path, python: &str, request: &CheckRequest) -> Result<Vec<Problem>, ProgramError> {
+    ask(program, python, "--check", request)
 }
 
 /// Asks many programs at the same time, because each takes some ms to start. The answers have the order of the questions.
@@ -136,17 +153,24 @@ pub fn ask_all<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) 
     })
 }
 
-fn ask<T: DeserializeOwned>(program: &Path, question: &str, request: &impl Serialize) -> Result<T, ProgramError> {
+fn ask<T: DeserializeOwned>(
+    program: &Path,
+    python: &str,
+    question: &str,
+    request: &impl Serialize,
+) -> Result<T, ProgramError> {
     let (program_path, question_text) = (|| program.to_owned(), || question.to_owned());
     let failed = |source| ProgramError::Read { program: program_path(), question: question_text(), source };
     let invalid = |source| ProgramError::Answer { program: program_path(), question: question_text(), source };
-    let mut child = Command::new(program)
+    let mut command = command(program, python);
+    let started = PathBuf::from(command.get_program());
+    let mut child = command
         .args([question, &serde_json::to_string(request).map_err(invalid)?])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .map_err(|source| ProgramError::Start { program: program_path(), source })?;
+        .map_err(|source| ProgramError::Start { program: started, source })?;
     let stdout = read_in_background(child.stdout.take()).map_err(failed)?;
     let stderr = read_in_background(child.stderr.take()).map_err(failed)?;
     let begun = Instant::now();

@@ -5,6 +5,7 @@ mod log_tail;
 use crate::decision::ObservedStage;
 use crate::log::LogFormat;
 use crate::plan::PlannedStage;
+use crate::programs;
 use ipc::{IpcError, LatestPublisher, LatestSubscriber, Node, Waker};
 use run::LOG_FORMAT;
 use run::assignment::{Command as StageCommand, wake_name};
@@ -13,7 +14,7 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use std::fs::OpenOptions;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus, Stdio};
 use std::time::Instant;
 
 /// Why a stage cannot be started.
@@ -182,11 +183,13 @@ fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat)
         source,
     };
     let file = OpenOptions::new().create(true).append(true).open(log).map_err(failed)?;
-    let mut command = Command::new(&stage.program);
+    let mut command = programs::command(&stage.program, &stage.table.python);
     command.arg("run").arg(assignment).stdin(Stdio::null()).process_group(0);
     allocator::keep_freed_memory(&mut command, allocator::Keep::Sweeps);
     if stage.table.threads > 0 {
-        command.env("RAYON_NUM_THREADS", stage.table.threads.to_string());
+        // Of Rust and, in libraries of Python, of OpenMP.
+        let n_threads = stage.table.threads.to_string();
+        command.env("RAYON_NUM_THREADS", &n_threads).env("OMP_NUM_THREADS", n_threads);
     }
     if format == LogFormat::Json {
         command.env(LOG_FORMAT, "json");

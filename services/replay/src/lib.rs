@@ -1,13 +1,12 @@
 //! replay: a source that publishes the messages and ticks of a recording. It replaces the stages that published them.
 
 mod pace;
-mod topics;
 
 use formats::recording::{RecordedTick, RecordingError, RecordingReader, TickReader};
 use pace::Pace;
+use stage::messages::ByteTable;
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Stage, StepError, any, decode_state, encode_state, within};
 use std::path::Path;
-use topics::{Replayed, TOPICS};
 
 stage::settings! {
     /// Settings of the replay.
@@ -25,7 +24,7 @@ stage::settings! {
 /// A recording as a source.
 pub struct Replay {
     ticks: TickReader,
-    topics: Vec<&'static Replayed>,
+    topics: Vec<Port>,
     pace: Pace,
     n_ticks: u64,
     /// Share of the recorded drive that was published, 0 to 1.
@@ -37,9 +36,9 @@ pub struct Replay {
 }
 
 /// Topics to publish, by name.
-fn recorded(path: &Path, settings: &Settings) -> Result<Vec<&'static Replayed>, StepError> {
+fn recorded(path: &Path, settings: &Settings) -> Result<Vec<Port>, StepError> {
     let reader = RecordingReader::open(path).map_err(StepError::data)?;
-    let mut found = Vec::new();
+    let (known, mut found) = (Port::all(), Vec::new());
     for wanted in &settings.topics {
         if !reader.topics().iter().any(|topic| topic.ticks_of() == Some(wanted)) {
             return Err(StepError::data(format!("{}: has no topic {wanted} to replay", path.display())));
@@ -49,12 +48,12 @@ fn recorded(path: &Path, settings: &Settings) -> Result<Vec<&'static Replayed>, 
     for topic in reader.topics().iter().filter(|topic| topic.ticks_of().is_none() && is_wanted(&topic.name)) {
         let file = path.display();
         let name = &topic.name;
-        let Some(known) = TOPICS.iter().find(|known| known.topic == name.as_str()) else {
+        let Some(known) = known.iter().find(|known| known.topic() == name) else {
             return Err(StepError::data(format!(
                 "{file}: topic {name} cannot be replayed: this program does not know its type"
             )));
         };
-        let (version, layout) = (known.version, known.layout);
+        let ByteTable { version, layout, .. } = known.byte_table();
         if (topic.table.version, topic.table.layout) != (version, layout) {
             let (theirs, their_layout) = (topic.table.version, topic.table.layout);
             return Err(StepError::data(format!(
@@ -62,9 +61,9 @@ fn recorded(path: &Path, settings: &Settings) -> Result<Vec<&'static Replayed>, 
                  and layout {layout:016x}"
             )));
         }
-        found.push(known);
+        found.push(*known);
     }
-    found.sort_by_key(|known| known.topic);
+    found.sort_by_key(Port::topic);
     Ok(found)
 }
 
@@ -77,15 +76,14 @@ impl Stage for Replay {
     }
 
     fn outputs() -> Vec<Port> {
-        TOPICS.iter().map(|known| known.port).collect()
+        Port::all()
     }
 
     fn outputs_with(settings: &Settings, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
         if settings.recording.is_empty() {
             return Ok(Self::outputs());
         }
-        let known = recorded(&launch_folder.join(&settings.recording), settings)?;
-        Ok(known.into_iter().map(|known| known.port).collect())
+        recorded(&launch_folder.join(&settings.recording), settings)
     }
 
     fn check(settings: &Settings, _context: &Context) -> Vec<Problem> {
@@ -95,7 +93,7 @@ impl Stage for Replay {
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let path = context.resolve(Path::new(&settings.recording));
         let topics = recorded(&path, settings)?;
-        let names: Vec<&str> = topics.iter().map(|known| known.topic).collect();
+        let names: Vec<&str> = topics.iter().map(Port::topic).collect();
         let ticks = TickReader::open(&path, &names).map_err(StepError::data)?;
         let (pace, missing) = (Pace::new(settings.speed), context.missing.clone());
         Ok(Self { ticks, topics, pace, n_ticks: 0, progress: 0.0, missing, next: None })
@@ -125,7 +123,7 @@ impl Stage for Replay {
         outputs.set_progress(self.progress);
         for (topic, messages) in self.topics.iter().zip(&tick.messages) {
             for message in messages {
-                (topic.publish)(outputs, &message.bytes)?;
+                outputs.publish_bytes(topic, &message.bytes)?;
             }
         }
         self.n_ticks += 1;

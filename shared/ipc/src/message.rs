@@ -41,6 +41,13 @@ impl<T: Message> Loan<T> {
             LoanMemory::Own(loan) => loan.rows(),
         }
     }
+    /// Rows written so far, to change them.
+    pub fn rows_mut(&mut self) -> &mut [T::Row] {
+        match &mut self.0 {
+            LoanMemory::Shared(loan) => loan.rows_mut(),
+            LoanMemory::Own(loan) => loan.rows_mut(),
+        }
+    }
     /// The fixed part, zero at first.
     pub fn header_mut(&mut self) -> &mut T::Header {
         match &mut self.0 {

@@ -21,6 +21,9 @@ impl<T: Message> OwnLoan<T> {
     pub(crate) fn rows(&self) -> &[T::Row] {
         &self.rows[..self.len]
     }
+    pub(crate) fn rows_mut(&mut self) -> &mut [T::Row] {
+        &mut self.rows[..self.len]
+    }
     pub(crate) fn header_mut(&mut self) -> &mut T::Header {
         &mut self.header
     }

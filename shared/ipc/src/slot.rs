@@ -158,6 +158,9 @@ impl<T: Message> SharedLoan<T> {
     pub(crate) fn rows(&self) -> &[T::Row] {
         view::<T>(self.slot.lines(), self.len).expect(LONG_ENOUGH).1
     }
+    pub(crate) fn rows_mut(&mut self) -> &mut [T::Row] {
+        view_mut::<T>(self.slot.lines_mut(), 0..self.len).expect(LONG_ENOUGH).1
+    }
     pub(crate) fn header_mut(&mut self) -> &mut T::Header {
         view_mut::<T>(self.slot.lines_mut(), 0..0).expect(LONG_ENOUGH).0
     }

@@ -121,7 +121,7 @@ impl<'a> Alone<'a> {
         for port in program.outputs() {
             outputs.by_topic.insert(port.topic(), (port.make.memory_output)());
         }
-        let mut tables: Vec<_> = program.outputs().iter().map(|port| (port.make.byte_table)()).collect();
+        let mut tables: Vec<_> = program.outputs().iter().map(Port::byte_table).collect();
         tables.sort_by(|a, b| a.topic.cmp(&b.topic));
         let about = BTreeMap::from([
             ("mode".to_owned(), "offline".to_owned()),
@@ -209,7 +209,7 @@ impl<'a> Alone<'a> {
     fn recorded_tick(&mut self, tick: RecordedTick) -> Result<(), StepError> {
         let mut inputs = Inputs::default();
         for (port, messages) in self.inputs.iter().zip(tick.messages) {
-            let table = (port.make.byte_table)();
+            let table = port.byte_table();
             for message in messages {
                 let rows = u64::from(message.envelope.len);
                 count(self.report.inputs.entry(port.topic()).or_default(), rows, table.row_bytes);

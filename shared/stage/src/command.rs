@@ -8,6 +8,7 @@ use crate::{Port, Problem, Stage, exit, log};
 use run::assignment::{Assignment, CONTRACT_VERSION, Description};
 use run::launch_file::LaunchFile;
 use run::{CheckRequest, DescribeRequest};
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -21,12 +22,12 @@ use std::sync::atomic::AtomicBool;
 /// - `run ASSIGNMENT` runs the stage as the supervisor's file says ([`Assignment`]),
 /// - `run --recording FILE …` runs it alone, on a recording of its inputs.
 pub fn run<S: Stage>() -> ExitCode {
-    ExitCode::from(run_program(&ProgramOf::<S>::new()))
+    ExitCode::from(run_program(&ProgramOf::<S>::new(), std::env::args_os()))
 }
 
-/// The exit code.
-fn run_program(program: &dyn Program) -> u8 {
-    match command_line::parse(program) {
+/// [`run`] of a stage that is known at run time. `arguments` begin with the program's name. Returns the exit code.
+pub fn run_program(program: &dyn Program, arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    match command_line::parse(program, arguments.into_iter().collect()) {
         Ok(CommandLine { describe: Some(request), .. }) if request == NO_REQUEST => print_json(&description(program)),
         Ok(CommandLine { describe: Some(request), .. }) => match serde_json::from_str(&request) {
             Ok(request) => describe(program, &request),

@@ -5,6 +5,7 @@ use crate::{Port, exit};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use serde::Serialize;
+use std::ffi::OsString;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -67,9 +68,10 @@ pub(crate) struct AloneArguments {
     pub(crate) json: bool,
 }
 
-/// The arguments of this process, or the exit code after help or a usage error has been printed.
-pub(crate) fn parse(program: &dyn Program) -> Result<CommandLine, u8> {
-    let parsed = command(program).try_get_matches().and_then(|matches| CommandLine::from_arg_matches(&matches));
+/// The parsed arguments, or the exit code after help or a usage error has been printed.
+pub(crate) fn parse(program: &dyn Program, arguments: Vec<OsString>) -> Result<CommandLine, u8> {
+    let parsed =
+        command(program).try_get_matches_from(arguments).and_then(|matches| CommandLine::from_arg_matches(&matches));
     parsed.map_err(|error| print(&error))
 }
 

@@ -23,8 +23,9 @@ mod state;
 mod state_bytes;
 mod submap_join;
 pub mod testing;
+pub mod untyped;
 
-pub use command::run;
+pub use command::{run, run_program};
 pub use contract::{Flow, Stage};
 pub use error::StepError;
 pub use inputs::Inputs;
@@ -33,6 +34,7 @@ pub use log::catch_panic;
 pub use messages;
 pub use outputs::Outputs;
 pub use port::Port;
+pub use program::{ConfiguredStage, Program, RunningStage};
 pub use run::space;
 pub use run::{
     Context, Field, Mode, Problem, Rule, Settings, StateError, any, at_least, each_one_of, exit, find_file, one_of,

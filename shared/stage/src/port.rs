@@ -4,8 +4,12 @@ use crate::inputs::push_bytes;
 use crate::memory_output::memory_output;
 use crate::outputs::AnyOutput;
 use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_output};
-use crate::{Inputs, StepError};
-use messages::{ByteTable, Message};
+use crate::untyped::{self, LoanMaker, UntypedMessage};
+use crate::{Inputs, Outputs, StepError};
+use messages::{
+    ByteTable, ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, Message, MosaicTopic,
+    PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
+};
 use run::assignment::PortDescription;
 
 /// One topic that a stage reads or writes, by type.
@@ -28,6 +32,9 @@ pub(crate) struct PortMakers {
     pub(crate) shared_input: SharedInputMaker,
     pub(crate) push_bytes: fn(&mut Inputs, &[u8]) -> Result<(), StepError>,
     pub(crate) byte_table: fn() -> ByteTable,
+    pub(crate) take: fn(&mut Inputs) -> Vec<Box<dyn UntypedMessage>>,
+    pub(crate) publish_bytes: fn(&mut Outputs, &[u8]) -> Result<(), StepError>,
+    pub(crate) loan: LoanMaker,
 }
 
 impl Port {
@@ -46,18 +53,56 @@ impl Port {
                 shared_input: shared_input::<T>,
                 push_bytes: push_bytes::<T>,
                 byte_table: ByteTable::of::<T>,
+                take: untyped::take::<T>,
+                publish_bytes: untyped::publish_bytes::<T>,
+                loan: untyped::loan::<T>,
             },
         }
     }
 
     /// As [`Port::of`]; an input without a producer is always empty.
     pub fn optional<T: Message>() -> Self {
-        Self { optional: true, ..Self::of::<T>() }
+        Self::of::<T>().made_optional()
+    }
+
+    /// The project's topics, for programs that know them at run time.
+    pub fn all() -> Vec<Self> {
+        vec![
+            Self::of::<SweepTopic>(),
+            Self::of::<ImageTopic>(),
+            Self::of::<MosaicTopic>(),
+            Self::of::<GnssTopic>(),
+            Self::of::<ImuTopic>(),
+            Self::of::<CubeTopic>(),
+            Self::of::<SubmapTopic>(),
+            Self::of::<TrajectoryTopic>(),
+            Self::of::<PlacementTopic>(),
+            Self::of::<ColorTopic>(),
+            Self::of::<SpectraTopic>(),
+            Self::of::<ClassTopic>(),
+            Self::of::<InstanceTopic>(),
+        ]
+    }
+
+    /// The same port; an input without a producer is always empty.
+    #[must_use]
+    pub fn made_optional(self) -> Self {
+        Self { optional: true, ..self }
     }
 
     /// The topic's name.
     pub fn topic(&self) -> &'static str {
         self.topic
+    }
+
+    /// Messages of the topic that a stage may keep after its step.
+    pub fn borrowed(&self) -> usize {
+        self.borrowed
+    }
+
+    /// The layout of the topic's messages.
+    pub fn byte_table(&self) -> ByteTable {
+        (self.make.byte_table)()
     }
 
     /// As the supervisor sees it.
@@ -69,7 +114,7 @@ impl Port {
             queue: self.queue,
             borrowed: self.borrowed,
             optional: self.optional,
-            table: (self.make.byte_table)(),
+            table: self.byte_table(),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! A stage as trait objects. With these instead of a type parameter, the runner, the command line and the run alone are
-//! compiled once, in this crate, and not again in every program.
+//! compiled once, in this crate, and not again in every program. A stage that is known only at run time, as one in another
+//! language, implements them itself and uses the messages of [`crate::untyped`].
 
 use crate::{
     Context, Field, Flow, Inputs, Outputs, Port, Problem, Settings, Stage, StateBytes, StepError, parse_table,
@@ -9,29 +10,42 @@ use std::path::Path;
 use toml::de::DeTable;
 
 /// What a program knows of its stage before it has settings. See [`Stage`].
-pub(crate) trait Program {
+pub trait Program {
+    /// See [`Stage::NAME`].
     fn name(&self) -> &'static str;
+    /// See [`Stage::inputs`].
     fn inputs(&self) -> Vec<Port>;
+    /// See [`Stage::outputs`].
     fn outputs(&self) -> Vec<Port>;
+    /// See [`Settings::fields`].
     fn fields(&self) -> Vec<Field>;
     /// The stage with the settings of `table`, and the problems of those that keep their default.
     fn configured(&self, table: &DeTable<'_>) -> (Box<dyn ConfiguredStage>, Vec<Problem>);
 }
 
 /// A stage with its settings, not built yet. See [`Stage`].
-pub(crate) trait ConfiguredStage {
+pub trait ConfiguredStage {
+    /// See [`Stage::inputs_with`].
     fn inputs(&self, launch_folder: &Path) -> Result<Vec<Port>, StepError>;
+    /// See [`Stage::outputs_with`].
     fn outputs(&self, launch_folder: &Path) -> Result<Vec<Port>, StepError>;
+    /// See [`Stage::check`].
     fn check(&self, context: &Context) -> Vec<Problem>;
+    /// All settings, for the head of a recording.
     fn settings_json(&self) -> Result<String, StepError>;
+    /// See [`Stage::new`].
     fn build(&self, context: &Context) -> Result<Box<dyn RunningStage>, StepError>;
 }
 
 /// A stage that takes steps. See [`Stage`].
-pub(crate) trait RunningStage {
+pub trait RunningStage {
+    /// See [`Stage::step`].
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError>;
+    /// See [`Stage::finish`].
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError>;
+    /// See [`Stage::save`].
     fn save(&mut self) -> Result<StateBytes<'_>, StepError>;
+    /// See [`Stage::load`].
     fn load(&mut self, state: &[u8]) -> Result<(), StepError>;
 }
 

@@ -1,8 +1,9 @@
-//! Setup: commands that check this machine and install the command line.
+//! Setup: commands that check this machine, install the command line and begin a stage.
 
 mod completions;
 mod doctor;
 mod man;
+mod new_stage;
 
 use std::process::ExitCode;
 
@@ -12,6 +13,7 @@ pub enum Command {
     Doctor(doctor::Args),
     Completions(completions::Args),
     Man(man::Args),
+    NewStage(new_stage::Args),
 }
 
 impl Command {
@@ -21,6 +23,7 @@ impl Command {
             Command::Doctor(args) => doctor::run(args),
             Command::Completions(args) => completions::run(args),
             Command::Man(args) => man::run(args),
+            Command::NewStage(args) => new_stage::run(args),
         }
     }
 }

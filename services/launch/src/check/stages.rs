@@ -29,7 +29,7 @@ pub fn read(
     overrides: &[String],
     without: &[String],
 ) -> Vec<PlannedStage> {
-    let tables = tables(problems, without);
+    let tables = tables(problems, folder, without);
     let described = programs::ask_all(&tables, |table| {
         let request = DescribeRequest {
             launch_file: launch_file.to_owned(),
@@ -37,13 +37,13 @@ pub fn read(
             table: table.name.clone(),
         };
         let program = programs::find(&table.name, &table.keys.program, folder)?;
-        programs::describe(&program, &request).map(|description| (program, description))
+        programs::describe(&program, &table.keys.python, &request).map(|description| (program, description))
     });
     let described = tables.into_iter().zip(described);
     described.filter_map(|(table, described)| planned(table, described, folder, problems)).collect()
 }
 
-fn tables(problems: &mut Problems, without: &[String]) -> Vec<Table> {
+fn tables(problems: &mut Problems, folder: &Path, without: &[String]) -> Vec<Table> {
     let mut tables = Vec::new();
     for (name, span) in problems.file().tables() {
         if OWN_TABLES.contains(&name.as_str()) || without.contains(&name) {
@@ -55,7 +55,8 @@ fn tables(problems: &mut Problems, without: &[String]) -> Vec<Table> {
             problems.add_at(&name, span, rule.to_owned());
             continue;
         }
-        let keys = problems.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
+        let mut keys: StageTable = problems.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
+        keys.python = programs::interpreter(&keys.python, folder);
         tables.push(Table { name, span, keys });
     }
     tables

@@ -37,6 +37,30 @@ fn manual_pages_are_those_of_all_commands_and_reproducible() {
     assert!(page.contains("radius\\-m"), "{page}");
 }
 
+#[test]
+fn new_stage_has_the_files_of_its_language_and_bad_names_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let made = |name: &str, lang: &str| replica(&["new-stage", name, "--lang", lang, "--out", text(folder.path())]);
+    for (lang, name, files) in [
+        ("rust", "heights", &["Cargo.toml", "Cargo.lock", "src/main.rs", "launch.toml"][..]),
+        ("python", "levels", &["levels.py", "launch.toml"]),
+    ] {
+        let next = succeeded(&made(name, lang));
+        assert!(next.contains("replica-launch launch.toml --check"), "{next}");
+        for file in files {
+            let written = std::fs::read_to_string(folder.path().join(name).join(file)).expect("a file");
+            let is_filled_in = ["{name}", "{library}", "{keys}"].iter().all(|place| !written.contains(place));
+            assert!(is_filled_in && (file == &"Cargo.lock" || written.contains(name)), "{file}: {written}");
+        }
+        let output = made(name, lang);
+        assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+        assert!(printed(&output).contains("exists already"), "{}", printed(&output));
+    }
+    for name in ["Heights", "7th", "run", "my-stage"] {
+        assert_eq!(made(name, "rust").status.code(), Some(2), "{name}");
+    }
+}
+
 /// The checks of `replica doctor --json` under these limits, by subject; the exit code.
 fn examined(limits: &str) -> (Vec<Value>, Option<i32>) {
     let script = format!("{limits}; exec \"$0\" doctor --json");

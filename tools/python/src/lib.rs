@@ -1,0 +1,65 @@
+//! The native part of the Python package `replica`. `replica/` has the part that its users see.
+
+mod memory;
+mod observation;
+mod program;
+mod recording;
+mod session;
+mod spec;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use stage::Port;
+use stage::messages::{CLASS_TABLE_VERSION, ClassId, pod};
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// The native part of `replica`.
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use super::memory::Memory;
+    #[pymodule_export]
+    use super::observation::Observation;
+    #[pymodule_export]
+    use super::recording::RecordingFile;
+    #[pymodule_export]
+    use super::session::{count, doubt, loan, mark_progress, note, publish, set_drive_time};
+    #[pymodule_export]
+    use super::{classes, find_file, fingerprint, run, topics};
+}
+
+/// The `main` of a stage's program; the exit code. `spec` is JSON, `host` as in `_host.py`.
+#[pyfunction]
+fn run(py: Python<'_>, host: Py<PyAny>, spec: &str, arguments: Vec<OsString>) -> PyResult<u8> {
+    let spec = serde_json::from_str(spec).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let program = program::PythonProgram::new(host, spec).map_err(PyValueError::new_err)?;
+    // Other threads of Python run while the stage waits: each call of the host takes the lock.
+    Ok(py.detach(|| stage::run_program(&program, arguments)))
+}
+
+/// The layouts of all topics, as JSON.
+#[pyfunction]
+fn topics() -> PyResult<String> {
+    let tables: Vec<_> = Port::all().iter().map(Port::byte_table).collect();
+    serde_json::to_string(&tables).map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+/// Version of the class table, and its names by id.
+#[pyfunction]
+fn classes() -> (u64, Vec<&'static str>) {
+    (CLASS_TABLE_VERSION, ClassId::ALL.iter().map(|class| class.name()).collect())
+}
+
+/// The fingerprint of bytes that identifies a model.
+#[pyfunction]
+fn fingerprint(bytes: &[u8]) -> u64 {
+    pod::fingerprint(pod::FINGERPRINT_START, bytes)
+}
+
+/// The file that a setting names.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "Python has no paths to borrow")]
+fn find_file(launch_folder: PathBuf, named: PathBuf) -> PathBuf {
+    stage::find_file(&launch_folder, &named)
+}
