@@ -11,7 +11,11 @@ use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, Projecti
 use formats::drive::CameraRig;
 use formats::problems::FileError;
 use geometry::{Stamp, Trajectory};
-use messages::{ColorTopic, CubeTopic, ImageTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
+use materials::Model;
+use messages::{
+    ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN,
+};
+use std::path::Path;
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
 
 /// Submaps held between two ticks; see the documentation of the crate.
@@ -39,6 +43,8 @@ pub struct Colorize {
     /// Names of the mosaic cameras.
     mosaic_names: Vec<String>,
     level_exposures: bool,
+    /// `None`: materials are not asked for.
+    materials: Option<Model>,
     max_offset_rad: f32,
     max_delay_s: f32,
     limits_of_doubt: DoubtLimits,
@@ -78,6 +84,7 @@ impl Colorize {
             names: vehicle.cameras().iter().map(|entry| entry.name.clone()).collect(),
             mosaic_names: vehicle.mosaics().iter().map(|entry| entry.name.clone()).collect(),
             level_exposures: settings.level_exposures,
+            materials: settings.materials.then(Model::built_in).transpose().map_err(StepError::data)?,
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
             limits_of_doubt: DoubtLimits {
@@ -174,7 +181,12 @@ impl Stage for Colorize {
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()]
+        vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>(), Port::of::<MaterialTopic>()]
+    }
+
+    fn outputs_with(settings: &Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        let materials = settings.materials.then(Port::of::<MaterialTopic>);
+        Ok([Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()].into_iter().chain(materials).collect())
     }
 
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {

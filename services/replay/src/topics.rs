@@ -1,7 +1,7 @@
 //! The topics that can be replayed: all topics of this project.
 
 use messages::{
-    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, Message, MosaicTopic,
+    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message, MosaicTopic,
     PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
 };
 use stage::{Outputs, Port, Received, StepError};
@@ -35,6 +35,7 @@ pub static TOPICS: LazyLock<Vec<Replayed>> = LazyLock::new(|| {
         of::<PlacementTopic>(),
         of::<ColorTopic>(),
         of::<SpectraTopic>(),
+        of::<MaterialTopic>(),
         of::<ClassTopic>(),
         of::<InstanceTopic>(),
     ]
