@@ -15,8 +15,8 @@ use materials::Model;
 use messages::{
     ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN,
 };
-use std::path::Path;
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
+use std::path::Path;
 
 /// Submaps held between two ticks; see the documentation of the crate.
 const MAX_HELD: usize = 1;

@@ -32,7 +32,8 @@ use formats::ply::Kind;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use messages::{
-    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, SpectraTopic, StampedPose, SubmapTopic, TrajectoryTopic,
+    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, SpectraTopic, StampedPose,
+    SubmapTopic, TrajectoryTopic,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -1,8 +1,8 @@
 //! The topics that can be replayed: all topics of this project.
 
 use messages::{
-    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message, MosaicTopic,
-    PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
+    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message,
+    MosaicTopic, PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
 };
 use stage::{Outputs, Port, Received, StepError};
 use std::sync::LazyLock;

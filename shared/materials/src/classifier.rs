@@ -43,10 +43,14 @@ impl Method {
     }
 }
 
+/// The Gaussians in each light for sets of bands.
+type Gaussians = BTreeMap<u64, [Whitened; 2]>;
+
 /// Compares spectra with the references of a model.
 pub struct Classifier {
     method: Method,
-    bands: BandModel,
+    /// In the sun, in the shade.
+    bands: [BandModel; 2],
     /// Material, logarithm of the share.
     references: Vec<(MaterialId, f64)>,
     temperature: f64,
@@ -59,7 +63,7 @@ impl Classifier {
         let references = model.references.iter().enumerate();
         Self {
             method,
-            bands: BandModel::new(model, wavelengths_nm),
+            bands: [0, 1].map(|light| BandModel::new(model, light, wavelengths_nm)),
             references: references.map(|(i, reference)| (model.material(i), reference.share.ln())).collect(),
             temperature: model.temperature,
             max_distance: model.max_distance,
@@ -69,67 +73,76 @@ impl Classifier {
     /// Probabilities of the materials of each spectrum.
     pub fn classify(&self, spectra: &Spectra) -> Vec<Probabilities> {
         // Nearly all spectra have all bands: the Gaussians of some bands are made once for each set of bands that occurs.
-        let of_bands: BTreeMap<u64, Option<Whitened>> = if self.method == Method::Learned {
-            let mut sets: Vec<u64> = spectra.valid.iter().map(|valid| valid & self.bands.known).collect();
+        let known = self.bands[0].known;
+        let of_bands: Gaussians = if self.method == Method::Learned {
+            let mut sets: Vec<u64> = spectra.valid.iter().map(|valid| valid & known).collect();
             sets.par_sort_unstable();
             sets.dedup();
-            let whitened = |bands: u64| (bands.count_ones() >= MIN_BANDS).then(|| self.bands.of_bands(bands));
-            sets.into_par_iter().map(|bands| (bands, whitened(bands))).collect()
+            sets.into_par_iter().filter_map(|bands| Some((bands, self.whitened(bands)?))).collect()
         } else {
             BTreeMap::new()
         };
         (0..spectra.len()).into_par_iter().map(|i| self.probabilities(spectra.get(i), &of_bands)).collect()
     }
 
+    /// The Gaussians of these bands in each light; `None` for too few.
+    fn whitened(&self, bands: u64) -> Option<[Whitened; 2]> {
+        (bands.count_ones() >= MIN_BANDS).then(|| self.bands.each_ref().map(|light| light.of_bands(bands)))
+    }
+
     /// Squared distance per band to the nearest reference of each spectrum with enough bands.
     pub(crate) fn nearest(&self, spectra: &Spectra) -> Vec<f64> {
         let of = |spectrum: Spectrum<'_>| {
-            let bands = spectrum.valid & self.bands.known;
-            let whitened = (bands.count_ones() >= MIN_BANDS).then(|| self.bands.of_bands(bands))?;
-            let nearest = whitened.distances(spectrum.values).fold(f64::INFINITY, f64::min);
-            Some(nearest / whitened.bands.len() as f64)
+            let lights = self.whitened(spectrum.valid & self.bands[0].known)?;
+            let distances = lights.iter().flat_map(|light| light.distances(spectrum.values));
+            Some(distances.fold(f64::INFINITY, f64::min) / lights[0].bands.len() as f64)
         };
         (0..spectra.len()).into_par_iter().filter_map(|i| of(spectra.get(i))).collect()
     }
 
-    fn probabilities(&self, spectrum: Spectrum<'_>, of_bands: &BTreeMap<u64, Option<Whitened>>) -> Probabilities {
-        let bands = spectrum.valid & self.bands.known;
+    fn probabilities(&self, spectrum: Spectrum<'_>, of_bands: &Gaussians) -> Probabilities {
+        let bands = spectrum.valid & self.bands[0].known;
         if bands.count_ones() < MIN_BANDS {
             return [0.0; N_MATERIALS];
         }
         match self.method {
             Method::Angle => self.of_nearest(|mean| angle(spectrum, bands, mean)),
             Method::Ratios => self.of_nearest(|mean| ratio_distance(spectrum, bands, mean)),
-            Method::Learned => of_bands.get(&bands).and_then(Option::as_ref).map_or([0.0; N_MATERIALS], |whitened| {
-                self.posterior(whitened.distances(spectrum.values), whitened.bands.len())
-            }),
+            Method::Learned => {
+                of_bands.get(&bands).map_or([0.0; N_MATERIALS], |lights| self.posterior(lights, spectrum.values))
+            }
         }
     }
 
     /// All on the material of the nearest reference.
     fn of_nearest(&self, distance: impl Fn(&[f64]) -> f64) -> Probabilities {
         let mut probabilities = [0.0; N_MATERIALS];
-        let distances = (0..self.references.len()).map(|reference| distance(self.bands.mean(reference)));
+        let distances = (0..self.references.len()).map(|reference| distance(self.bands[0].mean(reference)));
         if let Some((nearest, _)) = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)) {
             probabilities[self.references[nearest].0 as usize] = 1.0;
         }
         probabilities
     }
 
-    fn posterior(&self, distances: impl Iterator<Item = f64>, n_bands: usize) -> Probabilities {
-        let distances: Vec<f64> = distances.collect();
-        let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+    fn posterior(&self, lights: &[Whitened; 2], values: &[f32]) -> Probabilities {
         let mut probabilities = [0.0; N_MATERIALS];
-        if nearest > self.max_distance * n_bands as f64 {
+        let (mut nearest, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut logs = Vec::with_capacity(2 * self.references.len());
+        for light in lights {
+            for (distance, (material, log_share)) in light.distances(values).zip(&self.references) {
+                let log_density = light.log_density - 0.5 * distance;
+                let log = light.log_share + log_share + log_density / self.temperature;
+                (nearest, largest) = (nearest.min(distance), largest.max(log));
+                logs.push((*material, log));
+            }
+        }
+        if nearest > self.max_distance * lights[0].bands.len() as f64 {
             probabilities[MaterialId::Unknown as usize] = 1.0;
             return probabilities;
         }
-        let logs = || distances.iter().zip(&self.references).map(|(d, (_, share))| share - 0.5 * d / self.temperature);
-        let largest = logs().fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = logs().map(|log| (log - largest).exp()).collect();
-        let sum: f64 = weights.iter().sum();
-        for (weight, (material, _)) in weights.iter().zip(&self.references) {
-            probabilities[*material as usize] += (weight / sum) as f32;
+        let sum: f64 = logs.iter().map(|(_, log)| (log - largest).exp()).sum();
+        for (material, log) in logs {
+            probabilities[material as usize] += ((log - largest).exp() / sum) as f32;
         }
         probabilities
     }

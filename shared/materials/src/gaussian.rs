@@ -1,7 +1,7 @@
 //! Distances to the references on the bands that were measured.
 
 use crate::model::Model;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Variance that is added to every band, so that bands that were nearly equal in training do not decide alone: 2 % of the
 /// reflectance.
@@ -15,13 +15,15 @@ pub fn log_reflectance(value: f32) -> f32 {
     value.max(DARKEST).ln()
 }
 
-/// References and covariance at the bands of a camera. Bands between those of the model are interpolated.
+/// References and covariance at the bands of a camera, in one light. Bands between those of the model are interpolated.
 pub struct BandModel {
     /// Bands within the wavelengths of the model, one bit each.
     pub known: u64,
     /// Logarithms, one reference after the other.
     means: Vec<f64>,
     covariance: DMatrix<f64>,
+    /// Logarithm of the share of the light.
+    log_share: f64,
 }
 
 /// A band of a camera among those of the model: the two next to it, and the weight of the second.
@@ -31,7 +33,8 @@ struct Place(usize, usize, f64);
 const MARGIN_NM: f32 = 5.0;
 
 impl BandModel {
-    pub fn new(model: &Model, wavelengths_nm: &[f32]) -> Self {
+    /// For the light of this number.
+    pub fn new(model: &Model, light: usize, wavelengths_nm: &[f32]) -> Self {
         let places: Vec<Option<Place>> = wavelengths_nm.iter().map(|nm| place(&model.wavelengths_nm, *nm)).collect();
         let n = wavelengths_nm.len();
         let at = |place: &Place, value: &dyn Fn(usize) -> f64| {
@@ -42,19 +45,18 @@ impl BandModel {
             let (Some(row_place), Some(column_place)) = (&places[row], &places[column]) else {
                 return f64::from(u8::from(row == column));
             };
-            let of_row = |i: usize| at(column_place, &|k| model.covariance(i, k));
+            let of_row = |i: usize| at(column_place, &|k| model.covariance(light, i, k));
             at(row_place, &of_row) + if row == column { FLOOR } else { 0.0 }
         });
-        let mean = |log_reflectance: &[f32]| -> Vec<f64> {
-            let of = |place: &Option<Place>| {
-                place.as_ref().map_or(0.0, |place| at(place, &|k| f64::from(log_reflectance[k])))
-            };
+        let mean = |logs: &[f32]| -> Vec<f64> {
+            let of = |place: &Option<Place>| place.as_ref().map_or(0.0, |place| at(place, &|k| f64::from(logs[k])));
             places.iter().map(of).collect()
         };
         Self {
             known: places.iter().enumerate().fold(0, |bits, (band, place)| bits | u64::from(place.is_some()) << band),
-            means: model.references.iter().flat_map(|reference| mean(&reference.log_reflectance)).collect(),
+            means: model.references.iter().flat_map(|reference| mean(&reference.log_reflectance[light])).collect(),
             covariance,
+            log_share: model.lights[light].share.ln(),
         }
     }
 
@@ -68,27 +70,26 @@ impl BandModel {
     pub fn of_bands(&self, bands: u64) -> Whitened {
         let bands: Vec<usize> = (0..self.covariance.nrows()).filter(|band| bands >> band & 1 == 1).collect();
         let part = self.covariance.select_rows(&bands).select_columns(&bands);
-        // The floor on the diagonal keeps it positive; a model of a damaged file ranks by Euclidean distances.
         let n = bands.len();
-        let root =
-            Cholesky::new(part).or_else(|| Cholesky::new(DMatrix::identity(n, n))).map(|c: Cholesky<f64, Dyn>| c.l());
-        let root = root.unwrap_or_else(|| DMatrix::identity(n, n));
+        // The floor on the diagonal keeps it positive. With a damaged model, distances are Euclidean.
+        let root = Cholesky::new(part).map_or_else(|| DMatrix::identity(n, n), |cholesky| cholesky.l());
+        let log_root_determinant: f64 = root.diagonal().iter().map(|value| value.ln()).sum();
         let n_references = self.means.len() / self.covariance.nrows().max(1);
-        let white = |reference: usize| {
+        let white = (0..n_references).flat_map(|reference| {
             let mean = self.mean(reference);
-            whiten(&root, bands.iter().map(|band| mean[*band]))
-        };
-        Whitened {
-            white: (0..n_references).flat_map(|reference| white(reference).data.as_vec().clone()).collect(),
-            bands,
-            root,
-        }
+            whiten(&root, bands.iter().map(|band| mean[*band])).data.as_vec().clone()
+        });
+        Whitened { white: white.collect(), log_density: -log_root_determinant, log_share: self.log_share, bands, root }
     }
 }
 
 /// Bands, root of the covariance, and references in the space in which the covariance is the identity.
 pub struct Whitened {
     pub bands: Vec<usize>,
+    /// Logarithm of the density at a reference, without the factor of all Gaussians of these bands.
+    pub log_density: f64,
+    /// Logarithm of the share of the light.
+    pub log_share: f64,
     root: DMatrix<f64>,
     white: Vec<f64>,
 }

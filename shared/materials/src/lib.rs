@@ -19,6 +19,6 @@ mod spectra;
 pub use classifier::{Classifier, Method, N_MATERIALS, Probabilities};
 pub use column::{best_row, materials_of};
 pub use fit::Fit;
-pub use model::{Model, ModelError, Reference};
+pub use model::{Light, Model, ModelError, Reference};
 pub use smoothing::{Smoothing, mean_spectra, neighborhoods, votes};
 pub use spectra::{Spectra, Spectrum, ndvi};

@@ -9,10 +9,10 @@ const BUILT_IN: &str = include_str!("../../../models/materials.json");
 /// Most bands of a model: as many as a spectrum can have.
 const MAX_BANDS: usize = 64;
 
-/// Reference spectra of materials, and the covariance of measured spectra around them.
+/// Reference spectra of materials in sun and shade, and the covariance of measured spectra around them.
 ///
-/// All values are natural logarithms of reflectances. A shadow or an oblique surface adds the same number to all bands, so that the
-/// covariance has a large variance in this direction, and the color of the skylight in another.
+/// All values are natural logarithms of reflectances. An oblique surface adds the same number to all bands, so that the covariance has a
+/// large variance in this direction. In the shade, noise and the color of the skylight are added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
@@ -22,12 +22,22 @@ pub struct Model {
     pub wavelengths_nm: Vec<f32>,
     /// The references.
     pub references: Vec<Reference>,
-    /// Covariance of the logarithms around their reference: upper triangle, row by row.
-    pub covariance: Vec<f64>,
+    /// Sun and shade.
+    pub lights: [Light; 2],
     /// Scale of the squared distances, so that scores are shares of correct materials.
     pub temperature: f64,
     /// Squared distance per band above which a spectrum fits no reference.
     pub max_distance: f64,
+}
+
+/// How spectra are measured in one kind of light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Light {
+    /// Share of the points in this light, 0 to 1.
+    pub share: f64,
+    /// Covariance of the logarithms around their reference: upper triangle, row by row.
+    pub covariance: Vec<f64>,
 }
 
 /// A reference spectrum.
@@ -40,8 +50,8 @@ pub struct Reference {
     pub material: String,
     /// How often it is expected, 0 to 1.
     pub share: f64,
-    /// Logarithm of the reflectance in each band.
-    pub log_reflectance: Vec<f32>,
+    /// Logarithm of the measured reflectance in each band, in sun and shade.
+    pub log_reflectance: [Vec<f32>; 2],
 }
 
 /// Why a model cannot be used.
@@ -84,7 +94,9 @@ impl Model {
     /// The text of a model file: one line for each reference.
     pub fn to_json(&self) -> String {
         let text = serde_json::to_string(self).expect("strings and numbers always encode");
-        text.replace("},{", "},\n{").replace("\"references\":[", "\"references\":[\n").replace("],\"cov", "],\n\"cov")
+        text.replace("},{", "},\n{")
+            .replace("\"references\":[", "\"references\":[\n")
+            .replace("],\"lights", "],\n\"lights")
             + "\n"
     }
 
@@ -93,11 +105,11 @@ impl Model {
         MaterialId::from_name(&self.references[reference].material).unwrap_or(MaterialId::Unknown)
     }
 
-    /// Entry of the covariance.
-    pub(crate) fn covariance(&self, row: usize, column: usize) -> f64 {
+    /// Entry of the covariance in a light.
+    pub(crate) fn covariance(&self, light: usize, row: usize, column: usize) -> f64 {
         let (low, high) = (row.min(column), row.max(column));
         let n = self.wavelengths_nm.len();
-        self.covariance[low * n - low * (low + 1) / 2 + high]
+        self.lights[light].covariance[low * n - low * (low + 1) / 2 + high]
     }
 
     fn check(&self) -> Result<(), ModelError> {
@@ -108,9 +120,14 @@ impl Model {
         let is_ascending = self.wavelengths_nm.windows(2).all(|pair| pair[0] < pair[1]);
         let bands = "must be 2 to 64 ascending wavelengths";
         rule("wavelengths_nm".to_owned(), format!("{n} bands"), bands, (2..=MAX_BANDS).contains(&n) && is_ascending)?;
-        let n_covariances = self.covariance.len();
-        let triangle = "must be the upper triangle: n (n + 1) / 2 numbers of n bands";
-        rule("covariance".to_owned(), n_covariances.to_string(), triangle, n_covariances == n * (n + 1) / 2)?;
+        let is_share = |share: f64| share > 0.0 && share <= 1.0;
+        for light in &self.lights {
+            let n_covariances = light.covariance.len();
+            let triangle = "must be the upper triangle: n (n + 1) / 2 numbers of n bands";
+            rule("covariance".to_owned(), n_covariances.to_string(), triangle, n_covariances == n * (n + 1) / 2)?;
+            let share = light.share;
+            rule("share of a light".to_owned(), share.to_string(), "must be above 0, at most 1", is_share(share))?;
+        }
         rule(
             "references".to_owned(),
             self.references.len().to_string(),
@@ -121,10 +138,12 @@ impl Model {
             let what = |key: &str| format!("{key} of reference {:?}", reference.name);
             let is_known = MaterialId::from_name(&reference.material).is_some_and(|id| id != MaterialId::Unknown);
             rule(what("material"), reference.material.clone(), "must be the name of a material", is_known)?;
-            let n_values = reference.log_reflectance.len();
-            rule(what("log_reflectance"), n_values.to_string(), "must be one number per band", n_values == n)?;
-            let is_share = reference.share > 0.0 && reference.share <= 1.0;
-            rule(what("share"), reference.share.to_string(), "must be above 0, at most 1", is_share)?;
+            for logs in &reference.log_reflectance {
+                let n_values = logs.len();
+                rule(what("log_reflectance"), n_values.to_string(), "must be one number per band", n_values == n)?;
+            }
+            let share = reference.share;
+            rule(what("share"), share.to_string(), "must be above 0, at most 1", is_share(share))?;
         }
         for (key, value) in [("temperature", self.temperature), ("max_distance", self.max_distance)] {
             rule(key.to_owned(), value.to_string(), "must be positive", value > 0.0)?;

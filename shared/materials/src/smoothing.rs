@@ -16,11 +16,11 @@ pub enum Smoothing {
     /// Every point on its own.
     Off,
     /// The mean of the probabilities of the neighbors.
+    #[default]
     Votes,
     /// The mean spectrum of the neighbors is classified.
     Mean,
     /// Both: the mean of the probabilities of the neighbors' mean spectra.
-    #[default]
     Both,
 }
 

@@ -5,8 +5,8 @@ use crate::scratch::{with_file, with_files};
 use formats::drive::{SourcePosition, read_manifest};
 use formats::recording::{RecordingReader, TickReader};
 use messages::{
-    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message, MosaicTopic,
-    PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
+    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message,
+    MosaicTopic, PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
 };
 use run::control::{Answer, MAX_REQUEST, Request};
 use run::launch_file::LaunchFile;

@@ -8,8 +8,8 @@ use coloring::{
 use geometry::{Pose, Stamp};
 use materials::{Classifier, Method, Model, Smoothing, Spectra, best_row, materials_of};
 use messages::{
-    CheckedSubmap, ColorTopic, MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, MaterialTopic, Message, SpectraHeader, SpectraTopic,
-    SubmapHeader, SubmapTopic,
+    CheckedSubmap, ColorTopic, MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, MaterialTopic, Message,
+    SpectraHeader, SpectraTopic, SubmapHeader, SubmapTopic,
 };
 use stage::{Outputs, Received, StepError};
 

@@ -111,9 +111,8 @@ impl Columns {
             _ => std::array::from_fn(|k| f64::from(f32::from_le_bytes(field(row, at + 4 * k)))),
         };
         let with_score = |places: Option<[usize; 2]>| {
-            places.map_or((0, 0), |[id, score]| {
-                (row[id], (f32::from_le_bytes(field(row, score)) * 255.0).round() as u8)
-            })
+            places
+                .map_or((0, 0), |[id, score]| (row[id], (f32::from_le_bytes(field(row, score)) * 255.0).round() as u8))
         };
         let (class, score) = with_score(self.semantic);
         let (material, material_score) = with_score(self.material);

@@ -7,6 +7,7 @@ use materials::{Fit, Model, Spectra};
 use messages::MaterialId;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use town::Material;
 
 /// Train the model that gives points their materials.
 ///
@@ -34,13 +35,19 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             let mut order: Vec<usize> = (0..nm.len()).collect();
             order.sort_by(|a, b| nm[*a].total_cmp(&nm[*b]));
             let sorted: Vec<f32> = order.iter().map(|band| nm[*band]).collect();
-            (order, Fit::new(&sorted), sorted)
+            let mut fit = Fit::new(&sorted);
+            for surface in Material::ALL.iter().filter(|surface| !is_held_out(**surface)) {
+                let (Some(material), spectrum) = (surface.id(), surface.spectrum()) else { continue };
+                let reflectances: Vec<f32> = sorted.iter().map(|nm| spectrum.at(*nm)).collect();
+                fit.add_surface(&format!("{surface:?}"), material, &reflectances);
+            }
+            (order, fit, sorted)
         });
         let spectra = sorted(&town.spectra, order);
         for (i, surface) in town.surfaces.iter().enumerate() {
-            let Some(surface) = surface.filter(|surface| !is_held_out(surface.material)) else { continue };
-            let Some(material) = surface.material.id() else { continue };
-            fit.add(&format!("{:?}", surface.material), material, spectra.get(i));
+            if let Some(surface) = surface.filter(|surface| !is_held_out(surface.material)) {
+                fit.add(&format!("{:?}", surface.material), surface.is_sunlit, spectra.get(i));
+            }
         }
         Ok(())
     })?;
@@ -48,7 +55,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     for path in &args.library {
         let (known, others) = library::read(path, &wavelengths_nm)?;
         for (name, material, reflectances) in &known {
-            fit.add_known(name, *material, reflectances);
+            fit.add_surface(name, *material, reflectances);
         }
         eprintln!("{}: {} kinds; without a material: {}", path.display(), known.len(), others.join(", "));
     }
@@ -56,7 +63,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         args.library.iter().filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned())).collect();
     let libraries = if libraries.is_empty() { String::new() } else { format!("; {}", libraries.join(", ")) };
     let about = format!("{}{libraries}", args.towns.description());
-    let model = fit.model(about).context("too few spectra: a reference needs 20")?;
+    let model = fit.model(about).context("too few spectra: a surface in the sun and one in the shade need 20")?;
     std::fs::write(&args.out, model.to_json()).with_context(|| args.out.display().to_string())?;
     print(&model)?;
     Ok(ExitCode::SUCCESS)

@@ -8,8 +8,10 @@ use segmentation::{ModelInput, Segmenter};
 
 /// Vegetation index above which a surface is green, and below which it is not. Between them nothing is changed.
 const GREEN: [f32; 2] = [0.2, 0.4];
-/// Score of a material that is not vegetation, of 255, from which a class is changed.
+/// Score of a material, of 255, from which a class is changed.
 const SURE: u8 = 200;
+/// Score of a class, of 255, below which the network is unsure.
+const UNSURE: u8 = 178;
 /// True classes that are not scored, as in `replica evaluate classes`.
 const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::Dynamic, ClassId::Sky];
 /// Thresholds of [`FusedClasses::index`].
@@ -17,8 +19,8 @@ pub const THRESHOLDS: [f32; 5] = [0.2, 0.3, 0.4, 0.5, 0.6];
 
 /// Counts of the points with a spectrum.
 pub struct FusedClasses {
-    /// Of the network; corrected by the vegetation index; corrected by the material.
-    pub classes: [Confusion; 3],
+    /// Of the network; corrected by the vegetation index; by the material; by the material where the network is unsure.
+    pub classes: [Confusion; 4],
     /// By threshold: whether the class is vegetation or terrain, whether the vegetation index is above.
     pub index: [Confusion; THRESHOLDS.len()],
 }
@@ -30,7 +32,7 @@ impl FusedClasses {
     /// Without points.
     pub fn new() -> Self {
         let empty = || Confusion::new(ClassId::ALL.len());
-        Self { classes: [empty(), empty(), empty()], index: THRESHOLDS.map(|_| Confusion::new(2)) }
+        Self { classes: [empty(), empty(), empty(), empty()], index: THRESHOLDS.map(|_| Confusion::new(2)) }
     }
 
     /// Adds the points of a submap.
@@ -56,10 +58,14 @@ impl FusedClasses {
         let Some(segmenter) = segmenter else { return Ok(()) };
         let mut rows = vec![ClassRow::default(); town.submap.points.len()];
         segmenter.segment(&ModelInput::new(&town.submap.header, &town.submap.points), &mut rows)?;
-        let of_network: Vec<u8> = town.points.iter().map(|point| rows[*point as usize].class_id).collect();
+        let rows: Vec<ClassRow> = town.points.iter().map(|point| rows[*point as usize]).collect();
+        let of_network: Vec<u8> = rows.iter().map(|row| row.class_id).collect();
         let by_index: Vec<IsGreen> = index.iter().map(|index| index.and_then(by_index)).collect();
         let by_material: Vec<IsGreen> = found.iter().map(by_material).collect();
-        for (confusion, is_green) in self.classes.iter_mut().zip([None, Some(by_index), Some(by_material)]) {
+        let is_unsure = |(row, is_green): (&ClassRow, &IsGreen)| is_green.filter(|_| row.score < UNSURE);
+        let where_unsure: Vec<IsGreen> = rows.iter().zip(&by_material).map(is_unsure).collect();
+        let corrections = [None, Some(by_index), Some(by_material), Some(where_unsure)];
+        for (confusion, is_green) in self.classes.iter_mut().zip(corrections) {
             for i in (0..of_network.len()).filter(is_scored) {
                 let others = || near.of(i).iter().map(|neighbor| neighbor.index as usize);
                 let class =
@@ -79,7 +85,7 @@ fn by_index(index: f32) -> IsGreen {
 fn by_material(probabilities: &Probabilities) -> IsGreen {
     let row = best_row(probabilities);
     match MaterialId::from_id(row.material_id) {
-        Some(MaterialId::Vegetation) => Some(true),
+        Some(MaterialId::Vegetation) => (row.score >= SURE).then_some(true),
         Some(MaterialId::DryVegetation | MaterialId::Unknown) | None => None,
         Some(_) => (row.score >= SURE).then_some(false),
     }

@@ -125,26 +125,35 @@ impl Report<'_> {
     }
 
     fn fused(&self) -> String {
-        let [network, index, material] = &self.classes.classes;
+        let [network, index, material, unsure] = &self.classes.classes;
         if network.n() == 0 {
             return String::new();
         }
         let mut text =
-            "\nClasses of points with a spectrum: IoU, %\n\n| class | points | network | with NDVI | with material |\n\
-                        |---|---:|---:|---:|---:|\n"
+            "\nClasses of points with a spectrum: IoU, %\n\n| class | points | network | with NDVI | with material | with material where the network is unsure |\n\
+                        |---|---:|---:|---:|---:|---:|\n"
                 .to_owned();
         for class in ClassId::ALL {
             let of = |confusion: &Confusion| percent(confusion.class(*class as usize).iou);
             let n = network.class(*class as usize).n_truth;
             if n > 0 {
-                let _ =
-                    writeln!(text, "| {} | {n} | {} | {} | {} |", class.name(), of(network), of(index), of(material));
+                let _ = writeln!(
+                    text,
+                    "| {} | {n} | {} | {} | {} | {} |",
+                    class.name(),
+                    of(network),
+                    of(index),
+                    of(material),
+                    of(unsure)
+                );
             }
         }
-        let [a, b, c] = [network, index, material].map(|confusion| percent(confusion.mean_iou()));
-        let _ = writeln!(text, "| mean | {} | {a} | {b} | {c} |", network.n());
-        let [a, b, c] = [network, index, material].map(|confusion| percent(confusion.overall_accuracy()));
-        let _ = writeln!(text, "| accuracy | {} | {a} | {b} | {c} |", network.n());
+        for (name, score) in
+            [("mean", Confusion::mean_iou as fn(&Confusion) -> Option<f64>), ("accuracy", Confusion::overall_accuracy)]
+        {
+            let scores: Vec<String> = self.classes.classes.iter().map(|confusion| percent(score(confusion))).collect();
+            let _ = writeln!(text, "| {name} | {} | {} |", network.n(), scores.join(" | "));
+        }
         text
     }
 }
