@@ -203,7 +203,7 @@ fn materials_are_published_for_points_with_a_spectrum_if_they_are_on() {
     let mut bench = Bench::<Colorize>::new(&on, &context(folder.path())).expect("starts");
     let (from, until) = (START - 2 * SECOND, START + 2 * SECOND);
     bench.send::<TrajectoryTopic>(from, NoHeader::default(), street::trajectory(from, until));
-    for burst in &street::bursts() {
+    for burst in street::bursts() {
         for (header, rows) in &burst.cubes {
             bench.send::<CubeTopic>(burst.stamp, *header, rows.clone());
         }
