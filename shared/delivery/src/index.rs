@@ -45,9 +45,6 @@ pub struct CloudEntry {
     pub n_colored: Option<u64>,
     /// Number of points by class. None without class column.
     pub classes: Option<BTreeMap<String, u64>>,
-    /// Number of points by material. Absent without material column.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub materials: Option<BTreeMap<String, u64>>,
     /// Number of instances. None without instance column.
     pub n_instances: Option<u64>,
     /// The cloud of spectra. None without spectra column.

@@ -8,7 +8,7 @@ use crate::spectra;
 use crate::submap_cloud::{ReceivedSubmap, SubmapColumns};
 use crate::world::World;
 use formats::ply::{Kind, Row};
-use messages::{ColorRow, UNSEEN, class_name, material_name};
+use messages::{ClassRow, ColorRow, UNSEEN, class_name};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -41,8 +41,7 @@ pub fn write_submap(
         sigma_m: None,
         sigma_rad: None,
         n_colored: columns.color.map(n_colored),
-        classes: columns.class.map(|rows| counts(rows.iter().map(|row| row.class_id), class_name)),
-        materials: columns.material.map(|rows| counts(rows.iter().map(|row| row.material_id), material_name)),
+        classes: columns.class.map(class_counts),
         n_instances: columns.instance.map(n_instances),
         spectra: None,
         lost: submap.lost.iter().map(|topic| (*topic).to_owned()).collect(),
@@ -60,15 +59,14 @@ fn n_colored(color: &[ColorRow]) -> u64 {
     color.iter().filter(|row| row.camera != UNSEEN).count() as u64
 }
 
-/// Number of points of each id, by its name.
-fn counts(ids: impl Iterator<Item = u8>, name: fn(u8) -> &'static str) -> BTreeMap<String, u64> {
+fn class_counts(class: &[ClassRow]) -> BTreeMap<String, u64> {
     let mut counts = [0_u64; 256];
-    for id in ids {
-        counts[usize::from(id)] += 1;
+    for row in class {
+        counts[usize::from(row.class_id)] += 1;
     }
     let mut by_name = BTreeMap::new();
     for (id, n) in (0..=u8::MAX).zip(counts).filter(|(_, n)| *n > 0) {
-        *by_name.entry(name(id).to_owned()).or_default() += n;
+        *by_name.entry(class_name(id).to_owned()).or_default() += n;
     }
     by_name
 }

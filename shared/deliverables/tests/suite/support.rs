@@ -86,7 +86,6 @@ fn write_cloud(run: &Path, seq: usize, points: &[Point], is_placed: bool) -> Clo
         sigma_m: is_placed.then_some([0.1; 3]),
         sigma_rad: is_placed.then_some([0.01; 3]),
         n_colored: None,
-        materials: None,
         classes: None,
         n_instances: None,
         spectra: None,
