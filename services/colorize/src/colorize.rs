@@ -185,8 +185,7 @@ impl Stage for Colorize {
     }
 
     fn outputs_with(settings: &Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
-        let materials = settings.materials.then(Port::of::<MaterialTopic>);
-        Ok([Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()].into_iter().chain(materials).collect())
+        Ok(Self::outputs().into_iter().take(if settings.materials { 3 } else { 2 }).collect())
     }
 
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {

@@ -1,9 +1,11 @@
 //! The materials of the points of a submap.
 
+use crate::classifier::Method;
 use crate::classifier::{Classifier, Probabilities};
+use crate::model::Model;
 use crate::smoothing::{Smoothing, mean_spectra, neighborhoods, votes};
 use crate::spectra::Spectra;
-use messages::MaterialRow;
+use messages::{MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, SpectraHeader, SubmapPoint};
 
 /// Probabilities of the materials of points with these spectra and positions, m.
 ///
@@ -36,4 +38,28 @@ pub fn best_row(probabilities: &Probabilities) -> MaterialRow {
         }
     }
     MaterialRow { material_id: material, score: (most * 255.0).round() as u8 }
+}
+
+/// Header and rows of the topic `material`, by the rows of the topic `spectra`. All unknown if those do not fit their header.
+pub fn material_column(
+    model: &Model,
+    points: &[SubmapPoint],
+    header: &SpectraHeader,
+    spectra: &[u32],
+) -> (MaterialHeader, Vec<MaterialRow>) {
+    let mut rows = vec![MaterialRow::default(); points.len()];
+    if let Some((indices, spectra)) = Spectra::of_column(header, spectra) {
+        let position = |index: &u32| {
+            let point = &points[*index as usize];
+            [point.x, point.y, point.z]
+        };
+        let positions: Vec<[f32; 3]> = indices.iter().map(position).collect();
+        let classifier = Classifier::new(model, &spectra.wavelengths_nm, Method::default());
+        let found = materials_of(&classifier, &spectra, &positions, Smoothing::default());
+        for (index, found) in indices.iter().zip(&found) {
+            rows[*index as usize] = best_row(found);
+        }
+    }
+    let n_known = rows.iter().filter(|row| row.material_id != MaterialId::Unknown as u8).count() as u64;
+    (MaterialHeader { material_table_version: MATERIAL_TABLE_VERSION, n_known }, rows)
 }

@@ -17,7 +17,7 @@ mod smoothing;
 mod spectra;
 
 pub use classifier::{Classifier, Method, N_MATERIALS, Probabilities};
-pub use column::{best_row, materials_of};
+pub use column::{best_row, material_column, materials_of};
 pub use fit::Fit;
 pub use model::{Light, Model, ModelError, Reference};
 pub use smoothing::{Smoothing, mean_spectra, neighborhoods, votes};

@@ -6,11 +6,8 @@ use coloring::{
     CameraCubes, Candidates, ExposureWindow, HeldExposure, SpectraColumn, SubmapPoints, color_into, visibility_maps,
 };
 use geometry::{Pose, Stamp};
-use materials::{Classifier, Method, Model, Smoothing, Spectra, best_row, materials_of};
-use messages::{
-    CheckedSubmap, ColorTopic, MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, MaterialTopic, Message,
-    SpectraHeader, SpectraTopic, SubmapHeader, SubmapTopic,
-};
+use materials::material_column;
+use messages::{CheckedSubmap, ColorTopic, MaterialTopic, Message, SpectraTopic, SubmapHeader, SubmapTopic};
 use stage::{Outputs, Received, StepError};
 
 /// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns. In this time the
@@ -110,10 +107,15 @@ impl Colorize {
         *loan.header_mut() = column.header();
         let rows = loan.grow_unset(column.n_rows())?;
         column.write_into(rows);
-        let materials = self.materials.as_ref().map(|model| material_rows(model, points, &column.header(), rows));
+        let material = self.materials.as_ref().map(|model| material_column(model, points.rows, &column.header(), rows));
         outputs.count("points_with_spectrum", column.n_spectra() as u64);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
-        materials.map_or(Ok(()), |rows| publish_materials(submap, &rows, outputs))
+        let Some((header, rows)) = material else { return Ok(()) };
+        let mut loan = outputs.loan::<MaterialTopic>(rows.len())?;
+        outputs.count("points_with_material", header.n_known);
+        *loan.header_mut() = header;
+        loan.extend_from_slice(&rows)?;
+        outputs.publish_column(loan, submap.stamp(), submap.seq())
     }
 
     /// The exposures within `max_age_s` of the submap, with `world_from_body`. Exposures before the first or after the last
@@ -133,40 +135,4 @@ impl Colorize {
         outputs.count("exposures_without_pose", (near.len() - found.len()) as u64);
         found
     }
-}
-
-/// The material of every point, by the spectra of the submap.
-fn material_rows(
-    model: &Model,
-    points: &SubmapPoints<'_>,
-    header: &SpectraHeader,
-    spectra: &[u32],
-) -> Vec<MaterialRow> {
-    let mut rows = vec![MaterialRow::default(); points.rows.len()];
-    // The column was just written: its rows fit its header.
-    let Some((indices, spectra)) = Spectra::of_column(header, spectra) else { return rows };
-    let position = |index: &u32| {
-        let point = &points.rows[*index as usize];
-        [point.x, point.y, point.z]
-    };
-    let positions: Vec<[f32; 3]> = indices.iter().map(position).collect();
-    let classifier = Classifier::new(model, &spectra.wavelengths_nm, Method::default());
-    let found = materials_of(&classifier, &spectra, &positions, Smoothing::default());
-    for (index, found) in indices.iter().zip(&found) {
-        rows[*index as usize] = best_row(found);
-    }
-    rows
-}
-
-fn publish_materials(
-    submap: &Received<SubmapTopic>,
-    rows: &[MaterialRow],
-    outputs: &mut Outputs,
-) -> Result<(), StepError> {
-    let mut loan = outputs.loan::<MaterialTopic>(rows.len())?;
-    let n_known = rows.iter().filter(|row| row.material_id != MaterialId::Unknown as u8).count() as u64;
-    *loan.header_mut() = MaterialHeader { material_table_version: MATERIAL_TABLE_VERSION, n_known };
-    loan.extend_from_slice(rows)?;
-    outputs.count("points_with_material", n_known);
-    outputs.publish_column(loan, submap.stamp(), submap.seq())
 }
