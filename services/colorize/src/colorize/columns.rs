@@ -90,8 +90,7 @@ impl Colorize {
         world_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
-        let mut cameras: Vec<CameraCubes<'_>> = Vec::new();
-        cameras.resize_with(self.mosaics.len(), CameraCubes::default);
+        let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
         for (cube, world_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
             let Some(cells) = self.cube_image(cube) else { continue };
             let header = cube.header();
