@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 33] = [
+const SHARED: [&str; 34] = [
     "wide_loops",
     "allocator",
     "chart",
@@ -22,6 +22,7 @@ const SHARED: [&str; 33] = [
     "color_lines",
     "morphology",
     "neighbors",
+    "materials",
     "registration",
     "georeference",
     "coloring",

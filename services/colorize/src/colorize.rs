@@ -11,8 +11,12 @@ use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, Projecti
 use formats::drive::CameraRig;
 use formats::problems::FileError;
 use geometry::{Stamp, Trajectory};
-use messages::{ColorTopic, CubeTopic, ImageTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
+use materials::Model;
+use messages::{
+    ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN,
+};
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
+use std::path::Path;
 
 /// Submaps held between two ticks; see the documentation of the crate.
 const MAX_HELD: usize = 1;
@@ -39,8 +43,10 @@ pub struct Colorize {
     /// Names of the mosaic cameras.
     mosaic_names: Vec<String>,
     level_exposures: bool,
-    max_offset_rad: f32,
-    max_delay_s: f32,
+    /// `None`: materials are not asked for.
+    materials: Option<Model>,
+    /// Offset, rad, and delay, s, above which a camera is reported.
+    offset_limits: [f32; 2],
     limits_of_doubt: DoubtLimits,
     held: Held,
     buffers: PointBuffers,
@@ -56,7 +62,6 @@ impl Colorize {
             );
             return Err(StepError::data(text));
         }
-        let bands = KnownBands::new(vehicle.expected_bands()).map_err(StepError::data)?;
         let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
         Ok(Self {
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
@@ -67,19 +72,17 @@ impl Colorize {
             cameras: rig.cameras.iter().map(ProjectionCamera::from).collect(),
             mosaics: rig.mosaics.iter().map(ProjectionCamera::from).collect(),
             patterns: vehicle.mosaics().iter().map(|entry| entry.pattern).collect(),
-            bands,
+            bands: KnownBands::new(vehicle.expected_bands()).map_err(StepError::data)?,
             has_images: images && n_cameras > 0,
             has_cubes: cubes && n_mosaics > 0,
-            remark: match (n_cameras, images) {
-                (0, _) => Some("no cameras in this drive: points stay without color"),
-                (_, false) => Some("no stage publishes images: points stay without color"),
-                _ => None,
-            },
+            remark: (n_cameras == 0)
+                .then_some("no cameras in this drive: points stay without color")
+                .or((!images).then_some("no stage publishes images: points stay without color")),
             names: vehicle.cameras().iter().map(|entry| entry.name.clone()).collect(),
             mosaic_names: vehicle.mosaics().iter().map(|entry| entry.name.clone()).collect(),
             level_exposures: settings.level_exposures,
-            max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
-            max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
+            materials: settings.materials.then(Model::built_in).transpose().map_err(StepError::data)?,
+            offset_limits: [settings.max_offset_mrad, settings.max_delay_ms].map(|limit| (limit * 1e-3) as f32),
             limits_of_doubt: DoubtLimits {
                 min_colored_share: settings.min_colored_share,
                 max_unused_share: settings.max_unused_exposures_share,
@@ -91,16 +94,14 @@ impl Colorize {
 
     /// Whether all exposures that the submap may need have arrived. Without exposures, submaps do not wait for them.
     fn is_complete(&self, submap: &Received<SubmapTopic>) -> bool {
-        let has_exposures = self.has_images || self.has_cubes;
         let newest_pose = self.held.trajectory.poses().last();
         let until = submap.header().stamp_end.saturating_add(self.max_age_nanos);
-        !has_exposures || newest_pose.is_some_and(|(stamp, _)| stamp.0 >= until)
+        !(self.has_images || self.has_cubes) || newest_pose.is_some_and(|(stamp, _)| stamp.0 >= until)
     }
 
     /// The oldest submap, if it is due.
     fn next_due(&mut self, outputs: &mut Outputs) -> Option<Received<SubmapTopic>> {
-        let is_complete = self.is_complete(self.held.submaps.front()?);
-        if !is_complete {
+        if !self.is_complete(self.held.submaps.front()?) {
             if self.held.submaps.len() <= MAX_HELD {
                 return None;
             }
@@ -116,13 +117,12 @@ impl Colorize {
         }
         let offset = self.held.monitor.offset();
         let px_per_rad: Vec<f32> = self.cameras.iter().map(ProjectionCamera::px_per_rad).collect();
-        let limits = [self.max_offset_rad, self.max_delay_s];
-        for line in report::lines(&self.held.monitor, &offset, &self.names, &px_per_rad, limits) {
+        for line in report::lines(&self.held.monitor, &offset, &self.names, &px_per_rad, self.offset_limits) {
             outputs.note(line);
         }
         for found in offset.cameras.iter().filter(|found| found.is_observable()) {
             outputs.count("cameras_with_known_offset", 1);
-            outputs.count("cameras_with_large_offset", u64::from(found.exceeds(self.max_offset_rad)));
+            outputs.count("cameras_with_large_offset", u64::from(found.exceeds(self.offset_limits[0])));
         }
     }
 
@@ -150,10 +150,8 @@ impl Colorize {
 
 /// The cameras of the recorded drive or of the live vehicle.
 fn camera_rig(context: &Context) -> Result<CameraRig, FileError> {
-    match context.mode {
-        Mode::Offline => CameraRig::of_drive(&context.drive),
-        Mode::Live => CameraRig::of_live(&context.drive),
-    }
+    let open = if context.mode == Mode::Live { CameraRig::of_live } else { CameraRig::of_drive };
+    open(&context.drive)
 }
 
 fn has_pose(trajectory: &Trajectory, stamp: i64) -> bool {
@@ -174,17 +172,18 @@ impl Stage for Colorize {
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()]
+        vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>(), Port::of::<MaterialTopic>()]
+    }
+
+    fn outputs_with(settings: &Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        Ok(Self::outputs().into_iter().take(if settings.materials { 3 } else { 2 }).collect())
     }
 
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {
         // Other problems of a recorded drive are reported by its source, those of a live rig by calibrate.
         let Ok(vehicle) = camera_rig(context) else { return Vec::new() };
-        Bands::new(&vehicle.expected_bands())
-            .err()
-            .map(|error| Problem::of_key("", error.to_string()))
-            .into_iter()
-            .collect()
+        let problem = Bands::new(&vehicle.expected_bands()).err();
+        problem.map(|error| Problem::of_key("", error.to_string())).into_iter().collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {

@@ -1,4 +1,4 @@
-//! `colorize`: gives the points of a submap colors from images and spectra from cubes (thesis 2.5.1, 4.3.2).
+//! `colorize`: gives the points of a submap colors from images, spectra from cubes (thesis 2.5.1, 4.3.2), and materials from the spectra.
 //!
 //! A point gets its color from one of the exposures that see it, at most `max_age_s` from its shot (`max_moving_age_s` for
 //! points on moving objects). Its spectrum comes from each mosaic camera in the same way. Projection, occlusion and choice of
@@ -33,6 +33,8 @@ stage::settings! {
         pub max_moving_age_s: f64 = 0.1 => stage::within(0.0, 10.0);
         /// Level the brightness of overlapping exposures, and replace an exposure that is saturated or black at a point by another one.
         pub level_exposures: bool = false => stage::any();
+        /// Publish the material of every point that a mosaic camera sees, with a score (topic `material`).
+        pub materials: bool = false => stage::any();
         /// Offset between the outlines of points and images above which a camera is reported at the end of the run, mrad. 5 mrad are 10 cm at 20 m.
         pub max_offset_mrad: f64 = 5.0 => stage::within(0.1, 100.0);
         /// Delay between an exposure and its stamp above which it is reported, ms.

@@ -32,7 +32,8 @@ use formats::ply::Kind;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use messages::{
-    ClassTopic, ColorTopic, InstanceTopic, PlacementTopic, SpectraTopic, StampedPose, SubmapTopic, TrajectoryTopic,
+    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, SpectraTopic, StampedPose,
+    SubmapTopic, TrajectoryTopic,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -43,11 +44,11 @@ use stage::{
 use std::path::PathBuf;
 
 /// Increased when [`State`] changes.
-const STATE_VERSION: u32 = 3;
+const STATE_VERSION: u32 = 4;
 /// Clouds that are moved between two progress reports.
 const CLOUDS_AT_A_TIME: usize = 4;
-/// Topics of the join: submap, color, spectra, class, instance.
-const N_JOINED: usize = 5;
+/// Topics of the join: submap, color, spectra, class, instance, material.
+const N_JOINED: usize = 6;
 
 /// The sink of the pipeline.
 pub struct Export {
@@ -97,6 +98,7 @@ impl Stage for Export {
             Port::optional::<SpectraTopic>(),
             Port::optional::<ClassTopic>(),
             Port::optional::<InstanceTopic>(),
+            Port::optional::<MaterialTopic>(),
         ]
     }
 
@@ -123,17 +125,21 @@ impl Stage for Export {
             context.is_connected::<SpectraTopic>() && settings.spectra,
             context.is_connected::<ClassTopic>(),
             context.is_connected::<InstanceTopic>(),
+            context.is_connected::<MaterialTopic>(),
         ];
-        let [color, spectra, class, instance] = columns;
+        let [color, spectra, class, instance, material] = columns;
+        // Materials are off by default, so that their absence is not reported.
+        let is_absent = |topic: &&'static str| !is_connected(topic) && *topic != MaterialTopic::TOPIC;
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
-            absent: ports.iter().map(Port::topic).filter(|topic| !is_connected(topic)).collect(),
+            absent: ports.iter().map(Port::topic).filter(is_absent).collect(),
             join: SubmapJoin::new(context.mode)
                 .column::<ColorTopic>(color)
                 .column::<SpectraTopic>(spectra)
                 .column::<ClassTopic>(class)
-                .column::<InstanceTopic>(instance),
+                .column::<InstanceTopic>(instance)
+                .column::<MaterialTopic>(material),
             n_columns: columns.iter().filter(|is_expected| **is_expected).count(),
             clouds: Vec::new(),
             n_synced: 0,
@@ -315,6 +321,7 @@ impl Export {
             color: joined.rows::<ColorTopic>()?,
             class: joined.rows::<ClassTopic>()?,
             instance: joined.rows::<InstanceTopic>()?,
+            material: joined.rows::<MaterialTopic>()?,
             spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
             lost: &joined.lost,
         };

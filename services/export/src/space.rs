@@ -4,7 +4,7 @@ use crate::Settings;
 use delivery::{CloudFields, space_need};
 use formats::drive::Drive;
 use formats::ply::Kind;
-use messages::{ClassTopic, ColorTopic, InstanceTopic, SpectraTopic};
+use messages::{ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, SpectraTopic};
 use stage::space::{bytes_of_files, free_bytes, size_text};
 use stage::{Context, Mode, Problem};
 
@@ -22,6 +22,7 @@ pub(crate) fn lacks(settings: &Settings, context: &Context) -> Option<Problem> {
         has_instance: context.is_connected::<InstanceTopic>(),
         has_class: context.is_connected::<ClassTopic>(),
         has_color: context.is_connected::<ColorTopic>(),
+        has_material: context.is_connected::<MaterialTopic>(),
     };
     let has_spectra = settings.spectra && context.is_connected::<SpectraTopic>();
     let need = space_need(&Drive::open(&context.drive).ok()?, fields, has_spectra).ok()?;

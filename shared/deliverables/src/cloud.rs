@@ -43,6 +43,10 @@ pub struct CloudPoint {
     pub rgb: [u8; 3],
     /// 255 = no color.
     pub camera: u8,
+    /// Material id; 0 without materials.
+    pub material: u8,
+    /// Probability of the material in units of 1 / 255.
+    pub material_score: u8,
 }
 
 /// Columns that at least one cloud of a run has.
@@ -57,6 +61,8 @@ pub struct Present {
     pub color: bool,
     /// Several LiDARs.
     pub lidar: bool,
+    /// Materials with scores.
+    pub material: bool,
 }
 
 /// An open cloud.
@@ -119,5 +125,6 @@ pub(crate) fn present(clouds: &[Cloud<'_>]) -> Present {
         instance: any(|present| present.instance),
         color: any(|present| present.color),
         lidar: any(|present| present.lidar),
+        material: any(|present| present.material),
     }
 }

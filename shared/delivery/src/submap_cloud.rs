@@ -5,8 +5,8 @@ use crate::frame::odometry_line;
 use crate::submap_geometry::SubmapGeometry;
 use formats::ply::{Header, Kind, Row};
 use messages::{
-    CLASS_TABLE_VERSION, ClassId, ClassRow, ColorRow, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SpectraHeader,
-    SubmapHeader, SubmapPoint, UNSEEN,
+    CLASS_TABLE_VERSION, ClassId, ClassRow, ColorRow, MATERIAL_TABLE_VERSION, MaterialId, MaterialRow, POINT_DYNAMIC,
+    POINT_INCIDENCE_UNKNOWN, SpectraHeader, SubmapHeader, SubmapPoint, UNSEEN,
 };
 
 /// A submap and its columns, as received. Columns of points have a row for each point.
@@ -24,6 +24,8 @@ pub struct ReceivedSubmap<'a> {
     pub class: Option<&'a [ClassRow]>,
     /// Instances, if there is such a column.
     pub instance: Option<&'a [u32]>,
+    /// Materials, if there is such a column.
+    pub material: Option<&'a [MaterialRow]>,
     /// Header and words of the spectra, if there is such a column.
     pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
     /// Topics of the columns that were lost.
@@ -44,12 +46,20 @@ pub struct CloudFields {
     pub has_class: bool,
     /// Whether there are colors.
     pub has_color: bool,
+    /// Whether there are materials.
+    pub has_material: bool,
 }
 
 impl CloudFields {
-    /// Those of a run with all stages.
-    pub const ALL: Self =
-        Self { coordinates: Kind::Float, has_lidars: false, has_instance: true, has_class: true, has_color: true };
+    /// Those of a run with all stages and their defaults.
+    pub const ALL: Self = Self {
+        coordinates: Kind::Float,
+        has_lidars: false,
+        has_instance: true,
+        has_class: true,
+        has_color: true,
+        has_material: false,
+    };
 }
 
 /// The header of a cloud.
@@ -92,6 +102,11 @@ pub(crate) fn header_of(fields: CloudFields) -> Header {
         let colors = [("red", Kind::UChar), ("green", Kind::UChar), ("blue", Kind::UChar), ("camera", Kind::UChar)];
         add(&colors, format!("camera {UNSEEN} where none saw the point"));
     }
+    if fields.has_material {
+        let names: Vec<&str> = MaterialId::ALL.iter().map(|material| material.name()).collect();
+        let table = format!("material table {MATERIAL_TABLE_VERSION}: {}", names.join(" "));
+        add(&[("material", Kind::UChar), ("material_score", Kind::Float)], table);
+    }
     header
 }
 
@@ -103,6 +118,7 @@ pub(crate) struct SubmapColumns<'a> {
     pub(crate) color: Option<&'a [ColorRow]>,
     pub(crate) class: Option<&'a [ClassRow]>,
     pub(crate) instance: Option<&'a [u32]>,
+    pub(crate) material: Option<&'a [MaterialRow]>,
     /// Type of coordinates in files.
     pub(crate) coordinates: Kind,
     /// Whether the points are those of several LiDARs.
@@ -112,13 +128,13 @@ pub(crate) struct SubmapColumns<'a> {
 impl<'a> SubmapColumns<'a> {
     /// Checks the submap and its instances.
     pub(crate) fn new(received: &ReceivedSubmap<'a>, coordinates: Kind) -> Result<Self, DeliveryError> {
-        let ReceivedSubmap { seq, header, points, color, class, instance, .. } = *received;
+        let ReceivedSubmap { seq, header, points, color, class, instance, material, .. } = *received;
         let geometry = SubmapGeometry::new(seq, header, points)?;
         if let Some(id) = instance.and_then(|ids| ids.iter().copied().max()).filter(|id| i32::try_from(*id).is_err()) {
             return Err(DeliveryError::ExceedsInt { what: format!("instance of submap {seq}: id {id}") });
         }
         let has_lidars = header.n_lidars > 1;
-        Ok(Self { seq, points, geometry, color, class, instance, coordinates, has_lidars })
+        Ok(Self { seq, points, geometry, color, class, instance, material, coordinates, has_lidars })
     }
 
     pub(crate) fn header(&self) -> Header {
@@ -128,6 +144,7 @@ impl<'a> SubmapColumns<'a> {
             has_instance: self.instance.is_some(),
             has_class: self.class.is_some(),
             has_color: self.color.is_some(),
+            has_material: self.material.is_some(),
         };
         header_of(fields).comment(format!("REPLICA submap {}", self.seq))
     }
@@ -158,6 +175,9 @@ impl<'a> SubmapColumns<'a> {
         }
         if let Some(color) = self.color {
             row.u8(color[i].r).u8(color[i].g).u8(color[i].b).u8(color[i].camera);
+        }
+        if let Some(material) = self.material {
+            row.u8(material[i].material_id).f32(f32::from(material[i].score) / 255.0);
         }
     }
 

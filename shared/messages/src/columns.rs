@@ -1,4 +1,4 @@
-//! Topics `color`, `spectra`, `class` and `instance`: columns of a submap. Same length and order as its points; the
+//! Topics `color`, `spectra`, `material`, `class` and `instance`: columns of a submap. Same length and order as its points; the
 //! envelope's seq is the submap's.
 
 use crate::{Message, SubmapTopic, pod, pod::cast_slice};
@@ -107,6 +107,37 @@ impl<'a> SpectraView<'a> {
         let words = self.table.get(index as usize * (self.n_bands + 2)..)?.get(..self.n_bands + 2)?;
         Some((u64::from(words[0]) | u64::from(words[1]) << 32, cast_slice(&words[2..])))
     }
+}
+
+pod! {
+    /// Material of one point, 2 bytes.
+    pub struct MaterialRow {
+        /// [`crate::MaterialId`] code, 0 to 13.
+        pub material_id: u8,
+        /// Confidence, 0 to 255 for 0 to 1.
+        pub score: u8,
+    }
+}
+pod! {
+    /// How many points of the submap have a material.
+    pub struct MaterialHeader {
+        /// [`crate::MATERIAL_TABLE_VERSION`].
+        pub material_table_version: u64,
+        /// Points with a material other than unknown.
+        pub n_known: u64,
+    }
+}
+
+/// Material of every point, by its spectrum; unknown for points without a spectrum.
+pub struct MaterialTopic;
+impl Message for MaterialTopic {
+    const TOPIC: &'static str = "material";
+    const VERSION: u32 = 1;
+    const QUEUE: usize = COLUMN_QUEUE;
+    const BORROWED: usize = 2;
+    const MAX_ROWS: usize = crate::SubmapTopic::MAX_ROWS;
+    type Header = MaterialHeader;
+    type Row = MaterialRow;
 }
 
 pod! {

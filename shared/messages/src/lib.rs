@@ -11,6 +11,7 @@ mod columns;
 mod cube;
 mod envelope;
 mod finite;
+mod material_table;
 mod placement;
 pub mod pod;
 mod raw;
@@ -24,11 +25,12 @@ pub use byte_table::{ByteField, ByteTable};
 pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, UnknownClass, class_name};
 pub use columns::{
     ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, InstanceHeader, InstanceTopic, MAX_BANDS,
-    NO_SPECTRUM, SpectraHeader, SpectraTopic, SpectraView, UNSEEN,
+    MaterialHeader, MaterialRow, MaterialTopic, NO_SPECTRUM, SpectraHeader, SpectraTopic, SpectraView, UNSEEN,
 };
 pub use cube::{CubeHeader, CubeTopic, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Message};
 pub use finite::{NotFinite, check_header, check_rows};
+pub use material_table::{MATERIAL_TABLE_VERSION, MaterialId, material_name};
 pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, PlacementRow, PlacementTopic, PoseDeviation};
 pub use pod::Pod;
 pub(crate) use pod::pod;

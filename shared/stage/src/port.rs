@@ -7,8 +7,8 @@ use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_out
 use crate::untyped::{self, LoanMaker, UntypedMessage};
 use crate::{Inputs, Outputs, StepError};
 use messages::{
-    ByteTable, ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, Message, MosaicTopic,
-    PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
+    ByteTable, ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic,
+    Message, MosaicTopic, PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
 };
 use run::assignment::PortDescription;
 
@@ -79,6 +79,7 @@ impl Port {
             Self::of::<PlacementTopic>(),
             Self::of::<ColorTopic>(),
             Self::of::<SpectraTopic>(),
+            Self::of::<MaterialTopic>(),
             Self::of::<ClassTopic>(),
             Self::of::<InstanceTopic>(),
         ]

@@ -29,4 +29,10 @@ pub enum TownSweepsError {
         /// The name.
         name: String,
     },
+    /// The references of a mosaic camera or its frames cannot be used.
+    #[error(transparent)]
+    Spectral(#[from] spectral::SpectralError),
+    /// The mosaic cameras have too many bands.
+    #[error(transparent)]
+    Bands(#[from] coloring::TooManyBands),
 }

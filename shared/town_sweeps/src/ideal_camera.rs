@@ -1,16 +1,12 @@
 //! What an ideal camera at the LiDAR would see at the points of a submap: reflectance and texture of the surface in sun and sky
 //! light, with cast shadows; without noise, automatic gain, parallax or registration errors.
 
-use geometry::{Point3, Pose, Stamp};
-use messages::{SubmapHeader, SubmapPoint, SubmapSweep};
-use random::hash;
-use raytrace::{Ray, Vec3};
+use crate::surface_rays::{N_RAYS, trace_points};
+use messages::{SubmapHeader, SubmapPoint};
 use simulation::Simulation;
-use simulation::light::sun_on;
 use simulation::sensors::filter::Filter;
 use simulation::sensors::look::Palette;
 use std::ops::RangeInclusive;
-use town::SceneHit;
 
 /// Wavelengths of the bands that an ideal camera can have, nm: those of the spectra of materials.
 pub const BANDS_NM: RangeInclusive<u16> = 400..=1000;
@@ -21,14 +17,6 @@ const COLOR_FILTERS: [(f32, f32); 3] = [(616.0, 28.0), (541.0, 28.0), (462.0, 25
 const BAND_SIGMA_NM: f32 = 8.0;
 /// Share of the sky that is visible in a street.
 const SKY_VIEW: f32 = 0.6;
-/// Points are traced in groups of this duration, ns; moving objects stand still within a group.
-const GROUP_NANOS: u32 = 2_000_000;
-/// Largest distance between the hit of the ray and the point, m: the edge of a LiDAR beam may hit another surface than its center.
-const NEAR_M: f32 = 0.3;
-/// Rays of a point at most: nearly all leaves then have a color, as all other surfaces.
-const N_RAYS: u64 = 32;
-/// Range of the rays, m: the range of the LiDAR.
-const REACH_M: f32 = 120.0;
 
 /// A camera at the LiDAR that sees every point when the LiDAR does.
 pub struct IdealCamera {
@@ -79,73 +67,13 @@ impl IdealCamera {
         shown: &[usize],
     ) -> Vec<f32> {
         let mut values = vec![f32::NAN; shown.len() * self.n_bands];
-        let mut places: Vec<usize> = (0..shown.len()).collect();
-        for number in 0..self.n_rays {
-            self.trace(simulation, (header, points), (shown, &mut places, number), &mut values);
-            places.retain(|place| values[place * self.n_bands].is_nan());
-        }
+        trace_points(simulation, (header, points), shown, self.n_rays, |place, hit, sun| {
+            let part = self.palette.part(hit, sun, SKY_VIEW, 1.0);
+            let of_point = &mut values[place * self.n_bands..][..self.n_bands];
+            for (band, value) in of_point.iter_mut().enumerate() {
+                *value = (self.value)(self.palette.band(&part, band));
+            }
+        });
         values
     }
-    /// Traces the ray of this number to each place of `shown`.
-    fn trace(
-        &self,
-        simulation: &Simulation,
-        (header, points): (&SubmapHeader, &[SubmapPoint]),
-        (shown, places, number): (&[usize], &mut [usize], u64),
-        values: &mut [f32],
-    ) {
-        // The submap frame is the body frame at the start of the first sweep.
-        let world_from_submap: Pose = simulation.motion.pose_at(Stamp(header.sweeps[0].stamp));
-        let world = |[x, y, z]: [f32; 3]| -> Vec3 {
-            (world_from_submap * Point3::new(f64::from(x), f64::from(y), f64::from(z))).coords.cast()
-        };
-        let time_group = |place: &usize| {
-            let point = &points[shown[*place]];
-            (point.sweep_idx, point.offset_nanos / GROUP_NANOS)
-        };
-        places.sort_by_key(time_group);
-        for group in places.chunk_by(|a, b| time_group(a) == time_group(b)) {
-            let first = &points[shown[group[0]]];
-            let sweep = &header.sweeps[usize::from(first.sweep_idx)];
-            let since_drive = (sweep.stamp - simulation.motion.begin.0) as f64 * 1e-9;
-            let seconds = since_drive + f64::from(first.offset_nanos) * 1e-9;
-            let (rays, ranges): (Vec<Ray>, Vec<f32>) = group
-                .iter()
-                .map(|place| {
-                    let (eye, at) = eye_and_point(sweep, &points[shown[*place]]);
-                    let [eye, at] = [world(eye), world(at)];
-                    let point = shown[*place] as u64;
-                    let seed = if number == 0 { point } else { hash(point, number) };
-                    let ray = Ray { origin: eye, direction: (at - eye).normalize(), seed };
-                    (ray, (at - eye).norm())
-                })
-                .unzip();
-            let movers = simulation.scene.movers_near(&rays[0].origin, REACH_M, seconds);
-            let snapshot = simulation.scene.some_at(&movers, seconds);
-            let hits = simulation.scene.cast_all(&rays, REACH_M, |_| &snapshot);
-            let seen = (0..group.len()).filter_map(|i| {
-                let hit = hits[i].filter(|hit| (hit.range_m - ranges[i]).abs() < NEAR_M)?;
-                Some((group[i], (rays[i], hit)))
-            });
-            let (seen, hits): (Vec<usize>, Vec<(Ray, SceneHit)>) = seen.unzip();
-            let suns = sun_on(&simulation.scene, &hits, |_| &snapshot);
-            for ((place, (_, hit)), sun) in seen.into_iter().zip(&hits).zip(suns) {
-                let part = self.palette.part(hit, sun, SKY_VIEW, 1.0);
-                let of_point = &mut values[place * self.n_bands..][..self.n_bands];
-                for (band, value) in of_point.iter_mut().enumerate() {
-                    *value = (self.value)(self.palette.band(&part, band));
-                }
-            }
-        }
-    }
-}
-
-/// Position of the LiDAR when it saw a point, and the point, in the submap frame.
-fn eye_and_point(sweep: &SubmapSweep, point: &SubmapPoint) -> ([f32; 3], [f32; 3]) {
-    let share = (point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32).min(1.0);
-    let (begin, end) = (&sweep.submap_from_lidar_begin, &sweep.submap_from_lidar_end);
-    let at = [point.x, point.y, point.z];
-    // The point minus the ray of the range image, with the rounding of that subtraction: published experiments depend on it.
-    let eye = std::array::from_fn(|axis| at[axis] - (at[axis] - (begin[axis] + share * (end[axis] - begin[axis]))));
-    (eye, at)
 }

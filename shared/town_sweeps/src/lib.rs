@@ -3,16 +3,20 @@
 mod drive;
 mod error;
 mod ideal_camera;
+mod mosaic_cameras;
 mod mount;
 mod mount_name;
 mod source;
 mod submap;
+mod surface_rays;
 
 pub use drive::TownDrive;
 pub use error::TownSweepsError;
 pub use ideal_camera::{BANDS_NM, IdealCamera};
+pub use mosaic_cameras::MosaicCameras;
 pub use mount::Mount;
 pub use submap::TownSubmap;
+pub use surface_rays::{TrueSurface, true_surfaces};
 
 use simulation::Town;
 

@@ -5,8 +5,8 @@ use crate::scratch::{with_file, with_files};
 use formats::drive::{SourcePosition, read_manifest};
 use formats::recording::{RecordingReader, TickReader};
 use messages::{
-    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, Message, MosaicTopic,
-    PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
+    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message,
+    MosaicTopic, PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
 };
 use run::control::{Answer, MAX_REQUEST, Request};
 use run::launch_file::LaunchFile;
@@ -139,7 +139,7 @@ pub(crate) fn saved_message(bytes: &[u8]) {
         }
     }
     let Some((topic, bytes)) = bytes.split_first() else { return };
-    match topic % 14 {
+    match topic % 15 {
         0 => check::<SweepTopic>(bytes),
         1 => check::<TickTopic>(bytes),
         2 => check::<TrajectoryTopic>(bytes),
@@ -153,6 +153,7 @@ pub(crate) fn saved_message(bytes: &[u8]) {
         10 => check::<GnssTopic>(bytes),
         11 => check::<ImuTopic>(bytes),
         12 => check::<ImageTopic>(bytes),
+        13 => check::<MaterialTopic>(bytes),
         _ => check::<MosaicTopic>(bytes),
     }
 }

@@ -12,7 +12,7 @@ mod rig;
 mod send;
 mod sensor_calibration;
 mod simulate;
-mod spectrum;
+pub mod spectrum;
 mod view;
 
 use allocator::{Keep, restart_with_kept_memory};

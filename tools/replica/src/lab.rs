@@ -3,6 +3,7 @@
 mod bench;
 pub mod evaluate;
 pub mod instances;
+mod materials;
 mod recorded_classes;
 mod train;
 mod true_points;

@@ -12,6 +12,7 @@ mod data;
 mod error_text;
 mod exit_code;
 mod lab;
+mod material_color;
 mod setup;
 mod terminal;
 mod usage_error;

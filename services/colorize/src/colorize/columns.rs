@@ -6,7 +6,8 @@ use coloring::{
     CameraCubes, Candidates, ExposureWindow, HeldExposure, SpectraColumn, SubmapPoints, color_into, visibility_maps,
 };
 use geometry::{Pose, Stamp};
-use messages::{CheckedSubmap, ColorTopic, Message, SpectraTopic, SubmapHeader, SubmapTopic};
+use materials::material_column;
+use messages::{CheckedSubmap, ColorTopic, MaterialTopic, Message, SpectraTopic, SubmapHeader, SubmapTopic};
 use stage::{Outputs, Received, StepError};
 
 /// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns. In this time the
@@ -89,8 +90,7 @@ impl Colorize {
         world_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
-        let mut cameras: Vec<CameraCubes<'_>> = Vec::new();
-        cameras.resize_with(self.mosaics.len(), CameraCubes::default);
+        let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
         for (cube, world_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
             let Some(cells) = self.cube_image(cube) else { continue };
             let header = cube.header();
@@ -104,8 +104,16 @@ impl Colorize {
         let column = SpectraColumn::new(points, self.bands.bands(), &cameras, self.limits);
         let mut loan = outputs.loan::<SpectraTopic>(column.n_rows())?;
         *loan.header_mut() = column.header();
-        column.write_into(loan.grow_unset(column.n_rows())?);
+        let rows = loan.grow_unset(column.n_rows())?;
+        column.write_into(rows);
+        let material = self.materials.as_ref().map(|model| material_column(model, points.rows, &column.header(), rows));
         outputs.count("points_with_spectrum", column.n_spectra() as u64);
+        outputs.publish_column(loan, submap.stamp(), submap.seq())?;
+        let Some((header, rows)) = material else { return Ok(()) };
+        let mut loan = outputs.loan::<MaterialTopic>(rows.len())?;
+        outputs.count("points_with_material", header.n_known);
+        *loan.header_mut() = header;
+        loan.extend_from_slice(&rows)?;
         outputs.publish_column(loan, submap.stamp(), submap.seq())
     }
 

@@ -5,9 +5,10 @@ use crate::support::{bare_manifest, drive, submap};
 use colorize::{Colorize, Settings};
 use geometry::{Point3, Pose};
 use messages::{
-    ColorRow, ColorTopic, CubeTopic, ImageTopic, Message, NO_SPECTRUM, NoHeader, SpectraHeader, SpectraTopic,
-    SpectraView, SubmapTopic, TrajectoryTopic, UNSEEN,
+    ColorRow, ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, NO_SPECTRUM, NoHeader, SpectraHeader,
+    SpectraTopic, SpectraView, SubmapTopic, TrajectoryTopic, UNSEEN,
 };
+use stage::Stage;
 use stage::testing::{Bench, context};
 use std::path::Path;
 
@@ -187,6 +188,39 @@ fn submap_wait_ends_with_next_submap_or_without_cameras() {
     let (header, rows) = (spectra[0].header(), spectra[0].rows());
     assert_eq!((header.n_points as usize, header.n_spectra, header.n_bands), (points.len(), 0, 0));
     assert_eq!(rows, vec![NO_SPECTRUM; points.len()]);
+}
+
+#[test]
+fn materials_are_published_for_points_with_a_spectrum_if_they_are_on() {
+    let folder = drive(&street::manifest());
+    let outputs = |settings: &Settings| {
+        let ports = Colorize::outputs_with(settings, folder.path()).expect("ports");
+        ports.iter().map(stage::Port::topic).collect::<Vec<_>>()
+    };
+    let on = Settings { materials: true, ..Settings::default() };
+    assert_eq!(outputs(&Settings::default()), ["color", "spectra"]);
+    assert_eq!(outputs(&on), ["color", "spectra", "material"]);
+    let mut bench = Bench::<Colorize>::new(&on, &context(folder.path())).expect("starts");
+    let (from, until) = (START - 2 * SECOND, START + 2 * SECOND);
+    bench.send::<TrajectoryTopic>(from, NoHeader::default(), street::trajectory(from, until));
+    for burst in street::bursts() {
+        for (header, rows) in &burst.cubes {
+            bench.send::<CubeTopic>(burst.stamp, *header, rows.clone());
+        }
+    }
+    let points: Vec<_> = street::points(DURATION_NANOS).iter().map(|painted| painted.point).collect();
+    bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &points), points.clone());
+    bench.tick().expect("a tick");
+    bench.finish().expect("an end");
+    let (spectra, materials) = (bench.take::<SpectraTopic>(), bench.take::<MaterialTopic>());
+    assert_eq!((materials.len(), materials[0].seq(), materials[0].rows().len()), (1, 0, points.len()));
+    let view = SpectraView::new(spectra[0].header(), spectra[0].rows()).expect("fits");
+    let has_spectrum = (0..points.len()).filter(|i| view.spectrum(*i).is_some()).count();
+    let scored = materials[0].rows().iter().enumerate().filter(|(_, row)| row.score > 0);
+    assert!(scored.clone().all(|(i, _)| view.spectrum(i).is_some()));
+    assert!(scored.count() * 2 > has_spectrum, "most of {has_spectrum} points have a material");
+    let n_known = materials[0].rows().iter().filter(|row| row.material_id != 0).count() as u64;
+    assert_eq!((materials[0].header().n_known, bench.counter("points_with_material")), (n_known, n_known));
 }
 
 #[test]

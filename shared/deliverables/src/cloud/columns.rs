@@ -20,6 +20,8 @@ pub(crate) struct Columns {
     semantic: Option<[usize; 2]>,
     /// Red, followed by green, blue and camera.
     color: Option<usize>,
+    /// Material and score.
+    material: Option<[usize; 2]>,
 }
 
 impl Columns {
@@ -74,6 +76,9 @@ impl Columns {
                 Some(_) => Some(run_of(&["red", "green", "blue", "camera"], Kind::UChar)?),
                 None => None,
             },
+            material: optional("material", Kind::UChar)?
+                .zip(optional("material_score", Kind::Float)?)
+                .map(|(a, b)| [a, b]),
         })
     }
 
@@ -87,6 +92,7 @@ impl Columns {
             instance: self.instance.is_some(),
             color: self.color.is_some(),
             lidar: self.lidar.is_some(),
+            material: self.material.is_some(),
         }
     }
 
@@ -104,9 +110,12 @@ impl Columns {
             Kind::Double => std::array::from_fn(|k| f64::from_le_bytes(field(row, at + 8 * k))),
             _ => std::array::from_fn(|k| f64::from(f32::from_le_bytes(field(row, at + 4 * k)))),
         };
-        let (class, score) = self.semantic.map_or((0, 0), |[class, score]| {
-            (row[class], (f32::from_le_bytes(field(row, score)) * 255.0).round() as u8)
-        });
+        let with_score = |places: Option<[usize; 2]>| {
+            places
+                .map_or((0, 0), |[id, score]| (row[id], (f32::from_le_bytes(field(row, score)) * 255.0).round() as u8))
+        };
+        let (class, score) = with_score(self.semantic);
+        let (material, material_score) = with_score(self.material);
         let [red, green, blue, camera] = self.color.map_or([0, 0, 0, messages::UNSEEN], |at| field(row, at));
         let (frame, lidar, ring) = self.scan_line(row);
         CloudPoint {
@@ -123,6 +132,8 @@ impl Columns {
             score,
             rgb: [red, green, blue],
             camera,
+            material,
+            material_score,
         }
     }
 }

@@ -17,6 +17,8 @@ pub(crate) enum ExtraField {
     Moving,
     Camera,
     Lidar,
+    Material,
+    MaterialScore,
     Instance,
     Frame,
     /// Reflectance of the band of this number.
@@ -33,7 +35,7 @@ pub(crate) struct ExtraBytes {
 impl ExtraBytes {
     /// Fields for the columns that the clouds have. `bands` are the names of the bands to write.
     pub(crate) fn new(present: Present, bands: &[String]) -> Self {
-        use ExtraField::{Band, Camera, Class, Frame, Instance, Laser, Lidar, Moving, Score};
+        use ExtraField::{Band, Camera, Class, Frame, Instance, Laser, Lidar, Material, MaterialScore, Moving, Score};
         let candidates = [
             (Class, present.class),
             (Score, present.class),
@@ -41,6 +43,8 @@ impl ExtraBytes {
             (Moving, true),
             (Camera, present.color),
             (Lidar, present.lidar),
+            (Material, present.material),
+            (MaterialScore, present.material),
             (Instance, present.instance),
             (Frame, true),
         ];
@@ -84,6 +88,8 @@ impl ExtraField {
             Self::Moving => ("moving", "1 = on a moving object"),
             Self::Camera => ("camera", "camera of the color, 255 = none"),
             Self::Lidar => ("lidar", "index of the LiDAR"),
+            Self::Material => ("material", "material id, 0 = unknown"),
+            Self::MaterialScore => ("material_score", "probability of the material"),
             Self::Instance => ("instance", "number of the object, 0 = none"),
             Self::Frame => ("frame", "number of the sweep"),
             Self::Band(band) => (&bands[band], "reflectance, 1 = white diffuser"),
@@ -92,7 +98,7 @@ impl ExtraField {
         let (data_type, options, no_data, scale) = match self {
             Self::Instance | Self::Frame => (5, 0, 0, 0.0),
             Self::Band(_) => (4, 0b1001, i64::from(NO_REFLECTANCE), REFLECTANCE_STEP),
-            Self::Score => (1, 0b1000, 0, 1.0 / 255.0),
+            Self::Score | Self::MaterialScore => (1, 0b1000, 0, 1.0 / 255.0),
             _ => (1, 0, 0, 0.0),
         };
         let mut bytes = vec![0, 0, data_type, options];

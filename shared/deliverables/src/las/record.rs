@@ -117,6 +117,8 @@ impl RecordLayout {
                 ExtraField::Laser => put(&[point.ring]),
                 ExtraField::Moving => put(&[u8::from(point.is_moving)]),
                 ExtraField::Camera => put(&[point.camera]),
+                ExtraField::Material => put(&[point.material]),
+                ExtraField::MaterialScore => put(&[point.material_score]),
                 ExtraField::Lidar => put(&[point.lidar]),
                 ExtraField::Instance => put(&point.instance.to_le_bytes()),
                 ExtraField::Frame => put(&point.frame.to_le_bytes()),
@@ -164,6 +166,8 @@ mod tests {
             score: 128,
             rgb: [255, 1, 0],
             camera: 3,
+            material: 9,
+            material_score: 200,
         }
     }
 
@@ -184,7 +188,7 @@ mod tests {
 
     #[test]
     fn record_has_wide_colors_gps_time_and_extra_bytes() {
-        let present = Present { class: true, instance: true, color: true, lidar: false };
+        let present = Present { class: true, instance: true, color: true, ..Present::default() };
         let layout = RecordLayout::new(present, &["band_0700nm".to_owned()], [0.0; 3]);
         let point = point([1.0, 2.0, -3.0005]);
         let stored = layout.stored(point.xyz).expect("fits");

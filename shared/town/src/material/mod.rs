@@ -2,6 +2,7 @@
 //!
 //! Color and near-infrared reflectance follow from one spectrum, so that all wavelengths agree.
 
+mod kind;
 mod properties;
 mod table;
 mod texture;

@@ -1,5 +1,6 @@
 //! Reflectance spectra and textures of the materials.
 
+use messages::MaterialId;
 use raytrace::Vec3;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -72,4 +73,13 @@ fn measured_materials_follow_the_spectral_library() {
 fn leaves_have_the_red_edge_and_asphalt_does_not() {
     let rise = |m: Material| m.spectrum().at(780.0) / m.spectrum().at(660.0);
     assert!(rise(Material::Leaves) > 5.0 && rise(Material::Asphalt) < 1.3);
+}
+
+#[test]
+fn every_material_id_but_unknown_has_a_material_in_the_towns() {
+    for id in MaterialId::ALL.iter().skip(1) {
+        assert!(Material::ALL.iter().any(|material| material.id() == Some(*id)), "{id:?}");
+    }
+    assert!(Material::ALL.iter().all(|material| material.id() != Some(MaterialId::Unknown)));
+    assert_eq!(Material::SkinLight.id(), None);
 }

@@ -19,6 +19,9 @@ pub struct CloudFacts {
     pub instances: Option<usize>,
     /// The most frequent one first.
     pub classes: Vec<Count>,
+    /// The most frequent one first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub materials: Vec<Count>,
     pub clouds: Vec<Count>,
 }
 
@@ -53,6 +56,7 @@ impl CloudFacts {
             let _ = writeln!(text, "instances {n_instances}");
         }
         self.list(&mut text, "class", &self.classes);
+        self.list(&mut text, "material", &self.materials);
         self.list(&mut text, "cloud", &self.clouds);
         text
     }

@@ -3,7 +3,7 @@
 use super::cloud_facts::{CloudFacts, Count};
 use super::loaded_cloud::LoadedCloud;
 use super::settings::ColorBy;
-use messages::class_name;
+use messages::{class_name, material_name};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -31,6 +31,7 @@ pub struct CloudSummary {
     n_colored: usize,
     has_color: bool,
     classes: BTreeMap<&'static str, usize>,
+    materials: BTreeMap<&'static str, usize>,
     instances: Option<BTreeSet<i64>>,
 }
 
@@ -44,6 +45,9 @@ impl CloudSummary {
         (0..cloud.len()).for_each(|i| self.extend_bounds(cloud.position(i)));
         for class in cloud.classes().unwrap_or_default() {
             *self.classes.entry(class_name(*class)).or_default() += 1;
+        }
+        for material in cloud.materials().unwrap_or_default() {
+            *self.materials.entry(material_name(*material)).or_default() += 1;
         }
         if let Some(ids) = cloud.instances() {
             self.instances.get_or_insert_default().extend(ids.iter().filter(|id| **id != 0));
@@ -112,9 +116,11 @@ impl CloudSummary {
     }
     /// Classes of the points, the most frequent first.
     pub fn classes(&self) -> Vec<&'static str> {
-        let mut classes: Vec<(&'static str, usize)> = self.classes.iter().map(|(name, n)| (*name, *n)).collect();
-        classes.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-        classes.into_iter().map(|(name, _)| name).collect()
+        by_frequency(&self.classes)
+    }
+    /// Materials of the points, the most frequent first.
+    pub fn materials(&self) -> Vec<&'static str> {
+        by_frequency(&self.materials)
     }
     /// Number of clouds.
     pub fn n_clouds(&self) -> usize {
@@ -125,6 +131,7 @@ impl CloudSummary {
         let (has, what) = match by {
             ColorBy::Color => (self.has_color, "colors: red, green, blue"),
             ColorBy::Class => (!self.classes.is_empty(), "classes: semantic"),
+            ColorBy::Material => (!self.materials.is_empty(), "materials: material"),
             ColorBy::Instance => (self.instances.is_some(), "instances: instance"),
             ColorBy::Intensity => (!self.intensities.is_empty(), "intensities: intensity"),
             ColorBy::Moving => (self.has_moving, "flags of moving points: dynamic"),
@@ -150,8 +157,10 @@ impl CloudSummary {
     /// The statistics, for people and for programs.
     pub fn facts(&self) -> CloudFacts {
         let counts = |(name, points): (&str, usize)| Count { name: name.to_owned(), points };
-        let mut classes: Vec<Count> = self.classes.iter().map(|(name, n)| counts((name, *n))).collect();
-        classes.sort_by_key(|class| std::cmp::Reverse(class.points));
+        let most_first = |points: &BTreeMap<&'static str, usize>| {
+            let of = |name: &&'static str| counts((name, points[name]));
+            by_frequency(points).iter().map(of).collect::<Vec<Count>>()
+        };
         CloudFacts {
             points: self.n_points,
             bounds_m: self.bounds,
@@ -159,10 +168,18 @@ impl CloudSummary {
             path_m: (!self.path.is_empty()).then(|| length_m(&self.path)),
             colored_points: self.has_color.then_some(self.n_colored),
             instances: self.instances.as_ref().map(BTreeSet::len),
-            classes,
+            classes: most_first(&self.classes),
+            materials: most_first(&self.materials),
             clouds: self.files.iter().map(|(name, n)| counts((name, *n))).collect(),
         }
     }
+}
+
+/// Names, that of most points first.
+fn by_frequency(points: &BTreeMap<&'static str, usize>) -> Vec<&'static str> {
+    let mut names: Vec<&'static str> = points.keys().copied().collect();
+    names.sort_by_key(|name| std::cmp::Reverse(points[name]));
+    names
 }
 
 /// Extends the range by a value.

@@ -13,6 +13,7 @@ pub struct LoadedCloud {
     /// sRGB. The inner `None` marks a point that no camera saw.
     color: Option<Vec<Option<[u8; 3]>>>,
     class: Option<Vec<u8>>,
+    material: Option<Vec<u8>>,
     instance: Option<Vec<i64>>,
     intensity: Option<Vec<f32>>,
     time_s: Option<Vec<f64>>,
@@ -48,6 +49,7 @@ impl LoadedCloud {
             lidar: lidar.iter().all(|name| v.has(name)).then(|| axes(v, lidar)).transpose()?,
             color,
             class: named(["semantic", "class", "label"]).map(|name| v.u8s(name)).transpose()?,
+            material: v.has("material").then(|| v.u8s("material")).transpose()?,
             instance: named(["instance", "ins", "instance_id"]).map(|name| v.i64s(name)).transpose()?,
             intensity: named(["intensity", "reflectance", "scalar_Intensity"]).map(|name| v.f32s(name)).transpose()?,
             time_s: named(["timestamp", "GPS_time", "time"]).map(|name| v.f64s(name)).transpose()?,
@@ -81,6 +83,10 @@ impl LoadedCloud {
     /// Class of each point.
     pub fn classes(&self) -> Option<&[u8]> {
         self.class.as_deref()
+    }
+    /// Material of each point, 0 = unknown.
+    pub fn materials(&self) -> Option<&[u8]> {
+        self.material.as_deref()
     }
     /// Instance of each point, 0 = none.
     pub fn instances(&self) -> Option<&[i64]> {

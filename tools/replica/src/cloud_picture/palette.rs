@@ -4,7 +4,8 @@ use super::cloud_summary::CloudSummary;
 use super::loaded_cloud::LoadedCloud;
 use super::settings::ColorBy;
 use crate::class_color::class_color;
-use messages::ClassId;
+use crate::material_color::material_color;
+use messages::{ClassId, MaterialId};
 
 /// Color of points that lack the attribute.
 const GRAY: [u8; 3] = [90, 94, 102];
@@ -33,7 +34,7 @@ pub enum Legend {
     Ramp { title: String, ends: [String; 2] },
 }
 
-/// Classes of a legend.
+/// Classes or materials of a legend.
 const MAX_NAMES: usize = 12;
 
 impl Palette {
@@ -59,6 +60,10 @@ impl Palette {
         match self.by {
             ColorBy::Color => cloud.color(i).unwrap_or_else(|| self.uncolored(cloud, i)),
             ColorBy::Class => cloud.classes().map_or(GRAY, |classes| class_color(classes[i])),
+            ColorBy::Material => match cloud.materials().map_or(0, |materials| materials[i]) {
+                0 => self.uncolored(cloud, i),
+                material => material_color(material),
+            },
             ColorBy::Instance => cloud.instances().map_or(GRAY, |ids| instance_color(ids[i])),
             ColorBy::Submap => instance_color(number as i64 + 1),
             ColorBy::Moving => match cloud.moving() {
@@ -100,6 +105,11 @@ impl Palette {
                 Legend::Names(
                     classes.filter_map(|name| Some((class_color(id(name)? as u8), name.to_owned()))).collect(),
                 )
+            }
+            ColorBy::Material => {
+                let color = |name: &str| MaterialId::from_name(name).map(|material| material_color(material as u8));
+                let names = summary.materials().into_iter().filter(|name| *name != MaterialId::Unknown.name());
+                Legend::Names(names.take(MAX_NAMES).filter_map(|name| Some((color(name)?, name.to_owned()))).collect())
             }
             ColorBy::Instance => Legend::Names(vec![
                 (instance_color(1), "a color for each object".to_owned()),

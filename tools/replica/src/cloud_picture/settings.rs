@@ -12,6 +12,8 @@ pub enum ColorBy {
     Class,
     /// Intensity of the return.
     Intensity,
+    /// Material; points without spectrum are gray.
+    Material,
     /// Height.
     Height,
     /// Instance; points without one are gray.

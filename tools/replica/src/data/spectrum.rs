@@ -5,8 +5,9 @@ pub mod diagnosis;
 pub mod figures;
 mod input;
 mod lines;
+mod materials;
 mod moments;
-mod reference;
+pub mod reference;
 mod report;
 mod simulated_exposures;
 pub mod source;
@@ -88,6 +89,7 @@ pub struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     Lines(Box<lines::Args>),
+    Materials(materials::Args),
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -100,8 +102,10 @@ enum Format {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    if let Some(Action::Lines(args)) = &args.action {
-        return lines::run(args);
+    match &args.action {
+        Some(Action::Lines(args)) => return lines::run(args),
+        Some(Action::Materials(args)) => return materials::run(args),
+        None => {}
     }
     let sensor = args.sensor.as_deref().map(sensor_calibration::read).transpose()?;
     let selection = InputSelection {

@@ -3,6 +3,7 @@
 mod classes;
 mod instances;
 mod map;
+mod materials;
 mod projections;
 mod recorded_truth;
 mod run;
@@ -37,6 +38,7 @@ enum Evaluated {
     Projections(projections::Args),
     Trajectory(trajectory::Args),
     Map(map::Args),
+    Materials(materials::Args),
 }
 
 /// Runs the command.
@@ -47,6 +49,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         (Some(Evaluated::Projections(args)), _) => projections::run(args),
         (Some(Evaluated::Trajectory(args)), _) => trajectory::run(args),
         (Some(Evaluated::Map(args)), _) => map::run(args),
+        (Some(Evaluated::Materials(args)), _) => materials::run(args),
         (None, Some(args)) => run::run(args),
         (None, None) => Err(UsageError("evaluate needs OUT and --truth DRIVE, or a subcommand".to_owned()).into()),
     }

@@ -3,8 +3,8 @@
 use export::Export;
 use messages::{
     ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, Envelope, InstanceHeader, InstanceTopic,
-    Message, NO_SPECTRUM, NoHeader, PoseRow, SpectraHeader, SpectraTopic, StampedPose, SubmapHeader, SubmapPoint,
-    SubmapSweep, SubmapTopic, TrajectoryTopic, pod::bytes_from_rows,
+    MaterialHeader, MaterialRow, MaterialTopic, Message, NO_SPECTRUM, NoHeader, PoseRow, SpectraHeader, SpectraTopic,
+    StampedPose, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic, TrajectoryTopic, pod::bytes_from_rows,
 };
 use random::Random;
 use stage::Received;
@@ -125,6 +125,13 @@ impl Street {
         };
         (0..self.n_points).map(row).collect()
     }
+    pub fn material(&self, seq: u64) -> Vec<MaterialRow> {
+        let row = |i: usize| {
+            let draw = self.draw(seq, 15, i);
+            MaterialRow { material_id: (draw % 14) as u8, score: (draw >> 8) as u8 }
+        };
+        (0..self.n_points).map(row).collect()
+    }
     pub fn instance(&self, seq: u64) -> Vec<u32> {
         (0..self.n_points).map(|i| (self.draw(seq, 11, i) % 40).saturating_sub(20) as u32 * 1000).collect()
     }
@@ -185,6 +192,7 @@ impl Street {
             "color" => bench.forward::<ColorTopic>(received(seq, ColorHeader::default(), &self.color(seq))),
             "class" => bench.forward::<ClassTopic>(received(seq, ClassHeader::default(), &self.class(seq))),
             "instance" => bench.forward::<InstanceTopic>(received(seq, InstanceHeader::default(), &self.instance(seq))),
+            "material" => bench.forward::<MaterialTopic>(received(seq, MaterialHeader::default(), &self.material(seq))),
             "spectra" => {
                 let (header, words) = self.spectra_message(seq);
                 bench.forward::<SpectraTopic>(received(seq, header, &words));

@@ -1,0 +1,65 @@
+//! The materials of the points of a submap.
+
+use crate::classifier::Method;
+use crate::classifier::{Classifier, Probabilities};
+use crate::model::Model;
+use crate::smoothing::{Smoothing, mean_spectra, neighborhoods, votes};
+use crate::spectra::Spectra;
+use messages::{MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, SpectraHeader, SubmapPoint};
+
+/// Probabilities of the materials of points with these spectra and positions, m.
+///
+/// # Panics
+/// If there is not one position for each spectrum.
+pub fn materials_of(
+    classifier: &Classifier,
+    spectra: &Spectra,
+    positions: &[[f32; 3]],
+    smoothing: Smoothing,
+) -> Vec<Probabilities> {
+    assert_eq!(spectra.len(), positions.len(), "spectra and positions");
+    if smoothing == Smoothing::Off {
+        return classifier.classify(spectra);
+    }
+    let near = neighborhoods(positions);
+    match smoothing {
+        Smoothing::Off | Smoothing::Votes => votes(&classifier.classify(spectra), &near),
+        Smoothing::Mean => classifier.classify(&mean_spectra(spectra, &near)),
+        Smoothing::Both => votes(&classifier.classify(&mean_spectra(spectra, &near)), &near),
+    }
+}
+
+/// The most probable material and its probability. Unknown with score 0 without any.
+pub fn best_row(probabilities: &Probabilities) -> MaterialRow {
+    let (mut material, mut most) = (0, 0.0);
+    for (id, p) in (0..).zip(probabilities) {
+        if *p > most {
+            (material, most) = (id, *p);
+        }
+    }
+    MaterialRow { material_id: material, score: (most * 255.0).round() as u8 }
+}
+
+/// Header and rows of the topic `material`, by the rows of the topic `spectra`. All unknown if those do not fit their header.
+pub fn material_column(
+    model: &Model,
+    points: &[SubmapPoint],
+    header: &SpectraHeader,
+    spectra: &[u32],
+) -> (MaterialHeader, Vec<MaterialRow>) {
+    let mut rows = vec![MaterialRow::default(); points.len()];
+    if let Some((indices, spectra)) = Spectra::of_column(header, spectra) {
+        let position = |index: &u32| {
+            let point = &points[*index as usize];
+            [point.x, point.y, point.z]
+        };
+        let positions: Vec<[f32; 3]> = indices.iter().map(position).collect();
+        let classifier = Classifier::new(model, &spectra.wavelengths_nm, Method::default());
+        let found = materials_of(&classifier, &spectra, &positions, Smoothing::default());
+        for (index, found) in indices.iter().zip(&found) {
+            rows[*index as usize] = best_row(found);
+        }
+    }
+    let n_known = rows.iter().filter(|row| row.material_id != MaterialId::Unknown as u8).count() as u64;
+    (MaterialHeader { material_table_version: MATERIAL_TABLE_VERSION, n_known }, rows)
+}

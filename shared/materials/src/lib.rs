@@ -1,0 +1,24 @@
+//! Materials of points and pixels from their spectra (docs/explanation/spectra.md).
+//!
+//! 1. [`Spectra`] are the measured bands of points or pixels; [`ndvi`] is their vegetation index.
+//! 2. A [`Model`] has reference spectra and the covariance of what is measured around them: noise, texture, sun and shadow.
+//!    [`Fit`] makes it from labeled spectra.
+//! 3. A [`Classifier`] compares a spectrum with the references by one [`Method`], on the bands that were measured.
+//! 4. [`materials_of`] classifies all points of a submap, smoothed over their neighbors ([`Smoothing`]).
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod classifier;
+mod column;
+mod fit;
+mod gaussian;
+mod model;
+mod smoothing;
+mod spectra;
+
+pub use classifier::{Classifier, Method, N_MATERIALS, Probabilities};
+pub use column::{best_row, material_column, materials_of};
+pub use fit::Fit;
+pub use model::{Light, Model, ModelError, Reference};
+pub use smoothing::{Smoothing, mean_spectra, neighborhoods, votes};
+pub use spectra::{Spectra, Spectrum, ndvi};

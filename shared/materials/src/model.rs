@@ -1,0 +1,153 @@
+//! Reference spectra, and how far measured spectra are from them.
+
+use messages::MaterialId;
+use serde::{Deserialize, Serialize};
+
+/// The model of the project: fitted by `replica train materials`, which names its sources.
+const BUILT_IN: &str = include_str!("../../../models/materials.json");
+
+/// Most bands of a model: as many as a spectrum can have.
+const MAX_BANDS: usize = 64;
+
+/// Reference spectra of materials in sun and shade, and the covariance of measured spectra around them.
+///
+/// All values are natural logarithms of reflectances. An oblique surface adds the same number to all bands, so that the covariance has a
+/// large variance in this direction. In the shade, noise and the color of the skylight are added.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Model {
+    /// Where the spectra come from.
+    pub about: String,
+    /// Bands of the references, nm, ascending.
+    pub wavelengths_nm: Vec<f32>,
+    /// The references.
+    pub references: Vec<Reference>,
+    /// Sun and shade.
+    pub lights: [Light; 2],
+    /// Scale of the squared distances, so that scores are shares of correct materials.
+    pub temperature: f64,
+    /// Squared distance per band above which a spectrum fits no reference.
+    pub max_distance: f64,
+}
+
+/// How spectra are measured in one kind of light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Light {
+    /// Share of the points in this light, 0 to 1.
+    pub share: f64,
+    /// Covariance of the logarithms around their reference: upper triangle, row by row.
+    pub covariance: Vec<f64>,
+}
+
+/// A reference spectrum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reference {
+    /// Its name in its source.
+    pub name: String,
+    /// Name of its [`MaterialId`].
+    pub material: String,
+    /// How often it is expected, 0 to 1.
+    pub share: f64,
+    /// Logarithm of the measured reflectance in each band, in sun and shade.
+    pub log_reflectance: [Vec<f32>; 2],
+}
+
+/// Why a model cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// Not a model.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    /// A value that breaks a rule.
+    #[error("{what}: value {value} {rule}")]
+    Rule {
+        /// The value's place.
+        what: String,
+        /// The value.
+        value: String,
+        /// The rule.
+        rule: &'static str,
+    },
+}
+
+impl Model {
+    /// The model of the project.
+    ///
+    /// # Errors
+    /// If the file that was compiled in is damaged.
+    pub fn built_in() -> Result<Self, ModelError> {
+        Self::from_json(BUILT_IN)
+    }
+
+    /// From the text of a model file.
+    ///
+    /// # Errors
+    /// If it is not a model.
+    pub fn from_json(text: &str) -> Result<Self, ModelError> {
+        let model: Self = serde_json::from_str(text)?;
+        model.check()?;
+        Ok(model)
+    }
+
+    /// The text of a model file: one line for each reference.
+    pub fn to_json(&self) -> String {
+        let text = serde_json::to_string(self).expect("strings and numbers always encode");
+        text.replace("},{", "},\n{")
+            .replace("\"references\":[", "\"references\":[\n")
+            .replace("],\"lights", "],\n\"lights")
+            + "\n"
+    }
+
+    /// The material of a reference.
+    pub fn material(&self, reference: usize) -> MaterialId {
+        MaterialId::from_name(&self.references[reference].material).unwrap_or(MaterialId::Unknown)
+    }
+
+    /// Entry of the covariance in a light.
+    pub(crate) fn covariance(&self, light: usize, row: usize, column: usize) -> f64 {
+        let (low, high) = (row.min(column), row.max(column));
+        let n = self.wavelengths_nm.len();
+        self.lights[light].covariance[low * n - low * (low + 1) / 2 + high]
+    }
+
+    fn check(&self) -> Result<(), ModelError> {
+        let rule = |what: String, value: String, rule: &'static str, holds: bool| {
+            if holds { Ok(()) } else { Err(ModelError::Rule { what, value, rule }) }
+        };
+        let n = self.wavelengths_nm.len();
+        let is_ascending = self.wavelengths_nm.windows(2).all(|pair| pair[0] < pair[1]);
+        let bands = "must be 2 to 64 ascending wavelengths";
+        rule("wavelengths_nm".to_owned(), format!("{n} bands"), bands, (2..=MAX_BANDS).contains(&n) && is_ascending)?;
+        let is_share = |share: f64| share > 0.0 && share <= 1.0;
+        for light in &self.lights {
+            let n_covariances = light.covariance.len();
+            let triangle = "must be the upper triangle: n (n + 1) / 2 numbers of n bands";
+            rule("covariance".to_owned(), n_covariances.to_string(), triangle, n_covariances == n * (n + 1) / 2)?;
+            let share = light.share;
+            rule("share of a light".to_owned(), share.to_string(), "must be above 0, at most 1", is_share(share))?;
+        }
+        rule(
+            "references".to_owned(),
+            self.references.len().to_string(),
+            "must be at least one",
+            !self.references.is_empty(),
+        )?;
+        for reference in &self.references {
+            let what = |key: &str| format!("{key} of reference {:?}", reference.name);
+            let is_known = MaterialId::from_name(&reference.material).is_some_and(|id| id != MaterialId::Unknown);
+            rule(what("material"), reference.material.clone(), "must be the name of a material", is_known)?;
+            for logs in &reference.log_reflectance {
+                let n_values = logs.len();
+                rule(what("log_reflectance"), n_values.to_string(), "must be one number per band", n_values == n)?;
+            }
+            let share = reference.share;
+            rule(what("share"), share.to_string(), "must be above 0, at most 1", is_share(share))?;
+        }
+        for (key, value) in [("temperature", self.temperature), ("max_distance", self.max_distance)] {
+            rule(key.to_owned(), value.to_string(), "must be positive", value > 0.0)?;
+        }
+        Ok(())
+    }
+}
