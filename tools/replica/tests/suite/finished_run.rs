@@ -197,6 +197,7 @@ impl Submap {
             class: Some(&classes),
             instance: Some(&instances),
             spectra: None,
+            material: None,
             lost: &[],
         };
         let mut entry = write_submap(&received, Kind::Float, folder, None).expect("writes");

@@ -32,9 +32,11 @@ const KINDS: [(&str, MaterialId); 22] = [
     ("zinc", MaterialId::Metal),
 ];
 
-/// Mean reflectances of the samples of each kind, at these wavelengths: name, material, reflectances. Names without a material are
-/// returned, too.
-pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<(Vec<(String, MaterialId, Vec<f32>)>, Vec<String>)> {
+/// A kind of surface: its name, its material, and its reflectances.
+pub type Kind = (String, MaterialId, Vec<f32>);
+
+/// Mean reflectances of the samples of each kind, at these wavelengths. Names without a material are returned, too.
+pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<(Vec<Kind>, Vec<String>)> {
     let (mut kinds, mut others) = (BTreeMap::<String, Vec<Vec<f64>>>::new(), Vec::new());
     for spectrum in reference::read(path)? {
         let kind = kind_of(&spectrum.name);
