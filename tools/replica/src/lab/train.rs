@@ -131,6 +131,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         (None, Some(args)) => args,
         (None, None) => return Err(UsageError("train needs RECIPE and --out DIR, or a subcommand".to_owned()).into()),
     };
+    train_recipe(args)
+}
+
+fn train_recipe(args: &RecipeArgs) -> anyhow::Result<ExitCode> {
     match AnyRecipe::load(&args.recipe)? {
         AnyRecipe::Images(recipe) => train(&recipe, args),
         AnyRecipe::Points(recipe) => train(&recipe, args),
