@@ -90,7 +90,9 @@ fn bands_between_those_of_the_model_are_interpolated() {
         truth.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).chain([f32::NAN]).collect()
     };
     let mut spectra = Spectra::new(&nm);
-    [&GREEN, &GRAY].iter().for_each(|truth| spectra.push(0x3ff, &between(truth)));
+    for truth in [&GREEN, &GRAY] {
+        spectra.push(0x3ff, &between(truth));
+    }
     let found = Classifier::new(&model, &nm, Method::Learned).classify(&spectra);
     assert_eq!(accuracy(&found), 1.0, "the band at 2000 nm is ignored");
 }
