@@ -106,7 +106,7 @@ fn network(path: &Path) {
 
 fn main() {
     // As `replica train` has it.
-    allocator::restart_with_kept_memory(allocator::Keep::Activations);
+    allocator::restart_with_kept_memory(allocator::Keep::Large);
     let files: Vec<_> = std::env::args_os().skip(1).collect();
     for file in &files {
         network(Path::new(file));
