@@ -153,8 +153,8 @@ pub(crate) fn saved_message(bytes: &[u8]) {
         10 => check::<GnssTopic>(bytes),
         11 => check::<ImuTopic>(bytes),
         12 => check::<ImageTopic>(bytes),
-        13 => check::<MaterialTopic>(bytes),
-        _ => check::<MosaicTopic>(bytes),
+        13 => check::<MosaicTopic>(bytes),
+        _ => check::<MaterialTopic>(bytes),
     }
 }
 

@@ -66,11 +66,12 @@ impl Pattern {
 
     /// Shots of a time, ns since the begin of the drive, in order.
     pub fn firings(self, nanos: Range<i64>) -> Vec<Firing> {
-        let shots_per_nano = match self {
-            Self::Rings128 => (N_RINGS * N_COLUMNS) as f64 / TURN_NANOS as f64,
-            Self::Rosette => SHOTS_PER_SECOND * 1e-9,
+        // Shots that fire at once, and how often.
+        let (at_once, per_nano) = match self {
+            Self::Rings128 => (N_RINGS, N_COLUMNS as f64 / TURN_NANOS as f64),
+            Self::Rosette => (1, SHOTS_PER_SECOND * 1e-9),
         };
-        let [first, end] = [nanos.start, nanos.end].map(|nanos| (nanos as f64 * shots_per_nano).ceil() as i64);
+        let [first, end] = [nanos.start, nanos.end].map(|nanos| (nanos as f64 * per_nano).ceil() as i64 * at_once);
         (first..end).map(|shot| self.firing(shot)).collect()
     }
 

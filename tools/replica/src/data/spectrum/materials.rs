@@ -8,6 +8,7 @@ use crate::answer::Answer;
 use crate::argument::rectangle;
 use crate::data::sensor_calibration;
 use anyhow::{Context, ensure};
+use clap::builder::PossibleValuesParser;
 use formats::band_image::{self, BandImage};
 use materials::{Classifier, Method, Model, Probabilities, Smoothing, Spectra, best_row, materials_of, ndvi};
 use messages::{MaterialId, MaterialRow};
@@ -39,6 +40,9 @@ pub struct Args {
     /// Region to compare with the references: left column, top row, columns, rows, in cells. Several are possible
     #[arg(long, value_name = "X,Y,W,H", value_parser = rectangle::<usize>)]
     region: Vec<Region>,
+    /// How spectra are compared with the references [default: learned; angle for TIFFs, whose noise and light the model does not know]
+    #[arg(long, value_parser = PossibleValuesParser::new(Method::ALL.map(Method::name)))]
+    method: Option<String>,
     /// Every pixel on its own, without its neighbors
     #[arg(long)]
     no_smoothing: bool,
@@ -75,25 +79,34 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     for path in &args.inputs {
         let about = || path.display().to_string();
         let mut image = band_image::read(path)?;
-        if image.wavelengths_nm.is_empty() {
+        let is_relative = image.wavelengths_nm.is_empty();
+        if is_relative {
             let sensor =
                 sensor.as_ref().with_context(about).context("the wavelengths are unknown\nhint: --sensor XML")?;
             image = relative::reflectances(&image, sensor).with_context(about)?;
         }
         ensure!(image.n_bands <= 64, "{}: {} bands; at most 64 are possible", path.display(), image.n_bands);
-        found.push(one(args, &model, path, &image)?);
+        let asked = Method::ALL.into_iter().find(|method| Some(method.name()) == args.method.as_deref());
+        let method = asked.unwrap_or(if is_relative { Method::Angle } else { Method::default() });
+        found.push(one(args, &model, method, path, &image)?);
     }
     args.answer.print(&found, || found.iter().map(CubeMaterials::text).collect())?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn one(args: &Args, model: &Model, path: &std::path::Path, image: &BandImage) -> anyhow::Result<CubeMaterials> {
+fn one(
+    args: &Args,
+    model: &Model,
+    method: Method,
+    path: &std::path::Path,
+    image: &BandImage,
+) -> anyhow::Result<CubeMaterials> {
     let spectra = spectra_of(image);
     let [columns, _] = image.size;
     let cell = |i: usize| [(i % columns) as f32 * CELL_M, (i / columns) as f32 * CELL_M, 0.0];
     let positions: Vec<[f32; 3]> = (0..spectra.len()).map(cell).collect();
     let smoothing = if args.no_smoothing { Smoothing::Off } else { Smoothing::default() };
-    let classifier = Classifier::new(model, &image.wavelengths_nm, Method::default());
+    let classifier = Classifier::new(model, &image.wavelengths_nm, method);
     let found: Vec<Probabilities> = materials_of(&classifier, &spectra, &positions, smoothing);
     let rows: Vec<MaterialRow> = found.iter().map(best_row).collect();
     let index: Vec<Option<f32>> = (0..spectra.len()).map(|i| ndvi(spectra.get(i))).collect();
