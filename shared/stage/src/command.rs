@@ -25,7 +25,7 @@ pub fn run<S: Stage>() -> ExitCode {
     ExitCode::from(run_program(&ProgramOf::<S>::new(), std::env::args_os()))
 }
 
-/// [`run`] of a stage that is known at run time. `arguments` begin with the program's name. Returns the exit code.
+/// [`run()`] of a stage that is known at run time. `arguments` begin with the program's name. Returns the exit code.
 pub fn run_program(program: &dyn Program, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match command_line::parse(program, arguments.into_iter().collect()) {
         Ok(CommandLine { describe: Some(request), .. }) if request == NO_REQUEST => print_json(&description(program)),

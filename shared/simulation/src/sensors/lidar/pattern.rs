@@ -103,7 +103,7 @@ impl Pattern {
 /// A perfect unit with such a pattern that moves through a scene.
 ///
 /// Each beam is traced by its center and its four sides (see [`super`]). Pose and movers are those of the middle of a
-/// [step](STEP_NANOS).
+/// step of 0.1 ms.
 #[derive(Debug)]
 pub struct PatternLidar<'a> {
     scene: &'a Scene,
