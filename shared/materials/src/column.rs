@@ -1,7 +1,6 @@
 //! The materials of the points of a submap.
 
-use crate::classifier::Method;
-use crate::classifier::{Classifier, Probabilities};
+use crate::classifier::{Classifier, Method, Probabilities};
 use crate::model::Model;
 use crate::smoothing::{Smoothing, mean_spectra, neighborhoods, votes};
 use crate::spectra::Spectra;

@@ -27,7 +27,15 @@ pub struct BandModel {
 }
 
 /// A band of a camera among those of the model: the two next to it, and the weight of the second.
-struct Place(usize, usize, f64);
+pub(crate) struct Place(usize, usize, f64);
+
+impl Place {
+    /// A value there, from the values at the bands of the model.
+    pub fn value(&self, of_band: impl Fn(usize) -> f64) -> f64 {
+        let Self(first, second, weight) = *self;
+        of_band(first) * (1.0 - weight) + of_band(second) * weight
+    }
+}
 
 /// Farthest distance of a band outside of those of the model, nm.
 const MARGIN_NM: f32 = 5.0;
@@ -37,19 +45,15 @@ impl BandModel {
     pub fn new(model: &Model, light: usize, wavelengths_nm: &[f32]) -> Self {
         let places: Vec<Option<Place>> = wavelengths_nm.iter().map(|nm| place(&model.wavelengths_nm, *nm)).collect();
         let n = wavelengths_nm.len();
-        let at = |place: &Place, value: &dyn Fn(usize) -> f64| {
-            let Place(first, second, weight) = *place;
-            value(first) * (1.0 - weight) + value(second) * weight
-        };
         let covariance = DMatrix::from_fn(n, n, |row, column| {
             let (Some(row_place), Some(column_place)) = (&places[row], &places[column]) else {
                 return f64::from(u8::from(row == column));
             };
-            let of_row = |i: usize| at(column_place, &|k| model.covariance(light, i, k));
-            at(row_place, &of_row) + if row == column { FLOOR } else { 0.0 }
+            let of_row = |i: usize| column_place.value(|k| model.covariance(light, i, k));
+            row_place.value(of_row) + if row == column { FLOOR } else { 0.0 }
         });
         let mean = |logs: &[f32]| -> Vec<f64> {
-            let of = |place: &Option<Place>| place.as_ref().map_or(0.0, |place| at(place, &|k| f64::from(logs[k])));
+            let of = |place: &Option<Place>| place.as_ref().map_or(0.0, |place| place.value(|k| f64::from(logs[k])));
             places.iter().map(of).collect()
         };
         Self {
@@ -109,7 +113,8 @@ fn whiten(root: &DMatrix<f64>, values: impl Iterator<Item = f64>) -> DVector<f64
     point
 }
 
-fn place(model_nm: &[f32], nm: f32) -> Option<Place> {
+/// `None` beyond the bands of the model.
+pub(crate) fn place(model_nm: &[f32], nm: f32) -> Option<Place> {
     let (first, last) = (*model_nm.first()?, *model_nm.last()?);
     if !(first - MARGIN_NM..=last + MARGIN_NM).contains(&nm) {
         return None;

@@ -1,5 +1,6 @@
 //! Reference spectra, and how far measured spectra are from them.
 
+use crate::gaussian::place;
 use messages::MaterialId;
 use serde::{Deserialize, Serialize};
 
@@ -103,6 +104,12 @@ impl Model {
     /// The material of a reference.
     pub fn material(&self, reference: usize) -> MaterialId {
         MaterialId::from_name(&self.references[reference].material).unwrap_or(MaterialId::Unknown)
+    }
+
+    /// Reflectance of a reference in the sun at a wavelength, interpolated in its logarithm; `None` beyond the bands of the model.
+    pub fn reflectance(&self, reference: usize, nm: f32) -> Option<f64> {
+        let logs = &self.references[reference].log_reflectance[0];
+        place(&self.wavelengths_nm, nm).map(|place| place.value(|band| f64::from(logs[band])).exp())
     }
 
     /// Entry of the covariance in a light.

@@ -1,5 +1,7 @@
 //! The 23 classes of Paris-CARLA-3D (thesis section 2.6.3), in its order.
 
+use crate::id_table::id_table;
+
 /// Raised when an id changes its meaning.
 pub const CLASS_TABLE_VERSION: u64 = 1;
 
@@ -19,80 +21,56 @@ impl std::str::FromStr for ClassId {
     }
 }
 
-macro_rules! classes {
-    ($($(#[$doc:meta])* $variant:ident = $id:literal, $name:literal;)*) => {
-        /// A class by its id.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[repr(u8)]
-        pub enum ClassId { $($(#[$doc])* $variant = $id),* }
-
-        impl ClassId {
-            /// All classes by id.
-            pub const ALL: &'static [ClassId] = &[$(ClassId::$variant),*];
-
-            /// Lower case, words joined by hyphens.
-            pub const fn name(self) -> &'static str {
-                match self { $(ClassId::$variant => $name),* }
-            }
-            /// `None` past the last class.
-            pub const fn from_id(id: u8) -> Option<Self> {
-                match id { $($id => Some(ClassId::$variant),)* _ => None }
-            }
-            /// The class of that name.
-            pub fn from_name(name: &str) -> Option<Self> {
-                match name { $($name => Some(ClassId::$variant),)* _ => None }
-            }
-        }
-    };
-}
-
-classes! {
-    /// Not known.
-    Unlabeled = 0, "unlabeled";
-    /// Houses and what is fixed to them.
-    Building = 1, "building";
-    /// Fences, see-through.
-    Fence = 2, "fence";
-    /// None of the others.
-    Other = 3, "other";
-    /// People.
-    Pedestrian = 4, "pedestrian";
-    /// Poles and posts.
-    Pole = 5, "pole";
-    /// Paint on the road.
-    RoadLine = 6, "road-line";
-    /// Where cars drive.
-    Road = 7, "road";
-    /// Where people walk.
-    Sidewalk = 8, "sidewalk";
-    /// Trees, hedges, bushes.
-    Vegetation = 9, "vegetation";
-    /// Cars, trucks, buses, two-wheelers.
-    Vehicles = 10, "vehicles";
-    /// Free-standing walls.
-    Wall = 11, "wall";
-    /// Sign plates.
-    TrafficSign = 12, "traffic-sign";
-    /// Never hit by a beam.
-    Sky = 13, "sky";
-    /// Horizontal, none of the other ground classes.
-    Ground = 14, "ground";
-    /// Bridges.
-    Bridge = 15, "bridge";
-    /// Rails and their bed.
-    RailTrack = 16, "rail-track";
-    /// Guard rails.
-    GuardRail = 17, "guard-rail";
-    /// Lights, without their pole.
-    TrafficLight = 18, "traffic-light";
-    /// Fixed street furniture.
-    Static = 19, "static";
-    /// Things that may have been moved: bins, trolleys, bags.
-    Dynamic = 20, "dynamic";
-    /// Water.
-    Water = 21, "water";
-    /// Grass, soil, sand.
-    Terrain = 22, "terrain";
+id_table! {
+    /// A class by its id.
+    ClassId {
+        /// Not known.
+        Unlabeled = 0, "unlabeled";
+        /// Houses and what is fixed to them.
+        Building = 1, "building";
+        /// Fences, see-through.
+        Fence = 2, "fence";
+        /// None of the others.
+        Other = 3, "other";
+        /// People.
+        Pedestrian = 4, "pedestrian";
+        /// Poles and posts.
+        Pole = 5, "pole";
+        /// Paint on the road.
+        RoadLine = 6, "road-line";
+        /// Where cars drive.
+        Road = 7, "road";
+        /// Where people walk.
+        Sidewalk = 8, "sidewalk";
+        /// Trees, hedges, bushes.
+        Vegetation = 9, "vegetation";
+        /// Cars, trucks, buses, two-wheelers.
+        Vehicles = 10, "vehicles";
+        /// Free-standing walls.
+        Wall = 11, "wall";
+        /// Sign plates.
+        TrafficSign = 12, "traffic-sign";
+        /// Never hit by a beam.
+        Sky = 13, "sky";
+        /// Horizontal, none of the other ground classes.
+        Ground = 14, "ground";
+        /// Bridges.
+        Bridge = 15, "bridge";
+        /// Rails and their bed.
+        RailTrack = 16, "rail-track";
+        /// Guard rails.
+        GuardRail = 17, "guard-rail";
+        /// Lights, without their pole.
+        TrafficLight = 18, "traffic-light";
+        /// Fixed street furniture.
+        Static = 19, "static";
+        /// Things that may have been moved: bins, trolleys, bags.
+        Dynamic = 20, "dynamic";
+        /// Water.
+        Water = 21, "water";
+        /// Grass, soil, sand.
+        Terrain = 22, "terrain";
+    }
 }
 
 /// Classes that things stand on.

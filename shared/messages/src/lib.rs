@@ -11,6 +11,7 @@ mod columns;
 mod cube;
 mod envelope;
 mod finite;
+mod id_table;
 mod material_table;
 mod placement;
 pub mod pod;

@@ -1,64 +1,42 @@
 //! The materials that 36 bands from 470 to 975 nm can tell apart.
 
+use crate::id_table::id_table;
+
 /// Raised when an id changes its meaning.
 pub const MATERIAL_TABLE_VERSION: u64 = 1;
 
-macro_rules! materials {
-    ($($(#[$doc:meta])* $variant:ident = $id:literal, $name:literal;)*) => {
-        /// A material by its id.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[repr(u8)]
-        pub enum MaterialId { $($(#[$doc])* $variant = $id),* }
-
-        impl MaterialId {
-            /// All materials by id.
-            pub const ALL: &'static [MaterialId] = &[$(MaterialId::$variant),*];
-
-            /// Lower case, words joined by hyphens.
-            pub const fn name(self) -> &'static str {
-                match self { $(MaterialId::$variant => $name),* }
-            }
-            /// `None` past the last material.
-            pub const fn from_id(id: u8) -> Option<Self> {
-                match id { $($id => Some(MaterialId::$variant),)* _ => None }
-            }
-            /// The material of that name.
-            pub fn from_name(name: &str) -> Option<Self> {
-                match name { $($name => Some(MaterialId::$variant),)* _ => None }
-            }
-        }
-    };
-}
-
-materials! {
-    /// No mosaic camera saw the point, or its spectrum fits none of the others.
-    Unknown = 0, "unknown";
-    /// Asphalt, bitumen.
-    Asphalt = 1, "asphalt";
-    /// Concrete, slabs.
-    Concrete = 2, "concrete";
-    /// Natural stone, cobble, gravel.
-    Stone = 3, "stone";
-    /// Brick and clay tile.
-    Brick = 4, "brick";
-    /// Render and paint, on walls, wood, metal and the road.
-    Paint = 5, "paint";
-    /// Bare metal.
-    Metal = 6, "metal";
-    /// Glass.
-    Glass = 7, "glass";
-    /// Wood without paint, bark.
-    Wood = 8, "wood";
-    /// Green leaves and grass.
-    Vegetation = 9, "vegetation";
-    /// Dry grass.
-    DryVegetation = 10, "dry-vegetation";
-    /// Soil, sand.
-    Soil = 11, "soil";
-    /// Water.
-    Water = 12, "water";
-    /// Fabric, plastic, rubber.
-    Fabric = 13, "fabric";
+id_table! {
+    /// A material by its id.
+    MaterialId {
+        /// No mosaic camera saw the point, or its spectrum fits none of the others.
+        Unknown = 0, "unknown";
+        /// Asphalt, bitumen.
+        Asphalt = 1, "asphalt";
+        /// Concrete, slabs.
+        Concrete = 2, "concrete";
+        /// Natural stone, cobble, gravel.
+        Stone = 3, "stone";
+        /// Brick and clay tile.
+        Brick = 4, "brick";
+        /// Render and paint, on walls, wood, metal and the road.
+        Paint = 5, "paint";
+        /// Bare metal.
+        Metal = 6, "metal";
+        /// Glass.
+        Glass = 7, "glass";
+        /// Wood without paint, bark.
+        Wood = 8, "wood";
+        /// Green leaves and grass.
+        Vegetation = 9, "vegetation";
+        /// Dry grass.
+        DryVegetation = 10, "dry-vegetation";
+        /// Soil, sand.
+        Soil = 11, "soil";
+        /// Water.
+        Water = 12, "water";
+        /// Fabric, plastic, rubber.
+        Fabric = 13, "fabric";
+    }
 }
 
 /// Name of a material id, `"unknown"` past the table.

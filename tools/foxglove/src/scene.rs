@@ -143,14 +143,17 @@ impl Scene {
                 self.submaps.add(envelope.seq, stamp, submap.world_from_submap, rows);
                 self.show_submaps(false);
             }
-            topic @ ("color" | "class" | "instance") => {
-                match topic {
-                    "color" => check::<ColorTopic>(table)?,
-                    "class" => check::<ClassTopic>(table)?,
-                    _ => check::<InstanceTopic>(table)?,
-                }
-                self.submaps.add_column(topic, envelope.seq, rows);
-                self.show_submaps(false);
+            ColorTopic::TOPIC => {
+                check::<ColorTopic>(table)?;
+                self.add_column(table, envelope, rows);
+            }
+            ClassTopic::TOPIC => {
+                check::<ClassTopic>(table)?;
+                self.add_column(table, envelope, rows);
+            }
+            InstanceTopic::TOPIC => {
+                check::<InstanceTopic>(table)?;
+                self.add_column(table, envelope, rows);
             }
             _ => {}
         }
@@ -160,6 +163,11 @@ impl Scene {
     /// Shows the submaps that still wait for columns.
     pub fn finish(&mut self) {
         self.show_submaps(true);
+    }
+
+    fn add_column(&mut self, table: &ByteTable, envelope: &Envelope, rows: &[u8]) {
+        self.submaps.add_column(&table.topic, envelope.seq, rows);
+        self.show_submaps(false);
     }
 
     fn show_submaps(&mut self, is_end: bool) {

@@ -2,7 +2,9 @@
 
 use crate::clouds::ShownPoint;
 use messages::pod::rows_from_bytes;
-use messages::{ClassRow, ColorRow, POINT_DYNAMIC, Pod, SubmapPoint, UNSEEN};
+use messages::{
+    ClassRow, ClassTopic, ColorRow, ColorTopic, InstanceTopic, Message, POINT_DYNAMIC, Pod, SubmapPoint, UNSEEN,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Submaps that wait at most. A column that is missing then was missed.
@@ -28,14 +30,14 @@ impl ShownSubmap {
         self.columns.insert(topic.to_owned());
         let (points, step) = (&mut self.points, self.step);
         match topic {
-            "color" => {
+            ColorTopic::TOPIC => {
                 for (point, row) in points.iter_mut().zip(every::<ColorRow>(rows, step)) {
                     if row.camera != UNSEEN {
                         point.color = [row.r, row.g, row.b, 255];
                     }
                 }
             }
-            "class" => {
+            ClassTopic::TOPIC => {
                 for (point, row) in points.iter_mut().zip(every::<ClassRow>(rows, step)) {
                     (point.class, point.score) = (row.class_id, row.score);
                 }
@@ -57,7 +59,7 @@ pub struct Submaps {
 
 impl Submaps {
     /// The columns that are joined.
-    pub const COLUMNS: [&'static str; 3] = ["color", "class", "instance"];
+    pub const COLUMNS: [&'static str; 3] = [ColorTopic::TOPIC, ClassTopic::TOPIC, InstanceTopic::TOPIC];
 
     /// Shows up to so many points of a submap.
     pub fn new(most_points: usize) -> Self {

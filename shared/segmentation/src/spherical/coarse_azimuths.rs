@@ -5,7 +5,7 @@ use geometry::{NO_POINT, RangeImage};
 use messages::SubmapPoint;
 use std::borrow::Cow;
 
-/// Steps between firings that are told apart, 0.01 deg.
+/// Azimuths of successive firings of a ring differ by less than this, 0.01 deg. Larger differences are lost returns.
 const STEPS: usize = 256;
 
 /// The point that each pixel shows: that of the pixel, else that of a pixel to the left which is nearer than the next firing.

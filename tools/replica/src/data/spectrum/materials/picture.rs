@@ -98,17 +98,13 @@ fn normalized(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
 
 /// The reference with the smallest squared difference, at the same wavelengths.
 fn nearest(model: &Model, measured: &[[f64; 2]]) -> Option<(usize, Vec<[f64; 2]>)> {
-    let known = &model.wavelengths_nm;
-    let at = |logs: &[f32], nm: f64| {
-        let after = known.partition_point(|known| f64::from(*known) < nm).clamp(1, known.len() - 1);
-        let [low, high] = [after - 1, after].map(|i| (f64::from(known[i]), f64::from(logs[i]).exp()));
-        let share = ((nm - low.0) / (high.0 - low.0)).clamp(0.0, 1.0);
-        low.1 + (high.1 - low.1) * share
+    let of_reference = |reference: usize| {
+        let at = |[nm, measured]: &[f64; 2]| Some(([*nm, model.reflectance(reference, *nm as f32)?], *measured));
+        let (points, measured): (Vec<[f64; 2]>, Vec<f64>) = measured.iter().filter_map(at).unzip();
+        let points = normalized(points.into_iter());
+        let off: f64 = points.iter().zip(measured).map(|(point, measured)| (point[1] - measured).powi(2)).sum();
+        (off, reference, points)
     };
-    let candidates = model.references.iter().enumerate().map(|(i, reference)| {
-        let points = normalized(measured.iter().map(|[nm, _]| [*nm, at(&reference.log_reflectance[0], *nm)]));
-        let off: f64 = points.iter().zip(measured).map(|(a, b)| (a[1] - b[1]).powi(2)).sum();
-        (off, i, points)
-    });
-    candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, i, points)| (i, points))
+    let candidates = (0..model.references.len()).map(of_reference);
+    candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference, points)| (reference, points))
 }
