@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tally::Tally;
 use town_sweeps::Mount;
+pub use towns::NOT_SCORED;
 
 /// Score classes: precision, recall and IoU of each class, mIoU, overall accuracy, confusion matrix; the same for the seven classes of
 /// LiDOG and by range; calibration of the scores, and accuracy of the points with the highest scores.

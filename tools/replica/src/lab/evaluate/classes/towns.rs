@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use town_sweeps::{Mount, TownDrive, TownSubmap, town_from_name};
 
 /// True classes that are not scored: thesis section 6.2 leaves out unlabeled, other, dynamic and sky.
-const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::Dynamic, ClassId::Sky];
+pub const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::Dynamic, ClassId::Sky];
 
 /// Scores the model on each drive, with each sensor.
 pub fn sources(model: &dyn Segmenter, args: &Args, empty: &Tally) -> anyhow::Result<Vec<Source>> {

@@ -1,5 +1,6 @@
 //! What spectra add to the classes of a network: green surfaces become plants, surfaces that are not green are none.
 
+use crate::lab::evaluate::classes::NOT_SCORED;
 use crate::lab::materials::TownSpectra;
 use materials::{Probabilities, best_row, mean_spectra, ndvi, neighborhoods};
 use messages::{ClassId, ClassRow, GROUND_CLASSES, MaterialId};
@@ -12,8 +13,6 @@ const GREEN: [f32; 2] = [0.2, 0.4];
 const SURE: u8 = 200;
 /// Score of a class, of 255, below which the network is unsure.
 const UNSURE: u8 = 178;
-/// True classes that are not scored, as in `replica evaluate classes`.
-const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::Dynamic, ClassId::Sky];
 /// Thresholds of [`FusedClasses::index`].
 pub const THRESHOLDS: [f32; 5] = [0.2, 0.3, 0.4, 0.5, 0.6];
 
