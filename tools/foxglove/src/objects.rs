@@ -52,6 +52,8 @@ fn cube(submap: &ShownSubmap, points: &[&ShownPoint]) -> Option<CubePrimitive> {
 
 fn most_frequent(points: &[&ShownPoint]) -> u8 {
     let mut counts = [0_usize; 256];
-    points.iter().for_each(|point| counts[usize::from(point.class)] += 1);
+    for point in points {
+        counts[usize::from(point.class)] += 1;
+    }
     (0..=u8::MAX).max_by_key(|class| (counts[usize::from(*class)], u8::MAX - class)).unwrap_or_default()
 }
