@@ -30,7 +30,7 @@ stage::settings! {
         /// the ground ring by ring, `off` nothing, `auto` as recorded, but normalized where the scale is another.
         pub intensity: String = "auto".to_owned() => stage::one_of(&IntensityUse::WORDS);
         /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
-        /// `cargo build --release -p infer --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
+        /// `cargo build --release -p infer -p replica --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
         pub device: String = "cpu".to_owned() => stage::one_of(&["cpu", "cuda"]);
         /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
         /// threads and gives the same classes; larger values need more memory.

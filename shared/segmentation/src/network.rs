@@ -3,13 +3,14 @@
 
 mod blocked;
 mod inference;
-mod nchw;
+mod on_device;
 mod spherical_dz;
 mod unet;
 mod weights;
 
 pub use blocked::{ImagePool, PooledImage};
 pub use inference::Inference;
+pub use on_device::{DeviceNetwork, batch};
 pub use weights::Weights;
 
 use crate::SegmentationError;

@@ -13,9 +13,9 @@ pub enum Mount {
     Rig,
     /// A lidar of any model on any vehicle:
     ///
-    /// - in three of ten cases that of [`Mount::Rig`], with random errors of up to 3 degrees and 20 cm; else an HDL-64E (half of these),
-    ///   HDL-32E, VLP-32C or VLP-16 on a roof, 1 to 3 m above the road, upright within 3 degrees;
-    /// - its unit is perfect, typical or poor ([`LidarErrors`]);
+    /// - in three of ten cases that of [`Mount::Rig`], with random errors of up to 3 degrees and 20 cm; else a lidar on a roof, 1 to 3 m
+    ///   above the road, upright within 3 degrees: an HDL-64E (three of eight), HDL-32E, VLP-32C, VLP-16, or one of each [`Pattern`];
+    /// - its unit is perfect, typical or poor ([`LidarErrors`]); those of patterns are perfect;
     /// - one of four has no rings.
     Random,
     /// A perfect unit, upright on a roof.
@@ -77,22 +77,37 @@ impl Mount {
     }
 }
 
+/// Kinds of lidar that a random vehicle has.
+#[derive(Clone, Copy)]
+enum Kind {
+    Rotating(Model),
+    Pattern(Pattern),
+}
+
 fn random_lidar(rig: Pose, jitter: UnitQuaternion<f64>, random: &mut Random) -> MountedLidar {
-    let (model, body_from_lidar) = if random.chance(0.3) {
+    let (lidar, body_from_lidar) = if random.chance(0.3) {
         let moved = Vector3::from_fn(|_, _| f64::from(random.range(-0.2, 0.2)));
-        (Model::Hdl32e, Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter))
+        (
+            Kind::Rotating(Model::Hdl32e),
+            Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter),
+        )
     } else {
         // Half of the vehicles are cars.
         let height_m = if random.chance(0.5) { random.range(1.5, 2.1) } else { random.range(1.0, 3.0) };
         let along_m = random.range(-1.0, 0.5);
         let position = Vector3::new(f64::from(along_m), 0.0, f64::from(height_m) - BODY_M);
-        let models = [Model::Hdl64e, Model::Hdl64e, Model::Hdl64e, Model::Hdl32e, Model::Vlp32c, Model::Vlp16];
-        (*random.pick(&models), Isometry3::from_parts(position.into(), jitter))
+        let hdl64e = Kind::Rotating(Model::Hdl64e);
+        let others = [Model::Hdl32e, Model::Vlp32c, Model::Vlp16].map(Kind::Rotating);
+        let patterns = [Pattern::Rings128, Pattern::Rosette].map(Kind::Pattern);
+        let kinds = [&[hdl64e; 3], &others[..], &patterns].concat();
+        (*random.pick(&kinds), Isometry3::from_parts(position.into(), jitter))
     };
     let grade = *random.pick(&[LidarErrors::NONE, LidarErrors::TYPICAL, LidarErrors::POOR]);
-    MountedLidar {
-        unit: Unit::Rotating { model, errors: LidarErrors { unit_seed: random.bits(), ..grade } },
-        body_from_lidar,
-        has_rings: random.chance(0.75),
-    }
+    let errors = LidarErrors { unit_seed: random.bits(), ..grade };
+    let unit = match lidar {
+        Kind::Rotating(model) => Unit::Rotating { model, errors },
+        Kind::Pattern(pattern) => Unit::Pattern(pattern),
+    };
+    let has_rings = random.chance(0.75) && !matches!(lidar, Kind::Pattern(pattern) if pattern.n_rings() == 0);
+    MountedLidar { unit, body_from_lidar, has_rings }
 }

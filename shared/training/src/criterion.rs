@@ -15,6 +15,10 @@ pub struct Criterion {
 }
 
 impl Criterion {
+    /// A loss, with the nodes of a class tree if there is one, of `n_rows` labeled rows of a step; 0 for all.
+    pub fn new(loss: Loss, tree: Option<Hierarchy>, n_classes: usize, n_rows: usize) -> Self {
+        Self { loss, tree, n_classes, n_rows }
+    }
     /// Indices of the labeled rows, or of some of them, drawn at random.
     pub(crate) fn known_rows(&self, truth: &[u8], random: &mut Random) -> Vec<u32> {
         let mut known = known_rows(truth);
@@ -34,18 +38,24 @@ impl Criterion {
         for (row, &class) in y.chunks_exact_mut(self.n_classes).zip(classes) {
             row[usize::from(class)] = 1.0;
         }
-        let y = Tensor::from_vec(y, (classes.len(), self.n_classes), &Device::Cpu)?;
+        let y = Tensor::from_vec(y, (classes.len(), self.n_classes), logits.device())?;
         Ok(match &self.tree {
             Some(tree) => self.loss.of_hierarchy(logits, &y, tree)?,
             None => self.loss.of_logits(logits, &y)?,
         })
     }
     /// The loss and its derivatives with respect to the logits.
-    pub(crate) fn derive(&self, logits: Vec<f32>, classes: &[u8]) -> Result<(f64, Vec<f32>), TrainingError> {
-        let logits = Var::from_tensor(&Tensor::from_vec(logits, (classes.len(), self.n_classes), &Device::Cpu)?)?;
+    pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<(f64, Tensor), TrainingError> {
+        let logits = Var::from_tensor(logits)?;
         let loss = self.of_logits(&logits, classes)?;
-        let by_logits = loss.backward()?.get(&logits).map(|by| by.flatten_all()?.to_vec1::<f32>()).transpose()?;
-        Ok((f64::from(loss.to_scalar::<f32>()?), by_logits.unwrap_or_default()))
+        let by_logits = loss.backward()?.remove(&logits).map_or_else(|| logits.zeros_like(), Ok)?;
+        Ok((f64::from(loss.to_scalar::<f32>()?), by_logits))
+    }
+    /// [`Self::derive`] of rows on the CPU.
+    pub(crate) fn derive_rows(&self, logits: Vec<f32>, classes: &[u8]) -> Result<(f64, Vec<f32>), TrainingError> {
+        let logits = Tensor::from_vec(logits, (classes.len(), self.n_classes), &Device::Cpu)?;
+        let (loss, by_logits) = self.derive(&logits, classes)?;
+        Ok((loss, by_logits.flatten_all()?.to_vec1()?))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Networks on images in training: runs and derivatives of the kernels of `segmentation::engine`.
 
 use crate::criterion::{Criterion, known_rows};
+use crate::device_pass::{DevicePass, OfLayer};
 use crate::differential::{Differential, Recording};
 use crate::network::{Derivatives, LabeledLogits, Network};
 use crate::pixels::Pixels;
@@ -19,15 +20,23 @@ pub struct ImageNetwork {
     variables: Variables,
     fold: usize,
     border: Border,
+    /// Where the derivatives are computed by the operations of candle; without it, the kernels compute them.
+    device: Option<Device>,
 }
 
 impl ImageNetwork {
     /// A network with initial variables. One of its columns holds `fold` columns of labels.
     pub fn new(variables: Variables, fold: usize, border: Border) -> Self {
-        Self { variables, fold, border }
+        Self { variables, fold, border, device: None }
+    }
+    /// The network with its derivatives by the operations of candle on a device. On a CPU they are much slower than the kernels; the
+    /// derivatives differ by rounding. Validation stays on the kernels.
+    #[must_use]
+    pub fn on_device(self, device: Device) -> Self {
+        Self { device: Some(device), ..self }
     }
     fn with_variables(&self, variables: Variables) -> Self {
-        Self { variables, fold: self.fold, border: self.border }
+        Self { variables, fold: self.fold, border: self.border, device: self.device.clone() }
     }
     fn pixels(&self, n_classes: usize, batch: &[Example]) -> Pixels {
         let mut end = 0;
@@ -42,6 +51,31 @@ impl ImageNetwork {
 /// Classes of all pixels of a batch.
 fn truth(batch: &[Example]) -> Vec<u8> {
     batch.iter().flat_map(|example| example.truth.iter().copied()).collect()
+}
+
+impl ImageNetwork {
+    fn derive_by_kernels(
+        &self,
+        pixels: &Pixels,
+        criterion: &Criterion,
+        batch: &[Example],
+        (known, classes): (&[u32], &[u8]),
+        mut random: Random,
+    ) -> Result<(f64, Vec<OfLayer>), TrainingError> {
+        let network = Differential::new(self.spec(), &self.weights()?, self.border)?;
+        let streams: Vec<Random> = batch.iter().map(|_| Random::of_stream(random.bits(), 0)).collect();
+        let of_example = |(example, random): (&Example, Random)| network.run(example.input.clone(), Some(random));
+        let recordings: Vec<Recording> =
+            batch.par_iter().zip(streams).map(of_example).collect::<Result<_, SegmentationError>>()?;
+        let outputs: Vec<&Planes> = recordings.iter().map(Recording::output).collect();
+        let (loss, by_logits) = criterion.derive_rows(pixels.gather(&outputs, known), classes)?;
+        let by_outputs = pixels.scatter(&by_logits, known, &outputs);
+        let backward = |(recording, by_output): (&Recording, Planes)| network.backward(recording, by_output);
+        let by_filters: Vec<Vec<Vec<Feature>>> = recordings.par_iter().zip(by_outputs).map(backward).collect();
+        let layers = self.spec().layers();
+        let of_layers = layers.iter().zip(sum_of(by_filters)).map(|(layer, packed)| layer.shape.unpacked(&packed));
+        Ok((loss, of_layers.collect()))
+    }
 }
 
 impl Network for ImageNetwork {
@@ -77,20 +111,15 @@ impl Network for ImageNetwork {
         if known.is_empty() {
             return Ok(None);
         }
-        let network = Differential::new(self.spec(), &self.weights()?, self.border)?;
-        let streams: Vec<Random> = batch.iter().map(|_| Random::of_stream(random.bits(), 0)).collect();
-        let of_example = |(example, random): (&Example, Random)| network.run(example.input.clone(), Some(random));
-        let recordings: Vec<Recording> =
-            batch.par_iter().zip(streams).map(of_example).collect::<Result<_, SegmentationError>>()?;
         let pixels = self.pixels(criterion.n_classes, batch);
-        let outputs: Vec<&Planes> = recordings.iter().map(Recording::output).collect();
-        let logits = pixels.gather(&outputs, &known);
         let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
-        let (loss, by_logits) = criterion.derive(logits, &classes)?;
-        let by_outputs = pixels.scatter(&by_logits, &known, &outputs);
-        let backward = |(recording, by_output): (&Recording, Planes)| network.backward(recording, by_output);
-        let by_filters: Vec<Vec<Vec<Feature>>> = recordings.par_iter().zip(by_outputs).map(backward).collect();
-        Ok(Some(Derivatives { loss, gradients: self.variables.gradients(&sum_of(by_filters))? }))
+        let (loss, of_layers) = if let Some(device) = &self.device {
+            let pass = DevicePass { spec: self.spec(), border: self.border, pixels: &pixels, criterion, device };
+            pass.derive(&self.weights()?, batch, (&known, &classes), random)?
+        } else {
+            self.derive_by_kernels(&pixels, criterion, batch, (&known, &classes), random)?
+        };
+        Ok(Some(Derivatives { loss, gradients: self.variables.gradients(of_layers)? }))
     }
     fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogits, TrainingError> {
         let network = Inference::new(self.spec().clone(), &self.weights()?, self.border)?;

@@ -11,6 +11,7 @@ mod class_rows;
 mod criterion;
 mod curves;
 pub mod derivatives;
+mod device_pass;
 mod differential;
 mod error;
 mod image_network;

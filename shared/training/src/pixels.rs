@@ -17,13 +17,18 @@ pub(crate) struct Pixels {
 }
 
 impl Pixels {
-    /// Image, row, column and first channel of a pixel.
-    fn position(&self, pixel: u32, outputs: &[&Planes]) -> [usize; 4] {
+    /// Image, row, column of the network and part of this column of a pixel, from the columns of each image.
+    pub(crate) fn place(&self, pixel: u32, columns_of: impl Fn(usize) -> usize) -> [usize; 4] {
         let image = self.ends.partition_point(|end| *end <= pixel as usize);
         let within = pixel as usize - image.checked_sub(1).map_or(0, |before| self.ends[before]);
-        let columns = outputs[image].width() * self.fold;
+        let columns = columns_of(image) * self.fold;
         let (row, column) = (within / columns, within % columns);
-        [image, row, column / self.fold, column % self.fold * self.n_classes]
+        [image, row, column / self.fold, column % self.fold]
+    }
+    /// Image, row, column and first channel of a pixel.
+    fn position(&self, pixel: u32, outputs: &[&Planes]) -> [usize; 4] {
+        let [image, row, column, part] = self.place(pixel, |image| outputs[image].width());
+        [image, row, column, part * self.n_classes]
     }
     /// The channels of these pixels, pixel by pixel.
     pub(crate) fn gather(&self, outputs: &[&Planes], pixels: &[u32]) -> Vec<f32> {

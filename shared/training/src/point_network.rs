@@ -122,7 +122,7 @@ impl Network for PointNetwork {
         let n_classes = criterion.n_classes;
         let logits = rows_of(&scores.flatten_all()?.to_vec1::<f32>()?, n_classes, &known);
         let classes: Vec<u8> = known.iter().map(|&point| truth[point as usize]).collect();
-        let (loss, by_logits) = criterion.derive(logits, &classes)?;
+        let (loss, by_logits) = criterion.derive_rows(logits, &classes)?;
         let mut by_scores = vec![0.0; truth.len() * n_classes];
         for (values, &point) in by_logits.chunks_exact(n_classes).zip(&known) {
             by_scores[point as usize * n_classes..][..n_classes].copy_from_slice(values);

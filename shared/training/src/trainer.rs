@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use segmentation::engine::Border;
 use segmentation::network::Weights;
 use serde::{Deserialize, Serialize};
+use std::sync::mpsc::sync_channel;
 
 /// Settings of a training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -128,7 +129,7 @@ impl<N: Network> Trainer<N> {
         tree: Hierarchy,
     ) -> Result<Self, TrainingError> {
         let tree = settings.hierarchy.then_some(tree);
-        let criterion = Criterion { loss: settings.loss.clone(), tree, n_classes, n_rows: settings.pixels };
+        let criterion = Criterion::new(settings.loss.clone(), tree, n_classes, settings.pixels);
         let (best, averaged) = (network.weights()?, network.copied()?);
         let (adam, curves) = (Adam::new(settings.learning_rate), Curves::default());
         Ok(Self { settings, criterion, network, averaged, adam, curves, best, frozen: Vec::new() })
@@ -181,18 +182,20 @@ impl<N: Network> Trainer<N> {
         let epoch = self.curves.epochs.len();
         let order = Random::of_stream(self.settings.seed, 1 + 2 * epoch as u64).permutation(data.len());
         let batches: Vec<&[usize]> = order.chunks(self.settings.batch).collect();
+        let seed = self.settings.seed;
+        let random = |index: usize| Random::of_stream(seed ^ (epoch as u64) << 32, 2 * index as u64);
+        let examples_of = |batch: &[usize]| -> Vec<N::Example> {
+            batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect()
+        };
         let mut sum = 0.0;
-        for (i, batch) in batches.iter().enumerate() {
+        prepared(&batches, examples_of, |i, examples| {
             let (step, n_steps) = (epoch * batches.len() + i, self.settings.epochs * batches.len());
             self.adam.rate = self.learning_rate(step, n_steps);
             self.fix_statistics(step, n_steps)?;
-            let random = |index: usize| Random::of_stream(self.settings.seed ^ (epoch as u64) << 32, 2 * index as u64);
-            let examples: Vec<N::Example> =
-                batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect();
-            sum +=
-                self.step(&examples, Random::of_stream(self.settings.seed, (epoch * data.len() + i) as u64 | 1 << 63))?;
+            sum += self.step(&examples, Random::of_stream(seed, (epoch * data.len() + i) as u64 | 1 << 63))?;
             progress(i + 1, batches.len());
-        }
+            Ok(())
+        })?;
         let (validation_loss, confusion) = self.evaluate(validation)?;
         // Nine decimals: serde_json may change the last digit of longer numbers, and a resumed training must give the same values.
         let rounded = |value: f64| (value * 1e9).round() / 1e9;
@@ -234,4 +237,24 @@ impl<N: Network> Trainer<N> {
         move_to(&mut self.averaged, &self.network, 1.0 - self.settings.average.min((n - 1.0) / n))?;
         Ok(derivatives.loss)
     }
+}
+
+/// Calls `use_it` with the number of each batch and what `prepare` makes of it, which runs ahead: a GPU does not wait for the CPU.
+fn prepared<T: Send>(
+    batches: &[&[usize]],
+    prepare: impl Fn(&[usize]) -> T + Send,
+    mut use_it: impl FnMut(usize, T) -> Result<(), TrainingError>,
+) -> Result<(), TrainingError> {
+    std::thread::scope(|scope| {
+        let (sender, receiver) = sync_channel(1);
+        scope.spawn(move || {
+            for batch in batches {
+                // Without a receiver, a step has failed.
+                if sender.send(prepare(batch)).is_err() {
+                    break;
+                }
+            }
+        });
+        receiver.iter().enumerate().try_for_each(|(i, examples)| use_it(i, examples))
+    })
 }

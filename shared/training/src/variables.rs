@@ -3,7 +3,6 @@
 use crate::TrainingError;
 use candle_core::{Device, Tensor, Var};
 use random::Random;
-use segmentation::engine::Feature;
 use segmentation::network::{Layer, NetworkSpec, Weights};
 use std::collections::BTreeMap;
 
@@ -143,14 +142,14 @@ impl Variables {
         }
         Ok(weights)
     }
-    /// Derivatives with respect to every variable from those with respect to the packed filters of the layers.
+    /// Derivatives with respect to every variable from those with respect to weights and biases of the layers, in the order of
+    /// `PyTorch`.
     ///
     /// # Errors
     /// If candle fails.
-    pub fn gradients(&self, by_filters: &[Vec<Feature>]) -> Result<BTreeMap<String, Vec<f32>>, TrainingError> {
+    pub fn gradients(&self, of_layers: Vec<(Vec<f32>, Vec<f32>)>) -> Result<BTreeMap<String, Vec<f32>>, TrainingError> {
         let mut gradients = BTreeMap::new();
-        for (layer, packed) in self.spec.layers().iter().zip(by_filters) {
-            let (mut by_weights, by_biases) = layer.shape.unpacked(packed);
+        for (layer, (mut by_weights, by_biases)) in self.spec.layers().iter().zip(of_layers) {
             let [mut raw, gains] = self.raw_and_gains(layer)?;
             let fan_in = raw.len() / gains.len();
             let mut by_gains = Vec::with_capacity(gains.len());

@@ -1,10 +1,10 @@
 //! Inference: a network as a graph of operations of candle.
 
 use super::blocked::{self, ImagePool, PooledImage};
-use super::nchw::{self, DeviceFilter};
+use super::on_device::{self, DeviceFilter, batch};
 use super::{Executor, Layer, NetworkSpec, Weights};
 use crate::SegmentationError;
-use crate::engine::tensors::{FromBlocks, ToBlocks, size_of_image};
+use crate::engine::tensors::{ToBlocks, size_of_image};
 use crate::engine::{Border, Filter, PlanesMut, Shape, blocks};
 use candle_core::{Device, Tensor};
 use rayon::prelude::*;
@@ -108,12 +108,9 @@ impl Inference {
         filters: &[DeviceFilter],
         inputs: &[&Tensor],
     ) -> Result<Vec<PooledImage<'_>>, SegmentationError> {
-        let from_blocks = FromBlocks { channels: self.spec.channels().0 };
-        let images: Vec<Tensor> =
-            inputs.iter().map(|input| input.apply_op1_no_bwd(&from_blocks)).collect::<Result<_, _>>()?;
-        let mut run = nchw::Run { filters: filters.iter(), border: self.border };
-        let batch = Tensor::cat(&images, 0)?.to_device(device)?;
-        let outputs = self.spec.run(&mut run, batch)?.to_device(&Device::Cpu)?.contiguous()?;
+        let mut run = on_device::Run { filters: filters.iter(), border: self.border, dropout: None };
+        let batch = batch(inputs, self.spec.channels().0, device)?;
+        let outputs = self.spec.run(&mut run, batch)?.to_device(&Device::Cpu)?.transpose(0, 1)?.contiguous()?;
         let to_blocks = ToBlocks { border: self.border };
         let output = |index| Ok(outputs.narrow(0, index, 1)?.apply_op1_no_bwd(&to_blocks)?.into());
         (0..inputs.len()).map(output).collect()

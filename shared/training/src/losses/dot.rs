@@ -9,6 +9,9 @@ const PER_TASK: usize = 1 << 13;
 
 /// Sum of `values * factors`, whose derivative with respect to the factors is not defined.
 pub fn dot(values: &Tensor, factors: &Tensor) -> Result<Tensor> {
+    if !values.device().is_cpu() {
+        return (values * factors.detach())?.sum_all();
+    }
     values.contiguous()?.apply_op2(&factors.detach().contiguous()?, Dot)
 }
 

@@ -2,7 +2,7 @@
 //! on one thread.
 
 use super::real::Real;
-use candle_core::{CpuStorage, CustomOp1, CustomOp2, Layout, Result, Shape, Tensor, bail};
+use candle_core::{CpuStorage, CustomOp1, CustomOp2, D, Layout, Result, Shape, Tensor, bail};
 use rayon::prelude::*;
 
 /// Rows per task: a share of the first-level cache.
@@ -10,6 +10,10 @@ const ROWS: usize = 256;
 
 /// Logarithms of the probabilities (soft-max) of logits, pixels x classes.
 pub fn log_softmax(logits: &Tensor) -> Result<Tensor> {
+    if !logits.device().is_cpu() {
+        let below_largest = logits.broadcast_sub(&logits.detach().max_keepdim(D::Minus1)?)?;
+        return below_largest.broadcast_sub(&below_largest.exp()?.sum_keepdim(D::Minus1)?.log()?);
+    }
     logits.contiguous()?.apply_op1(LogSoftmax)
 }
 

@@ -89,7 +89,9 @@ fn gradients(variables: &Variables, inputs: &[Image]) -> Gradients {
             }
         }
         let by_filters = network.backward(&recording, by_output);
-        for (name, gradient) in variables.gradients(&by_filters).expect("differentiates") {
+        let layers = variables.spec().layers();
+        let of_layers = layers.iter().zip(&by_filters).map(|(layer, packed)| layer.shape.unpacked(packed)).collect();
+        for (name, gradient) in variables.gradients(of_layers).expect("differentiates") {
             let sum = sums.entry(name).or_insert_with(|| vec![0.0; gradient.len()]);
             sum.iter_mut().zip(gradient).for_each(|(sum, value)| *sum += value);
         }

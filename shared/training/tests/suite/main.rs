@@ -2,6 +2,7 @@
 
 mod class_rows;
 mod derivatives;
+mod device;
 mod gradients;
 mod losses;
 mod point_trainer;

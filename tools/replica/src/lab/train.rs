@@ -30,6 +30,7 @@ use formats::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;
 use recipe::{AnyRecipe, Data, Range, RecordingSource};
+use segmentation::ComputeDevice;
 use segmentation::network::Weights;
 use segmentation::spherical::GroundIntensities;
 use std::io::{IsTerminal, Write};
@@ -44,8 +45,8 @@ trait TrainingRecipe {
 
     /// What both kinds of recipe have.
     fn shared(&self) -> SharedRecipe<'_>;
-    /// The network before the first step. Paths are relative to `folder`, that of the recipe.
-    fn network(&self, folder: &Path) -> anyhow::Result<Self::Network>;
+    /// The network before the first step, trained on a device. Paths are relative to `folder`, that of the recipe.
+    fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<Self::Network>;
     /// A data set without examples, with a file in `folder`.
     fn empty_data(&self, folder: &Path, validation: bool) -> anyhow::Result<Self::Data>;
     /// The bytes of the model file.
@@ -119,6 +120,9 @@ struct RecipeArgs {
     /// Stop after this number of epochs in total [default: as in the recipe]
     #[arg(long, value_name = "N")]
     stop_after: Option<usize>,
+    /// Where a network on images is trained; cuda is the first NVIDIA GPU
+    #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = ["cpu", "cuda"])]
+    device: String,
 }
 
 /// Name of the checkpoint file.
@@ -143,7 +147,8 @@ fn train_recipe(args: &RecipeArgs) -> anyhow::Result<ExitCode> {
 
 fn train<R: TrainingRecipe>(recipe: &R, args: &RecipeArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let mut trainer = trainer(recipe, &args.recipe)?;
+    let device = ComputeDevice::from_word(&args.device).unwrap_or_default();
+    let mut trainer = trainer(recipe, &args.recipe, device)?;
     let start = trainer.best().clone();
     let uncalibrated = Calibration { temperature: 1.0, ground_intensities: None };
     let checkpoint = args.out.join(CHECKPOINT);
@@ -225,8 +230,8 @@ fn folder_of(recipe: &Path) -> &Path {
     recipe.parent().unwrap_or(Path::new(""))
 }
 
-fn trainer<R: TrainingRecipe>(recipe: &R, path: &Path) -> anyhow::Result<Trainer<R::Network>> {
-    let network = recipe.network(folder_of(path))?;
+fn trainer<R: TrainingRecipe>(recipe: &R, path: &Path, device: ComputeDevice) -> anyhow::Result<Trainer<R::Network>> {
+    let network = recipe.network(folder_of(path), device)?;
     let classes: Vec<ClassId> = recipe.shared().classes.iter().filter_map(|name| ClassId::from_name(name)).collect();
     let tree = Hierarchy::of_classes(&classes);
     let mut trainer = Trainer::of_network(recipe.shared().train.clone(), network, classes.len(), tree)?;

@@ -3,6 +3,7 @@
 use super::recipe::Recipe;
 use super::sweep_dataset::SweepDataset;
 use super::{Calibration, SharedRecipe, TrainingRecipe};
+use segmentation::ComputeDevice;
 use segmentation::engine::Border;
 use segmentation::network::{CLASS_LAYER, Weights};
 use segmentation::spherical::{Settings, SphericalModel};
@@ -23,7 +24,7 @@ impl TrainingRecipe for Recipe {
             start_share: model.start_share,
         }
     }
-    fn network(&self, folder: &Path) -> anyhow::Result<ImageNetwork> {
+    fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<ImageNetwork> {
         let settings = self.settings()?;
         let variables = Variables::random(&settings.network, self.train.seed)?;
         if let Some(start) = &self.model.start {
@@ -46,7 +47,11 @@ impl TrainingRecipe for Recipe {
                 settings.classes.len()
             );
         }
-        Ok(ImageNetwork::new(variables, settings.fold, Border::Circular))
+        let network = ImageNetwork::new(variables, settings.fold, Border::Circular);
+        Ok(match device.open()? {
+            Some(device) => network.on_device(device),
+            None => network,
+        })
     }
     fn empty_data(&self, folder: &Path, _: bool) -> anyhow::Result<SweepDataset> {
         SweepDataset::new(self, folder)

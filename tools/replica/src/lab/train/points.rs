@@ -5,6 +5,7 @@ use super::point_recipe::PointRecipe;
 use super::{Calibration, SharedRecipe, TrainingRecipe};
 use segmentation::network::Weights;
 use segmentation::points::{PointModel, PointSettings};
+use segmentation::{ComputeDevice, SegmentationError};
 use std::path::Path;
 use training::{ClassLayer, Network, PointNetwork, match_classes};
 
@@ -22,7 +23,10 @@ impl TrainingRecipe for PointRecipe {
             start_share: 0.0,
         }
     }
-    fn network(&self, folder: &Path) -> anyhow::Result<PointNetwork> {
+    fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<PointNetwork> {
+        if device == ComputeDevice::Cuda {
+            return Err(SegmentationError::PointsOnGpu.into());
+        }
         let settings = self.settings()?;
         let mut network = PointNetwork::random(&settings.network, self.train.seed)?;
         if let Some(start) = &self.model.start {

@@ -1,0 +1,198 @@
+//! A network on the operations of candle: on any device, and with their derivatives. Images of a batch are tensors `[channels, images,
+//! rows, columns]`: with the channels first, a convolution is one product of matrices.
+//!
+//! candle's own convolution, pooling and upsampling are not used: on a GPU (0.9.2), the derivative of a convolution reads its
+//! transposed factor as if it were contiguous; the derivative of a maximum over four pixels is a quarter of the true one.
+
+use super::{Executor, Layer, NetworkSpec, Weights};
+use crate::SegmentationError;
+use crate::engine::tensors::FromBlocks;
+use crate::engine::{Border, Filter, Shape};
+use candle_core::{Device, Result, Tensor, Var};
+use random::Random;
+
+/// A network whose weights and biases are variables on a device, for training.
+pub struct DeviceNetwork {
+    spec: NetworkSpec,
+    /// Weights and biases of the layers, named and ordered as by `PyTorch`.
+    variables: Vec<[Var; 2]>,
+    filters: Vec<DeviceFilter>,
+    border: Border,
+}
+
+impl DeviceNetwork {
+    /// Copies the weights to the device.
+    ///
+    /// # Errors
+    /// If a tensor is missing or has another shape, or the device cannot hold it.
+    pub fn new(
+        spec: &NetworkSpec,
+        weights: &Weights,
+        border: Border,
+        device: &Device,
+    ) -> std::result::Result<Self, SegmentationError> {
+        let (mut variables, mut filters) = (Vec::new(), Vec::new());
+        for filter in weights.filters(spec)? {
+            let [weights, biases] = tensors_of(&filter, device)?;
+            let of_layer = [Var::from_tensor(&weights)?, Var::from_tensor(&biases)?];
+            filters.push(DeviceFilter::of_tensors(filter.shape.clone(), &of_layer[0], &of_layer[1])?);
+            variables.push(of_layer);
+        }
+        Ok(Self { spec: spec.clone(), variables, filters, border })
+    }
+    /// Weights and biases of the layers.
+    pub fn variables(&self) -> &[[Var; 2]] {
+        &self.variables
+    }
+    /// Runs the network on a [`batch`], with dropout.
+    ///
+    /// # Errors
+    /// If the size of the images does not fit the network.
+    pub fn run(&self, batch: Tensor, dropout: &mut Random) -> std::result::Result<Tensor, SegmentationError> {
+        let mut run = Run { filters: self.filters.iter(), border: self.border, dropout: Some(dropout) };
+        self.spec.run(&mut run, batch)
+    }
+}
+
+/// Images of [`engine`](crate::engine) of one size as a tensor on a device, `[channels, images, rows, columns]`.
+///
+/// # Errors
+/// If the images are of several sizes, or not on the CPU.
+pub fn batch(images: &[&Tensor], channels: usize, device: &Device) -> Result<Tensor> {
+    let from_blocks = |image: &&Tensor| image.apply_op1_no_bwd(&FromBlocks { channels })?.transpose(0, 1);
+    let images = images.iter().map(from_blocks).collect::<Result<Vec<_>>>()?;
+    Tensor::cat(&images, 1)?.to_device(device)?.contiguous()
+}
+
+/// Weights `[out, in, rows, columns]` and biases `[out]`.
+fn tensors_of(filter: &Filter, device: &Device) -> Result<[Tensor; 2]> {
+    let (weights, biases) = filter.unpacked();
+    let [rows, columns] = filter.shape.kernel;
+    let n_out = filter.shape.out_channels;
+    Ok([Tensor::from_vec(weights, (n_out, (), rows, columns), device)?, Tensor::from_vec(biases, n_out, device)?])
+}
+
+/// Weights and biases of a layer on a device.
+#[derive(Debug)]
+pub(super) struct DeviceFilter {
+    shape: Shape,
+    /// `[out, columns x rows x in]`, in the order of [`taps`].
+    weights: Tensor,
+    /// `[out, 1]`.
+    biases: Tensor,
+}
+
+impl DeviceFilter {
+    pub(super) fn new(filter: &Filter, device: &Device) -> Result<Self> {
+        let [weights, biases] = tensors_of(filter, device)?;
+        Self::of_tensors(filter.shape.clone(), &weights, &biases)
+    }
+    fn of_tensors(shape: Shape, weights: &Tensor, biases: &Tensor) -> Result<Self> {
+        let n_out = shape.out_channels;
+        let weights = weights.permute((0, 3, 2, 1))?.contiguous()?.reshape((n_out, ()))?;
+        Ok(Self { shape, weights, biases: biases.reshape((n_out, 1))? })
+    }
+    fn apply(&self, sources: &[&Tensor], border: Border) -> Result<Tensor> {
+        let image = Tensor::cat(sources, 0)?;
+        let (_, n, height, width) = image.dims4()?;
+        let taps = taps(&image, &self.shape, border)?;
+        let sums = self.weights.matmul(&taps.reshape((self.weights.dim(1)?, ()))?)?;
+        let out = sums.broadcast_add(&self.biases)?;
+        let out = if self.shape.rectify { out.relu()? } else { out };
+        out.reshape((self.shape.out_channels, n, height, width / self.shape.stride_x))
+    }
+}
+
+/// What a filter sees of an image: its taps as channels, columns outermost, then rows, then the channels of the image.
+fn taps(image: &Tensor, shape: &Shape, border: Border) -> Result<Tensor> {
+    let (_, _, height, width) = image.dims4()?;
+    let [rows, columns] = shape.kernel;
+    let shifted = |image: &Tensor, dim: usize, n: usize, length: usize| -> Result<Tensor> {
+        let views = (0..n).map(|first| image.narrow(dim, first, length)).collect::<Result<Vec<_>>>()?;
+        Tensor::cat(&views, 0)
+    };
+    let mut taps = image.clone();
+    if rows > 1 {
+        taps = shifted(&taps.pad_with_zeros(2, rows / 2, rows / 2)?, 2, rows, height)?;
+    }
+    if columns > 1 {
+        taps = shifted(&pad_columns(&taps, columns / 2, border)?, 3, columns, width)?;
+    }
+    every(&taps, 3, shape.stride_x)
+}
+
+/// Adds columns on the left and on the right.
+fn pad_columns(image: &Tensor, n: usize, border: Border) -> Result<Tensor> {
+    if border == Border::Zero {
+        return image.pad_with_zeros(3, n, n);
+    }
+    let width = image.dim(3)?;
+    let side = |first: usize| image.narrow(3, first, n)?.contiguous();
+    Tensor::cat(&[&side(width.saturating_sub(n))?, image, &side(0)?], 3)
+}
+
+/// Every `n`-th slice along a dimension.
+fn every(image: &Tensor, dim: usize, n: usize) -> Result<Tensor> {
+    if n == 1 {
+        return Ok(image.clone());
+    }
+    slice_of_windows(image, dim, n, 0)?.contiguous()
+}
+
+/// The `at`-th slice of each window of `n` along a dimension.
+fn slice_of_windows(image: &Tensor, dim: usize, n: usize, at: usize) -> Result<Tensor> {
+    let mut dims = image.dims().to_vec();
+    dims[dim] /= n;
+    dims.insert(dim + 1, n);
+    image.reshape(dims)?.narrow(dim + 1, at, 1)?.squeeze(dim + 1)
+}
+
+/// The maximum of each window of `n` along a dimension.
+fn maximum(image: &Tensor, dim: usize, n: usize) -> Result<Tensor> {
+    let mut largest = every(image, dim, n)?;
+    for at in 1..n {
+        largest = largest.maximum(&slice_of_windows(image, dim, n, at)?)?;
+    }
+    Ok(largest)
+}
+
+/// One run through the layers.
+pub(super) struct Run<'a> {
+    pub(super) filters: std::slice::Iter<'a, DeviceFilter>,
+    pub(super) border: Border,
+    /// Without random numbers, there is no dropout.
+    pub(super) dropout: Option<&'a mut Random>,
+}
+
+impl Executor for Run<'_> {
+    type Image = Tensor;
+
+    fn convolution(&mut self, _: &Layer, sources: &[&Tensor]) -> std::result::Result<Tensor, SegmentationError> {
+        let filter = self.filters.next().expect("one filter for each layer");
+        Ok(filter.apply(sources, self.border)?)
+    }
+    fn max_pool(
+        &mut self,
+        image: &Tensor,
+        [rows, columns]: [usize; 2],
+    ) -> std::result::Result<Tensor, SegmentationError> {
+        Ok(maximum(&maximum(image, 3, columns)?, 2, rows)?)
+    }
+    fn upsample(
+        &mut self,
+        image: &Tensor,
+        [rows, columns]: [usize; 2],
+    ) -> std::result::Result<Tensor, SegmentationError> {
+        let (channels, n, height, width) = image.dims4()?;
+        // A sum over small windows, the derivative of a broadcast, is slow on a GPU; that of a concatenation is not.
+        let copies = Tensor::cat(&vec![image; rows * columns], 0)?;
+        let copies = copies.reshape((rows, columns, channels * n, height, width))?.permute((2, 3, 0, 4, 1))?;
+        Ok(copies.contiguous()?.reshape((channels, n, height * rows, width * columns))?)
+    }
+    fn dropout(&mut self, image: Tensor, rate: f32) -> std::result::Result<Tensor, SegmentationError> {
+        let Some(random) = &mut self.dropout else { return Ok(image) };
+        let kept = 1.0 / (1.0 - rate);
+        let factors: Vec<f32> = (0..image.elem_count()).map(|_| if random.chance(rate) { 0.0 } else { kept }).collect();
+        Ok((&image * Tensor::from_vec(factors, image.shape(), image.device())?)?)
+    }
+}

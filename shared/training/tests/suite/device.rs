@@ -1,0 +1,67 @@
+//! Derivatives by the operations of candle are those of the kernels.
+
+use candle_core::Device;
+use random::Random;
+use segmentation::engine::{Border, LANES, Planes};
+use segmentation::network::NetworkSpec;
+use training::{Criterion, Example, Hierarchy, ImageNetwork, Loss, Network, UNKNOWN, Variables};
+
+const CLASSES: usize = 3;
+const FOLD: usize = 2;
+
+/// Noise; one of five pixels has no class.
+fn example([channels, height, width]: [usize; 3], border: Border, random: &mut Random) -> Example {
+    let mut input = Planes::zeros(channels, height, width);
+    for channel in 0..channels {
+        for y in 0..height {
+            let pixels = input.row_mut(channel / LANES, y).iter_mut();
+            pixels.for_each(|pixel| pixel[channel % LANES] = random.range(-1.0, 1.0));
+        }
+    }
+    input.fill_border(border);
+    let class = |_| if random.chance(0.2) { UNKNOWN } else { random.index(CLASSES) as u8 };
+    Example { input, truth: (0..height * width * FOLD).map(class).collect() }
+}
+
+#[test]
+fn derivatives_by_operations_of_candle_are_those_of_kernels() {
+    compare_derivatives(&Device::Cpu);
+}
+
+#[cfg(feature = "cuda")]
+#[test]
+fn derivatives_on_a_gpu_are_those_of_kernels() {
+    compare_derivatives(&Device::new_cuda(0).expect("a GPU"));
+}
+
+/// The loss is on some of the pixels, and the images are of two sizes.
+fn compare_derivatives(device: &Device) {
+    let specs = [
+        NetworkSpec::Unet { inputs: 7, outputs: CLASSES * FOLD, widths: vec![16, 20, 35], head: Some(24) },
+        NetworkSpec::Unet { inputs: 20, outputs: CLASSES * FOLD, widths: vec![17], head: None },
+    ];
+    let loss = Loss::WeightedCrossEntropyPowerJaccard { weights: vec![1.0, 2.0, 0.5], power: 2.0 };
+    let criterion = || Criterion::new(loss.clone(), Some(Hierarchy::new(vec![0, 1, 1])), CLASSES, 150);
+    let mut random = Random::new(3);
+    for (spec, border) in specs.iter().flat_map(|spec| [Border::Circular, Border::Zero].map(|border| (spec, border))) {
+        let sizes = [[8, 16], [16, 24], [8, 16]];
+        let batch: Vec<Example> = sizes
+            .map(|[height, width]| example([spec.channels().0, height, width], border, &mut random))
+            .into_iter()
+            .collect();
+        let network = || ImageNetwork::new(Variables::random(spec, 5).expect("variables"), FOLD, border);
+        let derive = |mut network: ImageNetwork| {
+            network.derive(&batch, &criterion(), Random::new(8)).expect("derives").expect("pixels have classes")
+        };
+        let (expected, got) = (derive(network()), derive(network().on_device(device.clone())));
+        assert!((got.loss - expected.loss).abs() < 1e-5 * expected.loss, "{} for {}", got.loss, expected.loss);
+        assert_eq!(got.gradients.len(), expected.gradients.len());
+        for (name, expected) in &expected.gradients {
+            let norm = expected.iter().map(|value| value * value).sum::<f32>().sqrt();
+            assert!(norm > 1e-4, "{name} of {spec:?}: derivative of norm {norm}");
+            for (got, expected) in got.gradients[name].iter().zip(expected) {
+                assert!((got - expected).abs() < 1e-4 * norm, "{name} of {spec:?}, {border:?}: {got} for {expected}");
+            }
+        }
+    }
+}
