@@ -44,18 +44,18 @@ impl Criterion {
             None => self.loss.of_logits(logits, &y)?,
         })
     }
-    /// The loss and its derivatives with respect to the logits.
-    pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<(f64, Tensor), TrainingError> {
+    /// The loss, one number, and its derivatives with respect to the logits.
+    pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<(Tensor, Tensor), TrainingError> {
         let logits = Var::from_tensor(logits)?;
         let loss = self.of_logits(&logits, classes)?;
         let by_logits = loss.backward()?.remove(&logits).map_or_else(|| logits.zeros_like(), Ok)?;
-        Ok((f64::from(loss.to_scalar::<f32>()?), by_logits))
+        Ok((loss, by_logits))
     }
     /// [`Self::derive`] of rows on the CPU.
     pub(crate) fn derive_rows(&self, logits: Vec<f32>, classes: &[u8]) -> Result<(f64, Vec<f32>), TrainingError> {
         let logits = Tensor::from_vec(logits, (classes.len(), self.n_classes), &Device::Cpu)?;
         let (loss, by_logits) = self.derive(&logits, classes)?;
-        Ok((loss, by_logits.flatten_all()?.to_vec1()?))
+        Ok((f64::from(loss.to_scalar::<f32>()?), by_logits.flatten_all()?.to_vec1()?))
     }
 }
 

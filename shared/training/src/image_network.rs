@@ -12,7 +12,7 @@ use random::Random;
 use rayon::prelude::*;
 use segmentation::SegmentationError;
 use segmentation::engine::{Border, Feature, Planes};
-use segmentation::network::{Inference, NetworkSpec, Weights};
+use segmentation::network::{DeviceNetwork, Inference, NetworkSpec, Weights};
 use std::collections::BTreeMap;
 
 /// A network on images. One of its columns holds `fold` columns of labels.
@@ -20,7 +20,7 @@ pub struct ImageNetwork {
     variables: Variables,
     fold: usize,
     border: Border,
-    /// Where the derivatives are computed by the operations of candle; without it, the kernels compute them.
+    /// Where the operations of candle run the network and its derivatives; without it, the kernels do.
     device: Option<Device>,
 }
 
@@ -29,8 +29,8 @@ impl ImageNetwork {
     pub fn new(variables: Variables, fold: usize, border: Border) -> Self {
         Self { variables, fold, border, device: None }
     }
-    /// The network with its derivatives by the operations of candle on a device. On a CPU they are much slower than the kernels; the
-    /// derivatives differ by rounding. Validation stays on the kernels.
+    /// The network on the operations of candle on a device. On a CPU they are much slower than the kernels; the
+    /// results differ by rounding.
     #[must_use]
     pub fn on_device(self, device: Device) -> Self {
         Self { device: Some(device), ..self }
@@ -114,28 +114,36 @@ impl Network for ImageNetwork {
         let pixels = self.pixels(criterion.n_classes, batch);
         let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
         let (loss, of_layers) = if let Some(device) = &self.device {
-            let pass = DevicePass { spec: self.spec(), border: self.border, pixels: &pixels, criterion, device };
-            pass.derive(&self.weights()?, batch, (&known, &classes), random)?
+            let network = DeviceNetwork::new(self.spec(), &self.weights()?, self.border, device)?;
+            DevicePass::new(&network, device, batch, &pixels).derive(criterion, (&known, &classes), random)?
         } else {
             self.derive_by_kernels(&pixels, criterion, batch, (&known, &classes), random)?
         };
         Ok(Some(Derivatives { loss, gradients: self.variables.gradients(of_layers)? }))
     }
     fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogits, TrainingError> {
-        let network = Inference::new(self.spec().clone(), &self.weights()?, self.border)?;
+        let weights = self.weights()?;
+        let on_device = |device| DeviceNetwork::new(self.spec(), &weights, self.border, device);
+        let on_device = self.device.as_ref().map(|device| Ok((device, on_device(device)?)));
+        let on_device = on_device.transpose().map_err(|error: SegmentationError| TrainingError::from(error))?;
+        let network = Inference::new(self.spec().clone(), &weights, self.border)?;
         Ok(move |batch: &[Example]| {
             let truth = truth(batch);
             let known = known_rows(&truth);
             if known.is_empty() {
                 return Ok(None);
             }
+            let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
+            let pixels = self.pixels(n_classes, batch);
+            if let Some((device, network)) = &on_device {
+                return Ok(Some((DevicePass::new(network, device, batch, &pixels).logits(&known)?, classes)));
+            }
             let inputs = batch.iter().map(|example| example.input.to_tensor()).collect::<Result<Vec<_>, _>>()?;
             let results = network.run_batch(&inputs.iter().collect::<Vec<_>>())?;
             let outputs = results.iter().map(|result| Planes::from_tensor(result, network.out_channels()));
             let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
-            let logits = self.pixels(n_classes, batch).gather(&outputs.iter().collect::<Vec<_>>(), &known);
+            let logits = pixels.gather(&outputs.iter().collect::<Vec<_>>(), &known);
             let logits = Tensor::from_vec(logits, (known.len(), n_classes), &Device::Cpu)?;
-            let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
             Ok(Some((logits, classes)))
         })
     }

@@ -141,6 +141,10 @@ fn level(logits: &Tensor, y: &Tensor) -> Result<Level> {
 
 /// Mean of all elements with these weights.
 fn mean_of_pixels(values: &Tensor, weights: &Tensor) -> Result<Tensor> {
+    if !weights.device().is_cpu() {
+        // Without waiting for the number.
+        return dot(values, weights)? / weights.sum_all()?.maximum(f64::from(f32::MIN_POSITIVE))?;
+    }
     let n = weights.sum_all()?.to_dtype(DType::F64)?.to_scalar::<f64>()?;
     dot(values, weights)? / n.max(f64::from(f32::MIN_POSITIVE))
 }

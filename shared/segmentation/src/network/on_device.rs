@@ -10,6 +10,7 @@ use crate::engine::tensors::FromBlocks;
 use crate::engine::{Border, Filter, Shape};
 use candle_core::{Device, Result, Tensor, Var};
 use random::Random;
+use rayon::prelude::*;
 
 /// A network whose weights and biases are variables on a device, for training.
 pub struct DeviceNetwork {
@@ -40,16 +41,20 @@ impl DeviceNetwork {
         }
         Ok(Self { spec: spec.clone(), variables, filters, border })
     }
+    /// Architecture of the network.
+    pub fn spec(&self) -> &NetworkSpec {
+        &self.spec
+    }
     /// Weights and biases of the layers.
     pub fn variables(&self) -> &[[Var; 2]] {
         &self.variables
     }
-    /// Runs the network on a [`batch`], with dropout.
+    /// Runs the network on a [`batch`]; with dropout if random numbers are given.
     ///
     /// # Errors
     /// If the size of the images does not fit the network.
-    pub fn run(&self, batch: Tensor, dropout: &mut Random) -> std::result::Result<Tensor, SegmentationError> {
-        let mut run = Run { filters: self.filters.iter(), border: self.border, dropout: Some(dropout) };
+    pub fn run(&self, batch: Tensor, dropout: Option<&mut Random>) -> std::result::Result<Tensor, SegmentationError> {
+        let mut run = Run { filters: self.filters.iter(), border: self.border, dropout };
         self.spec.run(&mut run, batch)
     }
 }
@@ -59,9 +64,10 @@ impl DeviceNetwork {
 /// # Errors
 /// If the images are of several sizes, or not on the CPU.
 pub fn batch(images: &[&Tensor], channels: usize, device: &Device) -> Result<Tensor> {
-    let from_blocks = |image: &&Tensor| image.apply_op1_no_bwd(&FromBlocks { channels })?.transpose(0, 1);
-    let images = images.iter().map(from_blocks).collect::<Result<Vec<_>>>()?;
-    Tensor::cat(&images, 1)?.to_device(device)?.contiguous()
+    let from_blocks = |image: &&Tensor| image.apply_op1_no_bwd(&FromBlocks { channels });
+    let images = images.par_iter().map(from_blocks).collect::<Result<Vec<_>>>()?;
+    let on_device = |image: Tensor| image.to_device(device)?.transpose(0, 1)?.contiguous();
+    Tensor::cat(&images.into_iter().map(on_device).collect::<Result<Vec<_>>>()?, 1)
 }
 
 /// Weights `[out, in, rows, columns]` and biases `[out]`.

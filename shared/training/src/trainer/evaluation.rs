@@ -10,6 +10,9 @@ use scores::Confusion;
 /// Receives logits and classes of the labeled pixels or points of a batch.
 type OfBatch<'a> = &'a mut dyn FnMut(&Tensor, &[u8]) -> Result<(), TrainingError>;
 
+/// Rows that a task compares: a number, so that sums do not depend on the threads.
+const ROWS_PER_TASK: usize = 4096;
+
 /// Number of temperatures that are compared: 0.5 to 3.9, each a tenth larger than the previous one.
 const N_TEMPERATURES: usize = 22;
 
@@ -41,12 +44,24 @@ impl<N: Network> Trainer<N> {
         let temperatures: Vec<f32> = (0..N_TEMPERATURES as i32).map(|i| 0.5 * 1.1_f32.powi(i)).collect();
         let mut entropies = [0.0_f64; N_TEMPERATURES];
         self.each_batch(data, &mut |logits, classes| {
-            for (row, &truth) in logits.to_vec2::<f32>()?.iter().zip(classes) {
-                let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                for (entropy, temperature) in entropies.iter_mut().zip(&temperatures) {
-                    let sum: f32 = row.iter().map(|logit| ((logit - largest) / temperature).exp()).sum();
-                    *entropy += f64::from(sum.ln() - (row[usize::from(truth)] - largest) / temperature);
-                }
+            let logits = logits.flatten_all()?.to_vec1::<f32>()?;
+            let rows =
+                logits.par_chunks(ROWS_PER_TASK * self.criterion.n_classes).zip(classes.par_chunks(ROWS_PER_TASK));
+            let of_rows: Vec<[f64; N_TEMPERATURES]> = rows
+                .map(|(rows, classes)| {
+                    let mut entropies = [0.0; N_TEMPERATURES];
+                    for (row, &truth) in rows.chunks_exact(self.criterion.n_classes).zip(classes) {
+                        let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                        for (entropy, temperature) in entropies.iter_mut().zip(&temperatures) {
+                            let sum: f32 = row.iter().map(|logit| ((logit - largest) / temperature).exp()).sum();
+                            *entropy += f64::from(sum.ln() - (row[usize::from(truth)] - largest) / temperature);
+                        }
+                    }
+                    entropies
+                })
+                .collect();
+            for of_rows in of_rows {
+                entropies.iter_mut().zip(of_rows).for_each(|(entropy, of_rows)| *entropy += of_rows);
             }
             Ok(())
         })?;
