@@ -32,7 +32,7 @@ stage::settings! {
         /// The same for points on moving objects, s. In 0.1 s a car at 36 km/h moves 1 m.
         pub max_moving_age_s: f64 = 0.1 => stage::within(0.0, 10.0);
         /// Level the brightness of overlapping exposures, and replace an exposure that is saturated or black at a point by another one.
-        pub level_exposures: bool = false => stage::any();
+        pub level_exposures: bool = true => stage::any();
         /// Publish the material of every point that a mosaic camera sees, with a score (topic `material`).
         pub materials: bool = false => stage::any();
         /// Offset between the outlines of points and images above which a camera is reported at the end of the run, mrad. 5 mrad are 10 cm at 20 m.
