@@ -57,6 +57,8 @@ trait TrainingRecipe {
 struct SharedRecipe<'a> {
     data: &'a Data,
     train: &'a TrainSettings,
+    /// Divisor of the logits; without it, that which fits the validation data.
+    temperature: Option<f32>,
     /// Name prefixes of variables that are not trained.
     frozen: &'a [String],
     /// Share of the weights before training in the model file.
@@ -190,7 +192,10 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &RecipeArgs) -> anyhow::Result<Exi
     bar.finish_and_clear();
     if let Some(validation) = &validation {
         let weights = trainer.best().mixed_with(&start, recipe.shared().start_share);
-        let temperature = trainer.with_weights(&weights)?.temperature(validation)?;
+        let temperature = match recipe.shared().temperature {
+            Some(temperature) => temperature,
+            None => trainer.with_weights(&weights)?.temperature(validation)?,
+        };
         let ground_intensities = data.as_ref().and_then(TrainingData::ground_intensities);
         write_state(recipe, &trainer, (&weights, Calibration { temperature, ground_intensities }), &args.out)?;
     }

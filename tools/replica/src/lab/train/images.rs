@@ -22,6 +22,7 @@ impl TrainingRecipe for Recipe {
             frozen: &model.frozen,
             classes: &model.classes,
             start_share: model.start_share,
+            temperature: model.temperature,
         }
     }
     fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<ImageNetwork> {

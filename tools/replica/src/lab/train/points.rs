@@ -21,6 +21,7 @@ impl TrainingRecipe for PointRecipe {
             frozen: &model.frozen,
             classes: &model.classes,
             start_share: 0.0,
+            temperature: None,
         }
     }
     fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<PointNetwork> {

@@ -60,6 +60,8 @@ pub struct Model {
     /// both, above all on other data (Wortsman et al. 2022, "Robust fine-tuning of zero-shot models").
     #[serde(default)]
     pub start_share: f32,
+    /// Divisor of the logits before they become scores, 0.1 to 10; by default that with which the scores of the validation data are right.
+    pub temperature: Option<f32>,
     /// Name prefixes of variables that are not trained.
     #[serde(default)]
     pub frozen: Vec<String>,
@@ -257,7 +259,7 @@ impl Recipe {
             fold: model.fold,
             classes: model.classes.clone(),
             vote_cell_m: model.vote_cell_m,
-            temperature: 1.0,
+            temperature: model.temperature.unwrap_or(1.0),
             ground_intensities: None,
             features: model.features.clone(),
             ground: model.ground,
@@ -369,6 +371,7 @@ mod tests {
         );
         check("towns = [", "removed_classes = ['road']\ntowns = [", "removed_classes: road is in classes of [model]");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
+        check("fold = 4", "fold = 4\ntemperature = 0.01", "temperature = 0.01, must be 0.1 to 10");
         check("start_share = 0.5", "start_share = 1.5", "start_share must be 0 to 1");
         check("start = \"../out/street_before.safetensors\"", "", "start_share needs start");
         check("last = 2008", "last = 3500", "seeds and validation_seeds overlap");

@@ -7,6 +7,7 @@ use super::sweep_dataset::SweepDataset;
 use super::test_recordings::{submaps, write_recording};
 use super::{RecipeArgs, TrainingData, TrainingRecipe, train_recipe};
 use messages::{ColorRow, SpectraHeader, UNSEEN};
+use segmentation::ComputeDevice;
 use segmentation::network::Weights;
 use segmentation::spherical::SphericalModel;
 use std::path::{Path, PathBuf};
@@ -46,7 +47,7 @@ fn train(folder: &Path, name: &str, text: &str) -> PathBuf {
     let recipe = folder.join(format!("{name}.toml"));
     std::fs::write(&recipe, text).expect("writes");
     let out = folder.join(name);
-    train_recipe(&RecipeArgs { recipe, out: out.clone(), stop_after: None }).expect("trains");
+    train_recipe(&RecipeArgs { recipe, out: out.clone(), stop_after: None, device: "cpu".to_owned() }).expect("trains");
     out.join("model.safetensors")
 }
 
@@ -205,7 +206,7 @@ fn training_from_a_model_with_other_classes_starts_with_the_outputs_of_the_same_
     let (_, first) = SphericalModel::load(&path).expect("loads");
     let start = |classes: &str| {
         let recipe = recipe(classes, "start = 'first/model.safetensors'", TOWNS);
-        recipe.network(folder.path()).expect("a network").weights().expect("weights")
+        recipe.network(folder.path(), ComputeDevice::Cpu).expect("a network").weights().expect("weights")
     };
     let is_near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
     // The same number of classes: the shapes are equal.
@@ -217,6 +218,14 @@ fn training_from_a_model_with_other_classes_starts_with_the_outputs_of_the_same_
     }
     let third = start("['building', 'pole', 'fence', 'road']");
     assert!(is_near(row(&third, 4), row(&first, 4)) && is_near(row(&third, 3), row(&first, 0)));
+}
+
+#[test]
+fn model_has_the_temperature_of_the_recipe() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = train(folder.path(), "fixed", &recipe_text(CLASSES, "temperature = 2.5", TOWNS));
+    let temperature = SphericalModel::load(&path).expect("loads").0.settings().temperature;
+    assert!((temperature - 2.5).abs() < 1e-6, "{temperature}");
 }
 
 #[test]
