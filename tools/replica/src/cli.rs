@@ -8,7 +8,6 @@ use std::process::ExitCode;
 /// Records, inspects and evaluates what `replica-launch` runs.
 #[derive(Parser)]
 #[command(name = "replica", version = env!("REPLICA_VERSION"))]
-#[expect(clippy::large_enum_variant, reason = "there is one value in a process")]
 enum Cli {
     #[command(flatten)]
     Control(control::Command),
