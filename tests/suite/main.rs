@@ -23,6 +23,7 @@ mod recorder;
 mod recordings;
 mod report;
 mod resources;
+mod several_of_a_kind;
 mod stage_alone;
 mod supervision;
 mod swap;

@@ -14,8 +14,8 @@ use std::path::PathBuf;
 
 /// The stage; see the crate's page.
 pub struct Calibrate {
-    /// By index; the error is why a camera gives no cubes.
-    cameras: Vec<Result<CubeCamera, CubeCameraError>>,
+    /// By index; the error is why a camera gives no cubes. `None`: the frames of the camera are another stage's.
+    cameras: Vec<Option<Result<CubeCamera, CubeCameraError>>>,
     median: bool,
 }
 
@@ -31,7 +31,8 @@ impl Calibrate {
     ) -> Result<Result<(), Skip>, StepError> {
         let header = frame.header();
         let camera = match camera(&mut self.cameras, header) {
-            Ok(camera) => camera,
+            Ok(Some(camera)) => camera,
+            Ok(None) => return Ok(Ok(())),
             Err(skip) => return Ok(Err(skip)),
         };
         let n_samples = camera.spectral.mosaic().n_cells() * camera.spectral.mosaic().n_bands();
@@ -74,20 +75,28 @@ fn camera_rig(context: &Context) -> Result<CameraRig, FileError> {
     }
 }
 
+/// Why `cameras` cannot be used: a name that no mosaic camera has.
+fn unknown_camera(settings: &Settings, rig: &CameraRig) -> Option<String> {
+    let names: Vec<&str> = rig.mosaics().iter().map(|entry| entry.name.as_str()).collect();
+    let unknown = settings.cameras.iter().find(|name| !names.contains(&name.as_str()))?;
+    Some(format!("names {unknown}; the mosaic cameras of the drive are {}", names.join(", ")))
+}
+
 /// The folder that the setting names.
 fn references(settings: &Settings, context: &Context) -> Option<PathBuf> {
     (!settings.references.is_empty()).then(|| context.launch_folder.join(&settings.references))
 }
 
-/// The camera of a frame.
+/// The camera of a frame; `None` if the frame is another stage's.
 fn camera<'a>(
-    cameras: &'a mut [Result<CubeCamera, CubeCameraError>],
+    cameras: &'a mut [Option<Result<CubeCamera, CubeCameraError>>],
     frame: &MosaicHeader,
-) -> Result<&'a mut CubeCamera, Skip> {
+) -> Result<Option<&'a mut CubeCamera>, Skip> {
     let (index, n_cameras) = (frame.camera, cameras.len());
     let camera = match cameras.get_mut(index as usize) {
-        Some(Ok(camera)) => camera,
-        Some(Err(error)) => return Err(Skip("frames_without_reference", error.to_string())),
+        Some(None) => return Ok(None),
+        Some(Some(Ok(camera))) => camera,
+        Some(Some(Err(error))) => return Err(Skip("frames_without_reference", error.to_string())),
         None => {
             let text = format!("mosaic camera {index}: the drive has {n_cameras} mosaic cameras");
             return Err(Skip("frames_unusable", text));
@@ -100,7 +109,7 @@ fn camera<'a>(
         );
         return Err(Skip("frames_unusable", text));
     }
-    Ok(camera)
+    Ok(Some(camera))
 }
 
 impl Stage for Calibrate {
@@ -117,6 +126,9 @@ impl Stage for Calibrate {
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let problem = |key: &str, text: String| vec![Problem::of_key(key, text)];
+        if let Some(unknown) = camera_rig(context).ok().and_then(|rig| unknown_camera(settings, &rig)) {
+            return problem("cameras", unknown);
+        }
         match (context.mode, references(settings, context)) {
             (Mode::Offline, Some(_)) => {
                 problem("references", "is for live runs; a recorded drive has its own dark and white frames".to_owned())
@@ -136,8 +148,11 @@ impl Stage for Calibrate {
         // In parallel, because the run begins when all stages are ready.
         let cameras = rig.mosaics().par_iter().zip(rig.sensors()).enumerate();
         let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
+            if !settings.cameras.is_empty() && !settings.cameras.contains(&entry.name) {
+                return None;
+            }
             let sensor = sensor.as_ref().filter(|_| settings.correction);
-            CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic))
+            Some(CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic)))
         };
         Ok(Self { cameras: cameras.map(read).collect(), median: settings.median })
     }

@@ -31,6 +31,9 @@ pub use calibrate::Calibrate;
 stage::settings! {
     /// Settings of calibrate.
     pub struct Settings {
+        /// Mosaic cameras, by their names in drive.toml, whose frames become cubes. Empty: all. Several stages share the cameras: see
+        /// `docs/guide/several_of_a_kind.md`.
+        pub cameras: Vec<String> = Vec::new() => stage::any();
         /// Apply the spectral correction of the cameras' calibration files. Cubes of cameras without such a file are not corrected.
         pub correction: bool = true => stage::any();
         /// Resolution of the cubes: `bin` makes one cell per pattern cell; `wb`, `id`, `iid` and `ppid` demosaic to one cell per pixel

@@ -41,14 +41,12 @@ use stage::{
     Bytes, Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes,
     StepError, SubmapJoin, decode_head,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Increased when [`State`] changes.
-const STATE_VERSION: u32 = 4;
+const STATE_VERSION: u32 = 5;
 /// Clouds that are moved between two progress reports.
 const CLOUDS_AT_A_TIME: usize = 4;
-/// Topics of the join: submap, color, spectra, class, instance, material.
-const N_JOINED: usize = 6;
 
 /// The sink of the pipeline.
 pub struct Export {
@@ -56,6 +54,8 @@ pub struct Export {
     folder: Folder,
     /// Topics without a publisher.
     absent: Vec<&'static str>,
+    /// Topics of further segmenters.
+    further_classes: Vec<&'static str>,
     /// Columns that each submap should have.
     n_columns: usize,
     join: SubmapJoin,
@@ -79,7 +79,8 @@ struct PlacedDrive {
 #[derive(Serialize, Deserialize)]
 struct State {
     clouds: Vec<CloudEntry>,
-    join: [SavedColumn; N_JOINED],
+    /// Submap, color, spectra, class, instance, material, further classes.
+    join: Vec<SavedColumn>,
     /// Poses of the trajectory.
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
     placement: Option<Bytes>,
@@ -100,6 +101,10 @@ impl Stage for Export {
             Port::optional::<InstanceTopic>(),
             Port::optional::<MaterialTopic>(),
         ]
+    }
+
+    fn inputs_with(settings: &Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        Ok(Self::inputs().into_iter().chain(further_ports(settings)).collect())
     }
 
     fn outputs() -> Vec<Port> {
@@ -130,17 +135,20 @@ impl Stage for Export {
         let [color, spectra, class, instance, material] = columns;
         // Materials are off by default, so that their absence is not reported.
         let is_absent = |topic: &&'static str| !is_connected(topic) && *topic != MaterialTopic::TOPIC;
+        let further_classes: Vec<&'static str> = further_ports(settings).iter().map(Port::topic).collect();
+        let join = SubmapJoin::new(context.mode)
+            .column::<ColorTopic>(color)
+            .column::<SpectraTopic>(spectra)
+            .column::<ClassTopic>(class)
+            .column::<InstanceTopic>(instance)
+            .column::<MaterialTopic>(material);
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
             absent: ports.iter().map(Port::topic).filter(is_absent).collect(),
-            join: SubmapJoin::new(context.mode)
-                .column::<ColorTopic>(color)
-                .column::<SpectraTopic>(spectra)
-                .column::<ClassTopic>(class)
-                .column::<InstanceTopic>(instance)
-                .column::<MaterialTopic>(material),
-            n_columns: columns.iter().filter(|is_expected| **is_expected).count(),
+            join: further_classes.iter().fold(join, |join, topic| join.column_named::<ClassTopic>(topic, true)),
+            n_columns: columns.iter().filter(|is_expected| **is_expected).count() + further_classes.len(),
+            further_classes,
             clouds: Vec::new(),
             n_synced: 0,
             trajectory: geometry::Trajectory::default(),
@@ -193,11 +201,7 @@ impl Stage for Export {
         let poses = self.trajectory.poses().iter();
         let head = State {
             clouds: self.clouds.clone(),
-            join: self
-                .join
-                .save()
-                .try_into()
-                .map_err(|_| StepError::contract("the join has another number of topics"))?,
+            join: self.join.save(),
             poses: poses
                 .map(|(stamp, pose)| (stamp.0, pose.translation.vector.into(), pose.rotation.coords.into()))
                 .collect(),
@@ -314,6 +318,10 @@ impl Export {
         if self.settings.formats.is_empty() {
             return Ok(());
         }
+        let mut further_classes = Vec::new();
+        for topic in &self.further_classes {
+            further_classes.extend(joined.rows_named::<ClassTopic>(topic)?.map(|classes| (*topic, classes)));
+        }
         let submap = ReceivedSubmap {
             seq: joined.submap.seq(),
             header: joined.submap.header(),
@@ -322,6 +330,7 @@ impl Export {
             class: joined.rows::<ClassTopic>()?,
             instance: joined.rows::<InstanceTopic>()?,
             material: joined.rows::<MaterialTopic>()?,
+            further_classes: &further_classes,
             spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
             lost: &joined.lost,
         };
@@ -335,6 +344,11 @@ impl Export {
         self.clouds.push(entry);
         Ok(())
     }
+}
+
+/// The topics of further segmenters.
+fn further_ports(settings: &Settings) -> Vec<Port> {
+    settings.further_classes.iter().map(|topic| Port::of::<ClassTopic>().named(topic)).collect()
 }
 
 fn step_error(error: DeliveryError) -> StepError {

@@ -1,5 +1,20 @@
 //! Settings of export.
 
+use stage::Rule;
+
+/// Topics of classes by their names, each once, so that no column has the name of another one.
+struct ClassTopics;
+
+impl Rule<Vec<String>> for ClassTopics {
+    fn allows(&self, topics: &Vec<String>) -> bool {
+        let is_further = |topic: &String| topic.len() > "class_".len() && topic.starts_with("class_");
+        topics.iter().enumerate().all(|(i, topic)| is_further(topic) && !topics[..i].contains(topic))
+    }
+    fn text(&self) -> String {
+        "must be a list of names that begin with class_, each once".to_owned()
+    }
+}
+
 stage::settings! {
     /// Settings of export.
     pub struct Settings {
@@ -10,6 +25,9 @@ stage::settings! {
         pub frame: String = "world".to_owned() => stage::one_of(&["world", "odom", "utm"]);
         /// Type of the coordinates in clouds. float resolves 1 mm up to 8 km from the origin.
         pub coordinates: String = "float".to_owned() => stage::one_of(&["float", "double"]);
+        /// Topics of further segmenters, such as `class_b`: each becomes the columns `class_b` and `class_b_score` of the clouds. Names
+        /// begin with `class_`.
+        pub further_classes: Vec<String> = Vec::new() => ClassTopics;
         /// Whether a separate cloud with the spectra is written for each submap.
         pub spectra: bool = true => stage::any();
         /// File formats of the trajectory.

@@ -16,6 +16,7 @@ pub(crate) fn lacks(settings: &Settings, context: &Context) -> Option<Problem> {
     if context.mode == Mode::Live || settings.formats.is_empty() {
         return None;
     }
+    let further: Vec<&str> = settings.further_classes.iter().map(String::as_str).collect();
     let fields = CloudFields {
         coordinates: if settings.coordinates == "double" { Kind::Double } else { Kind::Float },
         has_lidars: false,
@@ -23,6 +24,7 @@ pub(crate) fn lacks(settings: &Settings, context: &Context) -> Option<Problem> {
         has_class: context.is_connected::<ClassTopic>(),
         has_color: context.is_connected::<ColorTopic>(),
         has_material: context.is_connected::<MaterialTopic>(),
+        further_classes: &further,
     };
     let has_spectra = settings.spectra && context.is_connected::<SpectraTopic>();
     let need = space_need(&Drive::open(&context.drive).ok()?, fields, has_spectra).ok()?;

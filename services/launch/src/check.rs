@@ -199,7 +199,7 @@ fn check_settings(
             launch_file: copy.to_owned(),
             overrides: overrides.to_vec(),
             table: stage.name.clone(),
-            context: context.clone(),
+            context: stage.table.remap.context(context),
         };
         programs::check(&stage.program, &stage.table.python, &request)
     });

@@ -4,6 +4,7 @@
 //! | module | idea |
 //! |---|---|
 //! | `check` | launch file to `plan`: tables (`manifest`), programs, dataflow |
+//! | `remap` | names of topics in the run, for several stages of one program |
 //! | `identity` | programs, models and other files on which results depend |
 //! | `supervise` | the life of a run: attempts, processes, restarts |
 //! | `decision` | when a stage fails, hangs or stalls, and what to do about it: pure |
@@ -24,6 +25,7 @@ mod plan;
 mod programs;
 mod progress;
 mod recorder;
+mod remap;
 mod resources;
 mod run_folder;
 mod shell_files;

@@ -1,5 +1,6 @@
 //! The tables and keys of launch.toml that the supervisor reads itself.
 
+use crate::remap::{PlainNames, Remap};
 use ipc::Transport;
 use run::toml::Spanned;
 use run::toml::de::DeValue;
@@ -96,6 +97,8 @@ run::settings! {
         pub program: String = String::new() => any();
         /// Interpreter of a program `*.py`: a command, or a path relative to the launch file.
         pub python: String = "python3".to_owned() => any();
+        /// Topics of the run for topics of the program, where they differ: `{ class = "class_b" }`; for an input also several.
+        pub remap: Remap = Remap::default() => PlainNames;
         /// A stage that spends this long in one step stalls, s; 0 = the limit of `[run]`.
         pub stall_s: f64 = 0.0 => within(0.0, 86400.0);
         /// Threads of its parallel loops; 0 = one per core.

@@ -85,11 +85,17 @@ pub enum ProgramError {
     },
 }
 
-/// The program of a table: `program`, relative to the launch file, or `replica-<table>` beside this one.
+/// The program of a table: `program`, relative to the launch file or, a name of the project's own, beside this one; without
+/// `program`, `replica-<table>` beside this one.
 pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, ProgramError> {
     if !program.is_empty() {
-        let program = launch_folder.join(program);
-        return if program.is_file() { Ok(program) } else { Err(ProgramError::Absent { program }) };
+        let path = launch_folder.join(program);
+        let own = program.starts_with("replica-").then(|| sibling(program)).and_then(Result::ok);
+        return match own {
+            _ if path.is_file() => Ok(path),
+            Some(own) => Ok(own),
+            None => Err(ProgramError::Absent { program: path }),
+        };
     }
     sibling(&format!("replica-{table}")).map_err(|absent| {
         let mut known = known_stages();

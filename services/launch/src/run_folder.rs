@@ -263,7 +263,7 @@ impl RunFolder {
             stage: stage.name.clone(),
             domain: domain.name().to_owned(),
             supervisor: std::process::id(),
-            context: plan.context.clone(),
+            context: stage.table.remap.context(&plan.context),
             launch_file: self.launch_copy(),
             overrides: plan.overrides.clone(),
             inputs: stage.inputs.clone(),

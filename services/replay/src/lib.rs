@@ -48,7 +48,13 @@ fn recorded(path: &Path, settings: &Settings) -> Result<Vec<Port>, StepError> {
     for topic in reader.topics().iter().filter(|topic| topic.ticks_of().is_none() && is_wanted(&topic.name)) {
         let file = path.display();
         let name = &topic.name;
-        let Some(known) = known.iter().find(|known| known.topic() == name) else {
+        // A topic that a launch file has named has the layout of its type.
+        let is_type = |port: &&Port| {
+            let ByteTable { version, layout, .. } = port.byte_table();
+            (version, layout) == (topic.table.version, topic.table.layout)
+        };
+        let own = known.iter().find(|known| known.topic() == name).copied();
+        let Some(known) = own.or_else(|| known.iter().find(is_type).map(|port| port.named(name))) else {
             return Err(StepError::data(format!(
                 "{file}: topic {name} cannot be replayed: this program does not know its type"
             )));
@@ -61,7 +67,16 @@ fn recorded(path: &Path, settings: &Settings) -> Result<Vec<Port>, StepError> {
                  and layout {layout:016x}"
             )));
         }
-        found.push(*known);
+        if !reader.topics().iter().any(|ticks| ticks.ticks_of() == Some(name)) {
+            return Err(StepError::data(format!(
+                "{file}: topic {name} cannot be replayed: its ticks, channel {name}.tick, are not declared before the first message \
+                 or in a summary; write the file again with a summary"
+            )));
+        }
+        found.push(known);
+    }
+    if found.is_empty() {
+        return Err(StepError::data(format!("{}: has no topic to replay", path.display())));
     }
     found.sort_by_key(Port::topic);
     Ok(found)
@@ -156,6 +171,8 @@ impl Replay {
             }
             Err(error @ RecordingError::Cut { .. }) => error.to_string(),
             Ok(tick) => return Ok(tick),
+            // A restart reads the same bytes again.
+            Err(error @ RecordingError::Damaged { .. }) => return Err(StepError::configuration(error)),
             Err(error) => return Err(StepError::data(error)),
         };
         let (name, percent) = ("recording_incomplete", 100.0 * self.progress);

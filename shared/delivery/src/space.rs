@@ -22,7 +22,7 @@ pub struct SpaceNeed {
 
 /// Clouds with these fields, and with spectra if `has_spectra` and the drive has mosaic cameras. Drives whose surroundings change, from
 /// a street to a field, differ from the estimate by up to a half.
-pub fn space_need(drive: &Drive, fields: CloudFields, has_spectra: bool) -> Result<SpaceNeed, SweepError> {
+pub fn space_need(drive: &Drive, fields: CloudFields<'_>, has_spectra: bool) -> Result<SpaceNeed, SweepError> {
     let mut points = 0.0;
     for lidar in drive.lidars() {
         points += estimated_points(&mut SweepSource::open(lidar)?)?;

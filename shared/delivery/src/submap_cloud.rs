@@ -26,6 +26,8 @@ pub struct ReceivedSubmap<'a> {
     pub instance: Option<&'a [u32]>,
     /// Materials, if there is such a column.
     pub material: Option<&'a [MaterialRow]>,
+    /// Topics of further segmenters with their classes.
+    pub further_classes: &'a [(&'a str, &'a [ClassRow])],
     /// Header and words of the spectra, if there is such a column.
     pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
     /// Topics of the columns that were lost.
@@ -35,7 +37,7 @@ pub struct ReceivedSubmap<'a> {
 /// What the points of a cloud have beside position, time, angles and intensity.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "a flag for each column")]
-pub struct CloudFields {
+pub struct CloudFields<'a> {
     /// Type of coordinates.
     pub coordinates: Kind,
     /// Whether the points are those of several LiDARs.
@@ -48,9 +50,11 @@ pub struct CloudFields {
     pub has_color: bool,
     /// Whether there are materials.
     pub has_material: bool,
+    /// Topics of further segmenters.
+    pub further_classes: &'a [&'a str],
 }
 
-impl CloudFields {
+impl CloudFields<'_> {
     /// Those of a run with all stages and their defaults.
     pub const ALL: Self = Self {
         coordinates: Kind::Float,
@@ -59,11 +63,12 @@ impl CloudFields {
         has_class: true,
         has_color: true,
         has_material: false,
+        further_classes: &[],
     };
 }
 
 /// The header of a cloud.
-pub(crate) fn header_of(fields: CloudFields) -> Header {
+pub(crate) fn header_of(fields: CloudFields<'_>) -> Header {
     let mut header = Header::new([
         ("x", fields.coordinates),
         ("y", fields.coordinates),
@@ -107,6 +112,10 @@ pub(crate) fn header_of(fields: CloudFields) -> Header {
         let table = format!("material table {MATERIAL_TABLE_VERSION}: {}", names.join(" "));
         add(&[("material", Kind::UChar), ("material_score", Kind::Float)], table);
     }
+    for topic in fields.further_classes {
+        let score = format!("{topic}_score");
+        add(&[(*topic, Kind::UChar), (&score, Kind::Float)], format!("{topic} of the table of semantic"));
+    }
     header
 }
 
@@ -119,6 +128,8 @@ pub(crate) struct SubmapColumns<'a> {
     pub(crate) class: Option<&'a [ClassRow]>,
     pub(crate) instance: Option<&'a [u32]>,
     pub(crate) material: Option<&'a [MaterialRow]>,
+    /// Topics of further segmenters with their classes.
+    further_classes: &'a [(&'a str, &'a [ClassRow])],
     /// Type of coordinates in files.
     pub(crate) coordinates: Kind,
     /// Whether the points are those of several LiDARs.
@@ -128,16 +139,17 @@ pub(crate) struct SubmapColumns<'a> {
 impl<'a> SubmapColumns<'a> {
     /// Checks the submap and its instances.
     pub(crate) fn new(received: &ReceivedSubmap<'a>, coordinates: Kind) -> Result<Self, DeliveryError> {
-        let ReceivedSubmap { seq, header, points, color, class, instance, material, .. } = *received;
+        let ReceivedSubmap { seq, header, points, color, class, instance, material, further_classes, .. } = *received;
         let geometry = SubmapGeometry::new(seq, header, points)?;
         if let Some(id) = instance.and_then(|ids| ids.iter().copied().max()).filter(|id| i32::try_from(*id).is_err()) {
             return Err(DeliveryError::ExceedsInt { what: format!("instance of submap {seq}: id {id}") });
         }
         let has_lidars = header.n_lidars > 1;
-        Ok(Self { seq, points, geometry, color, class, instance, material, coordinates, has_lidars })
+        Ok(Self { seq, points, geometry, color, class, instance, material, further_classes, coordinates, has_lidars })
     }
 
     pub(crate) fn header(&self) -> Header {
+        let further: Vec<&str> = self.further_classes.iter().map(|(topic, _)| *topic).collect();
         let fields = CloudFields {
             coordinates: self.coordinates,
             has_lidars: self.has_lidars,
@@ -145,6 +157,7 @@ impl<'a> SubmapColumns<'a> {
             has_class: self.class.is_some(),
             has_color: self.color.is_some(),
             has_material: self.material.is_some(),
+            further_classes: &further,
         };
         header_of(fields).comment(format!("REPLICA submap {}", self.seq))
     }
@@ -178,6 +191,9 @@ impl<'a> SubmapColumns<'a> {
         }
         if let Some(material) = self.material {
             row.u8(material[i].material_id).f32(f32::from(material[i].score) / 255.0);
+        }
+        for (_, classes) in self.further_classes {
+            row.u8(classes[i].class_id).f32(f32::from(classes[i].score) / 255.0);
         }
     }
 

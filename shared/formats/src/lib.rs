@@ -4,6 +4,7 @@ pub mod atomic_file;
 pub mod band_image;
 pub mod calendar;
 pub mod cloud;
+pub mod compression;
 pub mod drive;
 pub mod ecostress;
 pub mod envi;

@@ -10,7 +10,8 @@
 //! The log time of a message is the drive time of its tick, the publish time is its stamp. Monotonic clock values of the envelope
 //! are set to zero. All other values depend on the drive only, so two recordings of the same run are equal byte for byte.
 //!
-//! Chunks are not compressed: sweeps and submaps are floats, which compress little and slowly.
+//! Chunks are written without compression: sweeps and submaps are floats, which compress little and slowly. Files that other programs
+//! have written again are read, too: compressed by lz4 or zstd, with channels declared just before their first message.
 //!
 //! The crate mcap reads and writes the container. The layout of messages and the grouping into ticks are specific to REPLICA.
 
@@ -18,6 +19,7 @@ mod chunk;
 mod contents;
 mod error;
 mod reader;
+mod summary;
 mod table;
 mod texts;
 mod ticks;

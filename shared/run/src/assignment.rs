@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Raised when the supervisor and stages of different ages could misunderstand each other.
-pub const CONTRACT_VERSION: u32 = 4;
+pub const CONTRACT_VERSION: u32 = 5;
 
 /// Answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,8 +48,10 @@ pub struct PortDescription {
 /// A topic's two channels: its messages and its ticks.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TopicChannels {
-    /// Name of the topic.
+    /// Name of the topic in the run.
     pub topic: String,
+    /// The stage's own name of it. The key `remap` of its table may give a port another topic, or several.
+    pub port: String,
     /// Messages.
     pub messages: Channel,
     /// Ticks.

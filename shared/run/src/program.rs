@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Keys of a stage's table that the supervisor reads and the stage does not.
-pub const SUPERVISOR_KEYS: [&str; 4] = ["program", "python", "stall_s", "threads"];
+pub const SUPERVISOR_KEYS: [&str; 5] = ["program", "python", "remap", "stall_s", "threads"];
 
 /// Environment variable that selects the log format of a stage: `json` writes one JSON object per line, any other value
 /// writes lines for people.

@@ -213,7 +213,7 @@ impl<'a> Alone<'a> {
             for message in messages {
                 let rows = u64::from(message.envelope.len);
                 count(self.report.inputs.entry(port.topic()).or_default(), rows, table.row_bytes);
-                (port.make.push_bytes)(&mut inputs, &message.bytes)?;
+                (port.make.push_bytes)(&mut inputs, port.topic(), &message.bytes)?;
             }
         }
         let has_input = !inputs.is_empty();

@@ -22,7 +22,7 @@ pub enum StepError {
     #[error("stopped while waiting to publish on {topic}")]
     Stopped {
         /// The topic whose consumers had no room.
-        topic: &'static str,
+        topic: String,
     },
     /// Shared memory.
     #[error(transparent)]

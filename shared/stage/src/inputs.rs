@@ -15,21 +15,25 @@ pub struct Inputs {
 impl Inputs {
     /// The tick's messages of `T` in the order they were published; empty if there are none left.
     pub fn take<T: Message>(&mut self) -> Vec<Received<T>> {
+        self.take_named(T::TOPIC)
+    }
+    /// As [`Inputs::take`], of the port that has another name than its type: see [`Port::named`](crate::Port::named).
+    pub fn take_named<T: Message>(&mut self, port: &str) -> Vec<Received<T>> {
         self.by_topic
-            .get_mut(T::TOPIC)
+            .get_mut(port)
             .and_then(|messages| messages.downcast_mut::<Vec<Received<T>>>())
             .map(std::mem::take)
             .unwrap_or_default()
     }
-    pub(crate) fn push<T: Message>(&mut self, message: Received<T>) {
-        let messages = self.by_topic.entry(T::TOPIC).or_insert_with(|| Box::new(Vec::<Received<T>>::new()));
+    pub(crate) fn push<T: Message>(&mut self, port: &'static str, message: Received<T>) {
+        let messages = self.by_topic.entry(port).or_insert_with(|| Box::new(Vec::<Received<T>>::new()));
         if let Some(messages) = messages.downcast_mut::<Vec<Received<T>>>() {
             messages.push(message);
         }
     }
-    /// The first message of `T`, which stays.
-    pub(crate) fn first<T: Message>(&self) -> Option<&Received<T>> {
-        self.by_topic.get(T::TOPIC)?.downcast_ref::<Vec<Received<T>>>()?.first()
+    /// The first message of a port, which stays.
+    pub(crate) fn first<T: Message>(&self, port: &str) -> Option<&Received<T>> {
+        self.by_topic.get(port)?.downcast_ref::<Vec<Received<T>>>()?.first()
     }
     pub(crate) fn is_empty(&self) -> bool {
         self.by_topic.is_empty()
@@ -37,7 +41,7 @@ impl Inputs {
 }
 
 /// Adds a message that was kept as bytes to the inputs.
-pub(crate) fn push_bytes<T: Message>(inputs: &mut Inputs, bytes: &[u8]) -> Result<(), StepError> {
-    inputs.push::<T>(Received::from_bytes(bytes)?);
+pub(crate) fn push_bytes<T: Message>(inputs: &mut Inputs, port: &'static str, bytes: &[u8]) -> Result<(), StepError> {
+    inputs.push::<T>(port, Received::from_bytes(bytes)?);
     Ok(())
 }

@@ -28,26 +28,26 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    fn output<T: Message>(&mut self) -> Result<&mut dyn Output<T>, StepError> {
+    pub(crate) fn output<T: Message>(&mut self, port: &str) -> Result<&mut dyn Output<T>, StepError> {
         let output = self
             .by_topic
-            .get_mut(T::TOPIC)
-            .ok_or_else(|| StepError::contract(format!("topic {} is not among the stage's outputs", T::TOPIC)))?;
+            .get_mut(port)
+            .ok_or_else(|| StepError::contract(format!("topic {port} is not among the stage's outputs")))?;
         match output.as_any().downcast_mut::<TypedOutput<T>>() {
             Some(output) => Ok(&mut *output.0),
-            None => Err(StepError::contract(format!("topic {} has another type", T::TOPIC))),
+            None => Err(StepError::contract(format!("topic {port} has another type"))),
         }
     }
 
     /// A slot for at most `capacity` rows. Memory that is never written is never used.
     pub fn loan<T: Message>(&mut self, capacity: usize) -> Result<Loan<T>, StepError> {
-        self.output::<T>()?.loan(capacity)
+        self.output::<T>(T::TOPIC)?.loan(capacity)
     }
 
     /// Publishes the loan as the topic's next message. Waits while a consumer's queue is full. A number in the header, or in a
     /// row of poses, that is not finite is an error of this stage.
     pub fn publish<T: Message>(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
-        self.publish_as(loan, stamp, None)
+        self.publish_on(T::TOPIC, loan, stamp, None)
     }
 
     /// Publishes one message with these rows and an empty header; none without rows.
@@ -66,15 +66,22 @@ impl Outputs {
     /// Publishes a column of submap `seq`. Columns are published in the order of submaps, one for each; live, one for each
     /// submap that has arrived.
     pub fn publish_column<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: u64) -> Result<(), StepError> {
-        self.publish_as(loan, stamp, Some(seq))
+        self.publish_on(T::TOPIC, loan, stamp, Some(seq))
     }
 
-    fn publish_as<T: Message>(&mut self, mut loan: Loan<T>, stamp: i64, seq: Option<u64>) -> Result<(), StepError> {
+    /// Publishes on a port; `seq`: as the column of this submap.
+    pub(crate) fn publish_on<T: Message>(
+        &mut self,
+        port: &str,
+        mut loan: Loan<T>,
+        stamp: i64,
+        seq: Option<u64>,
+    ) -> Result<(), StepError> {
         let checked =
             messages::check_header::<T>(loan.header_mut()).and_then(|()| messages::check_rows::<T>(loan.rows()));
         checked
             .map_err(|fault| StepError::from(fault).at("this stage computed a message that must not be published"))?;
-        let output = self.output::<T>()?;
+        let output = self.output::<T>(port)?;
         if let Some(seq) = seq {
             // After a restart from an older state, a stage processes submaps again that the process before it published.
             if !output.skip_to(seq) {
@@ -83,7 +90,7 @@ impl Outputs {
             }
             let next = output.next_seq();
             if seq != next {
-                let text = format!("{} for submap {seq} published when that of {next} was due", T::TOPIC);
+                let text = format!("{port} for submap {seq} published when that of {next} was due");
                 return Err(StepError::contract(text));
             }
         }

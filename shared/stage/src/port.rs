@@ -30,10 +30,10 @@ pub(crate) struct PortMakers {
     pub(crate) memory_output: fn() -> Box<dyn AnyOutput>,
     pub(crate) shared_output: SharedOutputMaker,
     pub(crate) shared_input: SharedInputMaker,
-    pub(crate) push_bytes: fn(&mut Inputs, &[u8]) -> Result<(), StepError>,
+    pub(crate) push_bytes: fn(&mut Inputs, &'static str, &[u8]) -> Result<(), StepError>,
     pub(crate) byte_table: fn() -> ByteTable,
-    pub(crate) take: fn(&mut Inputs) -> Vec<Box<dyn UntypedMessage>>,
-    pub(crate) publish_bytes: fn(&mut Outputs, &[u8]) -> Result<(), StepError>,
+    pub(crate) take: fn(&mut Inputs, &str) -> Vec<Box<dyn UntypedMessage>>,
+    pub(crate) publish_bytes: fn(&mut Outputs, &str, &[u8]) -> Result<(), StepError>,
     pub(crate) loan: LoanMaker,
 }
 
@@ -91,6 +91,14 @@ impl Port {
         Self { optional: true, ..self }
     }
 
+    /// The same port under another name, for a further topic of the type: [`Inputs::take_named`] reads it,
+    /// [`Outputs::publish_bytes`] writes it.
+    #[must_use]
+    pub fn named(self, topic: &str) -> Self {
+        // Names come from settings: a process makes a few, and needs them to its end.
+        Self { topic: Box::leak(topic.to_owned().into_boxed_str()), ..self }
+    }
+
     /// The topic's name.
     pub fn topic(&self) -> &'static str {
         self.topic
@@ -103,7 +111,7 @@ impl Port {
 
     /// The layout of the topic's messages.
     pub fn byte_table(&self) -> ByteTable {
-        (self.make.byte_table)()
+        ByteTable { topic: self.topic.to_owned(), ..(self.make.byte_table)() }
     }
 
     /// As the supervisor sees it.

@@ -19,5 +19,5 @@ use crate::outputs::AnyOutput;
 use run::assignment::TopicChannels;
 
 pub(crate) type SharedInputMaker =
-    fn(&PortContext, &TopicChannels, consumer: &str) -> Result<Box<dyn TickedInput>, StepError>;
+    fn(&PortContext, &TopicChannels, port: &'static str, consumer: &str) -> Result<Box<dyn TickedInput>, StepError>;
 pub(crate) type SharedOutputMaker = fn(&PortContext, &TopicChannels) -> Result<Box<dyn AnyOutput>, StepError>;

@@ -9,7 +9,7 @@ use crate::diagnostics::Diagnostics;
 use crate::outputs::TickedOutput;
 use crate::ports::{Clock, PortContext, TickedInput, Waiter};
 use crate::program::{ConfiguredStage, Program, RunningStage};
-use crate::{Flow, Inputs, Mode, Outputs, StepError};
+use crate::{Flow, Inputs, Mode, Outputs, Port, StepError};
 use ipc::{Domain, LatestSubscriber, Wake};
 use messages::{NO_DRIVE_TIME, TickRow};
 use run::assignment::{Assignment, Command, wake_name};
@@ -115,14 +115,14 @@ impl<'a> Runner<'a> {
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
         let mut inputs = Vec::new();
         for port in stage.inputs(&assignment.context.launch_folder)? {
-            // An optional topic without a producer has no channels and stays empty.
-            if let Some(channels) = assignment.inputs.iter().find(|channels| channels.topic == port.topic()) {
-                inputs.push((port.make.shared_input)(&ports, channels, &wake_name(&assignment.stage))?);
+            // An optional topic without a producer has no channels and stays empty; several topics may be merged in one port.
+            for channels in assignment.inputs.iter().filter(|channels| channels.port == port.topic()) {
+                inputs.push((port.make.shared_input)(&ports, channels, port.topic(), &wake_name(&assignment.stage))?);
             }
         }
         let mut outputs = Outputs { pulse: Some(Arc::clone(pulse)), ..Outputs::default() };
         for port in stage.outputs(&assignment.context.launch_folder)? {
-            let channels = assignment.outputs.iter().find(|channels| channels.topic == port.topic());
+            let channels = assignment.outputs.iter().find(|channels| channels.port == port.topic());
             let channels =
                 channels.ok_or_else(|| StepError::contract(format!("no channels for output {}", port.topic())))?;
             outputs.by_topic.insert(port.topic(), (port.make.shared_output)(&ports, channels)?);
@@ -374,9 +374,14 @@ impl<'a> Runner<'a> {
         let outputs: BTreeMap<_, _> =
             Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect();
         // Images have more rows than any cloud; points are what the stage's first topic carries.
-        let (ports, traffic) =
-            if self.is_source() { (self.program.outputs(), &outputs) } else { (self.program.inputs(), &inputs) };
-        let points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
+        let (ports, channels, traffic) = if self.is_source() {
+            (self.program.outputs(), &self.assignment.outputs, &outputs)
+        } else {
+            (self.program.inputs(), &self.assignment.inputs, &inputs)
+        };
+        let first = ports.first().map(Port::topic);
+        let carried = channels.iter().filter(|channels| Some(channels.port.as_str()) == first);
+        let points = carried.filter_map(|channels| traffic.get(&channels.topic)).map(|traffic| traffic.rows).sum();
         let mut health = self.pulse.update();
         health.points = points;
         let Health { step, age, .. } = &mut *health;

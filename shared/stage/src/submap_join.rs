@@ -44,30 +44,41 @@ pub struct JoinedSubmap {
 impl JoinedSubmap {
     /// The column of `T`; `None` if the topic has no producer, is not joined or its column was lost.
     pub fn column<T: Message>(&self) -> Option<&Received<T>> {
-        self.columns.first::<T>()
+        self.columns.first::<T>(T::TOPIC)
     }
 
     /// The rows of the column of `T`, one for each point. The error reports another number of rows.
     pub fn rows<T: Message>(&self) -> Result<Option<&[T::Row]>, StepError> {
-        let Some(column) = self.column::<T>() else { return Ok(None) };
+        self.rows_named::<T>(T::TOPIC)
+    }
+
+    /// As [`JoinedSubmap::rows`], of a [port with another name](crate::Port::named).
+    pub fn rows_named<T: Message>(&self, port: &str) -> Result<Option<&[T::Row]>, StepError> {
+        let Some(column) = self.columns.first::<T>(port) else { return Ok(None) };
         let (seq, n_points, n_rows) = (self.submap.seq(), self.submap.rows().len(), column.rows().len());
         if n_rows == n_points {
             return Ok(Some(column.rows()));
         }
-        Err(StepError::data(format!("{} column of submap {seq} has {n_rows} rows for {n_points} points", T::TOPIC)))
+        Err(StepError::data(format!("{port} column of submap {seq} has {n_rows} rows for {n_points} points")))
     }
 }
 
 impl SubmapJoin {
     /// A join of submaps without columns.
     pub fn new(mode: Mode) -> Self {
-        Self { is_live: mode == Mode::Live, submaps: Waiting::new(true), columns: Vec::new() }
+        Self { is_live: mode == Mode::Live, submaps: Waiting::new(SubmapTopic::TOPIC, true), columns: Vec::new() }
     }
 
     /// Adds the column of `T`. `is_expected`: every submap waits for it; otherwise its messages are dropped.
     #[must_use]
-    pub fn column<T: Message>(mut self, is_expected: bool) -> Self {
-        self.columns.push(Box::new(Waiting::<T>::new(is_expected)));
+    pub fn column<T: Message>(self, is_expected: bool) -> Self {
+        self.column_named::<T>(T::TOPIC, is_expected)
+    }
+
+    /// As [`SubmapJoin::column`], of a [port with another name](crate::Port::named).
+    #[must_use]
+    pub fn column_named<T: Message>(mut self, port: &'static str, is_expected: bool) -> Self {
+        self.columns.push(Box::new(Waiting::<T>::new(port, is_expected)));
         self
     }
 

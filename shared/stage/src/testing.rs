@@ -1,7 +1,7 @@
 //! Steps of a stage without processes, for the stages' own tests.
 
 use crate::memory_output::take_messages;
-use crate::{Context, Flow, Inputs, Mode, Outputs, Received, Stage, StepError};
+use crate::{Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StepError};
 use messages::{Envelope, Message};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,12 +31,16 @@ pub struct Bench<S: Stage> {
 impl<S: Stage> Bench<S> {
     /// Builds the stage.
     pub fn new(settings: &S::Settings, context: &Context) -> Result<Self, StepError> {
-        Ok(Self::with_stage(S::new(settings, context)?))
+        let ports = S::outputs_with(settings, &context.launch_folder)?;
+        Ok(Self::with_outputs(S::new(settings, context)?, ports))
     }
     /// With a stage that is built already.
     pub fn with_stage(stage: S) -> Self {
+        Self::with_outputs(stage, S::outputs())
+    }
+    fn with_outputs(stage: S, ports: Vec<Port>) -> Self {
         let mut outputs = Outputs::default();
-        for port in S::outputs() {
+        for port in ports {
             outputs.by_topic.insert(port.topic(), (port.make.memory_output)());
         }
         Self { stage, pending: Inputs::default(), outputs, next_seq: BTreeMap::new() }
@@ -44,14 +48,18 @@ impl<S: Stage> Bench<S> {
     /// Puts a message into the coming tick; its seq counts up from 0 by topic.
     pub fn send<T: Message>(&mut self, stamp: i64, header: T::Header, rows: Vec<T::Row>) {
         assert!(S::inputs().iter().any(|port| port.topic() == T::TOPIC), "{} does not read {}", S::NAME, T::TOPIC);
-        let next = self.next_seq.entry(T::TOPIC).or_default();
+        self.send_named::<T>(T::TOPIC, stamp, header, rows);
+    }
+    /// As [`Bench::send`], to a [port with another name](Port::named).
+    pub fn send_named<T: Message>(&mut self, port: &'static str, stamp: i64, header: T::Header, rows: Vec<T::Row>) {
+        let next = self.next_seq.entry(port).or_default();
         let envelope = Envelope { seq: *next, stamp, len: rows.len() as u32, ..Envelope::default() };
         *next += 1;
-        self.pending.push::<T>(Received::in_own_memory(envelope, header, rows));
+        self.pending.push::<T>(port, Received::in_own_memory(envelope, header, rows));
     }
     /// Adds a message that the stage of another bench published, with its seq.
     pub fn forward<T: Message>(&mut self, message: Received<T>) {
-        self.pending.push::<T>(message);
+        self.pending.push::<T>(T::TOPIC, message);
     }
     /// One step over the messages sent since the last one.
     pub fn tick(&mut self) -> Result<Flow, StepError> {
@@ -63,7 +71,11 @@ impl<S: Stage> Bench<S> {
     }
     /// Messages published on the topic of `T` since the last call.
     pub fn take<T: Message>(&mut self) -> Vec<Received<T>> {
-        self.outputs.by_topic.get_mut(T::TOPIC).map(|output| take_messages(&mut **output)).unwrap_or_default()
+        self.take_named(T::TOPIC)
+    }
+    /// As [`Bench::take`], from a [port with another name](Port::named).
+    pub fn take_named<T: Message>(&mut self, port: &str) -> Vec<Received<T>> {
+        self.outputs.by_topic.get_mut(port).map(|output| take_messages(&mut **output)).unwrap_or_default()
     }
     /// A counter of the run summary.
     pub fn counter(&self, name: &str) -> u64 {

@@ -56,14 +56,14 @@ impl<T: Message> UntypedLoan for Loan<T> {
 impl Inputs {
     /// [`Inputs::take`] of the port's topic.
     pub fn take_untyped(&mut self, port: &Port) -> Vec<Box<dyn UntypedMessage>> {
-        (port.make.take)(self)
+        (port.make.take)(self, port.topic())
     }
 }
 
 impl Outputs {
     /// Publishes a message that was kept as bytes ([`Received::to_bytes`]), under the next number of the topic.
     pub fn publish_bytes(&mut self, port: &Port, bytes: &[u8]) -> Result<(), StepError> {
-        (port.make.publish_bytes)(self, bytes)
+        (port.make.publish_bytes)(self, port.topic(), bytes)
     }
 
     /// A loan of the port's topic with `n_rows` zeroed rows.
@@ -75,16 +75,16 @@ impl Outputs {
 /// [`loan`] of a type.
 pub(crate) type LoanMaker = fn(&mut Outputs, usize) -> Result<Box<dyn UntypedLoan>, StepError>;
 
-pub(crate) fn take<T: Message>(inputs: &mut Inputs) -> Vec<Box<dyn UntypedMessage>> {
-    inputs.take::<T>().into_iter().map(|message| Box::new(message) as Box<dyn UntypedMessage>).collect()
+pub(crate) fn take<T: Message>(inputs: &mut Inputs, port: &str) -> Vec<Box<dyn UntypedMessage>> {
+    inputs.take_named::<T>(port).into_iter().map(|message| Box::new(message) as Box<dyn UntypedMessage>).collect()
 }
 
-pub(crate) fn publish_bytes<T: Message>(outputs: &mut Outputs, bytes: &[u8]) -> Result<(), StepError> {
+pub(crate) fn publish_bytes<T: Message>(outputs: &mut Outputs, port: &str, bytes: &[u8]) -> Result<(), StepError> {
     let message = Received::<T>::from_bytes(bytes)?;
-    let mut loan = outputs.loan::<T>(message.rows().len())?;
+    let mut loan = outputs.output::<T>(port)?.loan(message.rows().len())?;
     *loan.header_mut() = *message.header();
     loan.extend_from_slice(message.rows())?;
-    outputs.publish(loan, message.stamp())
+    outputs.publish_on(port, loan, message.stamp(), None)
 }
 
 pub(crate) fn loan<T: Message>(outputs: &mut Outputs, n_rows: usize) -> Result<Box<dyn UntypedLoan>, StepError> {

@@ -260,6 +260,29 @@ fn frames_that_do_not_fit_are_skipped_and_counted() {
 }
 
 #[test]
+fn frames_of_cameras_of_another_stage_are_left_to_it() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    manifest.mosaics.iter().for_each(|entry| write_references(folder.path(), &entry.name));
+    let settings = Settings { cameras: vec!["hs03".to_owned()], ..Settings::default() };
+    let context = context(folder.path());
+    assert_eq!(Calibrate::check(&settings, &context), Vec::new());
+    let mut bench = Bench::<Calibrate>::new(&settings, &context).expect("starts");
+    for (index, entry) in manifest.mosaics.iter().enumerate() {
+        bench.send::<MosaicTopic>(STAMP, header(index as u32), scene(index, entry));
+    }
+    bench.tick().expect("a tick");
+    let cubes = bench.take::<CubeTopic>();
+    assert_eq!(cubes.iter().map(|cube| cube.header().camera).collect::<Vec<_>>(), [1]);
+    assert_is_truth(&cubes[0]);
+    assert_eq!((bench.notes().len(), bench.counter("samples")), (0, 10 * 7 * 16));
+    let settings = Settings { cameras: vec!["hs04".to_owned()], ..Settings::default() };
+    let problems = Calibrate::check(&settings, &context);
+    assert_eq!((problems.len(), problems[0].key.as_str()), (1, "cameras"));
+    assert_eq!(problems[0].text, "names hs04; the mosaic cameras of the drive are hs02, hs03");
+}
+
+#[test]
 fn restart_in_mid_stream_gives_the_same_cubes() {
     let manifest = manifest();
     let folder = drive(&manifest);

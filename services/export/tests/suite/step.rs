@@ -4,7 +4,9 @@ use crate::support::{Street, files, received};
 use delivery::Index;
 use export::{Export, Settings};
 use formats::ply::Vertices;
-use messages::{ClassTopic, ColorTopic, InstanceTopic, SpectraTopic, SubmapTopic, TrajectoryTopic};
+use messages::{
+    ClassHeader, ClassRow, ClassTopic, ColorTopic, InstanceTopic, SpectraTopic, SubmapTopic, TrajectoryTopic,
+};
 use stage::testing::{Bench, context};
 use stage::{Context, Mode, StepError};
 use std::path::Path;
@@ -235,6 +237,43 @@ fn materials_are_written_behind_the_other_columns_if_they_are_published() {
     let without = Vertices::load(&files_of(false).path().join("clouds/submap_0000.ply")).expect("reads");
     let materials = without.properties().iter().filter(|property| property.name.starts_with("material"));
     assert_eq!((materials.count(), without.infos().iter().filter(|info| info.contains("material")).count()), (0, 0));
+}
+
+#[test]
+fn classes_of_a_further_segmenter_are_columns_behind_the_others_across_a_restart() {
+    let (street, folder) = (Street::new(8, 500), tempfile::tempdir().expect("a folder"));
+    let settings = Settings { further_classes: vec!["class_b".to_owned()], ..Settings::default() };
+    let context = context(folder.path());
+    let mut bench = Bench::<Export>::new(&settings, &context).expect("starts");
+    let classes: Vec<ClassRow> =
+        street.class(0).iter().map(|row| ClassRow { class_id: 22 - row.class_id, score: 255 - row.score }).collect();
+    street.send_submap(&mut bench, 0);
+    street.send_columns(&mut bench, 0, &OPTIONAL);
+    bench.tick().expect("steps");
+    assert_eq!(bench.counter("clouds"), 0, "the cloud waits for the further classes");
+    let mut bench = bench.restarted(&settings, &context).expect("restarts");
+    bench.send_named::<ClassTopic>("class_b", 0, ClassHeader::default(), classes.clone());
+    bench.tick().expect("steps");
+    bench.finish().expect("finishes");
+    let cloud = Vertices::load(&folder.path().join("clouds/submap_0000.ply")).expect("reads");
+    let last: Vec<&str> = cloud.properties().iter().rev().take(2).map(|property| property.name.as_str()).collect();
+    assert_eq!(last, ["class_b_score", "class_b"]);
+    let ids = |rows: &[ClassRow]| rows.iter().map(|row| row.class_id).collect::<Vec<u8>>();
+    assert_eq!(cloud.u8s("class_b").expect("is there"), ids(&classes));
+    assert_eq!(cloud.u8s("semantic").expect("is there"), ids(&street.class(0)));
+    let scores = cloud.f32s("class_b_score").expect("is there");
+    assert!(scores.iter().zip(&classes).all(|(score, row)| (score - f32::from(row.score) / 255.0).abs() < 1e-6));
+}
+
+#[test]
+fn further_classes_need_names_of_their_own() {
+    for text in ["['class']", "['color']", "['class_']", "['class_b', 'class_b']"] {
+        let text = format!("further_classes = {text}");
+        let table = stage::toml::de::DeTable::parse(&text).expect("TOML");
+        let (_, problems) = stage::parse_table::<Settings>(table.get_ref());
+        assert_eq!(problems.len(), 1, "{text}");
+        assert!(problems[0].text.contains("names that begin with class_, each once"), "{}", problems[0].text);
+    }
 }
 
 #[test]

@@ -18,7 +18,9 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
     for (index, stage) in stages.iter().enumerate() {
         for port in &stage.description.outputs {
             if let Some((other, _)) = producers.get(&port.topic) {
-                report(stage, format!("topic {} is already produced by [{}]", port.topic, stages[*other].name));
+                let (topic, other) = (&port.topic, &stages[*other].name);
+                let hint = format!("give this one another name, e.g. remap = {{ {topic} = \"{topic}_b\" }}");
+                report(stage, format!("topic {topic} is already produced by [{other}]; {hint}"));
             } else {
                 producers.insert(port.topic.clone(), (index, port.clone()));
             }
@@ -80,9 +82,15 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
             (topic, channels(port, &stages[*producer].name, consumers.iter().map(|index| &*stages[*index].name), mode))
         })
         .collect();
-    let of = |ports: &[PortDescription]| ports.iter().filter_map(|p| channels.get(&p.topic).cloned()).collect();
+    let of = |stage: &PlannedStage, ports: &[PortDescription]| {
+        let with_port = |channels: &TopicChannels| TopicChannels {
+            port: stage.table.remap.port_of(&channels.topic).to_owned(),
+            ..channels.clone()
+        };
+        ports.iter().filter_map(|port| channels.get(&port.topic).map(with_port)).collect()
+    };
     let connected: Vec<(Vec<_>, Vec<_>)> =
-        stages.iter().map(|s| (of(&s.description.inputs), of(&s.description.outputs))).collect();
+        stages.iter().map(|s| (of(s, &s.description.inputs), of(s, &s.description.outputs))).collect();
     for (stage, (inputs, outputs)) in stages.iter_mut().zip(connected) {
         (stage.inputs, stage.outputs) = (inputs, outputs);
     }
@@ -120,6 +128,7 @@ fn channels<'a>(
             transport: Transport::Shared,
         },
         topic: port.topic.clone(),
+        port: port.topic.clone(),
     }
 }
 

@@ -69,7 +69,7 @@ fn planned(
     problems: &mut Problems,
 ) -> Option<PlannedStage> {
     let Table { name, span, keys } = table;
-    let (program, description) = match described {
+    let (program, mut description) = match described {
         Ok(described) => described,
         Err(error) => {
             problems.add_at(&name, span, error.to_string());
@@ -88,6 +88,10 @@ fn planned(
     for field in description.settings.iter().filter(|field| SUPERVISOR_KEYS.contains(&field.key.as_str())) {
         let text = format!("its setting `{}` cannot be set: the supervisor uses this key itself", field.key);
         problems.add_at(&name, span.clone(), text);
+    }
+    for text in keys.remap.apply(&mut description) {
+        let problem = problems.of_value(&name, "remap", text);
+        problems.add(&name, problem);
     }
     let files = files_of(problems.file(), &name, &description, folder);
     let (inputs, outputs) = (Vec::new(), Vec::new());

@@ -2,10 +2,10 @@
 
 use formats::recording::RecordingWriter;
 use messages::pod::bytes_from_rows;
-use messages::{ByteTable, Envelope, GnssRow, GnssTopic, NoHeader, TickRow};
+use messages::{ByteTable, ClassHeader, ClassRow, ClassTopic, Envelope, GnssRow, GnssTopic, NoHeader, TickRow};
 use replay::{Replay, Settings};
 use stage::testing::{Bench, context};
-use stage::{Context, Flow, Stage};
+use stage::{Context, Flow, Stage, StepError};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -70,6 +70,61 @@ fn replay_without_topics_that_stages_read_is_doubted() {
     let mut bench = Bench::<Replay>::new(&settings, &context).expect("opens");
     bench.tick().expect("a tick");
     assert_eq!(bench.doubt("topics_not_replayed"), Some(2.0));
+}
+
+/// A recording of one topic of classes with this name.
+fn record_classes(path: &Path, name: &str) {
+    let table = ByteTable { topic: name.to_owned(), ..ByteTable::of::<ClassTopic>() };
+    let mut writer = RecordingWriter::create(path, &BTreeMap::new(), &[table]).expect("creates");
+    let (header, rows) = ([ClassHeader::default()], [ClassRow { class_id: 7, score: 9 }]);
+    let envelope = Envelope { len: 1, ..Envelope::default() };
+    writer.message(name, 0, &envelope, bytes_from_rows(&header), bytes_from_rows(&rows)).expect("writes");
+    writer.tick(name, &TickRow { n_published: 1, end: 1, ..TickRow::default() }).expect("writes");
+    writer.finish().expect("finishes");
+}
+
+#[test]
+fn topic_that_a_launch_file_has_named_is_replayed_under_its_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    record_classes(&folder.path().join("a.mcap"), "class_b");
+    let settings = Settings { recording: "a.mcap".to_owned(), ..Settings::default() };
+    let mut bench = Bench::<Replay>::new(&settings, &context(folder.path())).expect("opens");
+    assert_eq!(bench.tick().expect("a tick"), Flow::End);
+    let messages = bench.take_named::<ClassTopic>("class_b");
+    assert_eq!(messages[0].rows(), [ClassRow { class_id: 7, score: 9 }]);
+}
+
+/// As of a program that writes messages in another order; a restart would not help.
+#[test]
+fn recording_in_another_order_than_that_of_ticks_ends_the_run_with_the_reason() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let mut writer =
+        RecordingWriter::create(&path, &BTreeMap::new(), &[ByteTable::of::<GnssTopic>()]).expect("creates");
+    for tick in [1, 0] {
+        writer.tick("gnss", &TickRow { tick, ..TickRow::default() }).expect("writes");
+    }
+    writer.finish().expect("finishes");
+    let settings = Settings { recording: "a.mcap".to_owned(), ..Settings::default() };
+    let mut bench = Bench::<Replay>::new(&settings, &context(folder.path())).expect("opens");
+    let error = bench.tick().expect_err("refused");
+    assert!(matches!(error, StepError::Configuration(_)), "{error}");
+    assert!(error.to_string().contains("gnss begins with tick 1; a recording must begin with its run"), "{error}");
+}
+
+#[test]
+fn recording_without_the_ticks_of_a_topic_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    // As of a program that has left the tick channel out.
+    let mut file = mcap::Writer::new(std::fs::File::create(&path).expect("created")).expect("creates");
+    let table = serde_json::to_vec(&ByteTable::of::<GnssTopic>()).expect("JSON");
+    let schema = file.add_schema("replica.gnss.v1", "replica-bytes", &table).expect("adds");
+    file.add_channel(schema, "gnss", "replica-bytes", &BTreeMap::new()).expect("adds");
+    file.finish().expect("finishes");
+    let settings = Settings { recording: "a.mcap".to_owned(), ..Settings::default() };
+    let error = Replay::outputs_with(&settings, folder.path()).expect_err("refused").to_string();
+    assert!(error.contains("topic gnss cannot be replayed: its ticks, channel gnss.tick, are not declared"), "{error}");
 }
 
 #[test]

@@ -1,9 +1,12 @@
-//! The records of a chunk. The library would read a record beyond the end of its chunk.
+//! The records of a chunk or of the summary. The library would read a record beyond the end of its chunk.
 
 use super::error::{RecordFault, mcap_fault};
-use super::texts;
+use super::{MAX_RECORD, texts};
+use crate::compression::{ContentLimit, decompressed};
 use mcap::McapError;
-use mcap::records::{Record, op};
+use mcap::records::{ChunkHeader, Record, op};
+use std::borrow::Cow;
+use std::io::Read;
 use std::ops::Range;
 
 /// Bytes before the body of a record: its kind and its length.
@@ -18,22 +21,25 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Opens the chunk of a record with this body, after a check of its sum.
-    pub fn open(&mut self, body: &[u8]) -> Result<(), RecordFault> {
+    /// Records that are in memory.
+    pub fn of_records(bytes: Vec<u8>) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    /// Opens the chunk of a record with this body, after a check of its sum. `limit` is that of the file.
+    pub fn open(&mut self, body: &[u8], limit: &mut ContentLimit) -> Result<(), RecordFault> {
         self.bytes.clear();
         self.at = 0;
         texts::check(op::CHUNK, body)?;
         let record = mcap::parse_record(op::CHUNK, body).map_err(|error| mcap_fault(&error))?;
         let Record::Chunk { header, data } = record else { return Ok(()) };
-        if !header.compression.is_empty() {
-            return Err(RecordFault::Compressed(header.compression));
-        }
+        let content = content(&header, data, limit)?;
         // 0: not stated.
-        let (saved, calculated) = (header.uncompressed_crc, crc32fast::hash(&data));
+        let (saved, calculated) = (header.uncompressed_crc, crc32fast::hash(&content));
         if saved != 0 && saved != calculated {
             return Err(mcap_fault(&McapError::BadChunkCrc { saved, calculated }));
         }
-        self.bytes.extend_from_slice(&data);
+        self.bytes.extend_from_slice(&content);
         Ok(())
     }
 
@@ -48,6 +54,28 @@ impl Chunk {
         };
         self.at += body.end;
         Ok(Some((opcode, &rest[body])))
+    }
+}
+
+/// The records of a chunk, decompressed.
+fn content<'a>(
+    header: &ChunkHeader,
+    data: Cow<'a, [u8]>,
+    limit: &mut ContentLimit,
+) -> Result<Cow<'a, [u8]>, RecordFault> {
+    let (with, size) = (&header.compression, header.uncompressed_size);
+    if with.is_empty() {
+        return Ok(data);
+    }
+    let fault = |cause: String| RecordFault::Compressed { with: with.clone(), cause };
+    let stated = size.min(MAX_RECORD as u64);
+    let mut content = Vec::new();
+    let chunk = limit.take(stated).and_then(|()| decompressed(with, &*data));
+    // One byte more than stated tells that there are more.
+    let read = chunk.and_then(|chunk| chunk.take(stated + 1).read_to_end(&mut content));
+    match read.map_err(|error| fault(error.to_string()))? {
+        n_bytes if n_bytes as u64 == size => Ok(content.into()),
+        n_bytes => Err(fault(format!("{n_bytes} bytes of content or more, the chunk states {size}"))),
     }
 }
 

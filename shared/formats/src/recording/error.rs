@@ -117,9 +117,19 @@ pub enum RecordFault {
         /// Bytes of the chunk from the begin of the record.
         left: usize,
     },
-    /// Chunks are compressed.
-    #[error("chunks are compressed with {0}, recordings are not; decompress the file with `mcap decompress`")]
-    Compressed(String),
+    /// A compressed chunk cannot be read.
+    #[error("chunk compressed with {with}: {cause}")]
+    Compressed {
+        /// Name of the compression.
+        with: String,
+        /// What is wrong.
+        cause: String,
+    },
+    /// A channel is declared behind messages, and no summary lists it: it was not known when the topics were chosen.
+    #[error(
+        "topic {0} begins behind other messages and the file has no summary; write it again with one (`mcap recover`)"
+    )]
+    LateChannel(String),
     /// A message belongs to no channel.
     #[error("message of undeclared channel {0}")]
     UndeclaredChannel(u16),
@@ -270,8 +280,5 @@ impl RecordingError {
 
 /// The fault of a record that `mcap` does not read.
 pub(super) fn mcap_fault(error: &McapError) -> RecordFault {
-    match error {
-        McapError::UnsupportedCompression(name) => RecordFault::Compressed(name.clone()),
-        other => RecordFault::Mcap(other.to_string()),
-    }
+    RecordFault::Mcap(error.to_string())
 }

@@ -4,7 +4,9 @@ use super::MAX_RECORD;
 use super::chunk::Chunk;
 use super::contents::{Contents, envelope_of};
 use super::error::{ForeignFile, RecordFault, RecordingError, mcap_fault};
+use super::summary;
 use super::topic::RecordedTopic;
+use crate::compression::ContentLimit;
 use mcap::McapError;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -20,6 +22,8 @@ use std::path::{Path, PathBuf};
 pub struct Recorded<'a> {
     /// Channel of the message.
     pub topic: &'a RecordedTopic,
+    /// Index of the channel in [`RecordingReader::topics`].
+    pub(super) index: usize,
     /// Envelope of the message.
     pub envelope: Envelope,
     /// Envelope, header and rows.
@@ -52,6 +56,7 @@ pub struct RecordingReader {
     whole: u64,
     records: LinearReader,
     chunk: Chunk,
+    limit: ContentLimit,
     contents: Contents,
     /// Result of reading the first message, until it is requested.
     first: Option<Result<Option<usize>, RecordingError>>,
@@ -59,7 +64,7 @@ pub struct RecordingReader {
 }
 
 impl RecordingReader {
-    /// Opens the file and reads up to its first message, so that the topics are known.
+    /// Opens the file and reads up to its first message and the summary, so that the topics are known.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let file = File::open(path).map_err(|cause| RecordingError::io(path, cause))?;
         let length = file.metadata().map_err(|cause| RecordingError::io(path, cause))?.len();
@@ -78,11 +83,15 @@ impl RecordingReader {
             whole: 0,
             records: LinearReader::new_with_options(options),
             chunk: Chunk::default(),
+            limit: ContentLimit::of_file(length),
             contents: Contents::default(),
             first: None,
             done: false,
         };
         let first = reader.advance();
+        if first.is_ok() {
+            reader.add_summary()?;
+        }
         let is_cut = matches!(first, Err(RecordingError::Cut { .. }));
         match first {
             Err(error) if !is_cut => return Err(error),
@@ -100,7 +109,7 @@ impl RecordingReader {
         &self.path
     }
 
-    /// Channels found so far: all, unless the file is truncated or was written by another program.
+    /// Channels found so far: all, unless the file is truncated, or was written by another program without a summary.
     pub fn topics(&self) -> &[RecordedTopic] {
         &self.contents.topics
     }
@@ -122,12 +131,25 @@ impl RecordingReader {
         let Some(index) = index? else { return Ok(None) };
         let Contents { topics, data, .. } = &self.contents;
         let Some(envelope) = envelope_of(data) else { return Ok(None) };
-        Ok(Some(Recorded { topic: &topics[index], envelope, bytes: data }))
+        Ok(Some(Recorded { topic: &topics[index], index, envelope, bytes: data }))
     }
 
     /// An error at the current position.
     pub(super) fn damaged(&self, fault: RecordFault) -> RecordingError {
         RecordingError::Damaged { path: self.path.clone(), offset: self.length - self.remaining, fault }
+    }
+
+    /// Adds the channels of the summary that are not declared before the first message.
+    fn add_summary(&mut self) -> Result<(), RecordingError> {
+        let records = summary::read(&self.path, self.length, MAX_RECORD as u64);
+        let records = records.map_err(|cause| RecordingError::io(&self.path, cause))?;
+        let mut records = Chunk::of_records(records.unwrap_or_default());
+        while let Some((opcode, body)) = records.next().map_err(|fault| self.damaged(fault))? {
+            if [op::SCHEMA, op::CHANNEL].contains(&opcode) {
+                self.contents.add(opcode, body).map_err(|fault| self.damaged(fault))?;
+            }
+        }
+        Ok(())
     }
 
     /// Reads the next message of a known topic into `contents`. Returns the index of the topic.
@@ -163,7 +185,7 @@ impl RecordingReader {
                 Ok(LinearReadEvent::Record { opcode, data }) => {
                     self.whole = offset;
                     if opcode == op::CHUNK {
-                        self.chunk.open(data).map_err(damaged)?;
+                        self.chunk.open(data, &mut self.limit).map_err(damaged)?;
                     } else if let Some(index) = self.contents.add(opcode, data).map_err(damaged)? {
                         return Ok(Some(index));
                     }

@@ -32,6 +32,8 @@ pub struct RecordedTick {
 pub struct TickReader {
     reader: RecordingReader,
     topics: Vec<Topic>,
+    /// Channels that were known before the first message was read.
+    n_channels: usize,
     ended: bool,
     failed: bool,
 }
@@ -66,7 +68,8 @@ impl TickReader {
             n_received: 0,
             n_ticks: 0,
         };
-        Ok(Self { reader, topics: topics.iter().map(topic).collect(), ended: false, failed: false })
+        let n_channels = reader.topics().len();
+        Ok(Self { reader, topics: topics.iter().map(topic).collect(), n_channels, ended: false, failed: false })
     }
 
     /// The recording itself.
@@ -103,6 +106,10 @@ impl TickReader {
     fn advance(&mut self) -> Result<bool, RecordingError> {
         let Some(recorded) = self.reader.next()? else { return Ok(false) };
         let ticks_of = recorded.topic.ticks_of();
+        if recorded.index >= self.n_channels {
+            let late = ticks_of.unwrap_or(&recorded.topic.name).to_owned();
+            return Err(self.reader.damaged(RecordFault::LateChannel(late)));
+        }
         let name = ticks_of.unwrap_or(&recorded.topic.name);
         let Some(topic) = self.topics.iter_mut().find(|topic| topic.name == name) else { return Ok(true) };
         let accepted = match recorded.tick_row() {

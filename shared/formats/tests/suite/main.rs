@@ -14,6 +14,7 @@ mod ply;
 mod raw_mosaic;
 mod real_captures;
 mod recording;
+mod rewritten_recording;
 mod sensor_calibration;
 mod several_lidars;
 mod support;

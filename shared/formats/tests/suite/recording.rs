@@ -16,7 +16,7 @@ fn row(tick: u64) -> TickRow {
 }
 
 /// Records sweeps and a column for each. `now` replaces the clock.
-fn record(path: &Path, now: u64, leave_out: Option<u64>) {
+pub(super) fn record(path: &Path, now: u64, leave_out: Option<u64>) {
     let about = BTreeMap::from([("mode".to_owned(), "offline".to_owned())]);
     let tables = [ByteTable::of::<ClassTopic>(), ByteTable::of::<SweepTopic>()];
     let mut writer = RecordingWriter::create(path, &about, &tables).expect("creates");

@@ -60,9 +60,10 @@ struct SharedInput {
 pub(crate) fn shared_input<T: Message>(
     context: &PortContext,
     channels: &TopicChannels,
+    port: &'static str,
     consumer: &str,
 ) -> Result<Box<dyn TickedInput>, StepError> {
-    let messages = pending_messages::<T>(&context.node, &channels.messages, consumer)?;
+    let messages = pending_messages::<T>(&context.node, &channels.messages, port, consumer)?;
     untyped_input(context, channels, consumer, messages, T::QUEUE)
 }
 

@@ -21,7 +21,7 @@ pub(crate) fn shared_output<T: Message>(
     channels: &TopicChannels,
 ) -> Result<Box<dyn AnyOutput>, StepError> {
     let messages = Publisher::<T>::open(&context.node, &channels.messages)?;
-    let untyped = UntypedOutput::open(context, channels, T::TOPIC, T::QUEUE)?;
+    let untyped = UntypedOutput::open(context, channels, T::QUEUE)?;
     Ok(Box::new(TypedOutput::<T>(Box::new(SharedOutput { messages, untyped }))))
 }
 

@@ -25,6 +25,8 @@ pub(super) struct MessageSize {
 }
 
 struct Pending<T: Message> {
+    /// The stage's name of the topic.
+    port: &'static str,
     subscriber: Subscriber<T>,
     messages: VecDeque<Received<T>>,
 }
@@ -32,10 +34,11 @@ struct Pending<T: Message> {
 pub(super) fn pending_messages<T: Message>(
     node: &Node,
     channel: &Channel,
+    port: &'static str,
     consumer: &str,
 ) -> Result<Box<dyn PendingMessages>, StepError> {
     let subscriber = Subscriber::<T>::open(node, channel, consumer)?;
-    Ok(Box::new(Pending { subscriber, messages: VecDeque::new() }))
+    Ok(Box::new(Pending { port, subscriber, messages: VecDeque::new() }))
 }
 
 impl<T: Message> PendingMessages for Pending<T> {
@@ -62,7 +65,7 @@ impl<T: Message> PendingMessages for Pending<T> {
         let Some(message) = self.messages.pop_front() else { return MessageSize::default() };
         let rows = message.rows();
         let size = MessageSize { rows: rows.len() as u64, bytes: size_of_val(rows) as u64 };
-        inputs.push(message);
+        inputs.push(self.port, message);
         size
     }
 }

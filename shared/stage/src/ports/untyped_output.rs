@@ -39,8 +39,6 @@ impl<T: Message> Room for Publisher<T> {
 /// A topic's producing end, without the publisher of its messages.
 pub(super) struct UntypedOutput {
     topic: String,
-    /// [`Message::TOPIC`].
-    name: &'static str,
     /// [`Message::QUEUE`].
     queue: usize,
     ticks: Publisher<TickTopic>,
@@ -61,15 +59,9 @@ pub(super) struct UntypedOutput {
 }
 
 impl UntypedOutput {
-    pub(super) fn open(
-        context: &PortContext,
-        channels: &TopicChannels,
-        name: &'static str,
-        queue: usize,
-    ) -> Result<Self, StepError> {
+    pub(super) fn open(context: &PortContext, channels: &TopicChannels, queue: usize) -> Result<Self, StepError> {
         Ok(Self {
             topic: channels.topic.clone(),
-            name,
             queue,
             ticks: Publisher::open(&context.node, &channels.ticks)?,
             context: context.clone(),
@@ -101,7 +93,7 @@ impl UntypedOutput {
             return Err(StepError::contract(text));
         }
         let waiter = &self.context.waiter;
-        wait_for_room(waiter, self.name, self.queue, messages, |messages| {
+        wait_for_room(waiter, &self.topic, self.queue, messages, |messages| {
             note_waiting(&waiter.pulse, &self.topic, messages)
         })?;
         waiter.pulse.set(Activity::Working);
@@ -123,7 +115,7 @@ impl UntypedOutput {
     /// What follows the sending of a message.
     pub(super) fn sent(&mut self, sent: Result<(), IpcError>) -> Result<(), StepError> {
         let waiter = &self.context.waiter;
-        sent.map_err(|error| waiter.failed_send(self.name, error))?;
+        sent.map_err(|error| waiter.failed_send(&self.topic, error))?;
         waiter.pulse.mark_progress();
         self.next_seq += 1;
         self.traffic.next_seq = self.next_seq;
@@ -154,14 +146,14 @@ impl UntypedOutput {
     pub(super) fn publish_tick(&mut self, row: TickRow) -> Result<(), StepError> {
         self.n_unannounced += std::mem::take(&mut self.n_in_tick);
         let waiter = &self.context.waiter;
-        wait_for_room(waiter, self.name, TickTopic::QUEUE, &mut self.ticks, |_| Ok(()))?;
+        wait_for_room(waiter, &self.topic, TickTopic::QUEUE, &mut self.ticks, |_| Ok(()))?;
         let mut loan = self.ticks.loan(1)?;
         loan.extend_from_slice(&[TickRow { n_published: self.next_seq, ..row }])?;
         let seq = self.end_seq.unwrap_or(row.tick.max(self.next_tick_seq));
         self.next_tick_seq = seq + 1;
         self.end_seq = (row.end != 0).then_some(seq);
         let envelope = Envelope { seq, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
-        self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(self.name, error))?;
+        self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(&self.topic, error))?;
         let is_due = row.barrier != 0 || row.end != 0 || row.tick.is_multiple_of(TICKS_PER_WAKE);
         if self.is_live || is_due || self.n_unannounced >= self.queue.div_ceil(TICKS_PER_WAKE as usize) {
             self.n_unannounced = 0;
@@ -198,14 +190,14 @@ impl UntypedOutput {
 /// consumer do not wake each other for every message, unless that takes long: a consumer may need just one more.
 fn wait_for_room(
     waiter: &Waiter,
-    name: &'static str,
+    topic: &str,
     queue: usize,
     messages: &mut dyn Room,
     blocked: impl Fn(&mut dyn Room) -> Result<(), StepError>,
 ) -> Result<(), StepError> {
     let mut full_since = None;
     let has_room = waiter.wait_until(
-        || Activity::Blocked(name.to_owned()),
+        || Activity::Blocked(topic.to_owned()),
         || {
             let wanted = match full_since {
                 Some(since) if monotonic_nanos() - since < MAX_REFILL_WAIT_NANOS => (queue as u64).div_ceil(2),
@@ -219,7 +211,7 @@ fn wait_for_room(
             Ok(has_room)
         },
     )?;
-    if has_room { Ok(()) } else { Err(StepError::Stopped { topic: name }) }
+    if has_room { Ok(()) } else { Err(StepError::Stopped { topic: topic.to_owned() }) }
 }
 
 fn note_waiting(pulse: &Pulse, topic: &str, messages: &mut dyn Room) -> Result<(), StepError> {

@@ -87,7 +87,7 @@ impl Waiter {
     }
 
     /// The result of a failed send: an error at once or, if a consumer has ended, after [`LOSS_GRACE`].
-    pub(super) fn failed_send(&self, topic: &'static str, error: IpcError) -> StepError {
+    pub(super) fn failed_send(&self, topic: &str, error: IpcError) -> StepError {
         if !matches!(error, IpcError::Lost { .. }) {
             return error.into();
         }
@@ -95,7 +95,7 @@ impl Waiter {
         let is_over = || Ok(monotonic_nanos() > deadline);
         match self.wait_until(|| Activity::Blocked(topic.to_owned()), is_over) {
             Ok(true) => error.into(),
-            Ok(false) => StepError::Stopped { topic },
+            Ok(false) => StepError::Stopped { topic: topic.to_owned() },
             Err(other) => other,
         }
     }

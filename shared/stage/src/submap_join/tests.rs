@@ -32,13 +32,13 @@ fn join(mode: Mode) -> SubmapJoin {
 fn take(join: &mut SubmapJoin, submaps: &[u64], classes: &[u64], colors: &[u64]) -> Result<(), StepError> {
     let mut inputs = Inputs::default();
     for seq in submaps {
-        inputs.push(submap(*seq));
+        inputs.push(SubmapTopic::TOPIC, submap(*seq));
     }
     for seq in classes {
-        inputs.push(class(*seq, N_POINTS));
+        inputs.push(ClassTopic::TOPIC, class(*seq, N_POINTS));
     }
     for seq in colors {
-        inputs.push(color(*seq));
+        inputs.push(ColorTopic::TOPIC, color(*seq));
     }
     join.take(&mut inputs)
 }
@@ -91,12 +91,27 @@ fn too_many_waiting_messages_are_refused_offline() {
 fn column_with_wrong_number_of_rows_is_refused() {
     let mut join = SubmapJoin::new(Mode::Offline).column::<ClassTopic>(true);
     let mut inputs = Inputs::default();
-    inputs.push(submap(0));
-    inputs.push(class(0, N_POINTS - 1));
+    inputs.push(SubmapTopic::TOPIC, submap(0));
+    inputs.push(ClassTopic::TOPIC, class(0, N_POINTS - 1));
     join.take(&mut inputs).expect("in order");
     let joined = join.next_complete().expect("complete");
     let error = joined.rows::<ClassTopic>().expect_err("a row is missing").to_string();
     assert_eq!(error, "class column of submap 0 has 2 rows for 3 points");
+}
+
+#[test]
+fn columns_of_one_type_are_distinguished_by_their_port() {
+    let join = SubmapJoin::new(Mode::Offline).column::<ClassTopic>(true);
+    let mut join = join.column_named::<ClassTopic>("class_b", true);
+    take(&mut join, &[0], &[0], &[]).expect("in order");
+    assert_eq!(join.missing(0), ["class_b"]);
+    let mut inputs = Inputs::default();
+    inputs.push("class_b", class(0, N_POINTS - 1));
+    join.take(&mut inputs).expect("in order");
+    let joined = join.next_complete().expect("complete");
+    assert!(joined.rows::<ClassTopic>().is_ok_and(|rows| rows.is_some()));
+    let error = joined.rows_named::<ClassTopic>("class_b").expect_err("a row is missing").to_string();
+    assert_eq!(error, "class_b column of submap 0 has 2 rows for 3 points");
 }
 
 #[test]

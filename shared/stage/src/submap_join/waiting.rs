@@ -7,6 +7,7 @@ use std::collections::VecDeque;
 
 /// Messages in the order of submaps, one for each.
 pub(super) struct Waiting<T: Message> {
+    port: &'static str,
     is_expected: bool,
     /// The submap whose message is due.
     next_seq: u64,
@@ -40,8 +41,8 @@ pub(super) trait WaitingColumn {
 }
 
 impl<T: Message> Waiting<T> {
-    pub(super) fn new(is_expected: bool) -> Self {
-        Self { is_expected, next_seq: 0, held: VecDeque::new() }
+    pub(super) fn new(port: &'static str, is_expected: bool) -> Self {
+        Self { port, is_expected, next_seq: 0, held: VecDeque::new() }
     }
     pub(super) fn len(&self) -> usize {
         self.held.len()
@@ -60,10 +61,10 @@ impl<T: Message> Waiting<T> {
 
 impl<T: Message> WaitingColumn for Waiting<T> {
     fn take(&mut self, inputs: &mut Inputs, is_live: bool) -> Result<(), StepError> {
-        for message in inputs.take::<T>() {
+        for message in inputs.take_named::<T>(self.port) {
             let (seq, due) = (message.seq(), self.next_seq);
             if seq < due || (seq > due && !is_live) {
-                let text = format!("{} of submap {seq} arrived when that of {due} was due", T::TOPIC);
+                let text = format!("{} of submap {seq} arrived when that of {due} was due", self.port);
                 return Err(StepError::contract(text));
             }
             self.next_seq = seq + 1;
@@ -80,12 +81,12 @@ impl<T: Message> WaitingColumn for Waiting<T> {
 
     fn missing(&self, seq: u64) -> Option<&'static str> {
         let is_here = self.held.iter().any(|message| message.seq() == seq);
-        (self.is_expected && !is_here).then_some(T::TOPIC)
+        (self.is_expected && !is_here).then_some(self.port)
     }
 
     fn move_seq(&mut self, seq: u64, columns: &mut Inputs) {
         if let Some(message) = self.take_seq(seq) {
-            columns.push(message);
+            columns.push(self.port, message);
         }
     }
 
@@ -102,7 +103,7 @@ impl<T: Message> WaitingColumn for Waiting<T> {
         let seq = self.front_seq().unwrap_or_default();
         Err(StepError::contract(format!(
             "{} of submap {seq} still waits for its submap, but {n_held} messages wait, at most {limit} may",
-            T::TOPIC
+            self.port
         )))
     }
 

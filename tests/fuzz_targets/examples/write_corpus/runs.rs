@@ -47,7 +47,7 @@ fn channels() -> TopicChannels {
     let text = r#"{"name":"class","version":1,"layout":5,"header_bytes":8,"row_bytes":2,"max_rows":100,"drops_oldest":false,"queue":4,
         "borrowed":2,"producer":"infer.wake","consumers":["export.wake"]}"#;
     let channel = || serde_json::from_str(text).expect("is a channel");
-    TopicChannels { topic: "class".to_owned(), messages: channel(), ticks: channel() }
+    TopicChannels { topic: "class".to_owned(), port: "class".to_owned(), messages: channel(), ticks: channel() }
 }
 
 pub fn run_texts() -> Vec<Vec<u8>> {

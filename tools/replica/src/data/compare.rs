@@ -1,12 +1,15 @@
-//! `replica compare`: the first and the largest difference of two recordings.
+//! `replica compare`: the first and the largest difference of two recordings; the classes of two segmenters.
 
+mod classes;
 mod fields;
 mod message_reader;
 
 use crate::answer::Answer;
 use crate::argument::InvalidValue;
 use crate::exit_code;
+use crate::usage_error::UsageError;
 use anyhow::Context;
+use classes::ClassComparison;
 use fields::{Differences, FieldRule};
 use formats::recording::{RecordedTopic, RecordingReader};
 use message_reader::MessageReader;
@@ -17,18 +20,21 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 
-/// Compare two recordings.
+/// Compare two recordings, or the classes of two segmenters.
 ///
-/// Reports the first difference of each topic and the largest difference of each field. Times of publication are ignored.
-/// Recordings that do not reach the end of their run are compared as far as both go.
+/// Recordings: reports the first difference of each topic and the largest difference of each field. Times of publication are
+/// ignored. Recordings that do not reach the end of their run are compared as far as both go.
+///
+/// Output folders of runs: reports for each class the points of both, and which classes differ. Of one run, compares `class` with
+/// the columns of `export.further_classes`; of two runs with the same submaps, each column of both.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 equal and complete, 1 failed, 2 wrong usage, 3 different or not complete")]
 pub struct Args {
-    /// First recording (.mcap)
+    /// First recording (.mcap), or output folder of a run
     a: PathBuf,
-    /// Second recording (.mcap)
-    b: PathBuf,
-    /// Topics to compare [default: all topics of both]
+    /// Second recording (.mcap), or output folder of a run
+    b: Option<PathBuf>,
+    /// Topics to compare [default: all topics of both]; of one run, the first with each other one
     #[arg(long, value_delimiter = ',')]
     topics: Vec<String>,
     /// Largest difference of a field that is ignored, e.g. score=1 or header.origin=1e-6 (may be repeated)
@@ -59,10 +65,21 @@ impl FromStr for Tolerance {
 
 /// Compares the recordings and prints the result.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let compared = Comparison::of(args)?;
-    args.answer.print(&compared, || compared.text())?;
-    let is_fine = compared.is_equal && compared.is_complete;
+    let is_fine = if is_recording(&args.a) {
+        let compared = Comparison::of(args)?;
+        args.answer.print(&compared, || compared.text())?;
+        compared.is_equal && compared.is_complete
+    } else {
+        let compared = ClassComparison::of(args)?;
+        args.answer.print(&compared, || compared.text())?;
+        compared.is_equal
+    };
     Ok(if is_fine { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
+}
+
+/// Whether a path is a recording: no folder of clouds, and no cloud.
+fn is_recording(path: &Path) -> bool {
+    !path.is_dir() && path.extension().is_none_or(|extension| extension != "ply")
 }
 
 /// The whole result.
@@ -94,7 +111,10 @@ const FILES: [&str; 2] = ["a", "b"];
 
 impl Comparison {
     fn of(args: &Args) -> anyhow::Result<Self> {
-        let readers = [RecordingReader::open(&args.a)?, RecordingReader::open(&args.b)?];
+        let Some(b) = &args.b else {
+            return Err(UsageError("a recording needs a second one to be compared with".to_owned()).into());
+        };
+        let readers = [RecordingReader::open(&args.a)?, RecordingReader::open(b)?];
         let names = topic_names(args, &readers)?;
         let mut faults = readers.each_ref().map(|_| BTreeSet::new());
         if names.is_empty() {
@@ -112,7 +132,7 @@ impl Comparison {
                     TopicResult::Layouts([of(a), of(b)])
                 }
                 [Some(topic), Some(_)] => {
-                    let compared = compare_topic(args, topic)?;
+                    let compared = compare_topic(args, [&args.a, b], topic)?;
                     for (all, own) in faults.iter_mut().zip(&compared.faults) {
                         all.extend(own.clone());
                     }
@@ -207,9 +227,9 @@ impl TopicComparison {
 }
 
 /// Reads both files once per topic: only two messages are in memory, in whatever order the topics are in the files.
-fn compare_topic(args: &Args, topic: &RecordedTopic) -> anyhow::Result<TopicComparison> {
+fn compare_topic(args: &Args, paths: [&PathBuf; 2], topic: &RecordedTopic) -> anyhow::Result<TopicComparison> {
     let open = |path: &Path| MessageReader::open(path, &topic.name).with_context(|| topic.name.clone());
-    let mut files = [open(&args.a)?, open(&args.b)?];
+    let mut files = [open(paths[0])?, open(paths[1])?];
     let mut compared = TopicComparison::default();
     let tolerance = |field: &str| args.tolerances.iter().find(|t| t.field == field).map_or(0.0, |t| t.value);
     let rules = FieldRule::of_table(&topic.table, tolerance);

@@ -1,6 +1,7 @@
 //! Comparison of recordings.
 
 use crate::support::{printed, replica, succeeded, text};
+use formats::ply::{Header, Kind, PlyWriter, Row};
 use formats::recording::RecordingWriter;
 use messages::pod::bytes_from_rows;
 use messages::{ByteTable, Envelope, ImuRow, ImuTopic, NoHeader, TickRow};
@@ -70,4 +71,63 @@ fn recording_without_the_end_of_its_run_compared_with_itself_is_not_complete() {
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("a is not complete: imu.tick does not reach the end of the run"), "{said}");
     assert!(said.ends_with("equal as far as both go, but not complete\n"), "{said}");
+}
+
+/// A run with one cloud: points 0.1 s apart from `begin`, each with the classes of two segmenters.
+fn run_with_classes(folder: &Path, begin: f64, classes: &[[u8; 2]]) {
+    std::fs::create_dir_all(folder.join("clouds")).expect("made");
+    let header = Header::new([
+        ("timestamp", Kind::Double),
+        ("semantic", Kind::UChar),
+        ("class_b", Kind::UChar),
+        ("class_b_score", Kind::Float),
+    ]);
+    let file = folder.join("clouds/submap_0000.ply");
+    let mut writer = PlyWriter::create(&file, &header, classes.len()).expect("creates");
+    let encode = |i: usize, row: &mut Row<'_>| {
+        row.f64(begin + 0.1 * i as f64).u8(classes[i][0]).u8(classes[i][1]).f32(0.5);
+    };
+    writer.write_each(classes.len(), encode).expect("writes");
+    writer.finish().expect("finishes");
+}
+
+#[test]
+fn classes_of_a_run_and_of_two_runs_are_counted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    // Road, sidewalk, vegetation.
+    run_with_classes(&a, 1.0, &[[7, 7], [7, 8], [7, 8], [9, 9], [8, 7]]);
+    run_with_classes(&b, 1.0, &[[7, 7], [7, 8], [7, 8], [9, 9], [7, 7]]);
+    let output = replica(&["compare", "--json", text(&a)]);
+    let answer: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(output.status.code(), Some(3));
+    let pair = &answer["pairs"][0];
+    assert_eq!((&pair["a"]["topic"], &pair["b"]["topic"]), (&"class".into(), &"class_b".into()));
+    assert_eq!((&pair["n_points"], &pair["n_same"]), (&5.into(), &2.into()));
+    let road = serde_json::json!({ "class": "road", "n_a": 3, "n_b": 2, "n_both": 1, "iou": 0.25 });
+    assert_eq!(pair["classes"][0], road);
+    let expected = serde_json::json!([
+        { "a": "road", "b": "sidewalk", "n": 2 },
+        { "a": "sidewalk", "b": "road", "n": 1 },
+    ]);
+    assert_eq!(pair["differences"], expected);
+    let (code, said) = compared(&a, &b);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("5 points, 4 of the same class (80.0 %)"), "{said}");
+    assert!(said.contains("5 points, 5 of the same class (100.0 %)"), "{said}");
+}
+
+#[test]
+fn runs_with_other_points_and_runs_without_a_second_column_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    run_with_classes(&a, 1.0, &[[7, 7], [7, 8]]);
+    for (begin, classes) in [(2.0, &[[7, 7], [7, 8]][..]), (1.0, &[[7, 7]])] {
+        run_with_classes(&b, begin, classes);
+        let (code, said) = compared(&a, &b);
+        assert!(code == Some(1) && said.contains("have other points"), "{said}");
+    }
+    let output = replica(&["compare", text(&a), "--topics", "class"]);
+    assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
+    assert!(printed(&output).contains("its clouds have class, class_b"), "{}", printed(&output));
 }

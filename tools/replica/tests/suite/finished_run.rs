@@ -197,6 +197,7 @@ impl Submap {
             class: Some(&classes),
             instance: Some(&instances),
             spectra: None,
+            further_classes: &[],
             material: None,
             lost: &[],
         };

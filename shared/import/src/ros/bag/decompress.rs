@@ -1,51 +1,12 @@
-//! Decompression of chunks, within a limit on their content.
+//! Decompression of chunks: those of recordings, and bzip2 of ROS 1.
 
+pub(super) use formats::compression::ContentLimit;
 use std::io::{self, Read};
-
-/// Content of all chunks of a small file at most, bytes.
-const MIN_CONTENT: u64 = 16 << 20;
-/// Content of all chunks at most, in lengths of their file. Recordings have a tenth of it; bzip2 and zstd reach a million.
-const MAX_RATIO: u64 = 256;
-
-/// Bytes of content that the chunks of a file may still have: the time to read a file must not exceed what its length explains.
-pub(super) struct ContentLimit {
-    limit: u64,
-    left: u64,
-}
-
-impl ContentLimit {
-    pub fn of_file(n_bytes: u64) -> Self {
-        let limit = n_bytes.saturating_mul(MAX_RATIO).saturating_add(MIN_CONTENT);
-        Self { limit, left: limit }
-    }
-
-    /// Takes the content of a chunk.
-    pub fn take(&mut self, n_bytes: u64) -> io::Result<()> {
-        let limit = self.limit;
-        let left = self.left.checked_sub(n_bytes).ok_or_else(|| {
-            let rule = format!(
-                "the chunks up to here contain more than {limit} bytes, {MAX_RATIO} times the file: it is damaged"
-            );
-            io::Error::new(io::ErrorKind::InvalidData, rule)
-        })?;
-        self.left = left;
-        Ok(())
-    }
-}
 
 /// The content of a chunk.
 pub(super) fn decompressed<'a>(compression: &str, chunk: impl Read + 'a) -> io::Result<Box<dyn Read + 'a>> {
     match compression {
-        "" | "none" => Ok(Box::new(chunk)),
         "bz2" => Ok(Box::new(bzip2::read::BzDecoder::new(chunk))),
-        "lz4" => Ok(Box::new(lz4_flex::frame::FrameDecoder::new(chunk))),
-        "zstd" => {
-            let decoder = ruzstd::decoding::StreamingDecoder::new(chunk);
-            Ok(Box::new(decoder.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.to_string()))?))
-        }
-        other => Err(io::Error::new(
-            io::ErrorKind::Unsupported,
-            format!("chunk with compression {other:?}; must be none, bz2, lz4 or zstd"),
-        )),
+        other => formats::compression::decompressed(other, chunk),
     }
 }
