@@ -11,9 +11,10 @@ use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, Projecti
 use formats::drive::CameraRig;
 use formats::problems::FileError;
 use geometry::{Stamp, Trajectory};
-use materials::Model;
+use materials::{Model, PointMaterials};
 use messages::{
-    ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN,
+    ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, RegionTopic, SpectraTopic, SubmapTopic, TrajectoryTopic,
+    UNSEEN,
 };
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
 use std::path::Path;
@@ -44,7 +45,9 @@ pub struct Colorize {
     mosaic_names: Vec<String>,
     level_exposures: bool,
     /// `None`: materials are not asked for.
-    materials: Option<Model>,
+    materials: Option<PointMaterials>,
+    /// Whether regions are published.
+    has_regions: bool,
     /// Offset, rad, and delay, s, above which a camera is reported.
     offset_limits: [f32; 2],
     limits_of_doubt: DoubtLimits,
@@ -62,6 +65,7 @@ impl Colorize {
             );
             return Err(StepError::data(text));
         }
+        let model = settings.materials.then(Model::built_in).transpose().map_err(StepError::data)?;
         let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
         Ok(Self {
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
@@ -81,7 +85,8 @@ impl Colorize {
             names: vehicle.cameras().iter().map(|entry| entry.name.clone()).collect(),
             mosaic_names: vehicle.mosaics().iter().map(|entry| entry.name.clone()).collect(),
             level_exposures: settings.level_exposures,
-            materials: settings.materials.then(Model::built_in).transpose().map_err(StepError::data)?,
+            materials: model.map(PointMaterials::new),
+            has_regions: settings.regions,
             offset_limits: [settings.max_offset_mrad, settings.max_delay_ms].map(|limit| (limit * 1e-3) as f32),
             limits_of_doubt: DoubtLimits {
                 min_colored_share: settings.min_colored_share,
@@ -172,11 +177,19 @@ impl Stage for Colorize {
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>(), Port::of::<MaterialTopic>()]
+        vec![
+            Port::of::<ColorTopic>(),
+            Port::of::<SpectraTopic>(),
+            Port::of::<MaterialTopic>(),
+            Port::of::<RegionTopic>(),
+        ]
     }
 
     fn outputs_with(settings: &Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
-        Ok(Self::outputs().into_iter().take(if settings.materials { 3 } else { 2 }).collect())
+        let materials = settings.materials.then(Port::of::<MaterialTopic>);
+        let regions = settings.regions.then(Port::of::<RegionTopic>);
+        let always = [Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()];
+        Ok(always.into_iter().chain(materials).chain(regions).collect())
     }
 
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {

@@ -32,8 +32,8 @@ use formats::ply::Kind;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use messages::{
-    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, SpectraTopic, StampedPose,
-    SubmapTopic, TrajectoryTopic,
+    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, RegionTopic, SpectraTopic,
+    StampedPose, SubmapTopic, TrajectoryTopic,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -44,11 +44,11 @@ use stage::{
 use std::path::PathBuf;
 
 /// Increased when [`State`] changes.
-const STATE_VERSION: u32 = 4;
+const STATE_VERSION: u32 = 5;
 /// Clouds that are moved between two progress reports.
 const CLOUDS_AT_A_TIME: usize = 4;
-/// Topics of the join: submap, color, spectra, class, instance, material.
-const N_JOINED: usize = 6;
+/// Topics of the join: submap, color, spectra, class, instance, material, region.
+const N_JOINED: usize = 7;
 
 /// The sink of the pipeline.
 pub struct Export {
@@ -99,6 +99,7 @@ impl Stage for Export {
             Port::optional::<ClassTopic>(),
             Port::optional::<InstanceTopic>(),
             Port::optional::<MaterialTopic>(),
+            Port::optional::<RegionTopic>(),
         ]
     }
 
@@ -126,10 +127,12 @@ impl Stage for Export {
             context.is_connected::<ClassTopic>(),
             context.is_connected::<InstanceTopic>(),
             context.is_connected::<MaterialTopic>(),
+            context.is_connected::<RegionTopic>(),
         ];
-        let [color, spectra, class, instance, material] = columns;
-        // Materials are off by default, so that their absence is not reported.
-        let is_absent = |topic: &&'static str| !is_connected(topic) && *topic != MaterialTopic::TOPIC;
+        let [color, spectra, class, instance, material, region] = columns;
+        // These are off by default, so that their absence is not reported.
+        let is_optional = |topic: &str| [MaterialTopic::TOPIC, RegionTopic::TOPIC].contains(&topic);
+        let is_absent = |topic: &&'static str| !is_connected(topic) && !is_optional(topic);
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
@@ -139,7 +142,8 @@ impl Stage for Export {
                 .column::<SpectraTopic>(spectra)
                 .column::<ClassTopic>(class)
                 .column::<InstanceTopic>(instance)
-                .column::<MaterialTopic>(material),
+                .column::<MaterialTopic>(material)
+                .column::<RegionTopic>(region),
             n_columns: columns.iter().filter(|is_expected| **is_expected).count(),
             clouds: Vec::new(),
             n_synced: 0,
@@ -322,6 +326,7 @@ impl Export {
             class: joined.rows::<ClassTopic>()?,
             instance: joined.rows::<InstanceTopic>()?,
             material: joined.rows::<MaterialTopic>()?,
+            region: joined.rows::<RegionTopic>()?,
             spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
             lost: &joined.lost,
         };

@@ -38,6 +38,11 @@ impl<'a> CubeImage<'a> {
         self.planes.band(band)
     }
 
+    /// Number of the region of a cell; 0 = none.
+    pub fn region(&self, cell: u32) -> u32 {
+        self.planes.regions().map_or(0, |regions| regions[cell as usize])
+    }
+
     /// Index of the cell whose filters cover the pixel of the raw image.
     pub fn cell(&self, [u, v]: [f32; 2]) -> u32 {
         // A pixel's area reaches half a pixel to each side of its center.

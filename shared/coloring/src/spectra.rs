@@ -115,6 +115,20 @@ impl<'a> SpectraColumn<'a> {
         batches.for_each(|(batch, table)| self.write_batch(batch, table));
     }
 
+    /// The region of each point by the first camera whose cube has one there; 0 = none. `rows` must have a row for each point.
+    pub fn write_regions_into(&self, rows: &mut [u32]) {
+        rows.fill(0);
+        for batch in &self.batches {
+            for (i, point) in batch.points.iter().enumerate() {
+                let regions = self.cameras.iter().zip(&batch.cells).filter_map(|(camera, cells)| {
+                    let Cell { cube, cell } = cells[i];
+                    (cube != NO_EXPOSURE).then(|| camera.cubes[cube as usize].region(cell))
+                });
+                rows[*point as usize] = regions.into_iter().find(|region| *region != 0).unwrap_or(0);
+            }
+        }
+    }
+
     fn write_batch(&self, batch: &Batch, table: &mut [u32]) {
         table.fill(0);
         let n_words = self.n_words();

@@ -39,26 +39,48 @@ pub fn best_row(probabilities: &Probabilities) -> MaterialRow {
     MaterialRow { material_id: material, score: (most * 255.0).round() as u8 }
 }
 
-/// Header and rows of the topic `material`, by the rows of the topic `spectra`. All unknown if those do not fit their header.
-pub fn material_column(
-    model: &Model,
-    points: &[SubmapPoint],
-    header: &SpectraHeader,
-    spectra: &[u32],
-) -> (MaterialHeader, Vec<MaterialRow>) {
-    let mut rows = vec![MaterialRow::default(); points.len()];
-    if let Some((indices, spectra)) = Spectra::of_column(header, spectra) {
-        let position = |index: &u32| {
-            let point = &points[*index as usize];
-            [point.x, point.y, point.z]
-        };
-        let positions: Vec<[f32; 3]> = indices.iter().map(position).collect();
-        let classifier = Classifier::new(model, &spectra.wavelengths_nm, Method::default());
-        let found = materials_of(&classifier, &spectra, &positions, Smoothing::default());
-        for (index, found) in indices.iter().zip(&found) {
-            rows[*index as usize] = best_row(found);
-        }
+/// Finds the materials of one submap after the other.
+pub struct PointMaterials {
+    model: Model,
+    /// For spectra of these bands, nm. The bands of a drive do not change, so that it is made once.
+    classifier: Option<(Vec<f32>, Classifier)>,
+}
+
+impl PointMaterials {
+    /// With the references of a model.
+    pub fn new(model: Model) -> Self {
+        Self { model, classifier: None }
     }
-    let n_known = rows.iter().filter(|row| row.material_id != MaterialId::Unknown as u8).count() as u64;
-    (MaterialHeader { material_table_version: MATERIAL_TABLE_VERSION, n_known }, rows)
+
+    /// Header and rows of the topic `material`, by the rows of the topic `spectra`. All unknown if those do not fit their header.
+    pub fn column(
+        &mut self,
+        points: &[SubmapPoint],
+        header: &SpectraHeader,
+        spectra: &[u32],
+    ) -> (MaterialHeader, Vec<MaterialRow>) {
+        let mut rows = vec![MaterialRow::default(); points.len()];
+        if let Some((indices, spectra)) = Spectra::of_column(header, spectra) {
+            let position = |index: &u32| {
+                let point = &points[*index as usize];
+                [point.x, point.y, point.z]
+            };
+            let positions: Vec<[f32; 3]> = indices.iter().map(position).collect();
+            let found =
+                materials_of(self.classifier(&spectra.wavelengths_nm), &spectra, &positions, Smoothing::default());
+            for (index, found) in indices.iter().zip(&found) {
+                rows[*index as usize] = best_row(found);
+            }
+        }
+        let n_known = rows.iter().filter(|row| row.material_id != MaterialId::Unknown as u8).count() as u64;
+        (MaterialHeader { material_table_version: MATERIAL_TABLE_VERSION, n_known }, rows)
+    }
+
+    fn classifier(&mut self, wavelengths_nm: &[f32]) -> &Classifier {
+        let made = self.classifier.take().filter(|(nm, _)| nm == wavelengths_nm);
+        let made = made.unwrap_or_else(|| {
+            (wavelengths_nm.to_vec(), Classifier::new(&self.model, wavelengths_nm, Method::default()))
+        });
+        &self.classifier.insert(made).1
+    }
 }

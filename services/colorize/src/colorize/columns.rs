@@ -6,8 +6,11 @@ use coloring::{
     CameraCubes, Candidates, ExposureWindow, HeldExposure, SpectraColumn, SubmapPoints, color_into, visibility_maps,
 };
 use geometry::{Pose, Stamp};
-use materials::material_column;
-use messages::{CheckedSubmap, ColorTopic, MaterialTopic, Message, SpectraTopic, SubmapHeader, SubmapTopic};
+use materials::PointMaterials;
+use messages::{
+    CheckedSubmap, ColorTopic, MaterialTopic, Message, RegionHeader, RegionTopic, SpectraTopic, SubmapHeader,
+    SubmapTopic,
+};
 use stage::{Outputs, Received, StepError};
 
 /// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns. In this time the
@@ -29,7 +32,9 @@ impl Colorize {
         let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.ring_counts(), &mut buffers);
         let profiles = self.publish_color(submap, &points, &world_from_submap, outputs)?;
         self.held.monitor.add(profiles);
-        self.publish_spectra(submap, &points, &world_from_submap, outputs)?;
+        let mut materials = self.materials.take();
+        self.publish_spectra(submap, &points, &world_from_submap, materials.as_mut(), outputs)?;
+        self.materials = materials;
         self.buffers = buffers;
         Ok(())
     }
@@ -88,6 +93,7 @@ impl Colorize {
         submap: &Received<SubmapTopic>,
         points: &SubmapPoints<'_>,
         world_from_submap: &Pose,
+        materials: Option<&mut PointMaterials>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
@@ -106,14 +112,25 @@ impl Colorize {
         *loan.header_mut() = column.header();
         let rows = loan.grow_unset(column.n_rows())?;
         column.write_into(rows);
-        let material = self.materials.as_ref().map(|model| material_column(model, points.rows, &column.header(), rows));
+        let material = materials.map(|materials| materials.column(points.rows, &column.header(), rows));
         outputs.count("points_with_spectrum", column.n_spectra() as u64);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
-        let Some((header, rows)) = material else { return Ok(()) };
-        let mut loan = outputs.loan::<MaterialTopic>(rows.len())?;
-        outputs.count("points_with_material", header.n_known);
-        *loan.header_mut() = header;
-        loan.extend_from_slice(&rows)?;
+        if let Some((header, rows)) = material {
+            let mut loan = outputs.loan::<MaterialTopic>(rows.len())?;
+            outputs.count("points_with_material", header.n_known);
+            *loan.header_mut() = header;
+            loan.extend_from_slice(&rows)?;
+            outputs.publish_column(loan, submap.stamp(), submap.seq())?;
+        }
+        if !self.has_regions {
+            return Ok(());
+        }
+        let mut loan = outputs.loan::<RegionTopic>(points.rows.len())?;
+        let rows = loan.grow_unset(points.rows.len())?;
+        column.write_regions_into(rows);
+        let n_points = rows.iter().filter(|region| **region != 0).count() as u64;
+        *loan.header_mut() = RegionHeader { n_points };
+        outputs.count("points_with_region", n_points);
         outputs.publish_column(loan, submap.stamp(), submap.seq())
     }
 

@@ -17,7 +17,7 @@ fn built_in_model_has_references_of_every_material() {
 fn clear_spectra_get_their_material_in_any_brightness() {
     let model = Model::built_in().expect("sound");
     let of =
-        |name: &str| model.references.iter().find(|r| r.name == name).expect("a reference").log_reflectance[0].clone();
+        |name: &str| model.references.iter().find(|r| r.name == name).expect("a reference").log_reflectance.clone();
     for (name, material) in [("Leaves", MaterialId::Vegetation), ("Brick", MaterialId::Brick)] {
         for method in Method::ALL {
             for factor in [0.7, 1.0] {
@@ -36,7 +36,7 @@ fn clear_spectra_get_their_material_in_any_brightness() {
 fn spectrum_of_one_camera_or_none_is_handled() {
     let model = Model::built_in().expect("sound");
     let leaves = model.references.iter().find(|r| r.name == "Leaves").expect("a reference");
-    let values: Vec<f32> = leaves.log_reflectance[0].iter().map(|log| log.exp()).collect();
+    let values: Vec<f32> = leaves.log_reflectance.iter().map(|log| log.exp()).collect();
     let mut spectra = Spectra::new(&model.wavelengths_nm);
     let infrared = model.wavelengths_nm.iter().enumerate().filter(|(_, nm)| **nm > 650.0);
     spectra.push(infrared.fold(0, |bits, (band, _)| bits | 1 << band), &values);

@@ -49,7 +49,10 @@ fn fitted_model_separates_its_surfaces_in_sun_and_shade() {
     let truths = [[&GREEN; 200], [&GRAY; 200]].concat();
     let found = Classifier::new(&model, &BANDS_NM, Method::Learned).classify(&spectra(&truths, 0.004, 3));
     assert!(accuracy(&found) > 0.98, "{}", accuracy(&found));
-    assert!(model.lights.iter().all(|light| (light.share - 0.5).abs() < 0.01));
+    let share = |levels: std::ops::Range<usize>| model.lights[levels].iter().map(|light| light.share).sum::<f64>();
+    assert!((share(0..2) - 0.5).abs() < 0.01 && (share(2..6) - 0.5).abs() < 0.01, "sun and shade are equally frequent");
+    let brightness: Vec<f32> = model.lights.iter().map(|light| light.offset.iter().sum()).collect();
+    assert!(brightness[..2].is_sorted() && brightness[2..].is_sorted(), "{brightness:?}");
 }
 
 #[test]

@@ -198,6 +198,7 @@ impl Submap {
             instance: Some(&instances),
             spectra: None,
             material: None,
+            region: None,
             lost: &[],
         };
         let mut entry = write_submap(&received, Kind::Float, folder, None).expect("writes");

@@ -58,9 +58,9 @@ impl TownArgs {
                 let cameras = MosaicCameras::new(&simulation, self.median)?;
                 let mut n_spectra = 0;
                 for submap in drive.submaps_in(&simulation, self.submaps, self.sweeps, 1, Mount::Rig)? {
-                    let (header, rows) = cameras.spectra(&simulation, &submap.header, &submap.points)?;
-                    let (points, spectra) =
-                        Spectra::of_column(&header, &rows).context("a column of spectra does not fit its header")?;
+                    let found = cameras.spectra(&simulation, &submap.header, &submap.points, None)?;
+                    let (points, spectra) = Spectra::of_column(&found.header, &found.rows)
+                        .context("a column of spectra does not fit its header")?;
                     let shown: Vec<usize> = points.iter().map(|point| *point as usize).collect();
                     let surfaces = true_surfaces(&simulation, &submap.header, &submap.points, &shown);
                     n_spectra += spectra.len();
