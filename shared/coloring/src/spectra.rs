@@ -115,9 +115,9 @@ impl<'a> SpectraColumn<'a> {
         batches.for_each(|(batch, table)| self.write_batch(batch, table));
     }
 
-    /// The region of each point by the first camera whose cube has one there; 0 = none. `rows` must have a row for each point.
-    pub fn write_regions_into(&self, rows: &mut [u32]) {
-        rows.fill(0);
+    /// The region of each point by the first camera whose cube has one there; 0 = none.
+    pub fn regions(&self) -> Vec<u32> {
+        let mut rows = vec![0; self.n_points];
         for batch in &self.batches {
             for (i, point) in batch.points.iter().enumerate() {
                 let regions = self.cameras.iter().zip(&batch.cells).filter_map(|(camera, cells)| {
@@ -127,6 +127,7 @@ impl<'a> SpectraColumn<'a> {
                 rows[*point as usize] = regions.into_iter().find(|region| *region != 0).unwrap_or(0);
             }
         }
+        rows
     }
 
     fn write_batch(&self, batch: &Batch, table: &mut [u32]) {

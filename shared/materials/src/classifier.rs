@@ -53,7 +53,6 @@ pub struct Classifier {
     bands: Vec<BandModel>,
     /// Material, logarithm of the share.
     references: Vec<(MaterialId, f64)>,
-    temperature: f64,
     max_distance: f64,
 }
 
@@ -65,7 +64,6 @@ impl Classifier {
             method,
             bands: (0..model.lights.len()).map(|light| BandModel::new(model, light, wavelengths_nm)).collect(),
             references: references.map(|(i, reference)| (model.material(i), reference.share.ln())).collect(),
-            temperature: model.temperature,
             max_distance: model.max_distance,
         }
     }
@@ -131,7 +129,7 @@ impl Classifier {
         for light in lights {
             for (distance, (material, log_share)) in light.distances(values).zip(&self.references) {
                 let log_density = light.log_density - 0.5 * distance;
-                let log = light.log_share + log_share + log_density / self.temperature;
+                let log = light.log_share + log_share + log_density;
                 (nearest, largest) = (nearest.min(distance), largest.max(log));
                 logs.push((*material, log));
             }

@@ -11,12 +11,10 @@ use std::collections::BTreeMap;
 const MIN_SPECTRA: usize = 20;
 /// Share of the training spectra that fit a reference.
 const FITTING_SHARE: f64 = 0.995;
-/// Temperatures that are tried.
-const TEMPERATURES: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
 /// Levels of brightness in the sun and in the shade: noise and color depend on the light, not only on whether the sun shines. Chosen on
 /// towns of their own (docs/experiments/materials.md).
 const LEVELS: [usize; 2] = [2, 4];
-/// Most spectra of a surface in a light that choose the temperature.
+/// Most spectra of a surface in the sun or in the shade that choose the largest distance.
 const N_CHOOSING: usize = 200;
 
 /// Labeled spectra of the same bands, ascending.
@@ -74,8 +72,8 @@ impl Fit {
         let lights = [(0, n_sun), (1, n_shade)].into_iter();
         let lights = lights.flat_map(|(light, n)| self.levels(light, n / (n_sun + n_shade), &references)).collect();
         let wavelengths_nm = self.wavelengths_nm.clone();
-        let mut model = Model { about, wavelengths_nm, references, lights, temperature: 1.0, max_distance: f64::MAX };
-        self.calibrate(&mut model);
+        let mut model = Model { about, wavelengths_nm, references, lights, max_distance: f64::MAX };
+        model.max_distance = self.max_distance(&model);
         Some(model)
     }
 
@@ -129,30 +127,19 @@ impl Fit {
         counts.into_iter().map(|(material, counts)| (material, rounded(share(counts), 1e6).max(1e-6))).collect()
     }
 
-    /// Sets the temperature with the largest mean logarithm of the true material's probability, and the largest distance.
-    fn calibrate(&self, model: &mut Model) {
+    /// Squared distance per band within which nearly all spectra of the training have a reference.
+    fn max_distance(&self, model: &Model) -> f64 {
         let mut spectra = Spectra::new(&self.wavelengths_nm);
-        let mut truth = Vec::new();
-        for surface in self.surfaces.values() {
-            for measured in &surface.measured {
-                for logs in measured.iter().step_by(measured.len().div_ceil(N_CHOOSING).max(1)) {
-                    let values: Vec<f32> = logs.iter().map(|log| log.exp()).collect();
-                    spectra.push(u64::MAX >> (64 - values.len()), &values);
-                    truth.push(surface.material as usize);
-                }
+        for measured in self.surfaces.values().flat_map(|surface| &surface.measured) {
+            for logs in measured.iter().step_by(measured.len().div_ceil(N_CHOOSING).max(1)) {
+                let values: Vec<f32> = logs.iter().map(|log| log.exp()).collect();
+                spectra.push(u64::MAX >> (64 - values.len()), &values);
             }
         }
-        let gain = |model: &Model| {
-            let found = Classifier::new(model, &self.wavelengths_nm, Method::Learned).classify(&spectra);
-            found.iter().zip(&truth).map(|(p, truth)| f64::from(p[*truth].max(1e-6)).ln()).sum::<f64>()
-        };
-        let tried = TEMPERATURES.map(|temperature| (temperature, gain(&Model { temperature, ..model.clone() })));
-        let best = tried.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        model.temperature = best.map_or(1.0, |(temperature, _)| temperature);
         let mut distances = Classifier::new(model, &self.wavelengths_nm, Method::Learned).nearest(&spectra);
         distances.sort_by(f64::total_cmp);
         let last = ((distances.len() as f64 * FITTING_SHARE) as usize).min(distances.len().saturating_sub(1));
-        model.max_distance = distances.get(last).map_or(f64::MAX, |distance| rounded(*distance, 1e3).max(1e-3));
+        distances.get(last).map_or(f64::MAX, |distance| rounded(*distance, 1e3).max(1e-3))
     }
 }
 

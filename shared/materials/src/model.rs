@@ -25,8 +25,6 @@ pub struct Model {
     pub references: Vec<Reference>,
     /// The lights.
     pub lights: Vec<Light>,
-    /// Scale of the squared distances, so that scores are shares of correct materials.
-    pub temperature: f64,
     /// Squared distance per band above which a spectrum fits no reference.
     pub max_distance: f64,
 }
@@ -155,9 +153,7 @@ impl Model {
             let share = reference.share;
             rule(what("share"), share.to_string(), "must be above 0, at most 1", is_share(share))?;
         }
-        for (key, value) in [("temperature", self.temperature), ("max_distance", self.max_distance)] {
-            rule(key.to_owned(), value.to_string(), "must be positive", value > 0.0)?;
-        }
-        Ok(())
+        let value = self.max_distance;
+        rule("max_distance".to_owned(), value.to_string(), "must be positive", value > 0.0)
     }
 }

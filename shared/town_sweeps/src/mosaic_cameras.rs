@@ -114,10 +114,9 @@ impl MosaicCameras {
         let mut buffers = PointBuffers::default();
         let points = SubmapPoints::new(points, sweeps, begin, header.n_rings, &mut buffers);
         let column = SpectraColumn::new(&points, &self.bands, &cubes, LIMITS);
-        let (mut rows, mut regions) = (vec![0; column.n_rows()], vec![0; points.rows.len()]);
+        let mut rows = vec![0; column.n_rows()];
         column.write_into(&mut rows);
-        column.write_regions_into(&mut regions);
-        Ok(PointSpectra { header: Box::new(column.header()), rows, regions })
+        Ok(PointSpectra { header: Box::new(column.header()), rows, regions: column.regions() })
     }
 }
 

@@ -112,26 +112,22 @@ impl Colorize {
         *loan.header_mut() = column.header();
         let rows = loan.grow_unset(column.n_rows())?;
         column.write_into(rows);
-        let material = materials.map(|materials| materials.column(points.rows, &column.header(), rows));
+        let regions = self.has_regions.then(|| column.regions());
+        let find =
+            |materials: &mut PointMaterials| materials.column(points.rows, &column.header(), rows, regions.as_deref());
+        let material = materials.map(find);
         outputs.count("points_with_spectrum", column.n_spectra() as u64);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
         if let Some((header, rows)) = material {
-            let mut loan = outputs.loan::<MaterialTopic>(rows.len())?;
             outputs.count("points_with_material", header.n_known);
-            *loan.header_mut() = header;
-            loan.extend_from_slice(&rows)?;
-            outputs.publish_column(loan, submap.stamp(), submap.seq())?;
+            publish::<MaterialTopic>(submap, header, &rows, outputs)?;
         }
-        if !self.has_regions {
-            return Ok(());
+        if let Some(rows) = regions {
+            let n_points = rows.iter().filter(|region| **region != 0).count() as u64;
+            outputs.count("points_with_region", n_points);
+            publish::<RegionTopic>(submap, RegionHeader { n_points }, &rows, outputs)?;
         }
-        let mut loan = outputs.loan::<RegionTopic>(points.rows.len())?;
-        let rows = loan.grow_unset(points.rows.len())?;
-        column.write_regions_into(rows);
-        let n_points = rows.iter().filter(|region| **region != 0).count() as u64;
-        *loan.header_mut() = RegionHeader { n_points };
-        outputs.count("points_with_region", n_points);
-        outputs.publish_column(loan, submap.stamp(), submap.seq())
+        Ok(())
     }
 
     /// The exposures within `max_age_s` of the submap, with `world_from_body`. Exposures before the first or after the last
@@ -151,4 +147,17 @@ impl Colorize {
         outputs.count("exposures_without_pose", (near.len() - found.len()) as u64);
         found
     }
+}
+
+/// Publishes a column of the submap.
+fn publish<T: Message>(
+    submap: &Received<SubmapTopic>,
+    header: T::Header,
+    rows: &[T::Row],
+    outputs: &mut Outputs,
+) -> Result<(), StepError> {
+    let mut loan = outputs.loan::<T>(rows.len())?;
+    *loan.header_mut() = header;
+    loan.extend_from_slice(rows)?;
+    outputs.publish_column(loan, submap.stamp(), submap.seq())
 }

@@ -1,7 +1,7 @@
 //! Two surfaces with the same shape of noise.
 
 use materials::{
-    Classifier, Fit, Method, Model, Smoothing, Spectra, best_row, materials_of, mean_spectra, neighborhoods,
+    Classifier, Fit, Method, Model, Places, Smoothing, Spectra, best_row, materials_of, mean_spectra, neighborhoods,
 };
 use messages::MaterialId;
 use random::Random;
@@ -74,12 +74,18 @@ fn neighbors_correct_noisy_spectra_and_their_order_does_not_matter() {
         |i: usize| [(i % 300 % 20) as f32 * 0.05, (i % 300 / 20) as f32 * 0.05, if i < 300 { 0.0 } else { 9.0 }];
     let positions: Vec<[f32; 3]> = (0..600).map(position).collect();
     let classifier = Classifier::new(&model, &BANDS_NM, Method::Learned);
-    let alone = accuracy(&materials_of(&classifier, &spectra, &positions, Smoothing::Off));
-    for smoothing in [Smoothing::Votes, Smoothing::Mean, Smoothing::Both] {
-        let found = materials_of(&classifier, &spectra, &positions, smoothing);
+    // The patches are regions, except for a point of each without one.
+    let regions: Vec<u32> = (0..600).map(|i| if i % 300 == 0 { 0 } else { 1 + i / 300 }).collect();
+    let places = Places { positions: &positions, regions: Some(&regions) };
+    let alone = accuracy(&materials_of(&classifier, &spectra, places, Smoothing::Off));
+    for smoothing in &Smoothing::ALL[1..] {
+        let found = materials_of(&classifier, &spectra, places, *smoothing);
         let smoothed = accuracy(&found);
         assert!(smoothed > alone + 0.02, "{}: {smoothed}, alone {alone}", smoothing.name());
     }
+    let whole = materials_of(&classifier, &spectra, places, Smoothing::Regions);
+    assert!(whole[1..300].iter().all(|found| *found == whole[1]) && whole[0] != whole[1], "a region is one");
+    assert!(accuracy(&whole) > 0.99);
     let mean = mean_spectra(&spectra, &neighborhoods(&positions));
     assert_eq!(mean.len(), 600);
     assert!(mean.valid.iter().all(|valid| *valid == 0x3ff));
