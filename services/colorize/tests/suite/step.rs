@@ -233,11 +233,12 @@ fn regions_of_cells_are_published_for_their_points_if_they_are_on() {
     let (from, until) = (START - 2 * SECOND, START + 2 * SECOND);
     bench.send::<TrajectoryTopic>(from, NoHeader::default(), street::trajectory(from, until));
     for burst in street::bursts() {
-        for (header, mut rows) in burst.cubes {
+        for (header, rows) in &burst.cubes {
             // Camera 1 has a region in every other cell, camera 0 another one in all.
             let cells = 0..header.width * header.height;
+            let mut rows = rows.clone();
             rows.extend(cells.map(|cell| if header.camera == 0 { 7 } else { 8 * (cell % 2) }));
-            bench.send::<CubeTopic>(burst.stamp, header, rows);
+            bench.send::<CubeTopic>(burst.stamp, *header, rows);
         }
     }
     let points: Vec<_> = street::points(DURATION_NANOS).iter().map(|painted| painted.point).collect();
