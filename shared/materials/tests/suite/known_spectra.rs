@@ -96,7 +96,8 @@ fn bands_between_those_of_the_model_are_interpolated() {
     let model = model(0.004);
     let nm: Vec<f32> = BANDS_NM.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).chain([2000.0]).collect();
     let between = |truth: &[f32; 10]| -> Vec<f32> {
-        truth.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).chain([f32::NAN]).collect()
+        // The model interpolates logarithms. The light is one of those of the training.
+        truth.windows(2).map(|pair| 0.75 * (pair[0] * pair[1]).sqrt()).chain([f32::NAN]).collect()
     };
     let mut spectra = Spectra::new(&nm);
     for truth in [&GREEN, &GRAY] {
