@@ -69,23 +69,15 @@ impl Colorize {
         outputs.count("points_with_color", n_seen);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
 
-        let header = submap.header();
-        let needed = (0..exposures.len()).filter(|i| {
-            let is_within = (header.stamp_begin..=header.stamp_end).contains(&exposures[*i].stamp);
-            is_within && !self.held.monitor.is_complete(images[*i].camera())
+        let span = submap.header().stamp_begin..=submap.header().stamp_end;
+        let seen = exposures.iter().zip(&images).zip(&visibility).zip(&shifted);
+        let seen = seen.filter(|(((exposure, _), _), _)| span.contains(&exposure.stamp));
+        let shift_s = 2e-9 * SHIFT_NANOS as f32;
+        let posed = seen.filter_map(|(((exposure, image), visibility), [before, after])| {
+            let shifted = [(*before)?, (*after)?];
+            Some(AlignmentExposure { exposure: *exposure, shifted, shift_s, visibility, image: *image })
         });
-        let monitored = needed.filter_map(|i| {
-            let [before, after] = shifted[i];
-            let exposure = AlignmentExposure {
-                exposure: exposures[i],
-                shifted: [before?, after?],
-                shift_s: 2e-9 * SHIFT_NANOS as f32,
-                visibility: &visibility[i],
-                image: images[i],
-            };
-            Some((images[i].camera(), exposure))
-        });
-        Ok(profiles_by_camera(points, &monitored.collect::<Vec<_>>()))
+        Ok(profiles_by_camera(points, &self.held.monitor.needed(posed)))
     }
 
     fn publish_spectra(
@@ -120,12 +112,17 @@ impl Colorize {
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
         if let Some((header, rows)) = material {
             outputs.count("points_with_material", header.n_known);
-            publish::<MaterialTopic>(submap, header, &rows, outputs)?;
+            outputs.publish_column_rows::<MaterialTopic>(header, &rows, submap.stamp(), submap.seq())?;
         }
         if let Some(rows) = regions {
             let n_points = rows.iter().filter(|region| **region != 0).count() as u64;
             outputs.count("points_with_region", n_points);
-            publish::<RegionTopic>(submap, RegionHeader { n_points }, &rows, outputs)?;
+            outputs.publish_column_rows::<RegionTopic>(
+                RegionHeader { n_points },
+                &rows,
+                submap.stamp(),
+                submap.seq(),
+            )?;
         }
         Ok(())
     }
@@ -140,24 +137,8 @@ impl Colorize {
     ) -> Vec<(&'a Received<T>, Pose)> {
         let from = header.stamp_begin.saturating_sub(self.max_age_nanos);
         let until = header.stamp_end.saturating_add(self.max_age_nanos);
-        let near = window.within(from..=until);
-        let posed =
-            |held: &'a HeldExposure<Received<T>>| Some((&held.data, self.held.trajectory.at(Stamp(held.stamp))?));
-        let found: Vec<_> = near.iter().filter_map(posed).collect();
-        outputs.count("exposures_without_pose", (near.len() - found.len()) as u64);
+        let (found, n_without_pose) = window.posed_within(from..=until, &self.held.trajectory);
+        outputs.count("exposures_without_pose", n_without_pose);
         found
     }
-}
-
-/// Publishes a column of the submap.
-fn publish<T: Message>(
-    submap: &Received<SubmapTopic>,
-    header: T::Header,
-    rows: &[T::Row],
-    outputs: &mut Outputs,
-) -> Result<(), StepError> {
-    let mut loan = outputs.loan::<T>(rows.len())?;
-    *loan.header_mut() = header;
-    loan.extend_from_slice(rows)?;
-    outputs.publish_column(loan, submap.stamp(), submap.seq())
 }
