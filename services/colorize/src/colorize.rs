@@ -6,7 +6,7 @@ mod intake;
 
 use crate::Settings;
 use crate::saved::{self, Held};
-use camera_alignment::report;
+use camera_alignment::report::OffsetReport;
 use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, ProjectionCamera};
 use formats::drive::CameraRig;
 use formats::problems::FileError;
@@ -117,17 +117,11 @@ impl Colorize {
 
     /// Reports the offset between points and images, and counts the cameras with a large one.
     fn report_offset(&self, outputs: &mut Outputs) {
-        if self.held.monitor.is_empty() {
-            return;
-        }
-        let offset = self.held.monitor.offset();
-        let px_per_rad: Vec<f32> = self.cameras.iter().map(ProjectionCamera::px_per_rad).collect();
-        for line in report::lines(&self.held.monitor, &offset, &self.names, &px_per_rad, self.offset_limits) {
-            outputs.note(line);
-        }
-        for found in offset.cameras.iter().filter(|found| found.is_observable()) {
+        let report = OffsetReport::of(&self.held.monitor, &self.names, &self.cameras, self.offset_limits);
+        report.lines.into_iter().for_each(|line| outputs.note(line));
+        for is_large in report.are_large {
             outputs.count("cameras_with_known_offset", 1);
-            outputs.count("cameras_with_large_offset", u64::from(found.exceeds(self.offset_limits[0])));
+            outputs.count("cameras_with_large_offset", u64::from(is_large));
         }
     }
 

@@ -33,6 +33,12 @@ impl<'a> CubeImage<'a> {
         self.header.n_bands as usize
     }
 
+    /// The part of the raw image that it covers: left, top, width, height, px.
+    pub fn area(&self) -> [u32; 4] {
+        let CubeHeader { x0, y0, width, height, pattern, .. } = *self.header;
+        [x0, y0, width * pattern, height * pattern]
+    }
+
     /// Reflectances of one band, cell by cell.
     pub fn band(&self, band: usize) -> &'a [f32] {
         self.planes.band(band)

@@ -104,12 +104,10 @@ impl MosaicCameras {
         let mut cubes: Vec<CameraCubes<'_>> = Vec::new();
         cubes.resize_with(self.cameras.len(), CameraCubes::default);
         for (index, stamp, (cube, rows)) in &shot {
-            let area = [cube.x0, cube.y0, cube.width * cube.pattern, cube.height * cube.pattern];
             let world_from_body = simulation.motion.pose_at(*stamp);
-            let camera = &self.cameras[*index].projection;
             let Some(image) = CubeImage::new(cube, rows) else { continue };
-            cubes[*index].exposures.push(camera.exposure_of_area(stamp.0, &world_from_body, &world_from_submap, area));
-            cubes[*index].cubes.push(image);
+            let camera = &self.cameras[*index].projection;
+            cubes[*index].add(camera, image, [&world_from_body, &world_from_submap], stamp.0);
         }
         let mut buffers = PointBuffers::default();
         let points = SubmapPoints::new(points, sweeps, begin, header.n_rings, &mut buffers);

@@ -2,9 +2,7 @@
 
 use super::Colorize;
 use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
-use coloring::{
-    CameraCubes, Candidates, ExposureWindow, HeldExposure, SpectraColumn, SubmapPoints, color_into, visibility_maps,
-};
+use coloring::{CameraCubes, Candidates, ExposureWindow, SpectraColumn, SubmapPoints, color_into, visibility_maps};
 use geometry::{Pose, Stamp};
 use materials::PointMaterials;
 use messages::{
@@ -91,13 +89,8 @@ impl Colorize {
         let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
         for (cube, world_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
             let Some(cells) = self.cube_image(cube) else { continue };
-            let header = cube.header();
-            let index = header.camera as usize;
-            let area = [header.x0, header.y0, header.width * header.pattern, header.height * header.pattern];
-            let exposure =
-                self.mosaics[index].exposure_of_area(cube.stamp(), &world_from_body, world_from_submap, area);
-            cameras[index].exposures.push(exposure);
-            cameras[index].cubes.push(cells);
+            let index = cube.header().camera as usize;
+            cameras[index].add(&self.mosaics[index], cells, [&world_from_body, world_from_submap], cube.stamp());
         }
         let column = SpectraColumn::new(points, self.bands.bands(), &cameras, self.limits);
         let mut loan = outputs.loan::<SpectraTopic>(column.n_rows())?;
@@ -105,9 +98,7 @@ impl Colorize {
         let rows = loan.grow_unset(column.n_rows())?;
         column.write_into(rows);
         let regions = self.has_regions.then(|| column.regions());
-        let find =
-            |materials: &mut PointMaterials| materials.column(points.rows, &column.header(), rows, regions.as_deref());
-        let material = materials.map(find);
+        let material = materials.map(|found| found.column(points.rows, &column.header(), rows, regions.as_deref()));
         outputs.count("points_with_spectrum", column.n_spectra() as u64);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
         if let Some((header, rows)) = material {
@@ -117,12 +108,8 @@ impl Colorize {
         if let Some(rows) = regions {
             let n_points = rows.iter().filter(|region| **region != 0).count() as u64;
             outputs.count("points_with_region", n_points);
-            outputs.publish_column_rows::<RegionTopic>(
-                RegionHeader { n_points },
-                &rows,
-                submap.stamp(),
-                submap.seq(),
-            )?;
+            let header = RegionHeader { n_points };
+            outputs.publish_column_rows::<RegionTopic>(header, &rows, submap.stamp(), submap.seq())?;
         }
         Ok(())
     }
