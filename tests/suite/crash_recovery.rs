@@ -42,6 +42,17 @@ fn killed_processes_do_not_change_the_clouds() {
     assert_survives(&expected, &launch, &stages, 10, 2);
 }
 
+#[test]
+fn killed_processes_do_not_change_regions_and_materials() {
+    let launch = |run: &str| {
+        let settings = ["calibrate.color_lines='simplified'", "colorize.regions=true", "colorize.materials=true"];
+        settings.iter().fold(pipeline(&drive(), run, ""), |launch, setting| launch.with("--set").with(setting))
+    };
+    let expected = reference("regions", || launch(""));
+    let launch = launch("restarts = 1000").with("--set").with("run.barrier_s=0.2");
+    assert_survives(&expected, &launch, &["calibrate", "colorize", "export"], 4, 3);
+}
+
 /// A stage that fails once between any two barriers continues, however often it fails: each new barrier is progress.
 #[test]
 fn restart_counter_resets_at_each_new_barrier() {

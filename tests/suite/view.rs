@@ -68,7 +68,7 @@ fn wait_for_points(browser: &Browser) {
 #[test]
 #[cfg_attr(not(chromium), ignore = "needs Chromium: apt-get install chromium")]
 fn browser_draws_hides_and_picks_points() {
-    let launch = pipeline(&drive(), "report = false", "");
+    let launch = pipeline(&drive(), "report = false", "").with("--set").with("colorize.materials=true");
     assert_eq!(launch.run().status.code(), Some(0));
     let viewer = Viewer::of(&launch.output(), &["--bands"]);
     let browser = Browser::open(&viewer.url, [900, 600]);
@@ -105,14 +105,17 @@ fn browser_draws_hides_and_picks_points() {
     // Every mode of colors draws, and the address keeps the view.
     let modes = browser.evaluate("[...document.getElementById('mode').options].map(option => option.value)");
     let modes: Vec<&str> = modes.as_array().expect("a list").iter().filter_map(|mode| mode.as_str()).collect();
-    let all = ["rgb", "intensity", "class", "instance", "height", "time", "moving", "score", "band", "bands"];
+    let all =
+        ["rgb", "intensity", "class", "instance", "height", "time", "moving", "score", "band", "bands", "material"];
     assert_eq!(modes, all);
     for mode in modes {
         set(&browser, "mode", "value", &format!("'{mode}'"));
         assert!(drawn_pixels(&browser) > 0.5 * pixels, "{mode}");
     }
+    let legend = browser.evaluate("document.getElementById('materials').innerText");
+    assert!(legend.as_str().is_some_and(|text| text.contains("unknown") && text.contains("vegetation")), "{legend}");
     wait_for("an address with the mode", || {
-        browser.evaluate("location.hash").as_str().is_some_and(|hash| hash.contains("mode=bands")).then_some(())
+        browser.evaluate("location.hash").as_str().is_some_and(|hash| hash.contains("mode=material")).then_some(())
     });
 
     let resources = browser.evaluate("performance.getEntriesByType('resource').map(entry => entry.name)");

@@ -2,6 +2,7 @@
 
 use crate::Settings;
 use crate::references::{CubeCamera, CubeCameraError};
+use color_lines::{CubeRegions, CubeSettings, Start};
 use formats::drive::CameraRig;
 use formats::manifest::MosaicEntry;
 use formats::problems::FileError;
@@ -9,14 +10,23 @@ use formats::sensor_calibration::SensorCalibration;
 use messages::{CubeTopic, MosaicHeader, MosaicTopic, pod::cast_slice_mut};
 use rayon::prelude::*;
 use spectral::{Demosaicing, median_3x3};
-use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StepError};
+use stage::{
+    Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_state,
+    encode_state,
+};
 use std::path::PathBuf;
+
+/// Version of the saved state.
+const STATE_VERSION: u32 = 1;
 
 /// The stage; see the crate's page.
 pub struct Calibrate {
     /// By index; the error is why a camera gives no cubes. `None`: the frames of the camera are another stage's.
     cameras: Vec<Option<Result<CubeCamera, CubeCameraError>>>,
     median: bool,
+    /// `None`: cubes have no regions.
+    color_lines: Option<CubeSettings>,
+    regions: CubeRegions,
 }
 
 /// Why a frame is skipped: a counter of the run summary and a line for the operator.
@@ -39,12 +49,13 @@ impl Calibrate {
         let cube = camera.cube_header(header);
         let n_cells = cube.width as usize * cube.height as usize;
         let n_values = n_cells * cube.n_bands as usize;
-        let n_rows = n_values + n_cells;
+        let n_rows = n_values + n_cells * if self.color_lines.is_some() { 2 } else { 1 };
         let mut loan = outputs.loan::<CubeTopic>(n_rows)?;
         *loan.header_mut() = cube;
-        // All values and masks are written before the loan is published.
+        // All values, masks and regions are written before the loan is published.
         let rows = loan.grow_unset(n_rows)?;
-        let (reflectances, masks) = rows.split_at_mut(n_values);
+        let (reflectances, rest) = rows.split_at_mut(n_values);
+        let (masks, regions) = rest.split_at_mut(n_cells);
         let reflectances = cast_slice_mut(reflectances);
         let counts = camera.cube_into(frame.rows(), header.exposure_nanos, reflectances, masks);
         let counts = counts.and_then(|counts| {
@@ -58,6 +69,12 @@ impl Calibrate {
                 return Ok(Err(Skip("frames_unusable", format!("mosaic camera {}: {error}", header.camera))));
             }
         };
+        if let Some(settings) = &self.color_lines
+            && let Err(error) = self.regions.divide(&cube, settings, reflectances, masks, regions)
+        {
+            outputs.count("cubes_without_regions", 1);
+            outputs.note(format!("mosaic camera {}: no regions: {error}", cube.camera));
+        }
         outputs.count("samples", n_samples as u64);
         outputs.count("saturated_samples", counts.saturated);
         outputs.count("dead_samples", counts.dead);
@@ -65,6 +82,16 @@ impl Calibrate {
         outputs.count("masked", counts.masked());
         outputs.publish(loan, frame.stamp()).map(Ok)
     }
+}
+
+/// How cubes are divided; `None` if they have no regions.
+fn cube_settings(settings: &Settings) -> Option<CubeSettings> {
+    let model = color_lines::Settings {
+        start: Start::Count(settings.color_lines_gaussians as usize),
+        ..color_lines::Settings::default()
+    };
+    let (frames_per_model, simplifies) = (settings.color_lines_frames, settings.color_lines == "simplified");
+    (settings.color_lines != "off").then_some(CubeSettings { model, frames_per_model, simplifies })
 }
 
 /// The cameras of the recorded drive or of the live vehicle.
@@ -154,7 +181,12 @@ impl Stage for Calibrate {
             let sensor = sensor.as_ref().filter(|_| settings.correction);
             Some(CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic)))
         };
-        Ok(Self { cameras: cameras.map(read).collect(), median: settings.median })
+        Ok(Self {
+            cameras: cameras.map(read).collect(),
+            median: settings.median,
+            color_lines: cube_settings(settings),
+            regions: CubeRegions::default(),
+        })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -167,7 +199,14 @@ impl Stage for Calibrate {
         Ok(Flow::Continue)
     }
 
-    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
-        Ok(stage::StateBytes::default())
+    fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
+        // Without regions, a cube follows from its frame alone.
+        let state = self.color_lines.is_some().then(|| encode_state(STATE_VERSION, &self.regions)).transpose()?;
+        Ok(state.map_or_else(StateBytes::default, StateBytes::from))
+    }
+
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        self.regions = decode_state(STATE_VERSION, state)?;
+        self.regions.check().map_err(StepError::data)
     }
 }

@@ -18,7 +18,10 @@
 //!
 //! As many cubes as consumers hold are in shared memory at once.
 //!
-//! The stage has no state: a cube follows from its frame and the references. Frames of a camera without references, and frames that
+//! With `color_lines`, the cells of a cube get regions of equal spectra ([`color_lines`]): one model of a camera for some frames in a row,
+//! and regions whose numbers no other model of the run has.
+//!
+//! The state is these models; without `color_lines` there is none, because a cube follows from its frame and the references. Frames of a camera without references, and frames that
 //! do not fit their camera, are skipped, counted and reported; they do not end the run.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
@@ -41,6 +44,13 @@ stage::settings! {
         pub demosaic: String = "bin".to_owned() => stage::one_of(&["bin", "wb", "id", "iid", "ppid"]);
         /// Replace every value by the median of the valid values in its 3x3 neighborhood.
         pub median: bool = false => stage::any();
+        /// Regions of equal spectra by Graph-based Color Lines: `off`; `regions` gives every cell the number of its region; `simplified`
+        /// replaces its reflectances by the mean of the region, too. Cells without a valid value in all bands keep theirs and have no region.
+        pub color_lines: String = "off".to_owned() => stage::one_of(&["off", "regions", "simplified"]);
+        /// Most Gaussians, and therefore regions, of a model.
+        pub color_lines_gaussians: u32 = 60 => stage::within(1, 4096);
+        /// Frames of a camera that share a model, made of the first of them. 1: a model of each frame.
+        pub color_lines_frames: u32 = 10 => stage::within(1, 1_000_000);
         /// Live: folder with the dark and white frames of the mosaic cameras, in the layout of a drive folder (`hs02/dark`, `hs02/white`);
         /// empty = the folder of the rig. A relative path is relative to the folder of launch.toml.
         pub references: String = String::new() => stage::any();

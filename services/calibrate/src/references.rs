@@ -44,7 +44,8 @@ impl CubeCamera {
             (header.width, header.height) = (header.width * header.pattern, header.height * header.pattern);
             header.pattern = 1;
         }
-        let n_rows = (header.n_bands as usize + 1) * header.width as usize * header.height as usize;
+        // Beside the bands: the mask and, with color lines, the region.
+        let n_rows = (header.n_bands as usize + 2) * header.width as usize * header.height as usize;
         if n_rows > CubeTopic::MAX_ROWS {
             return Err(CubeCameraError::Size { camera: camera(), n_rows, max: CubeTopic::MAX_ROWS });
         }

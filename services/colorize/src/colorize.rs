@@ -6,14 +6,15 @@ mod intake;
 
 use crate::Settings;
 use crate::saved::{self, Held};
-use camera_alignment::report;
+use camera_alignment::report::OffsetReport;
 use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, ProjectionCamera};
 use formats::drive::CameraRig;
 use formats::problems::FileError;
 use geometry::{Stamp, Trajectory};
-use materials::Model;
+use materials::{Model, PointMaterials};
 use messages::{
-    ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN,
+    ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, RegionTopic, SpectraTopic, SubmapTopic, TrajectoryTopic,
+    UNSEEN,
 };
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
 use std::path::Path;
@@ -26,6 +27,7 @@ const MAX_LATENESS_NANOS: i64 = 2_000_000_000;
 
 /// The stage.
 pub struct Colorize {
+    settings: Settings,
     max_age_nanos: i64,
     limits: AgeLimits,
     cameras: Vec<ProjectionCamera>,
@@ -42,9 +44,8 @@ pub struct Colorize {
     names: Vec<String>,
     /// Names of the mosaic cameras.
     mosaic_names: Vec<String>,
-    level_exposures: bool,
     /// `None`: materials are not asked for.
-    materials: Option<Model>,
+    materials: Option<PointMaterials>,
     /// Offset, rad, and delay, s, above which a camera is reported.
     offset_limits: [f32; 2],
     limits_of_doubt: DoubtLimits,
@@ -62,8 +63,10 @@ impl Colorize {
             );
             return Err(StepError::data(text));
         }
+        let model = settings.materials.then(Model::built_in).transpose().map_err(StepError::data)?;
         let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
         Ok(Self {
+            settings: settings.clone(),
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
             limits: AgeLimits {
                 max_age_s: settings.max_age_s as f32,
@@ -80,8 +83,7 @@ impl Colorize {
                 .or((!images).then_some("no stage publishes images: points stay without color")),
             names: vehicle.cameras().iter().map(|entry| entry.name.clone()).collect(),
             mosaic_names: vehicle.mosaics().iter().map(|entry| entry.name.clone()).collect(),
-            level_exposures: settings.level_exposures,
-            materials: settings.materials.then(Model::built_in).transpose().map_err(StepError::data)?,
+            materials: model.map(PointMaterials::new),
             offset_limits: [settings.max_offset_mrad, settings.max_delay_ms].map(|limit| (limit * 1e-3) as f32),
             limits_of_doubt: DoubtLimits {
                 min_colored_share: settings.min_colored_share,
@@ -112,17 +114,11 @@ impl Colorize {
 
     /// Reports the offset between points and images, and counts the cameras with a large one.
     fn report_offset(&self, outputs: &mut Outputs) {
-        if self.held.monitor.is_empty() {
-            return;
-        }
-        let offset = self.held.monitor.offset();
-        let px_per_rad: Vec<f32> = self.cameras.iter().map(ProjectionCamera::px_per_rad).collect();
-        for line in report::lines(&self.held.monitor, &offset, &self.names, &px_per_rad, self.offset_limits) {
-            outputs.note(line);
-        }
-        for found in offset.cameras.iter().filter(|found| found.is_observable()) {
+        let report = OffsetReport::of(&self.held.monitor, &self.names, &self.cameras, self.offset_limits);
+        report.lines.into_iter().for_each(|line| outputs.note(line));
+        for is_large in report.are_large {
             outputs.count("cameras_with_known_offset", 1);
-            outputs.count("cameras_with_large_offset", u64::from(found.exceeds(self.offset_limits[0])));
+            outputs.count("cameras_with_large_offset", u64::from(is_large));
         }
     }
 
@@ -172,11 +168,19 @@ impl Stage for Colorize {
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>(), Port::of::<MaterialTopic>()]
+        vec![
+            Port::of::<ColorTopic>(),
+            Port::of::<SpectraTopic>(),
+            Port::of::<MaterialTopic>(),
+            Port::of::<RegionTopic>(),
+        ]
     }
 
     fn outputs_with(settings: &Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
-        Ok(Self::outputs().into_iter().take(if settings.materials { 3 } else { 2 }).collect())
+        let materials = settings.materials.then(Port::of::<MaterialTopic>);
+        let regions = settings.regions.then(Port::of::<RegionTopic>);
+        let always = [Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()];
+        Ok(always.into_iter().chain(materials).chain(regions).collect())
     }
 
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {

@@ -35,6 +35,8 @@ stage::settings! {
         pub level_exposures: bool = true => stage::any();
         /// Publish the material of every point that a mosaic camera sees, with a score (topic `material`).
         pub materials: bool = false => stage::any();
+        /// Publish the region of every point that a mosaic camera sees (topic `region`); needs `[calibrate] color_lines`.
+        pub regions: bool = false => stage::any();
         /// Offset between the outlines of points and images above which a camera is reported at the end of the run, mrad. 5 mrad are 10 cm at 20 m.
         pub max_offset_mrad: f64 = 5.0 => stage::within(0.1, 100.0);
         /// Delay between an exposure and its stamp above which it is reported, ms.

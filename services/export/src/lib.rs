@@ -32,8 +32,8 @@ use formats::ply::Kind;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use messages::{
-    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, SpectraTopic, StampedPose,
-    SubmapTopic, TrajectoryTopic,
+    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, RegionTopic, SpectraTopic,
+    StampedPose, SubmapTopic, TrajectoryTopic,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -100,6 +100,7 @@ impl Stage for Export {
             Port::optional::<ClassTopic>(),
             Port::optional::<InstanceTopic>(),
             Port::optional::<MaterialTopic>(),
+            Port::optional::<RegionTopic>(),
         ]
     }
 
@@ -131,17 +132,20 @@ impl Stage for Export {
             context.is_connected::<ClassTopic>(),
             context.is_connected::<InstanceTopic>(),
             context.is_connected::<MaterialTopic>(),
+            context.is_connected::<RegionTopic>(),
         ];
-        let [color, spectra, class, instance, material] = columns;
-        // Materials are off by default, so that their absence is not reported.
-        let is_absent = |topic: &&'static str| !is_connected(topic) && *topic != MaterialTopic::TOPIC;
+        let [color, spectra, class, instance, material, region] = columns;
+        // These are off by default, so that their absence is not reported.
+        let is_optional = |topic: &str| [MaterialTopic::TOPIC, RegionTopic::TOPIC].contains(&topic);
+        let is_absent = |topic: &&'static str| !is_connected(topic) && !is_optional(topic);
         let further_classes: Vec<&'static str> = further_ports(settings).iter().map(Port::topic).collect();
         let join = SubmapJoin::new(context.mode)
             .column::<ColorTopic>(color)
             .column::<SpectraTopic>(spectra)
             .column::<ClassTopic>(class)
             .column::<InstanceTopic>(instance)
-            .column::<MaterialTopic>(material);
+            .column::<MaterialTopic>(material)
+            .column::<RegionTopic>(region);
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
@@ -330,6 +334,7 @@ impl Export {
             class: joined.rows::<ClassTopic>()?,
             instance: joined.rows::<InstanceTopic>()?,
             material: joined.rows::<MaterialTopic>()?,
+            region: joined.rows::<RegionTopic>()?,
             further_classes: &further_classes,
             spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
             lost: &joined.lost,

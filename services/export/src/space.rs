@@ -4,7 +4,7 @@ use crate::Settings;
 use delivery::{CloudFields, space_need};
 use formats::drive::Drive;
 use formats::ply::Kind;
-use messages::{ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, SpectraTopic};
+use messages::{ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, RegionTopic, SpectraTopic};
 use stage::space::{bytes_of_files, free_bytes, size_text};
 use stage::{Context, Mode, Problem};
 
@@ -24,6 +24,7 @@ pub(crate) fn lacks(settings: &Settings, context: &Context) -> Option<Problem> {
         has_class: context.is_connected::<ClassTopic>(),
         has_color: context.is_connected::<ColorTopic>(),
         has_material: context.is_connected::<MaterialTopic>(),
+        has_region: context.is_connected::<RegionTopic>(),
         further_classes: &further,
     };
     let has_spectra = settings.spectra && context.is_connected::<SpectraTopic>();

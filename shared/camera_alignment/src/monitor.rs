@@ -42,6 +42,15 @@ impl OffsetMonitor {
         self.profiles.get(camera).is_some_and(|profiles| profiles.len() >= MAX_PROFILES)
     }
 
+    /// The exposures of cameras that have fewer profiles, each with the index of its camera.
+    pub fn needed<'a>(
+        &self,
+        exposures: impl Iterator<Item = AlignmentExposure<'a>>,
+    ) -> Vec<(usize, AlignmentExposure<'a>)> {
+        let of_camera = exposures.map(|exposure| (exposure.image.camera(), exposure));
+        of_camera.filter(|(camera, _)| !self.is_complete(*camera)).collect()
+    }
+
     /// Adds the profiles of a submap, each list with the index of its camera.
     pub fn add(&mut self, profiles: Vec<(usize, Vec<Profile>)>) {
         for (camera, added) in profiles {

@@ -2,8 +2,32 @@
 
 use crate::monitor::{OffsetMonitor, RANGES_M};
 use crate::offset::{CameraOffset, Offset};
+use coloring::ProjectionCamera;
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// What a run says about the offset between points and images.
+#[derive(Default)]
+pub struct OffsetReport {
+    /// Log lines.
+    pub lines: Vec<String>,
+    /// Of each camera whose offset is known: whether it exceeds the limit.
+    pub are_large: Vec<bool>,
+}
+
+impl OffsetReport {
+    /// Empty without profiles. `limits`: of the offset, rad, and of the delay, s.
+    pub fn of(monitor: &OffsetMonitor, names: &[String], cameras: &[ProjectionCamera], limits: [f32; 2]) -> Self {
+        if monitor.is_empty() {
+            return Self::default();
+        }
+        let offset = monitor.offset();
+        let px_per_rad: Vec<f32> = cameras.iter().map(ProjectionCamera::px_per_rad).collect();
+        let known = offset.cameras.iter().filter(|found| found.is_observable());
+        let are_large = known.map(|found| found.exceeds(limits[0])).collect();
+        Self { lines: lines(monitor, &offset, names, &px_per_rad, limits), are_large }
+    }
+}
 
 /// The lines of a whole run: an overview of all cameras, the offsets by range, one line for each camera whose offset exceeds
 /// `max_offset_rad`, and one for a delay above `max_delay_s`. `px_per_rad` belongs to the names of the cameras.

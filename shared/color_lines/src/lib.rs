@@ -9,11 +9,14 @@
 //! 4. The simplified image has the spectrum of the region ([`Model::simplified`]) or the nearest point on the lines
 //!    ([`Model::projected`]) in each pixel.
 //!
+//! [`CubeRegions`] divides the cubes of a drive.
+//!
 //! Baselines: [`project_onto_straight_lines`] (Dynamic Color Lines), [`slic`] (superpixels).
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod blocks;
+mod cube_regions;
 mod error;
 mod exponential;
 mod gaussian;
@@ -31,6 +34,7 @@ mod space;
 mod straight_lines;
 mod tree;
 
+pub use cube_regions::{CubeRegions, CubeSettings};
 pub use error::ColorLinesError;
 pub use gaussian::{Gaussian, REGULARIZATION};
 pub use hemispheres::Hemispheres;

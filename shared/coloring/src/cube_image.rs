@@ -33,9 +33,20 @@ impl<'a> CubeImage<'a> {
         self.header.n_bands as usize
     }
 
+    /// The part of the raw image that it covers: left, top, width, height, px.
+    pub fn area(&self) -> [u32; 4] {
+        let CubeHeader { x0, y0, width, height, pattern, .. } = *self.header;
+        [x0, y0, width * pattern, height * pattern]
+    }
+
     /// Reflectances of one band, cell by cell.
     pub fn band(&self, band: usize) -> &'a [f32] {
         self.planes.band(band)
+    }
+
+    /// Number of the region of a cell; 0 = none.
+    pub fn region(&self, cell: u32) -> u32 {
+        self.planes.regions().map_or(0, |regions| regions[cell as usize])
     }
 
     /// Index of the cell whose filters cover the pixel of the raw image.

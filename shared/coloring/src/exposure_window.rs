@@ -1,5 +1,6 @@
 //! Exposures that a submap may still need.
 
+use geometry::{Pose, Stamp, Trajectory};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -76,6 +77,14 @@ impl<T> ExposureWindow<T> {
         let first = self.held.partition_point(|kept| kept.stamp < *stamps.start());
         let end = self.held.partition_point(|kept| kept.stamp <= *stamps.end());
         self.held.get(first..end).unwrap_or_default()
+    }
+    /// The exposures within a time with their `world_from_body`, and how many have no pose.
+    pub fn posed_within(&self, stamps: RangeInclusive<i64>, trajectory: &Trajectory) -> (Vec<(&T, Pose)>, u64) {
+        let near = self.within(stamps);
+        let posed = |held: &HeldExposure<T>| trajectory.at(Stamp(held.stamp));
+        let found: Vec<(&T, Pose)> = near.iter().filter_map(|held| Some((&held.data, posed(held)?))).collect();
+        let n_without_pose = (near.len() - found.len()) as u64;
+        (found, n_without_pose)
     }
     /// Stamp of the oldest exposure.
     pub fn oldest_stamp(&self) -> Option<i64> {

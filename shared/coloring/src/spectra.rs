@@ -1,6 +1,7 @@
 //! The `spectra` column.
 
 use crate::bands::Bands;
+use crate::camera::ProjectionCamera;
 use crate::candidates::{AgeLimits, Candidates};
 use crate::choice::{Choices, NO_EXPOSURE};
 use crate::chunk::{CHUNK, Chunk};
@@ -9,6 +10,7 @@ use crate::exposure::PosedExposure;
 use crate::occlusion::visibility_maps;
 use crate::points::SubmapPoints;
 use crate::visibility::VisibilityMap;
+use geometry::Pose;
 use messages::{NO_SPECTRUM, SpectraHeader};
 use rayon::prelude::*;
 
@@ -19,6 +21,14 @@ pub struct CameraCubes<'a> {
     pub exposures: Vec<PosedExposure<'a>>,
     /// The cube of each exposure, by index.
     pub cubes: Vec<CubeImage<'a>>,
+}
+
+impl<'a> CameraCubes<'a> {
+    /// Adds a cube of the camera, with `world_from_body` at its stamp and `world_from_submap`.
+    pub fn add(&mut self, camera: &'a ProjectionCamera, cube: CubeImage<'a>, poses: [&Pose; 2], stamp: i64) {
+        self.exposures.push(camera.exposure_of_area(stamp, poses[0], poses[1], cube.area()));
+        self.cubes.push(cube);
+    }
 }
 
 /// The cell of a point in a cube of a camera.
@@ -113,6 +123,21 @@ impl<'a> SpectraColumn<'a> {
             .collect();
         let batches = self.batches.par_iter().zip(tables);
         batches.for_each(|(batch, table)| self.write_batch(batch, table));
+    }
+
+    /// The region of each point by the first camera whose cube has one there; 0 = none.
+    pub fn regions(&self) -> Vec<u32> {
+        let mut rows = vec![0; self.n_points];
+        for batch in &self.batches {
+            for (i, point) in batch.points.iter().enumerate() {
+                let regions = self.cameras.iter().zip(&batch.cells).filter_map(|(camera, cells)| {
+                    let Cell { cube, cell } = cells[i];
+                    (cube != NO_EXPOSURE).then(|| camera.cubes[cube as usize].region(cell))
+                });
+                rows[*point as usize] = regions.into_iter().find(|region| *region != 0).unwrap_or(0);
+            }
+        }
+        rows
     }
 
     fn write_batch(&self, batch: &Batch, table: &mut [u32]) {

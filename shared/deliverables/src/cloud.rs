@@ -47,6 +47,8 @@ pub struct CloudPoint {
     pub material: u8,
     /// Probability of the material in units of 1 / 255.
     pub material_score: u8,
+    /// Number of the region; 0 = none.
+    pub region: u32,
 }
 
 /// Columns that at least one cloud of a run has.
@@ -63,6 +65,8 @@ pub struct Present {
     pub lidar: bool,
     /// Materials with scores.
     pub material: bool,
+    /// Regions of cubes.
+    pub region: bool,
 }
 
 /// An open cloud.
@@ -126,5 +130,6 @@ pub(crate) fn present(clouds: &[Cloud<'_>]) -> Present {
         color: any(|present| present.color),
         lidar: any(|present| present.lidar),
         material: any(|present| present.material),
+        region: any(|present| present.region),
     }
 }

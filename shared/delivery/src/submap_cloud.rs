@@ -26,6 +26,8 @@ pub struct ReceivedSubmap<'a> {
     pub instance: Option<&'a [u32]>,
     /// Materials, if there is such a column.
     pub material: Option<&'a [MaterialRow]>,
+    /// Regions, if there is such a column.
+    pub region: Option<&'a [u32]>,
     /// Topics of further segmenters with their classes.
     pub further_classes: &'a [(&'a str, &'a [ClassRow])],
     /// Header and words of the spectra, if there is such a column.
@@ -50,6 +52,8 @@ pub struct CloudFields<'a> {
     pub has_color: bool,
     /// Whether there are materials.
     pub has_material: bool,
+    /// Whether there are regions.
+    pub has_region: bool,
     /// Topics of further segmenters.
     pub further_classes: &'a [&'a str],
 }
@@ -63,6 +67,7 @@ impl CloudFields<'_> {
         has_class: true,
         has_color: true,
         has_material: false,
+        has_region: false,
         further_classes: &[],
     };
 }
@@ -112,6 +117,9 @@ pub(crate) fn header_of(fields: CloudFields<'_>) -> Header {
         let table = format!("material table {MATERIAL_TABLE_VERSION}: {}", names.join(" "));
         add(&[("material", Kind::UChar), ("material_score", Kind::Float)], table);
     }
+    if fields.has_region {
+        add(&[("region", Kind::Int)], "region 0 where none".to_owned());
+    }
     for topic in fields.further_classes {
         let score = format!("{topic}_score");
         add(&[(*topic, Kind::UChar), (&score, Kind::Float)], format!("{topic} of the table of semantic"));
@@ -128,6 +136,7 @@ pub(crate) struct SubmapColumns<'a> {
     pub(crate) class: Option<&'a [ClassRow]>,
     pub(crate) instance: Option<&'a [u32]>,
     pub(crate) material: Option<&'a [MaterialRow]>,
+    pub(crate) region: Option<&'a [u32]>,
     /// Topics of further segmenters with their classes.
     further_classes: &'a [(&'a str, &'a [ClassRow])],
     /// Type of coordinates in files.
@@ -137,15 +146,31 @@ pub(crate) struct SubmapColumns<'a> {
 }
 
 impl<'a> SubmapColumns<'a> {
-    /// Checks the submap and its instances.
+    /// Checks the submap, its instances and its regions.
     pub(crate) fn new(received: &ReceivedSubmap<'a>, coordinates: Kind) -> Result<Self, DeliveryError> {
-        let ReceivedSubmap { seq, header, points, color, class, instance, material, further_classes, .. } = *received;
+        let ReceivedSubmap { seq, header, points, color, class, instance, material, region, further_classes, .. } =
+            *received;
         let geometry = SubmapGeometry::new(seq, header, points)?;
-        if let Some(id) = instance.and_then(|ids| ids.iter().copied().max()).filter(|id| i32::try_from(*id).is_err()) {
-            return Err(DeliveryError::ExceedsInt { what: format!("instance of submap {seq}: id {id}") });
+        for (name, ids) in [("instance", instance), ("region", region)] {
+            let largest = ids.and_then(|ids| ids.iter().copied().max());
+            if let Some(id) = largest.filter(|id| i32::try_from(*id).is_err()) {
+                return Err(DeliveryError::ExceedsInt { what: format!("{name} of submap {seq}: id {id}") });
+            }
         }
         let has_lidars = header.n_lidars > 1;
-        Ok(Self { seq, points, geometry, color, class, instance, material, further_classes, coordinates, has_lidars })
+        Ok(Self {
+            seq,
+            points,
+            geometry,
+            color,
+            class,
+            instance,
+            material,
+            region,
+            further_classes,
+            coordinates,
+            has_lidars,
+        })
     }
 
     pub(crate) fn header(&self) -> Header {
@@ -157,6 +182,7 @@ impl<'a> SubmapColumns<'a> {
             has_class: self.class.is_some(),
             has_color: self.color.is_some(),
             has_material: self.material.is_some(),
+            has_region: self.region.is_some(),
             further_classes: &further,
         };
         header_of(fields).comment(format!("REPLICA submap {}", self.seq))
@@ -191,6 +217,9 @@ impl<'a> SubmapColumns<'a> {
         }
         if let Some(material) = self.material {
             row.u8(material[i].material_id).f32(f32::from(material[i].score) / 255.0);
+        }
+        if let Some(region) = self.region {
+            row.i32(region[i] as i32);
         }
         for (_, classes) in self.further_classes {
             row.u8(classes[i].class_id).f32(f32::from(classes[i].score) / 255.0);

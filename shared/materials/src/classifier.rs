@@ -44,16 +44,15 @@ impl Method {
 }
 
 /// The Gaussians in each light for sets of bands.
-type Gaussians = BTreeMap<u64, [Whitened; 2]>;
+type Gaussians = BTreeMap<u64, Vec<Whitened>>;
 
 /// Compares spectra with the references of a model.
 pub struct Classifier {
     method: Method,
-    /// In the sun, in the shade.
-    bands: [BandModel; 2],
+    /// In each light.
+    bands: Vec<BandModel>,
     /// Material, logarithm of the share.
     references: Vec<(MaterialId, f64)>,
-    temperature: f64,
     max_distance: f64,
 }
 
@@ -63,9 +62,8 @@ impl Classifier {
         let references = model.references.iter().enumerate();
         Self {
             method,
-            bands: [0, 1].map(|light| BandModel::new(model, light, wavelengths_nm)),
+            bands: (0..model.lights.len()).map(|light| BandModel::new(model, light, wavelengths_nm)).collect(),
             references: references.map(|(i, reference)| (model.material(i), reference.share.ln())).collect(),
-            temperature: model.temperature,
             max_distance: model.max_distance,
         }
     }
@@ -86,8 +84,8 @@ impl Classifier {
     }
 
     /// The Gaussians of these bands in each light; `None` for too few.
-    fn whitened(&self, bands: u64) -> Option<[Whitened; 2]> {
-        (bands.count_ones() >= MIN_BANDS).then(|| self.bands.each_ref().map(|light| light.of_bands(bands)))
+    fn whitened(&self, bands: u64) -> Option<Vec<Whitened>> {
+        (bands.count_ones() >= MIN_BANDS).then(|| self.bands.iter().map(|light| light.of_bands(bands)).collect())
     }
 
     /// Squared distance per band to the nearest reference of each spectrum with enough bands.
@@ -124,14 +122,14 @@ impl Classifier {
         probabilities
     }
 
-    fn posterior(&self, lights: &[Whitened; 2], values: &[f32]) -> Probabilities {
+    fn posterior(&self, lights: &[Whitened], values: &[f32]) -> Probabilities {
         let mut probabilities = [0.0; N_MATERIALS];
         let (mut nearest, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut logs = Vec::with_capacity(2 * self.references.len());
+        let mut logs = Vec::with_capacity(lights.len() * self.references.len());
         for light in lights {
             for (distance, (material, log_share)) in light.distances(values).zip(&self.references) {
                 let log_density = light.log_density - 0.5 * distance;
-                let log = light.log_share + log_share + log_density / self.temperature;
+                let log = light.log_share + log_share + log_density;
                 (nearest, largest) = (nearest.min(distance), largest.max(log));
                 logs.push((*material, log));
             }

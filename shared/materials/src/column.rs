@@ -2,29 +2,46 @@
 
 use crate::classifier::{Classifier, Method, Probabilities};
 use crate::model::Model;
-use crate::smoothing::{Smoothing, mean_spectra, neighborhoods, votes};
+use crate::smoothing::{Smoothing, mean_spectra, neighborhoods, region_means, votes};
 use crate::spectra::Spectra;
 use messages::{MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, SpectraHeader, SubmapPoint};
 
-/// Probabilities of the materials of points with these spectra and positions, m.
+/// Where the points of spectra are.
+#[derive(Clone, Copy)]
+pub struct Places<'a> {
+    /// Positions, m.
+    pub positions: &'a [[f32; 3]],
+    /// Region of each point in a cube; 0 = none. `None` if regions are not known.
+    pub regions: Option<&'a [u32]>,
+}
+
+/// Probabilities of the materials of points with these spectra.
 ///
 /// # Panics
-/// If there is not one position for each spectrum.
+/// If there is not one position, and one region if they are known, for each spectrum.
 pub fn materials_of(
     classifier: &Classifier,
     spectra: &Spectra,
-    positions: &[[f32; 3]],
+    places: Places<'_>,
     smoothing: Smoothing,
 ) -> Vec<Probabilities> {
+    let Places { positions, regions } = places;
     assert_eq!(spectra.len(), positions.len(), "spectra and positions");
+    assert!(regions.is_none_or(|regions| regions.len() == positions.len()), "regions and positions");
     if smoothing == Smoothing::Off {
         return classifier.classify(spectra);
     }
     let near = neighborhoods(positions);
+    let in_regions = |found: Vec<Probabilities>| match regions {
+        Some(regions) => region_means(&found, regions, &near),
+        None => found,
+    };
     match smoothing {
         Smoothing::Off | Smoothing::Votes => votes(&classifier.classify(spectra), &near),
         Smoothing::Mean => classifier.classify(&mean_spectra(spectra, &near)),
         Smoothing::Both => votes(&classifier.classify(&mean_spectra(spectra, &near)), &near),
+        Smoothing::Regions => in_regions(classifier.classify(spectra)),
+        Smoothing::VotesInRegions => in_regions(votes(&classifier.classify(spectra), &near)),
     }
 }
 
@@ -39,26 +56,53 @@ pub fn best_row(probabilities: &Probabilities) -> MaterialRow {
     MaterialRow { material_id: material, score: (most * 255.0).round() as u8 }
 }
 
-/// Header and rows of the topic `material`, by the rows of the topic `spectra`. All unknown if those do not fit their header.
-pub fn material_column(
-    model: &Model,
-    points: &[SubmapPoint],
-    header: &SpectraHeader,
-    spectra: &[u32],
-) -> (MaterialHeader, Vec<MaterialRow>) {
-    let mut rows = vec![MaterialRow::default(); points.len()];
-    if let Some((indices, spectra)) = Spectra::of_column(header, spectra) {
-        let position = |index: &u32| {
-            let point = &points[*index as usize];
-            [point.x, point.y, point.z]
-        };
-        let positions: Vec<[f32; 3]> = indices.iter().map(position).collect();
-        let classifier = Classifier::new(model, &spectra.wavelengths_nm, Method::default());
-        let found = materials_of(&classifier, &spectra, &positions, Smoothing::default());
-        for (index, found) in indices.iter().zip(&found) {
-            rows[*index as usize] = best_row(found);
-        }
+/// Finds the materials of one submap after the other.
+pub struct PointMaterials {
+    model: Model,
+    /// For spectra of these bands, nm. The bands of a drive do not change, so that it is made once.
+    classifier: Option<(Vec<f32>, Classifier)>,
+}
+
+impl PointMaterials {
+    /// With the references of a model.
+    pub fn new(model: Model) -> Self {
+        Self { model, classifier: None }
     }
-    let n_known = rows.iter().filter(|row| row.material_id != MaterialId::Unknown as u8).count() as u64;
-    (MaterialHeader { material_table_version: MATERIAL_TABLE_VERSION, n_known }, rows)
+
+    /// Header and rows of the topic `material`, by the rows of the topic `spectra`; smoothed over `regions`, too, if each
+    /// point has one. All unknown if those do not fit their header.
+    pub fn column(
+        &mut self,
+        points: &[SubmapPoint],
+        header: &SpectraHeader,
+        spectra: &[u32],
+        regions: Option<&[u32]>,
+    ) -> (MaterialHeader, Vec<MaterialRow>) {
+        let mut rows = vec![MaterialRow::default(); points.len()];
+        if let Some((indices, spectra)) = Spectra::of_column(header, spectra) {
+            let position = |index: &u32| {
+                let point = &points[*index as usize];
+                [point.x, point.y, point.z]
+            };
+            let positions: Vec<[f32; 3]> = indices.iter().map(position).collect();
+            let of_spectra = |regions: &[u32]| indices.iter().map(|index| regions[*index as usize]).collect();
+            let regions: Option<Vec<u32>> = regions.map(of_spectra);
+            let smoothing = if regions.is_some() { Smoothing::VotesInRegions } else { Smoothing::default() };
+            let places = Places { positions: &positions, regions: regions.as_deref() };
+            let found = materials_of(self.classifier(&spectra.wavelengths_nm), &spectra, places, smoothing);
+            for (index, found) in indices.iter().zip(&found) {
+                rows[*index as usize] = best_row(found);
+            }
+        }
+        let n_known = rows.iter().filter(|row| row.material_id != MaterialId::Unknown as u8).count() as u64;
+        (MaterialHeader { material_table_version: MATERIAL_TABLE_VERSION, n_known }, rows)
+    }
+
+    fn classifier(&mut self, wavelengths_nm: &[f32]) -> &Classifier {
+        let made = self.classifier.take().filter(|(nm, _)| nm == wavelengths_nm);
+        let made = made.unwrap_or_else(|| {
+            (wavelengths_nm.to_vec(), Classifier::new(&self.model, wavelengths_nm, Method::default()))
+        });
+        &self.classifier.insert(made).1
+    }
 }

@@ -11,9 +11,10 @@ use std::collections::BTreeMap;
 const MIN_SPECTRA: usize = 20;
 /// Share of the training spectra that fit a reference.
 const FITTING_SHARE: f64 = 0.995;
-/// Temperatures that are tried.
-const TEMPERATURES: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
-/// Most spectra of a surface in a light that choose the temperature.
+/// Levels of brightness in the sun and in the shade: noise and color depend on the light, not only on whether the sun shines. Chosen on
+/// towns of their own (docs/experiments/materials.md).
+const LEVELS: [usize; 2] = [2, 4];
+/// Most spectra of a surface in the sun or in the shade that choose the largest distance.
 const N_CHOOSING: usize = 200;
 
 /// Labeled spectra of the same bands, ascending.
@@ -58,55 +59,58 @@ impl Fit {
     pub fn model(&self, about: String) -> Option<Model> {
         let counts = |light: usize| self.surfaces.values().map(move |surface| surface.measured[light].len());
         let [n_sun, n_shade] = [0, 1].map(|light| counts(light).sum::<usize>() as f64);
-        let offsets = [self.offset(0)?, self.offset(1)?];
-        let lights = [(0, n_sun), (1, n_shade)].map(|(light, n)| Light {
-            share: rounded(n / (n_sun + n_shade), 1e4),
-            covariance: self.covariance(light, &offsets[light]),
-        });
+        let offset = self.offset()?;
+        self.surfaces.values().find_map(|surface| surface.measured_mean(1))?;
         let shares = self.shares();
         let reference = |(name, surface): (&String, &Surface)| Reference {
             name: name.clone(),
             material: surface.material.name().to_owned(),
             share: shares[&surface.material],
-            log_reflectance: [0, 1].map(|light| {
-                let logs = surface.mean(light, &offsets[light]);
-                logs.iter().map(|log| rounded(*log, 1e3) as f32).collect()
-            }),
+            log_reflectance: surface.reference(&offset).iter().map(|log| rounded(*log, 1e3) as f32).collect(),
         };
-        let references = self.surfaces.iter().map(reference).collect();
+        let references: Vec<Reference> = self.surfaces.iter().map(reference).collect();
+        let lights = [(0, n_sun), (1, n_shade)].into_iter();
+        let lights = lights.flat_map(|(light, n)| self.levels(light, n / (n_sun + n_shade), &references)).collect();
         let wavelengths_nm = self.wavelengths_nm.clone();
-        let mut model = Model { about, wavelengths_nm, references, lights, temperature: 1.0, max_distance: f64::MAX };
-        self.calibrate(&mut model);
+        let mut model = Model { about, wavelengths_nm, references, lights, max_distance: f64::MAX };
+        model.max_distance = self.max_distance(&model);
         Some(model)
     }
 
-    /// Mean difference between measured and true logarithms in a light, band by band: oblique surfaces, and the color of the light.
-    fn offset(&self, light: usize) -> Option<Vec<f64>> {
+    /// Mean difference between measured and true logarithms in the sun, band by band: oblique surfaces, and the color of the light.
+    fn offset(&self) -> Option<Vec<f64>> {
         let measured: Vec<(Vec<f64>, &Surface)> =
-            (self.surfaces.values()).filter_map(|surface| Some((surface.measured_mean(light)?, surface))).collect();
+            (self.surfaces.values()).filter_map(|surface| Some((surface.measured_mean(0)?, surface))).collect();
         let of =
             |band: usize| measured.iter().map(move |(mean, surface)| mean[band] - f64::from(surface.true_logs[band]));
         let n = measured.len() as f64;
         (!measured.is_empty()).then(|| (0..self.wavelengths_nm.len()).map(|band| of(band).sum::<f64>() / n).collect())
     }
 
-    /// Covariance around the references in a light. All surfaces have the same weight: the most frequent wall must not decide alone.
-    fn covariance(&self, light: usize, offset: &[f64]) -> Vec<f64> {
-        let n = self.wavelengths_nm.len();
-        let mut covariance = vec![0.0; n * (n + 1) / 2];
-        let mut n_surfaces = 0.0;
-        for surface in self.surfaces.values().filter(|surface| surface.measured_mean(light).is_some()) {
-            let (mean, spectra) = (surface.mean(light, offset), &surface.measured[light]);
-            n_surfaces += 1.0;
-            for spectrum in spectra {
-                let off: Vec<f64> = spectrum.iter().zip(&mean).map(|(value, mean)| f64::from(*value) - mean).collect();
-                let pairs = (0..n).flat_map(|i| (i..n).map(move |k| (i, k)));
-                for (sum, (i, k)) in covariance.iter_mut().zip(pairs) {
-                    *sum += off[i] * off[k] / spectra.len() as f64;
-                }
-            }
+    /// The levels of brightness in the sun or in the shade. All surfaces have the same weight: the most frequent wall must not decide alone.
+    fn levels(&self, light: usize, share: f64, references: &[Reference]) -> Vec<Light> {
+        let known =
+            self.surfaces.values().zip(references).map(|(surface, reference)| (&surface.measured[light], reference));
+        let mut spectra: Vec<WeightedSpectrum> = Vec::new();
+        for (measured, reference) in known.filter(|(measured, _)| measured.len() >= MIN_SPECTRA) {
+            let weight = 1.0 / measured.len() as f64;
+            spectra.extend(measured.iter().map(|logs| WeightedSpectrum::new(logs, &reference.log_reflectance, weight)));
         }
-        covariance.into_iter().map(|sum| rounded(sum / n_surfaces, 1e5)).collect()
+        spectra.sort_by(|a, b| a.brightness.total_cmp(&b.brightness));
+        let total: f64 = spectra.iter().map(|spectrum| spectrum.weight).sum();
+        let (n_levels, mut sum) = (LEVELS[light], 0.0);
+        let level_of = |spectrum: &WeightedSpectrum| {
+            sum += spectrum.weight / total;
+            ((sum * n_levels as f64) as usize).min(n_levels - 1)
+        };
+        let level_of: Vec<usize> = spectra.iter().map(level_of).collect();
+        let level = |level: usize| {
+            let first = level_of.partition_point(|other| *other < level);
+            let end = level_of.partition_point(|other| *other <= level);
+            let (offset, covariance) = moments(&spectra[first..end], self.wavelengths_nm.len());
+            Light { share: rounded(share / n_levels as f64, 1e4), offset, covariance }
+        };
+        (0..n_levels).map(level).collect()
     }
 
     /// Share of each reference of a material.
@@ -123,30 +127,19 @@ impl Fit {
         counts.into_iter().map(|(material, counts)| (material, rounded(share(counts), 1e6).max(1e-6))).collect()
     }
 
-    /// Sets the temperature with the largest mean logarithm of the true material's probability, and the largest distance.
-    fn calibrate(&self, model: &mut Model) {
+    /// Squared distance per band within which nearly all spectra of the training have a reference.
+    fn max_distance(&self, model: &Model) -> f64 {
         let mut spectra = Spectra::new(&self.wavelengths_nm);
-        let mut truth = Vec::new();
-        for surface in self.surfaces.values() {
-            for measured in &surface.measured {
-                for logs in measured.iter().step_by(measured.len().div_ceil(N_CHOOSING).max(1)) {
-                    let values: Vec<f32> = logs.iter().map(|log| log.exp()).collect();
-                    spectra.push(u64::MAX >> (64 - values.len()), &values);
-                    truth.push(surface.material as usize);
-                }
+        for measured in self.surfaces.values().flat_map(|surface| &surface.measured) {
+            for logs in measured.iter().step_by(measured.len().div_ceil(N_CHOOSING).max(1)) {
+                let values: Vec<f32> = logs.iter().map(|log| log.exp()).collect();
+                spectra.push(u64::MAX >> (64 - values.len()), &values);
             }
         }
-        let gain = |model: &Model| {
-            let found = Classifier::new(model, &self.wavelengths_nm, Method::Learned).classify(&spectra);
-            found.iter().zip(&truth).map(|(p, truth)| f64::from(p[*truth].max(1e-6)).ln()).sum::<f64>()
-        };
-        let tried = TEMPERATURES.map(|temperature| (temperature, gain(&Model { temperature, ..model.clone() })));
-        let best = tried.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        model.temperature = best.map_or(1.0, |(temperature, _)| temperature);
         let mut distances = Classifier::new(model, &self.wavelengths_nm, Method::Learned).nearest(&spectra);
         distances.sort_by(f64::total_cmp);
         let last = ((distances.len() as f64 * FITTING_SHARE) as usize).min(distances.len().saturating_sub(1));
-        model.max_distance = distances.get(last).map_or(f64::MAX, |distance| rounded(*distance, 1e3).max(1e-3));
+        distances.get(last).map_or(f64::MAX, |distance| rounded(*distance, 1e3).max(1e-3))
     }
 }
 
@@ -159,11 +152,53 @@ impl Surface {
         (spectra.len() >= MIN_SPECTRA).then(|| (0..self.true_logs.len()).map(mean).collect())
     }
 
-    /// As it is measured in a light, or would be.
-    fn mean(&self, light: usize, offset: &[f64]) -> Vec<f64> {
+    /// As it is measured in the sun, or would be.
+    fn reference(&self, offset: &[f64]) -> Vec<f64> {
         let expected = || self.true_logs.iter().zip(offset).map(|(log, offset)| f64::from(*log) + offset).collect();
-        self.measured_mean(light).unwrap_or_else(expected)
+        self.measured_mean(0).unwrap_or_else(expected)
     }
+}
+
+/// A measured spectrum beside its reference.
+struct WeightedSpectrum<'a> {
+    logs: &'a [f32],
+    reference: &'a [f32],
+    weight: f64,
+    /// Mean difference to the reference.
+    brightness: f64,
+}
+
+impl<'a> WeightedSpectrum<'a> {
+    fn new(logs: &'a [f32], reference: &'a [f32], weight: f64) -> Self {
+        let mut spectrum = Self { logs, reference, weight, brightness: 0.0 };
+        spectrum.brightness = spectrum.differences().sum::<f64>() / logs.len() as f64;
+        spectrum
+    }
+
+    fn differences(&self) -> impl Iterator<Item = f64> {
+        self.logs.iter().zip(self.reference).map(|(log, reference)| f64::from(*log) - f64::from(*reference))
+    }
+}
+
+/// Mean of the differences to the references, and the upper triangle of their covariance.
+fn moments(spectra: &[WeightedSpectrum<'_>], n_bands: usize) -> (Vec<f32>, Vec<f64>) {
+    let total: f64 = spectra.iter().map(|spectrum| spectrum.weight).sum();
+    let mut mean = vec![0.0; n_bands];
+    for spectrum in spectra {
+        let weight = spectrum.weight / total;
+        mean.iter_mut().zip(spectrum.differences()).for_each(|(mean, difference)| *mean += weight * difference);
+    }
+    let pairs = || (0..n_bands).flat_map(|i| (i..n_bands).map(move |k| (i, k)));
+    let mut covariance = vec![0.0; n_bands * (n_bands + 1) / 2];
+    for spectrum in spectra {
+        let weight = spectrum.weight / total;
+        let off: Vec<f64> = spectrum.differences().zip(&mean).map(|(difference, mean)| difference - mean).collect();
+        for (sum, (i, k)) in covariance.iter_mut().zip(pairs()) {
+            *sum += weight * off[i] * off[k];
+        }
+    }
+    let offset = mean.iter().map(|value| rounded(*value, 1e3) as f32).collect();
+    (offset, covariance.into_iter().map(|value| rounded(value, 1e5)).collect())
 }
 
 /// To a multiple of 1 / `parts`: the file stays small.

@@ -19,8 +19,10 @@ pub fn log_reflectance(value: f32) -> f32 {
 pub struct BandModel {
     /// Bands within the wavelengths of the model, one bit each.
     pub known: u64,
-    /// Logarithms, one reference after the other.
+    /// Logarithms in the sun, one reference after the other.
     means: Vec<f64>,
+    /// Mean difference to the references in this light.
+    offset: Vec<f64>,
     covariance: DMatrix<f64>,
     /// Logarithm of the share of the light.
     log_share: f64,
@@ -58,13 +60,14 @@ impl BandModel {
         };
         Self {
             known: places.iter().enumerate().fold(0, |bits, (band, place)| bits | u64::from(place.is_some()) << band),
-            means: model.references.iter().flat_map(|reference| mean(&reference.log_reflectance[light])).collect(),
+            means: model.references.iter().flat_map(|reference| mean(&reference.log_reflectance)).collect(),
+            offset: mean(&model.lights[light].offset),
             covariance,
             log_share: model.lights[light].share.ln(),
         }
     }
 
-    /// Logarithms of a reference.
+    /// Logarithms of a reference in the sun.
     pub fn mean(&self, reference: usize) -> &[f64] {
         let n = self.covariance.nrows();
         &self.means[reference * n..][..n]
@@ -81,7 +84,7 @@ impl BandModel {
         let n_references = self.means.len() / self.covariance.nrows().max(1);
         let white = (0..n_references).flat_map(|reference| {
             let mean = self.mean(reference);
-            whiten(&root, bands.iter().map(|band| mean[*band])).data.as_vec().clone()
+            whiten(&root, bands.iter().map(|band| mean[*band] + self.offset[*band])).data.as_vec().clone()
         });
         Whitened { white: white.collect(), log_density: -log_root_determinant, log_share: self.log_share, bands, root }
     }

@@ -4,7 +4,8 @@
 //! 2. A [`Model`] has reference spectra and the covariance of what is measured around them: noise, texture, sun and shadow.
 //!    [`Fit`] makes it from labeled spectra.
 //! 3. A [`Classifier`] compares a spectrum with the references by one [`Method`], on the bands that were measured.
-//! 4. [`materials_of`] classifies all points of a submap, smoothed over their neighbors ([`Smoothing`]).
+//! 4. [`materials_of`] classifies all points of a submap, smoothed over their neighbors and regions of cubes ([`Smoothing`]);
+//!    [`PointMaterials`] makes a column of them.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -17,8 +18,8 @@ mod smoothing;
 mod spectra;
 
 pub use classifier::{Classifier, Method, N_MATERIALS, Probabilities};
-pub use column::{best_row, material_column, materials_of};
+pub use column::{Places, PointMaterials, best_row, materials_of};
 pub use fit::Fit;
 pub use model::{Light, Model, ModelError, Reference};
-pub use smoothing::{Smoothing, mean_spectra, neighborhoods, votes};
+pub use smoothing::{Smoothing, mean_spectra, neighborhoods, region_means, votes};
 pub use spectra::{Spectra, Spectrum, ndvi};

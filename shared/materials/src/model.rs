@@ -10,10 +10,10 @@ const BUILT_IN: &str = include_str!("../../../models/materials.json");
 /// Most bands of a model: as many as a spectrum can have.
 const MAX_BANDS: usize = 64;
 
-/// Reference spectra of materials in sun and shade, and the covariance of measured spectra around them.
+/// Reference spectra of materials, and how they are measured in lights of several levels, from full sun to deep shade.
 ///
 /// All values are natural logarithms of reflectances. An oblique surface adds the same number to all bands, so that the covariance has a
-/// large variance in this direction. In the shade, noise and the color of the skylight are added.
+/// large variance in this direction. The darker the light, the more noise and color of the skylight are added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
@@ -23,21 +23,21 @@ pub struct Model {
     pub wavelengths_nm: Vec<f32>,
     /// The references.
     pub references: Vec<Reference>,
-    /// Sun and shade.
-    pub lights: [Light; 2],
-    /// Scale of the squared distances, so that scores are shares of correct materials.
-    pub temperature: f64,
+    /// The lights.
+    pub lights: Vec<Light>,
     /// Squared distance per band above which a spectrum fits no reference.
     pub max_distance: f64,
 }
 
-/// How spectra are measured in one kind of light.
+/// How spectra are measured in a light of one level.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
     /// Share of the points in this light, 0 to 1.
     pub share: f64,
-    /// Covariance of the logarithms around their reference: upper triangle, row by row.
+    /// Mean difference to the reference, by band.
+    pub offset: Vec<f32>,
+    /// Covariance of the logarithms around reference and offset: upper triangle, row by row.
     pub covariance: Vec<f64>,
 }
 
@@ -51,8 +51,8 @@ pub struct Reference {
     pub material: String,
     /// How often it is expected, 0 to 1.
     pub share: f64,
-    /// Logarithm of the measured reflectance in each band, in sun and shade.
-    pub log_reflectance: [Vec<f32>; 2],
+    /// Logarithm of the measured reflectance in each band, in the sun.
+    pub log_reflectance: Vec<f32>,
 }
 
 /// Why a model cannot be used.
@@ -108,7 +108,7 @@ impl Model {
 
     /// Reflectance of a reference in the sun at a wavelength, interpolated in its logarithm; `None` beyond the bands of the model.
     pub fn reflectance(&self, reference: usize, nm: f32) -> Option<f64> {
-        let logs = &self.references[reference].log_reflectance[0];
+        let logs = &self.references[reference].log_reflectance;
         place(&self.wavelengths_nm, nm).map(|place| place.value(|band| f64::from(logs[band])).exp())
     }
 
@@ -128,7 +128,10 @@ impl Model {
         let bands = "must be 2 to 64 ascending wavelengths";
         rule("wavelengths_nm".to_owned(), format!("{n} bands"), bands, (2..=MAX_BANDS).contains(&n) && is_ascending)?;
         let is_share = |share: f64| share > 0.0 && share <= 1.0;
+        rule("lights".to_owned(), "0".to_owned(), "must be at least one", !self.lights.is_empty())?;
         for light in &self.lights {
+            let n_offsets = light.offset.len();
+            rule("offset of a light".to_owned(), n_offsets.to_string(), "must be one number per band", n_offsets == n)?;
             let n_covariances = light.covariance.len();
             let triangle = "must be the upper triangle: n (n + 1) / 2 numbers of n bands";
             rule("covariance".to_owned(), n_covariances.to_string(), triangle, n_covariances == n * (n + 1) / 2)?;
@@ -145,16 +148,12 @@ impl Model {
             let what = |key: &str| format!("{key} of reference {:?}", reference.name);
             let is_known = MaterialId::from_name(&reference.material).is_some_and(|id| id != MaterialId::Unknown);
             rule(what("material"), reference.material.clone(), "must be the name of a material", is_known)?;
-            for logs in &reference.log_reflectance {
-                let n_values = logs.len();
-                rule(what("log_reflectance"), n_values.to_string(), "must be one number per band", n_values == n)?;
-            }
+            let n_values = reference.log_reflectance.len();
+            rule(what("log_reflectance"), n_values.to_string(), "must be one number per band", n_values == n)?;
             let share = reference.share;
             rule(what("share"), share.to_string(), "must be above 0, at most 1", is_share(share))?;
         }
-        for (key, value) in [("temperature", self.temperature), ("max_distance", self.max_distance)] {
-            rule(key.to_owned(), value.to_string(), "must be positive", value > 0.0)?;
-        }
-        Ok(())
+        let value = self.max_distance;
+        rule("max_distance".to_owned(), value.to_string(), "must be positive", value > 0.0)
     }
 }

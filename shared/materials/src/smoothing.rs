@@ -22,11 +22,15 @@ pub enum Smoothing {
     Mean,
     /// Both: the mean of the probabilities of the neighbors' mean spectra.
     Both,
+    /// The mean of the probabilities of the connected points of a region.
+    Regions,
+    /// Votes of the neighbors, then the mean over the connected points of a region.
+    VotesInRegions,
 }
 
 impl Smoothing {
     /// All, in the order of tables.
-    pub const ALL: [Self; 4] = [Self::Off, Self::Votes, Self::Mean, Self::Both];
+    pub const ALL: [Self; 6] = [Self::Off, Self::Votes, Self::Mean, Self::Both, Self::Regions, Self::VotesInRegions];
 
     /// In tables.
     pub const fn name(self) -> &'static str {
@@ -35,6 +39,8 @@ impl Smoothing {
             Self::Votes => "votes",
             Self::Mean => "mean spectrum",
             Self::Both => "mean spectrum, votes",
+            Self::Regions => "regions",
+            Self::VotesInRegions => "votes, regions",
         }
     }
 }
@@ -80,11 +86,57 @@ pub fn mean_spectra(spectra: &Spectra, neighborhoods: &Neighborhoods<Neighbor>) 
 pub fn votes(probabilities: &[Probabilities], neighborhoods: &Neighborhoods<Neighbor>) -> Vec<Probabilities> {
     let mean = |i: usize| {
         let mut sum = [0.0; N_MATERIALS];
-        for neighbor in near(neighborhoods, i) {
-            sum.iter_mut().zip(&probabilities[neighbor]).for_each(|(sum, p)| *sum += p);
-        }
-        let total: f32 = sum.iter().sum();
-        sum.map(|p| if total > 0.0 { p / total } else { 0.0 })
+        near(neighborhoods, i).for_each(|neighbor| add(&mut sum, &probabilities[neighbor]));
+        normalized(sum)
     };
     (0..probabilities.len()).into_par_iter().map(mean).collect()
+}
+
+/// The mean of the probabilities of the connected points of each region: neighbors of the same region are connected. Points without a
+/// region (0) keep theirs.
+pub fn region_means(
+    probabilities: &[Probabilities],
+    regions: &[u32],
+    neighborhoods: &Neighborhoods<Neighbor>,
+) -> Vec<Probabilities> {
+    let mut parts = Parts((0..regions.len()).collect());
+    for (i, region) in regions.iter().enumerate().filter(|(_, region)| **region != 0) {
+        for neighbor in near(neighborhoods, i).filter(|neighbor| regions[*neighbor] == *region) {
+            parts.join(i, neighbor);
+        }
+    }
+    let part_of: Vec<usize> = (0..regions.len()).map(|i| parts.first_of(i)).collect();
+    let mut sums = vec![[0.0; N_MATERIALS]; regions.len()];
+    part_of.iter().zip(probabilities).for_each(|(part, probabilities)| add(&mut sums[*part], probabilities));
+    part_of.iter().map(|part| normalized(sums[*part])).collect()
+}
+
+fn add(sum: &mut Probabilities, probabilities: &Probabilities) {
+    sum.iter_mut().zip(probabilities).for_each(|(sum, p)| *sum += p);
+}
+
+/// With a sum of 1, or 0 without any.
+fn normalized(sum: Probabilities) -> Probabilities {
+    let total: f32 = sum.iter().sum();
+    sum.map(|p| if total > 0.0 { p / total } else { 0.0 })
+}
+
+/// Connected parts as a forest: a point on the way to the first of its part, which points to itself.
+struct Parts(Vec<usize>);
+
+impl Parts {
+    /// The first point of a part.
+    fn first_of(&mut self, mut i: usize) -> usize {
+        while self.0[i] != i {
+            // Every step halves the way of the next search.
+            self.0[i] = self.0[self.0[i]];
+            i = self.0[i];
+        }
+        i
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.first_of(a), self.first_of(b));
+        self.0[a.max(b)] = a.min(b);
+    }
 }

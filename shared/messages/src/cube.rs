@@ -32,7 +32,8 @@ pod! {
 }
 
 /// A reflectance cube. Rows are 4-byte words: `n_bands * height * width` reflectances (f32, band-sequential), then
-/// `height * width` masks (bit b set: band b was measured here, neither saturated nor dead). See [`CubeView`].
+/// `height * width` masks (bit b set: band b was measured here, neither saturated nor dead). With `[calibrate] color_lines`,
+/// `height * width` numbers of regions follow (0 = none). See [`CubeView`].
 pub struct CubeTopic;
 impl Message for CubeTopic {
     const TOPIC: &'static str = "cube";
@@ -41,7 +42,7 @@ impl Message for CubeTopic {
     const QUEUE: usize = 8;
     // As `image`, by two cameras.
     const BORROWED: usize = 32;
-    // 2045 x 1085 px of 25 bands and a mask, demosaiced: 57.7 million. Unwritten rows take no memory.
+    // 2045 x 1085 px of 25 bands, a mask and a region, demosaiced: 59.9 million. Unwritten rows take no memory.
     const MAX_ROWS: usize = 1 << 26;
     type Header = CubeHeader;
     type Row = u32;
@@ -53,6 +54,7 @@ pub struct CubeView<'a> {
     n_cells: usize,
     reflectances: &'a [f32],
     masks: &'a [u32],
+    regions: Option<&'a [u32]>,
 }
 
 impl<'a> CubeView<'a> {
@@ -60,11 +62,14 @@ impl<'a> CubeView<'a> {
     pub fn new(header: &CubeHeader, rows: &'a [u32]) -> Option<Self> {
         let n_cells = (header.width as usize).checked_mul(header.height as usize)?;
         let n_bands = header.n_bands as usize;
-        if n_bands > MAX_CUBE_BANDS || Some(rows.len()) != n_cells.checked_mul(n_bands + 1) {
+        let n_planes = |n: usize| Some(rows.len()) == n_cells.checked_mul(n_bands + n);
+        if n_bands > MAX_CUBE_BANDS || !(n_planes(1) || n_planes(2)) {
             return None;
         }
-        let (reflectances, masks) = rows.split_at(n_bands * n_cells);
-        Some(Self { n_cells, reflectances: cast_slice(reflectances), masks })
+        let (reflectances, rest) = rows.split_at(n_bands * n_cells);
+        let (masks, regions) = rest.split_at(n_cells);
+        let regions = (!regions.is_empty()).then_some(regions);
+        Some(Self { n_cells, reflectances: cast_slice(reflectances), masks, regions })
     }
     /// Reflectances of one band, row-major.
     pub fn band(&self, band: usize) -> &'a [f32] {
@@ -73,5 +78,9 @@ impl<'a> CubeView<'a> {
     /// Which bands were measured, per cell, row-major.
     pub fn masks(&self) -> &'a [u32] {
         self.masks
+    }
+    /// The region of each cell, row-major; 0 = none. `None` for a cube without regions.
+    pub fn regions(&self) -> Option<&'a [u32]> {
+        self.regions
     }
 }

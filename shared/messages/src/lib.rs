@@ -26,7 +26,8 @@ pub use byte_table::{ByteField, ByteTable};
 pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, UnknownClass, class_name};
 pub use columns::{
     ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, InstanceHeader, InstanceTopic, MAX_BANDS,
-    MaterialHeader, MaterialRow, MaterialTopic, NO_SPECTRUM, SpectraHeader, SpectraTopic, SpectraView, UNSEEN,
+    MaterialHeader, MaterialRow, MaterialTopic, NO_SPECTRUM, RegionHeader, RegionTopic, SpectraHeader, SpectraTopic,
+    SpectraView, UNSEEN,
 };
 pub use cube::{CubeHeader, CubeTopic, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Message};

@@ -63,6 +63,20 @@ impl Outputs {
         self.publish(loan, stamp)
     }
 
+    /// As [`Outputs::publish_column`], with a copy of the rows.
+    pub fn publish_column_rows<T: Message>(
+        &mut self,
+        header: T::Header,
+        rows: &[T::Row],
+        stamp: i64,
+        seq: u64,
+    ) -> Result<(), StepError> {
+        let mut loan = self.loan::<T>(rows.len())?;
+        *loan.header_mut() = header;
+        loan.extend_from_slice(rows)?;
+        self.publish_column(loan, stamp, seq)
+    }
+
     /// Publishes a column of submap `seq`. Columns are published in the order of submaps, one for each; live, one for each
     /// submap that has arrived.
     pub fn publish_column<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: u64) -> Result<(), StepError> {

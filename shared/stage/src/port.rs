@@ -8,7 +8,7 @@ use crate::untyped::{self, LoanMaker, UntypedMessage};
 use crate::{Inputs, Outputs, StepError};
 use messages::{
     ByteTable, ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic,
-    Message, MosaicTopic, PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
+    Message, MosaicTopic, PlacementTopic, RegionTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
 };
 use run::assignment::PortDescription;
 
@@ -80,6 +80,7 @@ impl Port {
             Self::of::<ColorTopic>(),
             Self::of::<SpectraTopic>(),
             Self::of::<MaterialTopic>(),
+            Self::of::<RegionTopic>(),
             Self::of::<ClassTopic>(),
             Self::of::<InstanceTopic>(),
         ]

@@ -32,6 +32,9 @@ pub enum TownSweepsError {
     /// The references of a mosaic camera or its frames cannot be used.
     #[error(transparent)]
     Spectral(#[from] spectral::SpectralError),
+    /// A cube has no regions.
+    #[error(transparent)]
+    ColorLines(#[from] color_lines::ColorLinesError),
     /// The mosaic cameras have too many bands.
     #[error(transparent)]
     Bands(#[from] coloring::TooManyBands),

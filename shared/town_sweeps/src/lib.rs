@@ -13,7 +13,7 @@ mod surface_rays;
 pub use drive::TownDrive;
 pub use error::TownSweepsError;
 pub use ideal_camera::{BANDS_NM, IdealCamera};
-pub use mosaic_cameras::MosaicCameras;
+pub use mosaic_cameras::{MosaicCameras, PointSpectra};
 pub use mount::Mount;
 pub use submap::TownSubmap;
 pub use surface_rays::{TrueSurface, true_surfaces};

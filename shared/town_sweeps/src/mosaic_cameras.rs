@@ -2,6 +2,7 @@
 //! calibrated by dark and white references, and sampled at the points as the stage `colorize` does.
 
 use crate::error::TownSweepsError;
+use color_lines::{CubeRegions, CubeSettings};
 use coloring::{AgeLimits, Bands, CameraCubes, CubeImage, PointBuffers, ProjectionCamera, SpectraColumn, SubmapPoints};
 use geometry::{RigCamera, Stamp};
 use messages::pod::cast_slice_mut;
@@ -14,6 +15,16 @@ use spectral::{Calibration, Camera, Mosaic, Reference, SpectralError, WhiteTarge
 
 /// The default of `colorize`.
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
+
+/// What the mosaic cameras measure at the points of a submap.
+pub struct PointSpectra {
+    /// Header of the topic `spectra`.
+    pub header: Box<SpectraHeader>,
+    /// Its rows.
+    pub rows: Vec<u32>,
+    /// Rows of the topic `region`: 0 without color lines.
+    pub regions: Vec<u32>,
+}
 
 /// The mosaic cameras of a simulated vehicle.
 pub struct MosaicCameras {
@@ -59,13 +70,14 @@ impl MosaicCameras {
         Ok(Self { cameras, bands, median })
     }
 
-    /// Header and rows of the topic `spectra` of a submap of the simulation.
+    /// The topic `spectra` of a submap of the simulation, and its topic `region` with one model for all cubes of a camera.
     pub fn spectra(
         &self,
         simulation: &Simulation,
         header: &SubmapHeader,
         points: &[SubmapPoint],
-    ) -> Result<(Box<SpectraHeader>, Vec<u32>), TownSweepsError> {
+        color_lines: Option<&CubeSettings>,
+    ) -> Result<PointSpectra, TownSweepsError> {
         let sweeps = &header.sweeps[..header.n_sweeps as usize];
         let begin = sweeps.first().map_or(0, |sweep| sweep.stamp);
         let end = sweeps.last().map_or(0, |sweep| sweep.stamp + i64::from(sweep.duration_nanos));
@@ -73,30 +85,36 @@ impl MosaicCameras {
         let stamps = simulation.exposures();
         let stamps: Vec<Stamp> =
             stamps.into_iter().filter(|stamp| (begin - age_nanos..=end + age_nanos).contains(&stamp.0)).collect();
-        let mut shot = Vec::new();
+        let (mut shot, mut models) = (Vec::new(), CubeRegions::default());
         for (index, camera) in self.cameras.iter().enumerate() {
             for stamp in &stamps {
                 let raw = simulation.mosaic(&camera.sensor, index, *stamp);
-                shot.push((index, *stamp, camera.cube(index, &raw, self.median)?));
+                let (cube, mut rows) = camera.cube(index, &raw, self.median)?;
+                if let Some(settings) = color_lines {
+                    let n_cells = cube.width as usize * cube.height as usize;
+                    rows.resize(rows.len() + n_cells, 0);
+                    let (reflectances, rest) = rows.split_at_mut(cube.n_bands as usize * n_cells);
+                    let (masks, regions) = rest.split_at_mut(n_cells);
+                    models.divide(&cube, settings, cast_slice_mut(reflectances), masks, regions)?;
+                }
+                shot.push((index, *stamp, (cube, rows)));
             }
         }
         let world_from_submap = simulation.motion.pose_at(Stamp(begin));
         let mut cubes: Vec<CameraCubes<'_>> = Vec::new();
         cubes.resize_with(self.cameras.len(), CameraCubes::default);
         for (index, stamp, (cube, rows)) in &shot {
-            let area = [cube.x0, cube.y0, cube.width * cube.pattern, cube.height * cube.pattern];
             let world_from_body = simulation.motion.pose_at(*stamp);
-            let camera = &self.cameras[*index].projection;
             let Some(image) = CubeImage::new(cube, rows) else { continue };
-            cubes[*index].exposures.push(camera.exposure_of_area(stamp.0, &world_from_body, &world_from_submap, area));
-            cubes[*index].cubes.push(image);
+            let camera = &self.cameras[*index].projection;
+            cubes[*index].add(camera, image, [&world_from_body, &world_from_submap], stamp.0);
         }
         let mut buffers = PointBuffers::default();
         let points = SubmapPoints::new(points, sweeps, begin, header.n_rings, &mut buffers);
         let column = SpectraColumn::new(&points, &self.bands, &cubes, LIMITS);
         let mut rows = vec![0; column.n_rows()];
         column.write_into(&mut rows);
-        Ok((Box::new(column.header()), rows))
+        Ok(PointSpectra { header: Box::new(column.header()), rows, regions: column.regions() })
     }
 }
 

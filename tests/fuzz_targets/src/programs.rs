@@ -6,7 +6,7 @@ use formats::drive::{SourcePosition, read_manifest};
 use formats::recording::{RecordingReader, TickReader};
 use messages::{
     ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message,
-    MosaicTopic, PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
+    MosaicTopic, PlacementTopic, RegionTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
 };
 use run::control::{Answer, MAX_REQUEST, Request};
 use run::launch_file::LaunchFile;
@@ -139,7 +139,7 @@ pub(crate) fn saved_message(bytes: &[u8]) {
         }
     }
     let Some((topic, bytes)) = bytes.split_first() else { return };
-    match topic % 15 {
+    match topic % 16 {
         0 => check::<SweepTopic>(bytes),
         1 => check::<TickTopic>(bytes),
         2 => check::<TrajectoryTopic>(bytes),
@@ -154,7 +154,8 @@ pub(crate) fn saved_message(bytes: &[u8]) {
         11 => check::<ImuTopic>(bytes),
         12 => check::<ImageTopic>(bytes),
         13 => check::<MosaicTopic>(bytes),
-        _ => check::<MaterialTopic>(bytes),
+        14 => check::<MaterialTopic>(bytes),
+        _ => check::<RegionTopic>(bytes),
     }
 }
 

@@ -50,7 +50,7 @@ export async function readRecords(get, header, vlrs) {
   const layout = recordLayout(header, await data(4))
   const names = await data(0)
   const has = (name) => extraField(layout, name) !== undefined
-  const fields = { class: has('class'), score: has('score'), moving: has('moving'), instance: has('instance'), color: layout.hasColor, bands: bandsOf(layout).length > 0 }
+  const fields = { class: has('class'), score: has('score'), moving: has('moving'), instance: has('instance'), material: has('material'), color: layout.hasColor, bands: bandsOf(layout).length > 0 }
   return { layout, has: fields, classNames: names ? classNames(names) : new Map() }
 }
 

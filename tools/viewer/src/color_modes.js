@@ -12,6 +12,7 @@ export const MODES = {
   score: { number: 7, label: 'score', needs: 'score', range: () => [0, 1] },
   band: { number: 8, label: 'one band', needs: 'bands', range: () => [0, 0.6] },
   bands: { number: 9, label: 'three bands', needs: 'bands', range: () => [0, 0.6] },
+  material: { number: 10, label: 'material', needs: 'material' },
 }
 
 /** Names of the modes that a cloud allows. */
@@ -33,3 +34,7 @@ export function classTable(cloud, scene) {
     return { id, name, color: ASPRS_COLORS[id] ?? [wave(0), wave(1 / 3), wave(2 / 3)] }
   })
 }
+
+/** Name and sRGB color of each of 256 materials. */
+export const materialTable = (scene) => Array.from({ length: 256 }, (_, id) =>
+  scene.material_table.find((known) => known.id === id) ?? { id, name: `material ${id}`, color: [70, 72, 78] })

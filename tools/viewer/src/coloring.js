@@ -1,6 +1,6 @@
 // The choice of colors: mode, range, bands, hidden classes.
 
-import { MODES, classTable, modesOf } from './color_modes.js'
+import { MODES, classTable, materialTable, modesOf } from './color_modes.js'
 import { element, escaped, grouped, onInput } from './elements.js'
 
 /** Bands of natural colors that one camera can have, nm: few points are seen by two. */
@@ -18,7 +18,10 @@ export class Coloring {
   #legend = ''
 
   constructor(cloud, scene, nodes, uniforms) {
-    Object.assign(this, { cloud, nodes, uniforms, classes: classTable(cloud, scene) })
+    Object.assign(this, { cloud, nodes, uniforms, classes: classTable(cloud, scene), materials: materialTable(scene) })
+    const materials = uniforms.materials.value
+    this.materials.forEach(({ color }, id) => materials.image.data.set([...color, 255], 4 * id))
+    materials.needsUpdate = true
     this.#learnTimes()
     this.#ranges.heights = [cloud.bounds[0][2], cloud.bounds[1][2]]
     this.#ranges.intensities = [0, 65535]
@@ -34,7 +37,7 @@ export class Coloring {
     onInput('mode', ({ value }) => { this.mode = value; this.range = null; this.apply() })
     for (const id of ['rangeLow', 'rangeHigh']) onInput(id, () => this.#readRange())
     element('allClasses').onclick = () => this.hide([])
-    element('noClasses').onclick = () => this.hide(this.#present())
+    element('noClasses').onclick = () => this.hide(presentOf(nodes.classCounts))
     element('classes').addEventListener('input', ({ target }) => {
       if (target.checked) this.hidden.delete(Number(target.value))
       else this.hidden.add(Number(target.value))
@@ -94,6 +97,7 @@ export class Coloring {
     const range = this.range ?? rangeOf?.(this.#ranges) ?? [0, 1]
     uniforms.range.value.set(...range)
     element('rangeChoice').hidden = rangeOf === undefined
+    element('materials').hidden = mode !== 'material'
     if (document.activeElement?.parentElement?.id !== 'rangeChoice') {
       element('rangeLow').value = Number(range[0].toPrecision(6))
       element('rangeHigh').value = Number(range[1].toPrecision(6))
@@ -113,17 +117,15 @@ export class Coloring {
     this.onChange()
   }
 
-  /** Lists the classes of the points that were loaded so far. */
+  /** Lists the classes and materials of the points that were loaded so far. */
   showLegend() {
-    const present = this.#present()
-    const legend = present.map((id) => `${id}:${this.nodes.classCounts[id]}`).join()
+    const { classCounts, materialCounts } = this.nodes
+    const legend = `${classCounts.join()};${materialCounts.join()}`
     if (legend === this.#legend) return
     this.#legend = legend
-    const counts = this.nodes.classCounts
-    element('classes').innerHTML = present.map((id) => {
-      const { name, color } = this.classes[id]
-      return `<label><input type="checkbox" value="${id}"${this.hidden.has(id) ? '' : ' checked'}><i style="background:rgb(${color.join()})"></i>${escaped(name)}<span title="points loaded so far">${grouped(counts[id])}</span></label>`
-    }).join('')
+    const hides = (id) => `<input type="checkbox" value="${id}"${this.hidden.has(id) ? '' : ' checked'}>`
+    element('classes').innerHTML = presentOf(classCounts).map((id) => legendRow(this.classes[id], classCounts[id], hides(id))).join('')
+    element('materials').innerHTML = presentOf(materialCounts).map((id) => legendRow(this.materials[id], materialCounts[id])).join('')
   }
 
   #listModes() {
@@ -133,10 +135,6 @@ export class Coloring {
   #defaultMode() {
     if (this.cloud.has.color) return 'rgb'
     return this.cloud.has.class ? 'class' : 'height'
-  }
-
-  #present() {
-    return [...this.nodes.classCounts.keys()].filter((id) => this.nodes.classCounts[id] > 0)
   }
 
   #usedBands() {
@@ -150,6 +148,12 @@ export class Coloring {
     this.apply()
   }
 }
+
+/** Numbers that occur. */
+const presentOf = (counts) => [...counts.keys()].filter((id) => counts[id] > 0)
+
+const legendRow = ({ name, color }, count, input = '') =>
+  `<label>${input}<i style="background:rgb(${color.join()})"></i>${escaped(name)}<span title="points loaded so far">${grouped(count)}</span></label>`
 
 /** Every `step`th value from `first` on. */
 function every(values, step, first) {

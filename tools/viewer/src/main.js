@@ -77,7 +77,7 @@ function show(cloud, scene) {
     view.redraw()
     if (!found) return null
     const { record } = await workers.run('record', { node: found.node.data, index: found.index })
-    marked = cloud.local(showPoint(record, cloud.layout, scene, coloring.classes))
+    marked = cloud.local(showPoint(record, cloud.layout, scene, coloring))
     nClicked++
     view.redraw()
     return marked

@@ -7,7 +7,7 @@ precision highp float;
 precision highp int;
 uniform int mode;
 uniform vec2 range;
-uniform sampler2D classes;
+uniform sampler2D classes, materials;
 uniform float sizePx, sizeM, focalPx, heightOrigin;
 uniform bool clips;
 uniform vec3 clipLow, clipHigh;
@@ -52,6 +52,7 @@ vec3 colorOf(vec4 classColor, float height) {
   if (mode == 5) return turbo(scaled(time));
   if (mode == 6) return marks.z > 0.5 ? vec3(1.0, 0.35, 0.1) : NONE;
   if (mode == 7) return turbo(scaled(marks.y));
+  if (mode == 10) return texelFetch(materials, ivec2(int(marks.w * 65535.0 + 0.5), 0), 0).rgb;
   if (mode == 8) return bands.x == -1.0 ? NONE : turbo(scaled(bands.x));
   return any(equal(bands, vec3(-1.0))) ? NONE : clamp(vec3(scaled(bands.x), scaled(bands.y), scaled(bands.z)), 0.0, 1.0);
 }
@@ -84,13 +85,18 @@ void main() {
   fragment = shown;
 }`
 
+/** A color for each of 256 numbers. */
+function colorTable() {
+  const table = new DataTexture(new Uint8Array(256 * 4).fill(255), 256, 1, RGBAFormat)
+  table.minFilter = table.magFilter = NearestFilter
+  table.needsUpdate = true
+  return table
+}
+
 /** One set of values for the pictures and for picking. */
 export function pointUniforms() {
-  const classes = new DataTexture(new Uint8Array(256 * 4).fill(255), 256, 1, RGBAFormat)
-  classes.minFilter = classes.magFilter = NearestFilter
-  classes.needsUpdate = true
   return {
-    mode: { value: 0 }, range: { value: new Vector2(0, 1) }, classes: { value: classes },
+    mode: { value: 0 }, range: { value: new Vector2(0, 1) }, classes: { value: colorTable() }, materials: { value: colorTable() },
     sizePx: { value: 2 }, sizeM: { value: 0.02 }, focalPx: { value: 1000 }, heightOrigin: { value: 0 }, isRound: { value: true },
     clips: { value: false }, clipLow: { value: new Vector3() }, clipHigh: { value: new Vector3() },
     firstPoint: { value: 0 },

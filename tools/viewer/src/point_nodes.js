@@ -14,6 +14,7 @@ export class PointNodes {
   bands = []
   /** Points by class of all nodes that were loaded. */
   classCounts = new Float64Array(256)
+  materialCounts = new Float64Array(256)
   nDrawn = 0
   /** Nodes that belong to the picture and are not loaded yet. */
   nMissing = 0
@@ -118,7 +119,7 @@ export class PointNodes {
     this.onChange()
   }
 
-  #add(node, { positions, colors, marks, instances, times, bands, classCounts }) {
+  #add(node, { positions, colors, marks, instances, times, bands, classCounts, materialCounts }) {
     const geometry = new BufferGeometry()
     geometry.setAttribute('position', uploaded(positions, 3))
     geometry.setAttribute('color', uploaded(colors, 4, true))
@@ -140,7 +141,10 @@ export class PointNodes {
     node.points = points
     node.state = 'ready'
     this.group.add(points)
-    if (!node.wasCounted) classCounts.forEach((n, id) => { this.classCounts[id] += n })
+    if (!node.wasCounted) {
+      classCounts.forEach((n, id) => { this.classCounts[id] += n })
+      materialCounts.forEach((n, id) => { this.materialCounts[id] += n })
+    }
     node.wasCounted = true
     this.#ready.add(node)
     this.nLoaded += node.nPoints

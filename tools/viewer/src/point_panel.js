@@ -5,11 +5,12 @@ import { recordFields, spectrumOf } from './record.js'
 import { nearestMaterials, spectrumPlot } from './spectrum_plot.js'
 
 /** Shows a record. Returns the position of its point in the coordinates of the file. */
-export function showPoint(record, layout, scene, classes) {
+export function showPoint(record, layout, scene, { classes, materials }) {
   const { position, fields } = recordFields(layout, record)
   const text = ([name, value]) => {
     if (value === null) return 'none'
-    if (name === 'class') return `${value} ${classes[value]?.name ?? ''}`
+    const table = { class: classes, material: materials }[name]
+    if (table) return `${value} ${table[value]?.name ?? ''}`
     if (typeof value !== 'number' || Number.isInteger(value)) return value
     return value.toFixed(name === 'GPS time, s' ? 6 : 3)
   }

@@ -2,12 +2,13 @@
 
 use super::Colorize;
 use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
-use coloring::{
-    CameraCubes, Candidates, ExposureWindow, HeldExposure, SpectraColumn, SubmapPoints, color_into, visibility_maps,
-};
+use coloring::{CameraCubes, Candidates, ExposureWindow, SpectraColumn, SubmapPoints, color_into, visibility_maps};
 use geometry::{Pose, Stamp};
-use materials::material_column;
-use messages::{CheckedSubmap, ColorTopic, MaterialTopic, Message, SpectraTopic, SubmapHeader, SubmapTopic};
+use materials::PointMaterials;
+use messages::{
+    CheckedSubmap, ColorTopic, MaterialTopic, Message, RegionHeader, RegionTopic, SpectraTopic, SubmapHeader,
+    SubmapTopic,
+};
 use stage::{Outputs, Received, StepError};
 
 /// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns. In this time the
@@ -29,7 +30,9 @@ impl Colorize {
         let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.ring_counts(), &mut buffers);
         let profiles = self.publish_color(submap, &points, &world_from_submap, outputs)?;
         self.held.monitor.add(profiles);
-        self.publish_spectra(submap, &points, &world_from_submap, outputs)?;
+        let mut materials = self.materials.take();
+        self.publish_spectra(submap, &points, &world_from_submap, materials.as_mut(), outputs)?;
+        self.materials = materials;
         self.buffers = buffers;
         Ok(())
     }
@@ -58,29 +61,21 @@ impl Colorize {
         let n_points = points.rows.len();
         let mut loan = outputs.loan::<ColorTopic>(n_points)?;
         let rows = loan.grow_unset(n_points)?;
-        let n_seen = color_into(&candidates, &images, self.level_exposures, rows);
+        let n_seen = color_into(&candidates, &images, self.settings.level_exposures, rows);
         loan.header_mut().n_seen = n_seen;
         outputs.count("points", n_points as u64);
         outputs.count("points_with_color", n_seen);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
 
-        let header = submap.header();
-        let needed = (0..exposures.len()).filter(|i| {
-            let is_within = (header.stamp_begin..=header.stamp_end).contains(&exposures[*i].stamp);
-            is_within && !self.held.monitor.is_complete(images[*i].camera())
+        let span = submap.header().stamp_begin..=submap.header().stamp_end;
+        let seen = exposures.iter().zip(&images).zip(&visibility).zip(&shifted);
+        let seen = seen.filter(|(((exposure, _), _), _)| span.contains(&exposure.stamp));
+        let shift_s = 2e-9 * SHIFT_NANOS as f32;
+        let posed = seen.filter_map(|(((exposure, image), visibility), [before, after])| {
+            let shifted = [(*before)?, (*after)?];
+            Some(AlignmentExposure { exposure: *exposure, shifted, shift_s, visibility, image: *image })
         });
-        let monitored = needed.filter_map(|i| {
-            let [before, after] = shifted[i];
-            let exposure = AlignmentExposure {
-                exposure: exposures[i],
-                shifted: [before?, after?],
-                shift_s: 2e-9 * SHIFT_NANOS as f32,
-                visibility: &visibility[i],
-                image: images[i],
-            };
-            Some((images[i].camera(), exposure))
-        });
-        Ok(profiles_by_camera(points, &monitored.collect::<Vec<_>>()))
+        Ok(profiles_by_camera(points, &self.held.monitor.needed(posed)))
     }
 
     fn publish_spectra(
@@ -88,33 +83,35 @@ impl Colorize {
         submap: &Received<SubmapTopic>,
         points: &SubmapPoints<'_>,
         world_from_submap: &Pose,
+        materials: Option<&mut PointMaterials>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
         for (cube, world_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
             let Some(cells) = self.cube_image(cube) else { continue };
-            let header = cube.header();
-            let index = header.camera as usize;
-            let area = [header.x0, header.y0, header.width * header.pattern, header.height * header.pattern];
-            let exposure =
-                self.mosaics[index].exposure_of_area(cube.stamp(), &world_from_body, world_from_submap, area);
-            cameras[index].exposures.push(exposure);
-            cameras[index].cubes.push(cells);
+            let index = cube.header().camera as usize;
+            cameras[index].add(&self.mosaics[index], cells, [&world_from_body, world_from_submap], cube.stamp());
         }
         let column = SpectraColumn::new(points, self.bands.bands(), &cameras, self.limits);
         let mut loan = outputs.loan::<SpectraTopic>(column.n_rows())?;
         *loan.header_mut() = column.header();
         let rows = loan.grow_unset(column.n_rows())?;
         column.write_into(rows);
-        let material = self.materials.as_ref().map(|model| material_column(model, points.rows, &column.header(), rows));
+        let regions = self.settings.regions.then(|| column.regions());
+        let material = materials.map(|found| found.column(points.rows, &column.header(), rows, regions.as_deref()));
         outputs.count("points_with_spectrum", column.n_spectra() as u64);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
-        let Some((header, rows)) = material else { return Ok(()) };
-        let mut loan = outputs.loan::<MaterialTopic>(rows.len())?;
-        outputs.count("points_with_material", header.n_known);
-        *loan.header_mut() = header;
-        loan.extend_from_slice(&rows)?;
-        outputs.publish_column(loan, submap.stamp(), submap.seq())
+        if let Some((header, rows)) = material {
+            outputs.count("points_with_material", header.n_known);
+            outputs.publish_column_rows::<MaterialTopic>(header, &rows, submap.stamp(), submap.seq())?;
+        }
+        if let Some(rows) = regions {
+            let n_points = rows.iter().filter(|region| **region != 0).count() as u64;
+            outputs.count("points_with_region", n_points);
+            let header = RegionHeader { n_points };
+            outputs.publish_column_rows::<RegionTopic>(header, &rows, submap.stamp(), submap.seq())?;
+        }
+        Ok(())
     }
 
     /// The exposures within `max_age_s` of the submap, with `world_from_body`. Exposures before the first or after the last
@@ -127,11 +124,8 @@ impl Colorize {
     ) -> Vec<(&'a Received<T>, Pose)> {
         let from = header.stamp_begin.saturating_sub(self.max_age_nanos);
         let until = header.stamp_end.saturating_add(self.max_age_nanos);
-        let near = window.within(from..=until);
-        let posed =
-            |held: &'a HeldExposure<Received<T>>| Some((&held.data, self.held.trajectory.at(Stamp(held.stamp))?));
-        let found: Vec<_> = near.iter().filter_map(posed).collect();
-        outputs.count("exposures_without_pose", (near.len() - found.len()) as u64);
+        let (found, n_without_pose) = window.posed_within(from..=until, &self.held.trajectory);
+        outputs.count("exposures_without_pose", n_without_pose);
         found
     }
 }

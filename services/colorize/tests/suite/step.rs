@@ -5,8 +5,8 @@ use crate::support::{bare_manifest, drive, submap};
 use colorize::{Colorize, Settings};
 use geometry::{Point3, Pose};
 use messages::{
-    ColorRow, ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, NO_SPECTRUM, NoHeader, SpectraHeader,
-    SpectraTopic, SpectraView, SubmapTopic, TrajectoryTopic, UNSEEN,
+    ColorRow, ColorTopic, CubeTopic, ImageTopic, MaterialTopic, Message, NO_SPECTRUM, NoHeader, RegionTopic,
+    SpectraHeader, SpectraTopic, SpectraView, SubmapTopic, TrajectoryTopic, UNSEEN,
 };
 use stage::Stage;
 use stage::testing::{Bench, context};
@@ -221,6 +221,47 @@ fn materials_are_published_for_points_with_a_spectrum_if_they_are_on() {
     assert!(scored.count() * 2 > has_spectrum, "most of {has_spectrum} points have a material");
     let n_known = materials[0].rows().iter().filter(|row| row.material_id != 0).count() as u64;
     assert_eq!((materials[0].header().n_known, bench.counter("points_with_material")), (n_known, n_known));
+}
+
+#[test]
+fn regions_of_cells_are_published_for_their_points_if_they_are_on() {
+    let folder = drive(&street::manifest());
+    let on = Settings { regions: true, ..Settings::default() };
+    let ports = Colorize::outputs_with(&on, folder.path()).expect("ports");
+    assert_eq!(ports.iter().map(stage::Port::topic).collect::<Vec<_>>(), ["color", "spectra", "region"]);
+    let mut bench = Bench::<Colorize>::new(&on, &context(folder.path())).expect("starts");
+    let (from, until) = (START - 2 * SECOND, START + 2 * SECOND);
+    bench.send::<TrajectoryTopic>(from, NoHeader::default(), street::trajectory(from, until));
+    for burst in street::bursts() {
+        for (header, rows) in &burst.cubes {
+            // Camera 1 has a region in every other cell, camera 0 another one in all.
+            let cells = 0..header.width * header.height;
+            let mut rows = rows.clone();
+            rows.extend(cells.map(|cell| if header.camera == 0 { 7 } else { 8 * (cell % 2) }));
+            bench.send::<CubeTopic>(burst.stamp, *header, rows);
+        }
+    }
+    let points: Vec<_> = street::points(DURATION_NANOS).iter().map(|painted| painted.point).collect();
+    bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &points), points.clone());
+    bench.tick().expect("a tick");
+    bench.finish().expect("an end");
+    let (spectra, regions) = (bench.take::<SpectraTopic>(), bench.take::<RegionTopic>());
+    assert_eq!((regions.len(), regions[0].seq(), regions[0].rows().len()), (1, 0, points.len()));
+    let view = SpectraView::new(spectra[0].header(), spectra[0].rows()).expect("fits");
+    let mut counts = [0; 3];
+    for (i, region) in regions[0].rows().iter().enumerate() {
+        // Bits of the bands of camera 0, then of camera 1.
+        let seen = view.spectrum(i).map_or(0, |(valid, _)| valid);
+        let possible: &[u32] = match (seen & 0x1ff_ffff != 0, seen >> 25 != 0) {
+            (true, _) => &[7],
+            (false, true) => &[0, 8],
+            (false, false) => &[0],
+        };
+        assert!(possible.contains(region), "point {i} of bands {seen:b} has region {region}");
+        counts[[0, 7, 8].iter().position(|known| known == region).expect("known")] += 1;
+    }
+    assert!(counts.iter().all(|n| *n > 20), "{counts:?}");
+    assert_eq!(regions[0].header().n_points, bench.counter("points_with_region"));
 }
 
 #[test]

@@ -207,19 +207,19 @@ fn unpublished_columns_are_not_expected_and_have_no_field() {
 }
 
 #[test]
-fn materials_are_written_behind_the_other_columns_if_they_are_published() {
+fn materials_and_regions_are_written_behind_the_other_columns_if_they_are_published() {
     let street = Street::new(8, 500);
     let files_of = |connects: bool| {
         let folder = tempfile::tempdir().expect("a folder");
         let mut context = context(folder.path());
-        context.connected.extend(connects.then(|| "material".to_owned()));
+        context.connected.extend(["material", "region"].iter().filter(|_| connects).map(|topic| (*topic).to_owned()));
         let mut bench = bench(&context);
         street.send_submap(&mut bench, 0);
         street.send_columns(&mut bench, 0, &OPTIONAL);
         bench.tick().expect("steps");
         if connects {
             assert_eq!(bench.counter("clouds"), 0, "the cloud waits for its materials");
-            street.send_columns(&mut bench, 0, &["material"]);
+            street.send_columns(&mut bench, 0, &["material", "region"]);
             bench.tick().expect("steps");
         }
         bench.finish().expect("finishes");
@@ -228,15 +228,19 @@ fn materials_are_written_behind_the_other_columns_if_they_are_published() {
     let folder = files_of(true);
     let cloud = Vertices::load(&folder.path().join("clouds/submap_0000.ply")).expect("reads");
     let materials = street.material(0);
-    let last: Vec<&str> = cloud.properties().iter().rev().take(2).map(|property| property.name.as_str()).collect();
-    assert_eq!(last, ["material_score", "material"]);
+    let last: Vec<&str> = cloud.properties().iter().rev().take(3).map(|property| property.name.as_str()).collect();
+    assert_eq!(last, ["region", "material_score", "material"]);
+    let regions: Vec<i64> = street.regions(0).into_iter().map(i64::from).collect();
+    assert_eq!(cloud.i64s("region").expect("is there"), regions);
     let ids: Vec<u8> = materials.iter().map(|row| row.material_id).collect();
     assert_eq!(cloud.u8s("material").expect("is there"), ids);
     let scores = cloud.f32s("material_score").expect("is there");
     assert!(scores.iter().zip(&materials).all(|(score, row)| (score - f32::from(row.score) / 255.0).abs() < 1e-6));
     let without = Vertices::load(&files_of(false).path().join("clouds/submap_0000.ply")).expect("reads");
-    let materials = without.properties().iter().filter(|property| property.name.starts_with("material"));
-    assert_eq!((materials.count(), without.infos().iter().filter(|info| info.contains("material")).count()), (0, 0));
+    for word in ["material", "region"] {
+        let columns = without.properties().iter().filter(|property| property.name.starts_with(word));
+        assert_eq!((columns.count(), without.infos().iter().filter(|info| info.contains(word)).count()), (0, 0));
+    }
 }
 
 #[test]

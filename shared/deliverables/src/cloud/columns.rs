@@ -22,6 +22,7 @@ pub(crate) struct Columns {
     color: Option<usize>,
     /// Material and score.
     material: Option<[usize; 2]>,
+    region: Option<usize>,
 }
 
 impl Columns {
@@ -79,6 +80,7 @@ impl Columns {
             material: optional("material", Kind::UChar)?
                 .zip(optional("material_score", Kind::Float)?)
                 .map(|(a, b)| [a, b]),
+            region: optional("region", Kind::Int)?,
         })
     }
 
@@ -93,6 +95,7 @@ impl Columns {
             color: self.color.is_some(),
             lidar: self.lidar.is_some(),
             material: self.material.is_some(),
+            region: self.region.is_some(),
         }
     }
 
@@ -118,6 +121,7 @@ impl Columns {
         let (material, material_score) = with_score(self.material);
         let [red, green, blue, camera] = self.color.map_or([0, 0, 0, messages::UNSEEN], |at| field(row, at));
         let (frame, lidar, ring) = self.scan_line(row);
+        let number = |at: Option<usize>| at.map_or(0, |at| i32::from_le_bytes(field(row, at)) as u32);
         CloudPoint {
             xyz: coordinates(self.xyz),
             lidar_xyz: coordinates(self.lidar_xyz),
@@ -127,13 +131,14 @@ impl Columns {
             ring,
             is_moving: row[self.dynamic] != 0,
             lidar,
-            instance: self.instance.map_or(0, |at| i32::from_le_bytes(field(row, at)) as u32),
+            instance: number(self.instance),
             class,
             score,
             rgb: [red, green, blue],
             camera,
             material,
             material_score,
+            region: number(self.region),
         }
     }
 }

@@ -20,6 +20,7 @@ pub(crate) enum ExtraField {
     Material,
     MaterialScore,
     Instance,
+    Region,
     Frame,
     /// Reflectance of the band of this number.
     Band(usize),
@@ -35,7 +36,9 @@ pub(crate) struct ExtraBytes {
 impl ExtraBytes {
     /// Fields for the columns that the clouds have. `bands` are the names of the bands to write.
     pub(crate) fn new(present: Present, bands: &[String]) -> Self {
-        use ExtraField::{Band, Camera, Class, Frame, Instance, Laser, Lidar, Material, MaterialScore, Moving, Score};
+        use ExtraField::{
+            Band, Camera, Class, Frame, Instance, Laser, Lidar, Material, MaterialScore, Moving, Region, Score,
+        };
         let candidates = [
             (Class, present.class),
             (Score, present.class),
@@ -46,6 +49,7 @@ impl ExtraBytes {
             (Material, present.material),
             (MaterialScore, present.material),
             (Instance, present.instance),
+            (Region, present.region),
             (Frame, true),
         ];
         let fields = candidates.into_iter().filter_map(|(field, is_present)| is_present.then_some(field));
@@ -73,7 +77,7 @@ impl ExtraBytes {
 impl ExtraField {
     const fn n_bytes(self) -> usize {
         match self {
-            Self::Instance | Self::Frame => 4,
+            Self::Instance | Self::Region | Self::Frame => 4,
             Self::Band(_) => 2,
             _ => 1,
         }
@@ -91,12 +95,13 @@ impl ExtraField {
             Self::Material => ("material", "material id, 0 = unknown"),
             Self::MaterialScore => ("material_score", "probability of the material"),
             Self::Instance => ("instance", "number of the object, 0 = none"),
+            Self::Region => ("region", "region of equal spectra, 0 = none"),
             Self::Frame => ("frame", "number of the sweep"),
             Self::Band(band) => (&bands[band], "reflectance, 1 = white diffuser"),
         };
         // Types: 1 = u8, 4 = i16, 5 = u32. Options: bit 0 = value for no data, bit 3 = scale.
         let (data_type, options, no_data, scale) = match self {
-            Self::Instance | Self::Frame => (5, 0, 0, 0.0),
+            Self::Instance | Self::Region | Self::Frame => (5, 0, 0, 0.0),
             Self::Band(_) => (4, 0b1001, i64::from(NO_REFLECTANCE), REFLECTANCE_STEP),
             Self::Score | Self::MaterialScore => (1, 0b1000, 0, 1.0 / 255.0),
             _ => (1, 0, 0, 0.0),

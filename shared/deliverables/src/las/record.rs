@@ -121,6 +121,7 @@ impl RecordLayout {
                 ExtraField::MaterialScore => put(&[point.material_score]),
                 ExtraField::Lidar => put(&[point.lidar]),
                 ExtraField::Instance => put(&point.instance.to_le_bytes()),
+                ExtraField::Region => put(&point.region.to_le_bytes()),
                 ExtraField::Frame => put(&point.frame.to_le_bytes()),
                 ExtraField::Band(band) => put(&reflectance(spectrum, *band).to_le_bytes()),
             }
@@ -168,6 +169,7 @@ mod tests {
             camera: 3,
             material: 9,
             material_score: 200,
+            region: 70_000,
         }
     }
 

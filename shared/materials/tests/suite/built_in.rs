@@ -1,6 +1,6 @@
 //! The model that is compiled in.
 
-use materials::{Classifier, Method, Model, N_MATERIALS, Smoothing, Spectra, best_row, materials_of};
+use materials::{Classifier, Method, Model, N_MATERIALS, Places, Smoothing, Spectra, best_row, materials_of};
 use messages::MaterialId;
 
 #[test]
@@ -17,7 +17,7 @@ fn built_in_model_has_references_of_every_material() {
 fn clear_spectra_get_their_material_in_any_brightness() {
     let model = Model::built_in().expect("sound");
     let of =
-        |name: &str| model.references.iter().find(|r| r.name == name).expect("a reference").log_reflectance[0].clone();
+        |name: &str| model.references.iter().find(|r| r.name == name).expect("a reference").log_reflectance.clone();
     for (name, material) in [("Leaves", MaterialId::Vegetation), ("Brick", MaterialId::Brick)] {
         for method in Method::ALL {
             for factor in [0.7, 1.0] {
@@ -36,13 +36,14 @@ fn clear_spectra_get_their_material_in_any_brightness() {
 fn spectrum_of_one_camera_or_none_is_handled() {
     let model = Model::built_in().expect("sound");
     let leaves = model.references.iter().find(|r| r.name == "Leaves").expect("a reference");
-    let values: Vec<f32> = leaves.log_reflectance[0].iter().map(|log| log.exp()).collect();
+    let values: Vec<f32> = leaves.log_reflectance.iter().map(|log| log.exp()).collect();
     let mut spectra = Spectra::new(&model.wavelengths_nm);
     let infrared = model.wavelengths_nm.iter().enumerate().filter(|(_, nm)| **nm > 650.0);
     spectra.push(infrared.fold(0, |bits, (band, _)| bits | 1 << band), &values);
     spectra.push(0b111, &values);
     let classifier = Classifier::new(&model, &model.wavelengths_nm, Method::Learned);
-    let found = materials_of(&classifier, &spectra, &[[0.0; 3], [50.0, 0.0, 0.0]], Smoothing::Off);
+    let places = Places { positions: &[[0.0; 3], [50.0, 0.0, 0.0]], regions: None };
+    let found = materials_of(&classifier, &spectra, places, Smoothing::Off);
     assert_eq!(best_row(&found[0]).material_id, MaterialId::Vegetation as u8, "the infrared alone shows leaves");
     assert_eq!(found[1], [0.0; N_MATERIALS], "three bands are too few");
     assert_eq!((best_row(&found[1]).material_id, best_row(&found[1]).score), (MaterialId::Unknown as u8, 0));

@@ -1,7 +1,7 @@
 //! Two surfaces with the same shape of noise.
 
 use materials::{
-    Classifier, Fit, Method, Model, Smoothing, Spectra, best_row, materials_of, mean_spectra, neighborhoods,
+    Classifier, Fit, Method, Model, Places, Smoothing, Spectra, best_row, materials_of, mean_spectra, neighborhoods,
 };
 use messages::MaterialId;
 use random::Random;
@@ -49,7 +49,10 @@ fn fitted_model_separates_its_surfaces_in_sun_and_shade() {
     let truths = [[&GREEN; 200], [&GRAY; 200]].concat();
     let found = Classifier::new(&model, &BANDS_NM, Method::Learned).classify(&spectra(&truths, 0.004, 3));
     assert!(accuracy(&found) > 0.98, "{}", accuracy(&found));
-    assert!(model.lights.iter().all(|light| (light.share - 0.5).abs() < 0.01));
+    let share = |levels: std::ops::Range<usize>| model.lights[levels].iter().map(|light| light.share).sum::<f64>();
+    assert!((share(0..2) - 0.5).abs() < 0.01 && (share(2..6) - 0.5).abs() < 0.01, "sun and shade are equally frequent");
+    let brightness: Vec<f32> = model.lights.iter().map(|light| light.offset.iter().sum()).collect();
+    assert!(brightness[..2].is_sorted() && brightness[2..].is_sorted(), "{brightness:?}");
 }
 
 #[test]
@@ -71,12 +74,18 @@ fn neighbors_correct_noisy_spectra_and_their_order_does_not_matter() {
         |i: usize| [(i % 300 % 20) as f32 * 0.05, (i % 300 / 20) as f32 * 0.05, if i < 300 { 0.0 } else { 9.0 }];
     let positions: Vec<[f32; 3]> = (0..600).map(position).collect();
     let classifier = Classifier::new(&model, &BANDS_NM, Method::Learned);
-    let alone = accuracy(&materials_of(&classifier, &spectra, &positions, Smoothing::Off));
-    for smoothing in [Smoothing::Votes, Smoothing::Mean, Smoothing::Both] {
-        let found = materials_of(&classifier, &spectra, &positions, smoothing);
+    // The patches are regions, except for a point of each without one.
+    let regions: Vec<u32> = (0..600).map(|i| if i % 300 == 0 { 0 } else { 1 + i / 300 }).collect();
+    let places = Places { positions: &positions, regions: Some(&regions) };
+    let alone = accuracy(&materials_of(&classifier, &spectra, places, Smoothing::Off));
+    for smoothing in &Smoothing::ALL[1..] {
+        let found = materials_of(&classifier, &spectra, places, *smoothing);
         let smoothed = accuracy(&found);
         assert!(smoothed > alone + 0.02, "{}: {smoothed}, alone {alone}", smoothing.name());
     }
+    let whole = materials_of(&classifier, &spectra, places, Smoothing::Regions);
+    assert!(whole[1..300].iter().all(|found| *found == whole[1]) && whole[0] != whole[1], "a region is one");
+    assert!(accuracy(&whole) > 0.99);
     let mean = mean_spectra(&spectra, &neighborhoods(&positions));
     assert_eq!(mean.len(), 600);
     assert!(mean.valid.iter().all(|valid| *valid == 0x3ff));
@@ -87,7 +96,8 @@ fn bands_between_those_of_the_model_are_interpolated() {
     let model = model(0.004);
     let nm: Vec<f32> = BANDS_NM.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).chain([2000.0]).collect();
     let between = |truth: &[f32; 10]| -> Vec<f32> {
-        truth.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).chain([f32::NAN]).collect()
+        // The model interpolates logarithms. The light is one of those of the training.
+        truth.windows(2).map(|pair| 0.75 * (pair[0] * pair[1]).sqrt()).chain([f32::NAN]).collect()
     };
     let mut spectra = Spectra::new(&nm);
     for truth in [&GREEN, &GRAY] {

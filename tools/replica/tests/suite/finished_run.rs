@@ -199,6 +199,7 @@ impl Submap {
             spectra: None,
             further_classes: &[],
             material: None,
+            region: None,
             lost: &[],
         };
         let mut entry = write_submap(&received, Kind::Float, folder, None).expect("writes");

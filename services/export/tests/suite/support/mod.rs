@@ -3,8 +3,9 @@
 use export::Export;
 use messages::{
     ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, Envelope, InstanceHeader, InstanceTopic,
-    MaterialHeader, MaterialRow, MaterialTopic, Message, NO_SPECTRUM, NoHeader, PoseRow, SpectraHeader, SpectraTopic,
-    StampedPose, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic, TrajectoryTopic, pod::bytes_from_rows,
+    MaterialHeader, MaterialRow, MaterialTopic, Message, NO_SPECTRUM, NoHeader, PoseRow, RegionHeader, RegionTopic,
+    SpectraHeader, SpectraTopic, StampedPose, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic, TrajectoryTopic,
+    pod::bytes_from_rows,
 };
 use random::Random;
 use stage::Received;
@@ -132,6 +133,9 @@ impl Street {
         };
         (0..self.n_points).map(row).collect()
     }
+    pub fn regions(&self, seq: u64) -> Vec<u32> {
+        (0..self.n_points).map(|i| self.draw(seq, 16, i) as u32 % 100).collect()
+    }
     pub fn instance(&self, seq: u64) -> Vec<u32> {
         (0..self.n_points).map(|i| (self.draw(seq, 11, i) % 40).saturating_sub(20) as u32 * 1000).collect()
     }
@@ -193,6 +197,7 @@ impl Street {
             "class" => bench.forward::<ClassTopic>(received(seq, ClassHeader::default(), &self.class(seq))),
             "instance" => bench.forward::<InstanceTopic>(received(seq, InstanceHeader::default(), &self.instance(seq))),
             "material" => bench.forward::<MaterialTopic>(received(seq, MaterialHeader::default(), &self.material(seq))),
+            "region" => bench.forward::<RegionTopic>(received(seq, RegionHeader::default(), &self.regions(seq))),
             "spectra" => {
                 let (header, words) = self.spectra_message(seq);
                 bench.forward::<SpectraTopic>(received(seq, header, &words));

@@ -10,7 +10,7 @@ use crate::data::sensor_calibration;
 use anyhow::{Context, ensure};
 use clap::builder::PossibleValuesParser;
 use formats::band_image::{self, BandImage};
-use materials::{Classifier, Method, Model, Probabilities, Smoothing, Spectra, best_row, materials_of, ndvi};
+use materials::{Classifier, Method, Model, Places, Probabilities, Smoothing, Spectra, best_row, materials_of, ndvi};
 use messages::{MaterialId, MaterialRow};
 use serde::Serialize;
 use std::fmt::Write;
@@ -107,7 +107,8 @@ fn one(
     let positions: Vec<[f32; 3]> = (0..spectra.len()).map(cell).collect();
     let smoothing = if args.no_smoothing { Smoothing::Off } else { Smoothing::default() };
     let classifier = Classifier::new(model, &image.wavelengths_nm, method);
-    let found: Vec<Probabilities> = materials_of(&classifier, &spectra, &positions, smoothing);
+    let places = Places { positions: &positions, regions: None };
+    let found: Vec<Probabilities> = materials_of(&classifier, &spectra, places, smoothing);
     let rows: Vec<MaterialRow> = found.iter().map(best_row).collect();
     let index: Vec<Option<f32>> = (0..spectra.len()).map(|i| ndvi(spectra.get(i))).collect();
 

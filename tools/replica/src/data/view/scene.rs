@@ -2,10 +2,11 @@
 
 use crate::class_color::class_color;
 use crate::data::deliver::frame::ChosenFrame;
+use crate::material_color::material_color;
 use deliverables::crs::CrsError;
 use deliverables::objects::ObjectSummary;
 use deliverables::{RunFolder, TargetFrame};
-use messages::ClassId;
+use messages::{ClassId, MaterialId};
 use serde::{Deserialize, Serialize};
 
 /// Vertices of the path: a screen has fewer pixels in a row.
@@ -22,7 +23,9 @@ pub struct Scene {
     /// Coordinates in words.
     coordinates: String,
     /// Names and colors of the values of the field `class`.
-    classes: Vec<SceneClass>,
+    classes: Vec<SceneValue>,
+    /// Names and colors of the values of the field `material`.
+    material_table: Vec<SceneValue>,
     /// Positions of the vehicle, m.
     path: Vec<[f64; 3]>,
     pub images: Vec<SceneImage>,
@@ -32,7 +35,7 @@ pub struct Scene {
 }
 
 #[derive(Serialize)]
-struct SceneClass {
+struct SceneValue {
     id: u8,
     name: &'static str,
     /// sRGB.
@@ -77,13 +80,18 @@ impl Scene {
     /// A scene of points alone.
     pub fn new(title: String) -> Self {
         let class =
-            |class: &ClassId| SceneClass { id: *class as u8, name: class.name(), color: class_color(*class as u8) };
+            |class: &ClassId| SceneValue { id: *class as u8, name: class.name(), color: class_color(*class as u8) };
+        let material = |material: &MaterialId| {
+            let id = *material as u8;
+            SceneValue { id, name: material.name(), color: material_color(id) }
+        };
         Self {
             version: 1,
             title,
             is_live: false,
             coordinates: String::new(),
             classes: ClassId::ALL.iter().map(class).collect(),
+            material_table: MaterialId::ALL.iter().map(material).collect(),
             path: Vec::new(),
             images: Vec::new(),
             objects: Vec::new(),
@@ -169,5 +177,6 @@ mod tests {
         let at = |nm: usize| grass["reflectances"][(nm - 400) / 10].as_f64().expect("a number");
         assert!(at(800) > 3.0 * at(670), "the red edge: {} {}", at(670), at(800));
         assert_eq!(scene["classes"].as_array().map(Vec::len), Some(ClassId::ALL.len()));
+        assert_eq!(scene["material_table"].as_array().map(Vec::len), Some(MaterialId::ALL.len()));
     }
 }

@@ -8,7 +8,7 @@ use crate::answer::Answer;
 use crate::lab::materials::TownArgs;
 use anyhow::Context;
 use fused_classes::FusedClasses;
-use materials::{Classifier, Method, Model, Smoothing, materials_of};
+use materials::{Classifier, Method, Model, Places, Smoothing, materials_of};
 use report::Report;
 use segmentation::Options;
 use std::path::PathBuf;
@@ -50,11 +50,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         .flat_map(|method| Smoothing::ALL.map(|smoothing| (method, smoothing, Tally::new())))
         .collect();
     let mut classes = FusedClasses::new();
-    args.towns.for_each(|town| {
+    args.towns.for_each(true, |town| {
         let positions = town.positions();
         for (method, smoothing, tally) in &mut tallies {
             let classifier = Classifier::new(&model, &town.spectra.wavelengths_nm, *method);
-            let found = materials_of(&classifier, &town.spectra, &positions, *smoothing);
+            let places = Places { positions: &positions, regions: Some(&town.regions) };
+            let found = materials_of(&classifier, &town.spectra, places, *smoothing);
             tally.add(town, &found);
             if (*method, *smoothing) == Default::default() {
                 classes.add(town, &positions, &found, segmenter.as_deref())?;

@@ -1,6 +1,7 @@
 //! Spectra that the mosaic cameras of simulated drives measure, with the true surface of each point.
 
 use anyhow::Context;
+use color_lines::{CubeSettings, Settings, Start};
 use materials::Spectra;
 use messages::MaterialId;
 use town::Material;
@@ -37,6 +38,8 @@ pub struct TownSpectra {
     pub points: Vec<u32>,
     /// The spectra.
     pub spectra: Spectra,
+    /// The region of the point of each spectrum in the cubes, 0 = none.
+    pub regions: Vec<u32>,
     /// The true surface of the point of each spectrum; `None` for mixed returns.
     pub surfaces: Vec<Option<TrueSurface>>,
 }
@@ -48,8 +51,15 @@ impl TownArgs {
         format!("simulated drives through {} towns, seeds {}", self.towns.join(", "), seeds.join(", "))
     }
 
-    /// Simulates one submap after the other.
-    pub fn for_each(&self, mut take: impl FnMut(&TownSpectra) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    /// Simulates one submap after the other. Without `has_regions`, all regions are 0.
+    pub fn for_each(
+        &self,
+        has_regions: bool,
+        mut take: impl FnMut(&TownSpectra) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        // As the defaults of `[calibrate]`, with one model for a submap.
+        let model = Settings { start: Start::Count(60), ..Settings::default() };
+        let color_lines = has_regions.then_some(CubeSettings { model, frames_per_model: u32::MAX, simplifies: false });
         for name in &self.towns {
             let town = town_from_name(name)?;
             for &seed in &self.seeds {
@@ -58,13 +68,14 @@ impl TownArgs {
                 let cameras = MosaicCameras::new(&simulation, self.median)?;
                 let mut n_spectra = 0;
                 for submap in drive.submaps_in(&simulation, self.submaps, self.sweeps, 1, Mount::Rig)? {
-                    let (header, rows) = cameras.spectra(&simulation, &submap.header, &submap.points)?;
-                    let (points, spectra) =
-                        Spectra::of_column(&header, &rows).context("a column of spectra does not fit its header")?;
+                    let found = cameras.spectra(&simulation, &submap.header, &submap.points, color_lines.as_ref())?;
+                    let (points, spectra) = Spectra::of_column(&found.header, &found.rows)
+                        .context("a column of spectra does not fit its header")?;
                     let shown: Vec<usize> = points.iter().map(|point| *point as usize).collect();
                     let surfaces = true_surfaces(&simulation, &submap.header, &submap.points, &shown);
                     n_spectra += spectra.len();
-                    take(&TownSpectra { submap, points, spectra, surfaces })?;
+                    let regions = shown.iter().map(|point| found.regions[*point]).collect();
+                    take(&TownSpectra { submap, points, spectra, regions, surfaces })?;
                 }
                 eprintln!("{name} {seed}: {n_spectra} spectra");
             }

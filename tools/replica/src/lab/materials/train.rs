@@ -29,7 +29,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut found: Option<(Vec<usize>, Fit, Vec<f32>)> = None;
-    args.towns.for_each(|town| {
+    args.towns.for_each(false, |town| {
         let (order, fit, _) = found.get_or_insert_with(|| {
             let nm = &town.spectra.wavelengths_nm;
             let mut order: Vec<usize> = (0..nm.len()).collect();
@@ -83,12 +83,7 @@ fn sorted(spectra: &Spectra, order: &[usize]) -> Spectra {
 }
 
 fn print(model: &Model) -> anyhow::Result<()> {
-    say!(
-        "{} references, temperature {}, largest distance {}",
-        model.references.len(),
-        model.temperature,
-        model.max_distance
-    )?;
+    say!("{} references, largest distance {}", model.references.len(), model.max_distance)?;
     say!("| material | references |\n|---|---|")?;
     for material in MaterialId::ALL.iter().skip(1) {
         let of = model.references.iter().filter(|reference| reference.material == material.name());

@@ -1,0 +1,125 @@
+//! Regions of the cells of cubes, frame after frame.
+
+use crate::{ColorLinesError, Fit, Image, Model, Settings};
+use messages::CubeHeader;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Models of the cubes of several cameras. A model serves some frames of its camera in a row; regions of different models have different
+/// numbers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CubeRegions {
+    /// By camera.
+    models: BTreeMap<u32, SharedModel>,
+    /// Regions of all models so far.
+    n_regions: u32,
+}
+
+/// A model of some frames of a camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SharedModel {
+    model: Model,
+    /// Regions of the models before it.
+    n_before: u32,
+    /// Frames that used it.
+    n_frames: u32,
+}
+
+/// How cubes are divided.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CubeSettings {
+    /// Of a model.
+    pub model: Settings,
+    /// Frames that share a model, made of the first of them.
+    pub frames_per_model: u32,
+    /// Whether cells get the mean spectrum of their region.
+    pub simplifies: bool,
+}
+
+impl CubeRegions {
+    /// Writes the number of the region of each cell, 0 = none: cells without a valid value in all usable bands. Reflectances change only
+    /// if the settings ask for simplified cubes.
+    pub fn divide(
+        &mut self,
+        cube: &CubeHeader,
+        settings: &CubeSettings,
+        reflectances: &mut [f32],
+        masks: &[u32],
+        regions: &mut [u32],
+    ) -> Result<(), ColorLinesError> {
+        regions.fill(0);
+        let bands = UsableBands::of(cube);
+        let values = bands.values(reflectances, masks);
+        let image = Image::new([cube.width as usize, cube.height as usize], bands.numbers.len(), &values)?;
+        let (shared, labels) = self.labels(cube.camera, &image, settings)?;
+        if settings.simplifies {
+            bands.replace(reflectances, &shared.model.simplified(&image, &labels)?);
+        }
+        for (region, label) in regions.iter_mut().zip(&labels).filter(|(_, label)| **label != 0) {
+            *region = shared.n_before + label;
+        }
+        Ok(())
+    }
+
+    /// Checks models from a file.
+    pub fn check(&self) -> Result<(), ColorLinesError> {
+        self.models.values().try_for_each(|shared| shared.model.check())
+    }
+
+    /// The model of a frame and its labels.
+    fn labels(
+        &mut self,
+        camera: u32,
+        image: &Image<'_>,
+        settings: &CubeSettings,
+    ) -> Result<(&SharedModel, Vec<u32>), ColorLinesError> {
+        let is_fresh = |shared: &SharedModel| shared.n_frames < settings.frames_per_model;
+        if let Some(shared) = self.models.get_mut(&camera).filter(|shared| is_fresh(shared)) {
+            let labels = shared.model.labels(image)?;
+            shared.n_frames += 1;
+            return Ok((&self.models[&camera], labels));
+        }
+        let Fit { model, labels, .. } = Model::fit(image, &settings.model)?;
+        let n_before = self.n_regions;
+        self.n_regions += model.regions.len() as u32;
+        self.models.insert(camera, SharedModel { model, n_before, n_frames: 1 });
+        Ok((&self.models[&camera], labels))
+    }
+}
+
+/// The bands of a cube that are usable at all.
+struct UsableBands {
+    numbers: Vec<usize>,
+    n_cells: usize,
+    valid: u32,
+}
+
+impl UsableBands {
+    fn of(cube: &CubeHeader) -> Self {
+        let valid = cube.valid_bands;
+        let numbers = (0..cube.n_bands as usize).filter(|band| valid >> band & 1 == 1).collect();
+        Self { numbers, n_cells: cube.width as usize * cube.height as usize, valid }
+    }
+
+    /// Their reflectances, band-sequential: not a number in cells where one of them was not measured.
+    fn values(&self, reflectances: &[f32], masks: &[u32]) -> Vec<f32> {
+        let of_band = |band: &usize| {
+            let plane = &reflectances[band * self.n_cells..][..self.n_cells];
+            let is_whole = masks.iter().map(|mask| mask & self.valid == self.valid);
+            plane.iter().zip(is_whole).map(|(value, is_whole)| if is_whole { *value } else { f32::NAN })
+        };
+        self.numbers.iter().flat_map(of_band).collect()
+    }
+
+    /// Replaces the reflectances by these values, except where they are not numbers.
+    fn replace(&self, reflectances: &mut [f32], values: &[f32]) {
+        for (band, values) in self.numbers.iter().zip(values.chunks_exact(self.n_cells)) {
+            let plane = &mut reflectances[band * self.n_cells..][..self.n_cells];
+            for (to, value) in plane.iter_mut().zip(values).filter(|(_, value)| !value.is_nan()) {
+                *to = *value;
+            }
+        }
+    }
+}
