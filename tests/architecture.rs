@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 34] = [
+const SHARED: [&str; 35] = [
     "wide_loops",
     "allocator",
     "chart",
@@ -42,6 +42,7 @@ const SHARED: [&str; 34] = [
     "town_sweeps",
     "ipc",
     "run",
+    "link",
     "stage",
 ];
 
@@ -162,10 +163,11 @@ fn crates_behind_a_step_deny_clocks_files_and_environment() {
         "town_sweeps",
         "ipc",
         "run",
+        "link",
         "stage",
     ];
-    // The sources read sensors and files; `launch` is no stage.
-    let others = ["acquire", "replay", "launch"];
+    // The sources read sensors and files; `remote` waits for another host; `launch` is no stage.
+    let others = ["acquire", "replay", "remote", "launch"];
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for (name, (folder, _)) in packages() {
         let is_step_code = SHARED.contains(&name.as_str()) && !shells.contains(&name.as_str())

@@ -7,6 +7,7 @@ use crate::plan::PlannedStage;
 use crate::programs::{self, ProgramError};
 use run::assignment::{CONTRACT_VERSION, Description};
 use run::launch_file::LaunchFile;
+use run::process::interpreter;
 use run::toml::de::DeValue;
 use run::{DescribeRequest, SUPERVISOR_KEYS};
 use std::ops::Range;
@@ -56,7 +57,7 @@ fn tables(problems: &mut Problems, folder: &Path, without: &[String]) -> Vec<Tab
             continue;
         }
         let mut keys: StageTable = problems.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
-        keys.python = programs::interpreter(&keys.python, folder);
+        keys.python = interpreter(&keys.python, folder);
         tables.push(Table { name, span, keys });
     }
     tables
