@@ -104,7 +104,7 @@ fn known_stages() -> Vec<String> {
     let entries = std::fs::read_dir(own_folder()).into_iter().flatten().flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| entry.file_name().to_string_lossy().strip_prefix("replica-").map(str::to_owned))
-        .filter(|name| name != "launch" && !name.contains('.'))
+        .filter(|name| !["launch", "remote"].contains(&name.as_str()) && !name.contains('.'))
         .collect();
     names.sort();
     names

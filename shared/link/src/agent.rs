@@ -133,7 +133,9 @@ impl Agent {
     fn start(&self, wanted: &StageProgram) -> Result<(Child, UnixStream), String> {
         if wanted.version != self.version {
             let (theirs, ours) = (&wanted.version, &self.version);
-            return Err(format!("the run is of build {theirs}, this agent of {ours}; install the same build on both hosts"));
+            return Err(format!(
+                "the run is of build {theirs}, this agent of {ours}; install the same build on both hosts"
+            ));
         }
         let program = program_path(&self.folder, wanted)?;
         let failed = |error: std::io::Error| format!("{}: cannot be started: {error}", program.display());

@@ -87,7 +87,9 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("key");
         let (digits, long) = ("0123456789abcdef".repeat(4), "0".repeat(66));
-        for (text, is_key) in [(digits.as_str(), true), ("", false), (&digits[1..], false), (&long, false), ("g", false)] {
+        for (text, is_key) in
+            [(digits.as_str(), true), ("", false), (&digits[1..], false), (&long, false), ("g", false)]
+        {
             std::fs::write(&file, text).expect("written");
             std::fs::set_permissions(&file, Permissions::from_mode(0o600)).expect("changed");
             assert_eq!(Key::read(&file).is_ok(), is_key, "{text}");

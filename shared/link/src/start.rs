@@ -30,7 +30,11 @@ pub struct StageProgram {
 pub(crate) type Answer = Result<(), String>;
 
 /// Asks the agent `peer` to start a program. Afterwards the connection leads to it.
-pub fn start(peer: &str, program: &StageProgram, (sender, receiver): (&mut Sender, &mut Receiver)) -> Result<(), LinkError> {
+pub fn start(
+    peer: &str,
+    program: &StageProgram,
+    (sender, receiver): (&mut Sender, &mut Receiver),
+) -> Result<(), LinkError> {
     let ended = |source| LinkError::Ended { peer: peer.to_owned(), source };
     send(sender, program).map_err(ended)?;
     let answer: Answer = receive(receiver).map_err(ended)?;

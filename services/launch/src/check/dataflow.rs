@@ -177,6 +177,7 @@ mod tests {
             inputs: inputs.to_vec(),
             outputs: outputs.to_vec(),
             settings: vec![],
+            files: [].into(),
         };
         let table = StageTable::default();
         PlannedStage {
@@ -184,6 +185,7 @@ mod tests {
             span: None,
             program: "".into(),
             table,
+            remote: None,
             description,
             files: vec![],
             inputs: vec![],
