@@ -10,6 +10,7 @@
 //! | [`state_file`] | the saved state of a stage at a barrier; `packed`: its rows |
 //! | [`checksum`] | of saved states and of the files that results depend on |
 //! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
+//! | `file_identity` | files on which results depend, and their digests |
 //! | [`control`] | requests to a running supervisor |
 //! | [`summary`] | `summary.json` |
 //! | [`space`] | free space of file systems |
@@ -22,6 +23,7 @@ pub mod assignment;
 pub mod checksum;
 pub mod context;
 pub mod control;
+mod file_identity;
 pub mod health;
 pub mod histogram;
 pub mod launch_file;
@@ -38,6 +40,7 @@ pub mod terminal;
 pub mod wiring;
 
 pub use context::{Context, Mode, find_file};
+pub use file_identity::{FileIdentity, files_of_settings};
 pub use packed::Piece;
 pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
 pub use remote::Remote;

@@ -1,15 +1,12 @@
 //! The stages of a launch file: their tables, and how their programs describe themselves.
 
 use super::problems::Problems;
-use crate::identity::named_files;
 use crate::manifest::{Run, StageTable};
 use crate::plan::{PlannedStage, Selection};
 use crate::programs::{self, ProgramError};
 use run::assignment::{CONTRACT_VERSION, Description};
-use run::launch_file::LaunchFile;
 use run::process::{interpreter, sibling};
-use run::toml::de::DeValue;
-use run::{DescribeRequest, Remote, SUPERVISOR_KEYS};
+use run::{DescribeRequest, Remote, SUPERVISOR_KEYS, files_of_settings};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -99,24 +96,12 @@ fn planned(
         let text = format!("its setting `{}` cannot be set: the supervisor uses this key itself", field.key);
         problems.add_at(&name, span.clone(), text);
     }
+    let remote = remote.map(|remote| Remote { files: description.files.clone(), ..remote });
+    // Those of another host have no part in the run.
     let files = match &remote {
         Some(_) => Vec::new(),
-        None => files_of(problems.file(), &name, &description, folder),
+        None => files_of_settings(problems.file(), &name, &description.settings, folder).into_iter().collect(),
     };
     let (inputs, outputs) = (Vec::new(), Vec::new());
     Some(PlannedStage { name, span, program, table: keys, remote, description, files, inputs, outputs })
-}
-
-/// The files that the settings of a stage name: those of its table, and the defaults of the others.
-fn files_of(file: &LaunchFile, name: &str, description: &Description, folder: &Path) -> Vec<PathBuf> {
-    let table = file.table(name).unwrap_or_default();
-    let is_set = |key: &str| table.keys().any(|set| set.get_ref() == key);
-    let defaults = description.settings.iter().filter(|field| !is_set(&field.key));
-    // Defaults are written as JSON. A default that is not valid JSON names no file.
-    let defaults: Vec<DeValue<'_>> = defaults
-        .filter_map(|field| serde_json::from_str::<String>(&field.default).ok())
-        .map(|text| DeValue::String(text.into()))
-        .collect();
-    let set = table.iter().filter(|(key, _)| !SUPERVISOR_KEYS.contains(&key.get_ref().as_ref()));
-    named_files(set.map(|(_, value)| value.get_ref()).chain(&defaults), folder).into_iter().collect()
 }

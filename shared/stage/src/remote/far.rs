@@ -4,10 +4,12 @@ use super::wire::{Answer, Failure, LaunchText, MessageBlock, Report, Request, re
 use crate::command::{check_table, describe_table};
 use crate::own_table::own_table;
 use crate::program::{Program, RunningStage};
-use crate::{Context, Inputs, Outputs, Port, Problem, StepError, exit, log};
+use crate::{Context, Field, Inputs, Outputs, Port, Problem, StepError, exit, log};
 use run::health::{HEARTBEAT, Pulse};
 use run::launch_file::LaunchFile;
 use run::process::end_with;
+use run::{FileIdentity, files_of_settings};
+use std::collections::BTreeMap;
 use std::io::{BufReader, BufWriter, ErrorKind, Write};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
@@ -132,7 +134,8 @@ impl<'a> Far<'a> {
         match request {
             Request::Describe(launch) => {
                 let file = self.launch_file(&launch)?;
-                let description = describe_table(self.program, Some(&file), &launch.table, &self.folder)?;
+                let mut description = describe_table(self.program, Some(&file), &launch.table, &self.folder)?;
+                description.files = self.files(&file, &launch.table, &description.settings)?;
                 self.answers.finish(&Answer::Described(description), [])
             }
             Request::Check(launch, context) => {
@@ -172,6 +175,19 @@ impl<'a> Far<'a> {
             let texts: Vec<String> = problems.into_iter().map(|problem| problem.text).collect();
             StepError::configuration(texts.join("; "))
         })
+    }
+
+    /// The program and the files that its settings name, with their digests. Those in the agent's folder have relative paths, as on
+    /// the host of the run.
+    fn files(&self, file: &LaunchFile, table: &str, settings: &[Field]) -> Result<BTreeMap<String, String>, StepError> {
+        let mut paths = files_of_settings(file, table, settings, &self.folder);
+        paths.insert(std::env::current_exe().map_err(StepError::io)?);
+        let digest = |path: PathBuf| {
+            let identity = FileIdentity::of(&path, None).map_err(|error| StepError::io(error).at(path.display()))?;
+            let shown = path.strip_prefix(&self.folder).unwrap_or(&path).to_string_lossy().into_owned();
+            Ok((shown, identity.digest().to_owned()))
+        };
+        paths.into_iter().map(digest).collect()
     }
 
     /// The context of the run, with the paths of settings in the agent's folder.

@@ -7,9 +7,11 @@ use crate::{Context, Field, Flow, Inputs, Outputs, Port, Problem, StateBytes, St
 use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use messages::pod::bytes_from_rows;
 use run::assignment::{Assignment, Description, TopicChannels};
-use run::{CheckRequest, DescribeRequest, Remote};
+use run::{CheckRequest, DescribeRequest, FileIdentity, Remote};
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::{ErrorKind, Read, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -80,10 +82,7 @@ fn describe(request: &DescribeRequest, connect: Connect) -> Result<Description, 
     let remote = remote_of(request.remote.as_ref())?;
     let launch = LaunchText::read(&request.launch_file, &request.overrides, &request.table)?;
     let mut far = Far::new(remote, connect(remote, &request.table, None)?);
-    match far.ask(&Request::Describe(launch), [])? {
-        Answer::Described(description) => check_description(description, &remote.host),
-        other => Err(far.unexpected(&other)),
-    }
+    check_description(far.describe(&launch)?, &remote.host)
 }
 
 /// Sources and sinks have files on the host of the run. Topics of others have no type here.
@@ -113,13 +112,33 @@ fn check(request: &CheckRequest, connect: Connect) -> Result<Vec<Problem>, StepE
     let remote = remote_of(request.remote.as_ref())?;
     let launch = LaunchText::read(&request.launch_file, &request.overrides, &request.table)?;
     let mut far = Far::new(remote, connect(remote, &request.table, None)?);
-    match far.ask(&Request::Check(launch, request.context.clone()), [])? {
-        Answer::Problems(mut problems) => {
-            problems.iter_mut().for_each(|problem| problem.text = format!("on {}: {}", remote.host, problem.text));
-            Ok(problems)
-        }
-        other => Err(far.unexpected(&other)),
-    }
+    let description = far.describe(&launch)?;
+    let mut problems = match far.ask(&Request::Check(launch, request.context.clone()), [])? {
+        Answer::Problems(problems) => problems,
+        other => return Err(far.unexpected(&other)),
+    };
+    problems.iter_mut().for_each(|problem| problem.text = format!("on {}: {}", remote.host, problem.text));
+    let folder = &request.context.launch_folder;
+    problems.extend(
+        different_file(&description.files, folder, &remote.host).map(|text| Problem::of_key(&request.table, text)),
+    );
+    Ok(problems)
+}
+
+/// A file that lies at the same place here with another content: the launch file means one of them.
+fn different_file(files: &BTreeMap<String, String>, folder: &Path, host: &str) -> Option<String> {
+    files.iter().find_map(|(file, digest)| {
+        let here = folder.join(file);
+        // The programs of the two hosts may be built differently.
+        let may_compare = Path::new(file).is_relative() && here.is_file() && !is_program(&here);
+        let identity = may_compare.then(|| FileIdentity::of(&here, None).ok()).flatten()?;
+        (identity.digest() != digest)
+            .then(|| format!("{file} on {host} differs from {}; copy one of them", here.display()))
+    })
+}
+
+fn is_program(file: &Path) -> bool {
+    file.metadata().is_ok_and(|metadata| metadata.permissions().mode() & 0o111 != 0)
 }
 
 /// The other end of a connection.
@@ -173,6 +192,13 @@ impl Far {
                 Answer::Alive(_) => {}
                 answer => return Ok(answer),
             }
+        }
+    }
+
+    fn describe(&mut self, launch: &LaunchText) -> Result<Description, StepError> {
+        match self.ask(&Request::Describe(launch.clone()), [])? {
+            Answer::Described(description) => Ok(description),
+            other => Err(self.unexpected(&other)),
         }
     }
 
@@ -279,6 +305,11 @@ impl ConfiguredStage for ConfiguredRemote {
     fn build(&self, context: &Context) -> Result<Box<dyn RunningStage>, StepError> {
         let connection = (self.connect)(&self.remote, &self.launch.table, Some(&self.session))?;
         let mut far = Far::new(&self.remote, connection);
+        let (now, before) = (far.describe(&self.launch)?.files, &self.remote.files);
+        if let Some((file, _)) = now.iter().find(|(file, digest)| before.get(*file) != Some(digest)) {
+            let text = format!("{file} on {} has changed since the run was started", self.remote.host);
+            return Err(StepError::configuration(text));
+        }
         far.order(&Request::Open(self.launch.clone(), context.clone()), [])?;
         Ok(Box::new(RemoteStage { far: far, inputs: self.inputs.clone() }))
     }
