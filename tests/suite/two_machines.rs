@@ -1,8 +1,9 @@
 //! A stage on another host: the run, its result and its recovery are those of a run on one host.
 
+use replica_tests::swaps::{started, stop, swapped, wait_for_two_barriers};
 use replica_tests::{
     Cable, Launch, OtherHost, Proxy, Random, binary, domain_of, drive, in_own_network, leftovers, output_text,
-    pipeline, reference, result_files, run_under_cuts, undisturbed, wait_for,
+    pipeline, processes_of, reference, result_files, run_under_cuts, undisturbed, undisturbed_lines, wait_for,
 };
 use rustix::process::{Signal, kill_process};
 use std::fs::Permissions;
@@ -49,7 +50,7 @@ fn cut_connections_and_killed_processes_do_not_change_the_result() {
     let proxy = Proxy::start(host.address());
     let launch = Launch::of_misbehaving("restarts = 1000", SOURCE, "");
     let launch = host.runs(launch, "relay", RELAY, proxy.address());
-    let struck = run_under_cuts(&launch, "relay", (&mut host, &proxy), 12, &mut Random::new(7));
+    let struck = run_under_cuts(&launch, "relay", (&mut host, &proxy), 45, &mut Random::new(7));
     println!("{struck:?}");
     assert_eq!(struck.len(), 4, "each was struck: {struck:?}");
     assert!(launch.read("sink.txt") == expected, "the cuts changed the result");
@@ -96,6 +97,49 @@ fn failed_stage_on_another_host_is_reported_and_restarts() {
 }
 
 #[test]
+fn stage_moves_between_hosts_by_swaps() {
+    let host = OtherHost::start();
+    let launch = Launch::of_misbehaving("", "ticks = 1000000\npoints = 1000", "");
+    let running = started(&launch);
+    let key = host.key().to_string_lossy().into_owned();
+    let settings = [("host", host.address()), ("host_key", &key), ("program", RELAY)];
+    let there: Vec<String> = settings.iter().map(|(key, value)| format!("--set={key}={value}")).collect();
+    swapped(&launch, &[&["relay"], &there.iter().map(String::as_str).collect::<Vec<_>>()[..]].concat());
+    assert_eq!(processes_of(host.process()).len(), 1, "the stage runs there: {}", host.messages());
+    wait_for_two_barriers(&launch);
+    swapped(&launch, &["relay", "--back"]);
+    wait_for("the end of the stage there", || processes_of(host.process()).is_empty().then_some(()));
+    wait_for_two_barriers(&launch);
+    stop(&launch);
+    assert_eq!(running.wait(), Some(3), "drained");
+    let lines = String::from_utf8(launch.read("sink.txt")).expect("text");
+    let lines: Vec<&str> = lines.lines().collect();
+    assert!(lines == undisturbed_lines(lines.len() / 2, ""), "the swaps changed the result");
+}
+
+#[test]
+fn stage_on_another_host_restarts_alone_in_a_live_run() {
+    let host = OtherHost::start();
+    let live = Launch::of_misbehaving("mode = \"live\"", "ticks = 1000000\npoints = 500\npace_ms = 2", "");
+    let launch = host.runs(live, "relay", RELAY, host.address());
+    let running = launch.start();
+    launch.wait_for_barrier_of("sink", 2);
+    let others = ["source", "sink"].map(|name| running.stage(name));
+    let there = processes_of(host.process());
+    assert_eq!(there.len(), 1, "{}", host.messages());
+    kill_process(there[0], Signal::KILL).expect("the stage lives");
+    wait_for("the next process there", || {
+        processes_of(host.process()).iter().any(|pid| *pid != there[0]).then_some(())
+    });
+    let barrier = launch.newest_barrier().unwrap_or_default();
+    launch.wait_for_barrier_of("sink", barrier + 4);
+    assert_eq!(["source", "sink"].map(|name| running.stage(name)), others, "the others continue");
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3), "{}", launch.stderr());
+    assert_eq!(launch.summary()["total"]["restarts"], 1, "{}", launch.stderr());
+}
+
+#[test]
 fn changed_file_on_the_other_host_ends_the_run() {
     let host = OtherHost::start();
     // A file in the agent's folder that a setting names, as a network would name its model.
@@ -116,9 +160,11 @@ fn changed_file_on_the_other_host_ends_the_run() {
     launch.wait_for_barrier(2);
     std::fs::write(model.path(), "another model").expect("written");
     kill_process(running.stage("relay"), Signal::KILL).expect("the stage lives");
-    assert_eq!(running.wait(), Some(78), "{}", launch.stderr());
+    assert_eq!(running.wait(), Some(1), "{}", launch.stderr());
     let text = launch.stderr();
     assert!(text.contains(&format!("{name} on {} has changed since the run was started", host.address())), "{text}");
+    assert_eq!(launch.start_again(&["--resume"]).wait(), Some(78), "{}", launch.stderr());
+    assert!(launch.stderr().contains(&format!("{}:{name}", host.address())), "{}", launch.stderr());
 }
 
 /// What `--check` says of a launch file that it refuses.
