@@ -9,6 +9,7 @@ use run::process::{sibling, stage_command};
 use rustix::net::sockopt;
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::os::fd::OwnedFd;
@@ -54,34 +55,34 @@ impl Agent {
         Self { key, folder, version, report, sessions, n_sessions, n_started }
     }
 
-    /// Serves connections, each in a thread of its own. Returns only if no thread can be started.
-    pub fn serve(&self, listener: &TcpListener) -> std::io::Result<()> {
+    /// Serves connections, each in a thread of its own.
+    pub fn serve(&self, listener: &TcpListener) -> Infallible {
         std::thread::scope(|scope| {
             loop {
-                let stream = match listener.accept() {
-                    Ok((stream, _)) => stream,
-                    Err(error) => {
-                        (self.report)(&format!("accepting a connection: {error}"));
-                        // Of its many reasons, too many open files lasts.
-                        std::thread::sleep(Duration::from_millis(100));
-                        continue;
-                    }
-                };
-                if self.n_sessions.fetch_add(1, Ordering::Relaxed) >= MAX_SESSIONS {
-                    self.n_sessions.fetch_sub(1, Ordering::Relaxed);
-                    (self.report)(&format!("refused a connection: there are {MAX_SESSIONS}"));
-                    continue;
+                let accepted = listener.accept().and_then(|(stream, _)| {
+                    let session = move || self.serve_one(stream);
+                    std::thread::Builder::new().name("session".to_owned()).spawn_scoped(scope, session)
+                });
+                if let Err(error) = accepted {
+                    (self.report)(&format!("a connection cannot be served: {error}"));
+                    // Too many open files, or threads: not for a moment only.
+                    std::thread::sleep(Duration::from_millis(100));
                 }
-                let session = move || {
-                    let peer = stream.peer_addr().map_or_else(|_| "unknown".to_owned(), |address| address.to_string());
-                    if let Err(error) = self.session(&peer, stream) {
-                        (self.report)(&format!("{peer}: {error}"));
-                    }
-                    self.n_sessions.fetch_sub(1, Ordering::Relaxed);
-                };
-                std::thread::Builder::new().name("session".to_owned()).spawn_scoped(scope, session)?;
             }
         })
+    }
+
+    fn serve_one(&self, stream: TcpStream) {
+        let peer = stream.peer_addr().map_or_else(|_| "unknown".to_owned(), |address| address.to_string());
+        let result = if self.n_sessions.fetch_add(1, Ordering::Relaxed) < MAX_SESSIONS {
+            self.session(&peer, stream)
+        } else {
+            Err(LinkError::TooMany { peer, limit: MAX_SESSIONS })
+        };
+        self.n_sessions.fetch_sub(1, Ordering::Relaxed);
+        if let Err(error) = result {
+            (self.report)(&error.to_string());
+        }
     }
 
     fn session(&self, peer: &str, stream: TcpStream) -> Result<(), LinkError> {
@@ -94,26 +95,28 @@ impl Agent {
             Ok(started) => (Ok(()), Some(started)),
             Err(text) => (Err(text), None),
         };
-        let answered = send(&mut sender, &answer).and_then(|()| sender.set_timeout(None)).map_err(ended);
+        let answered = send(&mut sender, &answer).and_then(|()| sender.set_timeout(None));
         let Some((mut child, socket)) = started else {
             (self.report)(&format!("{peer}: refused: {}", answer.err().unwrap_or_default()));
-            return answered;
+            return answered.map_err(ended);
         };
         let number = self.n_started.fetch_add(1, Ordering::Relaxed);
         if let Some(session) = &wanted.session {
             (self.report)(&format!("{peer}: {session} started (process {})", child.id()));
             self.replace(session, number, sender.stream());
         }
-        let passed = answered.and_then(|()| pass(&socket, sender, receiver).map_err(ended));
+        let passed = answered.and_then(|()| pass(&socket, sender, receiver));
         let status = end(&mut child);
         if let Some(session) = &wanted.session {
             let mut sessions = self.sessions();
             if sessions.get(session).is_some_and(|(current, _)| *current == number) {
                 sessions.remove(session);
             }
-            (self.report)(&format!("{peer}: {session} ended ({status})"));
+            drop(sessions);
+            let cause = passed.err().map(|error| format!(", {error}")).unwrap_or_default();
+            (self.report)(&format!("{peer}: {session} ended ({status}{cause})"));
         }
-        passed
+        Ok(())
     }
 
     fn sessions(&self) -> MutexGuard<'_, BTreeMap<String, (usize, TcpStream)>> {

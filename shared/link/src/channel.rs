@@ -8,7 +8,7 @@
 //! | 0 .. 12 | `replica link` |
 //! | 12 .. 16 | [`VERSION`], u32, little-endian |
 //! | next 2 | length of a Noise message, u16, little-endian |
-//! | next .. | the message: of the handshake (one by each end), then up to 65519 bytes, encrypted, and their tag |
+//! | next .. | the message: of the handshake (one by each end; empty if the keys differ), then up to 65519 bytes, encrypted, and their tag |
 //!
 //! A message that was changed, repeated, reordered or left out is an error of [`Receiver`].
 
@@ -25,6 +25,8 @@ pub const VERSION: u32 = 1;
 /// Keys of both ends are made for this connection; the shared key authenticates them from the first message on.
 const PATTERN: &str = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s";
 const HELLO_BYTES: usize = 16;
+/// Instead of a message of the handshake: an empty one, because the keys differ.
+const OTHER_KEY: [u8; 2] = [0; 2];
 /// Largest message of the Noise protocol.
 const MESSAGE_BYTES: usize = 65535;
 /// Of each message.
@@ -79,10 +81,13 @@ fn shake_hands(
             let framed = [&(len as u16).to_le_bytes()[..], &buffer[..len]].concat();
             stream.write_all(&framed).map_err(ended)?;
         } else {
-            // An end with another key closes the connection instead of an answer.
             let message = read_message(&mut stream, &mut buffer).map_err(ended)?;
-            let message = message.ok_or_else(|| LinkError::Key { peer: peer.to_owned() })?;
-            handshake.read_message(message, &mut []).map_err(other_key)?;
+            let message = message.ok_or_else(|| ended(ErrorKind::UnexpectedEof.into()))?;
+            if let Err(error) = handshake.read_message(message, &mut []) {
+                // Whether or not the other end receives it, this one has the error. An end that is only cut off tries again.
+                let _ = stream.write_all(&OTHER_KEY);
+                return Err(other_key(error));
+            }
         }
     }
     let state = Arc::new(handshake.into_stateless_transport_mode().map_err(other_key)?);
@@ -276,7 +281,23 @@ mod tests {
     fn end_with_another_key_is_refused_by_both() {
         let (ours, theirs) = ends(1, 2);
         assert!(matches!(theirs, Err(LinkError::Key { .. })), "{:?}", theirs.err());
-        assert!(matches!(ours, Err(LinkError::Key { .. } | LinkError::Ended { .. })), "{:?}", ours.err());
+        assert!(matches!(ours, Err(LinkError::Key { .. })), "{:?}", ours.err());
+    }
+
+    /// A run tries again after a cut, and gives up if the key is another one.
+    #[test]
+    fn connection_cut_during_the_handshake_is_no_refusal() {
+        let (listener, address) = listener();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let (mut stream, _) = listener.accept().expect("a connection");
+                stream.write_all(&hello()).expect("sent");
+                // All that the other end sends before it waits.
+                stream.read_exact(&mut [0; 66]).expect("received");
+            });
+            let error = connect(&address, &key(1)).err().expect("cut");
+            assert!(error.is_temporary(), "{error}");
+        });
     }
 
     /// The bytes that a program without the protocol sends, and what the other end says of them.

@@ -73,6 +73,14 @@ pub enum LinkError {
         /// The other end.
         peer: String,
     },
+    /// The agent serves no more connections.
+    #[error("{peer}: not served, there are {limit} connections")]
+    TooMany {
+        /// The other end.
+        peer: String,
+        /// The most that there may be.
+        limit: usize,
+    },
     /// The agent does not start the program.
     #[error("{peer} refuses: {text}")]
     Refused {
