@@ -210,12 +210,15 @@ pub fn run_under_cuts(
     let mut struck = BTreeMap::new();
     let mut history = Vec::new();
     let mut running = launch.start();
+    running.stage(stage);
     while history.len() < n {
         let victim = VICTIMS.get(history.len()).unwrap_or(random.pick(&VICTIMS));
         std::thread::park_timeout(Duration::from_millis(random.index(400) as u64));
         if let Some(code) = running.ended() {
             assert_eq!(code, Some(0), "after {history:?} it ended with {}\n{}", running.stderr(), host.messages());
             running = launch.start_again(&["--resume"]);
+            // The start itself is refused if the other host does not answer its questions.
+            running.stage(stage);
         }
         let is_struck = match *victim {
             "connection" => cut(proxy, &mut running, random.index(300_000) as u32),

@@ -9,7 +9,6 @@ use run::process::{sibling, stage_command};
 use rustix::net::sockopt;
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::collections::BTreeMap;
-use std::convert::Infallible;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::os::fd::OwnedFd;
@@ -55,8 +54,8 @@ impl Agent {
         Self { key, folder, version, report, sessions, n_sessions, n_started }
     }
 
-    /// Serves connections, each in a thread of its own.
-    pub fn serve(&self, listener: &TcpListener) -> Infallible {
+    /// Serves connections, each in a thread of its own. Does not return.
+    pub fn serve(&self, listener: &TcpListener) {
         std::thread::scope(|scope| {
             loop {
                 let accepted = listener.accept().and_then(|(stream, _)| {

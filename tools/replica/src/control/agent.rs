@@ -57,5 +57,6 @@ fn listen(address: &str, key: &Path, folder: &Path) -> anyhow::Result<ExitCode> 
     let listener = TcpListener::bind(address).with_context(|| address.to_owned())?;
     say!("listening on {}, programs and models of {}", listener.local_addr()?, folder.display())?;
     let report = |line: &str| eprintln!("{line}");
-    match Agent::new(key, folder, env!("REPLICA_VERSION").to_owned(), report).serve(&listener) {}
+    Agent::new(key, folder, env!("REPLICA_VERSION").to_owned(), report).serve(&listener);
+    Ok(ExitCode::SUCCESS)
 }
