@@ -68,7 +68,7 @@ impl Agent {
                     std::thread::sleep(Duration::from_millis(100));
                 }
             }
-        })
+        });
     }
 
     fn serve_one(&self, stream: TcpStream) {

@@ -13,7 +13,7 @@
 //! A message that was changed, repeated, reordered or left out is an error of [`Receiver`].
 
 use crate::{Key, LinkError};
-use snow::{Builder, HandshakeState, StatelessTransportState};
+use snow::{Builder, StatelessTransportState};
 use std::io::{Error, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
@@ -40,7 +40,7 @@ pub fn connect(address: &str, key: &Key) -> Result<(Sender, Receiver), LinkError
     let mut last = Error::from(ErrorKind::NotFound);
     for resolved in address.to_socket_addrs().map_err(unresolved)? {
         match TcpStream::connect_timeout(&resolved, HANDSHAKE_TIMEOUT) {
-            Ok(stream) => return shake_hands(stream, address, key, |builder| builder.build_initiator()),
+            Ok(stream) => return shake_hands(stream, address, key, End::Run),
             Err(error) => last = error,
         }
     }
@@ -50,7 +50,14 @@ pub fn connect(address: &str, key: &Key) -> Result<(Sender, Receiver), LinkError
 /// The other end of [`connect`].
 pub fn accept(stream: TcpStream, key: &Key) -> Result<(Sender, Receiver), LinkError> {
     let peer = stream.peer_addr().map_or_else(|_| "unknown".to_owned(), |address| address.to_string());
-    shake_hands(stream, &peer, key, |builder| builder.build_responder())
+    shake_hands(stream, &peer, key, End::Agent)
+}
+
+/// Which end of a connection this one is.
+#[derive(Clone, Copy)]
+enum End {
+    Run,
+    Agent,
 }
 
 fn hello() -> [u8; HELLO_BYTES] {
@@ -59,12 +66,7 @@ fn hello() -> [u8; HELLO_BYTES] {
     hello
 }
 
-fn shake_hands(
-    mut stream: TcpStream,
-    peer: &str,
-    key: &Key,
-    build: impl FnOnce(Builder<'_>) -> Result<HandshakeState, snow::Error>,
-) -> Result<(Sender, Receiver), LinkError> {
+fn shake_hands(mut stream: TcpStream, peer: &str, key: &Key, end: End) -> Result<(Sender, Receiver), LinkError> {
     let ended = |source: Error| LinkError::Ended { peer: peer.to_owned(), source };
     let other_key = |_: snow::Error| LinkError::Key { peer: peer.to_owned() };
     stream.set_nodelay(true).map_err(ended)?;
@@ -72,6 +74,10 @@ fn shake_hands(
     check_hello(&mut stream, peer)?;
     let pattern = PATTERN.parse().map_err(other_key)?;
     let covered = hello();
+    let build = |builder: Builder<'_>| match end {
+        End::Run => builder.build_initiator(),
+        End::Agent => builder.build_responder(),
+    };
     let builder = Builder::new(pattern).prologue(&covered).and_then(|builder| builder.psk(0, &key.0));
     let mut handshake = builder.and_then(build).map_err(other_key)?;
     let mut buffer = vec![0; MESSAGE_BYTES];
@@ -345,11 +351,11 @@ mod tests {
                 }
             });
             let (mut sender, receiver) = connect(&outer_address, &key(1)).expect("connected");
-            let (_their_sender, mut their_receiver) = accepted.join().expect("no panic").expect("accepted");
+            let (their_sender, mut their_receiver) = accepted.join().expect("no panic").expect("accepted");
             sender.write_all(&[7; 1000]).and_then(|()| sender.flush()).expect("sent");
             let error = their_receiver.next_bytes().expect_err("refused");
             assert_eq!(error.kind(), ErrorKind::InvalidData);
-            drop((sender, receiver, their_receiver, _their_sender));
+            drop((sender, receiver, their_receiver, their_sender));
         });
     }
 }

@@ -68,6 +68,7 @@ mod tests {
             span: None,
             program,
             table,
+            remote: None,
             description,
             files: vec![],
             inputs: vec![],
