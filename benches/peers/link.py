@@ -4,7 +4,7 @@
 Needs root, iproute2, iperf3 and iputils-ping (Debian), and:
     cargo build --release && cargo build --release -p link --example throughput
 
-Makes two network namespaces with a virtual cable between them, without a limit and with limits of 10 and 1 Gbit/s and 0.2 ms.
+Makes two network namespaces with a virtual cable between them, without a limit and with limits of 2.5 and 1 Gbit/s.
 `--sample` also runs the sample drive with [infer] on the other host and on this one.
 """
 
@@ -24,8 +24,8 @@ ADDRESS = "10.77.0.2"
 # Name, and arguments of `tc qdisc add dev DEVICE root`.
 CABLES = [
     ("no limit", None),
-    ("10 Gbit/s, 0.2 ms", "netem rate 10gbit delay 0.1ms limit 100000"),
-    ("1 Gbit/s, 0.2 ms", "netem rate 1gbit delay 0.1ms limit 100000"),
+    ("2.5 Gbit/s", "tbf rate 2500mbit burst 2mb latency 20ms"),
+    ("1 Gbit/s", "tbf rate 1gbit burst 1mb latency 20ms"),
 ]
 
 
