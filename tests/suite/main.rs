@@ -31,5 +31,6 @@ mod swap_segmenter;
 mod terminal;
 mod transports;
 mod two_lidars;
+mod two_machines;
 mod view;
 mod zero_copy;

@@ -6,10 +6,10 @@
 //! | `mount_namespaces` | mount file systems in a namespace of its own (`unshare`) |
 //! | `user_file_systems` | mount file systems of its own there (`/dev/fuse`) |
 //! | `other_users` | start processes of another user |
+//! | `network_namespaces` | lay cables between networks of its own (`unshare`, `ip` of Debian's iproute2) |
 //! | `chromium` | open pages in Chromium (Debian: `apt-get install chromium`) |
 //!
-//! With `REPLICA_NAMESPACES=required` all but `user_file_systems` and `chromium` are set, and a test that is not allowed to do so
-//! fails.
+//! With `REPLICA_NAMESPACES=required` `mount_namespaces` and `other_users` are set, and a test that is not allowed to do so fails.
 
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
@@ -23,11 +23,12 @@ fn main() {
         ("mount_namespaces", may_mount()),
         ("user_file_systems", may_mount() && may_serve_files()),
         ("other_users", may_become_another_user()),
+        ("network_namespaces", may_lay_cables()),
         ("chromium", has_chromium()),
     ];
     for (name, is_allowed) in allowed {
         println!("cargo::rustc-check-cfg=cfg({name})");
-        if is_allowed || (is_required && !["user_file_systems", "chromium"].contains(&name)) {
+        if is_allowed || (is_required && ["mount_namespaces", "other_users"].contains(&name)) {
             println!("cargo::rustc-cfg={name}");
         }
     }
@@ -36,8 +37,16 @@ fn main() {
 /// As the superuser, or as the root of a user namespace.
 fn may_mount() -> bool {
     let mount = format!("mount -t tmpfs none '{}'", std::env::temp_dir().display());
-    ["-m", "-rm"].iter().any(|kind| {
-        let tried = Command::new("unshare").args([kind, "sh", "-c", &mount]).stderr(Stdio::null()).status();
+    is_allowed_in(&["-m", "-rm"], &mount)
+}
+
+fn may_lay_cables() -> bool {
+    is_allowed_in(&["-n", "-rn"], "ip link add near type veth peer name far")
+}
+
+fn is_allowed_in(kinds: &[&str], probe: &str) -> bool {
+    kinds.iter().any(|kind| {
+        let tried = Command::new("unshare").args([kind, "sh", "-c", probe]).stderr(Stdio::null()).status();
         tried.is_ok_and(|status| status.success())
     })
 }

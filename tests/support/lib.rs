@@ -1,5 +1,5 @@
 //! What the process tests share: launch files in a folder of their own, running supervisors, waiting for conditions, kills at
-//! seeded moments, drives and reference results that are made once, and mounts in a namespace.
+//! seeded moments, drives and reference results that are made once, another host, and mounts in a namespace.
 
 mod browser;
 mod drive;
@@ -7,6 +7,7 @@ mod foreign_copc;
 mod kills;
 mod launch;
 mod namespace;
+mod other_host;
 pub mod power_loss;
 mod processes;
 mod recorded_kills;
@@ -22,7 +23,10 @@ pub use drive::{
 pub use foreign_copc::{SIDE, write_foreign_copc};
 pub use kills::{Kills, run_under_kills};
 pub use launch::{Launch, PATIENT, digest, gate, output_text, reported_seconds, result_files};
-pub use namespace::{mount_tmpfs, resize_tmpfs, run_in_own_namespace, runs_in_own_namespace};
+pub use namespace::{
+    Cable, mount_tmpfs, resize_tmpfs, run_in_own_namespace, runs_in_own_namespace, runs_in_own_network,
+};
+pub use other_host::{OtherHost, Proxy, run_under_cuts};
 pub use processes::{domain_of, is_alive, leftovers, processes_of};
 pub use random::Random;
 pub use recorded_kills::{RECORDED_VICTIMS, RecordedKills, kill_while_recording};

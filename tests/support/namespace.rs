@@ -1,4 +1,4 @@
-//! Mounts that no other process sees: a test runs itself again in a mount namespace of its own.
+//! Mounts and networks that no other process sees: a test runs itself again in a namespace of its own.
 
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
@@ -12,15 +12,24 @@ const INSIDE: &str = "REPLICA_TEST_IN_NAMESPACE";
 /// # Panics
 /// If no namespace can be made here, or if the test fails in it.
 pub fn runs_in_own_namespace(test: &str) -> bool {
+    runs_again(test, again_in_namespace)
+}
+
+/// The same with a network of its own, in which it may make cables.
+///
+/// # Panics
+/// As [`runs_in_own_namespace`].
+pub fn runs_in_own_network(test: &str) -> bool {
+    runs_again(test, || again_in(&["-n", "-rn"], "ip link add near type veth peer name far"))
+}
+
+fn runs_again(test: &str, again: impl FnOnce() -> Command) -> bool {
     if std::env::var_os(INSIDE).is_some() {
         return true;
     }
     // The test harness names a test without the crate.
     let test = test.split_once("::").map_or(test, |(_, test)| test);
-    let output = again_in_namespace()
-        .args(["--exact", test, "--nocapture", "--include-ignored"])
-        .output()
-        .expect("unshare starts");
+    let output = again().args(["--exact", test, "--nocapture", "--include-ignored"]).output().expect("unshare starts");
     let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{test} has failed in its namespace:\n{stdout}{stderr}");
     assert!(stdout.contains("1 passed"), "the test binary has no test {test}:\n{stdout}");
@@ -38,14 +47,18 @@ pub fn run_in_own_namespace() -> Option<ExitStatus> {
 
 /// This program, without arguments, in a mount namespace of its own.
 fn again_in_namespace() -> Command {
-    // As the superuser; or as the root of a user namespace.
-    let kinds = ["-m", "-rm"];
+    let mount = format!("mount -t tmpfs none '{}'", std::env::temp_dir().display());
+    again_in(&["-m", "-rm"], &mount)
+}
+
+/// This program, without arguments, in a namespace of the first of these kinds in which the shell command succeeds: as the
+/// superuser; or as the root of a user namespace.
+fn again_in(kinds: &[&str], probe: &str) -> Command {
     let allowed = |kind: &&&str| {
-        let mount = format!("mount -t tmpfs none '{}'", std::env::temp_dir().display());
-        let tried = Command::new("unshare").args([kind, "sh", "-c", &mount]).stderr(Stdio::null()).status();
+        let tried = Command::new("unshare").args([kind, "sh", "-c", probe]).stderr(Stdio::null()).status();
         tried.is_ok_and(|status| status.success())
     };
-    let kind = kinds.iter().find(allowed).expect("no mount namespace can be made here (unshare)");
+    let kind = kinds.iter().find(allowed).unwrap_or_else(|| panic!("no namespace allows {probe} here (unshare)"));
     let mut command = Command::new("unshare");
     command.arg(kind).arg(std::env::current_exe().expect("a program has a path")).env(INSIDE, "1");
     command
@@ -73,4 +86,48 @@ pub fn resize_tmpfs(folder: &Path, bytes: u64) {
 fn mount(arguments: &[&str], folder: &Path) {
     let status = Command::new("mount").args(arguments).arg(folder).status().expect("mount starts");
     assert!(status.success(), "mount {arguments:?} {}: {status}", folder.display());
+}
+
+/// As [`in_own_namespace!`], with a network of its own.
+#[macro_export]
+macro_rules! in_own_network {
+    ($test:literal) => {
+        $crate::runs_in_own_network(concat!(module_path!(), "::", $test))
+    };
+}
+
+/// The end of a cable to the network of another process.
+pub struct Cable;
+
+impl Cable {
+    /// From `near`, in this network, with the address 10.77.0.1 to `far` with [`Cable::FAR`] in that of a process.
+    pub fn to(process: u32) -> Self {
+        let process = process.to_string();
+        ip(&["link", "add", "near", "type", "veth", "peer", "name", "far", "netns", &process]);
+        ip(&["address", "add", "10.77.0.1/24", "dev", "near"]);
+        ip(&["link", "set", "near", "up"]);
+        let there = |arguments: &[&str]| call("nsenter", &[&["-t", &process, "-n", "ip"][..], arguments].concat());
+        there(&["address", "add", &format!("{}/24", Self::FAR), "dev", "far"]);
+        there(&["link", "set", "far", "up"]);
+        Self
+    }
+    /// The address of the other end.
+    pub const FAR: &str = "10.77.0.2";
+    /// Nothing arrives any more, at either end; neither end is told.
+    pub fn pull(&self) {
+        ip(&["link", "set", "near", "down"]);
+    }
+    /// Undoes [`Cable::pull`].
+    pub fn plug_in(&self) {
+        ip(&["link", "set", "near", "up"]);
+    }
+}
+
+fn ip(arguments: &[&str]) {
+    call("ip", arguments);
+}
+
+fn call(program: &str, arguments: &[&str]) {
+    let status = Command::new(program).args(arguments).status().expect("iproute2 and util-linux are installed");
+    assert!(status.success(), "{program} {arguments:?}: {status}");
 }

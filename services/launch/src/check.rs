@@ -41,7 +41,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
         problems.add_without_place(text);
     }
-    let mut stages = stages::read(&mut problems, &folder, copy, overrides, &selection.without);
+    let mut stages = stages::read(&mut problems, &folder, copy, overrides, selection, &run);
     let (remark, missing) = select(&mut stages, selection, &mut problems);
     for (stage, problem) in dataflow::connect(&mut stages, mode) {
         problems.add(&stage, problem);
@@ -200,6 +200,7 @@ fn check_settings(
             overrides: overrides.to_vec(),
             table: stage.name.clone(),
             context: stage.table.remap.context(context),
+            remote: stage.remote.clone(),
         };
         programs::check(&stage.program, &stage.table.python, &request)
     });

@@ -4,7 +4,7 @@ use crate::remap::{PlainNames, Remap};
 use ipc::Transport;
 use run::toml::Spanned;
 use run::toml::de::DeValue;
-use run::{Field, SettingError, Settings, any, one_of, within, zero_or_within};
+use run::{Field, Remote, SettingError, Settings, any, one_of, within, zero_or_within};
 use serde::Serialize;
 use serde::de::IntoDeserializer;
 use simulation::{DriveSettings, SettingField, SimulatedDrive};
@@ -93,7 +93,11 @@ impl Settings for Simulate {
 run::settings! {
     /// Keys of a stage's table that the supervisor reads.
     pub struct StageTable {
-        /// The stage's program; default `replica-<table>` beside replica-launch.
+        /// `HOST:PORT` of the `replica agent` that runs the stage on another host; empty: this host.
+        pub host: String = String::new() => any();
+        /// Key file of `host`, which only its owner may read. A relative path is relative to the launch file.
+        pub host_key: String = "agent.key".to_owned() => any();
+        /// The stage's program; default `replica-<table>` beside replica-launch. With `host`, a path in the folder of the agent.
         pub program: String = String::new() => any();
         /// Interpreter of a program `*.py`: a command, or a path relative to the launch file.
         pub python: String = "python3".to_owned() => any();
@@ -103,6 +107,21 @@ run::settings! {
         pub stall_s: f64 = 0.0 => within(0.0, 86400.0);
         /// Threads of its parallel loops; 0 = one per core.
         pub threads: usize = 0 => within(0, 1024);
+    }
+}
+
+impl StageTable {
+    /// The other host of the stage, if it has one. `folder` is that of the launch file.
+    pub fn remote(&self, folder: &Path, hang_s: f64) -> Option<Remote> {
+        (!self.host.is_empty()).then(|| Remote {
+            host: self.host.clone(),
+            key: folder.join(&self.host_key),
+            program: self.program.clone(),
+            python: self.python.clone(),
+            threads: self.threads,
+            hang_s,
+            files: [].into(),
+        })
     }
 }
 

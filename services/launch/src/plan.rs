@@ -2,9 +2,9 @@
 
 use crate::manifest::{Run, Simulate, StageTable};
 use ipc::Domain;
-use run::Context;
 use run::assignment::{Description, TopicChannels};
 use run::wiring::{WiredStage, WiredTopic, Wiring};
+use run::{Context, Remote};
 use std::path::PathBuf;
 
 /// Which of the launch file's stages run, and what is recorded.
@@ -58,6 +58,8 @@ pub struct PlannedStage {
     pub program: PathBuf,
     /// The supervisor's keys of its table.
     pub table: StageTable,
+    /// Its host, if it is another one; `program` then stands for it here.
+    pub remote: Option<Remote>,
     /// Its topics and settings.
     pub description: Description,
     /// Files that its settings name, such as its model.

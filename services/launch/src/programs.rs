@@ -2,7 +2,7 @@
 
 use crate::manifest::Simulate;
 use run::assignment::Description;
-use run::process::{ProgramMissing, own_folder, sibling};
+use run::process::{ProgramMissing, own_folder, sibling, stage_command};
 use run::{CheckRequest, DescribeRequest, Problem, nearest_key};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -110,27 +110,10 @@ fn known_stages() -> Vec<String> {
     let entries = std::fs::read_dir(own_folder()).into_iter().flatten().flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| entry.file_name().to_string_lossy().strip_prefix("replica-").map(str::to_owned))
-        .filter(|name| name != "launch" && !name.contains('.'))
+        .filter(|name| !["launch", "remote"].contains(&name.as_str()) && !name.contains('.'))
         .collect();
     names.sort();
     names
-}
-
-/// The interpreter that a table names: a command of the search path, or a path relative to the launch file.
-pub fn interpreter(python: &str, launch_folder: &Path) -> String {
-    let is_path = python.contains('/');
-    if is_path { launch_folder.join(python).to_string_lossy().into_owned() } else { python.to_owned() }
-}
-
-/// The command that starts a stage's program: `*.py` with the interpreter `python`, any other by itself.
-pub fn command(program: &Path, python: &str) -> Command {
-    if program.extension().is_none_or(|extension| extension != "py") {
-        return Command::new(program);
-    }
-    let mut command = Command::new(python);
-    // Python orders sets by a seed, which it would draw anew in each process. Lines are in the log before a crash.
-    command.env("PYTHONHASHSEED", "0").env("PYTHONUNBUFFERED", "1").arg(program);
-    command
 }
 
 /// Topics and settings of a program, with the settings of its table.
@@ -168,7 +151,7 @@ fn ask<T: DeserializeOwned>(
     let (program_path, question_text) = (|| program.to_owned(), || question.to_owned());
     let failed = |source| ProgramError::Read { program: program_path(), question: question_text(), source };
     let invalid = |source| ProgramError::Answer { program: program_path(), question: question_text(), source };
-    let mut command = command(program, python);
+    let mut command = stage_command(program, python, 0);
     let started = PathBuf::from(command.get_program());
     let mut child = command
         .args([question, &serde_json::to_string(request).map_err(invalid)?])

@@ -113,7 +113,14 @@ mod tests {
     fn description(inputs: &[&str], outputs: &[&str]) -> Description {
         let ports = |topics: &[&str]| topics.iter().map(|topic| port(topic)).collect();
         let (inputs, outputs) = (ports(inputs), ports(outputs));
-        Description { contract: CONTRACT_VERSION, name: "stage".into(), inputs, outputs, settings: vec![] }
+        Description {
+            contract: CONTRACT_VERSION,
+            name: "stage".into(),
+            inputs,
+            outputs,
+            settings: Vec::new(),
+            files: BTreeMap::new(),
+        }
     }
 
     fn remap(text: &str) -> Remap {

@@ -272,6 +272,7 @@ impl RunFolder {
             states: self.states.folder().to_owned(),
             resume,
             restart,
+            remote: stage.remote.clone(),
         };
         let name = format!("{}.json", stage.name);
         self.write_json(&name, &assignment)?;

@@ -5,11 +5,11 @@ mod log_tail;
 use crate::decision::ObservedStage;
 use crate::log::LogFormat;
 use crate::plan::PlannedStage;
-use crate::programs;
 use ipc::{IpcError, LatestPublisher, LatestSubscriber, Node, Waker};
 use run::LOG_FORMAT;
 use run::assignment::{Command as StageCommand, wake_name};
 use run::health::Health;
+use run::process::stage_command;
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::fs::OpenOptions;
 use std::os::unix::process::CommandExt;
@@ -183,14 +183,9 @@ fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat)
         source,
     };
     let file = OpenOptions::new().create(true).append(true).open(log).map_err(failed)?;
-    let mut command = programs::command(&stage.program, &stage.table.python);
+    let mut command = stage_command(&stage.program, &stage.table.python, stage.table.threads);
     command.arg("run").arg(assignment).stdin(Stdio::null()).process_group(0);
     allocator::keep_freed_memory(&mut command, allocator::Keep::Sweeps);
-    if stage.table.threads > 0 {
-        // Of Rust and, in libraries of Python, of OpenMP.
-        let n_threads = stage.table.threads.to_string();
-        command.env("RAYON_NUM_THREADS", &n_threads).env("OMP_NUM_THREADS", n_threads);
-    }
     if format == LogFormat::Json {
         command.env(LOG_FORMAT, "json");
     }

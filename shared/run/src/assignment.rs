@@ -1,7 +1,7 @@
 //! What the supervisor gives a stage at its start, and its commands while the stage runs.
 
 use crate::health::Traffic;
-use crate::{Context, Field};
+use crate::{Context, Field, Remote};
 use ipc::Channel;
 use messages::ByteTable;
 use serde::{Deserialize, Serialize};
@@ -24,6 +24,9 @@ pub struct Description {
     pub outputs: Vec<PortDescription>,
     /// Its settings.
     pub settings: Vec<Field>,
+    /// Files of another host on which its results depend, with their digests.
+    #[serde(default)]
+    pub files: BTreeMap<String, String>,
 }
 
 /// A topic and its type.
@@ -85,6 +88,9 @@ pub struct Assignment {
     pub resume: Option<u64>,
     /// Live: only this stage is restarted, in a run that continues.
     pub restart: Option<Restart>,
+    /// Its host, if it is another one.
+    #[serde(default)]
+    pub remote: Option<Remote>,
 }
 
 /// What a restarted stage must know of the process that it replaces.

@@ -221,12 +221,16 @@ impl Pulse {
     pub fn mark_progress(&self) {
         self.progress_mark.fetch_add(1, Ordering::Relaxed);
     }
+    /// Rises with all progress.
+    pub fn progress(&self) -> u64 {
+        self.progress_mark.load(Ordering::Relaxed)
+    }
     fn report(&self) -> Health {
         let usage = usage();
         let mut health = self.update();
         health.beat += 1;
         health.beat_nanos = monotonic_nanos();
-        health.progress_mark = self.progress_mark.load(Ordering::Relaxed);
+        health.progress_mark = self.progress();
         health.usage = usage;
         health.peak_private_bytes = health.peak_private_bytes.max(usage.private_bytes);
         health.clone()

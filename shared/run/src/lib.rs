@@ -5,10 +5,12 @@
 //! | [`launch_file`], [`mod@settings`] | launch.toml and its tables |
 //! | [`program`] | command line and exit codes of every program |
 //! | [`assignment`] | what the supervisor hands to a stage, and its commands |
+//! | [`remote`] | where a stage runs that is on another host |
 //! | [`health`] | the heartbeat of a stage |
 //! | [`state_file`] | the saved state of a stage at a barrier; `packed`: its rows |
 //! | [`checksum`] | of saved states and of the files that results depend on |
 //! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
+//! | `file_identity` | files on which results depend, and their digests |
 //! | [`control`] | requests to a running supervisor |
 //! | [`summary`] | `summary.json` |
 //! | [`space`] | free space of file systems |
@@ -21,6 +23,7 @@ pub mod assignment;
 pub mod checksum;
 pub mod context;
 pub mod control;
+mod file_identity;
 pub mod health;
 pub mod histogram;
 pub mod launch_file;
@@ -28,6 +31,7 @@ pub mod observed_run;
 mod packed;
 pub mod process;
 pub mod program;
+pub mod remote;
 pub mod settings;
 pub mod space;
 pub mod state_file;
@@ -36,8 +40,10 @@ pub mod terminal;
 pub mod wiring;
 
 pub use context::{Context, Mode, find_file};
+pub use file_identity::{FileIdentity, files_of_settings};
 pub use packed::Piece;
 pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
+pub use remote::Remote;
 pub use settings::{
     Field, Problem, Rule, SettingError, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
     zero_or_within,

@@ -3,6 +3,7 @@
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// What a process has used so far, and the memory that it has now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -94,6 +95,31 @@ pub struct ProgramMissing {
 pub fn sibling(name: &str) -> Result<PathBuf, ProgramMissing> {
     let path = own_folder().join(name);
     if path.is_file() { Ok(path) } else { Err(ProgramMissing { path }) }
+}
+
+/// The interpreter that a table names: a command of the search path, or a path relative to `folder`.
+pub fn interpreter(python: &str, folder: &Path) -> String {
+    let is_path = python.contains('/');
+    if is_path { folder.join(python).to_string_lossy().into_owned() } else { python.to_owned() }
+}
+
+/// The command that starts a stage's program: `*.py` with the interpreter `python`, any other by itself. `n_threads` is for its
+/// parallel loops; 0 = one per core.
+pub fn stage_command(program: &Path, python: &str, n_threads: usize) -> Command {
+    let mut command = if program.extension().is_none_or(|extension| extension != "py") {
+        Command::new(program)
+    } else {
+        let mut command = Command::new(python);
+        // Python orders sets by a seed, which it would draw anew in each process. Lines are in the log before a crash.
+        command.env("PYTHONHASHSEED", "0").env("PYTHONUNBUFFERED", "1").arg(program);
+        command
+    };
+    if n_threads > 0 {
+        // Of Rust and, in libraries of Python, of OpenMP.
+        let n_threads = n_threads.to_string();
+        command.env("RAYON_NUM_THREADS", &n_threads).env("OMP_NUM_THREADS", n_threads);
+    }
+    command
 }
 
 /// A process that cannot be bound to its supervisor.

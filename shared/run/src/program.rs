@@ -1,11 +1,11 @@
 //! Command line and exit codes that the programs of the project share.
 
-use crate::Context;
+use crate::{Context, Remote};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Keys of a stage's table that the supervisor reads and the stage does not.
-pub const SUPERVISOR_KEYS: [&str; 5] = ["program", "python", "remap", "stall_s", "threads"];
+pub const SUPERVISOR_KEYS: [&str; 7] = ["host", "host_key", "program", "python", "remap", "stall_s", "threads"];
 
 /// Environment variable that selects the log format of a stage: `json` writes one JSON object per line, any other value
 /// writes lines for people.
@@ -35,6 +35,9 @@ pub struct DescribeRequest {
     pub overrides: Vec<String>,
     /// The stage's table.
     pub table: String,
+    /// Its host, if it is another one.
+    #[serde(default)]
+    pub remote: Option<Remote>,
 }
 
 /// Argument of `--check`; the answer is a list of [`Problem`](crate::Problem).
@@ -48,4 +51,7 @@ pub struct CheckRequest {
     pub table: String,
     /// Where the run will happen.
     pub context: Context,
+    /// Its host, if it is another one.
+    #[serde(default)]
+    pub remote: Option<Remote>,
 }

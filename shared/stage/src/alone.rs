@@ -267,7 +267,7 @@ impl<'a> Alone<'a> {
         for (topic, output) in &mut self.outputs.by_topic {
             let traffic = self.report.outputs.entry(topic).or_default();
             let writer = &mut self.writer;
-            output.take_published(&mut |envelope, header, rows| {
+            output.take_published(&mut |envelope, _, header, rows| {
                 let envelope = Envelope { tick: row.tick, ..*envelope };
                 count(traffic, u64::from(envelope.len), rows.len() / (envelope.len as usize).max(1));
                 let Some(writer) = writer else { return Ok(()) };

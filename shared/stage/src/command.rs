@@ -4,7 +4,7 @@ use crate::command_line::{self, Action, CommandLine, NO_REQUEST, RunArguments, p
 use crate::own_table::own_table;
 use crate::program::{Program, ProgramOf};
 use crate::runner::Ending;
-use crate::{Port, Problem, Stage, exit, log};
+use crate::{Context, Port, Problem, Stage, StepError, exit, log};
 use run::assignment::{Assignment, CONTRACT_VERSION, Description};
 use run::launch_file::LaunchFile;
 use run::{CheckRequest, DescribeRequest};
@@ -20,7 +20,8 @@ use std::sync::atomic::AtomicBool;
 ///   ([`DescribeRequest`]) sets them,
 /// - `--check REQUEST` prints the problems of a launch file's table as JSON ([`CheckRequest`]),
 /// - `run ASSIGNMENT` runs the stage as the supervisor's file says ([`Assignment`]),
-/// - `run --recording FILE …` runs it alone, on a recording of its inputs.
+/// - `run --recording FILE …` runs it alone, on a recording of its inputs,
+/// - `run --linked AGENT` runs it for a run on another host ([`crate::remote`]).
 pub fn run<S: Stage>() -> ExitCode {
     ExitCode::from(run_program(&ProgramOf::<S>::new(), std::env::args_os()))
 }
@@ -37,9 +38,10 @@ pub fn run_program(program: &dyn Program, arguments: impl IntoIterator<Item = Os
             Ok(request) => print_json(&check(program, &request)),
             Err(error) => usage(program, &format!("--check {request}: {error}")),
         },
-        Ok(CommandLine { action: Some(Action::Run(RunArguments { assignment, alone })), .. }) => match assignment {
-            Some(assignment) => run_assignment(program, &assignment),
-            None => crate::alone::run(program, &alone),
+        Ok(CommandLine { action: Some(Action::Run(arguments)), .. }) => match arguments {
+            RunArguments { assignment: Some(assignment), .. } => run_assignment(program, &assignment),
+            RunArguments { linked: Some(agent), .. } => crate::remote::serve(program, agent),
+            RunArguments { alone, .. } => crate::alone::run(program, &alone),
         },
         Ok(CommandLine { action: None, .. }) => usage(program, "--describe, --check or run is missing"),
         Err(code) => code,
@@ -53,50 +55,62 @@ fn description(program: &dyn Program) -> Description {
         inputs: program.inputs().iter().map(Port::describe).collect(),
         outputs: program.outputs().iter().map(Port::describe).collect(),
         settings: program.fields(),
+        files: [].into(),
     }
 }
 
 /// Problems of the launch file are reported by `--check`: here the defaults apply.
 fn describe(program: &dyn Program, request: &DescribeRequest) -> u8 {
-    let mut description = description(program);
     let file = LaunchFile::load(&request.launch_file, &request.overrides).ok();
-    if let Some(table) = file.and_then(|file| own_table(&file, &request.table).ok()) {
-        let (stage, _) = program.configured(&table);
-        let folder = request.launch_file.parent().unwrap_or(Path::new("/"));
-        match stage.inputs(folder).and_then(|inputs| Ok((inputs, stage.outputs(folder)?))) {
-            Ok((inputs, outputs)) => {
-                description.inputs = inputs.iter().map(Port::describe).collect();
-                description.outputs = outputs.iter().map(Port::describe).collect();
-            }
-            Err(error) => {
-                eprintln!("{error}");
-                return exit::CONFIGURATION;
-            }
+    let folder = request.launch_file.parent().unwrap_or(Path::new("/"));
+    match describe_table(program, file.as_ref(), &request.table, folder) {
+        Ok(description) => print_json(&description),
+        Err(error) => {
+            eprintln!("{error}");
+            exit::CONFIGURATION
         }
     }
-    print_json(&description)
+}
+
+/// The description with the settings of a table, if the launch file can be read.
+pub(crate) fn describe_table(
+    program: &dyn Program,
+    file: Option<&LaunchFile>,
+    name: &str,
+    launch_folder: &Path,
+) -> Result<Description, StepError> {
+    let mut description = description(program);
+    if let Some(table) = file.and_then(|file| own_table(file, name).ok()) {
+        let (stage, _) = program.configured(&table);
+        description.inputs = stage.inputs(launch_folder)?.iter().map(Port::describe).collect();
+        description.outputs = stage.outputs(launch_folder)?.iter().map(Port::describe).collect();
+    }
+    Ok(description)
 }
 
 fn check(program: &dyn Program, request: &CheckRequest) -> Vec<Problem> {
-    let launch_file = match LaunchFile::load(&request.launch_file, &request.overrides) {
-        Ok(launch_file) => launch_file,
-        Err(problems) => return problems,
-    };
-    let located = |problem| launch_file.located(&request.table, problem);
-    let table = match own_table(&launch_file, &request.table) {
+    match LaunchFile::load(&request.launch_file, &request.overrides) {
+        Ok(file) => check_table(program, &file, &request.table, &request.context),
+        Err(problems) => problems,
+    }
+}
+
+/// The problems of a table.
+pub(crate) fn check_table(program: &dyn Program, file: &LaunchFile, name: &str, context: &Context) -> Vec<Problem> {
+    let table = match own_table(file, name) {
         Ok(table) => table,
         Err(problem) => return vec![problem],
     };
     let (stage, mut problems) = program.configured(&table);
     // A setting that is wrong by itself would only cause further errors.
     if problems.is_empty() {
-        for mut problem in stage.check(&request.context) {
+        for mut problem in stage.check(context) {
             let value = table.iter().find(|(key, _)| key.get_ref() == problem.key.as_str());
             problem.span = value.map(|(_, value)| value.span());
             problems.push(problem);
         }
     }
-    problems.into_iter().map(located).collect()
+    problems.into_iter().map(|problem| file.located(name, problem)).collect()
 }
 
 fn run_assignment(program: &dyn Program, path: &Path) -> u8 {

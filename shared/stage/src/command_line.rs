@@ -39,6 +39,9 @@ pub(crate) struct RunArguments {
     /// File of the supervisor
     #[arg(conflicts_with_all = ["recording", "record", "launch", "overrides", "drive", "output", "json"])]
     pub(crate) assignment: Option<PathBuf>,
+    /// For a run on another host, whose connection is the standard input; ends with the process AGENT
+    #[arg(long, value_name = "AGENT", hide = true, conflicts_with = "assignment")]
+    pub(crate) linked: Option<u32>,
     #[command(flatten)]
     pub(crate) alone: AloneArguments,
 }

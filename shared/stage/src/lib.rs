@@ -18,6 +18,7 @@ mod own_table;
 mod port;
 mod ports;
 mod program;
+pub mod remote;
 mod runner;
 mod state;
 mod state_bytes;

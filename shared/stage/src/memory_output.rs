@@ -1,4 +1,4 @@
-//! An output that keeps its messages, for tests and for a stage that runs alone.
+//! An output that keeps its messages: for tests, for a stage that runs alone, and for one on another host.
 
 use crate::StepError;
 use crate::outputs::{AnyOutput, Output, PublishedSink, TypedOutput};
@@ -9,11 +9,31 @@ use std::any::Any;
 /// The messages that were published on the topic of `T`.
 pub(crate) struct MemoryOutput<T: Message> {
     next_seq: u64,
-    published: Vec<Received<T>>,
+    published: Vec<Published<T>>,
+    /// The run is on another host. It knows how many messages fit its queues and which column is due: any are taken here.
+    is_remote: bool,
+    /// The submap of the column that is published next.
+    column: Option<u64>,
+}
+
+struct Published<T: Message> {
+    message: Received<T>,
+    /// The submap of a column, if the run is on another host.
+    column: Option<u64>,
 }
 
 pub(crate) fn memory_output<T: Message>() -> Box<dyn AnyOutput> {
-    Box::new(TypedOutput::<T>(Box::new(MemoryOutput::<T> { next_seq: 0, published: Vec::new() })))
+    new_output::<T>(false)
+}
+
+/// Of a stage whose run is on another host.
+pub(crate) fn remote_output<T: Message>() -> Box<dyn AnyOutput> {
+    new_output::<T>(true)
+}
+
+fn new_output<T: Message>(is_remote: bool) -> Box<dyn AnyOutput> {
+    let (next_seq, published, column) = (0, Vec::new(), None);
+    Box::new(TypedOutput::<T>(Box::new(MemoryOutput::<T> { next_seq, published, is_remote, column })))
 }
 
 impl<T: Message> Output<T> for MemoryOutput<T> {
@@ -26,7 +46,7 @@ impl<T: Message> Output<T> for MemoryOutput<T> {
         let message = loan
             .into_received(envelope)
             .ok_or_else(|| StepError::contract(format!("{}: a loan that was not made by this run", T::TOPIC)))?;
-        self.published.push(message);
+        self.published.push(Published { message, column: self.column.take() });
         self.next_seq += 1;
         Ok(())
     }
@@ -35,20 +55,27 @@ impl<T: Message> Output<T> for MemoryOutput<T> {
         self.next_seq
     }
 
+    fn skip_to(&mut self, seq: u64) -> bool {
+        if self.is_remote {
+            (self.next_seq, self.column) = (seq, Some(seq));
+        }
+        true
+    }
+
     fn take_published(&mut self, take: &mut PublishedSink<'_>) -> Result<(), StepError> {
         // More would not fit its consumers' queues in a run.
-        if self.published.len() > T::QUEUE {
+        if self.published.len() > T::QUEUE && !self.is_remote {
             return Err(StepError::contract(format!("{}: more than {} messages in one tick", T::TOPIC, T::QUEUE)));
         }
-        for message in self.published.drain(..) {
+        for Published { message, column } in self.published.drain(..) {
             let [_, header, rows] = message.parts();
-            take(message.envelope(), header, rows)?;
+            take(message.envelope(), column, header, rows)?;
         }
         Ok(())
     }
 
     fn take_messages(&mut self) -> Vec<Received<T>> {
-        std::mem::take(&mut self.published)
+        self.published.drain(..).map(|published| published.message).collect()
     }
 }
 

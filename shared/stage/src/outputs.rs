@@ -192,7 +192,7 @@ pub(crate) trait Output<T: Message> {
     fn skip_to(&mut self, _seq: u64) -> bool {
         true
     }
-    /// Hands over what was published and is kept in memory: envelope, header, rows.
+    /// Hands over what was published and is kept in memory.
     fn take_published(&mut self, _take: &mut PublishedSink<'_>) -> Result<(), StepError> {
         Ok(())
     }
@@ -231,8 +231,8 @@ pub(crate) trait AnyOutput {
     fn ticked(&mut self) -> Option<&mut dyn TickedOutput>;
 }
 
-/// Takes over a message: envelope, header, rows.
-pub(crate) type PublishedSink<'a> = dyn FnMut(&Envelope, &[u8], &[u8]) -> Result<(), StepError> + 'a;
+/// Takes over a message: envelope, the submap of a column if only the run on another host can check it, header, rows.
+pub(crate) type PublishedSink<'a> = dyn FnMut(&Envelope, Option<u64>, &[u8], &[u8]) -> Result<(), StepError> + 'a;
 
 /// What an [`AnyOutput`] is.
 pub(crate) struct TypedOutput<T: Message>(pub(crate) Box<dyn Output<T>>);

@@ -1,7 +1,7 @@
 //! A topic that a stage reads or writes.
 
 use crate::inputs::push_bytes;
-use crate::memory_output::memory_output;
+use crate::memory_output::{memory_output, remote_output};
 use crate::outputs::AnyOutput;
 use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_output};
 use crate::untyped::{self, LoanMaker, UntypedMessage};
@@ -28,6 +28,7 @@ pub struct Port {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PortMakers {
     pub(crate) memory_output: fn() -> Box<dyn AnyOutput>,
+    pub(crate) remote_output: fn() -> Box<dyn AnyOutput>,
     pub(crate) shared_output: SharedOutputMaker,
     pub(crate) shared_input: SharedInputMaker,
     pub(crate) push_bytes: fn(&mut Inputs, &'static str, &[u8]) -> Result<(), StepError>,
@@ -49,6 +50,7 @@ impl Port {
             optional: false,
             make: PortMakers {
                 memory_output: memory_output::<T>,
+                remote_output: remote_output::<T>,
                 shared_output: shared_output::<T>,
                 shared_input: shared_input::<T>,
                 push_bytes: push_bytes::<T>,
@@ -84,6 +86,11 @@ impl Port {
             Self::of::<ClassTopic>(),
             Self::of::<InstanceTopic>(),
         ]
+    }
+
+    /// The project's topic of this name.
+    pub fn of_name(topic: &str) -> Option<Self> {
+        Self::all().into_iter().find(|port| port.topic() == topic)
     }
 
     /// The same port; an input without a producer is always empty.

@@ -24,6 +24,11 @@ impl From<Vec<u8>> for StateBytes<'_> {
 }
 
 impl<'a> StateBytes<'a> {
+    /// A state of these pieces, each with the bytes of a row.
+    pub(crate) fn of_pieces(pieces: Vec<(Vec<u8>, usize)>) -> Self {
+        let pieces = pieces.into_iter().map(|(bytes, row_bytes)| (bytes.into(), row_bytes)).collect();
+        Self { pieces, files: Vec::new() }
+    }
     /// A state whose messages follow `head`: [`encode_state`] behind its length (u32, little-endian). [`decode_head`] is the inverse.
     pub fn with_head<S: Serialize>(version: u32, head: &S) -> Result<Self, StateError> {
         let head = encode_state(version, head)?;

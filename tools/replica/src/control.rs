@@ -1,5 +1,6 @@
 //! Run control: commands that observe, record, replay or change a run.
 
+mod agent;
 mod attach;
 mod batch;
 mod columns;
@@ -28,6 +29,7 @@ pub enum Command {
     Replay(replay::Args),
     Swap(swap::Args),
     Stop(stop::Args),
+    Agent(agent::Args),
 }
 
 impl Command {
@@ -43,6 +45,7 @@ impl Command {
             Command::Replay(args) => replay::run(args),
             Command::Swap(args) => swap::run(args),
             Command::Stop(args) => stop::run(args),
+            Command::Agent(args) => agent::run(args),
         }
     }
 }

@@ -186,6 +186,7 @@ mod tests {
             inputs: inputs.to_vec(),
             outputs: outputs.to_vec(),
             settings: vec![],
+            files: [].into(),
         };
         let table = StageTable::default();
         PlannedStage {
@@ -193,6 +194,7 @@ mod tests {
             span: None,
             program: "".into(),
             table,
+            remote: None,
             description,
             files: vec![],
             inputs: vec![],

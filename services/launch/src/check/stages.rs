@@ -1,14 +1,12 @@
 //! The stages of a launch file: their tables, and how their programs describe themselves.
 
 use super::problems::Problems;
-use crate::identity::named_files;
-use crate::manifest::StageTable;
-use crate::plan::PlannedStage;
+use crate::manifest::{Run, StageTable};
+use crate::plan::{PlannedStage, Selection};
 use crate::programs::{self, ProgramError};
 use run::assignment::{CONTRACT_VERSION, Description};
-use run::launch_file::LaunchFile;
-use run::toml::de::DeValue;
-use run::{DescribeRequest, SUPERVISOR_KEYS};
+use run::process::{interpreter, sibling};
+use run::{DescribeRequest, Remote, SUPERVISOR_KEYS, files_of_settings};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -19,31 +17,37 @@ struct Table {
     name: String,
     span: Option<Range<usize>>,
     keys: StageTable,
+    remote: Option<Remote>,
 }
 
-/// All stages of the file but those of `without`, in its order.
+/// All stages of the file but those that the selection leaves out, in its order.
 pub fn read(
     problems: &mut Problems,
     folder: &Path,
     launch_file: &Path,
     overrides: &[String],
-    without: &[String],
+    selection: &Selection,
+    run: &Run,
 ) -> Vec<PlannedStage> {
-    let tables = tables(problems, folder, without);
+    let tables = tables(problems, folder, &selection.without, run);
     let described = programs::ask_all(&tables, |table| {
         let request = DescribeRequest {
             launch_file: launch_file.to_owned(),
             overrides: overrides.to_vec(),
             table: table.name.clone(),
+            remote: table.remote.clone(),
         };
-        let program = programs::find(&table.name, &table.keys.program, folder)?;
+        let program = match &table.remote {
+            Some(_) => sibling("replica-remote")?,
+            None => programs::find(&table.name, &table.keys.program, folder)?,
+        };
         programs::describe(&program, &table.keys.python, &request).map(|description| (program, description))
     });
     let described = tables.into_iter().zip(described);
     described.filter_map(|(table, described)| planned(table, described, folder, problems)).collect()
 }
 
-fn tables(problems: &mut Problems, folder: &Path, without: &[String]) -> Vec<Table> {
+fn tables(problems: &mut Problems, folder: &Path, without: &[String], run: &Run) -> Vec<Table> {
     let mut tables = Vec::new();
     for (name, span) in problems.file().tables() {
         if OWN_TABLES.contains(&name.as_str()) || without.contains(&name) {
@@ -56,8 +60,11 @@ fn tables(problems: &mut Problems, folder: &Path, without: &[String]) -> Vec<Tab
             continue;
         }
         let mut keys: StageTable = problems.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
-        keys.python = programs::interpreter(&keys.python, folder);
-        tables.push(Table { name, span, keys });
+        let remote = keys.remote(folder, run.hang_s);
+        if remote.is_none() {
+            keys.python = interpreter(&keys.python, folder);
+        }
+        tables.push(Table { name, span, keys, remote });
     }
     tables
 }
@@ -68,7 +75,7 @@ fn planned(
     folder: &Path,
     problems: &mut Problems,
 ) -> Option<PlannedStage> {
-    let Table { name, span, keys } = table;
+    let Table { name, span, keys, remote } = table;
     let (program, mut description) = match described {
         Ok(described) => described,
         Err(error) => {
@@ -93,21 +100,12 @@ fn planned(
         let problem = problems.of_value(&name, "remap", text);
         problems.add(&name, problem);
     }
-    let files = files_of(problems.file(), &name, &description, folder);
+    let remote = remote.map(|remote| Remote { files: description.files.clone(), ..remote });
+    // Those of another host have no part in the run.
+    let files = match &remote {
+        Some(_) => Vec::new(),
+        None => files_of_settings(problems.file(), &name, &description.settings, folder).into_iter().collect(),
+    };
     let (inputs, outputs) = (Vec::new(), Vec::new());
-    Some(PlannedStage { name, span, program, table: keys, description, files, inputs, outputs })
-}
-
-/// The files that the settings of a stage name: those of its table, and the defaults of the others.
-fn files_of(file: &LaunchFile, name: &str, description: &Description, folder: &Path) -> Vec<PathBuf> {
-    let table = file.table(name).unwrap_or_default();
-    let is_set = |key: &str| table.keys().any(|set| set.get_ref() == key);
-    let defaults = description.settings.iter().filter(|field| !is_set(&field.key));
-    // Defaults are written as JSON. A default that is not valid JSON names no file.
-    let defaults: Vec<DeValue<'_>> = defaults
-        .filter_map(|field| serde_json::from_str::<String>(&field.default).ok())
-        .map(|text| DeValue::String(text.into()))
-        .collect();
-    let set = table.iter().filter(|(key, _)| !SUPERVISOR_KEYS.contains(&key.get_ref().as_ref()));
-    named_files(set.map(|(_, value)| value.get_ref()).chain(&defaults), folder).into_iter().collect()
+    Some(PlannedStage { name, span, program, table: keys, remote, description, files, inputs, outputs })
 }

@@ -54,14 +54,21 @@ mod tests {
 
     fn planned(name: &str, inputs: &[PortDescription], outputs: &[PortDescription]) -> PlannedStage {
         let (inputs, outputs) = (inputs.to_vec(), outputs.to_vec());
-        let description =
-            Description { contract: CONTRACT_VERSION, name: name.into(), inputs, outputs, settings: vec![] };
+        let description = Description {
+            contract: CONTRACT_VERSION,
+            name: name.into(),
+            inputs,
+            outputs,
+            settings: vec![],
+            files: [].into(),
+        };
         let (program, table) = ("".into(), StageTable::default());
         PlannedStage {
             name: name.into(),
             span: None,
             program,
             table,
+            remote: None,
             description,
             files: vec![],
             inputs: vec![],

@@ -56,8 +56,14 @@ pub fn run_texts() -> Vec<Vec<u8>> {
         "barrier_s":5.0,"states":"/o/states","resume":3,"restart":{"epoch":1,"ticks":2,"inputs":{},"outputs":{}}}"#;
     let assignment = serde_json::from_str::<Assignment>(assignment).expect("is an assignment");
     let assignment = Assignment { inputs: vec![channels()], ..assignment };
-    let description =
-        Description { contract: 4, name: "infer".to_owned(), inputs: vec![port()], outputs: vec![], settings: vec![] };
+    let description = Description {
+        contract: 4,
+        name: "infer".to_owned(),
+        inputs: vec![port()],
+        outputs: vec![],
+        settings: vec![],
+        files: [].into(),
+    };
     let command = run::assignment::Command { go: true, ..Default::default() };
     vec![json(&health()), json(&assignment), json(&description), json(&command)]
 }

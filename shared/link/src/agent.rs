@@ -1,0 +1,235 @@
+//! The agent of a host: for each connection with the right key it starts a stage's program and passes bytes between both.
+//!
+//! The program has the connection as its standard input and output in one: a Unix socket. It ends with the connection, and with
+//! the agent.
+
+use crate::start::{Answer, receive, send};
+use crate::{Key, LinkError, Receiver, Sender, StageProgram, accept};
+use run::process::{sibling, stage_command};
+use rustix::net::sockopt;
+use rustix::process::{Pid, Signal, kill_process_group};
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::{Component, Path, PathBuf};
+use std::process::Child;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Connections at a time: a run has a stage or two here, and a check asks for each of them.
+const MAX_SESSIONS: usize = 64;
+/// A client that is silent for this long before its request is not served.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
+/// A silent client whose host or network is gone is given up after this long.
+const GONE_AFTER: Duration = Duration::from_secs(30);
+/// A program without a connection has nothing to finish.
+const END_POLL: Duration = Duration::from_millis(10);
+const END_POLLS: u32 = 20;
+/// Bytes that are passed on at a time: those of a Noise message.
+const PIECE: usize = 64 << 10;
+
+/// What an agent needs to know.
+pub struct Agent {
+    /// Of all clients.
+    pub key: Key,
+    /// Where relative paths start: programs, models.
+    pub folder: PathBuf,
+    /// `--version`; clients of another build are refused.
+    pub version: String,
+    /// Receives a line about each session.
+    pub report: fn(&str),
+    sessions: Mutex<BTreeMap<String, (usize, TcpStream)>>,
+    n_sessions: AtomicUsize,
+    n_started: AtomicUsize,
+}
+
+impl Agent {
+    /// An agent without sessions.
+    pub fn new(key: Key, folder: PathBuf, version: String, report: fn(&str)) -> Self {
+        let (sessions, n_sessions, n_started) = Default::default();
+        Self { key, folder, version, report, sessions, n_sessions, n_started }
+    }
+
+    /// Serves connections, each in a thread of its own. Does not return.
+    pub fn serve(&self, listener: &TcpListener) {
+        std::thread::scope(|scope| {
+            loop {
+                let accepted = listener.accept().and_then(|(stream, _)| {
+                    let session = move || self.serve_one(stream);
+                    std::thread::Builder::new().name("session".to_owned()).spawn_scoped(scope, session)
+                });
+                if let Err(error) = accepted {
+                    (self.report)(&format!("a connection cannot be served: {error}"));
+                    // Too many open files, or threads: not for a moment only.
+                    std::thread::sleep(Duration::from_millis(100));
+                }
+            }
+        });
+    }
+
+    fn serve_one(&self, stream: TcpStream) {
+        let peer = stream.peer_addr().map_or_else(|_| "unknown".to_owned(), |address| address.to_string());
+        let result = if self.n_sessions.fetch_add(1, Ordering::Relaxed) < MAX_SESSIONS {
+            self.session(&peer, stream)
+        } else {
+            Err(LinkError::TooMany { peer, limit: MAX_SESSIONS })
+        };
+        self.n_sessions.fetch_sub(1, Ordering::Relaxed);
+        if let Err(error) = result {
+            (self.report)(&error.to_string());
+        }
+    }
+
+    fn session(&self, peer: &str, stream: TcpStream) -> Result<(), LinkError> {
+        let ended = |source| LinkError::Ended { peer: peer.to_owned(), source };
+        notice_lost_peer(&stream).map_err(ended)?;
+        let (mut sender, mut receiver) = accept(stream, &self.key)?;
+        sender.set_timeout(Some(REQUEST_TIMEOUT)).map_err(ended)?;
+        let wanted: StageProgram = receive(&mut receiver).map_err(ended)?;
+        let (answer, started): (Answer, _) = match self.start(&wanted) {
+            Ok(started) => (Ok(()), Some(started)),
+            Err(text) => (Err(text), None),
+        };
+        let answered = send(&mut sender, &answer).and_then(|()| sender.set_timeout(None));
+        let Some((mut child, socket)) = started else {
+            (self.report)(&format!("{peer}: refused: {}", answer.err().unwrap_or_default()));
+            return answered.map_err(ended);
+        };
+        let number = self.n_started.fetch_add(1, Ordering::Relaxed);
+        if let Some(session) = &wanted.session {
+            (self.report)(&format!("{peer}: {session} started (process {})", child.id()));
+            self.replace(session, number, sender.stream());
+        }
+        let passed = answered.and_then(|()| pass(&socket, sender, receiver));
+        let status = end(&mut child);
+        if let Some(session) = &wanted.session {
+            let mut sessions = self.sessions();
+            if sessions.get(session).is_some_and(|(current, _)| *current == number) {
+                sessions.remove(session);
+            }
+            drop(sessions);
+            let cause = passed.err().map(|error| format!(", {error}")).unwrap_or_default();
+            (self.report)(&format!("{peer}: {session} ended ({status}{cause})"));
+        }
+        Ok(())
+    }
+
+    fn sessions(&self) -> MutexGuard<'_, BTreeMap<String, (usize, TcpStream)>> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Ends the program that was started for the same stage of the same run: that run has lost its connection to it.
+    fn replace(&self, session: &str, number: usize, stream: &TcpStream) {
+        let Ok(stream) = stream.try_clone() else { return };
+        if let Some((_, before)) = self.sessions().insert(session.to_owned(), (number, stream)) {
+            // It may have ended by itself.
+            let _ = before.shutdown(Shutdown::Both);
+        }
+    }
+
+    /// Starts a program; the other end of its socket. The text says why it is refused.
+    fn start(&self, wanted: &StageProgram) -> Result<(Child, UnixStream), String> {
+        if wanted.version != self.version {
+            let (theirs, ours) = (&wanted.version, &self.version);
+            return Err(format!(
+                "the run is of build {theirs}, this agent of {ours}; install the same build on both hosts"
+            ));
+        }
+        let program = program_path(&self.folder, wanted)?;
+        let failed = |error: std::io::Error| format!("{}: cannot be started: {error}", program.display());
+        let python = run::process::interpreter(&wanted.python, &self.folder);
+        let mut command = stage_command(&program, &python, wanted.threads);
+        allocator::keep_freed_memory(&mut command, allocator::Keep::Sweeps);
+        let (ours, theirs) = UnixStream::pair().map_err(failed)?;
+        let child = command
+            .args(["run", "--linked", &std::process::id().to_string()])
+            .current_dir(&self.folder)
+            .stdin(OwnedFd::from(theirs))
+            // What a stage prints is for the log.
+            .stdout(std::io::stderr())
+            .process_group(0)
+            .spawn();
+        child.map(|child| (child, ours)).map_err(failed)
+    }
+}
+
+/// The program: `replica-<table>` beside this one, or a file in the agent's folder.
+fn program_path(folder: &Path, wanted: &StageProgram) -> Result<PathBuf, String> {
+    if wanted.program.is_empty() {
+        let is_plain = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
+        if !wanted.table.bytes().all(is_plain) {
+            return Err(format!("[{}] is no name of a stage", wanted.table));
+        }
+        return sibling(&format!("replica-{}", wanted.table)).map_err(|error| error.to_string());
+    }
+    let named = Path::new(&wanted.program);
+    if !named.components().all(|component| matches!(component, Component::Normal(_) | Component::CurDir)) {
+        return Err(format!("program {}: must be a path in the agent's folder, without `..`", wanted.program));
+    }
+    let path = folder.join(named);
+    if path.is_file() { Ok(path) } else { Err(format!("program {} does not exist", path.display())) }
+}
+
+/// Makes the kernel report a client whose host or network is gone, also if nothing is sent. There is no limit for what is sent and
+/// not acknowledged: a run whose queues are full reads nothing for a while.
+fn notice_lost_peer(stream: &TcpStream) -> std::io::Result<()> {
+    sockopt::set_socket_keepalive(stream, true)?;
+    sockopt::set_tcp_keepidle(stream, GONE_AFTER / 3)?;
+    sockopt::set_tcp_keepintvl(stream, GONE_AFTER / 6)?;
+    Ok(sockopt::set_tcp_keepcnt(stream, 4)?)
+}
+
+/// Passes bytes on until the program or the connection ends.
+fn pass(program: &UnixStream, mut sender: Sender, mut receiver: Receiver) -> std::io::Result<()> {
+    std::thread::scope(|scope| {
+        let connection = sender.stream().try_clone()?;
+        let to_program = move || {
+            let mut program = program;
+            // An error of the connection is its end; one of the program is noticed by the other thread.
+            while let Ok(bytes) = receiver.next_bytes() {
+                if bytes.is_empty() || program.write_all(bytes).is_err() {
+                    break;
+                }
+            }
+            // The program reads the end, and the other thread, too.
+            let _ = program.shutdown(Shutdown::Both);
+        };
+        std::thread::Builder::new().name("to program".to_owned()).spawn_scoped(scope, to_program)?;
+        let mut program = program;
+        let mut piece = vec![0; PIECE];
+        let passed = loop {
+            match program.read(&mut piece) {
+                Ok(0) => break Ok(()),
+                Ok(n) => {
+                    if let Err(error) = sender.write_all(&piece[..n]).and_then(|()| sender.flush()) {
+                        break Err(error);
+                    }
+                }
+                Err(error) => break Err(error),
+            }
+        };
+        // Ends the thread above, whoever has ended.
+        let _ = (connection.shutdown(Shutdown::Both), program.shutdown(Shutdown::Both));
+        passed
+    })
+}
+
+/// Waits for the end of a program that has lost its socket; one that is busy is killed.
+fn end(child: &mut Child) -> String {
+    for _ in 0..END_POLLS {
+        match child.try_wait() {
+            Ok(Some(status)) => return status.to_string(),
+            Ok(None) => std::thread::sleep(END_POLL),
+            Err(_) => break,
+        }
+    }
+    if let Some(group) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+        // It may just have ended by itself.
+        let _ = kill_process_group(group, Signal::KILL);
+    }
+    child.wait().map_or_else(|error| error.to_string(), |status| status.to_string())
+}

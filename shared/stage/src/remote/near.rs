@@ -1,0 +1,134 @@
+//! The program that stands for a stage on another host: answers the supervisor, and runs the stage as the program there says.
+
+use super::connection::{Connection, Far};
+use super::stand_in::RemoteProgram;
+use super::wire::{Answer, LaunchText, Request};
+use crate::command_line::print_json;
+use crate::{Port, Problem, StepError, exit, run_program};
+use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
+use run::assignment::{Assignment, Description};
+use run::{CheckRequest, DescribeRequest, FileIdentity, Remote};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+/// Starts the program of a table on its host and connects to it. The text names the stage of the run; `None` for a question.
+pub type Connect = fn(&Remote, table: &str, session: Option<&str>) -> Result<Connection, StepError>;
+
+/// The program `replica-remote`: answers `--describe REQUEST`, `--check REQUEST` and `run ASSIGNMENT` with the program on the other
+/// host. `arguments` begin with the program's name. Returns the exit code.
+pub fn run(arguments: Vec<OsString>, connect: Connect) -> u8 {
+    let texts: Vec<&str> = arguments.iter().filter_map(|argument| argument.to_str()).collect();
+    let answered = match texts[..] {
+        [_, "--describe", request] => {
+            parse(request.as_bytes()).and_then(|request| describe(&request, connect)).map(|d| print_json(&d))
+        }
+        [_, "--check", request] => {
+            parse(request.as_bytes()).and_then(|request| check(&request, connect)).map(|p| print_json(&p))
+        }
+        [_, "run", assignment] => {
+            return match read_assignment(Path::new(assignment)).and_then(|a| RemoteProgram::of(&a, connect)) {
+                Ok(program) => run_program(&program, arguments),
+                Err(error) => refuse(&error),
+            };
+        }
+        _ => {
+            eprintln!(
+                "replica-remote stands for a stage with the key `host`; the supervisor, replica-launch, starts it"
+            );
+            return exit::USAGE;
+        }
+    };
+    answered.unwrap_or_else(|error| refuse(&error))
+}
+
+fn refuse(error: &StepError) -> u8 {
+    eprintln!("{error}");
+    exit::CONFIGURATION
+}
+
+fn parse<'a, T: serde::Deserialize<'a>>(text: &'a [u8]) -> Result<T, StepError> {
+    serde_json::from_slice(text).map_err(StepError::configuration)
+}
+
+fn read_assignment(path: &Path) -> Result<Assignment, StepError> {
+    let bytes = std::fs::read(path).map_err(|error| StepError::io(error).at(path.display()))?;
+    parse(&bytes).map_err(|error| error.at(path.display()))
+}
+
+pub(super) fn remote_of(remote: Option<&Remote>) -> Result<&Remote, StepError> {
+    remote.ok_or_else(|| StepError::configuration("the table has no key `host`"))
+}
+
+impl LaunchText {
+    pub(super) fn read(file: &Path, overrides: &[String], table: &str) -> Result<Self, StepError> {
+        let text = read_text(file, MAX_SETTINGS_BYTES).map_err(|error| StepError::io(error).at(file.display()))?;
+        Ok(Self { text, overrides: overrides.to_vec(), table: table.to_owned() })
+    }
+}
+
+fn describe(request: &DescribeRequest, connect: Connect) -> Result<Description, StepError> {
+    let remote = remote_of(request.remote.as_ref())?;
+    let launch = LaunchText::read(&request.launch_file, &request.overrides, &request.table)?;
+    let mut far = Far::new(remote, connect(remote, &request.table, None)?);
+    check_description(far.describe(&launch)?, &remote.host)
+}
+
+/// Sources and sinks have files on the host of the run. Topics of others have no type here.
+fn check_description(description: Description, host: &str) -> Result<Description, StepError> {
+    let name = &description.name;
+    if description.inputs.is_empty() || description.outputs.is_empty() {
+        let text = format!(
+            "{name} has no input or no output, so it reads or writes files of this host; it cannot run on {host}"
+        );
+        return Err(StepError::configuration(text));
+    }
+    let topics = description.inputs.iter().chain(&description.outputs).map(|port| &port.topic);
+    for topic in topics {
+        port(topic)?;
+    }
+    Ok(description)
+}
+
+pub(super) fn port(topic: &str) -> Result<Port, StepError> {
+    let unknown = || {
+        StepError::configuration(format!("{topic} is no topic of the project; a stage on another host has no others"))
+    };
+    Port::of_name(topic).ok_or_else(unknown)
+}
+
+fn check(request: &CheckRequest, connect: Connect) -> Result<Vec<Problem>, StepError> {
+    let remote = remote_of(request.remote.as_ref())?;
+    let launch = LaunchText::read(&request.launch_file, &request.overrides, &request.table)?;
+    let mut far = Far::new(remote, connect(remote, &request.table, None)?);
+    let description = far.describe(&launch)?;
+    let mut problems = match far.ask(&Request::Check(launch, request.context.clone()), [])? {
+        Answer::Problems(problems) => problems,
+        other => return Err(far.unexpected(&other)),
+    };
+    for problem in &mut problems {
+        problem.text = format!("on {}: {}", remote.host, problem.text);
+    }
+    let folder = &request.context.launch_folder;
+    problems.extend(
+        different_file(&description.files, folder, &remote.host).map(|text| Problem::of_key(&request.table, text)),
+    );
+    Ok(problems)
+}
+
+/// A file that lies at the same place here with another content: the launch file means one of them.
+fn different_file(files: &BTreeMap<String, String>, folder: &Path, host: &str) -> Option<String> {
+    files.iter().find_map(|(file, digest)| {
+        let here = folder.join(file);
+        // The programs of the two hosts may be built differently.
+        let may_compare = Path::new(file).is_relative() && here.is_file() && !is_program(&here);
+        let identity = may_compare.then(|| FileIdentity::of(&here, None).ok()).flatten()?;
+        (identity.digest() != digest)
+            .then(|| format!("{file} on {host} differs from {}; copy one of them", here.display()))
+    })
+}
+
+fn is_program(file: &Path) -> bool {
+    file.metadata().is_ok_and(|metadata| metadata.permissions().mode() & 0o111 != 0)
+}
