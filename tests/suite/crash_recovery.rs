@@ -50,7 +50,7 @@ fn killed_processes_do_not_change_regions_and_materials() {
     };
     let expected = reference("regions", || launch(""));
     let launch = launch("restarts = 1000").with("--set").with("run.barrier_s=0.2");
-    assert_survives(&expected, &launch, &["calibrate", "colorize", "export"], 4, 3);
+    assert_survives(&expected, &launch, &["calibrate", "colorize", "export"], 10, 3);
 }
 
 /// A stage that fails once between any two barriers continues, however often it fails: each new barrier is progress.
