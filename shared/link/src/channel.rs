@@ -1,6 +1,6 @@
 //! An authenticated and encrypted stream of bytes over TCP, by the Noise protocol with a shared key.
 //!
-//! Both ends first send [`HELLO_BYTES`] in plain text, so that another version is reported as such; the handshake covers them.
+//! Both ends first send their version in plain text, so that another version is reported as such; the handshake covers them.
 //! Then each Noise message follows its length.
 //!
 //! | bytes | content |

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`key`] | the key file that both hosts have |
 //! | [`channel`] | an authenticated and encrypted stream of bytes over TCP: [`connect`], [`accept`] |
-//! | [`start`] | the first request: which program the agent starts |
+//! | [`start()`] | the first request: which program the agent starts |
 //! | [`agent`] | starts the program and passes bytes between it and the connection |
 //!
 //! The bytes themselves are a matter of the program and of its run: `stage::remote`.
