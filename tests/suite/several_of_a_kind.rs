@@ -1,7 +1,9 @@
 //! Several stages of one program in a run: each has settings and topics of its own, and disturbs no other one.
 
 use formats::ply::Vertices;
-use replica_tests::{Launch, Random, binary, drive, output_text, pipeline, reference, result_files, run_under_kills};
+use replica_tests::{
+    Launch, OtherHost, Random, binary, drive, output_text, pipeline, reference, result_files, run_under_kills,
+};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
@@ -21,6 +23,12 @@ fn infer_b(unknown_below: f64) -> String {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     let keys = INFER_B.replace("0.9", &unknown_below.to_string());
     format!("{keys}model = '{}'\n", model.display())
+}
+
+/// Both segmenters, with their classes in the clouds.
+fn two_segmenters() -> Launch {
+    let further = format!("further_classes = ['class_b']\n{}", infer_b(0.9));
+    with(pipeline(&drive(), "restarts = 1000", ""), &further)
 }
 
 fn succeeded(launch: &Launch) {
@@ -77,10 +85,8 @@ fn second_segmenter_is_recorded_and_does_not_change_the_result() {
 
 #[test]
 fn classes_of_two_segmenters_are_columns_that_compare_tells_apart_after_kills() {
-    let both =
-        || with(pipeline(&drive(), "restarts = 1000", ""), &format!("further_classes = ['class_b']\n{}", infer_b(0.9)));
-    let expected = reference("two_segmenters", both);
-    let launch = both().with("--set").with("run.barrier_s=0.2");
+    let expected = reference("two_segmenters", two_segmenters);
+    let launch = two_segmenters().with("--set").with("run.barrier_s=0.2");
     let kills = run_under_kills(&launch, &["infer", "infer_b"], 6, &mut Random::new(11));
     println!("{kills:?}");
     assert_same(&expected, &result_files(&launch.output()));
@@ -105,6 +111,16 @@ fn classes_of_two_segmenters_are_columns_that_compare_tells_apart_after_kills() 
     assert_eq!((code, said.matches("(100.0 %)").count()), (Some(0), 2), "{said}");
     let (code, said) = replica(&["compare", text(&launch.output()), "--topics", "class,class_x"]);
     assert!(code == Some(1) && said.contains("no classes of topic class_x; it has class, class_b"), "{said}");
+}
+
+/// There it has the names of topics of its program, here those of the run.
+#[test]
+fn second_segmenter_on_another_host_gives_the_same_clouds() {
+    let expected = reference("two_segmenters", two_segmenters);
+    let host = OtherHost::start();
+    let launch = host.runs(two_segmenters(), "infer_b", "replica-infer", host.address());
+    succeeded(&launch);
+    assert_same(&expected, &result_files(&launch.output()));
 }
 
 #[test]

@@ -18,11 +18,13 @@
 //!
 //! As many cubes as consumers hold are in shared memory at once.
 //!
-//! With `color_lines`, the cells of a cube get regions of equal spectra ([`color_lines`]): one model of a camera for some frames in a row,
-//! and regions whose numbers no other model of the run has.
+//! With the setting `color_lines`, each cell of a cube gets the number of a region of similar spectra (crate [`color_lines`]). A model
+//! divides some frames in a row of one camera; no two models of a run share a region number.
 //!
-//! The state is these models; without `color_lines` there is none, because a cube follows from its frame and the references. Frames of a camera without references, and frames that
-//! do not fit their camera, are skipped, counted and reported; they do not end the run.
+//! The saved state holds these models. Without `color_lines` it is empty: a cube depends on its frame and the references only.
+//!
+//! Frames of a camera without references, and frames that do not fit their camera, are skipped, counted and reported. They do not end
+//! the run.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

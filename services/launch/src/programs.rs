@@ -2,7 +2,7 @@
 
 use crate::manifest::Simulate;
 use run::assignment::Description;
-use run::process::{ProgramMissing, own_folder, sibling, stage_command};
+use run::process::{ProgramMissing, named_program, own_folder, sibling, stage_command};
 use run::{CheckRequest, DescribeRequest, Problem, nearest_key};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -85,17 +85,10 @@ pub enum ProgramError {
     },
 }
 
-/// The program of a table: `program`, relative to the launch file or, a name of the project's own, beside this one; without
-/// `program`, `replica-<table>` beside this one.
+/// The program of a table: that of the key `program` ([`named_program`]), or `replica-<table>` beside this one.
 pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, ProgramError> {
     if !program.is_empty() {
-        let path = launch_folder.join(program);
-        let own = program.starts_with("replica-").then(|| sibling(program)).and_then(Result::ok);
-        return match own {
-            _ if path.is_file() => Ok(path),
-            Some(own) => Ok(own),
-            None => Err(ProgramError::Absent { program: path }),
-        };
+        return named_program(program, launch_folder).map_err(|absent| ProgramError::Absent { program: absent.path });
     }
     sibling(&format!("replica-{table}")).map_err(|absent| {
         let mut known = known_stages();

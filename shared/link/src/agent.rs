@@ -5,7 +5,7 @@
 
 use crate::start::{Answer, receive, send};
 use crate::{Key, LinkError, Receiver, Sender, StageProgram, accept};
-use run::process::{sibling, stage_command};
+use run::process::{interpreter, named_program, sibling, stage_command};
 use rustix::net::sockopt;
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::collections::BTreeMap;
@@ -141,7 +141,7 @@ impl Agent {
         }
         let program = program_path(&self.folder, wanted)?;
         let failed = |error: std::io::Error| format!("{}: cannot be started: {error}", program.display());
-        let python = run::process::interpreter(&wanted.python, &self.folder);
+        let python = interpreter(&wanted.python, &self.folder);
         let mut command = stage_command(&program, &python, wanted.threads);
         allocator::keep_freed_memory(&mut command, allocator::Keep::Sweeps);
         let (ours, theirs) = UnixStream::pair().map_err(failed)?;
@@ -157,7 +157,7 @@ impl Agent {
     }
 }
 
-/// The program: `replica-<table>` beside this one, or a file in the agent's folder.
+/// The program: `replica-<table>` beside this one, or the one that the table names, never outside of the agent's folder.
 fn program_path(folder: &Path, wanted: &StageProgram) -> Result<PathBuf, String> {
     if wanted.program.is_empty() {
         let is_plain = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
@@ -170,8 +170,7 @@ fn program_path(folder: &Path, wanted: &StageProgram) -> Result<PathBuf, String>
     if !named.components().all(|component| matches!(component, Component::Normal(_) | Component::CurDir)) {
         return Err(format!("program {}: must be a path in the agent's folder, without `..`", wanted.program));
     }
-    let path = folder.join(named);
-    if path.is_file() { Ok(path) } else { Err(format!("program {} does not exist", path.display())) }
+    named_program(&wanted.program, folder).map_err(|error| error.to_string())
 }
 
 /// Makes the kernel report a client whose host or network is gone, also if nothing is sent. There is no limit for what is sent and

@@ -1,4 +1,4 @@
-//! The key that both hosts have. Who has it may run the programs of the agent's folder.
+//! The shared key of both hosts. Anyone who has it can start the programs in the agent's folder.
 
 use crate::LinkError;
 use std::fmt::Write as _;

@@ -97,6 +97,13 @@ pub fn sibling(name: &str) -> Result<PathBuf, ProgramMissing> {
     if path.is_file() { Ok(path) } else { Err(ProgramMissing { path }) }
 }
 
+/// The program that a table names: a file, its path relative to `folder`, or the name of another program of the project.
+pub fn named_program(program: &str, folder: &Path) -> Result<PathBuf, ProgramMissing> {
+    let path = folder.join(program);
+    let own = || program.starts_with("replica-").then(|| sibling(program)).and_then(Result::ok);
+    if path.is_file() { Ok(path) } else { own().ok_or(ProgramMissing { path }) }
+}
+
 /// The interpreter that a table names: a command of the search path, or a path relative to `folder`.
 pub fn interpreter(python: &str, folder: &Path) -> String {
     let is_path = python.contains('/');

@@ -11,7 +11,7 @@ pub struct Remote {
     pub host: String,
     /// The key file, absolute.
     pub key: PathBuf,
-    /// The key `program`: a path in the agent's folder.
+    /// The key `program`: a path in the agent's folder, or a program of the project.
     pub program: String,
     /// The key `python`.
     pub python: String,

@@ -43,12 +43,8 @@ fn main() -> Result<(), candle_core::Error> {
         let weights: Vec<f32> = (0..n_out * n_in * side * side).map(value).collect();
         let pixels: Vec<f32> = (0..n_in * height * width).map(|i| value(i * 7)).collect();
         let filter = Filter::new(shape.clone(), &weights, &vec![0.0; n_out]);
-        let mut image = Planes::zeros(n_in, height, width);
-        for (i, &value) in pixels.iter().enumerate() {
-            let (channel, y, x) = (i / (height * width), i / width % height, i % width);
-            image.row_mut(channel / 16, y)[x][channel % 16] = value;
-        }
-        image.fill_border(Border::Zero);
+        let pixel = |channel, y, x| pixels[(channel * height + y) * width + x];
+        let image = Planes::from_fn([n_in, height, width], Border::Zero, pixel);
         let mut out = Planes::zeros(n_out, height, width);
         let ours = fastest(|| convolve(&filter, &[&image], &mut out));
         let transposed = transposed_filters(&filter);

@@ -3,7 +3,7 @@
 
 use messages::ClassId;
 use random::Random;
-use segmentation::engine::{Border, LANES, Planes};
+use segmentation::engine::{Border, Planes};
 use segmentation::network::NetworkSpec;
 use std::time::Instant;
 use training::{Dataset, Example, Hierarchy, Loss, TrainSettings, Trainer, TrainingError, Variables};
@@ -26,14 +26,8 @@ impl Noise {
         let [height, width] = SIZE;
         let example = |index: usize| {
             let mut random = Random::of_stream(1, index as u64);
-            let mut input = Planes::zeros(FOLD * N_FEATURES, height, width);
-            for (block, y) in (0..input.n_blocks()).flat_map(|block| (0..height).map(move |y| (block, y))) {
-                let n = (FOLD * N_FEATURES - LANES * block).min(LANES);
-                for pixel in input.row_mut(block, y) {
-                    pixel[..n].fill_with(|| random.gauss());
-                }
-            }
-            input.fill_border(Border::Circular);
+            let size = [FOLD * N_FEATURES, height, width];
+            let input = Planes::from_fn(size, Border::Circular, |_, _, _| random.gauss());
             (input, (0..height * width * FOLD).map(|_| random.index(N_CLASSES) as u8).collect())
         };
         Self((0..n).map(example).collect())

@@ -123,9 +123,10 @@ impl Network for ImageNetwork {
     }
     fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogits, TrainingError> {
         let weights = self.weights()?;
-        let on_device = |device| DeviceNetwork::new(self.spec(), &weights, self.border, device);
-        let on_device = self.device.as_ref().map(|device| Ok((device, on_device(device)?)));
-        let on_device = on_device.transpose().map_err(|error: SegmentationError| TrainingError::from(error))?;
+        let on_device = match &self.device {
+            Some(device) => Some((device, DeviceNetwork::new(self.spec(), &weights, self.border, device)?)),
+            None => None,
+        };
         let network = Inference::new(self.spec().clone(), &weights, self.border)?;
         Ok(move |batch: &[Example]| {
             let truth = truth(batch);

@@ -52,6 +52,26 @@ impl Planes {
     pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
         Self { channels, height, width, pixels: vec![[0.0; LANES]; n_pixels(channels, height, width)] }
     }
+    /// An image with the value of `value` for each channel, row and column, called in this order, and a filled border.
+    ///
+    /// # Panics
+    /// If a circular image is narrower than its border.
+    pub fn from_fn(
+        [channels, height, width]: [usize; 3],
+        border: Border,
+        mut value: impl FnMut(usize, usize, usize) -> f32,
+    ) -> Self {
+        let mut planes = Self::zeros(channels, height, width);
+        for channel in 0..channels {
+            for y in 0..height {
+                for (x, pixel) in planes.row_mut(channel / LANES, y).iter_mut().enumerate() {
+                    pixel[channel % LANES] = value(channel, y, x);
+                }
+            }
+        }
+        planes.fill_border(border);
+        planes
+    }
     /// From pixels without a border, in the order block, row, column.
     ///
     /// # Panics

@@ -20,14 +20,8 @@ impl Image {
         if inside { self.values[(channel * height + y as usize) * width + x as usize] } else { 0.0 }
     }
     fn planes(&self, border: Border) -> Planes {
-        let [channels, height, width] = self.size;
-        let mut planes = Planes::zeros(channels, height, width);
-        for (i, &value) in self.values.iter().enumerate() {
-            let (channel, y, x) = (i / (height * width), i / width % height, i % width);
-            planes.row_mut(channel / LANES, y)[x][channel % LANES] = value;
-        }
-        planes.fill_border(border);
-        planes
+        let mut values = self.values.iter();
+        Planes::from_fn(self.size, border, |_, _, _| *values.next().expect("one for each pixel"))
     }
     fn of(planes: &Planes) -> Self {
         let size = [planes.channels(), planes.height(), planes.width()];

@@ -10,16 +10,8 @@ use segmentation::{ComputeDevice, Options, SegmentationError};
 
 const BORDERS: [Border; 2] = [Border::Circular, Border::Zero];
 
-fn image([channels, height, width]: [usize; 3], border: Border, random: &mut Random) -> Planes {
-    let mut planes = Planes::zeros(channels, height, width);
-    for channel in 0..channels {
-        for y in 0..height {
-            let pixels = planes.row_mut(channel / LANES, y).iter_mut();
-            pixels.for_each(|pixel| pixel[channel % LANES] = random.range(-1.0, 1.0));
-        }
-    }
-    planes.fill_border(border);
-    planes
+fn image(size: [usize; 3], border: Border, random: &mut Random) -> Planes {
+    Planes::from_fn(size, border, |_, _, _| random.range(-1.0, 1.0))
 }
 
 /// Networks with numbers of channels that do not fill their blocks, and with one that does.

@@ -21,14 +21,9 @@ fn network_with_torch_weights_gives_output_of_torch() {
     let network = Inference::new(model.settings().network.clone(), &weights, Border::Circular).expect("fits");
     let bytes = std::fs::read(&path).expect("is there");
     let file = SafeTensors::deserialize(&bytes).expect("safetensors");
-    let ([channels, height, width], values) = tensor(&file, "test.input");
-    let mut input = Planes::zeros(channels, height, width);
-    for (i, value) in values.into_iter().enumerate() {
-        let (channel, y, x) = (i / (height * width), i / width % height, i % width);
-        input.row_mut(channel / LANES, y)[x][channel % LANES] = value;
-    }
-    input.fill_border(Border::Circular);
-
+    let (size @ [_, height, width], values) = tensor(&file, "test.input");
+    let mut values = values.into_iter();
+    let input = Planes::from_fn(size, Border::Circular, |_, _, _| values.next().expect("one for each pixel"));
     let input = input.to_tensor().expect("an image");
 
     let (shape, expected) = tensor(&file, "test.output");

@@ -8,6 +8,7 @@ use crate::{Context, Field, Flow, Inputs, Outputs, Port, Problem, StateBytes, St
 use messages::pod::bytes_from_rows;
 use run::Remote;
 use run::assignment::{Assignment, TopicChannels};
+use std::collections::BTreeSet;
 use std::path::Path;
 use toml::de::DeTable;
 
@@ -31,8 +32,11 @@ struct ConfiguredRemote {
 impl RemoteProgram {
     pub(super) fn of(assignment: &Assignment, connect: Connect) -> Result<Self, StepError> {
         let Assignment { stage, domain, launch_file, overrides, .. } = assignment;
-        let ports =
-            |topics: &[TopicChannels]| topics.iter().map(|topic| port(&topic.topic)).collect::<Result<Vec<_>, _>>();
+        // In the stage's own names; several topics of the run may be merged in one of them.
+        let ports = |topics: &[TopicChannels]| {
+            let names: BTreeSet<&str> = topics.iter().map(|topic| topic.port.as_str()).collect();
+            names.into_iter().map(port).collect::<Result<Vec<_>, _>>()
+        };
         let configured = ConfiguredRemote {
             session: format!("{domain}/{stage}"),
             launch: LaunchText::read(launch_file, overrides, stage)?,

@@ -7,18 +7,8 @@ use training::derivatives::{
     input_gradient, max_pool_gradient, transposed_filters, upsample_gradient, weight_gradient,
 };
 
-fn random_planes([channels, height, width]: [usize; 3], border: Border, random: &mut Random) -> Planes {
-    let mut planes = Planes::zeros(channels, height, width);
-    for block in 0..planes.n_blocks() {
-        let lanes = (channels - block * segmentation::engine::LANES).min(segmentation::engine::LANES);
-        for y in 0..height {
-            for pixel in planes.row_mut(block, y) {
-                pixel[..lanes].iter_mut().for_each(|value| *value = random.range(-1.0, 1.0));
-            }
-        }
-    }
-    planes.fill_border(border);
-    planes
+fn random_planes(size: [usize; 3], border: Border, random: &mut Random) -> Planes {
+    Planes::from_fn(size, border, |_, _, _| random.range(-1.0, 1.0))
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f64 {

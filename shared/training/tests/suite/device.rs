@@ -2,7 +2,7 @@
 
 use candle_core::Device;
 use random::Random;
-use segmentation::engine::{Border, LANES, Planes};
+use segmentation::engine::{Border, Planes};
 use segmentation::network::NetworkSpec;
 use training::{Criterion, Example, Hierarchy, ImageNetwork, Loss, Network, UNKNOWN, Variables};
 
@@ -10,17 +10,10 @@ const CLASSES: usize = 3;
 const FOLD: usize = 2;
 
 /// Noise; one of five pixels has no class.
-fn example([channels, height, width]: [usize; 3], border: Border, random: &mut Random) -> Example {
-    let mut input = Planes::zeros(channels, height, width);
-    for channel in 0..channels {
-        for y in 0..height {
-            let pixels = input.row_mut(channel / LANES, y).iter_mut();
-            pixels.for_each(|pixel| pixel[channel % LANES] = random.range(-1.0, 1.0));
-        }
-    }
-    input.fill_border(border);
+fn example(size: [usize; 3], border: Border, random: &mut Random) -> Example {
+    let input = Planes::from_fn(size, border, |_, _, _| random.range(-1.0, 1.0));
     let class = |_| if random.chance(0.2) { UNKNOWN } else { random.index(CLASSES) as u8 };
-    Example { input, truth: (0..height * width * FOLD).map(class).collect() }
+    Example { input, truth: (0..size[1] * size[2] * FOLD).map(class).collect() }
 }
 
 #[test]

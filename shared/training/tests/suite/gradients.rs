@@ -70,13 +70,8 @@ fn gradients(variables: &Variables, inputs: &[Image]) -> Gradients {
     let network = Differential::new(variables.spec(), &weights, Border::Circular).expect("fits");
     let mut sums = Gradients::new();
     for (example, input) in inputs.iter().enumerate() {
-        let mut planes = Planes::zeros(CHANNELS, SIZE[0], SIZE[1]);
-        for y in 0..SIZE[0] {
-            for (x, pixel) in planes.row_mut(0, y).iter_mut().enumerate() {
-                (0..CHANNELS).for_each(|channel| pixel[channel] = input.values[input.index(channel, y, x)] as f32);
-            }
-        }
-        planes.fill_border(Border::Circular);
+        let value = |channel, y, x| input.values[input.index(channel, y, x)] as f32;
+        let planes = Planes::from_fn([CHANNELS, SIZE[0], SIZE[1]], Border::Circular, value);
         let recording = network.run(planes, None).expect("runs");
         let output = recording.output();
         let mut by_output = Planes::zeros(output.channels(), output.height(), output.width());

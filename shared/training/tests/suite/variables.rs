@@ -14,12 +14,7 @@ fn specs() -> [NetworkSpec; 3] {
 }
 
 fn input(random: &mut Random, border: Border) -> Planes {
-    let mut planes = Planes::zeros(7, 8, 16);
-    for y in 0..8 {
-        planes.row_mut(0, y).iter_mut().flat_map(|pixel| &mut pixel[..7]).for_each(|value| *value = random.gauss());
-    }
-    planes.fill_border(border);
-    planes
+    Planes::from_fn([7, 8, 16], border, |_, _, _| random.gauss())
 }
 
 #[test]

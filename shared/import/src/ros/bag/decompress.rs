@@ -7,6 +7,9 @@ use std::io::{self, Read};
 pub(super) fn decompressed<'a>(compression: &str, chunk: impl Read + 'a) -> io::Result<Box<dyn Read + 'a>> {
     match compression {
         "bz2" => Ok(Box::new(bzip2::read::BzDecoder::new(chunk))),
-        other => formats::compression::decompressed(other, chunk),
+        other => formats::compression::decompressed(other, chunk).map_err(|error| match error.kind() {
+            io::ErrorKind::Unsupported => io::Error::new(error.kind(), format!("{error}, or bz2")),
+            _ => error,
+        }),
     }
 }
