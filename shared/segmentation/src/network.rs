@@ -10,7 +10,7 @@ mod weights;
 
 pub use blocked::{ImagePool, PooledImage};
 pub use inference::Inference;
-pub use on_device::{DeviceNetwork, batch};
+pub use on_device::DeviceNetwork;
 pub use weights::Weights;
 
 use crate::SegmentationError;

@@ -5,10 +5,10 @@
 use crate::criterion::Criterion;
 use crate::pixels::Pixels;
 use crate::{Example, TrainingError};
-use candle_core::{Device, Tensor, Var};
+use candle_core::{Tensor, Var};
 use random::Random;
 use rayon::prelude::*;
-use segmentation::network::{DeviceNetwork, batch};
+use segmentation::network::DeviceNetwork;
 use std::collections::BTreeMap;
 
 /// Derivatives with respect to the weights and the biases of a layer, in the order of `PyTorch`.
@@ -17,7 +17,6 @@ pub(crate) type OfLayer = (Vec<f32>, Vec<f32>);
 /// A batch on a device.
 pub(crate) struct DevicePass<'a> {
     network: &'a DeviceNetwork,
-    device: &'a Device,
     examples: &'a [Example],
     pixels: &'a Pixels,
     /// Examples by rows and columns of their images: those of one size are one tensor.
@@ -25,21 +24,16 @@ pub(crate) struct DevicePass<'a> {
 }
 
 impl<'a> DevicePass<'a> {
-    pub(crate) fn new(
-        network: &'a DeviceNetwork,
-        device: &'a Device,
-        examples: &'a [Example],
-        pixels: &'a Pixels,
-    ) -> Self {
+    pub(crate) fn new(network: &'a DeviceNetwork, examples: &'a [Example], pixels: &'a Pixels) -> Self {
         let mut of_sizes: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
         for (index, example) in examples.iter().enumerate() {
             of_sizes.entry([example.input.height(), example.input.width()]).or_default().push(index);
         }
-        Self { network, device, examples, pixels, of_sizes }
+        Self { network, examples, pixels, of_sizes }
     }
     /// The logits of these pixels.
     pub(crate) fn logits(&self, known: &[u32]) -> Result<Tensor, TrainingError> {
-        let index = Tensor::new(self.rows_of(known).as_slice(), self.device)?;
+        let index = Tensor::new(self.rows_of(known).as_slice(), self.network.device())?;
         Ok(self.run(None)?.index_select(&index, 0)?)
     }
     /// Loss of the pixels `known`, of classes `classes`, and its derivatives.
@@ -51,7 +45,7 @@ impl<'a> DevicePass<'a> {
     ) -> Result<(f64, Vec<OfLayer>), TrainingError> {
         let logits = self.run(Some(&mut random))?;
         let known_rows = self.rows_of(known);
-        let index = Tensor::new(known_rows.as_slice(), self.device)?;
+        let index = Tensor::new(known_rows.as_slice(), self.network.device())?;
         let (loss, by_known) = criterion.derive(&logits.detach().index_select(&index, 0)?, classes)?;
         // The other rows take the zeros after the last. Adding rows at their places would be slow on a GPU.
         let n_rows = logits.dim(0)?;
@@ -59,9 +53,9 @@ impl<'a> DevicePass<'a> {
         for (source, &row) in known_rows.iter().enumerate() {
             sources[row as usize] = source as u32;
         }
-        let zeros = Tensor::zeros((1, by_known.dim(1)?), by_known.dtype(), self.device)?;
+        let zeros = Tensor::zeros((1, by_known.dim(1)?), by_known.dtype(), self.network.device())?;
         let by_rows = Tensor::cat(&[&by_known, &zeros], 0)?;
-        let by_rows = by_rows.index_select(&Tensor::from_vec(sources, n_rows, self.device)?, 0)?;
+        let by_rows = by_rows.index_select(&Tensor::from_vec(sources, n_rows, self.network.device())?, 0)?;
         // A sum with the derivatives of the loss: candle differentiates the network with it.
         let derived = (&logits * by_rows)?.sum_all()?.backward()?;
         let mut wanted = vec![loss.reshape(1)?];
@@ -86,8 +80,7 @@ impl<'a> DevicePass<'a> {
         for of_size in self.of_sizes.values() {
             let tensors = of_size.par_iter().map(|&index| self.examples[index].input.to_tensor());
             let tensors = tensors.collect::<Result<Vec<_>, _>>()?;
-            let images = batch(&tensors.iter().collect::<Vec<_>>(), self.network.spec().channels().0, self.device)?;
-            let output = self.network.run(images, dropout.as_deref_mut())?;
+            let output = self.network.run(&tensors.iter().collect::<Vec<_>>(), dropout.as_deref_mut())?;
             let output = output.reshape((fold, n_classes, ()))?.transpose(1, 2)?.contiguous()?;
             rows.push(output.reshape(((), n_classes))?);
         }

@@ -115,7 +115,7 @@ impl Network for ImageNetwork {
         let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
         let (loss, of_layers) = if let Some(device) = &self.device {
             let network = DeviceNetwork::new(self.spec(), &self.weights()?, self.border, device)?;
-            DevicePass::new(&network, device, batch, &pixels).derive(criterion, (&known, &classes), random)?
+            DevicePass::new(&network, batch, &pixels).derive(criterion, (&known, &classes), random)?
         } else {
             self.derive_by_kernels(&pixels, criterion, batch, (&known, &classes), random)?
         };
@@ -123,10 +123,9 @@ impl Network for ImageNetwork {
     }
     fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogits, TrainingError> {
         let weights = self.weights()?;
-        let on_device = match &self.device {
-            Some(device) => Some((device, DeviceNetwork::new(self.spec(), &weights, self.border, device)?)),
-            None => None,
-        };
+        let on_device =
+            self.device.as_ref().map(|device| DeviceNetwork::new(self.spec(), &weights, self.border, device));
+        let on_device = on_device.transpose()?;
         let network = Inference::new(self.spec().clone(), &weights, self.border)?;
         Ok(move |batch: &[Example]| {
             let truth = truth(batch);
@@ -136,8 +135,8 @@ impl Network for ImageNetwork {
             }
             let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
             let pixels = self.pixels(n_classes, batch);
-            if let Some((device, network)) = &on_device {
-                return Ok(Some((DevicePass::new(network, device, batch, &pixels).logits(&known)?, classes)));
+            if let Some(network) = &on_device {
+                return Ok(Some((DevicePass::new(network, batch, &pixels).logits(&known)?, classes)));
             }
             let inputs = batch.iter().map(|example| example.input.to_tensor()).collect::<Result<Vec<_>, _>>()?;
             let results = network.run_batch(&inputs.iter().collect::<Vec<_>>())?;

@@ -19,6 +19,7 @@ pub struct DeviceNetwork {
     variables: Vec<[Var; 2]>,
     filters: Vec<DeviceFilter>,
     border: Border,
+    device: Device,
 }
 
 impl DeviceNetwork {
@@ -39,21 +40,27 @@ impl DeviceNetwork {
             filters.push(DeviceFilter::of_tensors(filter.shape.clone(), &of_layer[0], &of_layer[1])?);
             variables.push(of_layer);
         }
-        Ok(Self { spec: spec.clone(), variables, filters, border })
+        Ok(Self { spec: spec.clone(), variables, filters, border, device: device.clone() })
     }
-    /// Architecture of the network.
-    pub fn spec(&self) -> &NetworkSpec {
-        &self.spec
+    /// Where it runs.
+    pub fn device(&self) -> &Device {
+        &self.device
     }
     /// Weights and biases of the layers.
     pub fn variables(&self) -> &[[Var; 2]] {
         &self.variables
     }
-    /// Runs the network on a [`batch`]; with dropout if random numbers are given.
+    /// Runs the network on images of [`engine`](crate::engine) of one size; with dropout if random numbers are given. The output:
+    /// `[channels, images, rows, columns]`.
     ///
     /// # Errors
-    /// If the size of the images does not fit the network.
-    pub fn run(&self, batch: Tensor, dropout: Option<&mut Random>) -> std::result::Result<Tensor, SegmentationError> {
+    /// If the images are of several sizes, or do not fit the network.
+    pub fn run(
+        &self,
+        images: &[&Tensor],
+        dropout: Option<&mut Random>,
+    ) -> std::result::Result<Tensor, SegmentationError> {
+        let batch = batch(images, self.spec.channels().0, &self.device)?;
         let mut run = Run { filters: self.filters.iter(), border: self.border, dropout };
         self.spec.run(&mut run, batch)
     }
@@ -63,7 +70,7 @@ impl DeviceNetwork {
 ///
 /// # Errors
 /// If the images are of several sizes, or not on the CPU.
-pub fn batch(images: &[&Tensor], channels: usize, device: &Device) -> Result<Tensor> {
+pub(super) fn batch(images: &[&Tensor], channels: usize, device: &Device) -> Result<Tensor> {
     let from_blocks = |image: &&Tensor| image.apply_op1_no_bwd(&FromBlocks { channels });
     let images = images.par_iter().map(from_blocks).collect::<Result<Vec<_>>>()?;
     let on_device = |image: Tensor| image.to_device(device)?.transpose(0, 1)?.contiguous();
