@@ -5,9 +5,12 @@ use crate::statistics::{mean_and_deviation, min_and_max};
 use std::fmt::Write;
 use training::Loss;
 
-/// A loss by its name in the thesis.
+/// Before the name of a loss that is the mean over the levels of a class tree.
+pub const OVER_THE_TREE: &str = "hierarchical ";
+
+/// A loss by its name in the thesis, with or without [`OVER_THE_TREE`].
 pub fn loss(name: &str) -> Loss {
-    match name {
+    match name.strip_prefix(OVER_THE_TREE).unwrap_or(name) {
         "CE" => Loss::CrossEntropy,
         "focal" => Loss::Focal { gamma: 2.0 },
         "Dice" => Loss::Dice,

@@ -11,7 +11,7 @@ mod town_spheres;
 pub mod transfer;
 
 use crate::experiment::{Experiment, Results};
-use crate::loss_table::loss;
+use crate::loss_table::{OVER_THE_TREE, loss};
 use crate::recipe::{Architecture, Recipe, settings};
 use crate::statistics::mean_and_deviation;
 use crate::task::Task;
@@ -46,7 +46,7 @@ fn recipe((row, column): (&str, &str), (data, classes): (StreetData, &[ClassId])
         settings: TrainSettings {
             average: 0.95,
             pixels: 12_000,
-            hierarchy: row == HIERARCHICAL,
+            hierarchy: row.starts_with(OVER_THE_TREE),
             ..settings(2, 4e-3, loss(row), seed)
         },
     }
