@@ -10,7 +10,7 @@ mod cameras;
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
 use segmentation::spherical::{AskedColumns, IntensityUse, Refinement};
-use segmentation::{ComputeDevice, Fused, ModelInput, Options, Report, Segmenter, UnknownBelow};
+use segmentation::{ComputeDevice, ModelInput, Options, Report, SegmentationError, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,
@@ -22,7 +22,7 @@ stage::settings! {
     pub struct Settings {
         /// Model file. A relative path is relative to the folder of launch.toml.
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
-        /// Second model file: each point takes the class with the higher score, of equal ones that of `model`. Empty: none.
+        /// Second model file, with the same classes: the geometric mean of the probabilities of both decides. Empty: none.
         pub fused_with: String = String::new() => stage::any();
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
@@ -148,6 +148,14 @@ fn model_files(settings: &Settings) -> impl Iterator<Item = (&'static str, &str)
     std::iter::once(("model", settings.model.as_str())).chain(second)
 }
 
+/// The model of one file, or that of two.
+fn load(paths: &[PathBuf], options: &Options) -> Result<Box<dyn Segmenter>, SegmentationError> {
+    match paths {
+        [first, second] => Ok(Box::new(segmentation::load_fused(first, second, options)?)),
+        _ => segmentation::load(&paths[0], options),
+    }
+}
+
 fn options(settings: &Settings) -> Options {
     Options {
         every: settings.every as usize,
@@ -199,13 +207,20 @@ impl Stage for Infer {
         let options = options(settings);
         let of_device = options.device.open().err().map(|error| Problem::of_key("device", error.to_string()));
         let on_cpu = Options { device: ComputeDevice::Cpu, ..options };
-        let of_models = model_files(settings).flat_map(|(key, file)| {
+        let mut problems: Vec<Problem> = of_device.into_iter().collect();
+        let mut paths = Vec::new();
+        for (key, file) in model_files(settings) {
             let path = context.resolve(Path::new(file));
             let of_model = segmentation::load(&path, &on_cpu).err();
-            let of_model = of_model.map(|error| Problem::of_key(key, error.to_string()));
-            of_model.into_iter().chain(cameras::problem(key, file, &path, context))
-        });
-        of_device.into_iter().chain(of_models).collect()
+            problems.extend(of_model.map(|error| Problem::of_key(key, error.to_string())));
+            problems.extend(cameras::problem(key, file, &path, context));
+            paths.push(path);
+        }
+        if problems.is_empty() && paths.len() > 1 {
+            let of_both = load(&paths, &on_cpu).err();
+            problems.extend(of_both.map(|error| Problem::of_key("fused_with", error.to_string())));
+        }
+        problems
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
@@ -217,10 +232,7 @@ impl Stage for Infer {
             let join = SubmapJoin::new(context.mode).column::<ColorTopic>(columns.color);
             join.column::<SpectraTopic>(!columns.wavelengths_nm.is_empty())
         });
-        let load = |path: &PathBuf| segmentation::load(path, &options(settings)).map_err(StepError::io);
-        let models = paths.iter().map(load);
-        let model = models.reduce(|first, second| Ok(Box::new(Fused::new(first?, second?))));
-        let model = model.unwrap_or_else(|| Err(StepError::data("no model")))?;
+        let model = load(&paths, &options(settings)).map_err(StepError::io)?;
         Ok(Self {
             join,
             model: UnknownBelow::wrap(model, settings.unknown_below),

@@ -1,41 +1,80 @@
-//! Two models as one: each point takes the class with the higher score.
+//! Two models as one: the geometric mean of their probabilities (a product of experts, Hinton 2002, with equal shares).
+//!
+//! Two networks that see the same points in other ways err at other places: one that nearly excludes a class outweighs one that only
+//! prefers it. An arithmetic mean or the surer of both keep more of the errors (figures: models/README.md).
 
+use crate::cell_probabilities::best_of;
+use crate::ground::Ground;
+use crate::segmenter::{CellSegmenter, class_row};
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
+use std::path::Path;
 
-/// Two models.
+/// Added to every probability: no model excludes a class for sure. Votes have steps of 1/255.
+const LEAST: f32 = 1e-3;
+
+/// Two models with the same classes.
 pub struct Fused {
-    models: [Box<dyn Segmenter>; 2],
+    models: [Box<dyn CellSegmenter>; 2],
     card: ModelCard,
 }
 
 impl Fused {
     /// Both models. The card is that of the first, with a digest of both.
-    pub fn new(first: Box<dyn Segmenter>, second: Box<dyn Segmenter>) -> Self {
+    ///
+    /// # Errors
+    /// If they have other classes, or the same in another order. `path` is the file of the second.
+    pub fn new(
+        first: Box<dyn CellSegmenter>,
+        second: Box<dyn CellSegmenter>,
+        path: &Path,
+    ) -> Result<Self, SegmentationError> {
+        let names = |model: &dyn CellSegmenter| model.classes().iter().map(|class| class.name()).collect::<Vec<_>>();
+        let (found, expected) = (names(&*second), names(&*first));
+        if found != expected {
+            let reason = format!(
+                "the classes {} are not those of the model that it is fused with: {}",
+                found.join(", "),
+                expected.join(", ")
+            );
+            return Err(SegmentationError::Card { path: path.into(), reason });
+        }
         let digest = first.card().digest ^ second.card().digest.rotate_left(1);
         let card = ModelCard { digest, ..first.card().clone() };
-        Self { models: [first, second], card }
+        Ok(Self { models: [first, second], card })
     }
+}
+
+/// The best class and its share of the geometric means; of a point that one model cannot classify, those of the other.
+fn fuse(first: Option<&[f32]>, second: Option<&[f32]>) -> Option<(usize, f32)> {
+    let (Some(first), Some(second)) = (first, second) else { return first.or(second).and_then(best_of) };
+    let mut means = [0.0; ClassId::ALL.len()];
+    for (mean, (first, second)) in means.iter_mut().zip(first.iter().zip(second)) {
+        *mean = ((first + LEAST) * (second + LEAST)).sqrt();
+    }
+    let total: f32 = means.iter().sum();
+    best_of(&means).map(|(class, mean)| (class, mean / total))
 }
 
 impl Segmenter for Fused {
     fn card(&self) -> &ModelCard {
         &self.card
     }
-    /// Equal scores leave the class of the first model. Unseen are the points that neither model can classify; the rest of the report is that
-    /// of the first.
+    /// Unseen are the points that neither model can classify; the rest of the report is that of the first.
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
+        input.check(classes)?;
         let [first, second] = &self.models;
-        let report = first.segment(input, classes)?;
-        let mut others = vec![ClassRow::default(); classes.len()];
-        second.segment(input, &mut others)?;
+        let ground = Ground::of(input);
+        let heights_m = ground.heights(input.points);
+        let (of_first, report) = first.probabilities(input, (&ground, &heights_m))?;
+        let (of_second, _) = second.probabilities(input, (&ground, &heights_m))?;
         let mut n_unseen = 0;
-        for (row, other) in classes.iter_mut().zip(others) {
-            if other.score > row.score {
-                *row = other;
-            }
-            n_unseen += usize::from(row.class_id == ClassId::Unlabeled as u8);
+        for (row, (in_first, in_second)) in classes.iter_mut().zip(of_first.of_points().zip(of_second.of_points())) {
+            let decision = fuse(in_first, in_second);
+            n_unseen += usize::from(decision.is_none());
+            *row = class_row(decision.map(|(class, share)| (first.classes()[class], share)));
         }
+        first.refinement().of_points(input.points, (&ground, &heights_m), first.classes(), classes);
         Ok(Report { n_unseen, ..report })
     }
 }
@@ -43,33 +82,70 @@ impl Segmenter for Fused {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::CellProbabilities;
+    use crate::spherical::Refinement;
     use messages::{SubmapHeader, SubmapPoint};
 
-    /// Gives every point the rows of a list.
-    struct Fixed(ModelCard, [[u8; 2]; 3]);
+    const ROAD_OR_POLE: [ClassId; 2] = [ClassId::Road, ClassId::Pole];
+
+    /// Gives each point its own cell with probabilities of a list.
+    struct Fixed(ModelCard, Vec<ClassId>, [[f32; 2]; 4]);
 
     impl Segmenter for Fixed {
         fn card(&self) -> &ModelCard {
             &self.0
         }
-        fn segment(&self, _: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
-            for (row, [class_id, score]) in classes.iter_mut().zip(self.1) {
-                *row = ClassRow { class_id, score };
-            }
-            Ok(Report::default())
+        fn segment(&self, _: &ModelInput<'_>, _: &mut [ClassRow]) -> Result<Report, SegmentationError> {
+            unreachable!("fused models give probabilities")
         }
     }
 
+    impl CellSegmenter for Fixed {
+        fn classes(&self) -> &[ClassId] {
+            &self.1
+        }
+        fn refinement(&self) -> Refinement {
+            Refinement::NONE
+        }
+        fn probabilities(
+            &self,
+            _: &ModelInput<'_>,
+            _: (&Ground, &[f32]),
+        ) -> Result<(CellProbabilities, Report), SegmentationError> {
+            let of_cells = self.2.concat();
+            Ok((CellProbabilities::new(2, of_cells, vec![0, 1, 2, 3]), Report { n_unseen: 9, ..Report::default() }))
+        }
+    }
+
+    fn model(classes: [ClassId; 2], rows: [[f32; 2]; 4]) -> Box<dyn CellSegmenter> {
+        let card = ModelCard { architecture: "fixed".to_owned(), version: 1, digest: 0 };
+        Box::new(Fixed(card, classes.to_vec(), rows))
+    }
+
     #[test]
-    fn point_takes_class_with_the_higher_score() {
-        let model = |rows| -> Box<dyn Segmenter> {
-            Box::new(Fixed(ModelCard { architecture: "fixed".to_owned(), version: 1, digest: 0 }, rows))
-        };
-        let fused = Fused::new(model([[1, 200], [2, 90], [0, 0]]), model([[4, 100], [5, 91], [0, 0]]));
-        let points = [SubmapPoint::default(); 3];
-        let mut classes = [ClassRow::default(); 3];
+    fn point_takes_class_with_the_largest_geometric_mean() {
+        let first = model(ROAD_OR_POLE, [[0.7, 0.3], [0.8, 0.2], [0.0, 0.0], [0.0, 0.0]]);
+        let second = model(ROAD_OR_POLE, [[0.4, 0.6], [0.01, 0.99], [0.4, 0.6], [0.0, 0.0]]);
+        let fused = Fused::new(first, second, Path::new("second")).expect("the same classes");
+        let points = [SubmapPoint::default(); 4];
+        let mut classes = [ClassRow::default(); 4];
         let report = fused.segment(&ModelInput::new(&SubmapHeader::default(), &points), &mut classes).expect("runs");
-        assert_eq!(classes.map(|row| [row.class_id, row.score]), [[1, 200], [5, 91], [0, 0]]);
+        let of_means = |a: f32, b: f32| (255.0 * a.sqrt() / (a.sqrt() + b.sqrt())).round() as u8;
+        let expected = [
+            (ClassId::Road, of_means(0.701 * 0.401, 0.301 * 0.601)),
+            (ClassId::Pole, of_means(0.201 * 0.991, 0.801 * 0.011)),
+            (ClassId::Pole, 153),
+            (ClassId::Unlabeled, 0),
+        ];
+        assert_eq!(classes, expected.map(|(class, score)| ClassRow { class_id: class as u8, score }));
         assert_eq!(report.n_unseen, 1);
+    }
+
+    #[test]
+    fn models_with_other_classes_are_refused_with_both_lists() {
+        let rows = [[0.5, 0.5]; 4];
+        let [first, second] = [ROAD_OR_POLE, [ClassId::Pole, ClassId::Road]].map(|classes| model(classes, rows));
+        let error = Fused::new(first, second, Path::new("second.safetensors")).err().expect("is refused").to_string();
+        assert!(error.starts_with("second.safetensors: ") && error.contains("pole, road") && error.contains("road, pole"));
     }
 }

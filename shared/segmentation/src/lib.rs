@@ -13,6 +13,7 @@
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod cell_probabilities;
 mod compute_device;
 mod dataset;
 pub mod engine;
@@ -28,12 +29,13 @@ mod settings_rules;
 pub mod spherical;
 mod unknown_below;
 
+pub use cell_probabilities::CellProbabilities;
 pub use compute_device::ComputeDevice;
 pub use dataset::{Dataset, Example, PointExample, UNKNOWN};
 pub use error::SegmentationError;
 pub use fused::Fused;
-pub use load::{asked_columns, load};
+pub use load::{asked_columns, load, load_fused};
 pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};
-pub use segmenter::{ModelInput, Report, Segmenter};
+pub use segmenter::{CellSegmenter, ModelInput, Report, Segmenter};
 pub use spherical::Options;
 pub use unknown_below::UnknownBelow;

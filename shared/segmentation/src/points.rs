@@ -32,7 +32,7 @@ mod waffle_iron;
 
 pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, distort, rotate, scale};
 pub use batch::PointBatch;
-pub use cells::{CellCloud, NO_CELL};
+pub use cells::CellCloud;
 pub use classified_cells::{ClassifiedCells, classes_of_cells};
 pub use features::PointFeature;
 pub use kpconv::KpConv;

@@ -1,6 +1,8 @@
 //! The interface of all models.
 
-use crate::{ModelCard, SegmentationError};
+use crate::ground::Ground;
+use crate::spherical::Refinement;
+use crate::{CellProbabilities, ModelCard, SegmentationError};
 use messages::{ClassId, ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
 
 /// The input of a model: a submap, in place.
@@ -39,6 +41,20 @@ pub trait Segmenter: Send {
     /// Scores are 0 to 255 for 0 to 1. A point that the model cannot classify is
     /// [`messages::ClassId::Unlabeled`] with score 0. [`crate::UnknownBelow`] makes further points unlabeled, which keep their score.
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError>;
+}
+
+/// A model that knows the probabilities of its classes in cells of the submap.
+pub trait CellSegmenter: Segmenter {
+    /// The classes of the probabilities, in order.
+    fn classes(&self) -> &[ClassId];
+    /// Corrections of the classes of points, after the decision for the most probable ones.
+    fn refinement(&self) -> Refinement;
+    /// The probabilities. `ground` is the ground below the submap, with the heights of the points above it, m.
+    fn probabilities(
+        &self,
+        input: &ModelInput<'_>,
+        ground: (&Ground, &[f32]),
+    ) -> Result<(CellProbabilities, Report), SegmentationError>;
 }
 
 impl<'a> ModelInput<'a> {

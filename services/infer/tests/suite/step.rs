@@ -102,7 +102,7 @@ fn classes_do_not_depend_on_batch() {
 }
 
 #[test]
-fn point_takes_the_class_of_the_model_that_is_surer_of_it() {
+fn fused_models_give_the_class_on_which_both_agree() {
     let (street, points) = ("models/street.safetensors", "models/points.safetensors");
     let (header, cloud, _) = street_sweep();
     let classes = |model: &str, fused_with: &str| {
@@ -116,21 +116,32 @@ fn point_takes_the_class_of_the_model_that_is_surer_of_it() {
     };
     let ((on_images, first), (on_points, second), (fused, both)) =
         (classes(street, ""), classes(points, ""), classes(street, points));
-    let surer = |(of_images, of_points): (&ClassRow, &ClassRow)| {
-        if of_points.score > of_images.score { *of_points } else { *of_images }
-    };
-    assert!(on_images.iter().zip(&on_points).map(surer).eq(fused.iter().copied()));
-    let n_of_points = fused.iter().zip(&on_images).filter(|(fused, of_images)| fused != of_images).count();
-    assert!((1..fused.len()).contains(&n_of_points), "{n_of_points} of {}", fused.len());
+    let class = |rows: &[ClassRow], point: usize| rows[point].class_id;
+    let (agreed, open): (Vec<usize>, Vec<usize>) =
+        (0..fused.len()).partition(|point| class(&on_images, *point) == class(&on_points, *point));
+    assert!(agreed.iter().all(|point| class(&fused, *point) == class(&on_images, *point)));
+    for one in [&on_images, &on_points] {
+        let n_of_one = open.iter().filter(|point| class(&fused, **point) == class(one, **point)).count();
+        assert!((1..open.len()).contains(&n_of_one), "{n_of_one} of {}", open.len());
+    }
     assert!(both != first && both != second);
 }
 
 #[test]
-fn missing_second_model_is_reported_by_check() {
-    let settings = Settings { fused_with: "models/none.safetensors".to_owned(), ..ground() };
-    let problems = Infer::check(&settings, &at_root());
-    assert_eq!(problems.iter().map(|problem| problem.key.as_str()).collect::<Vec<_>>(), ["fused_with"]);
-    assert!(problems[0].text.contains("models/none.safetensors"), "{problems:?}");
+fn second_model_that_is_missing_or_cannot_be_fused_is_reported_by_check() {
+    let problems_of = |fused_with: &str| {
+        let settings = Settings { fused_with: fused_with.to_owned(), ..Settings::default() };
+        Infer::check(&settings, &at_root())
+    };
+    for (file, rule) in [
+        ("models/none.safetensors", "No such file"),
+        ("models/ground.safetensors", "the model knows no probabilities, so it cannot be fused"),
+    ] {
+        let problems = problems_of(file);
+        assert_eq!(problems.iter().map(|problem| problem.key.as_str()).collect::<Vec<_>>(), ["fused_with"]);
+        assert!(problems[0].text.contains(file) && problems[0].text.contains(rule), "{problems:?}");
+    }
+    assert_eq!(problems_of("models/points.safetensors"), []);
 }
 
 /// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above the road.

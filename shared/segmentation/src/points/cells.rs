@@ -1,13 +1,11 @@
 //! One point for each occupied cell of a grid: what networks on points see of a submap.
 
 use super::features::PointFeature;
+use crate::cell_probabilities::NO_CELL;
 use crate::spherical::IntensityMap;
 use crate::{ModelInput, SegmentationError};
 use messages::SubmapPoint;
 use neighbors::{LIMIT_M, VoxelGrid};
-
-/// Cell of a point whose coordinates are not valid.
-pub const NO_CELL: u32 = u32::MAX;
 
 /// Points and what their features are computed from: a submap, or a sphere of it.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,15 +1,15 @@
 //! The model: settings, parameters, and the classification of a submap.
 
-use super::cells::{CellCloud, NO_CELL, cell_of_each};
+use super::cells::{CellCloud, cell_of_each};
 use super::parameters::Parameters;
 use super::settings::{PointSettings, VERSION};
 use super::spheres::SpherePrediction;
 use crate::ground::Ground;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
-use crate::segmenter::class_row;
-use crate::spherical::{IntensityMap, Options};
-use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use crate::segmenter::CellSegmenter;
+use crate::spherical::{IntensityMap, Options, Refinement};
+use crate::{CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
 use neighbors::SpatialIndex;
 use std::path::Path;
@@ -25,9 +25,6 @@ pub struct PointModel {
     parameters: Parameters,
     options: Options,
 }
-
-/// Best class of a cell and its probability.
-type Decision = (usize, f32);
 
 impl PointModel {
     pub(crate) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
@@ -63,8 +60,8 @@ impl PointModel {
     pub fn settings(&self) -> &PointSettings {
         &self.settings
     }
-    /// The best class of each cell. A cell without votes gets that of the nearest cell with votes, if there is one.
-    fn decide(&self, cloud: &CellCloud) -> Result<Vec<Option<Decision>>, SegmentationError> {
+    /// The probabilities of the classes in each cell. A cell without votes gets those of the nearest cell with votes, if there is one.
+    fn of_cells(&self, cloud: &CellCloud) -> Result<Vec<f32>, SegmentationError> {
         let settings = &self.settings;
         let prediction = SpherePrediction {
             network: &settings.network,
@@ -73,31 +70,27 @@ impl PointModel {
             temperature: settings.temperature,
             seed: SEED,
         };
-        let probabilities = prediction.of_cloud(&cloud.positions, |center, points| {
+        let mut probabilities = prediction.of_cloud(&cloud.positions, |center, points| {
             let sphere = cloud.around(center, points);
             let features = sphere.features(&settings.features);
             (sphere.positions, features)
         })?;
-        let mut decisions: Vec<Option<Decision>> =
-            probabilities.chunks_exact(self.classes.len()).map(best_of).collect();
-        let (voted, open): (Vec<usize>, Vec<usize>) = (0..cloud.len()).partition(|cell| decisions[*cell].is_some());
+        let n_classes = self.classes.len();
+        let is_voted = |cell: &usize| probabilities[cell * n_classes..][..n_classes].iter().any(|p| *p > 0.0);
+        let (voted, open): (Vec<usize>, Vec<usize>) = (0..cloud.len()).partition(is_voted);
         if open.is_empty() || voted.is_empty() {
-            return Ok(decisions);
+            return Ok(probabilities);
         }
         let positions = |cells: &[usize]| cells.iter().map(|cell| cloud.positions[*cell]).collect::<Vec<_>>();
         let nearest = SpatialIndex::new(&positions(&voted)).nearest_of_each(&positions(&open), 1);
         for (query, cell) in open.into_iter().enumerate() {
-            let found = nearest.of(query).first();
-            decisions[cell] = found.and_then(|neighbor| decisions[voted[neighbor.index as usize]]);
+            if let Some(neighbor) = nearest.of(query).first() {
+                let from = voted[neighbor.index as usize] * n_classes;
+                probabilities.copy_within(from..from + n_classes, cell * n_classes);
+            }
         }
-        Ok(decisions)
+        Ok(probabilities)
     }
-}
-
-/// The best class, of equal ones the first; `None` without votes.
-fn best_of(probabilities: &[f32]) -> Option<Decision> {
-    let best = (0..probabilities.len()).rev().max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))?;
-    (probabilities[best] > 0.0).then_some((best, probabilities[best]))
 }
 
 impl Segmenter for PointModel {
@@ -109,20 +102,36 @@ impl Segmenter for PointModel {
         input.check(classes)?;
         let ground = Ground::of(input);
         let heights_m = ground.heights(input.points);
-        let trained = self.settings.ground_intensities;
-        let (intensities, foreign_intensity) =
-            IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
-        let (cloud, grid) = CellCloud::of(input, &heights_m, &intensities, self.settings.cell_m)?;
-        let cells = cell_of_each(&grid, input.points.len());
-        drop(grid);
-        let decisions = self.decide(&cloud)?;
+        let (cells, report) = self.probabilities(input, (&ground, &heights_m))?;
         let mut n_unseen = 0;
-        for (row, cell) in classes.iter_mut().zip(cells) {
-            let decision = if cell == NO_CELL { None } else { decisions[cell as usize] };
-            *row = class_row(decision.map(|(class, probability)| (self.classes[class], probability)));
-            n_unseen += usize::from(decision.is_none());
+        for (row, decision) in classes.iter_mut().zip(cells.decide(&self.classes)) {
+            *row = decision;
+            n_unseen += usize::from(decision.class_id == ClassId::Unlabeled as u8);
         }
         self.options.refinement.of_points(input.points, (&ground, &heights_m), &self.classes, classes);
-        Ok(Report { n_unseen, n_unknown: 0, coarsened: 1, foreign_intensity })
+        Ok(Report { n_unseen, ..report })
+    }
+}
+
+impl CellSegmenter for PointModel {
+    fn classes(&self) -> &[ClassId] {
+        &self.classes
+    }
+    fn refinement(&self) -> Refinement {
+        self.options.refinement
+    }
+    fn probabilities(
+        &self,
+        input: &ModelInput<'_>,
+        (_, heights_m): (&Ground, &[f32]),
+    ) -> Result<(CellProbabilities, Report), SegmentationError> {
+        let trained = self.settings.ground_intensities;
+        let (intensities, foreign_intensity) =
+            IntensityMap::of(self.options.intensity, input.points, heights_m, trained);
+        let (cloud, grid) = CellCloud::of(input, heights_m, &intensities, self.settings.cell_m)?;
+        let cell_of_point = cell_of_each(&grid, input.points.len());
+        drop(grid);
+        let cells = CellProbabilities::new(self.classes.len(), self.of_cells(&cloud)?, cell_of_point);
+        Ok((cells, Report { coarsened: 1, foreign_intensity, ..Report::default() }))
     }
 }

@@ -6,14 +6,14 @@ use super::range_sweep::{ImageSource, PointRange, RangeSweep, point_ranges};
 use super::settings::{GroundUse, Settings, VERSION};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
-use super::{IntensityMap, Neighbors, Options, PolarImage};
+use super::{IntensityMap, Neighbors, Options, PolarImage, Refinement};
 use crate::engine::Border;
 use crate::engine::tensors::read_image;
 use crate::ground::Ground;
 use crate::model_file::ModelFile;
 use crate::network::{Inference, PooledImage, Weights};
-use crate::segmenter::class_row;
-use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use crate::segmenter::CellSegmenter;
+use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use candle_core::Tensor;
 use messages::{ClassId, ClassRow};
 use pulp::Arch;
@@ -147,6 +147,35 @@ impl SphericalModel {
             Ok(())
         })
     }
+    /// The classes of the points that have one before the network runs.
+    fn given(&self, ground: &Ground, heights_m: &[f32]) -> Option<Vec<ClassRow>> {
+        (self.settings.ground == GroundUse::Removed).then(|| ground.classes(heights_m))
+    }
+    /// The votes of all sweeps, without the points that have a class before.
+    fn shares(
+        &self,
+        input: &ModelInput<'_>,
+        heights_m: &[f32],
+        given: Option<&[ClassRow]>,
+    ) -> Result<(CellProbabilities, Report), SegmentationError> {
+        let removed: Option<Vec<bool>> = given.map(|rows| rows.iter().map(|row| is_given(*row)).collect());
+        let trained = self.settings.ground_intensities;
+        let (intensities, foreign_intensity) =
+            IntensityMap::of(self.options.intensity, input.points, heights_m, trained);
+        let ranges: Vec<PointRange> = point_ranges(input).into_iter().step_by(self.options.every).collect();
+        let mut of_points = self.point_votes.take(input.points.len());
+        let mut of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
+        // Sweeps on all threads, not rows of one sweep: this scales better.
+        let bands = self.settings.features.camera_bands();
+        let source = ImageSource::new(input, self.settings.columns, heights_m);
+        let source = source.without(removed.as_deref()).with_camera(&bands);
+        let batches = ranges.par_chunks(self.options.batch).zip(of_sweeps.par_chunks_mut(self.options.batch));
+        batches.try_for_each(|(ranges, votes)| self.vote_together(&source, &intensities, ranges, votes))?;
+        let votes = Votes { of_points: &of_points };
+        let shares = votes.shares(input.points, self.settings.vote_cell_m, self.classes.len());
+        self.point_votes.give_back(of_points);
+        Ok((shares, Report { coarsened: 1, foreign_intensity, ..Report::default() }))
+    }
 }
 
 /// Buffers of votes for the next submap.
@@ -174,30 +203,32 @@ impl Segmenter for SphericalModel {
         input.check(classes)?;
         let found = Ground::of(input);
         let heights_m = found.heights(input.points);
-        let ground = (self.settings.ground == GroundUse::Removed).then(|| found.classes(&heights_m));
-        let removed: Option<Vec<bool>> = ground.as_ref().map(|rows| rows.iter().map(|row| is_given(*row)).collect());
-        let trained = self.settings.ground_intensities;
-        let (intensities, foreign_intensity) =
-            IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
-        let ranges: Vec<PointRange> = point_ranges(input).into_iter().step_by(self.options.every).collect();
-        let mut of_points = self.point_votes.take(input.points.len());
-        let mut of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
-        // Sweeps on all threads, not rows of one sweep: this scales better.
-        let bands = self.settings.features.camera_bands();
-        let source = ImageSource::new(input, self.settings.columns, &heights_m);
-        let source = source.without(removed.as_deref()).with_camera(&bands);
-        let batches = ranges.par_chunks(self.options.batch).zip(of_sweeps.par_chunks_mut(self.options.batch));
-        batches.try_for_each(|(ranges, votes)| self.vote_together(&source, &intensities, ranges, votes))?;
-        let decided = Votes { of_points: &of_points }.decide(input.points, self.settings.vote_cell_m);
-        self.point_votes.give_back(of_points);
+        let given = self.given(&found, &heights_m);
+        let (cells, report) = self.shares(input, &heights_m, given.as_deref())?;
         let mut n_unseen = 0;
-        for (point, (row, decision)) in classes.iter_mut().zip(decided).enumerate() {
-            let given = ground.as_ref().map(|ground| ground[point]).filter(|row| is_given(*row));
-            n_unseen += usize::from(given.is_none() && decision.is_none());
-            *row = given.unwrap_or_else(|| class_row(decision.map(|(class, share)| (self.classes[class], share))));
+        for (point, (row, decision)) in classes.iter_mut().zip(cells.decide(&self.classes)).enumerate() {
+            let given = given.as_ref().map(|given| given[point]).filter(|row| is_given(*row));
+            *row = given.unwrap_or(decision);
+            n_unseen += usize::from(!is_given(*row));
         }
         self.options.refinement.of_points(input.points, (&found, &heights_m), &self.classes, classes);
-        Ok(Report { n_unseen, n_unknown: 0, coarsened: 1, foreign_intensity })
+        Ok(Report { n_unseen, ..report })
+    }
+}
+
+impl CellSegmenter for SphericalModel {
+    fn classes(&self) -> &[ClassId] {
+        &self.classes
+    }
+    fn refinement(&self) -> Refinement {
+        self.options.refinement
+    }
+    fn probabilities(
+        &self,
+        input: &ModelInput<'_>,
+        (ground, heights_m): (&Ground, &[f32]),
+    ) -> Result<(CellProbabilities, Report), SegmentationError> {
+        self.shares(input, heights_m, self.given(ground, heights_m).as_deref())
     }
 }
 

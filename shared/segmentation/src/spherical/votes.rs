@@ -6,6 +6,7 @@
 )]
 
 use super::softmax::{MAX_CLASSES, Vote};
+use crate::CellProbabilities;
 use messages::SubmapPoint;
 use pulp::{Arch, NullaryFnOnce};
 use std::collections::HashMap;
@@ -35,20 +36,22 @@ type Sums = [u32; MAX_CLASSES];
 /// Indices of cells by their keys.
 type Cells = HashMap<u64, u32, BuildHasherDefault<CellHasher>>;
 
-/// Best class and its share of the votes.
-type Decision = Option<(usize, f32)>;
-
 impl Votes<'_> {
-    /// The class with the most votes in the cell of each point, of side `cell_m` in the submap frame. Without votes, the smallest of
-    /// the surrounding cells of 2, 4, 8, 16 times the side that has votes decides; `None` if none has.
-    pub fn decide(&self, points: &[SubmapPoint], cell_m: f32) -> impl Iterator<Item = Decision> + use<> {
+    /// Shares of the first `n_classes` classes in the votes of each cell, of side `cell_m` in the submap frame. A cell without votes has
+    /// those of the smallest of the surrounding cells of 2, 4, 8, 16 times the side that has votes; zeros if none has.
+    pub fn shares(&self, points: &[SubmapPoint], cell_m: f32, n_classes: usize) -> CellProbabilities {
         let cast = Cast { votes: self, points, cell_m };
-        let Ballots { cells, sums, number_of_point } = Arch::new().dispatch(cast);
-        let mut decisions: Vec<Decision> = sums.iter().map(decide).collect();
+        let Ballots { cells, mut sums, number_of_point } = Arch::new().dispatch(cast);
+        let is_open: Vec<bool> = sums.iter().map(|votes| *votes == [0; MAX_CLASSES]).collect();
         for level in 1..=COARSER {
-            decide_coarsely(&cells, &sums, level, &mut decisions);
+            fill_coarsely(&cells, &is_open, level, &mut sums);
         }
-        number_of_point.into_iter().map(move |number| decisions[number as usize])
+        let mut shares = Vec::with_capacity(sums.len() * n_classes);
+        for votes in &sums {
+            let total = votes.iter().sum::<u32>().max(1) as f32;
+            shares.extend(votes[..n_classes].iter().map(|votes| *votes as f32 / total));
+        }
+        CellProbabilities::new(n_classes, shares, number_of_point)
     }
 }
 
@@ -109,10 +112,12 @@ impl NullaryFnOnce for Cast<'_> {
     }
 }
 
-/// Decides cells without votes by the votes of cells with 2^`level` times the side.
-fn decide_coarsely(cells: &[u64], sums: &[Sums], level: u32, decisions: &mut [Decision]) {
+/// Gives cells that still have no votes those of cells with 2^`level` times the side. `is_open` says which cells had none at first: only
+/// the votes of the others count.
+fn fill_coarsely(cells: &[u64], is_open: &[bool], level: u32, sums: &mut [Sums]) {
+    let is_empty = |sums: &Sums| *sums == [0; MAX_CLASSES];
     let mut number_of_cell = Cells::default();
-    for (cell, _) in cells.iter().zip(decisions.iter()).filter(|(_, decision)| decision.is_none()) {
+    for (cell, _) in cells.iter().zip(&*sums).filter(|(_, sums)| is_empty(sums)) {
         let next = number_of_cell.len() as u32;
         number_of_cell.entry(coarser(*cell, level)).or_insert(next);
     }
@@ -120,13 +125,13 @@ fn decide_coarsely(cells: &[u64], sums: &[Sums], level: u32, decisions: &mut [De
         return;
     }
     let mut coarse_sums: Vec<Sums> = vec![[0; MAX_CLASSES]; number_of_cell.len()];
-    for (cell, sums) in cells.iter().zip(sums) {
+    for ((cell, sums), _) in cells.iter().zip(&*sums).zip(is_open).filter(|(_, is_open)| !**is_open) {
         if let Some(&number) = number_of_cell.get(&coarser(*cell, level)) {
             add(&mut coarse_sums[number as usize], sums);
         }
     }
-    for (cell, decision) in cells.iter().zip(decisions).filter(|(_, decision)| decision.is_none()) {
-        *decision = decide(&coarse_sums[number_of_cell[&coarser(*cell, level)] as usize]);
+    for (cell, sums) in cells.iter().zip(sums).filter(|(_, sums)| is_empty(sums)) {
+        *sums = coarse_sums[number_of_cell[&coarser(*cell, level)] as usize];
     }
 }
 
@@ -152,14 +157,6 @@ fn add(sums: &mut Sums, votes: &Sums) {
     for class in 0..MAX_CLASSES {
         sums[class] += votes[class];
     }
-}
-
-/// The class with the most votes. Of equal classes the first one, so that the order of the points does not matter.
-fn decide(sums: &Sums) -> Decision {
-    let total: u32 = sums.iter().sum();
-    let most = *sums.iter().max()?;
-    let class = sums.iter().position(|&votes| votes == most)?;
-    (total > 0).then_some((class, most as f32 / total as f32))
 }
 
 /// The cell of 2^`level` times the side that contains a cell.
@@ -213,17 +210,14 @@ mod tests {
         let none = [0, 0];
         let of_points = [[200, 55], [100, 155], none, [10, 245], [255, 0], none].map(vote);
         let votes = Votes { of_points: &of_points };
-        let decided: Vec<Decision> = votes.decide(&points, 0.2).collect();
-        let near = |got: Option<(usize, f32)>, class: usize, share: f32| {
-            let (got_class, got_share) = got.expect("has votes");
-            assert!(got_class == class && (got_share - share).abs() < 1e-6, "{got_class} {got_share}");
-        };
-        for decision in &decided[..3] {
-            near(*decision, 0, 300.0 / 510.0);
+        let shares = votes.shares(&points, 0.2, 2);
+        let shares: Vec<Option<&[f32]>> = shares.of_points().collect();
+        let of = |votes: [u16; 2]| votes.map(|of_class| f32::from(of_class) / f32::from(votes[0] + votes[1]));
+        let expected = [[300, 210], [300, 210], [300, 210], [10, 245], [255, 0]].map(of);
+        for (share, expected) in shares.iter().zip(&expected) {
+            assert_eq!(*share, Some(expected.as_slice()));
         }
-        near(decided[3], 1, 245.0 / 255.0);
-        near(decided[4], 0, 1.0);
-        assert_eq!(decided[5], None);
+        assert_eq!(shares[5], None);
     }
 
     #[test]
@@ -234,8 +228,9 @@ mod tests {
         let none = [0, 0];
         let of_points = [[255, 0], none, none, [55, 200], none, none].map(vote);
         let votes = Votes { of_points: &of_points };
+        let best = |shares: &[f32]| usize::from(shares[1] > shares[0]);
         let classes: Vec<Option<usize>> =
-            votes.decide(&points, 0.2).map(|decision| decision.map(|(class, _)| class)).collect();
+            votes.shares(&points, 0.2, 2).of_points().map(|shares| shares.map(best)).collect();
         assert_eq!(classes, [Some(0), Some(0), Some(1), Some(1), Some(0), None]);
     }
 }

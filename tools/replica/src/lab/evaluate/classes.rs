@@ -42,8 +42,8 @@ pub struct Args {
     /// Model file to evaluate instead
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Second model; each point takes the class with the higher score
-    #[arg(long, requires = "model", value_name = "FILE")]
+    /// Second model; the geometric mean of the probabilities of both decides
+    #[arg(long, requires = "model", conflicts_with = "knn", value_name = "FILE")]
     fused_with: Option<PathBuf>,
     /// Kinds of simulated towns; each is used with all seeds
     #[arg(long, requires = "model", value_delimiter = ',', default_value = "urban")]

@@ -1,0 +1,63 @@
+//! Probabilities of the classes in the cells of a submap.
+
+use crate::segmenter::class_row;
+use messages::{ClassId, ClassRow};
+
+/// The cell of a point without one.
+pub(crate) const NO_CELL: u32 = u32::MAX;
+
+/// The probabilities of the classes of a model in each cell of a submap, and the cells of its points.
+pub struct CellProbabilities {
+    n_classes: usize,
+    of_cells: Vec<f32>,
+    cell_of_point: Vec<u32>,
+}
+
+impl CellProbabilities {
+    /// `of_cells` has `n_classes` probabilities for each cell, zeros where nothing is known; `cell_of_point` the cell of each point, or
+    /// [`NO_CELL`].
+    pub(crate) fn new(n_classes: usize, of_cells: Vec<f32>, cell_of_point: Vec<u32>) -> Self {
+        debug_assert!(of_cells.len().is_multiple_of(n_classes), "a row for each cell");
+        Self { n_classes, of_cells, cell_of_point }
+    }
+    /// The probabilities at each point, in order; `None` where nothing is known.
+    pub(crate) fn of_points(&self) -> impl Iterator<Item = Option<&[f32]>> {
+        let of_cell = |cell: u32| &self.of_cells[cell as usize * self.n_classes..][..self.n_classes];
+        let known = move |&cell: &u32| {
+            let is_known = |row: &&[f32]| row.iter().any(|probability| *probability > 0.0);
+            (cell != NO_CELL).then(|| of_cell(cell)).filter(is_known)
+        };
+        self.cell_of_point.iter().map(known)
+    }
+    /// Class and score of each point, in order. `classes` are those of the probabilities.
+    pub(crate) fn decide(&self, classes: &[ClassId]) -> impl Iterator<Item = ClassRow> {
+        let of_cell = |row: &[f32]| class_row(best_of(row).map(|(class, probability)| (classes[class], probability)));
+        let of_cells: Vec<ClassRow> = self.of_cells.chunks_exact(self.n_classes).map(of_cell).collect();
+        self.cell_of_point.iter().map(move |&cell| of_cells.get(cell as usize).copied().unwrap_or_else(|| class_row(None)))
+    }
+}
+
+/// The best class and its probability, of equal ones the first; `None` if all are zero.
+pub(crate) fn best_of(probabilities: &[f32]) -> Option<(usize, f32)> {
+    let best = (0..probabilities.len()).rev().max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))?;
+    (probabilities[best] > 0.0).then_some((best, probabilities[best]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_have_the_best_class_of_their_cell_and_of_equal_ones_the_first() {
+        let classes = [ClassId::Road, ClassId::Pole];
+        let cells = CellProbabilities::new(2, vec![0.25, 0.75, 0.5, 0.5, 0.0, 0.0], vec![1, 0, 0, 2, NO_CELL]);
+        let row = |class: ClassId, score: u8| ClassRow { class_id: class as u8, score };
+        let unlabeled = row(ClassId::Unlabeled, 0);
+        let rows: Vec<ClassRow> = cells.decide(&classes).collect();
+        let pole = row(ClassId::Pole, 191);
+        assert_eq!(rows, [row(ClassId::Road, 128), pole, pole, unlabeled, unlabeled]);
+        let known: Vec<Option<&[f32]>> = cells.of_points().collect();
+        assert_eq!(known[1], Some([0.25, 0.75].as_slice()));
+        assert_eq!(known[3..], [None, None]);
+    }
+}
