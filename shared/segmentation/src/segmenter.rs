@@ -48,13 +48,13 @@ impl<'a> ModelInput<'a> {
     }
     /// Checks that all columns have one row per point.
     pub(crate) fn check(&self, classes: &[ClassRow]) -> Result<(), SegmentationError> {
+        self.check_length("class column", classes.len())?;
+        self.check_columns()
+    }
+    /// [`Self::check`] of the columns that a model reads.
+    pub(crate) fn check_columns(&self) -> Result<(), SegmentationError> {
+        self.colors.map_or(Ok(()), |colors| self.check_length("color column", colors.len()))?;
         let expected = self.points.len();
-        let columns = [("class column", Some(classes.len())), ("color column", self.colors.map(<[ColorRow]>::len))];
-        for (column, len) in columns {
-            if let Some(found) = len.filter(|&found| found != expected) {
-                return Err(SegmentationError::Length { column, found, expected });
-            }
-        }
         if let Some((header, rows)) = self.spectra {
             let found = header.n_points as usize;
             if found != expected || SpectraView::new(header, rows).is_none() {
@@ -62,6 +62,10 @@ impl<'a> ModelInput<'a> {
             }
         }
         Ok(())
+    }
+    fn check_length(&self, column: &'static str, found: usize) -> Result<(), SegmentationError> {
+        let expected = self.points.len();
+        if found == expected { Ok(()) } else { Err(SegmentationError::Length { column, found, expected }) }
     }
 }
 
