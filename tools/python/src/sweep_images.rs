@@ -54,7 +54,8 @@ impl SweepImages {
         spectra: Option<MessageBytes>,
     ) -> PyResult<SubmapImages> {
         let asked = self.images.settings().features.columns();
-        let given = [("color", asked.color, color.is_some()), ("spectra", !asked.wavelengths_nm.is_empty(), spectra.is_some())];
+        let given =
+            [("color", asked.color, color.is_some()), ("spectra", !asked.wavelengths_nm.is_empty(), spectra.is_some())];
         if let Some((topic, ..)) = given.iter().find(|(_, is_asked, is_given)| *is_asked && !is_given) {
             return Err(PyValueError::new_err(format!("the model reads {topic}; pass {topic}=MESSAGE")));
         }
@@ -62,7 +63,9 @@ impl SweepImages {
             header: header(py, &submap.0)?,
             points: rows(py, &submap.1)?,
             colors: color.map(|color| rows(py, &color.1)).transpose()?,
-            spectra: spectra.map(|spectra| Ok::<_, PyErr>((header(py, &spectra.0)?, rows(py, &spectra.1)?))).transpose()?,
+            spectra: spectra
+                .map(|spectra| Ok::<_, PyErr>((header(py, &spectra.0)?, rows(py, &spectra.1)?)))
+                .transpose()?,
         };
         let sweeps = py.detach(|| SubmapSweeps::new(Arc::clone(&self.images), submap));
         sweeps.map(SubmapImages).map_err(|error| exception(&error))

@@ -21,15 +21,21 @@ def rust_classes(folder, submaps) -> list[replica.Message]:
 
 
 def assert_equal_but_for_ties(expected: list[replica.Message], recording: Path):
-    """Sums of float32 in another order move some probabilities of pixels by 1/255. That changes the class of a cell only if two
-    classes have equal votes up to this, and then their scores are equal up to this.
+    """Sums of float32 in another order move a few probabilities of pixels, which are multiples of 1/255, by one step. That moves
+    the scores of their cells by at most one step, and changes the class of a cell only if two classes have as good as equal votes.
+    Found with PyTorch and with ONNX Runtime: 2e-5 of the scores, and none of 3 million classes. A cell may have 100 points, and
+    other processors other kernels.
     """
     found = list(replica.open_recording(recording).messages("class"))
-    n_points = n_other = 0
+    n_points = n_scores = n_classes = 0
     for rust, python in zip(expected, found, strict=True):
-        assert np.abs(rust["score"].astype(int) - python["score"]).max() <= 1
-        n_points, n_other = n_points + len(rust), n_other + (rust["class_id"] != python["class_id"]).sum()
-    assert n_points > 1_000_000 and n_other <= 1e-4 * n_points, f"{n_other} of {n_points} points have another class"
+        by = np.abs(rust["score"].astype(int) - python["score"])
+        assert by.max() <= 1
+        n_points, n_scores = n_points + len(rust), n_scores + (by > 0).sum()
+        n_classes += (rust["class_id"] != python["class_id"]).sum()
+    assert n_points > 2_000_000
+    assert n_scores <= 2e-4 * n_points, f"{n_scores} of {n_points} points have another score"
+    assert n_classes <= 1e-4 * n_points, f"{n_classes} of {n_points} points have another class"
 
 
 def test_unet_in_onnx_runtime_gives_the_classes_of_infer_but_for_ties(folder, submaps, rust_classes):
