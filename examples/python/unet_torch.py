@@ -4,7 +4,7 @@
 import torch
 from safetensors.torch import load_file
 from torch import nn
-from torch.nn.functional import interpolate, max_pool2d, pad, relu
+from torch.nn.functional import interpolate, max_pool2d, relu
 
 import replica
 from replica import Setting
@@ -17,7 +17,8 @@ class Circular(nn.Conv2d):
         super().__init__(n_in, n_out, 3, padding=(1, 0))
 
     def forward(self, image):
-        return relu(super().forward(pad(image, (1, 1, 0, 0), "circular")))
+        # Not the mode "circular" of `pad`, which torch.onnx.export of PyTorch 1.13 converts to something else.
+        return relu(super().forward(torch.cat([image[..., -1:], image, image[..., :1]], dim=3)))
 
 
 class Unet(nn.Module):

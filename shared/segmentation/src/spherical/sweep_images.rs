@@ -21,6 +21,7 @@ use std::sync::{Mutex, PoisonError};
 /// The settings of a model and the options of a run, without a network.
 pub struct SweepImages {
     settings: Settings,
+    /// The class of each output of the network.
     classes: Vec<ClassId>,
     options: Options,
     pixel_votes: VoteBuffers,
@@ -64,10 +65,6 @@ impl SweepImages {
     /// Settings of the model.
     pub fn settings(&self) -> &Settings {
         &self.settings
-    }
-    /// The class of each output of the network.
-    pub fn classes(&self) -> &[ClassId] {
-        &self.classes
     }
     /// Options of the run.
     pub fn options(&self) -> &Options {
