@@ -117,6 +117,16 @@ pub enum SegmentationError {
         /// Divisors of rows and columns.
         multiple_of: [usize; 2],
     },
+    /// The scores of a network do not fit the model.
+    #[error("scores of sweep {sweep}: {found} numbers; the model needs {expected:?} channels, rows, columns")]
+    Scores {
+        /// Number of the sweep among those of its submap.
+        sweep: usize,
+        /// Number of scores.
+        found: usize,
+        /// Channels, rows and columns.
+        expected: [usize; 3],
+    },
     /// A position of a point is not finite.
     #[error("point {point} is at {position:?} m; coordinates must be numbers within 1e18 m")]
     Position {

@@ -1,10 +1,10 @@
-//! Two models as one: the geometric mean of their probabilities (a product of experts, Hinton 2002, with equal shares).
+//! Two models as one: the geometric mean of their probabilities, in which the first counts twice (a product of experts, Hinton 2002).
 //!
 //! Two networks that see the same points in other ways err at other places: one that nearly excludes a class outweighs one that only
-//! prefers it. An arithmetic mean or the surer of both keep more of the errors (figures: models/README.md).
+//! prefers it. An arithmetic mean, or the class of the surer model, keep more of the errors (figures: models/README.md).
 
 use crate::cell_probabilities::best_of;
-use crate::ground::Ground;
+use crate::ground::SubmapGround;
 use crate::segmenter::{CellSegmenter, class_row};
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
@@ -50,7 +50,7 @@ fn fuse(first: Option<&[f32]>, second: Option<&[f32]>) -> Option<(usize, f32)> {
     let (Some(first), Some(second)) = (first, second) else { return first.or(second).and_then(best_of) };
     let mut means = [0.0; ClassId::ALL.len()];
     for (mean, (first, second)) in means.iter_mut().zip(first.iter().zip(second)) {
-        *mean = ((first + LEAST) * (second + LEAST)).sqrt();
+        *mean = ((first + LEAST).powi(2) * (second + LEAST)).cbrt();
     }
     let total: f32 = means.iter().sum();
     best_of(&means).map(|(class, mean)| (class, mean / total))
@@ -64,17 +64,16 @@ impl Segmenter for Fused {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let [first, second] = &self.models;
-        let ground = Ground::of(input);
-        let heights_m = ground.heights(input.points);
-        let (of_first, report) = first.probabilities(input, (&ground, &heights_m))?;
-        let (of_second, _) = second.probabilities(input, (&ground, &heights_m))?;
+        let ground = SubmapGround::of(input);
+        let (of_first, report) = first.probabilities(input, &ground)?;
+        let (of_second, _) = second.probabilities(input, &ground)?;
         let mut n_unseen = 0;
         for (row, (in_first, in_second)) in classes.iter_mut().zip(of_first.of_points().zip(of_second.of_points())) {
             let decision = fuse(in_first, in_second);
             n_unseen += usize::from(decision.is_none());
             *row = class_row(decision.map(|(class, share)| (first.classes()[class], share)));
         }
-        first.refinement().of_points(input.points, (&ground, &heights_m), first.classes(), classes);
+        first.refinement().of_points(input.points, &ground, first.classes(), classes);
         Ok(Report { n_unseen, ..report })
     }
 }
@@ -85,6 +84,7 @@ mod tests {
     use crate::CellProbabilities;
     use crate::spherical::Refinement;
     use messages::{SubmapHeader, SubmapPoint};
+    use std::sync::Arc;
 
     const ROAD_OR_POLE: [ClassId; 2] = [ClassId::Road, ClassId::Pole];
 
@@ -110,7 +110,7 @@ mod tests {
         fn probabilities(
             &self,
             _: &ModelInput<'_>,
-            _: (&Ground, &[f32]),
+            _: &Arc<SubmapGround>,
         ) -> Result<(CellProbabilities, Report), SegmentationError> {
             let of_cells = self.2.concat();
             Ok((CellProbabilities::new(2, of_cells, vec![0, 1, 2, 3]), Report { n_unseen: 9, ..Report::default() }))
@@ -130,10 +130,12 @@ mod tests {
         let points = [SubmapPoint::default(); 4];
         let mut classes = [ClassRow::default(); 4];
         let report = fused.segment(&ModelInput::new(&SubmapHeader::default(), &points), &mut classes).expect("runs");
-        let of_means = |a: f32, b: f32| (255.0 * a.sqrt() / (a.sqrt() + b.sqrt())).round() as u8;
+        let share = |of: f32, other: f32| (255.0 * of.cbrt() / (of.cbrt() + other.cbrt())).round() as u8;
+        let [road, pole] = [0.701_f32.powi(2) * 0.401, 0.301_f32.powi(2) * 0.601];
+        let [road_2, pole_2] = [0.801_f32.powi(2) * 0.011, 0.201_f32.powi(2) * 0.991];
         let expected = [
-            (ClassId::Road, of_means(0.701 * 0.401, 0.301 * 0.601)),
-            (ClassId::Pole, of_means(0.201 * 0.991, 0.801 * 0.011)),
+            (ClassId::Road, share(road, pole)),
+            (ClassId::Pole, share(pole_2, road_2)),
             (ClassId::Pole, 153),
             (ClassId::Unlabeled, 0),
         ];

@@ -28,6 +28,7 @@ use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use elevation::Elevation;
 use messages::{ClassId, ClassRow, SubmapPoint};
 use roughness::rough_cells;
+use std::sync::Arc;
 
 /// Name of the architecture in model files.
 pub const ARCHITECTURE: &str = "ground_quasi_flat";
@@ -54,6 +55,22 @@ pub struct Ground {
     n_points: usize,
     /// `None` if none was found.
     found: Option<(Elevation, Vec<f32>)>,
+}
+
+/// The ground below a submap, and the heights of its points above it.
+pub struct SubmapGround {
+    pub(crate) found: Ground,
+    /// m; NaN without terrain.
+    pub(crate) heights_m: Vec<f32>,
+}
+
+impl SubmapGround {
+    /// Finds the ground of a submap, to be shared by models.
+    pub fn of(input: &ModelInput<'_>) -> Arc<Self> {
+        let found = Ground::of(input);
+        let heights_m = found.heights(input.points);
+        Arc::new(Self { found, heights_m })
+    }
 }
 
 impl Ground {

@@ -1,9 +1,10 @@
 //! The interface of all models.
 
-use crate::ground::Ground;
+use crate::ground::SubmapGround;
 use crate::spherical::Refinement;
 use crate::{CellProbabilities, ModelCard, SegmentationError};
 use messages::{ClassId, ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
+use std::sync::Arc;
 
 /// The input of a model: a submap, in place.
 #[derive(Clone, Copy)]
@@ -49,11 +50,11 @@ pub trait CellSegmenter: Segmenter {
     fn classes(&self) -> &[ClassId];
     /// Corrections of the classes of points, after the decision for the most probable ones.
     fn refinement(&self) -> Refinement;
-    /// The probabilities. `ground` is the ground below the submap, with the heights of the points above it, m.
+    /// The probabilities, from the submap and the ground below it.
     fn probabilities(
         &self,
         input: &ModelInput<'_>,
-        ground: (&Ground, &[f32]),
+        ground: &Arc<SubmapGround>,
     ) -> Result<(CellProbabilities, Report), SegmentationError>;
 }
 
@@ -64,13 +65,13 @@ impl<'a> ModelInput<'a> {
     }
     /// Checks that all columns have one row per point.
     pub(crate) fn check(&self, classes: &[ClassRow]) -> Result<(), SegmentationError> {
+        self.check_length("class column", classes.len())?;
+        self.check_columns()
+    }
+    /// [`Self::check`] of the columns that a model reads.
+    pub(crate) fn check_columns(&self) -> Result<(), SegmentationError> {
+        self.colors.map_or(Ok(()), |colors| self.check_length("color column", colors.len()))?;
         let expected = self.points.len();
-        let columns = [("class column", Some(classes.len())), ("color column", self.colors.map(<[ColorRow]>::len))];
-        for (column, len) in columns {
-            if let Some(found) = len.filter(|&found| found != expected) {
-                return Err(SegmentationError::Length { column, found, expected });
-            }
-        }
         if let Some((header, rows)) = self.spectra {
             let found = header.n_points as usize;
             if found != expected || SpectraView::new(header, rows).is_none() {
@@ -78,6 +79,10 @@ impl<'a> ModelInput<'a> {
             }
         }
         Ok(())
+    }
+    fn check_length(&self, column: &'static str, found: usize) -> Result<(), SegmentationError> {
+        let expected = self.points.len();
+        if found == expected { Ok(()) } else { Err(SegmentationError::Length { column, found, expected }) }
     }
 }
 

@@ -18,7 +18,9 @@ mod refinement;
 mod ring_gains;
 mod settings;
 mod softmax;
+mod submap_sweeps;
 mod surface;
+mod sweep_images;
 mod votes;
 
 pub use camera_columns::BAND_REACH_NM;
@@ -33,3 +35,5 @@ pub use range_sweep::{ImageSource, RangeSweep, range_sweeps};
 pub use refinement::Refinement;
 pub use ring_gains::GroundByRing;
 pub use settings::{ARCHITECTURE, GroundUse, Settings, VERSION};
+pub use submap_sweeps::{OwnedSubmap, SubmapSweeps};
+pub use sweep_images::SweepImages;

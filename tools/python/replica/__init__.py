@@ -22,6 +22,7 @@ A stage is a class with a method ``step``::
 ``[infer] program = "segmenter.py"`` in the launch file starts it.
 """
 
+from ._images import SubmapImages, SweepImages
 from ._join import SubmapJoin
 from ._messages import CLASS_NAMES, CLASS_TABLE_VERSION, Inputs, Loan, Message, Outputs
 from ._native import fingerprint
@@ -43,7 +44,9 @@ __all__ = [
     "Run",
     "Setting",
     "Stage",
+    "SubmapImages",
     "SubmapJoin",
+    "SweepImages",
     "fingerprint",
     "observe",
     "open_recording",

@@ -6,6 +6,7 @@ mod program;
 mod recording;
 mod session;
 mod spec;
+mod sweep_images;
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -25,6 +26,8 @@ mod _native {
     use super::recording::RecordingFile;
     #[pymodule_export]
     use super::session::{count, doubt, loan, mark_progress, note, publish, set_drive_time};
+    #[pymodule_export]
+    use super::sweep_images::{SubmapImages, SweepImages};
     #[pymodule_export]
     use super::{classes, find_file, fingerprint, run, topics};
 }

@@ -153,6 +153,16 @@ impl<P: Deref<Target = [Feature]>> Planes<P> {
     pub fn row(&self, block: usize, y: usize) -> &[Feature] {
         &self.pixels[self.start(block, y)..][..self.width]
     }
+    /// The values of the pixels without the border in the order of `PyTorch`: channel, row, column.
+    pub fn to_channels_first(&self) -> Vec<f32> {
+        let mut values = Vec::with_capacity(self.channels * self.height * self.width);
+        for channel in 0..self.channels {
+            for y in 0..self.height {
+                values.extend(self.row(channel / LANES, y).iter().map(|pixel| pixel[channel % LANES]));
+            }
+        }
+        values
+    }
     /// All numbers, with borders and padding channels.
     pub fn values(&self) -> &[f32] {
         self.pixels.as_flattened()
@@ -169,6 +179,14 @@ impl<P: DerefMut<Target = [Feature]>> Planes<P> {
     pub fn row_mut(&mut self, block: usize, y: usize) -> &mut [Feature] {
         let (start, width) = (self.start(block, y), self.width);
         &mut self.pixels[start..][..width]
+    }
+    /// Writes the pixels without the border. The values are in the order of `PyTorch`: channel, row, column.
+    pub fn write_channels_first(&mut self, values: &[f32]) {
+        for (i, row) in values.chunks_exact(self.width.max(1)).enumerate() {
+            let (channel, y) = (i / self.height, i % self.height);
+            let pixels = self.row_mut(channel / LANES, y);
+            pixels.iter_mut().zip(row).for_each(|(pixel, value)| pixel[channel % LANES] = *value);
+        }
     }
     /// All numbers, with borders and padding channels.
     pub fn values_mut(&mut self) -> &mut [f32] {

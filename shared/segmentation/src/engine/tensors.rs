@@ -1,6 +1,6 @@
 //! Images as tensors of candle: the memory of [`Planes`] with the shape blocks, rows, columns, lanes, borders included.
 
-use super::planes::{BORDER, Border, Feature, LANES, Planes, PlanesMut, PlanesRef, blocks};
+use super::planes::{BORDER, Border, LANES, Planes, PlanesMut, PlanesRef, blocks};
 use candle_core::{CpuStorage, CustomOp1, DType, Device, InplaceOp1, Layout, Result, Shape, Storage, Tensor, bail};
 
 /// Shape of the tensor of an image.
@@ -126,13 +126,7 @@ impl CustomOp1 for FromBlocks {
     }
     fn cpu_fwd(&self, image: &CpuStorage, layout: &Layout) -> Result<(CpuStorage, Shape)> {
         let image = planes_of(image, layout, self.channels)?;
-        let mut values = Vec::with_capacity(self.channels * image.height() * image.width());
-        for channel in 0..self.channels {
-            for y in 0..image.height() {
-                values.extend(image.row(channel / LANES, y).iter().map(|pixel| pixel[channel % LANES]));
-            }
-        }
-        Ok((CpuStorage::F32(values), Shape::from((1, self.channels, image.height(), image.width()))))
+        Ok((CpuStorage::F32(image.to_channels_first()), Shape::from((1, self.channels, image.height(), image.width()))))
     }
 }
 
@@ -154,13 +148,7 @@ impl CustomOp1 for ToBlocks {
         let shape = tensor_shape(channels, height, width);
         let mut blocked = vec![0.0; shape.iter().product()];
         let mut image: PlanesMut<'_> = Planes::from_pixels(channels, height, width, blocked.as_chunks_mut().0);
-        written(&mut image, self.border, |image| {
-            for (i, row) in values.chunks_exact(width.max(1)).enumerate() {
-                let (channel, y) = (i / height, i % height);
-                let pixels: &mut [Feature] = image.row_mut(channel / LANES, y);
-                pixels.iter_mut().zip(row).for_each(|(pixel, value)| pixel[channel % LANES] = *value);
-            }
-        })?;
+        written(&mut image, self.border, |image| image.write_channels_first(values))?;
         Ok((CpuStorage::F32(blocked), Shape::from(shape.to_vec())))
     }
 }

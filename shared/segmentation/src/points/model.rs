@@ -4,7 +4,7 @@ use super::cells::{CellCloud, cell_of_each};
 use super::parameters::Parameters;
 use super::settings::{PointSettings, VERSION};
 use super::spheres::SpherePrediction;
-use crate::ground::Ground;
+use crate::ground::SubmapGround;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
 use crate::segmenter::CellSegmenter;
@@ -13,6 +13,7 @@ use crate::{CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, Seg
 use messages::{ClassId, ClassRow};
 use neighbors::SpatialIndex;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Seed of the centers of `PointNet++`: equal submaps give equal classes.
 const SEED: u64 = 0;
@@ -100,15 +101,14 @@ impl Segmenter for PointModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let ground = Ground::of(input);
-        let heights_m = ground.heights(input.points);
-        let (cells, report) = self.probabilities(input, (&ground, &heights_m))?;
+        let ground = SubmapGround::of(input);
+        let (cells, report) = self.probabilities(input, &ground)?;
         let mut n_unseen = 0;
         for (row, decision) in classes.iter_mut().zip(cells.decide(&self.classes)) {
             *row = decision;
             n_unseen += usize::from(decision.class_id == ClassId::Unlabeled as u8);
         }
-        self.options.refinement.of_points(input.points, (&ground, &heights_m), &self.classes, classes);
+        self.options.refinement.of_points(input.points, &ground, &self.classes, classes);
         Ok(Report { n_unseen, ..report })
     }
 }
@@ -123,12 +123,12 @@ impl CellSegmenter for PointModel {
     fn probabilities(
         &self,
         input: &ModelInput<'_>,
-        (_, heights_m): (&Ground, &[f32]),
+        ground: &Arc<SubmapGround>,
     ) -> Result<(CellProbabilities, Report), SegmentationError> {
         let trained = self.settings.ground_intensities;
         let (intensities, foreign_intensity) =
-            IntensityMap::of(self.options.intensity, input.points, heights_m, trained);
-        let (cloud, grid) = CellCloud::of(input, heights_m, &intensities, self.settings.cell_m)?;
+            IntensityMap::of(self.options.intensity, input.points, &ground.heights_m, trained);
+        let (cloud, grid) = CellCloud::of(input, &ground.heights_m, &intensities, self.settings.cell_m)?;
         let cell_of_point = cell_of_each(&grid, input.points.len());
         drop(grid);
         let cells = CellProbabilities::new(self.classes.len(), self.of_cells(&cloud)?, cell_of_point);

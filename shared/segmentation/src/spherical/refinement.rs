@@ -2,7 +2,7 @@
 
 use super::softmax::Vote;
 use super::{PolarImage, PolarPixel};
-use crate::ground::Ground;
+use crate::ground::SubmapGround;
 use geometry::BevGrid;
 use messages::ClassId::{self, Building, Pole, Terrain, Vegetation};
 use messages::{ClassRow, SubmapPoint};
@@ -69,16 +69,16 @@ impl Refinement {
     pub(crate) fn of_points(
         self,
         points: &[SubmapPoint],
-        (ground, heights_m): (&Ground, &[f32]),
+        ground: &SubmapGround,
         of_model: &[ClassId],
         classes: &mut [ClassRow],
     ) {
         if self.buildings {
-            buildings(points, heights_m, classes);
+            buildings(points, &ground.heights_m, classes);
         }
         if self.rough_ground && of_model.contains(&Vegetation) {
             let is_soil = |row: &ClassRow| SOIL.iter().any(|class| *class as u8 == row.class_id);
-            for (row, is_rough) in classes.iter_mut().zip(ground.is_rough()) {
+            for (row, is_rough) in classes.iter_mut().zip(ground.found.is_rough()) {
                 if is_rough && is_soil(row) {
                     row.class_id = Vegetation as u8;
                 }
@@ -198,6 +198,7 @@ fn buildings(points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]
 mod tests {
     use super::*;
     use crate::ModelInput;
+    use crate::ground::Ground;
     use messages::SubmapHeader;
     use random::Random;
 
@@ -253,11 +254,11 @@ mod tests {
         let mut points: Vec<SubmapPoint> = (0..400).map(|i| point(0.1 * i as f32, 0.0, 4.0)).collect();
         points.extend((0..900).map(|i| point(0.2 * (i % 30) as f32, 20.0 + 0.2 * (i / 30) as f32, 4.0)));
         points.extend([point(10.0, 0.0, 1.0), point(10.0, 0.0, 0.1)]);
-        let heights_m: Vec<f32> = points.iter().map(|point| point.z).collect();
         let mut rows = vec![ClassRow { class_id: Vegetation as u8, score: 200 }; points.len()];
-        let ground = Ground::of(&ModelInput::new(&SubmapHeader::default(), &points));
+        let found = Ground::of(&ModelInput::new(&SubmapHeader::default(), &points));
+        let ground = SubmapGround { found, heights_m: points.iter().map(|point| point.z).collect() };
         let refinement = Refinement { buildings: true, ..Refinement::NONE };
-        refinement.of_points(&points, (&ground, &heights_m), &[Building], &mut rows);
+        refinement.of_points(&points, &ground, &[Building], &mut rows);
         let classes: Vec<u8> = rows.iter().map(|row| row.class_id).collect();
         assert!(classes[..400].iter().all(|class| *class == Building as u8));
         assert!(classes[400..1300].iter().all(|class| *class == Vegetation as u8));
@@ -275,11 +276,10 @@ mod tests {
             (SubmapPoint { x, y, z, ..SubmapPoint::default() }, ClassRow { class_id, score: 200 })
         };
         let (points, before): (Vec<SubmapPoint>, Vec<ClassRow>) = (0..40_000).map(&mut point).unzip();
-        let ground = Ground::of(&ModelInput::new(&SubmapHeader::default(), &points));
-        let heights_m = ground.heights(&points);
+        let ground = SubmapGround::of(&ModelInput::new(&SubmapHeader::default(), &points));
         let refined = |of_model: &[ClassId]| {
             let mut rows = before.clone();
-            Refinement::default().of_points(&points, (&ground, &heights_m), of_model, &mut rows);
+            Refinement::default().of_points(&points, &ground, of_model, &mut rows);
             rows
         };
         let rows = refined(&[Terrain, Building, Vegetation]);

@@ -4,7 +4,7 @@ use super::Features;
 use super::intensity::GroundIntensities;
 use super::softmax::MAX_CLASSES;
 use crate::SegmentationError;
-use crate::model_file::encode_model;
+use crate::model_file::{ModelFile, encode_model};
 use crate::network::{NetworkSpec, Weights};
 use crate::settings_rules::{check_rules, classes_of_names, temperature_rule};
 use messages::ClassId;
@@ -63,6 +63,19 @@ impl GroundUse {
 }
 
 impl Settings {
+    /// The valid settings of a model file.
+    pub(super) fn of_file(file: &ModelFile) -> Result<Self, SegmentationError> {
+        if file.card.architecture != ARCHITECTURE {
+            let (path, found) = (file.path.clone(), file.card.architecture.clone());
+            return Err(SegmentationError::Architecture { path, found, known: ARCHITECTURE });
+        }
+        file.expect_version(VERSION)?;
+        let settings: Self = file.settings()?;
+        settings
+            .check()
+            .map_err(|error| SegmentationError::Card { path: file.path.clone(), reason: error.to_string() })?;
+        Ok(settings)
+    }
     /// The class of every output.
     ///
     /// # Errors

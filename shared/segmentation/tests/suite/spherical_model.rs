@@ -3,14 +3,15 @@
 use geometry::NO_POINT;
 use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN};
 use random::Random;
-use segmentation::engine::Planes;
-use segmentation::network::{NetworkSpec, Weights};
+use segmentation::engine::{Border, Planes};
+use segmentation::network::{Inference, NetworkSpec, Weights};
 use segmentation::spherical::{
-    Feature, Features, GroundUse, ImageSource, N_FEATURES, Neighbors, PolarImage, RangeSweep, Settings, SphericalModel,
-    features, range_sweeps,
+    ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, Neighbors, OwnedSubmap, PolarImage,
+    RangeSweep, Settings, SphericalModel, SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
 };
-use segmentation::{Dataset, Example, ModelInput, SegmentationError, Segmenter, UNKNOWN, ground};
+use segmentation::{Dataset, Example, ModelCard, ModelInput, SegmentationError, Segmenter, UNKNOWN, ground};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 const RINGS: u8 = 16;
 const FIRINGS: u32 = 512;
@@ -325,6 +326,36 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     );
     let too_long = rejected(&|truth| truth.resize(truth.len() + columns, 0));
     assert!(too_long.starts_with("example 1 of the data: ") && too_long.contains("pixels have a class"), "{too_long}");
+}
+
+#[test]
+fn scores_of_a_network_outside_the_model_give_its_classes() {
+    let (header, points, _) = submap();
+    let settings = Settings { ground: GroundUse::Removed, ..settings() };
+    let weights = weights(&settings);
+    let card = ModelCard { architecture: ARCHITECTURE.to_owned(), version: VERSION, digest: 0 };
+    let model = SphericalModel::new(card, settings.clone(), &weights).expect("fits");
+    let mut expected = vec![ClassRow::default(); points.len()];
+    let report = model.segment(&ModelInput::new(&header, &points), &mut expected).expect("runs");
+
+    let network = Inference::new(settings.network.clone(), &weights, Border::Circular).expect("fits");
+    let images = SweepImages::new(settings).expect("valid");
+    let submap = OwnedSubmap { header, points, colors: None, spectra: None };
+    let mut sweeps = SubmapSweeps::new(Arc::new(images), submap).expect("columns fit");
+    assert_eq!(sweeps.sizes(), [[20, 16, 256]; 2]);
+    let inputs = sweeps.images(0..2);
+    // The order of the sweeps does not matter.
+    for (sweep, values) in inputs.chunks_exact(inputs.len() / 2).enumerate().rev() {
+        let mut input = Planes::zeros(20, 16, 256);
+        input.write_channels_first(values);
+        input.fill_border(Border::Circular);
+        let output = network.run(&input.to_tensor().expect("an image")).expect("runs");
+        let scores = Planes::from_tensor(&output, 6).expect("an image").to_channels_first();
+        sweeps.vote(sweep, &scores).expect("fits");
+    }
+    assert!(sweeps.classes() == (expected, report));
+    let error = sweeps.vote(1, &[0.0; 5]).expect_err("too few");
+    assert_eq!(error.to_string(), "scores of sweep 1: 5 numbers; the model needs [6, 16, 256] channels, rows, columns");
 }
 
 /// Named features in the usual order are written by other code than those of a model that names none.

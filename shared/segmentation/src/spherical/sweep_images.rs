@@ -1,0 +1,173 @@
+//! What surrounds a network on range images: the images of a submap before it, the votes and classes after it.
+//!
+//! [`SphericalModel`](super::SphericalModel) runs the network of a model file in between, [`SubmapSweeps`](super::SubmapSweeps) any other one.
+
+use super::back_projection::pixel_for;
+use super::range_sweep::{ImageSource, PointRange, RangeSweep, point_ranges};
+use super::settings::{GroundUse, Settings};
+use super::softmax::{NO_VOTE, Softmax, Vote};
+use super::votes::Votes;
+use super::{IntensityMap, Options, PolarImage};
+use crate::engine::PlanesRef;
+use crate::ground::SubmapGround;
+use crate::model_file::ModelFile;
+use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError};
+use messages::{ClassId, ClassRow};
+use pulp::Arch;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The settings of a model and the options of a run, without a network.
+pub struct SweepImages {
+    settings: Settings,
+    /// The class of each output of the network.
+    classes: Vec<ClassId>,
+    options: Options,
+    pixel_votes: VoteBuffers,
+}
+
+/// What is found in a whole submap before its images are made.
+pub(super) struct Prepared {
+    /// The sweeps that go through the network.
+    pub(super) ranges: Vec<PointRange>,
+    ground: Arc<SubmapGround>,
+    /// Classes of the ground, if the network does not see it, and the points that have one.
+    given: Option<(Vec<ClassRow>, Vec<bool>)>,
+    intensities: IntensityMap,
+    foreign_intensity: Option<[u8; 2]>,
+}
+
+impl SweepImages {
+    /// Of a model with these settings.
+    ///
+    /// # Errors
+    /// [`SegmentationError::Settings`] with the violated rule.
+    pub fn new(settings: Settings) -> Result<Self, SegmentationError> {
+        let classes = settings.check()?;
+        Ok(Self { settings, classes, options: Options::default(), pixel_votes: VoteBuffers::default() })
+    }
+    /// Of a model file, whose weights are not used.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or has another architecture or invalid settings.
+    pub fn load(path: &Path) -> Result<(Self, ModelCard), SegmentationError> {
+        let file = ModelFile::read(path)?;
+        Ok((Self::new(Settings::of_file(&file)?)?, file.card))
+    }
+    /// Sets the options. Points of sweeps that do not go through the network get the votes of their cells.
+    #[must_use]
+    pub fn with_options(self, options: Options) -> Self {
+        let options = Options { every: options.every.max(1), batch: options.batch.max(1), ..options };
+        Self { options, ..self }
+    }
+    /// Settings of the model.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+    /// The class of each output of the network.
+    pub(super) fn classes(&self) -> &[ClassId] {
+        &self.classes
+    }
+    /// Options of the run.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+    /// Channels, rows and columns of the network's input for a range image of so many rows. Rows below the image are zero.
+    pub fn input_size(&self, rows: usize) -> [usize; 3] {
+        let network = &self.settings.network;
+        let rows = rows.next_multiple_of(network.multiple_of()[0]);
+        [network.channels().0, rows, self.settings.columns / self.settings.fold]
+    }
+    /// Finds the scale of the intensities, and the classes of the ground if the network does not see it.
+    pub(super) fn prepare(&self, input: &ModelInput<'_>, ground: Arc<SubmapGround>) -> Prepared {
+        let given = (self.settings.ground == GroundUse::Removed).then(|| {
+            let classes = ground.found.classes(&ground.heights_m);
+            let is_given = classes.iter().map(|row| row.class_id != ClassId::Unlabeled as u8).collect();
+            (classes, is_given)
+        });
+        let trained = self.settings.ground_intensities;
+        let (intensities, foreign_intensity) =
+            IntensityMap::of(self.options.intensity, input.points, &ground.heights_m, trained);
+        let ranges = point_ranges(input).into_iter().step_by(self.options.every).collect();
+        Prepared { ranges, ground, given, intensities, foreign_intensity }
+    }
+    /// What the images of the submap show.
+    pub(super) fn source<'a>(&self, input: &'a ModelInput<'a>, prepared: &'a Prepared) -> ImageSource<'a> {
+        let source = ImageSource::new(input, self.settings.columns, &prepared.ground.heights_m);
+        let removed = prepared.given.as_ref().map(|(_, is_given)| is_given.as_slice());
+        source.without(removed).with_camera(&self.settings.features.camera_bands())
+    }
+    /// Votes of the pixels of an image in raster order from the scores of the network. Those of pixels without a point are not
+    /// written.
+    pub(super) fn softmax(&self, image: &PolarImage, scores: PlanesRef<'_>, votes: &mut [Vote]) {
+        let (fold, n_classes, temperature) = (self.settings.fold, self.classes.len(), self.settings.temperature);
+        Arch::new().dispatch(Softmax { image, logits: scores, fold, n_classes, temperature, votes });
+    }
+    /// Writes the votes of the points of a sweep. `of_pixels` writes those of the pixels that have a point.
+    pub(super) fn vote(
+        &self,
+        sweep: &RangeSweep,
+        votes: &mut [Vote],
+        of_pixels: impl FnOnce(&mut [Vote]) -> Result<(), SegmentationError>,
+    ) -> Result<(), SegmentationError> {
+        // LiDARs of one vehicle may have different numbers of rings.
+        let mut pixel_votes = self.pixel_votes.take(sweep.polar.pixels.len());
+        of_pixels(&mut pixel_votes)?;
+        self.options.refinement.of_image(&sweep.polar, &self.classes, &mut pixel_votes);
+        for (point, vote) in votes.iter_mut().enumerate() {
+            *vote = pixel_for(&sweep.image, point).map_or(NO_VOTE, |pixel| pixel_votes[pixel as usize]);
+        }
+        self.pixel_votes.give_back(pixel_votes);
+        Ok(())
+    }
+    /// The shares of the classes in the votes of all points, by cells.
+    pub(super) fn cells(&self, input: &ModelInput<'_>, votes: &[Vote]) -> CellProbabilities {
+        Votes { of_points: votes }.shares(input.points, self.settings.vote_cell_m, self.classes.len())
+    }
+    /// Writes the class of each point.
+    pub(super) fn decide(
+        &self,
+        input: &ModelInput<'_>,
+        prepared: &Prepared,
+        cells: &CellProbabilities,
+        classes: &mut [ClassRow],
+    ) -> Report {
+        let mut n_unseen = 0;
+        for (point, (row, decided)) in classes.iter_mut().zip(cells.decide(&self.classes)).enumerate() {
+            let given = prepared.given.as_ref().filter(|(_, is_given)| is_given[point]).map(|(rows, _)| rows[point]);
+            *row = given.unwrap_or(decided);
+            n_unseen += usize::from(row.class_id == ClassId::Unlabeled as u8);
+        }
+        self.options.refinement.of_points(input.points, &prepared.ground, &self.classes, classes);
+        Report { n_unseen, ..prepared.report() }
+    }
+}
+
+impl Prepared {
+    /// The report of a submap whose points all have a class.
+    pub(super) fn report(&self) -> Report {
+        Report { coarsened: 1, foreign_intensity: self.foreign_intensity, ..Report::default() }
+    }
+    /// The range image of a sweep.
+    pub(super) fn sweep(&self, source: &ImageSource<'_>, (of, points): &PointRange) -> RangeSweep {
+        let mut sweep = source.sweep(of, points.clone());
+        self.intensities.apply(&mut sweep.polar);
+        sweep
+    }
+}
+
+/// Buffers of votes for the next submap: clearing new memory takes a tenth of the time.
+#[derive(Default)]
+pub(super) struct VoteBuffers(Mutex<Vec<Vec<Vote>>>);
+
+impl VoteBuffers {
+    /// A buffer with arbitrary votes.
+    pub(super) fn take(&self, len: usize) -> Vec<Vote> {
+        let mut votes = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        votes.resize(len, NO_VOTE);
+        votes
+    }
+    pub(super) fn give_back(&self, votes: Vec<Vote>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(votes);
+    }
+}
