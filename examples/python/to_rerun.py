@@ -50,6 +50,7 @@ class Scene:
         #: By submap: what the boxes of its instances are made of.
         self.waiting: dict[int, dict[str, replica.Message]] = {}
         self.path, self.fixes = [], []
+        self.submaps, self.cameras = set(), set()
         stream.log("odom", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         stream.log("odom", rr.AnnotationContext(list(enumerate(replica.CLASS_NAMES))), static=True)
 
@@ -71,7 +72,8 @@ class Scene:
 
     def show_submap(self, submap):
         points, (t, q) = self.shown(submap.rows), submap.header["world_from_submap"]
-        entity = f"odom/points/submap_{submap.seq}"
+        entity = submap_entity(submap.seq)
+        self.submaps.add(entity)
         self.log(entity, submap.stamp, rr.Transform3D(translation=t, quaternion=q))
         values = rr.AnyValues(intensity=points["intensity"], moving=points["flags"] & MOVING != 0)
         self.log(entity, submap.stamp, rr.Points3D(xyz(points), radii=rr.Radius.ui_points(1.0)), values)
@@ -84,15 +86,15 @@ class Scene:
         rows = self.shown(color.rows)
         rgb = np.stack([rows["r"], rows["g"], rows["b"]], axis=1)
         rgb[rows["camera"] == UNSEEN] = GRAY
-        self.log(f"odom/points/submap_{color.seq}", color.stamp, rr.Points3D.from_fields(colors=rgb))
+        self.log(submap_entity(color.seq), color.stamp, rr.Points3D.from_fields(colors=rgb))
 
     def show_class(self, column):
         rows = self.shown(column.rows)
         values = rr.Points3D.from_fields(class_ids=rows["class_id"]), rr.AnyValues(score=rows["score"])
-        self.log(f"odom/points/submap_{column.seq}", column.stamp, *values)
+        self.log(submap_entity(column.seq), column.stamp, *values)
 
     def show_instance(self, column):
-        self.log(f"odom/points/submap_{column.seq}", column.stamp, rr.AnyValues(instance=self.shown(column.rows)))
+        self.log(submap_entity(column.seq), column.stamp, rr.AnyValues(instance=self.shown(column.rows)))
 
     def show_boxes(self, of_submap, of_instance, of_class=None):
         """An upright box for each instance. One that goes on in another submap gets the box of the later one."""
@@ -118,6 +120,7 @@ class Scene:
         file = io.BytesIO()
         Image.fromarray(pixels.squeeze()).save(file, "jpeg", quality=JPEG_QUALITY)
         entity = camera_entity(image.header["camera"])
+        self.cameras.add(entity)
         self.log(entity, image.stamp, rr.EncodedImage(contents=file.getvalue(), media_type="image/jpeg"))
 
     def show_trajectory(self, trajectory):
@@ -151,6 +154,11 @@ class Scene:
             self.stream.log("odom/path", rr.LineStrips3D([np.concatenate(self.path)], radii=rr.Radius.ui_points(1.5)), static=True)
         if self.fixes:
             self.stream.log("fixes", rr.GeoLineStrings(lat_lon=[np.concatenate(self.fixes)]), static=True)
+        self.stream.send_blueprint(blueprint(sorted(self.submaps), sorted(self.cameras), bool(self.fixes)))
+
+
+def submap_entity(seq: int) -> str:
+    return f"odom/points/submap_{seq}"
 
 
 def camera_entity(number: int) -> str:
@@ -182,19 +190,21 @@ def rotated(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def box_around(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Center, half size (m) and heading (rad) of the upright box of least base, among headings of whole degrees."""
     points = points.astype("f8")
+
+    def turned(heading: float) -> np.ndarray:
+        """For rows of x and y."""
+        return np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+
     headings = np.radians(np.arange(90))
-    along = np.stack([np.cos(headings), np.sin(headings)], axis=1)
-    across = np.stack([-np.sin(headings), np.cos(headings)], axis=1)
-    u, v = points[:, :2] @ along.T, points[:, :2] @ across.T
-    best = np.argmin(np.ptp(u, axis=0) * np.ptp(v, axis=0))
-    low, high = (np.array([end(u[:, best]), end(v[:, best]), end(points[:, 2])]) for end in (np.min, np.max))
+    best = min(headings, key=lambda heading: np.prod(np.ptp(points[:, :2] @ turned(-heading), axis=0)))
+    in_box = np.column_stack([points[:, :2] @ turned(-best), points[:, 2]])
+    low, high = in_box.min(axis=0), in_box.max(axis=0)
     middle = (low + high) / 2
-    center = np.append(middle[0] * along[best] + middle[1] * across[best], middle[2])
-    return center, np.maximum(high - low, SMALLEST_M) / 2, headings[best]
+    return np.append(middle[:2] @ turned(best), middle[2]), np.maximum(high - low, SMALLEST_M) / 2, best
 
 
-def blueprint(n_cameras: int, has_fixes: bool) -> rrb.Blueprint:
-    """Views: the points by color and by class, the images, the fixes on a map."""
+def blueprint(submaps: list[str], cameras: list[str], has_fixes: bool) -> rrb.Blueprint:
+    """Views: the points by color and by class, the images, the fixes on a map. Entities are given."""
     by_class = rr.Points3D.from_fields().visualizer(
         mappings=[rrb.encodings.VisualizerComponentMapping("Points3D:colors", rrb.encodings.ComponentSourceKind.AnnotationContext)]
     )
@@ -202,12 +212,12 @@ def blueprint(n_cameras: int, has_fixes: bool) -> rrb.Blueprint:
     eye = rrb.EyeControls3D(position=[-25.0, -20.0, 25.0], look_target=[15.0, 0.0, 0.0])
     views = rrb.Tabs(
         rrb.Spatial3DView(origin="odom", name="color", eye_controls=eye),
-        rrb.Spatial3DView(origin="odom", name="class", eye_controls=eye, overrides={"odom/points/**": by_class}),
+        rrb.Spatial3DView(origin="odom", name="class", eye_controls=eye, overrides=dict.fromkeys(submaps, by_class)),
     )
-    cameras = [rrb.Spatial2DView(origin=camera_entity(number), name=f"camera {number}") for number in range(n_cameras)]
-    beside = ([rrb.Grid(*cameras)] if cameras else []) + ([rrb.MapView(origin="/", name="fixes")] if has_fixes else [])
+    images = [rrb.Spatial2DView(origin=camera, name=camera.rpartition("/")[2]) for camera in cameras]
+    beside = ([rrb.Grid(*images)] if images else []) + ([rrb.MapView(origin="/", name="fixes")] if has_fixes else [])
     shown = rrb.Horizontal(views, rrb.Vertical(*beside), column_shares=[2, 1]) if beside else views
-    return rrb.Blueprint(shown, rrb.TimePanel(timeline=TIMELINE), collapse_panels=True)
+    return rrb.Blueprint(shown, rrb.TimePanel(timeline=TIMELINE, state="collapsed"), collapse_panels=True)
 
 
 def convert(recording: replica.Recording, out: Path, drive: Path | None, points: int) -> int:
@@ -217,14 +227,13 @@ def convert(recording: replica.Recording, out: Path, drive: Path | None, points:
         raise ValueError(f"{recording.path}: has none of the topics {', '.join(TOPICS)}")
     if out.exists():
         raise FileExistsError(f"{out}: exists")
-    n_cameras = 1 + max((int(image.header["camera"]) for image in recording.messages("image")), default=-1) if "image" in topics else 0
     # The same recording gives the same content: no time of the conversion, no random id, no chunks that end by the clock.
     chunks = rr.ChunkBatcherConfig.DEFAULT()
     chunks.flush_tick = timedelta(days=1)
     stream = rr.RecordingStream("replica", recording_id=recording.path.stem, send_properties=False, batcher_config=chunks)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    stream.save(out, default_blueprint=blueprint(n_cameras, "gnss" in topics))
+    stream.save(out)
     scene, n = Scene(stream, topics, points), 0
     if drive is not None:
         scene.show_cameras(drive)
