@@ -31,8 +31,8 @@ from PIL import Image
 import replica
 
 TIMELINE = "time"
-COLUMNS = ("color", "class", "instance")
-TOPICS = ("submap", *COLUMNS, "sweep", "image", "trajectory", "gnss")
+TOPICS = ("submap", "color", "class", "instance", "sweep", "image", "trajectory", "gnss")
+CLASSES = dict(enumerate(replica.CLASS_NAMES))
 GRAY, ORANGE = np.uint8([150, 150, 150]), [255, 165, 25]
 #: Camera of a point that none saw; bit of the flags of a point on a moving object.
 UNSEEN, MOVING = 255, 1
@@ -46,29 +46,30 @@ class Scene:
 
     def __init__(self, stream: rr.RecordingStream, topics: list[str], most_points: int):
         self.stream, self.most_points = stream, most_points
-        self.of_objects = {"submap", "class", "instance"} & set(topics)
-        #: By submap: what the boxes of its instances are made of.
+        #: What boxes of instances are made of, and what there is of it by submap.
+        self.of_boxes = {"submap", "instance", "class"} & set(topics) if {"submap", "instance"} <= set(topics) else set()
         self.waiting: dict[int, dict[str, replica.Message]] = {}
         self.path, self.fixes = [], []
         self.submaps, self.cameras = set(), set()
         stream.log("odom", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        stream.log("odom", rr.AnnotationContext(list(enumerate(replica.CLASS_NAMES))), static=True)
+        stream.log("odom", rr.AnnotationContext(list(CLASSES.items())), static=True)
 
     def show(self, message: replica.Message):
         getattr(self, f"show_{message.topic}")(message)
-        if message.topic in self.of_objects and "instance" in self.of_objects:
+        if message.topic in self.of_boxes:
             parts = self.waiting.setdefault(message.seq, {})
             parts[message.topic] = message
-            if parts.keys() == self.of_objects:
-                self.show_boxes(**{f"of_{topic}": part for topic, part in self.waiting.pop(message.seq).items()})
+            if parts.keys() == self.of_boxes:
+                del self.waiting[message.seq]
+                self.show_boxes(parts["submap"], parts["instance"], parts.get("class"))
 
     def log(self, entity: str, stamp: int, *values):
         self.stream.set_time(TIMELINE, timestamp=np.datetime64(stamp, "ns"))
         self.stream.log(entity, *values)
 
     def shown(self, rows: np.ndarray) -> np.ndarray:
-        """The rows of the points that are shown: of too many, every so many."""
-        return rows[:: max(1, -(-len(rows) // self.most_points))]
+        """The rows of the points that are shown: of too many, every so many. Oddly many, as an even step would leave out whole beams."""
+        return rows[:: -(-len(rows) // self.most_points) | 1]
 
     def show_submap(self, submap):
         points, (t, q) = self.shown(submap.rows), submap.header["world_from_submap"]
@@ -96,32 +97,33 @@ class Scene:
     def show_instance(self, column):
         self.log(submap_entity(column.seq), column.stamp, rr.AnyValues(instance=self.shown(column.rows)))
 
-    def show_boxes(self, of_submap, of_instance, of_class=None):
+    def show_boxes(self, submap, instances, classes):
         """An upright box for each instance. One that goes on in another submap gets the box of the later one."""
-        t, q = of_submap.header["world_from_submap"]
-        points, ids = xyz(self.shown(of_submap.rows)), self.shown(of_instance.rows)
+        t, q = submap.header["world_from_submap"]
+        points, ids = xyz(self.shown(submap.rows)), self.shown(instances.rows)
         for instance in np.unique(ids[ids != 0]):
             center, half_size, heading = box_around(points[ids == instance])
             label = str(instance)
-            if of_class is not None:
-                classes = np.bincount(self.shown(of_class.rows)["class_id"][ids == instance])
-                label = f"{replica.CLASS_NAMES[classes.argmax()]} {instance}"
+            if classes is not None:
+                most = int(np.bincount(self.shown(classes.rows)["class_id"][ids == instance]).argmax())
+                label = f"{CLASSES.get(most, most)} {instance}"
             turn = product(q, np.array([0, 0, np.sin(heading / 2), np.cos(heading / 2)]))
             placed = {"centers": [t + rotated(q, center)], "half_sizes": [half_size], "quaternions": [turn]}
             box = rr.Boxes3D(**placed, labels=[label], show_labels=False, colors=[ORANGE])
-            self.log(f"odom/objects/{instance}", of_submap.stamp, box)
+            self.log(f"odom/objects/{instance}", submap.stamp, box)
 
     def show_sweep(self, sweep):
         gray = np.repeat(64 + (sweep["intensity"] * 0.75).astype("u1")[:, None], 3, axis=1)
-        self.log(lidar_entity(sweep.header["lidar"]), sweep.stamp, rr.Points3D(xyz(sweep.rows), colors=gray, radii=rr.Radius.ui_points(1.0)))
+        points = rr.Points3D(xyz(sweep.rows), colors=gray, radii=rr.Radius.ui_points(1.0))
+        self.log(lidar_entity(sweep.header["lidar"]), sweep.stamp, points)
 
     def show_image(self, image):
         pixels = image.rows.reshape(image.header["height"], image.header["width"], image.header["channels"])
         file = io.BytesIO()
         Image.fromarray(pixels.squeeze()).save(file, "jpeg", quality=JPEG_QUALITY)
-        entity = camera_entity(image.header["camera"])
-        self.cameras.add(entity)
-        self.log(entity, image.stamp, rr.EncodedImage(contents=file.getvalue(), media_type="image/jpeg"))
+        camera = int(image.header["camera"])
+        self.cameras.add(camera)
+        self.log(camera_entity(camera), image.stamp, rr.EncodedImage(contents=file.getvalue(), media_type="image/jpeg"))
 
     def show_trajectory(self, trajectory):
         poses = trajectory["world_from_body"]
@@ -154,7 +156,7 @@ class Scene:
             self.stream.log("odom/path", rr.LineStrips3D([np.concatenate(self.path)], radii=rr.Radius.ui_points(1.5)), static=True)
         if self.fixes:
             self.stream.log("fixes", rr.GeoLineStrings(lat_lon=[np.concatenate(self.fixes)]), static=True)
-        self.stream.send_blueprint(blueprint(sorted(self.submaps), sorted(self.cameras), bool(self.fixes)))
+        self.stream.send_blueprint(blueprint(self.submaps, self.cameras, bool(self.fixes)))
 
 
 def submap_entity(seq: int) -> str:
@@ -203,8 +205,8 @@ def box_around(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     return np.append(middle[:2] @ turned(best), middle[2]), np.maximum(high - low, SMALLEST_M) / 2, best
 
 
-def blueprint(submaps: list[str], cameras: list[str], has_fixes: bool) -> rrb.Blueprint:
-    """Views: the points by color and by class, the images, the fixes on a map. Entities are given."""
+def blueprint(submaps: set[str], cameras: set[int], has_fixes: bool) -> rrb.Blueprint:
+    """Views: the points by color and by class, the images, the fixes on a map."""
     by_class = rr.Points3D.from_fields().visualizer(
         mappings=[rrb.encodings.VisualizerComponentMapping("Points3D:colors", rrb.encodings.ComponentSourceKind.AnnotationContext)]
     )
@@ -212,9 +214,9 @@ def blueprint(submaps: list[str], cameras: list[str], has_fixes: bool) -> rrb.Bl
     eye = rrb.EyeControls3D(position=[-25.0, -20.0, 25.0], look_target=[15.0, 0.0, 0.0])
     views = rrb.Tabs(
         rrb.Spatial3DView(origin="odom", name="color", eye_controls=eye),
-        rrb.Spatial3DView(origin="odom", name="class", eye_controls=eye, overrides=dict.fromkeys(submaps, by_class)),
+        rrb.Spatial3DView(origin="odom", name="class", eye_controls=eye, overrides=dict.fromkeys(sorted(submaps), by_class)),
     )
-    images = [rrb.Spatial2DView(origin=camera, name=camera.rpartition("/")[2]) for camera in cameras]
+    images = [rrb.Spatial2DView(origin=camera_entity(camera), name=f"camera {camera}") for camera in sorted(cameras)]
     beside = ([rrb.Grid(*images)] if images else []) + ([rrb.MapView(origin="/", name="fixes")] if has_fixes else [])
     shown = rrb.Horizontal(views, rrb.Vertical(*beside), column_shares=[2, 1]) if beside else views
     return rrb.Blueprint(shown, rrb.TimePanel(timeline=TIMELINE, state="collapsed"), collapse_panels=True)

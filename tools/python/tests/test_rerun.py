@@ -59,7 +59,7 @@ def messages(recording: Path, topic: str) -> list[replica.Message]:
 
 
 def shown(message: replica.Message) -> np.ndarray:
-    return message.rows[:: -(-len(message) // MOST)]
+    return message.rows[:: -(-len(message) // MOST) | 1]
 
 
 def xyz(points: np.ndarray) -> np.ndarray:
