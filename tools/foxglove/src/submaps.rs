@@ -71,7 +71,8 @@ impl Submaps {
     }
     /// Adds a submap.
     pub fn add(&mut self, seq: u64, stamp: i64, odom_from_submap: geometry::Pose, rows: &[u8]) {
-        let step = (rows.len() / size_of::<SubmapPoint>()).div_ceil(self.most_points).max(1);
+        // Odd: rows alternate between the beams, so an even step would leave out whole beams.
+        let step = (rows.len() / size_of::<SubmapPoint>()).div_ceil(self.most_points) | 1;
         let shown = |point: &SubmapPoint| ShownPoint {
             position: [point.x, point.y, point.z],
             color: GRAY,
