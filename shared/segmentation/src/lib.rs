@@ -29,7 +29,7 @@ pub mod spherical;
 mod unknown_below;
 
 pub use compute_device::ComputeDevice;
-pub use dataset::{Dataset, Example, PointExample, UNKNOWN};
+pub use dataset::{BevLabels, Dataset, Example, NO_CELL, PointExample, SparseView, UNKNOWN};
 pub use error::SegmentationError;
 pub use fused::Fused;
 pub use load::{asked_columns, load};

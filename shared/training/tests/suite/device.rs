@@ -13,7 +13,7 @@ const FOLD: usize = 2;
 fn example(size: [usize; 3], border: Border, random: &mut Random) -> Example {
     let input = Planes::from_fn(size, border, |_, _, _| random.range(-1.0, 1.0));
     let class = |_| if random.chance(0.2) { UNKNOWN } else { random.index(CLASSES) as u8 };
-    Example { input, truth: (0..size[1] * size[2] * FOLD).map(class).collect() }
+    Example::new(input, (0..size[1] * size[2] * FOLD).map(class).collect())
 }
 
 #[test]

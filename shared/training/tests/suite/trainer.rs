@@ -34,7 +34,7 @@ impl Dataset for Bars {
         }
         input.fill_border(Border::Circular);
         assert_eq!(input.row(0, 0)[0].len(), LANES);
-        Example { input, truth }
+        Example::new(input, truth)
     }
 }
 
@@ -46,6 +46,8 @@ fn settings() -> TrainSettings {
         learning_rate: 1e-2,
         patience: 100,
         fixed_statistics: 1.0,
+        consistency: 0.0,
+        bev_head: 0.0,
         loss: Loss::CrossEntropyPowerJaccard { power: 2.0 },
         hierarchy: true,
         average: 0.5,
