@@ -88,6 +88,10 @@ impl ImageNetwork {
         let by_filters = recordings.par_iter().zip(by_outputs).zip(by_features).map(backward).collect();
         let mut gradients = self.variables.gradients(network.of_layers(by_filters))?;
         gradients.extend(of_head);
+        // Without labeled cells, or the weight 0: Adam keeps a state of each variable.
+        for (name, var) in self.bev_head.iter().flat_map(BevHead::by_name) {
+            gradients.entry(name).or_insert_with(|| vec![0.0; var.elem_count()]);
+        }
         Ok(Derivatives { loss, gradients })
     }
 }

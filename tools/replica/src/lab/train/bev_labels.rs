@@ -1,6 +1,7 @@
 //! The classes of a sweep seen from above, for an auxiliary head on the bird's-eye view.
 
 use super::labeled_image::LabeledImage;
+use std::cmp::Reverse;
 use training::{BevLabels, NO_CELL, UNKNOWN};
 
 /// Side of the square around the LiDAR, as in LiDOG, m.
@@ -19,7 +20,7 @@ pub fn bev_labels(LabeledImage { image, truth }: &LabeledImage, n_classes: usize
         counts[cell as usize * n_classes + usize::from(class)] += 1;
     }
     let most_frequent = |counts: &[u32]| {
-        let (class, n) = (0_u8..).zip(counts).rev().max_by_key(|(_, n)| **n)?;
+        let (class, n) = (0_u8..).zip(counts).max_by_key(|&(class, n)| (n, Reverse(class)))?;
         (*n > 0).then_some(class)
     };
     let truth = counts.chunks_exact(n_classes).map(|counts| most_frequent(counts).unwrap_or(UNKNOWN)).collect();
