@@ -54,7 +54,7 @@ impl Dataset for BarsTwice {
             Planes::from_fn([1, height / 2, width], Border::Circular, |_, y, x| example.input.row(0, 2 * y)[x][0]);
         let pixels = (0..height / 2 * width).map(|i| [i, i + i / width * width].map(|i| i as u32)).collect();
         let cells = (0..height * width).map(|i| if i.is_multiple_of(5) { NO_CELL } else { (i % 64) as u32 }).collect();
-        let truth = (0..64).map(|cell| if cell.is_multiple_of(3) { UNKNOWN } else { (cell % 2) as u8 }).collect();
+        let truth = (0..64_u32).map(|cell| if cell.is_multiple_of(3) { UNKNOWN } else { (cell % 2) as u8 }).collect();
         let bev = BevLabels { side: 8, cells, truth };
         Example { sparse_view: Some(SparseView { input, pixels }), bev: Some(bev), ..example }
     }
