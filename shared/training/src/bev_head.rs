@@ -75,7 +75,9 @@ impl BevHead {
         let known = known_rows(&truth);
         let classes: Vec<u8> = known.iter().map(|&cell| truth[cell as usize]).collect();
         let (loss, mut by_logits) = criterion.derive_rows(cells.gather(&outputs, &known), &classes)?;
-        by_logits.iter_mut().for_each(|by| *by *= criterion.bev_head as f32);
+        for by in &mut by_logits {
+            *by *= criterion.bev_head as f32;
+        }
         let by_outputs = cells.scatter(&by_logits, &known, &outputs);
         let backward = |((run, by_output), &(example, labels)): ((&Recording, Planes), &(usize, &BevLabels))| {
             let (by_filters, by_grid) = network.backward_to_input(run, by_output);
@@ -84,7 +86,9 @@ impl BevHead {
         let derived = runs.par_iter().zip(by_outputs).zip(&grids).map(backward);
         let (by_filters, of_examples): (Vec<_>, Vec<_>) = derived.collect::<Vec<_>>().into_iter().unzip();
         let mut by_features: Vec<Option<Planes>> = batch.iter().map(|_| None).collect();
-        of_examples.into_iter().for_each(|(example, by)| by_features[example] = Some(by));
+        for (example, by) in of_examples {
+            by_features[example] = Some(by);
+        }
         let gradients = self.variables.gradients(network.of_layers(by_filters))?;
         let gradients = gradients.into_iter().map(|(name, by)| (format!("{PREFIX}{name}"), by)).collect();
         Ok(Some(OfGrids { loss: criterion.bev_head * loss, by_features, gradients }))

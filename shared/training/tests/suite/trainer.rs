@@ -146,9 +146,9 @@ fn terms_of_weight_zero_give_bytes_of_training_without_them() {
     let checkpoint = |with_views: bool| {
         let mut trainer = trainer(settings());
         if with_views {
-            train_with_views(&mut trainer, 2)
+            train_with_views(&mut trainer, 2);
         } else {
-            train(&mut trainer, 2)
+            train(&mut trainer, 2);
         }
         trainer.checkpoint().expect("encodes")
     };
