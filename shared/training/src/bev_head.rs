@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// Channels of the head: few, so that the network itself must have what the head needs.
 const WIDTH: usize = 32;
 
-/// Begin of the names of its variables.
+/// Prefix of the names of its variables.
 const PREFIX: &str = "bev_head.";
 
 /// Two 3 x 3 convolutions and a 1 x 1 convolution on the mean features of the pixels in each cell of a grid.

@@ -49,7 +49,7 @@ pub struct TrainSettings {
     #[serde(default)]
     pub pixels: usize,
     /// Weight of the consistency between a sweep and the same sweep with fewer rings and points, 0 (off) to 100: see
-    /// [`consistency`](crate::consistency). A step costs about twice as much. For networks on images.
+    /// [`consistency`](crate::consistency). A step costs up to twice as much. For networks on images.
     #[serde(default, skip_serializing_if = "is_off")]
     pub consistency: f64,
     /// Weight of the loss of an auxiliary head on the bird's-eye view, 0 (off) to 100: see [`BevHead`](crate::BevHead). The head is in
