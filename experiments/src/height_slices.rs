@@ -122,7 +122,7 @@ impl Dataset for TopViews {
                 truth.push((0..3_u8).rev().max_by_key(|&class| counts[usize::from(class)]).unwrap_or(0));
             }
         }
-        Example { input, truth }
+        Example::new(input, truth)
     }
 }
 

@@ -45,7 +45,7 @@ impl Dataset for Digits {
         }
         let class = if self.is_binary { 1 } else { 1 + self.digits[index] };
         let truth = self.images[index].iter().map(|&value| if value > 127 { class } else { 0 }).collect();
-        Example { input, truth }
+        Example::new(input, truth)
     }
 }
 

@@ -71,6 +71,8 @@ pub fn settings(batch: usize, learning_rate: f64, loss: Loss, seed: u64) -> Trai
         learning_rate,
         average: 0.0,
         fixed_statistics: 1.0,
+        consistency: 0.0,
+        bev_head: 0.0,
         patience: PATIENCE,
         loss,
         hierarchy: false,

@@ -33,7 +33,7 @@ impl Dataset for Rows {
             }
         }
         truth[bright * SIDE..(bright + 1) * SIDE].fill(1);
-        Example { input, truth }
+        Example::new(input, truth)
     }
 }
 

@@ -116,7 +116,7 @@ impl Dataset for SweepDataset {
             };
             input = with_colors(&input, color);
         }
-        Example { input, truth }
+        Example::new(input, truth)
     }
 }
 

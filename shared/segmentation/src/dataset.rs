@@ -12,7 +12,39 @@ pub struct Example {
     pub input: Planes,
     /// Class by row and column, [`UNKNOWN`] without a label; `fold` times as many columns as the input.
     pub truth: Vec<u8>,
+    /// For training with consistency under dropped beams.
+    pub sparse_view: Option<SparseView>,
+    /// For training with a head on the bird's-eye view.
+    pub bev: Option<BevLabels>,
 }
+
+impl Example {
+    /// An example without a sparse view and labels of cells.
+    pub fn new(input: Planes, truth: Vec<u8>) -> Self {
+        Self { input, truth, sparse_view: None, bev: None }
+    }
+}
+
+/// The sweep of an example with fewer rings and points.
+pub struct SparseView {
+    /// The input, as in [`Example::input`]; it may have fewer rows.
+    pub input: Planes,
+    /// Pixels that show the same point: of this view, and of the example.
+    pub pixels: Vec<[u32; 2]>,
+}
+
+/// The sweep of an example seen from above: a square grid.
+pub struct BevLabels {
+    /// Cells of a row, and rows.
+    pub side: usize,
+    /// Cell of each pixel of the example, [`NO_CELL`] for pixels without a point or beyond the grid.
+    pub cells: Vec<u32>,
+    /// Class of each cell, row by row, [`UNKNOWN`] without a labeled point.
+    pub truth: Vec<u8>,
+}
+
+/// In [`BevLabels`], a pixel in no cell.
+pub const NO_CELL: u32 = u32::MAX;
 
 /// A labeled input of a network on points.
 pub struct PointExample {

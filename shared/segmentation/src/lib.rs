@@ -31,7 +31,7 @@ mod unknown_below;
 
 pub use cell_probabilities::CellProbabilities;
 pub use compute_device::ComputeDevice;
-pub use dataset::{Dataset, Example, PointExample, UNKNOWN};
+pub use dataset::{BevLabels, Dataset, Example, NO_CELL, PointExample, SparseView, UNKNOWN};
 pub use error::SegmentationError;
 pub use fused::Fused;
 pub use load::{asked_columns, load, load_fused};

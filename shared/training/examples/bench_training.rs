@@ -40,7 +40,7 @@ impl Dataset for Noise {
     }
     fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
         let (input, truth) = self.0[index].clone();
-        Example { input, truth }
+        Example::new(input, truth)
     }
 }
 
@@ -59,6 +59,8 @@ fn main() -> Result<(), TrainingError> {
             learning_rate: 1e-3,
             average: 0.998,
             fixed_statistics: 1.0,
+            consistency: 0.0,
+            bev_head: 0.0,
             patience: EPOCHS,
             loss,
             hierarchy,

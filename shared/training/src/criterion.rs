@@ -1,6 +1,6 @@
 //! What a network is trained with: the loss of labeled rows of logits, pixels or points, and which of them are used.
 
-use crate::losses::{Hierarchy, Loss};
+use crate::losses::{Hierarchy, Loss, consistency};
 use crate::{TrainingError, UNKNOWN};
 use candle_core::{Device, Tensor, Var};
 use random::Random;
@@ -12,25 +12,37 @@ pub struct Criterion {
     pub(crate) n_classes: usize,
     /// Labeled rows that a step uses at most; 0 for all.
     pub(crate) n_rows: usize,
+    /// Weight of the consistency of two views; 0 for networks without a second view.
+    pub(crate) consistency: f64,
+    /// Weight of the loss on the bird's-eye view.
+    pub(crate) bev_head: f64,
 }
 
 impl Criterion {
     /// A loss, with the nodes of a class tree if there is one, of `n_rows` labeled rows of a step; 0 for all.
     pub fn new(loss: Loss, tree: Option<Hierarchy>, n_classes: usize, n_rows: usize) -> Self {
-        Self { loss, tree, n_classes, n_rows }
+        Self { loss, tree, n_classes, n_rows, consistency: 0.0, bev_head: 0.0 }
+    }
+    /// With terms beside the loss, by their weights: [`consistency`] of two views, and the loss of a [`BevHead`](crate::BevHead).
+    #[must_use]
+    pub fn with_terms(self, consistency: f64, bev_head: f64) -> Self {
+        Self { consistency, bev_head, ..self }
     }
     /// Indices of the labeled rows, or of some of them, drawn at random.
     pub(crate) fn known_rows(&self, truth: &[u8], random: &mut Random) -> Vec<u32> {
-        let mut known = known_rows(truth);
+        self.some_of(known_rows(truth), random)
+    }
+    /// As many rows as a step uses at most, drawn at random.
+    pub(crate) fn some_of<T>(&self, mut rows: Vec<T>, random: &mut Random) -> Vec<T> {
         let wanted = self.n_rows;
-        if wanted > 0 && wanted < known.len() {
+        if wanted > 0 && wanted < rows.len() {
             for i in 0..wanted {
-                let other = i + random.index(known.len() - i);
-                known.swap(i, other);
+                let other = i + random.index(rows.len() - i);
+                rows.swap(i, other);
             }
-            known.truncate(wanted);
+            rows.truncate(wanted);
         }
-        known
+        rows
     }
     /// Loss of logits, one row per class of `classes`.
     pub(crate) fn of_logits(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
@@ -44,16 +56,29 @@ impl Criterion {
             None => self.loss.of_logits(logits, &y)?,
         })
     }
-    /// The loss, one number, and its derivatives with respect to the logits.
+    /// Loss of logits, one row per class of `classes`, and the consistency of the rows after them: the first half of them are logits of
+    /// sparse views, the second half those of the same points in the full views.
+    fn of_views(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
+        let n_known = classes.len();
+        let n_pairs = (logits.dim(0)? - n_known) / 2;
+        if n_pairs == 0 {
+            return self.of_logits(logits, classes);
+        }
+        let sparse = logits.narrow(0, n_known, n_pairs)?;
+        let full = logits.narrow(0, n_known + n_pairs, n_pairs)?;
+        let loss = self.of_logits(&logits.narrow(0, 0, n_known)?, classes)?;
+        Ok((loss + (consistency(&full, &sparse)? * self.consistency)?)?)
+    }
+    /// The loss of [`Self::of_views`], one number, and its derivatives with respect to the logits.
     pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<(Tensor, Tensor), TrainingError> {
         let logits = Var::from_tensor(logits)?;
-        let loss = self.of_logits(&logits, classes)?;
+        let loss = self.of_views(&logits, classes)?;
         let by_logits = loss.backward()?.remove(&logits).map_or_else(|| logits.zeros_like(), Ok)?;
         Ok((loss, by_logits))
     }
     /// [`Self::derive`] of rows on the CPU.
     pub(crate) fn derive_rows(&self, logits: Vec<f32>, classes: &[u8]) -> Result<(f64, Vec<f32>), TrainingError> {
-        let logits = Tensor::from_vec(logits, (classes.len(), self.n_classes), &Device::Cpu)?;
+        let logits = Tensor::from_vec(logits, ((), self.n_classes), &Device::Cpu)?;
         let (loss, by_logits) = self.derive(&logits, classes)?;
         Ok((f64::from(loss.to_scalar::<f32>()?), by_logits.flatten_all()?.to_vec1()?))
     }

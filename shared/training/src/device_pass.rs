@@ -2,59 +2,59 @@
 //!
 //! Few waits for the device: what the host needs comes in one tensor.
 
+use crate::TrainingError;
 use crate::criterion::Criterion;
+use crate::differential::OfLayer;
 use crate::pixels::Pixels;
-use crate::{Example, TrainingError};
+use crate::views::Views;
 use candle_core::{Tensor, Var};
 use random::Random;
 use rayon::prelude::*;
+use segmentation::engine::Planes;
 use segmentation::network::DeviceNetwork;
 use std::collections::BTreeMap;
-
-/// Derivatives with respect to the weights and the biases of a layer, in the order of `PyTorch`.
-pub(crate) type OfLayer = (Vec<f32>, Vec<f32>);
 
 /// A batch on a device.
 pub(crate) struct DevicePass<'a> {
     network: &'a DeviceNetwork,
-    examples: &'a [Example],
+    images: &'a [&'a Planes],
     pixels: &'a Pixels,
-    /// Examples by rows and columns of their images: those of one size are one tensor.
+    /// Images by rows and columns: those of one size are one tensor.
     of_sizes: BTreeMap<[usize; 2], Vec<usize>>,
 }
 
 impl<'a> DevicePass<'a> {
-    pub(crate) fn new(network: &'a DeviceNetwork, examples: &'a [Example], pixels: &'a Pixels) -> Self {
+    pub(crate) fn new(network: &'a DeviceNetwork, images: &'a [&'a Planes], pixels: &'a Pixels) -> Self {
         let mut of_sizes: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
-        for (index, example) in examples.iter().enumerate() {
-            of_sizes.entry([example.input.height(), example.input.width()]).or_default().push(index);
+        for (index, image) in images.iter().enumerate() {
+            of_sizes.entry([image.height(), image.width()]).or_default().push(index);
         }
-        Self { network, examples, pixels, of_sizes }
+        Self { network, images, pixels, of_sizes }
     }
     /// The logits of these pixels.
     pub(crate) fn logits(&self, known: &[u32]) -> Result<Tensor, TrainingError> {
         let index = Tensor::new(self.rows_of(known).as_slice(), self.network.device())?;
         Ok(self.run(None)?.index_select(&index, 0)?)
     }
-    /// Loss of the pixels `known`, of classes `classes`, and its derivatives.
+    /// Loss of the pixels of views, and its derivatives.
     pub(crate) fn derive(
         &self,
         criterion: &Criterion,
-        (known, classes): (&[u32], &[u8]),
+        views: &Views<'_>,
         mut random: Random,
     ) -> Result<(f64, Vec<OfLayer>), TrainingError> {
         let logits = self.run(Some(&mut random))?;
-        let known_rows = self.rows_of(known);
-        let index = Tensor::new(known_rows.as_slice(), self.network.device())?;
-        let (loss, by_known) = criterion.derive(&logits.detach().index_select(&index, 0)?, classes)?;
+        let used_rows = self.rows_of(&views.used);
+        let index = Tensor::new(used_rows.as_slice(), self.network.device())?;
+        let (loss, by_used) = criterion.derive(&logits.detach().index_select(&index, 0)?, &views.classes)?;
         // The other rows take the zeros after the last. Adding rows at their places would be slow on a GPU.
         let n_rows = logits.dim(0)?;
-        let mut sources = vec![known_rows.len() as u32; n_rows];
-        for (source, &row) in known_rows.iter().enumerate() {
+        let mut sources = vec![used_rows.len() as u32; n_rows];
+        for (source, &row) in used_rows[..views.n_derived].iter().enumerate() {
             sources[row as usize] = source as u32;
         }
-        let zeros = Tensor::zeros((1, by_known.dim(1)?), by_known.dtype(), self.network.device())?;
-        let by_rows = Tensor::cat(&[&by_known, &zeros], 0)?;
+        let zeros = Tensor::zeros((1, by_used.dim(1)?), by_used.dtype(), self.network.device())?;
+        let by_rows = Tensor::cat(&[&by_used, &zeros], 0)?;
         let by_rows = by_rows.index_select(&Tensor::from_vec(sources, n_rows, self.network.device())?, 0)?;
         // A sum with the derivatives of the loss: candle differentiates the network with it.
         let derived = (&logits * by_rows)?.sum_all()?.backward()?;
@@ -78,7 +78,7 @@ impl<'a> DevicePass<'a> {
         let (fold, n_classes) = (self.pixels.fold, self.pixels.n_classes);
         let mut rows = Vec::with_capacity(self.of_sizes.len());
         for of_size in self.of_sizes.values() {
-            let tensors = of_size.par_iter().map(|&index| self.examples[index].input.to_tensor());
+            let tensors = of_size.par_iter().map(|&index| self.images[index].to_tensor());
             let tensors = tensors.collect::<Result<Vec<_>, _>>()?;
             let output = self.network.run(&tensors.iter().collect::<Vec<_>>(), dropout.as_deref_mut())?;
             let output = output.reshape((fold, n_classes, ()))?.transpose(1, 2)?.contiguous()?;
@@ -89,8 +89,8 @@ impl<'a> DevicePass<'a> {
     /// The rows of these pixels among the logits of all.
     fn rows_of(&self, known: &[u32]) -> Vec<u32> {
         let mut first_row = 0;
-        // First row of the images of its size, place among them, and number of them, by example.
-        let mut places = vec![[0; 3]; self.examples.len()];
+        // First row of the images of its size, place among them, and number of them, by image.
+        let mut places = vec![[0; 3]; self.images.len()];
         for ([height, width], of_size) in &self.of_sizes {
             for (place, &index) in of_size.iter().enumerate() {
                 places[index] = [first_row, place, of_size.len()];
@@ -98,8 +98,8 @@ impl<'a> DevicePass<'a> {
             first_row += of_size.len() * height * width * self.pixels.fold;
         }
         let of_pixel = |&pixel: &u32| {
-            let [image, row, column, part] = self.pixels.place(pixel, |image| self.examples[image].input.width());
-            let ([first_row, place, n_images], input) = (places[image], &self.examples[image].input);
+            let [image, row, column, part] = self.pixels.place(pixel, |image| self.images[image].width());
+            let ([first_row, place, n_images], input) = (places[image], self.images[image]);
             (first_row + ((part * n_images + place) * input.height() + row) * input.width() + column) as u32
         };
         known.par_iter().map(of_pixel).collect()

@@ -6,6 +6,9 @@ use segmentation::SegmentationError;
 use segmentation::engine::{Border, Feature, Filter, Planes, convolve, max_pool, upsample};
 use segmentation::network::{Executor, Layer, NetworkSpec, Weights};
 
+/// Derivatives with respect to the weights and the biases of a layer, in the order of `PyTorch`.
+pub type OfLayer = (Vec<f32>, Vec<f32>);
+
 /// A network with its transposed filters.
 pub struct Differential {
     spec: NetworkSpec,
@@ -33,6 +36,22 @@ impl Recording {
     pub fn output(&self) -> &Planes {
         self.images.last().expect("there is an input")
     }
+    /// The features from which the last layer makes the output: its first source.
+    pub fn features(&self) -> &Planes {
+        &self.images[self.features_at()]
+    }
+    fn features_at(&self) -> usize {
+        match self.steps.last() {
+            Some(Step::Convolution { sources, .. }) => sources[0],
+            _ => 0,
+        }
+    }
+    /// A derivative for each image, none known yet but that with respect to the output.
+    fn derivatives(&self, by_output: Planes) -> Vec<Option<Planes>> {
+        let mut by_images = vec![None; self.images.len()];
+        *by_images.last_mut().expect("there is an input") = Some(by_output);
+        by_images
+    }
 }
 
 impl Differential {
@@ -57,10 +76,40 @@ impl Differential {
     }
     /// Derivatives with respect to the packed filters of all layers, from that with respect to the output.
     pub fn backward(&self, recording: &Recording, by_output: Planes) -> Vec<Vec<Feature>> {
+        // The derivative with respect to the input of the network is not needed.
+        self.backward_through(recording, &mut recording.derivatives(by_output), 1)
+    }
+    /// [`Self::backward`] of a loss that also depends on [`Recording::features`] by itself, with this derivative.
+    pub fn backward_with_features(
+        &self,
+        recording: &Recording,
+        by_output: Planes,
+        by_features: Planes,
+    ) -> Vec<Vec<Feature>> {
+        let mut by_images = recording.derivatives(by_output);
+        by_images[recording.features_at()] = Some(by_features);
+        self.backward_through(recording, &mut by_images, 1)
+    }
+    /// [`Self::backward`], and the derivative with respect to the input.
+    pub fn backward_to_input(&self, recording: &Recording, by_output: Planes) -> (Vec<Vec<Feature>>, Planes) {
+        let mut by_images = recording.derivatives(by_output);
+        let by_filters = self.backward_through(recording, &mut by_images, 0);
+        (by_filters, by_images.swap_remove(0).expect("the output depends on the input"))
+    }
+    /// Derivatives with respect to the weights and biases of the layers, in the order of `PyTorch`: sums of those of several runs.
+    pub fn of_layers(&self, by_runs: Vec<Vec<Vec<Feature>>>) -> Vec<OfLayer> {
+        let layers = self.spec.layers();
+        layers.iter().zip(sum_of(by_runs)).map(|(layer, packed)| layer.shape.unpacked(&packed)).collect()
+    }
+    /// Completes `by_images`, the derivatives with respect to the images of a recording, from image `first` on.
+    fn backward_through(
+        &self,
+        recording: &Recording,
+        by_images: &mut [Option<Planes>],
+        first: usize,
+    ) -> Vec<Vec<Feature>> {
         let Recording { images, steps } = recording;
         let mut by_filters = vec![Vec::new(); self.filters.len()];
-        let mut by_images: Vec<Option<Planes>> = vec![None; images.len()];
-        *by_images.last_mut().expect("there is an input") = Some(by_output);
         for (n, step) in steps.iter().enumerate().rev() {
             let Some(mut gradient) = by_images[n + 1].take() else { continue };
             let mut add = |source: usize, by: Planes| match &mut by_images[source] {
@@ -76,9 +125,8 @@ impl Differential {
                     let of_sources: Vec<&Planes> = sources.iter().map(|&source| &images[source]).collect();
                     by_filters[*layer] = weight_gradient(&filter.shape, &of_sources, &gradient);
                     gradient.fill_border(self.border);
-                    // The derivative with respect to the input of the network is not needed.
                     for (&source, transposed) in
-                        sources.iter().zip(&self.transposed[*layer]).filter(|(source, _)| **source > 0)
+                        sources.iter().zip(&self.transposed[*layer]).filter(|(source, _)| **source >= first)
                     {
                         add(source, input_gradient(transposed, filter.shape.stride_x, &gradient, self.border));
                     }
@@ -177,4 +225,17 @@ fn clear_where_zero(gradient: &mut Planes, output: &Planes) {
     debug_assert_eq!(gradient.values().len(), output.values().len());
     let values = gradient.values_mut().iter_mut().zip(output.values());
     values.for_each(|(value, output)| *value = if *output > 0.0 { *value } else { 0.0 });
+}
+
+/// Sums by layer, row and lane, in the order of the runs.
+fn sum_of(by_runs: Vec<Vec<Vec<Feature>>>) -> Vec<Vec<Feature>> {
+    let mut runs = by_runs.into_iter();
+    let mut sum = runs.next().unwrap_or_default();
+    for by_layer in runs {
+        for (sum, rows) in sum.iter_mut().zip(by_layer) {
+            let values = sum.as_flattened_mut().iter_mut().zip(rows.as_flattened());
+            values.for_each(|(sum, value)| *sum += value);
+        }
+    }
+    sum
 }

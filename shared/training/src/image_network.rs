@@ -1,17 +1,19 @@
 //! Networks on images in training: runs and derivatives of the kernels of `segmentation::engine`.
 
+use crate::bev_head::{BevHead, OfGrids};
 use crate::criterion::{Criterion, known_rows};
-use crate::device_pass::{DevicePass, OfLayer};
+use crate::device_pass::DevicePass;
 use crate::differential::{Differential, Recording};
 use crate::network::{Derivatives, LabeledLogits, Network};
 use crate::pixels::Pixels;
 use crate::variables::Variables;
+use crate::views::{Views, inputs, truth};
 use crate::{Example, TrainingError};
 use candle_core::{Device, Tensor, Var};
 use random::Random;
 use rayon::prelude::*;
 use segmentation::SegmentationError;
-use segmentation::engine::{Border, Feature, Planes};
+use segmentation::engine::{Border, Planes};
 use segmentation::network::{DeviceNetwork, Inference, NetworkSpec, Weights};
 use std::collections::BTreeMap;
 
@@ -22,59 +24,75 @@ pub struct ImageNetwork {
     border: Border,
     /// Where the operations of candle run the network and its derivatives; without it, the kernels do.
     device: Option<Device>,
+    bev_head: Option<BevHead>,
+    /// The variables of the network and of the head.
+    by_name: BTreeMap<String, Var>,
 }
 
 impl ImageNetwork {
     /// A network with initial variables. One of its columns holds `fold` columns of labels.
     pub fn new(variables: Variables, fold: usize, border: Border) -> Self {
-        Self { variables, fold, border, device: None }
+        let by_name = variables.by_name().clone();
+        Self { variables, fold, border, device: None, bev_head: None, by_name }
     }
     /// The network on the operations of candle on a device. On a CPU they are much slower than the kernels; the
-    /// results differ by rounding.
+    /// results differ by rounding. A head on the bird's-eye view is not derived there.
     #[must_use]
     pub fn on_device(self, device: Device) -> Self {
         Self { device: Some(device), ..self }
     }
-    fn with_variables(&self, variables: Variables) -> Self {
-        Self { variables, fold: self.fold, border: self.border, device: self.device.clone() }
+    /// The network, a U-Net, with an auxiliary head in training.
+    #[must_use]
+    pub fn with_bev_head(mut self, head: BevHead) -> Self {
+        self.by_name.extend(head.by_name());
+        Self { bev_head: Some(head), ..self }
     }
-    fn pixels(&self, n_classes: usize, batch: &[Example]) -> Pixels {
-        let mut end = 0;
-        let ends = batch.iter().map(|example| {
-            end += example.truth.len();
-            end
-        });
-        Pixels { n_classes, fold: self.fold, ends: ends.collect() }
+    fn with_variables(&self, variables: Variables) -> Result<Self, TrainingError> {
+        let network = Self { device: self.device.clone(), ..Self::new(variables, self.fold, self.border) };
+        Ok(match &self.bev_head {
+            Some(head) => network.with_bev_head(head.copied()?),
+            None => network,
+        })
     }
-}
-
-/// Classes of all pixels of a batch.
-fn truth(batch: &[Example]) -> Vec<u8> {
-    batch.iter().flat_map(|example| example.truth.iter().copied()).collect()
-}
-
-impl ImageNetwork {
     fn derive_by_kernels(
         &self,
-        pixels: &Pixels,
-        criterion: &Criterion,
         batch: &[Example],
-        (known, classes): (&[u32], &[u8]),
+        views: &Views<'_>,
+        criterion: &Criterion,
         mut random: Random,
-    ) -> Result<(f64, Vec<OfLayer>), TrainingError> {
+    ) -> Result<Derivatives, TrainingError> {
         let network = Differential::new(self.spec(), &self.weights()?, self.border)?;
-        let streams: Vec<Random> = batch.iter().map(|_| Random::of_stream(random.bits(), 0)).collect();
-        let of_example = |(example, random): (&Example, Random)| network.run(example.input.clone(), Some(random));
+        let streams: Vec<Random> = views.images.iter().map(|_| Random::of_stream(random.bits(), 0)).collect();
+        let of_image = |(image, random): (&&Planes, Random)| network.run((*image).clone(), Some(random));
         let recordings: Vec<Recording> =
-            batch.par_iter().zip(streams).map(of_example).collect::<Result<_, SegmentationError>>()?;
+            views.images.par_iter().zip(streams).map(of_image).collect::<Result<_, SegmentationError>>()?;
         let outputs: Vec<&Planes> = recordings.iter().map(Recording::output).collect();
-        let (loss, by_logits) = criterion.derive_rows(pixels.gather(&outputs, known), classes)?;
-        let by_outputs = pixels.scatter(&by_logits, known, &outputs);
-        let backward = |(recording, by_output): (&Recording, Planes)| network.backward(recording, by_output);
-        let by_filters: Vec<Vec<Vec<Feature>>> = recordings.par_iter().zip(by_outputs).map(backward).collect();
-        let layers = self.spec().layers();
-        let of_layers = layers.iter().zip(sum_of(by_filters)).map(|(layer, packed)| layer.shape.unpacked(&packed));
-        Ok((loss, of_layers.collect()))
+        let (Views { pixels, used, classes, n_derived, .. }, n_classes) = (views, criterion.n_classes);
+        let (mut loss, by_logits) = criterion.derive_rows(pixels.gather(&outputs, used), classes)?;
+        let by_outputs = pixels.scatter(&by_logits[..n_derived * n_classes], &used[..*n_derived], &outputs);
+        let head = self.bev_head.as_ref().filter(|_| criterion.bev_head > 0.0);
+        let of_grids = head.map(|head| head.derive(batch, &recordings, self.fold, criterion)).transpose()?.flatten();
+        let (mut by_features, of_head) = match of_grids {
+            Some(OfGrids { loss: of_head, by_features, gradients }) => {
+                loss += of_head;
+                (by_features, gradients)
+            }
+            None => Default::default(),
+        };
+        by_features.resize(recordings.len(), None);
+        let backward = |((recording, by_output), by_features): ((&Recording, Planes), Option<Planes>)| match by_features
+        {
+            Some(by_features) => network.backward_with_features(recording, by_output, by_features),
+            None => network.backward(recording, by_output),
+        };
+        let by_filters = recordings.par_iter().zip(by_outputs).zip(by_features).map(backward).collect();
+        let mut gradients = self.variables.gradients(network.of_layers(by_filters))?;
+        gradients.extend(of_head);
+        // Without labeled cells, or the weight 0: Adam keeps a state of each variable.
+        for (name, var) in self.bev_head.iter().flat_map(BevHead::by_name) {
+            gradients.entry(name).or_insert_with(|| vec![0.0; var.elem_count()]);
+        }
+        Ok(Derivatives { loss, gradients })
     }
 }
 
@@ -86,19 +104,19 @@ impl Network for ImageNetwork {
         self.variables.spec()
     }
     fn variables(&self) -> &BTreeMap<String, Var> {
-        self.variables.by_name()
+        &self.by_name
     }
     fn set_statistic(&mut self, name: &str, _: Tensor) -> Result<(), TrainingError> {
         Err(TrainingError::NoVariable { name: name.to_owned() })
     }
     fn copied(&self) -> Result<Self, TrainingError> {
-        Ok(self.with_variables(self.variables.copied()?))
+        self.with_variables(self.variables.copied()?)
     }
     fn weights(&self) -> Result<Weights, TrainingError> {
         self.variables.weights()
     }
     fn with_weights(&self, weights: &Weights) -> Result<Self, TrainingError> {
-        Ok(self.with_variables(Variables::from_weights(self.spec(), weights)?))
+        self.with_variables(Variables::from_weights(self.spec(), weights)?)
     }
     fn derive(
         &mut self,
@@ -106,19 +124,13 @@ impl Network for ImageNetwork {
         criterion: &Criterion,
         mut random: Random,
     ) -> Result<Option<Derivatives>, TrainingError> {
-        let truth = truth(batch);
-        let known = criterion.known_rows(&truth, &mut random);
-        if known.is_empty() {
-            return Ok(None);
-        }
-        let pixels = self.pixels(criterion.n_classes, batch);
-        let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
-        let (loss, of_layers) = if let Some(device) = &self.device {
-            let network = DeviceNetwork::new(self.spec(), &self.weights()?, self.border, device)?;
-            DevicePass::new(&network, batch, &pixels).derive(criterion, (&known, &classes), random)?
-        } else {
-            self.derive_by_kernels(&pixels, criterion, batch, (&known, &classes), random)?
+        let Some(views) = Views::of(batch, self.fold, criterion, &mut random) else { return Ok(None) };
+        let Some(device) = &self.device else {
+            return self.derive_by_kernels(batch, &views, criterion, random).map(Some);
         };
+        let network = DeviceNetwork::new(self.spec(), &self.weights()?, self.border, device)?;
+        let (loss, of_layers) =
+            DevicePass::new(&network, &views.images, &views.pixels).derive(criterion, &views, random)?;
         Ok(Some(Derivatives { loss, gradients: self.variables.gradients(of_layers)? }))
     }
     fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogits, TrainingError> {
@@ -134,11 +146,12 @@ impl Network for ImageNetwork {
                 return Ok(None);
             }
             let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
-            let pixels = self.pixels(n_classes, batch);
+            let images = inputs(batch);
+            let pixels = Pixels::of(&images, n_classes, self.fold);
             if let Some(network) = &on_device {
-                return Ok(Some((DevicePass::new(network, batch, &pixels).logits(&known)?, classes)));
+                return Ok(Some((DevicePass::new(network, &images, &pixels).logits(&known)?, classes)));
             }
-            let inputs = batch.iter().map(|example| example.input.to_tensor()).collect::<Result<Vec<_>, _>>()?;
+            let inputs = images.iter().map(|image| image.to_tensor()).collect::<Result<Vec<_>, _>>()?;
             let results = network.run_batch(&inputs.iter().collect::<Vec<_>>())?;
             let outputs = results.iter().map(|result| Planes::from_tensor(result, network.out_channels()));
             let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
@@ -147,17 +160,4 @@ impl Network for ImageNetwork {
             Ok(Some((logits, classes)))
         })
     }
-}
-
-/// Sums by layer, row and lane, in the order of the images.
-fn sum_of(by_images: Vec<Vec<Vec<Feature>>>) -> Vec<Vec<Feature>> {
-    let mut images = by_images.into_iter();
-    let mut sum = images.next().unwrap_or_default();
-    for by_layer in images {
-        for (sum, rows) in sum.iter_mut().zip(by_layer) {
-            let values = sum.as_flattened_mut().iter_mut().zip(rows.as_flattened());
-            values.for_each(|(sum, value)| *sum += value);
-        }
-    }
-    sum
 }

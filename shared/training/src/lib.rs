@@ -7,6 +7,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod adam;
+mod bev_head;
 mod class_rows;
 mod criterion;
 mod curves;
@@ -21,17 +22,19 @@ mod pixels;
 mod point_network;
 mod trainer;
 mod variables;
+mod views;
 
 pub use adam::Adam;
+pub use bev_head::BevHead;
 pub use class_rows::{ClassLayer, match_classes};
 pub use criterion::Criterion;
 pub use curves::{Curves, Epoch};
-pub use differential::{Differential, Recording};
+pub use differential::{Differential, OfLayer, Recording};
 pub use error::TrainingError;
 pub use image_network::ImageNetwork;
-pub use losses::{Hierarchy, Loss};
+pub use losses::{Hierarchy, Loss, consistency};
 pub use network::{Derivatives, LabeledLogits, Network};
 pub use point_network::PointNetwork;
-pub use segmentation::{Dataset, Example, PointExample, UNKNOWN};
+pub use segmentation::{BevLabels, Dataset, Example, NO_CELL, PointExample, SparseView, UNKNOWN};
 pub use trainer::{Progress, TrainSettings, Trainer};
 pub use variables::Variables;

@@ -3,11 +3,13 @@
 //! All losses take logits with one row per pixel, and one-hot labels. A row of zeros is a pixel without label, which is ignored. Sums
 //! are taken over all pixels of the batch before any division.
 
+mod consistency;
 mod dot;
 mod hierarchy;
 mod log_softmax;
 mod real;
 
+pub use consistency::consistency;
 pub use hierarchy::Hierarchy;
 
 use candle_core::{D, DType, Result, Tensor};

@@ -17,10 +17,23 @@ pub(crate) struct Pixels {
 }
 
 impl Pixels {
+    /// Pixels of images with `fold` pixels per column.
+    pub(crate) fn of(images: &[&Planes], n_classes: usize, fold: usize) -> Self {
+        let mut end = 0;
+        let ends = images.iter().map(|image| {
+            end += image.height() * image.width() * fold;
+            end
+        });
+        Self { n_classes, fold, ends: ends.collect() }
+    }
+    /// The first pixel of an image.
+    pub(crate) fn first_of(&self, image: usize) -> usize {
+        image.checked_sub(1).map_or(0, |before| self.ends[before])
+    }
     /// Image, row, column of the network and part of this column of a pixel, from the columns of each image.
     pub(crate) fn place(&self, pixel: u32, columns_of: impl Fn(usize) -> usize) -> [usize; 4] {
         let image = self.ends.partition_point(|end| *end <= pixel as usize);
-        let within = pixel as usize - image.checked_sub(1).map_or(0, |before| self.ends[before]);
+        let within = pixel as usize - self.first_of(image);
         let columns = columns_of(image) * self.fold;
         let (row, column) = (within / columns, within % columns);
         [image, row, column / self.fold, column % self.fold]

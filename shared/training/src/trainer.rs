@@ -48,7 +48,23 @@ pub struct TrainSettings {
     /// Labeled pixels or points per step that the loss uses, drawn at random; 0 for all.
     #[serde(default)]
     pub pixels: usize,
+    /// Weight of the consistency between a sweep and the same sweep with fewer rings and points, 0 (off) to 100: see
+    /// [`consistency`](crate::consistency). A step costs up to twice as much. For networks on images.
+    #[serde(default, skip_serializing_if = "is_off")]
+    pub consistency: f64,
+    /// Weight of the loss of an auxiliary head on the bird's-eye view, 0 (off) to 100: see [`BevHead`](crate::BevHead). The head is in
+    /// checkpoints, but not in the model file. For U-Nets on a CPU.
+    #[serde(default, skip_serializing_if = "is_off")]
+    pub bev_head: f64,
 }
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature is that of serde")]
+fn is_off(weight: &f64) -> bool {
+    *weight == 0.0
+}
+
+/// Largest weight of a term beside the loss.
+const MAX_WEIGHT: f64 = 100.0;
 
 fn never() -> f64 {
     1.0
@@ -74,6 +90,14 @@ impl TrainSettings {
             (
                 (0.0..=1.0).contains(&self.fixed_statistics),
                 format!("fixed_statistics = {}, must be 0 to 1", self.fixed_statistics),
+            ),
+            (
+                (0.0..=MAX_WEIGHT).contains(&self.consistency),
+                format!("consistency = {}, must be 0 to {MAX_WEIGHT}", self.consistency),
+            ),
+            (
+                (0.0..=MAX_WEIGHT).contains(&self.bev_head),
+                format!("bev_head = {}, must be 0 to {MAX_WEIGHT}", self.bev_head),
             ),
         ];
         rules.into_iter().find(|(holds, _)| !holds).map(|(_, text)| text)
@@ -129,7 +153,8 @@ impl<N: Network> Trainer<N> {
         tree: Hierarchy,
     ) -> Result<Self, TrainingError> {
         let tree = settings.hierarchy.then_some(tree);
-        let criterion = Criterion::new(settings.loss.clone(), tree, n_classes, settings.pixels);
+        let criterion = Criterion::new(settings.loss.clone(), tree, n_classes, settings.pixels)
+            .with_terms(settings.consistency, settings.bev_head);
         let (best, averaged) = (network.weights()?, network.copied()?);
         let (adam, curves) = (Adam::new(settings.learning_rate), Curves::default());
         Ok(Self { settings, criterion, network, averaged, adam, curves, best, frozen: Vec::new() })

@@ -257,7 +257,7 @@ impl Dataset for Labeled {
     }
     fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
         let (image, truth) = &self.0[index];
-        Example { input: features(image, &Features::default(), 2, 2), truth: truth.clone() }
+        Example::new(features(image, &Features::default(), 2, 2), truth.clone())
     }
 }
 

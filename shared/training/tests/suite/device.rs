@@ -4,16 +4,22 @@ use candle_core::Device;
 use random::Random;
 use segmentation::engine::{Border, Planes};
 use segmentation::network::NetworkSpec;
-use training::{Criterion, Example, Hierarchy, ImageNetwork, Loss, Network, UNKNOWN, Variables};
+use training::{Criterion, Example, Hierarchy, ImageNetwork, Loss, Network, SparseView, UNKNOWN, Variables};
 
 const CLASSES: usize = 3;
 const FOLD: usize = 2;
 
-/// Noise; one of five pixels has no class.
+/// Noise; one of five pixels has no class. Every second row is also in a sparse view.
 fn example(size: [usize; 3], border: Border, random: &mut Random) -> Example {
     let input = Planes::from_fn(size, border, |_, _, _| random.range(-1.0, 1.0));
     let class = |_| if random.chance(0.2) { UNKNOWN } else { random.index(CLASSES) as u8 };
-    Example { input, truth: (0..size[1] * size[2] * FOLD).map(class).collect() }
+    let truth = (0..size[1] * size[2] * FOLD).map(class).collect();
+    let [channels, rows, columns] = [size[0], size[1] / 2, size[2]];
+    let sparse = Planes::from_fn([channels, rows, columns], border, |_, _, _| random.range(-1.0, 1.0));
+    let of_row = columns * FOLD;
+    let pixels = (0..rows * of_row).map(|pixel| [pixel, pixel + (pixel / of_row + 1) * of_row]);
+    let pixels = pixels.map(|pair| pair.map(|pixel| pixel as u32)).collect();
+    Example { sparse_view: Some(SparseView { input: sparse, pixels }), ..Example::new(input, truth) }
 }
 
 #[test]
@@ -34,7 +40,8 @@ fn compare_derivatives(device: &Device) {
         NetworkSpec::Unet { inputs: 20, outputs: CLASSES * FOLD, widths: vec![17], head: None },
     ];
     let loss = Loss::WeightedCrossEntropyPowerJaccard { weights: vec![1.0, 2.0, 0.5], power: 2.0 };
-    let criterion = || Criterion::new(loss.clone(), Some(Hierarchy::new(vec![0, 1, 1])), CLASSES, 150);
+    let criterion =
+        || Criterion::new(loss.clone(), Some(Hierarchy::new(vec![0, 1, 1])), CLASSES, 150).with_terms(0.7, 0.0);
     let mut random = Random::new(3);
     for (spec, border) in specs.iter().flat_map(|spec| [Border::Circular, Border::Zero].map(|border| (spec, border))) {
         let sizes = [[8, 16], [16, 24], [8, 16]];

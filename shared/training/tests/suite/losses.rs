@@ -3,7 +3,7 @@
 use candle_core::{Device, Tensor, Var};
 use messages::ClassId;
 use random::Random;
-use training::{Hierarchy, Loss};
+use training::{Hierarchy, Loss, consistency};
 
 const CLASSES: usize = 6;
 
@@ -70,6 +70,21 @@ fn loss_derivatives_equal_central_differences() {
             assert!(error < 1e-8, "{loss:?}: off by {error} of {size}");
         }
     }
+}
+
+#[test]
+fn consistency_derivatives_equal_central_differences() {
+    let mut random = Random::new(7);
+    let [(full, _), (sparse, _)] = [(); 2].map(|()| pixels(&mut random));
+    // The second argument of the check is a constant.
+    let of_sparse = |sparse: &Tensor, full: &Tensor| consistency(full, sparse).expect("a divergence");
+    let (error, size) = gradient_error(&of_sparse, &sparse, &full);
+    assert!(size > 1e-3 && error < 1e-8, "off by {error} of {size}");
+    assert!(value(&of_sparse(&matrix(&sparse), &matrix(&full))) > 0.1);
+    assert!(value(&of_sparse(&matrix(&full), &matrix(&full))).abs() < 1e-12, "equal views");
+    let full = Var::from_tensor(&matrix(&full)).expect("a variable");
+    let divergence = of_sparse(&matrix(&sparse), &full);
+    assert!(divergence.backward().expect("derives").get(&full).is_none(), "the full view is a constant");
 }
 
 #[test]

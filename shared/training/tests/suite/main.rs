@@ -7,5 +7,6 @@ mod gradients;
 mod losses;
 mod point_trainer;
 mod reference;
+mod terms;
 mod trainer;
 mod variables;

@@ -56,6 +56,8 @@ fn settings() -> TrainSettings {
         average: 0.5,
         // Within the second epoch.
         fixed_statistics: 0.4,
+        consistency: 0.0,
+        bev_head: 0.0,
         pixels: 300,
     }
 }

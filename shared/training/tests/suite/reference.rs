@@ -1,6 +1,7 @@
 //! A reference of the networks in f64: the variables, the standardization of filters, and all layers, by their definitions.
 
 use segmentation::SegmentationError;
+use segmentation::engine::Border;
 use segmentation::network::{Executor, Layer, NetworkSpec};
 use std::collections::BTreeMap;
 use training::Variables;
@@ -27,9 +28,10 @@ impl Image {
     pub fn index(&self, channel: usize, y: usize, x: usize) -> usize {
         (channel * self.height + y) * self.width + x
     }
-    /// Value with circular columns, and zeros above and below.
-    fn padded(&self, channel: usize, y: isize, x: isize) -> f64 {
-        if !(0..self.height as isize).contains(&y) {
+    /// Value with circular columns or zeros beside the image, and zeros above and below.
+    fn padded(&self, channel: usize, y: isize, x: isize, border: Border) -> f64 {
+        let is_beside = !(0..self.width as isize).contains(&x);
+        if !(0..self.height as isize).contains(&y) || (border == Border::Zero && is_beside) {
             return 0.0;
         }
         self.values[self.index(channel, y as usize, x.rem_euclid(self.width as isize) as usize)]
@@ -50,20 +52,32 @@ impl Image {
 
 /// The values of variables in f64.
 pub fn values_of(variables: &Variables) -> Values {
-    let value = |(name, var): (&str, &candle_core::Var)| {
-        let values = var.flatten_all().and_then(|values| values.to_vec1::<f32>()).expect("f32");
-        (name.to_owned(), values.into_iter().map(f64::from).collect())
-    };
-    variables.iter().map(value).collect()
+    variables.iter().map(|(name, var)| (name.to_owned(), numbers(var))).collect()
+}
+
+/// The values of a variable in f64.
+pub fn numbers(var: &candle_core::Var) -> Vec<f64> {
+    let values = var.flatten_all().and_then(|values| values.to_vec1::<f32>()).expect("f32");
+    values.into_iter().map(f64::from).collect()
 }
 
 /// The output of a network.
 pub fn run(spec: &NetworkSpec, values: &Values, input: Image) -> Image {
-    spec.run(&mut Reference { values }, input).expect("runs")
+    run_to_features(spec, values, input, Border::Circular)[1].clone()
+}
+
+/// The features from which the last layer makes the output, and the output.
+pub fn run_to_features(spec: &NetworkSpec, values: &Values, input: Image, border: Border) -> [Image; 2] {
+    let mut reference = Reference { values, border, features: None };
+    let output = spec.run(&mut reference, input).expect("runs");
+    [reference.features.expect("a last layer"), output]
 }
 
 struct Reference<'a> {
     values: &'a Values,
+    border: Border,
+    /// First source of the last convolution so far.
+    features: Option<Image>,
 }
 
 impl Reference<'_> {
@@ -89,6 +103,7 @@ impl Executor for Reference<'_> {
         let shape = &layer.shape;
         let (filters, biases) = (self.filters(layer), &self.values[&format!("{}.bias", layer.name)]);
         let [rows, columns] = shape.kernel;
+        self.features = Some(sources[0].clone());
         let size = [shape.out_channels, sources[0].height, shape.out_width(sources[0].width)];
         Ok(Image::from_fn(size, |out, y, x| {
             let mut sum = biases[out];
@@ -99,7 +114,8 @@ impl Executor for Reference<'_> {
                         for column in 0..columns {
                             let y = (y + row) as isize - (rows / 2) as isize;
                             let x = (x * shape.stride_x + column) as isize - (columns / 2) as isize;
-                            sum += weights.next().expect("one for each tap") * source.padded(channel, y, x);
+                            sum +=
+                                weights.next().expect("one for each tap") * source.padded(channel, y, x, self.border);
                         }
                     }
                 }

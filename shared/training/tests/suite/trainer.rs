@@ -3,7 +3,10 @@
 use random::Random;
 use segmentation::engine::{Border, LANES, Planes};
 use segmentation::network::NetworkSpec;
-use training::{Dataset, Example, Hierarchy, Loss, TrainSettings, Trainer, UNKNOWN, Variables};
+use training::{
+    BevHead, BevLabels, Dataset, Example, Hierarchy, ImageNetwork, Loss, NO_CELL, SparseView, TrainSettings, Trainer,
+    UNKNOWN, Variables,
+};
 
 const SIZE: [usize; 2] = [4, 16];
 const CLASSES: usize = 3;
@@ -34,7 +37,26 @@ impl Dataset for Bars {
         }
         input.fill_border(Border::Circular);
         assert_eq!(input.row(0, 0)[0].len(), LANES);
-        Example { input, truth }
+        Example::new(input, truth)
+    }
+}
+
+/// [`Bars`] with sparse views, each second row, and classes of the cells of a grid of 8 x 8.
+struct BarsTwice(Bars);
+
+impl Dataset for BarsTwice {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+    fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
+        let ([height, width], example) = (SIZE, self.0.example(index, random));
+        let input =
+            Planes::from_fn([1, height / 2, width], Border::Circular, |_, y, x| example.input.row(0, 2 * y)[x][0]);
+        let pixels = (0..height / 2 * width).map(|i| [i, i + i / width * width].map(|i| i as u32)).collect();
+        let cells = (0..height * width).map(|i| if i.is_multiple_of(5) { NO_CELL } else { (i % 64) as u32 }).collect();
+        let truth = (0..64_u32).map(|cell| if cell.is_multiple_of(3) { UNKNOWN } else { (cell % 2) as u8 }).collect();
+        let bev = BevLabels { side: 8, cells, truth };
+        Example { sparse_view: Some(SparseView { input, pixels }), bev: Some(bev), ..example }
     }
 }
 
@@ -46,6 +68,8 @@ fn settings() -> TrainSettings {
         learning_rate: 1e-2,
         patience: 100,
         fixed_statistics: 1.0,
+        consistency: 0.0,
+        bev_head: 0.0,
         loss: Loss::CrossEntropyPowerJaccard { power: 2.0 },
         hierarchy: true,
         average: 0.5,
@@ -58,6 +82,25 @@ fn trainer(settings: TrainSettings) -> Trainer {
     let variables = Variables::random(&spec, settings.seed).expect("variables");
     let tree = Hierarchy::new(vec![0, 1, 1]);
     Trainer::new(settings, variables, (CLASSES, 1), Border::Circular, tree).expect("a trainer")
+}
+
+/// With both terms beside the loss, and a head on the bird's-eye view.
+fn trainer_with_terms() -> Trainer {
+    trainer_with_head(0.5, 0.5)
+}
+
+fn trainer_with_head(consistency: f64, bev_head: f64) -> Trainer {
+    let settings = TrainSettings { consistency, bev_head, ..settings() };
+    let spec = NetworkSpec::Unet { inputs: 1, outputs: CLASSES, widths: vec![8, 8], head: None };
+    let network = ImageNetwork::new(Variables::random(&spec, settings.seed).expect("variables"), 1, Border::Circular);
+    let network = network.with_bev_head(BevHead::random(8, CLASSES, 6).expect("a head"));
+    Trainer::of_network(settings, network, CLASSES, Hierarchy::new(vec![0, 1, 1])).expect("a trainer")
+}
+
+fn train_with_views(trainer: &mut Trainer, epochs: usize) {
+    for _ in 0..epochs {
+        trainer.epoch(&BarsTwice(Bars(32)), &Bars(8), &mut |_, _| {}).expect("trains");
+    }
 }
 
 fn train(trainer: &mut Trainer, epochs: usize) {
@@ -99,6 +142,54 @@ fn resumed_training_gives_same_bytes() {
 }
 
 #[test]
+fn terms_of_weight_zero_give_bytes_of_training_without_them() {
+    let checkpoint = |with_views: bool| {
+        let mut trainer = trainer(settings());
+        if with_views {
+            train_with_views(&mut trainer, 2);
+        } else {
+            train(&mut trainer, 2);
+        }
+        trainer.checkpoint().expect("encodes")
+    };
+    assert_eq!(checkpoint(true), checkpoint(false));
+    let has = |key: &str| checkpoint(false).windows(key.len()).any(|bytes| bytes == key.as_bytes());
+    assert!(has("average") && !has("consistency") && !has("bev_head"), "settings of checkpoints stay as they were");
+}
+
+#[test]
+fn resumed_training_with_terms_gives_same_bytes_and_head_is_not_in_the_weights() {
+    let mut whole = trainer_with_terms();
+    train_with_views(&mut whole, 3);
+    let mut cut = trainer_with_terms();
+    train_with_views(&mut cut, 1);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("checkpoint.safetensors");
+    std::fs::write(&path, cut.checkpoint().expect("encodes")).expect("writes");
+    let mut resumed = trainer_with_terms();
+    resumed.resume(&path).expect("resumes");
+    train_with_views(&mut resumed, 2);
+    assert_eq!(resumed.checkpoint().expect("encodes"), whole.checkpoint().expect("encodes"));
+
+    let mut plain = trainer(settings());
+    train(&mut plain, 3);
+    let names = |trainer: &Trainer| trainer.best().tensors.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(&whole), names(&plain));
+    assert!(whole.best() != plain.best(), "the terms change the weights");
+}
+
+#[test]
+fn head_alone_and_consistency_alone_change_weights() {
+    let trained = |consistency: f64, bev_head: f64| {
+        let mut trainer = trainer_with_head(consistency, bev_head);
+        train_with_views(&mut trainer, 1);
+        trainer.best().clone()
+    };
+    let [off, consistency, bev_head] = [trained(0.0, 0.0), trained(0.5, 0.0), trained(0.0, 0.5)];
+    assert!(off != consistency && off != bev_head && consistency != bev_head);
+}
+
+#[test]
 fn finished_training_continues_with_more_epochs() {
     let mut short = trainer(TrainSettings { epochs: 2, ..settings() });
     train(&mut short, 2);
@@ -119,9 +210,10 @@ fn finished_training_continues_with_more_epochs() {
 fn number_of_threads_does_not_change_weights() {
     let learned = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        let mut trainer = trainer(settings());
-        pool.install(|| train(&mut trainer, 2));
-        trainer.best().clone()
+        let (mut plain, mut with_terms) = (trainer(settings()), trainer_with_terms());
+        pool.install(|| train(&mut plain, 2));
+        pool.install(|| train_with_views(&mut with_terms, 2));
+        [plain, with_terms].map(|trainer| trainer.best().clone())
     };
     assert!(learned(1) == learned(3));
 }

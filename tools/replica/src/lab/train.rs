@@ -1,6 +1,7 @@
 //! `replica train`: trains a model from a recipe.
 
 mod augmentation;
+mod bev_labels;
 mod camera_columns;
 mod camera_dropout;
 mod ideal_columns;

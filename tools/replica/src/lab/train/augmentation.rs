@@ -1,12 +1,14 @@
 //! Random changes of sweeps in training; those of gain and height are for points, too.
 
 mod intensities;
+mod sparse_view;
 mod view;
 
 use super::labeled_image::LabeledImage;
 use intensities::augment_intensities;
 use random::Random;
 use segmentation::spherical::{GroundIntensities, PolarImage, PolarPixel};
+pub use sparse_view::sparse_view;
 use training::UNKNOWN;
 use view::random_view;
 

@@ -8,7 +8,7 @@ use segmentation::engine::Border;
 use segmentation::network::{CLASS_LAYER, Weights};
 use segmentation::spherical::{Settings, SphericalModel};
 use std::path::Path;
-use training::{ClassLayer, ImageNetwork, Variables, match_classes};
+use training::{BevHead, ClassLayer, ImageNetwork, Variables, match_classes};
 
 impl TrainingRecipe for Recipe {
     type Network = ImageNetwork;
@@ -48,11 +48,18 @@ impl TrainingRecipe for Recipe {
                 settings.classes.len()
             );
         }
-        let network = ImageNetwork::new(variables, settings.fold, Border::Circular);
-        Ok(match device.open()? {
-            Some(device) => network.on_device(device),
-            None => network,
-        })
+        let mut network = ImageNetwork::new(variables, settings.fold, Border::Circular);
+        if let Some(device) = device.open()? {
+            anyhow::ensure!(
+                self.train.bev_head == 0.0,
+                "[train] bev_head: must be 0 for --device cuda, or use --device cpu"
+            );
+            network = network.on_device(device);
+        }
+        if self.train.bev_head > 0.0 {
+            network = network.with_bev_head(self.bev_head(&settings)?);
+        }
+        Ok(network)
     }
     fn empty_data(&self, folder: &Path, _: bool) -> anyhow::Result<SweepDataset> {
         SweepDataset::new(self, folder)
@@ -60,6 +67,16 @@ impl TrainingRecipe for Recipe {
     fn model(&self, weights: &Weights, calibration: Calibration) -> anyhow::Result<Vec<u8>> {
         let Calibration { temperature, ground_intensities } = calibration;
         Ok(Settings { temperature, ground_intensities, ..self.settings()? }.to_bytes(weights)?)
+    }
+}
+
+impl Recipe {
+    /// A head on the features of the last layer before the classes, with random weights.
+    fn bev_head(&self, settings: &Settings) -> anyhow::Result<BevHead> {
+        let layers = settings.network.layers();
+        let inputs = layers.last().map_or(0, |layer| layer.shape.in_channels[0]);
+        // Other weights than those of the network, which has the same seed.
+        Ok(BevHead::random(inputs, settings.classes.len(), self.train.seed ^ 1 << 62)?)
     }
 }
 

@@ -86,6 +86,9 @@ impl PointRecipe {
             self.model.kind != "pointnet" || self.train.batch > 1,
             "[train] batch = 1, must be at least 2 for pointnet: it normalizes over the spheres of a batch"
         );
+        for (key, weight) in [("consistency", self.train.consistency), ("bev_head", self.train.bev_head)] {
+            ensure!(weight == 0.0, "[train] {key} = {weight}, must be 0 for a network on points");
+        }
         check_data_and_training(&self.data, &self.train, &self.model.classes)
     }
     /// Settings of the model file.

@@ -11,7 +11,7 @@ use segmentation::spherical::{Features, GroundUse, Settings};
 use serde::{Deserialize, Serialize};
 use simulation::Town;
 use std::path::{Path, PathBuf};
-use town_sweeps::{BANDS_NM, town_from_name};
+use town_sweeps::{BANDS_NM, Mount, town_from_name};
 use training::TrainSettings;
 
 /// A recipe.
@@ -74,6 +74,10 @@ pub struct Data {
     /// Kinds of town, used in turn.
     #[serde(default)]
     pub towns: Vec<String>,
+    /// Names of LiDARs and mountings of the simulated drives, used in turn with each kind of town, as in `replica evaluate classes --sensor`;
+    /// without names, each drive has a random LiDAR.
+    #[serde(default)]
+    pub sensors: Vec<String>,
     /// Seeds of the training drives; none without towns.
     pub seeds: Option<Range>,
     /// Seeds of the validation drives. They must not overlap with `seeds`.
@@ -238,6 +242,10 @@ impl Recipe {
         anyhow::ensure!((0.0..=1.0).contains(&self.model.start_share), "[model] start_share must be 0 to 1");
         let has_start = self.model.start.is_some() || self.model.start_share == 0.0;
         anyhow::ensure!(has_start, "[model] start_share needs start");
+        anyhow::ensure!(
+            self.train.bev_head == 0.0 || self.model.kind == "unet",
+            "[train] bev_head requires kind = \"unet\""
+        );
         check_data_and_training(&self.data, &self.train, &self.model.classes)
     }
     /// Settings of the model file.
@@ -280,6 +288,7 @@ impl Data {
     fn check(&self) -> anyhow::Result<()> {
         let data = self;
         self.towns()?;
+        self.mounts()?;
         for (name, range) in [("seeds", data.seeds), ("validation_seeds", data.validation_seeds)] {
             let Some(range) = range else { continue };
             anyhow::ensure!(!data.towns.is_empty(), "[data] {name} needs towns, and towns is empty");
@@ -314,6 +323,18 @@ impl Data {
     /// Kinds of town.
     pub fn towns(&self) -> anyhow::Result<Vec<Town>> {
         Ok(self.towns.iter().map(|name| town_from_name(name)).collect::<Result<_, _>>()?)
+    }
+    /// LiDARs of the simulated drives; at least one.
+    pub fn mounts(&self) -> anyhow::Result<Vec<Mount>> {
+        if self.sensors.is_empty() {
+            return Ok(vec![Mount::Random]);
+        }
+        let mount = |name: &String| {
+            let known = || Mount::NAMED.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+            let mount = Mount::from_name(name);
+            mount.with_context(|| format!("[data] sensors: unknown sensor {name:?}, must be one of {}", known()))
+        };
+        self.sensors.iter().map(mount).collect()
     }
 }
 
@@ -379,5 +400,12 @@ mod tests {
         check("validation_seeds = { first = 2001, last = 2008 }", "", "has nothing to compare epochs on");
         check("\"suburban\"", "\"atlantis\"", "unknown kind of town \"atlantis\", must be one of urban");
         check("batch = 4", "batch = 0", "batch = 0, must be 1 to 1024");
+        check("batch = 4", "batch = 4\nconsistency = -1", "consistency = -1, must be 0 to 100");
+        check("batch = 4", "batch = 4\nbev_head = nan", "bev_head = NaN, must be 0 to 100");
+        check(
+            "towns = [",
+            "sensors = ['rig', 'vlp64']\ntowns = [",
+            "unknown sensor \"vlp64\", must be one of rig, kitti",
+        );
     }
 }

@@ -5,7 +5,7 @@ use super::ideal_columns::IdealCameras;
 use super::recipe::{Data, Range};
 use rayon::prelude::*;
 use segmentation::ModelInput;
-use town_sweeps::{Mount, TownDrive, TownSubmap};
+use town_sweeps::{TownDrive, TownSubmap};
 
 /// A submap in which each point has a class id.
 pub struct Labeled<'a> {
@@ -23,13 +23,15 @@ pub fn simulate<T: Send>(
     mut push: impl FnMut(T) -> anyhow::Result<()>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> anyhow::Result<()> {
-    let (towns, cameras) = (data.towns()?, IdealCameras::new(needs));
+    let (towns, mounts, cameras) = (data.towns()?, data.mounts()?, IdealCameras::new(needs));
     let seeds: Vec<u64> = seeds.iter().collect();
     let of_drive = |seed: &u64| -> anyhow::Result<Vec<T>> {
-        let town = towns[(*seed % towns.len() as u64) as usize];
+        let n_towns = towns.len() as u64;
+        let town = towns[(*seed % n_towns) as usize];
+        let mount = mounts[(*seed / n_towns % mounts.len() as u64) as usize];
         let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
         let simulation = drive.simulation()?;
-        let submaps = drive.submaps_in(&simulation, data.submaps, data.sweeps, data.stride, Mount::Random)?;
+        let submaps = drive.submaps_in(&simulation, data.submaps, data.sweeps, data.stride, mount)?;
         let of_submap = |submap: &TownSubmap| {
             let columns = cameras.columns(&simulation, submap);
             convert(Labeled { input: columns.input(&submap.header, &submap.points), classes: &submap.truth })

@@ -1,7 +1,8 @@
 //! The data set of a recipe: sweeps of simulated towns and of recordings.
 
 use super::TrainingData;
-use super::augmentation::augment;
+use super::augmentation::{augment, sparse_view};
+use super::bev_labels::bev_labels;
 use super::camera_columns::CameraNeeds;
 use super::camera_dropout::ImageAugmentation;
 use super::intensity_scale::IntensityScale;
@@ -14,10 +15,11 @@ use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use messages::ClassId;
 use random::Random;
+use segmentation::engine::Planes;
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
+use segmentation::spherical::{GroundHistogram, GroundIntensities, PolarImage, Settings, features};
 use std::path::Path;
-use training::{Dataset, Example, UNKNOWN};
+use training::{Dataset, Example, NO_CELL, SparseView, UNKNOWN};
 
 /// Range images of sweeps, with the class of every pixel. Memory: the simulated drives of one step, or one submap.
 pub struct SweepDataset {
@@ -33,6 +35,8 @@ pub struct SweepDataset {
     removed_classes: RemovedClasses,
     augmentation: ImageAugmentation,
     without_intensity: f32,
+    has_sparse_views: bool,
+    has_bev_labels: bool,
 }
 
 /// Sweeps that are used equally often.
@@ -59,6 +63,8 @@ impl SweepDataset {
             removed_classes: RemovedClasses::of_names(&recipe.data.removed_classes, &settings.classes)?,
             augmentation: recipe.augmentation,
             without_intensity: recipe.data.without_intensity,
+            has_sparse_views: recipe.train.consistency > 0.0,
+            has_bev_labels: recipe.train.bev_head > 0.0,
             settings,
         })
     }
@@ -87,8 +93,14 @@ impl SweepDataset {
 
     #[cfg(test)]
     /// A sweep as it is kept, without random changes.
-    pub fn image(&self, sweep: usize) -> segmentation::spherical::PolarImage {
+    pub fn image(&self, sweep: usize) -> PolarImage {
         self.file.image(sweep).expect("the file is open, and of the length that was written").image
+    }
+
+    /// The input of the network.
+    fn input(&self, image: &PolarImage) -> Planes {
+        let multiple_of = NetworkSpec::multiple_of(&self.settings.network)[0];
+        features(image, &self.settings.features, self.settings.fold, multiple_of)
     }
 
     /// The sweep of an example. A source of twice as many examples as sweeps has each sweep twice; one of half as many has one of
@@ -175,20 +187,27 @@ impl Dataset for SweepDataset {
     fn example(&self, index: usize, mut random: Option<&mut Random>) -> Example {
         let sweep = self.sweep_of(index, random.as_deref_mut());
         let mut of_sweep = self.file.image(sweep).expect("the file is open, and of the length that was written");
-        if let Some(random) = random {
+        let is_training = random.is_some();
+        if let Some(random) = random.as_deref_mut() {
             let terrain = output_of(ClassId::Terrain, &self.settings);
             of_sweep = augment(of_sweep, self.without_intensity, self.ground_intensities, terrain, random);
             self.augmentation.apply(&mut of_sweep.image, &self.settings.features.camera_bands(), random);
         }
-        let LabeledImage { image, mut truth } = of_sweep;
-        let input = features(
-            &image,
-            &self.settings.features,
-            self.settings.fold,
-            NetworkSpec::multiple_of(&self.settings.network)[0],
-        );
-        truth.resize(input.height() * image.columns, UNKNOWN);
-        Example { input, truth }
+        let input = self.input(&of_sweep.image);
+        let n_pixels = input.height() * of_sweep.image.columns;
+        let bev = (self.has_bev_labels && is_training).then(|| {
+            let mut labels = bev_labels(&of_sweep, self.settings.classes.len());
+            labels.cells.resize(n_pixels, NO_CELL);
+            labels
+        });
+        // Last, so that the random numbers of the other changes are the same without it.
+        let sparse_view = random.filter(|_| self.has_sparse_views).map(|random| {
+            let (image, pixels) = sparse_view(&of_sweep, random);
+            SparseView { input: self.input(&image), pixels }
+        });
+        let mut truth = of_sweep.truth;
+        truth.resize(n_pixels, UNKNOWN);
+        Example { input, truth, sparse_view, bev }
     }
 }
 

@@ -11,7 +11,7 @@ use segmentation::ComputeDevice;
 use segmentation::network::Weights;
 use segmentation::spherical::SphericalModel;
 use std::path::{Path, PathBuf};
-use training::{Dataset, Network};
+use training::{Dataset, Network, UNKNOWN};
 
 /// One submap of one sweep for training, another one for validation.
 const TOWNS: &str = "towns = ['urban']\nseeds = { first = 1, last = 1 }\nvalidation_seeds = { first = 2, last = 2 }\n\
@@ -263,4 +263,82 @@ fn dropout_of_colors_changes_training_examples_and_no_others() {
     assert!(has_color(None));
     let n = (0..40).filter(|seed| has_color(Some(&mut random::Random::new(*seed)))).count();
     assert!((8..32).contains(&n), "{n} of 40 with colors, expected 20");
+}
+
+#[test]
+fn sparse_views_and_labels_of_cells_are_added_to_unchanged_training_examples() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write_recording(&folder.path().join("clouds.mcap"), &submaps(), "imported", &[]);
+    let dataset = |train: &str| {
+        let text = recipe_text(CLASSES, "", TOWNS).replace("[train]", &format!("[train]\n{train}"));
+        let recipe: Recipe = toml::from_str(&text).expect("a recipe");
+        let mut data = SweepDataset::new(&recipe, folder.path()).expect("a file");
+        data.add_recording(&clouds(), folder.path()).expect("read");
+        data
+    };
+    let (plain, both) = (dataset(""), dataset("consistency = 1.0\nbev_head = 0.5"));
+    for index in 0..plain.len() {
+        let random = || random::Random::new(index as u64);
+        let (off, on) = (plain.example(index, Some(&mut random())), both.example(index, Some(&mut random())));
+        assert!(off.input == on.input && off.truth == on.truth && off.sparse_view.is_none() && off.bev.is_none());
+        let (sparse, bev) = (on.sparse_view.expect("a sparse view"), on.bev.expect("labels"));
+        assert_eq!(bev.cells.len(), on.truth.len());
+        // Pixels of both views are within them.
+        let n_sparse = sparse.input.height() * sparse.input.width() * 2;
+        assert!(sparse.pixels.len() > 500, "{}", sparse.pixels.len());
+        assert!(sparse.pixels.iter().all(|[of, full]| (*of as usize) < n_sparse && (*full as usize) < on.truth.len()));
+        // The labels of cells are those of pixels in them.
+        let has_class = |cell: usize, class: u8| {
+            let mut pixels = bev.cells.iter().zip(&on.truth);
+            pixels.any(|(of, truth)| *of as usize == cell && *truth == class)
+        };
+        let labeled: Vec<(usize, u8)> =
+            bev.truth.iter().copied().enumerate().filter(|(_, class)| *class != UNKNOWN).collect();
+        assert!(labeled.len() > 100 && labeled.iter().all(|(cell, class)| has_class(*cell, *class)));
+    }
+    let validation = both.example(0, None);
+    assert!(validation.sparse_view.is_none() && validation.bev.is_none());
+}
+
+#[test]
+fn training_with_consistency_and_bev_head_gives_a_model_without_the_head() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let weights = |name: &str, terms: &str| {
+        let text = recipe_text(CLASSES, "", TOWNS).replace("[train]", &format!("[train]\n{terms}"));
+        SphericalModel::load(&train(folder.path(), name, &text)).expect("loads").1
+    };
+    let (off, on) = (weights("off", ""), weights("on", "consistency = 1.0\nbev_head = 0.5"));
+    assert!(off != on && off.tensors.keys().eq(on.tensors.keys()));
+}
+
+#[test]
+fn terms_that_a_network_does_not_have_are_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("recipe.toml");
+    let error = |text: &str, train: &str| {
+        std::fs::write(&path, text.replace("[train]", &format!("[train]\n{train}"))).expect("writes");
+        format!("{:#}", AnyRecipe::load(&path).err().expect("is refused"))
+    };
+    let spherical_dz = recipe_text(CLASSES, "", TOWNS).replace("'unet'", "'spherical_dz'");
+    assert!(error(&spherical_dz, "bev_head = 1.0").contains("[train] bev_head requires kind = \"unet\""));
+    let points = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/points.toml"));
+    let points = points.expect("models/points.toml is part of the project");
+    for key in ["bev_head", "consistency"] {
+        let error = error(&points, &format!("{key} = 1.0"));
+        assert!(error.contains(&format!("[train] {key} = 1, must be 0 for a network on points")), "{error}");
+    }
+}
+
+#[test]
+fn named_sensors_are_those_of_the_simulated_drives() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let rows = |sensors: &str| {
+        let towns = TOWNS.replace("first = 1, last = 1", "first = 4, last = 5");
+        let recipe = recipe(CLASSES, "", &format!("{towns}\nsensors = {sensors}"));
+        let mut data = SweepDataset::new(&recipe, folder.path()).expect("a file");
+        data.add_towns(&recipe.data, recipe.data.seeds.expect("seeds"), &mut |_, _| ()).expect("simulated");
+        (0..data.n_sweeps()).map(|sweep| data.image(sweep).rows).collect::<Vec<_>>()
+    };
+    assert_eq!(rows("['rig', 'kitti']"), [32, 64]);
+    assert_eq!(rows("['vlp16']"), [16, 16]);
 }

@@ -40,7 +40,7 @@ fn random_rows(rows: usize, random: &mut Random) -> Vec<usize> {
 }
 
 /// `n` rows of `rows`, ascending.
-fn chosen(rows: usize, n: usize, random: &mut Random) -> Vec<usize> {
+pub fn chosen(rows: usize, n: usize, random: &mut Random) -> Vec<usize> {
     let mut chosen: Vec<usize> = random.permutation(rows).into_iter().take(n.max(1)).collect();
     chosen.sort_unstable();
     chosen
@@ -51,7 +51,8 @@ fn sector(columns: usize, rows: usize) -> usize {
     (columns * ROWS / rows / COLUMN_STEP * COLUMN_STEP).max(COLUMN_STEP).min(columns)
 }
 
-fn view(of: &LabeledImage, rows: &[usize], first: usize, columns: usize) -> LabeledImage {
+/// These rows and so many columns from `first` on.
+pub fn view(of: &LabeledImage, rows: &[usize], first: usize, columns: usize) -> LabeledImage {
     let n_bands = of.image.n_camera_bands();
     let n = rows.len() * columns;
     let (mut pixels, mut truth) = (vec![PolarPixel::default(); n], vec![UNKNOWN; n]);
