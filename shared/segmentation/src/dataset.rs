@@ -43,7 +43,7 @@ pub struct BevLabels {
     pub truth: Vec<u8>,
 }
 
-/// In [`BevLabels`], a pixel in no cell.
+/// In lists of cells, a pixel or point in none.
 pub const NO_CELL: u32 = u32::MAX;
 
 /// A labeled input of a network on points.

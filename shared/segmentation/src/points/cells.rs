@@ -1,9 +1,8 @@
 //! One point for each occupied cell of a grid: what networks on points see of a submap.
 
 use super::features::PointFeature;
-use crate::cell_probabilities::NO_CELL;
 use crate::spherical::IntensityMap;
-use crate::{ModelInput, SegmentationError};
+use crate::{ModelInput, NO_CELL, SegmentationError};
 use messages::SubmapPoint;
 use neighbors::{LIMIT_M, VoxelGrid};
 
