@@ -31,7 +31,9 @@ impl CellProbabilities {
     pub(crate) fn decide(&self, classes: &[ClassId]) -> impl Iterator<Item = ClassRow> {
         let of_cell = |row: &[f32]| class_row(best_of(row).map(|(class, probability)| (classes[class], probability)));
         let of_cells: Vec<ClassRow> = self.of_cells.chunks_exact(self.n_classes).map(of_cell).collect();
-        self.cell_of_point.iter().map(move |&cell| of_cells.get(cell as usize).copied().unwrap_or_else(|| class_row(None)))
+        self.cell_of_point
+            .iter()
+            .map(move |&cell| of_cells.get(cell as usize).copied().unwrap_or_else(|| class_row(None)))
     }
 }
 

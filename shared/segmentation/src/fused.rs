@@ -148,6 +148,8 @@ mod tests {
         let rows = [[0.5, 0.5]; 4];
         let [first, second] = [ROAD_OR_POLE, [ClassId::Pole, ClassId::Road]].map(|classes| model(classes, rows));
         let error = Fused::new(first, second, Path::new("second.safetensors")).err().expect("is refused").to_string();
-        assert!(error.starts_with("second.safetensors: ") && error.contains("pole, road") && error.contains("road, pole"));
+        assert!(
+            error.starts_with("second.safetensors: ") && error.contains("pole, road") && error.contains("road, pole")
+        );
     }
 }
