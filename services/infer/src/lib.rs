@@ -22,7 +22,8 @@ stage::settings! {
     pub struct Settings {
         /// Model file. A relative path is relative to the folder of launch.toml.
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
-        /// Second model file, with the same classes: the geometric mean of the probabilities of both decides. Empty: none.
+        /// Second model file, with the same classes: the geometric mean of the probabilities of both decides, in which `model` counts twice.
+        /// Empty: none.
         pub fused_with: String = String::new() => stage::any();
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
