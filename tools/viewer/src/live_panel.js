@@ -19,6 +19,7 @@ export class LivePanel {
   #run = null
   /** Whether the site of the finished run was asked for: it has no state to ask for. */
   #isEnding = false
+  #stop = () => {}
 
   constructor() {
     element('live').hidden = false
@@ -31,8 +32,9 @@ export class LivePanel {
     while (this.#isEnding || !await this.#ask()) await pause()
   }
 
-  /** Calls `grow` whenever the cloud has grown. */
-  async run(cloud, grow) {
+  /** Calls `grow` whenever the cloud has grown, `stop` before its points go away. */
+  async run(cloud, { grow, stop }) {
+    this.#stop = stop
     while (!this.#isEnding) {
       await this.#ask()
       if (await cloud.read(this.nListBytes)) grow()
@@ -68,6 +70,7 @@ export class LivePanel {
   /** Asks for the site of the finished run, and waits for it. */
   async #showFinal() {
     this.#isEnding = true
+    this.#stop()
     element('final').disabled = true
     element('final').textContent = 'preparing the final cloud'
     // A question that is under way is answered before.

@@ -28,8 +28,7 @@ async function start() {
   if (!scene.is_live) return show(await Cloud.open(url('points.copc.laz')), scene)
   const live = new LivePanel()
   const cloud = await LiveCloud.open(url('live.las'), url('live_parts.jsonl'), live)
-  const page = show(cloud, scene)
-  return live.run(cloud, page.grow)
+  return live.run(cloud, show(cloud, scene))
 }
 
 function show(cloud, scene) {
@@ -122,7 +121,7 @@ function show(cloud, scene) {
     view.redraw()
   }
   if (scene.is_live) grow()
-  return { grow }
+  return { grow, stop: () => nodes.stop() }
 }
 
 function showMessage(text) {

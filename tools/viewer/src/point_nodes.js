@@ -27,10 +27,16 @@ export class PointNodes {
   /** Nodes to load, in their order. */
   #wanted = []
   #visits = 0
+  #isStopped = false
 
   /** `onChange`: something was loaded. `onFirst`: arrays of the first node, before they leave memory. */
   constructor(cloud, workers, material, { onChange, onFirst }) {
     Object.assign(this, { cloud, workers, material, onChange, onFirst })
+  }
+
+  /** Loads nothing more: the file goes away. What is loading may fail. */
+  stop() {
+    this.#isStopped = true
   }
 
   /** Shows the nodes for a camera and starts to load those that are absent. */
@@ -95,7 +101,7 @@ export class PointNodes {
 
   /** Keeps the workers busy. Not only with each frame: frames may be slow. */
   #loadWanted() {
-    while (this.#wanted.length > 0 && this.workers.nFree > 0) this.#load(this.#wanted.shift())
+    while (!this.#isStopped && this.#wanted.length > 0 && this.workers.nFree > 0) this.#load(this.#wanted.shift())
   }
 
   async #load(node) {
@@ -168,6 +174,7 @@ export class PointNodes {
   }
 
   #fail(error) {
+    if (this.#isStopped) return
     this.error = error.message
     console.error(error.message)
     this.onChange()
