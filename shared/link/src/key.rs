@@ -1,4 +1,4 @@
-//! The shared key of both hosts. Anyone who has it can start the programs in the agent's folder.
+//! The shared key of both hosts. It permits the start of any program in the agent's folder.
 
 use crate::LinkError;
 use std::fmt::Write as _;

@@ -21,11 +21,19 @@ impl CellProbabilities {
     /// The probabilities at each point, in order; `None` where nothing is known.
     pub(crate) fn of_points(&self) -> impl Iterator<Item = Option<&[f32]>> {
         let of_cell = |cell: u32| &self.of_cells[cell as usize * self.n_classes..][..self.n_classes];
-        let known = move |&cell: &u32| {
-            let is_known = |row: &&[f32]| row.iter().any(|probability| *probability > 0.0);
-            (cell != NO_CELL).then(|| of_cell(cell)).filter(is_known)
-        };
+        let known = move |&cell: &u32| (cell != NO_CELL).then(|| of_cell(cell)).filter(|row| is_known(row));
         self.cell_of_point.iter().map(known)
+    }
+    /// The values of a function of the probabilities, where they are known.
+    pub(crate) fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
+        for row in self.of_cells.chunks_exact_mut(self.n_classes) {
+            if is_known(row) {
+                for probability in row {
+                    *probability = f(*probability);
+                }
+            }
+        }
+        self
     }
     /// Class and score of each point, in order. `classes` are those of the probabilities.
     pub(crate) fn decide(&self, classes: &[ClassId]) -> impl Iterator<Item = ClassRow> {
@@ -35,6 +43,11 @@ impl CellProbabilities {
             .iter()
             .map(move |&cell| of_cells.get(cell as usize).copied().unwrap_or_else(|| class_row(None)))
     }
+}
+
+/// Whether a cell has probabilities.
+pub(crate) fn is_known(probabilities: &[f32]) -> bool {
+    probabilities.iter().any(|probability| *probability > 0.0)
 }
 
 /// The best class and its probability, of equal ones the first; `None` if all are zero.

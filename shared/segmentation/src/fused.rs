@@ -1,11 +1,11 @@
 //! Two models as one: the geometric mean of their probabilities, in which the first counts twice (a product of experts, Hinton 2002).
 //!
 //! Two networks that see the same points in other ways err at other places: one that nearly excludes a class outweighs one that only
-//! prefers it. An arithmetic mean, or the class of the surer model, keep more of the errors (figures: models/README.md).
+//! prefers it.
 
 use crate::cell_probabilities::best_of;
 use crate::ground::SubmapGround;
-use crate::segmenter::{CellSegmenter, class_row};
+use crate::segmenter::{CellSegmenter, class_row, write_rows};
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
 use std::path::Path;
@@ -45,15 +45,19 @@ impl Fused {
     }
 }
 
-/// The best class and its share of the geometric means; of a point that one model cannot classify, those of the other.
-fn fuse(first: Option<&[f32]>, second: Option<&[f32]>) -> Option<(usize, f32)> {
-    let (Some(first), Some(second)) = (first, second) else { return first.or(second).and_then(best_of) };
-    let mut means = [0.0; ClassId::ALL.len()];
-    for (mean, (first, second)) in means.iter_mut().zip(first.iter().zip(second)) {
-        *mean = ((first + LEAST).powi(2) * (second + LEAST)).cbrt();
+/// The factors of a geometric mean from the probabilities of the first and of the second model.
+const FACTORS: [fn(f32) -> f32; 2] = [|first| (first + LEAST).powi(2).cbrt(), |second| (second + LEAST).cbrt()];
+
+/// The best class and its share of the products of the factors at a point. A model that cannot classify it has none.
+fn fuse(factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
+    let n_classes = factors.iter().flatten().next()?.len();
+    let mut means = [1.0; ClassId::ALL.len()];
+    let means = &mut means[..n_classes];
+    for of_model in factors.into_iter().flatten() {
+        means.iter_mut().zip(of_model).for_each(|(mean, factor)| *mean *= factor);
     }
     let total: f32 = means.iter().sum();
-    best_of(&means).map(|(class, mean)| (class, mean / total))
+    best_of(means).map(|(class, mean)| (class, mean / total))
 }
 
 impl Segmenter for Fused {
@@ -67,12 +71,11 @@ impl Segmenter for Fused {
         let ground = SubmapGround::of(input);
         let (of_first, report) = first.probabilities(input, &ground)?;
         let (of_second, _) = second.probabilities(input, &ground)?;
-        let mut n_unseen = 0;
-        for (row, (in_first, in_second)) in classes.iter_mut().zip(of_first.of_points().zip(of_second.of_points())) {
-            let decision = fuse(in_first, in_second);
-            n_unseen += usize::from(decision.is_none());
-            *row = class_row(decision.map(|(class, share)| (first.classes()[class], share)));
-        }
+        // By cells, because many points share one.
+        let (of_first, of_second) = (of_first.map(FACTORS[0]), of_second.map(FACTORS[1]));
+        let decided = of_first.of_points().zip(of_second.of_points()).map(|(first, second)| fuse([first, second]));
+        let rows = decided.map(|found| class_row(found.map(|(class, share)| (first.classes()[class], share))));
+        let n_unseen = write_rows(rows, classes);
         first.refinement().of_points(input.points, &ground, first.classes(), classes);
         Ok(Report { n_unseen, ..report })
     }
@@ -136,7 +139,7 @@ mod tests {
         let expected = [
             (ClassId::Road, share(road, pole)),
             (ClassId::Pole, share(pole_2, road_2)),
-            (ClassId::Pole, 153),
+            (ClassId::Pole, share(0.601, 0.401)),
             (ClassId::Unlabeled, 0),
         ];
         assert_eq!(classes, expected.map(|(class, score)| ClassRow { class_id: class as u8, score }));

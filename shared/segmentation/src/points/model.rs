@@ -4,10 +4,11 @@ use super::cells::{CellCloud, cell_of_each};
 use super::parameters::Parameters;
 use super::settings::{PointSettings, VERSION};
 use super::spheres::SpherePrediction;
+use crate::cell_probabilities::is_known;
 use crate::ground::SubmapGround;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
-use crate::segmenter::CellSegmenter;
+use crate::segmenter::{CellSegmenter, write_rows};
 use crate::spherical::{IntensityMap, Options, Refinement};
 use crate::{CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
@@ -77,7 +78,7 @@ impl PointModel {
             (sphere.positions, features)
         })?;
         let n_classes = self.classes.len();
-        let is_voted = |cell: &usize| probabilities[cell * n_classes..][..n_classes].iter().any(|p| *p > 0.0);
+        let is_voted = |cell: &usize| is_known(&probabilities[cell * n_classes..][..n_classes]);
         let (voted, open): (Vec<usize>, Vec<usize>) = (0..cloud.len()).partition(is_voted);
         if open.is_empty() || voted.is_empty() {
             return Ok(probabilities);
@@ -103,11 +104,7 @@ impl Segmenter for PointModel {
         input.check(classes)?;
         let ground = SubmapGround::of(input);
         let (cells, report) = self.probabilities(input, &ground)?;
-        let mut n_unseen = 0;
-        for (row, decision) in classes.iter_mut().zip(cells.decide(&self.classes)) {
-            *row = decision;
-            n_unseen += usize::from(decision.class_id == ClassId::Unlabeled as u8);
-        }
+        let n_unseen = write_rows(cells.decide(&self.classes), classes);
         self.options.refinement.of_points(input.points, &ground, &self.classes, classes);
         Ok(Report { n_unseen, ..report })
     }

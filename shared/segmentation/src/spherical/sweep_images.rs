@@ -11,6 +11,7 @@ use super::{IntensityMap, Options, PolarImage};
 use crate::engine::PlanesRef;
 use crate::ground::SubmapGround;
 use crate::model_file::ModelFile;
+use crate::segmenter::write_rows;
 use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError};
 use messages::{ClassId, ClassRow};
 use pulp::Arch;
@@ -132,12 +133,12 @@ impl SweepImages {
         cells: &CellProbabilities,
         classes: &mut [ClassRow],
     ) -> Report {
-        let mut n_unseen = 0;
-        for (point, (row, decided)) in classes.iter_mut().zip(cells.decide(&self.classes)).enumerate() {
-            let given = prepared.given.as_ref().filter(|(_, is_given)| is_given[point]).map(|(rows, _)| rows[point]);
-            *row = given.unwrap_or(decided);
-            n_unseen += usize::from(row.class_id == ClassId::Unlabeled as u8);
-        }
+        let given = |point: usize| {
+            let (rows, is_given) = prepared.given.as_ref()?;
+            is_given[point].then(|| rows[point])
+        };
+        let rows = cells.decide(&self.classes).enumerate().map(|(point, decided)| given(point).unwrap_or(decided));
+        let n_unseen = write_rows(rows, classes);
         self.options.refinement.of_points(input.points, &prepared.ground, &self.classes, classes);
         Report { n_unseen, ..prepared.report() }
     }
