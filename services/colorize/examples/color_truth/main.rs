@@ -21,7 +21,7 @@ use geometry::{Pose, RigCamera, Stamp};
 use messages::{ClassId, ColorRow, SubmapHeader, SubmapPoint};
 use rayon::prelude::*;
 use recorded::Recorded;
-use score::{Table, at_range, print_colors, print_occlusion, print_spectra};
+use score::{Score, Table, print_classes, print_colors, print_occlusion, print_spectra};
 use simulation::{DriveSpec, Simulation};
 use std::error::Error;
 use std::path::Path;
@@ -74,6 +74,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     print_occlusion("With the flags that slam_aggregate estimated:", &found);
     print_occlusion("With the true flags:", &known);
     print_colors("Colors (estimated flags):", &found);
+    print_classes("By class (estimated flags):", &found);
     for (name, table) in &spectral {
         print_spectra(&format!("Spectra of {name} (estimated flags), angles in rad:"), table);
     }
@@ -106,7 +107,7 @@ impl Part<'_> {
         &self,
         points: &[SubmapPoint],
         exposures: &[PosedExposure<'_>],
-        add: impl Fn(&TruePoint, Option<(usize, [f32; 2])>, &mut score::Score) + Sync,
+        add: impl Fn(&TruePoint, Option<(usize, [f32; 2])>, &mut Score) + Sync,
     ) -> Table {
         let sweeps = &self.header.sweeps[..self.header.n_sweeps as usize];
         let mut buffers = PointBuffers::default();
@@ -123,9 +124,9 @@ impl Part<'_> {
             let mut table = Table::default();
             for (truth, chosen) in truth.iter().zip(chosen).step_by(STRIDE) {
                 let Some(truth) = truth else { continue };
-                if let Some(score) = at_range(&mut table, truth.range_m) {
-                    add(truth, chosen, score);
-                }
+                let mut score = Score::default();
+                add(truth, chosen, &mut score);
+                table.add_point(truth.range_m, truth.class, score);
             }
             table
         };
@@ -170,6 +171,7 @@ impl Part<'_> {
             let occluder = self.town.occluder(&true_exposures[exposure], &truth.p);
             score.behind_leaves += usize::from(occluder == Some(ClassId::Vegetation));
             score.behind_solid += usize::from(occluder.is_some_and(|class| class != ClassId::Vegetation));
+            score.of_sky += usize::from(self.town.is_sky(&true_exposures[exposure], pixel));
             if truth.moves {
                 return;
             }

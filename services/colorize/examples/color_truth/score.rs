@@ -1,4 +1,7 @@
-//! Scores by range, printed as tables.
+//! Scores by range and by class, printed as tables.
+
+use messages::ClassId;
+use std::collections::BTreeMap;
 
 /// Upper ends of the ranges, m.
 pub const RANGES_M: [f64; 4] = [5.0, 10.0, 20.0, 80.0];
@@ -16,6 +19,8 @@ pub struct Score {
     /// Points with the color of an exposure from which they are occluded, by a solid object or by leaves.
     pub behind_solid: usize,
     pub behind_leaves: usize,
+    /// Points whose pixel shows the sky.
+    pub of_sky: usize,
     /// Differences between the colors and the pixel at the true projection.
     pub color_differences: Vec<f64>,
     /// Spectral angles to the cell at the true projection, and to the material in the sun and in the shade, rad.
@@ -32,6 +37,7 @@ impl Score {
         self.colored += other.colored;
         self.behind_solid += other.behind_solid;
         self.behind_leaves += other.behind_leaves;
+        self.of_sky += other.of_sky;
         self.color_differences.extend(other.color_differences);
         self.angles_to_cell.extend(other.angles_to_cell);
         let [sun, shade] = other.angles_to_material;
@@ -40,27 +46,42 @@ impl Score {
     }
 }
 
-/// Scores by range.
-pub type Table = [Score; RANGES_M.len()];
+/// Scores by range and, of points on a single surface, by class.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    by_range: [Score; RANGES_M.len()],
+    by_class: BTreeMap<ClassId, Score>,
+}
+
+impl Table {
+    /// Adds the score of one point, if it is within the ranges.
+    pub fn add_point(&mut self, range_m: f64, class: Option<ClassId>, score: Score) {
+        let Some(place) = RANGES_M.iter().position(|end| range_m < *end) else { return };
+        if let Some(class) = class {
+            self.by_class.entry(class).or_default().add(score.clone());
+        }
+        self.by_range[place].add(score);
+    }
+}
 
 pub fn sum(mut a: Table, b: Table) -> Table {
-    a.iter_mut().zip(b).for_each(|(a, b)| a.add(b));
+    a.by_range.iter_mut().zip(b.by_range).for_each(|(a, b)| a.add(b));
+    b.by_class.into_iter().for_each(|(class, score)| a.by_class.entry(class).or_default().add(score));
     a
 }
 
-/// The entry of a range, if the table has one.
-pub fn at_range(table: &mut Table, range_m: f64) -> Option<&mut Score> {
-    let place = RANGES_M.iter().position(|end| range_m < *end)?;
-    table.get_mut(place)
+/// n of all, %.
+fn share(n: usize, of: usize) -> f64 {
+    100.0 * n as f64 / of.max(1) as f64
 }
 
 /// The rows of the ranges and one of all.
 fn rows(table: &Table) -> impl Iterator<Item = (String, Score)> {
     let mut all = Score::default();
-    for score in table {
+    for score in &table.by_range {
         all.add(score.clone());
     }
-    let ranges = table.iter().zip(RANGES_M).map(|(score, end)| (format!("up to {end} m"), score.clone()));
+    let ranges = table.by_range.iter().zip(RANGES_M).map(|(score, end)| (format!("up to {end} m"), score.clone()));
     ranges.chain([("all".to_owned(), all)])
 }
 
@@ -69,7 +90,6 @@ pub fn print_occlusion(title: &str, table: &Table) {
         "{title}\n| range | visible points | of these colored | of solid ones | occluded by a solid object | by leaves |"
     );
     for (name, score) in rows(table) {
-        let share = |n: usize, of: usize| 100.0 * n as f64 / of.max(1) as f64;
         println!(
             "| {name} | {} | {:.1} % | {:.1} % | {:.2} % | {:.2} % |",
             score.visible,
@@ -88,6 +108,24 @@ pub fn print_colors(title: &str, table: &Table) {
         let n_far = score.color_differences.iter().filter(|difference| **difference > 10.0).count();
         let n = score.color_differences.len();
         println!("| {name} | {n} | {half:.1} | {most:.1} | {:.1} % |", 100.0 * n_far as f64 / n.max(1) as f64);
+    }
+}
+
+pub fn print_classes(title: &str, table: &Table) {
+    println!(
+        "{title}\n| class | colored points | of the visible ones colored | occluded by a solid object | by leaves | of the sky | dE: median | 90 % below |"
+    );
+    for (class, score) in &table.by_class {
+        let [half, most] = [0.5, 0.9].map(|share| quantile(&score.color_differences, share));
+        println!(
+            "| {} | {} | {:.1} % | {:.2} % | {:.2} % | {:.2} % | {half:.1} | {most:.1} |",
+            class.name(),
+            score.colored,
+            share(score.visible_colored, score.visible),
+            share(score.behind_solid, score.colored),
+            share(score.behind_leaves, score.colored),
+            share(score.of_sky, score.colored)
+        );
     }
 }
 

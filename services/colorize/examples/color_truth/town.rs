@@ -13,6 +13,8 @@ use town::Snapshot;
 
 /// Largest distance of a point from the surface that its beam hits, m. Farther points are mixed returns.
 const MAX_DISTANCE_M: f64 = 0.3;
+/// Where the sky begins, m.
+const FAR_M: f32 = 500.0;
 /// Time between snapshots of the town, s: a car at 10 m/s moves 2 cm.
 const SNAPSHOT_S: f64 = 0.002;
 
@@ -31,6 +33,8 @@ pub struct TruePoint {
     pub stamp: i64,
     /// Material of the surface that the beam hit; `None` for mixed returns.
     pub material: Option<Material>,
+    /// Its class; `None` for mixed returns.
+    pub class: Option<ClassId>,
     /// Whether there is such a surface and it is not foliage.
     pub is_solid: bool,
     /// Whether it is on an object that moves within a second.
@@ -114,8 +118,17 @@ impl Town<'_> {
             let again = scene.cast(later, &ray, far_m).map(|hit| hit.range_m);
             hit.surface.instance > 0 && again.is_none_or(|m| (m - hit.range_m).abs() > 0.2)
         });
-        let is_solid = hit.as_ref().is_some_and(|hit| hit.surface.class != ClassId::Vegetation);
-        Some(TruePoint { p, range_m, stamp, material: hit.map(|hit| hit.surface.material), is_solid, moves })
+        let class = hit.as_ref().map(|hit| hit.surface.class);
+        let is_solid = class.is_some_and(|class| class != ClassId::Vegetation);
+        Some(TruePoint { p, range_m, stamp, material: hit.map(|hit| hit.surface.material), class, is_solid, moves })
+    }
+
+    /// Whether nothing is at the middle of a pixel. Leaves are hit by chance.
+    pub fn is_sky(&self, exposure: &TrueExposure, pixel: [f32; 2]) -> bool {
+        let Some(in_camera) = exposure.model.ray_from_pixel(&pixel.map(f64::from).into()) else { return false };
+        let direction = (exposure.camera_from_world.inverse() * in_camera).normalize().cast::<f32>();
+        let ray = Ray { origin: exposure.eye.coords.cast(), direction, seed: 0 };
+        self.simulation.scene.cast(&exposure.snapshot, &ray, FAR_M).is_none()
     }
 
     /// Class of the object that occludes `p` from the camera, with the tolerances of `truth/visibility`. Leaves are hit by
