@@ -3,16 +3,19 @@
 //! All losses take logits with one row per pixel, and one-hot labels. A row of zeros is a pixel without label, which is ignored. Sums
 //! are taken over all pixels of the batch before any division.
 
+mod class_sums;
 mod consistency;
 mod dot;
 mod hierarchy;
 mod log_softmax;
 mod real;
+mod rows;
 
 pub use consistency::consistency;
 pub use hierarchy::Hierarchy;
 
-use candle_core::{D, DType, Result, Tensor};
+use candle_core::{DType, Result, Tensor};
+use class_sums::ClassSums;
 use dot::dot;
 use log_softmax::log_softmax;
 use serde::{Deserialize, Serialize};
@@ -152,24 +155,20 @@ fn mean_of_pixels(values: &Tensor, weights: &Tensor) -> Result<Tensor> {
 }
 
 impl Level {
-    /// Probabilities of labeled pixels, zero elsewhere.
-    fn labeled(&self) -> Result<Tensor> {
-        self.p.broadcast_mul(&self.y.sum_keepdim(D::Minus1)?)
-    }
     fn tversky(&self, alpha: f64, beta: f64) -> Result<Tensor> {
-        let (p, y) = (self.labeled()?, &self.y);
-        let both = (&p * y)?.sum(0)?;
-        let false_positives = (p.sum(0)? - &both)?;
-        let false_negatives = (y.sum(0)? - &both)?;
-        let either = ((&both + (false_positives * alpha)?)? + (false_negatives * beta)?)?;
-        (((both + EPSILON)? / (either + EPSILON)?)?.neg()? + 1.0)?.mean_all()
+        let ClassSums { both, raised, labels } = ClassSums::new(&self.p, &self.y, 1.0)?;
+        let false_positives = (raised - &both)?;
+        let false_negatives = (labels - &both)?;
+        mean_cost(&both, &((&both + (false_positives * alpha)?)? + (false_negatives * beta)?)?)
     }
     fn power_jaccard(&self, power: f64) -> Result<Tensor> {
-        let (p, y) = (self.labeled()?, &self.y);
-        let both = (&p * y)?.sum(0)?;
-        // y is 0 or 1, so its power is y. A square is the usual power, and much faster than `powf`.
-        let raised = if power == 2.0 { p.sqr()? } else { p.powf(power)? };
-        let either = ((y.sum(0)? + raised.sum(0)?)? - &both)?;
-        (((both + EPSILON)? / (either + EPSILON)?)?.neg()? + 1.0)?.mean_all()
+        // y is 0 or 1, so its power is y.
+        let ClassSums { both, raised, labels } = ClassSums::new(&self.p, &self.y, power)?;
+        mean_cost(&both, &((labels + raised)? - &both)?)
     }
+}
+
+/// 1 - `both` / `either`, mean over classes.
+fn mean_cost(both: &Tensor, either: &Tensor) -> Result<Tensor> {
+    (((both + EPSILON)? / (either + EPSILON)?)?.neg()? + 1.0)?.mean_all()
 }

@@ -2,6 +2,7 @@
 //! on one thread.
 
 use super::real::Real;
+use super::rows::rows;
 use candle_core::{CpuStorage, CustomOp1, CustomOp2, D, Layout, Result, Shape, Tensor, bail};
 use rayon::prelude::*;
 
@@ -62,15 +63,6 @@ impl CustomOp2 for LogSoftmaxGradient {
             _ => bail!("log_softmax_gradient: must be f32 or f64"),
         };
         Ok((out, layout.shape().clone()))
-    }
-}
-
-/// Where the numbers of a tensor are, and the length of its rows.
-fn rows(layout: &Layout) -> Result<(std::ops::Range<usize>, usize)> {
-    let (_, n_classes) = layout.shape().dims2()?;
-    match layout.contiguous_offsets() {
-        Some((begin, end)) if n_classes > 0 => Ok((begin..end, n_classes)),
-        _ => bail!("log_softmax of {:?}: must be contiguous rows", layout.shape()),
     }
 }
 

@@ -1,16 +1,20 @@
 //! Numbers of losses.
 
 use std::iter::Sum;
-use std::ops::{Mul, Sub};
+use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// The types of numbers that losses are computed with: `f32` in training, `f64` to check derivatives.
-pub trait Real: Copy + Default + Send + Sync + Sum + Sub<Output = Self> + Mul<Output = Self> {
+pub trait Real:
+    Copy + Default + Send + Sync + Sum + AddAssign + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self>
+{
     /// Below all numbers.
     const LOWEST: Self;
     /// The power of e.
     fn exp(self) -> Self;
     fn ln(self) -> Self;
     fn max(self, other: Self) -> Self;
+    fn powf(self, power: f64) -> Self;
+    fn from_f64(value: f64) -> Self;
 }
 
 macro_rules! real {
@@ -25,6 +29,12 @@ macro_rules! real {
             }
             fn max(self, other: Self) -> Self {
                 self.max(other)
+            }
+            fn powf(self, power: f64) -> Self {
+                self.powf(power as $number)
+            }
+            fn from_f64(value: f64) -> Self {
+                value as $number
             }
         }
     )*};
