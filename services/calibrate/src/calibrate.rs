@@ -1,6 +1,7 @@
 //! The stage.
 
 use crate::Settings;
+use crate::models::{of_cameras, read_models};
 use crate::references::{CubeCamera, CubeCameraError};
 use color_lines::{CubeRegions, CubeSettings, Start};
 use formats::drive::CameraRig;
@@ -90,7 +91,8 @@ fn cube_settings(settings: &Settings) -> Option<CubeSettings> {
         start: Start::Count(settings.color_lines_gaussians as usize),
         ..color_lines::Settings::default()
     };
-    let (frames_per_model, simplifies) = (settings.color_lines_frames, settings.color_lines == "simplified");
+    let frames_per_model = if settings.color_lines_models.is_empty() { settings.color_lines_frames } else { u32::MAX };
+    let simplifies = settings.color_lines == "simplified";
     (settings.color_lines != "off").then_some(CubeSettings { model, frames_per_model, simplifies })
 }
 
@@ -156,6 +158,9 @@ impl Stage for Calibrate {
         if let Some(unknown) = camera_rig(context).ok().and_then(|rig| unknown_camera(settings, &rig)) {
             return problem("cameras", unknown);
         }
+        if let Err(error) = read_models(settings, &context.launch_folder) {
+            return problem("color_lines_models", error.to_string());
+        }
         match (context.mode, references(settings, context)) {
             (Mode::Offline, Some(_)) => {
                 problem("references", "is for live runs; a recorded drive has its own dark and white frames".to_owned())
@@ -181,12 +186,10 @@ impl Stage for Calibrate {
             let sensor = sensor.as_ref().filter(|_| settings.correction);
             Some(CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic)))
         };
-        Ok(Self {
-            cameras: cameras.map(read).collect(),
-            median: settings.median,
-            color_lines: cube_settings(settings),
-            regions: CubeRegions::default(),
-        })
+        let cameras: Vec<Option<Result<CubeCamera, CubeCameraError>>> = cameras.map(read).collect();
+        let models = read_models(settings, &context.launch_folder).map_err(StepError::io)?;
+        let regions = of_cameras(models, &cameras).map_err(StepError::data)?;
+        Ok(Self { cameras, median: settings.median, color_lines: cube_settings(settings), regions })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {

@@ -19,7 +19,7 @@
 //! As many cubes as consumers hold are in shared memory at once.
 //!
 //! With the setting `color_lines`, each cell of a cube gets the number of a region of similar spectra (crate [`color_lines`]). A model
-//! divides some frames in a row of one camera; no two models of a run share a region number.
+//! divides some frames in a row of one camera, or all if a model file is given; no two models of a run share a region number.
 //!
 //! The saved state holds these models. Without `color_lines` it is empty: a cube depends on its frame and the references only.
 //!
@@ -29,6 +29,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod calibrate;
+mod models;
 mod references;
 
 pub use calibrate::Calibrate;
@@ -53,6 +54,9 @@ stage::settings! {
         pub color_lines_gaussians: u32 = 60 => stage::within(1, 4096);
         /// Frames of a camera that share a model, made of the first of them. 1: a model of each frame.
         pub color_lines_frames: u32 = 10 => stage::within(1, 1_000_000);
+        /// Models of `replica spectrum lines` (`model.json`) that divide all frames: one for each mosaic camera of the stage, in the order of
+        /// drive.toml. Empty: models are made of the frames. A relative path is relative to the folder of launch.toml.
+        pub color_lines_models: Vec<String> = Vec::new() => stage::any();
         /// Live: folder with the dark and white frames of the mosaic cameras, in the layout of a drive folder (`hs02/dark`, `hs02/white`);
         /// empty = the folder of the rig. A relative path is relative to the folder of launch.toml.
         pub references: String = String::new() => stage::any();

@@ -39,6 +39,15 @@ pub struct CubeSettings {
 }
 
 impl CubeRegions {
+    /// With a model for each of these cameras. They serve all frames if `frames_per_model` is `u32::MAX`.
+    pub fn of_models(models: impl IntoIterator<Item = (u32, Model)>) -> Self {
+        let mut regions = Self::default();
+        for (camera, model) in models {
+            regions.insert(camera, model, 0);
+        }
+        regions
+    }
+
     /// Writes the number of the region of each cell, 0 = none: cells without a valid value in all usable bands. Reflectances change only
     /// if the settings ask for simplified cubes.
     pub fn divide(
@@ -82,10 +91,15 @@ impl CubeRegions {
             return Ok((&self.models[&camera], labels));
         }
         let Fit { model, labels, .. } = Model::fit(image, &settings.model)?;
+        self.insert(camera, model, 1);
+        Ok((&self.models[&camera], labels))
+    }
+
+    /// The next frames of the camera use this model. Its regions get the next numbers.
+    fn insert(&mut self, camera: u32, model: Model, n_frames: u32) {
         let n_before = self.n_regions;
         self.n_regions += model.regions.len() as u32;
-        self.models.insert(camera, SharedModel { model, n_before, n_frames: 1 });
-        Ok((&self.models[&camera], labels))
+        self.models.insert(camera, SharedModel { model, n_before, n_frames });
     }
 }
 

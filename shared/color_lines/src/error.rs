@@ -38,6 +38,9 @@ pub enum ColorLinesError {
         /// Of the model.
         expected: usize,
     },
+    /// A text that is not a model.
+    #[error("model: {0}")]
+    Json(String),
     /// A model file whose parts contradict each other.
     #[error("model: {0}")]
     Model(&'static str),

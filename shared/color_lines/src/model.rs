@@ -139,6 +139,16 @@ impl Model {
         self.regions.first().map_or(0, |region| region.spectrum.len())
     }
 
+    /// From the text of a `model.json` of `replica spectrum lines`.
+    ///
+    /// # Errors
+    /// If it is not a model, or its parts contradict each other.
+    pub fn from_json(text: &str) -> Result<Self, ColorLinesError> {
+        let model: Self = serde_json::from_str(text).map_err(|error| ColorLinesError::Json(error.to_string()))?;
+        model.check()?;
+        Ok(model)
+    }
+
     /// Checks a model from a file: parts that contradict each other would be a panic or silent nonsense later.
     pub fn check(&self) -> Result<(), ColorLinesError> {
         let n_bands = self.n_bands();

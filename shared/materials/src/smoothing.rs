@@ -5,10 +5,17 @@ use crate::spectra::Spectra;
 use neighbors::{Neighbor, Neighborhoods, SpatialIndex};
 use rayon::prelude::*;
 
-/// Neighbors of a point, with itself.
-const N_NEIGHBORS: usize = 16;
-/// Farthest neighbor, m. Twice the width of a cell of the cameras at 30 m, and less than most surfaces of one material.
-const REACH_M: f32 = 0.3;
+/// Which neighbors of a point, with itself, are combined.
+#[derive(Clone, Copy)]
+struct Reach {
+    n: usize,
+    squared_m2: f32,
+}
+
+/// Neighbors whose probabilities are averaged. Chosen on towns of their own (docs/experiments/materials.md).
+const VOTERS: Reach = Reach { n: 64, squared_m2: 1.0 };
+/// Neighbors that share a mean spectrum or, with the same region, a part: 0.3 m is twice the width of a cell of the cameras at 30 m.
+const NEAR: Reach = Reach { n: 16, squared_m2: 0.09 };
 
 /// How the materials of neighboring points are combined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,18 +52,18 @@ impl Smoothing {
     }
 }
 
-/// The neighbors of each position: at most 16 within 0.3 m, with itself.
+/// The 64 nearest neighbors of each position, nearest first, with itself.
 pub fn neighborhoods(positions: &[[f32; 3]]) -> Neighborhoods<Neighbor> {
-    SpatialIndex::new(positions).nearest_of_own(N_NEIGHBORS)
+    SpatialIndex::new(positions).nearest_of_own(VOTERS.n)
 }
 
 /// Numbers of the neighbors of a position within reach.
-fn near(neighborhoods: &Neighborhoods<Neighbor>, i: usize) -> impl Iterator<Item = usize> {
-    let found = neighborhoods.of(i).iter();
-    found.filter(|neighbor| neighbor.squared_m2 <= REACH_M * REACH_M).map(|neighbor| neighbor.index as usize)
+fn near(neighborhoods: &Neighborhoods<Neighbor>, i: usize, reach: Reach) -> impl Iterator<Item = usize> {
+    let found = neighborhoods.of(i).iter().take(reach.n);
+    found.take_while(move |neighbor| neighbor.squared_m2 <= reach.squared_m2).map(|neighbor| neighbor.index as usize)
 }
 
-/// The mean of the measured reflectances of the neighbors, band by band.
+/// The mean of the measured reflectances of at most 16 neighbors within 0.3 m, band by band.
 pub fn mean_spectra(spectra: &Spectra, neighborhoods: &Neighborhoods<Neighbor>) -> Spectra {
     let n_bands = spectra.wavelengths_nm.len();
     let mut mean = Spectra { values: vec![0.0; spectra.values.len()], ..spectra.clone() };
@@ -66,7 +73,7 @@ pub fn mean_spectra(spectra: &Spectra, neighborhoods: &Neighborhoods<Neighbor>) 
     let rows = mean.values.par_chunks_exact_mut(n_bands).zip(&mut mean.valid).enumerate();
     rows.for_each(|(i, (row, valid))| {
         let mut n = [0_u32; 64];
-        for neighbor in near(neighborhoods, i) {
+        for neighbor in near(neighborhoods, i, NEAR) {
             let spectrum = spectra.get(neighbor);
             for (band, value) in row.iter_mut().enumerate().filter(|(band, _)| spectrum.valid >> band & 1 == 1) {
                 *value += spectrum.values[band];
@@ -82,11 +89,11 @@ pub fn mean_spectra(spectra: &Spectra, neighborhoods: &Neighborhoods<Neighbor>) 
     mean
 }
 
-/// The mean of the probabilities of the neighbors.
+/// The mean of the probabilities of at most 64 neighbors within 1 m.
 pub fn votes(probabilities: &[Probabilities], neighborhoods: &Neighborhoods<Neighbor>) -> Vec<Probabilities> {
     let mean = |i: usize| {
         let mut sum = [0.0; N_MATERIALS];
-        near(neighborhoods, i).for_each(|neighbor| add(&mut sum, &probabilities[neighbor]));
+        near(neighborhoods, i, VOTERS).for_each(|neighbor| add(&mut sum, &probabilities[neighbor]));
         normalized(sum)
     };
     (0..probabilities.len()).into_par_iter().map(mean).collect()
@@ -101,7 +108,7 @@ pub fn region_means(
 ) -> Vec<Probabilities> {
     let mut parts = Parts((0..regions.len()).collect());
     for (i, region) in regions.iter().enumerate().filter(|(_, region)| **region != 0) {
-        for neighbor in near(neighborhoods, i).filter(|neighbor| regions[*neighbor] == *region) {
+        for neighbor in near(neighborhoods, i, NEAR).filter(|neighbor| regions[*neighbor] == *region) {
             parts.join(i, neighbor);
         }
     }

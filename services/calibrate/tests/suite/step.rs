@@ -1,6 +1,7 @@
 //! Small mosaics of known reflectance, tick by tick.
 
 use calibrate::{Calibrate, Settings};
+use color_lines::{Image, Model, Start};
 use formats::manifest::{LidarEntry, Manifest, MosaicEntry, PoseEntry, WhitePanelEntry};
 use formats::pgm::pgm_from_samples;
 use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
@@ -382,6 +383,76 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
         }
     }
     assert_eq!(rows(&cubes_of("simplified", 2, true)), rows(&simplified), "a restart changes nothing");
+}
+
+#[test]
+fn model_files_divide_all_frames_and_others_are_refused_with_place_and_rule() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    write_references(folder.path(), "hs02");
+    write_references(folder.path(), "hs03");
+    let context = context(folder.path());
+    // A model of each camera: of the two surfaces, in units of reflectance.
+    let model_of = |entry: &MosaicEntry| {
+        let n_bands = (entry.pattern * entry.pattern) as usize;
+        let value = |band: usize, cell: usize| {
+            let (band, is_left) = (band as f32, cell % 8 < 4);
+            if is_left { 0.5 - 0.015 * band } else { 0.1 + 0.015 * band }
+        };
+        let values: Vec<f32> = (0..n_bands).flat_map(|band| (0..40).map(move |cell| value(band, cell))).collect();
+        let image = Image::new([8, 5], n_bands, &values).expect("an image");
+        let settings = color_lines::Settings { start: Start::Count(2), ..color_lines::Settings::default() };
+        Model::fit(&image, &settings).expect("fits").model
+    };
+    let write = |name: &str, text: String| std::fs::write(context.launch_folder.join(name), text).expect("written");
+    for (entry, name) in manifest.mosaics.iter().zip(["a.json", "b.json"]) {
+        write(name, serde_json::to_string(&model_of(entry)).expect("encodes"));
+    }
+    let of = |color_lines: &str, models: &[&str]| Settings {
+        color_lines: color_lines.to_owned(),
+        color_lines_frames: 1,
+        color_lines_models: models.iter().map(|name| (*name).to_owned()).collect(),
+        ..Settings::default()
+    };
+
+    let settings = of("regions", &["a.json", "b.json"]);
+    let mut bench = Bench::<Calibrate>::new(&settings, &context).expect("starts");
+    let mut cubes = Vec::new();
+    for _ in 0..2 {
+        for (camera, entry) in (0..).zip(&manifest.mosaics) {
+            bench.send::<MosaicTopic>(STAMP, header(camera), two_surfaces(entry));
+        }
+        bench.tick().expect("a tick");
+        cubes.extend(bench.take::<CubeTopic>());
+        bench = bench.restarted(&settings, &context).expect("takes its state up");
+    }
+    let numbers: Vec<[u32; 2]> = cubes
+        .iter()
+        .map(|cube| {
+            let view = CubeView::new(cube.header(), cube.rows()).expect("fits");
+            let regions = view.regions().expect("are there");
+            [regions[1], regions[5]]
+        })
+        .collect();
+    assert_eq!(numbers[..2], numbers[2..], "a model file divides all frames");
+    let all: std::collections::BTreeSet<u32> = numbers.concat().into_iter().collect();
+    assert_eq!(all, (1..=4).collect(), "cameras share no region");
+
+    let refused = |settings: &Settings| match Calibrate::check(settings, &context).first() {
+        Some(problem) => problem.text.clone(),
+        None => Calibrate::new(settings, &context).err().expect("refused").to_string(),
+    };
+    write("broken.json", "{}".to_owned());
+    for (color_lines, models, words) in [
+        ("off", ["a.json", "b.json"].as_slice(), "needs color_lines"),
+        ("regions", &["a.json"], "names 1 files; the stage has 2 mosaic cameras"),
+        ("regions", &["b.json", "a.json"], "b.json: the model has 16 bands; the cubes of mosaic camera 0 have 25"),
+        ("regions", &["a.json", "absent.json"], "absent.json: "),
+        ("regions", &["a.json", "broken.json"], "broken.json: model: missing field"),
+    ] {
+        let text = refused(&of(color_lines, models));
+        assert!(text.contains(words), "{text}");
+    }
 }
 
 /// Virtual bands of hs03: each takes its own filter twice and the next one off, but for the last filter.

@@ -125,7 +125,5 @@ fn fit(frame: &Frame, args: &Args) -> anyhow::Result<Model> {
 fn read_model(path: &Path) -> anyhow::Result<Model> {
     let about = || path.display().to_string();
     let text = std::fs::read_to_string(path).with_context(about)?;
-    let model: Model = serde_json::from_str(&text).with_context(about)?;
-    model.check().with_context(about)?;
-    Ok(model)
+    Model::from_json(&text).with_context(about)
 }
