@@ -88,10 +88,18 @@ fn variants() -> Vec<(String, Settings)> {
         (thing.min_share, thing.max_speed_mps, thing.join_m) = (0.0, 0.0, 0.0);
         thing.min_score = if thing.class == ClassId::Vehicles.name() { 0.0 } else { 0.5 };
     };
+    let of_pedestrians = |thing: &mut Thing| {
+        if thing.class == ClassId::Pedestrian.name() {
+            thing.min_score = 0.45;
+        }
+    };
+    let surer_pedestrians = Settings { min_ground_around: 0.0, ..of_all(&of_pedestrians) };
     let mut variants = vec![
         ("the thesis' rules".to_owned(), thesis),
         ("fixed counts, no tracks, no joining".to_owned(), of_all(&before)),
         ("default".to_owned(), Settings::default()),
+        ("min_ground_around = 0".to_owned(), Settings { min_ground_around: 0.0, ..Settings::default() }),
+        ("min_ground_around = 0, pedestrians min_score = 0.45".to_owned(), surer_pedestrians),
         ("max_speed_mps = 0".to_owned(), of_all(&|thing| thing.max_speed_mps = 0.0)),
         ("join_m = 0".to_owned(), of_all(&|thing| thing.join_m = 0.0)),
     ];
