@@ -3,13 +3,14 @@
 use crate::Settings;
 use crate::references::{CubeCamera, CubeCameraError};
 use color_lines::{ColorLinesError, CubeRegions, Model};
+use formats::text_file::{TextFileError, read_text};
 use std::path::{Path, PathBuf};
 
 /// Why the model files cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelsError {
     #[error("{}: {source}", .path.display())]
-    Read { path: PathBuf, source: std::io::Error },
+    Read { path: PathBuf, source: TextFileError },
     #[error("{}: {source}", .path.display())]
     Model { path: PathBuf, source: ColorLinesError },
     #[error("color_lines_models needs color_lines = \"regions\" or \"simplified\"")]
@@ -23,6 +24,9 @@ pub enum ModelsError {
     Bands { path: PathBuf, camera: usize, found: usize, expected: usize },
 }
 
+/// Largest model file, bytes. One of 4096 regions of 25 bands has about 4 MB.
+const MAX_BYTES: u64 = 64 << 20;
+
 /// The models that the settings name, with their files.
 pub fn read_models(settings: &Settings, launch_folder: &Path) -> Result<Vec<(PathBuf, Model)>, ModelsError> {
     if !settings.color_lines_models.is_empty() && settings.color_lines == "off" {
@@ -30,7 +34,7 @@ pub fn read_models(settings: &Settings, launch_folder: &Path) -> Result<Vec<(Pat
     }
     let read = |name: &String| {
         let path = launch_folder.join(name);
-        let text = std::fs::read_to_string(&path).map_err(|source| ModelsError::Read { path: path.clone(), source })?;
+        let text = read_text(&path, MAX_BYTES).map_err(|source| ModelsError::Read { path: path.clone(), source })?;
         let model = Model::from_json(&text).map_err(|source| ModelsError::Model { path: path.clone(), source })?;
         Ok((path, model))
     };
