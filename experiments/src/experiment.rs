@@ -133,25 +133,29 @@ pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store
     }
     for column in columns {
         let of_column: Vec<&Recipe> = recipes.iter().filter(|recipe| recipe.column == column).collect();
-        let (mut done, mut seconds, mut left) = (Vec::new(), 0.0, Vec::new());
-        for recipe in &of_column {
-            match store.result(recipe)? {
-                Some(outcome) => {
-                    seconds += store.cpu_seconds(recipe)?;
-                    done.push(outcome);
-                }
-                None => left.push(experiment.cpu_seconds(recipe)),
-            }
-        }
-        // The finished trainings of the column are the best estimate of the others.
-        let estimate =
-            if done.is_empty() { left.iter().sum() } else { seconds / done.len() as f64 * left.len() as f64 };
+        let done: Vec<Outcome> =
+            of_column.iter().filter_map(|recipe| store.result(recipe).transpose()).collect::<anyhow::Result<_>>()?;
+        let estimate = cpu_seconds_left(experiment, &of_column, store)?;
         let converged = done.iter().filter(|outcome| outcome.converged).count();
         println!("| {column} | {} | {} | {converged} | {:.2} |", of_column.len(), done.len(), estimate / 3600.0);
         sum += estimate;
     }
     println!("\n{:.1} CPU hours left\n", sum / 3600.0);
     Ok(())
+}
+
+/// CPU seconds that the trainings of a column still take: the mean of the finished ones, of which the cost is known, for each. That of
+/// published ones is not.
+pub fn cpu_seconds_left(experiment: &dyn Experiment, column: &[&Recipe], store: &Store) -> anyhow::Result<f64> {
+    let (mut known, mut left) = (Vec::new(), Vec::new());
+    for recipe in column {
+        match store.result(recipe)? {
+            Some(_) => known.extend(Some(store.cpu_seconds(recipe)?).filter(|seconds| *seconds > 0.0)),
+            None => left.push(experiment.cpu_seconds(recipe)),
+        }
+    }
+    let mean = known.iter().sum::<f64>() / known.len() as f64;
+    Ok(if known.is_empty() { left.iter().sum() } else { mean * left.len() as f64 })
 }
 
 /// Trains, writes the results, and prints the table.

@@ -1,6 +1,6 @@
 //! Trainings that stop and continue, on a table of tiny images.
 
-use crate::experiment::{Experiment, Job, Results, train_all};
+use crate::experiment::{Experiment, Job, Results, cpu_seconds_left, train_all};
 use crate::loss_table::{loss, table_of_losses};
 use crate::one_training::{Budget, End, end};
 use crate::recipe::{Architecture, Recipe, settings, unet};
@@ -264,6 +264,18 @@ fn published_results_are_not_trained_again_unless_their_weights_or_other_data_ar
     let (n_left, other) = again(third.path(), &partial, &changed);
     assert!(n_left == 0 && other != expected);
     assert_eq!(n_folders(third.path()), 6);
+}
+
+#[test]
+fn plan_estimates_trainings_beside_published_ones_whose_cost_is_unknown() {
+    let (first, second) = (folder(), folder());
+    let (_, results) = trained(&Tiny::new(), first.path(), &Budget::new(None), ALL);
+    let partial = second.path().join("partial.jsonl");
+    std::fs::write(&partial, results.lines().take(4).collect::<Vec<_>>().join("\n")).expect("writes");
+    let store = Store::with_published(second.path().into(), &partial).expect("reads the results");
+    let (tiny, recipes) = (Tiny::new(), Tiny::new().recipes(2));
+    let seconds = cpu_seconds_left(&tiny, &recipes.iter().collect::<Vec<_>>(), &store).expect("reads");
+    assert!((seconds - 2.0).abs() < 1e-9, "{seconds} s for two trainings of 1 s");
 }
 
 fn n_folders(folder: &Path) -> usize {
