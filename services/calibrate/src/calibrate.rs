@@ -1,7 +1,7 @@
 //! The stage.
 
 use crate::Settings;
-use crate::models::{of_cameras, read_models};
+use crate::models::read_models;
 use crate::references::{CubeCamera, CubeCameraError};
 use color_lines::{CubeRegions, CubeSettings, Start};
 use formats::drive::CameraRig;
@@ -116,6 +116,24 @@ fn references(settings: &Settings, context: &Context) -> Option<PathBuf> {
     (!settings.references.is_empty()).then(|| context.launch_folder.join(&settings.references))
 }
 
+/// The cameras of the rig; `None` for those of another stage.
+fn cameras(
+    settings: &Settings,
+    context: &Context,
+    rig: &CameraRig,
+) -> Vec<Option<Result<CubeCamera, CubeCameraError>>> {
+    let folder = references(settings, context).unwrap_or_else(|| rig.folder().to_owned());
+    let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
+        if !settings.cameras.is_empty() && !settings.cameras.contains(&entry.name) {
+            return None;
+        }
+        let sensor = sensor.as_ref().filter(|_| settings.correction);
+        Some(CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic)))
+    };
+    // In parallel, because the run begins when all stages are ready.
+    rig.mosaics().par_iter().zip(rig.sensors()).enumerate().map(read).collect()
+}
+
 /// The camera of a frame; `None` if the frame is another stage's.
 fn camera<'a>(
     cameras: &'a mut [Option<Result<CubeCamera, CubeCameraError>>],
@@ -155,11 +173,16 @@ impl Stage for Calibrate {
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let problem = |key: &str, text: String| vec![Problem::of_key(key, text)];
-        if let Some(unknown) = camera_rig(context).ok().and_then(|rig| unknown_camera(settings, &rig)) {
-            return problem("cameras", unknown);
-        }
-        if let Err(error) = read_models(settings, &context.launch_folder) {
-            return problem("color_lines_models", error.to_string());
+        if let Ok(rig) = camera_rig(context) {
+            if let Some(unknown) = unknown_camera(settings, &rig) {
+                return problem("cameras", unknown);
+            }
+            // Only then, because it takes the time to read all references.
+            if !settings.color_lines_models.is_empty()
+                && let Err(error) = read_models(settings, &context.launch_folder, &cameras(settings, context, &rig))
+            {
+                return problem("color_lines_models", error.to_string());
+            }
         }
         match (context.mode, references(settings, context)) {
             (Mode::Offline, Some(_)) => {
@@ -176,19 +199,8 @@ impl Stage for Calibrate {
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let rig = camera_rig(context).map_err(StepError::io)?;
-        let folder = references(settings, context).unwrap_or_else(|| rig.folder().to_owned());
-        // In parallel, because the run begins when all stages are ready.
-        let cameras = rig.mosaics().par_iter().zip(rig.sensors()).enumerate();
-        let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
-            if !settings.cameras.is_empty() && !settings.cameras.contains(&entry.name) {
-                return None;
-            }
-            let sensor = sensor.as_ref().filter(|_| settings.correction);
-            Some(CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic)))
-        };
-        let cameras: Vec<Option<Result<CubeCamera, CubeCameraError>>> = cameras.map(read).collect();
-        let models = read_models(settings, &context.launch_folder).map_err(StepError::io)?;
-        let regions = of_cameras(models, &cameras).map_err(StepError::data)?;
+        let cameras = cameras(settings, context, &rig);
+        let regions = read_models(settings, &context.launch_folder, &cameras).map_err(StepError::data)?;
         Ok(Self { cameras, median: settings.median, color_lines: cube_settings(settings), regions })
     }
 

@@ -21,44 +21,37 @@ pub enum ModelsError {
         "{}: the model has {found} bands; the cubes of mosaic camera {camera} have {expected}: make the model of its cubes",
         .path.display()
     )]
-    Bands { path: PathBuf, camera: usize, found: usize, expected: usize },
+    Bands { path: PathBuf, camera: u32, found: usize, expected: usize },
 }
 
 /// Largest model file, bytes. One of 4096 regions of 25 bands has about 4 MB.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// The models that the settings name, with their files.
-pub fn read_models(settings: &Settings, launch_folder: &Path) -> Result<Vec<(PathBuf, Model)>, ModelsError> {
-    if !settings.color_lines_models.is_empty() && settings.color_lines == "off" {
+/// The models that the settings name, by camera; none if they name none. A camera that gives no cubes needs its file, too.
+pub fn read_models(
+    settings: &Settings,
+    launch_folder: &Path,
+    cameras: &[Option<Result<CubeCamera, CubeCameraError>>],
+) -> Result<CubeRegions, ModelsError> {
+    let names = &settings.color_lines_models;
+    if names.is_empty() {
+        return Ok(CubeRegions::default());
+    }
+    if settings.color_lines == "off" {
         return Err(ModelsError::Off);
     }
-    let read = |name: &String| {
+    let own: Vec<_> = (0..).zip(cameras).filter_map(|(index, camera)| Some((index, camera.as_ref()?))).collect();
+    if names.len() != own.len() {
+        return Err(ModelsError::Count { found: names.len(), expected: own.len() });
+    }
+    let read = |(name, (camera, cubes)): (&String, (u32, &Result<CubeCamera, CubeCameraError>))| {
         let path = launch_folder.join(name);
         let text = read_text(&path, MAX_BYTES).map_err(|source| ModelsError::Read { path: path.clone(), source })?;
         let model = Model::from_json(&text).map_err(|source| ModelsError::Model { path: path.clone(), source })?;
-        Ok((path, model))
-    };
-    settings.color_lines_models.iter().map(read).collect()
-}
-
-/// The models of the cameras of the stage; none if no files are named. A camera that gives no cubes needs its file, too.
-pub fn of_cameras(
-    models: Vec<(PathBuf, Model)>,
-    cameras: &[Option<Result<CubeCamera, CubeCameraError>>],
-) -> Result<CubeRegions, ModelsError> {
-    let own: Vec<(usize, &Result<CubeCamera, CubeCameraError>)> =
-        cameras.iter().enumerate().filter_map(|(index, camera)| Some((index, camera.as_ref()?))).collect();
-    let (found, expected) = (models.len(), own.len());
-    if found != 0 && found != expected {
-        return Err(ModelsError::Count { found, expected });
-    }
-    for ((path, model), (camera, cubes)) in models.iter().zip(&own) {
-        let (camera, found) = (*camera, model.n_bands());
+        let found = model.n_bands();
         let expected = cubes.as_ref().map_or(found, |cubes| cubes.spectral.valid_bands().count_ones() as usize);
-        if found != expected {
-            return Err(ModelsError::Bands { path: path.clone(), camera, found, expected });
-        }
-    }
-    let models = own.iter().zip(models).map(|((camera, _), (_, model))| (*camera as u32, model));
+        if found == expected { Ok((camera, model)) } else { Err(ModelsError::Bands { path, camera, found, expected }) }
+    };
+    let models = names.iter().zip(own).map(read).collect::<Result<Vec<_>, _>>()?;
     Ok(CubeRegions::of_models(models))
 }

@@ -1,95 +1,20 @@
 //! Small mosaics of known reflectance, tick by tick.
 
+use crate::mosaics::{
+    DARK, HEIGHT, SATURATION, STAMP, T_RAW, T_WHITE, WIDTH, drive, drive_with_references, frame, header, manifest,
+    write_pgm, write_references,
+};
 use calibrate::{Calibrate, Settings};
-use color_lines::{Image, Model, Start};
-use formats::manifest::{LidarEntry, Manifest, MosaicEntry, PoseEntry, WhitePanelEntry};
-use formats::pgm::pgm_from_samples;
+use formats::manifest::{Manifest, MosaicEntry, WhitePanelEntry};
 use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
-use geometry::{CameraModel, Pinhole};
 use messages::{CubeTopic, CubeView, MosaicHeader, MosaicTopic};
 use stage::testing::{Bench, context};
 use stage::{Context, Mode, Received, Stage};
 use std::path::Path;
 use tempfile::TempDir;
 
-const WIDTH: u32 = 43;
-const HEIGHT: u32 = 29;
-const STAMP: i64 = 1_700_000_000_123_456_789;
-const T_WHITE: u64 = 2_000_000;
-const T_RAW: u64 = 5_000_000;
-const DARK: u16 = 60;
-const SATURATION: u16 = 4095;
-
-fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
-    let (fx, fy, cx, cy) = (40.0, 40.0, 21.0, 14.0);
-    MosaicEntry {
-        name: name.to_owned(),
-        folder: name.to_owned(),
-        sensor: None,
-        exposure_nanos: T_RAW,
-        delay_nanos: 0,
-        dark_exposure_nanos: T_RAW,
-        white_exposure_nanos: T_WHITE,
-        white_reflectance: 0.98,
-        white_panel: None,
-        bit_depth: 12,
-        pattern,
-        active_area,
-        // As on real sensors, the bands are not sorted by wavelength.
-        wavelengths_nm: (0..pattern * pattern).map(|k| 470.0 + f64::from(k * 7 % (pattern * pattern))).collect(),
-        body_from_camera: PoseEntry::IDENTITY,
-        model: CameraModel::Pinhole(Pinhole { width: WIDTH, height: HEIGHT, fx, fy, cx, cy, distortion: [0.0; 5] }),
-    }
-}
-
-fn manifest() -> Manifest {
-    let lidar = LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY);
-    let mosaics = vec![entry("hs02", 5, [1, 2, 42, 27]), entry("hs03", 4, [3, 1, 40, 28])];
-    Manifest { mosaics, ..Manifest::of_lidar("test", lidar) }
-}
-
-/// Counts per ms of a white surface, different for every pixel.
-fn sensitivity(x: u32, y: u32) -> f64 {
-    600.0 + f64::from((x * 13 + y * 29) % 97)
-}
-
-fn frame(nanos: u64, reflectance: impl Fn(u32, u32) -> f64) -> Vec<u16> {
-    let pixels = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
-    let counts = |(x, y): (u32, u32)| sensitivity(x, y) * nanos as f64 * 1e-6 * reflectance(x, y);
-    pixels.map(|pixel| DARK + counts(pixel).round() as u16).map(|sample| sample.min(SATURATION)).collect()
-}
-
-fn write_pgm(path: &Path, samples: &[u16]) {
-    std::fs::create_dir_all(path.parent().expect("has a folder")).expect("made");
-    std::fs::write(path, pgm_from_samples(WIDTH, HEIGHT, u16::MAX, samples)).expect("written");
-}
-
-/// Two dark frames that differ by two counts, so that only their mean is right, and a white one.
-fn write_references(drive: &Path, name: &str) {
-    let dark = |d: u16| vec![DARK - 1 + d; (WIDTH * HEIGHT) as usize];
-    write_pgm(&drive.join(name).join("dark/000.pgm"), &dark(0));
-    write_pgm(&drive.join(name).join("dark/001.pgm"), &dark(2));
-    write_pgm(&drive.join(name).join("white/000.pgm"), &frame(T_WHITE, |_, _| 0.98));
-}
-
-fn drive(manifest: &Manifest) -> TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::create_dir_all(folder.path().join("lidar")).expect("made");
-    std::fs::write(folder.path().join("lidar/0.pcap"), b"").expect("written");
-    for entry in &manifest.mosaics {
-        std::fs::create_dir_all(folder.path().join(&entry.folder)).expect("made");
-    }
-    std::fs::write(folder.path().join("drive.toml"), stage::toml::to_string(manifest).expect("encodes"))
-        .expect("written");
-    folder
-}
-
 fn bench(folder: &Path) -> Bench<Calibrate> {
     Bench::new(&Settings::default(), &context(folder)).expect("starts")
-}
-
-fn header(camera: u32) -> MosaicHeader {
-    MosaicHeader { camera, width: WIDTH, height: HEIGHT, bit_depth: 12, exposure_nanos: T_RAW }
 }
 
 /// Reflectance of band k of camera `index` in the scene.
@@ -225,10 +150,7 @@ fn frames_of_a_camera_without_references_are_skipped_and_reported() {
 
 #[test]
 fn invalid_references_are_named() {
-    let manifest = manifest();
-    let folder = drive(&manifest);
-    write_references(folder.path(), "hs02");
-    write_references(folder.path(), "hs03");
+    let (manifest, folder) = drive_with_references();
     std::fs::write(folder.path().join("hs02/white/000.pgm"), b"P5\n2 2\n65535\n\0\x01\0\x02\0\x03\0\x04")
         .expect("written");
     std::fs::write(folder.path().join("hs03/white/000.pgm"), b"P5\n43 29\n65535\n\0\x01").expect("written");
@@ -300,159 +222,6 @@ fn restart_in_mid_stream_gives_the_same_cubes() {
     assert_eq!(cubes[0].rows(), cubes[1].rows());
     assert_eq!(cubes[0].header(), cubes[1].header());
     assert!(bench.stage.load(b"something else").is_err());
-}
-
-/// Two surfaces beside each other: the left one gets darker with the band, the right one brighter.
-fn two_surfaces(entry: &MosaicEntry) -> Vec<u16> {
-    let ([x0, y0, ..], p) = (entry.active_area, entry.pattern);
-    frame(T_RAW, |x, y| {
-        let band = f64::from((y + 10 * p - y0) % p * p + (x + 10 * p - x0) % p);
-        if x < x0 + 4 * p { 0.5 - 0.015 * band } else { 0.1 + 0.015 * band }
-    })
-}
-
-#[test]
-fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() {
-    let manifest = manifest();
-    let folder = drive(&manifest);
-    write_references(folder.path(), "hs02");
-    write_references(folder.path(), "hs03");
-    let context = context(folder.path());
-    let mut frame = two_surfaces(&manifest.mosaics[0]);
-    frame[(2 * WIDTH + 1) as usize] = SATURATION;
-    let cubes_of = |color_lines: &str, frames: u32, is_restarted: bool| {
-        let settings = Settings {
-            color_lines: color_lines.to_owned(),
-            color_lines_gaussians: 2,
-            color_lines_frames: frames,
-            ..Settings::default()
-        };
-        let mut bench = Bench::<Calibrate>::new(&settings, &context).expect("starts");
-        let mut cubes = Vec::new();
-        for _ in 0..3 {
-            bench.send::<MosaicTopic>(STAMP, header(0), frame.clone());
-            bench.send::<MosaicTopic>(STAMP, header(1), two_surfaces(&manifest.mosaics[1]));
-            bench.tick().expect("a tick");
-            cubes.extend(bench.take::<CubeTopic>());
-            if is_restarted {
-                bench = bench.restarted(&settings, &context).expect("takes its state up");
-            }
-        }
-        assert_eq!(bench.counter("cubes_without_regions"), 0);
-        cubes
-    };
-    let rows = |cubes: &[Received<CubeTopic>]| cubes.iter().map(|cube| cube.rows().to_vec()).collect::<Vec<_>>();
-    let regions = |cube: &Received<CubeTopic>| -> Vec<u32> {
-        let view = CubeView::new(cube.header(), cube.rows()).expect("fits");
-        view.regions().expect("are there").to_vec()
-    };
-
-    let (off, on) = (cubes_of("off", 2, false), cubes_of("regions", 2, false));
-    let measured = |cube: &Received<CubeTopic>| {
-        let header = cube.header();
-        cube.rows()[..(header.width * header.height * (header.n_bands + 1)) as usize].to_vec()
-    };
-    assert!(off.iter().zip(&on).all(|(off, on)| off.rows() == measured(on)), "regions change no reflectance");
-    assert!(CubeView::new(off[0].header(), off[0].rows()).is_some_and(|view| view.regions().is_none()));
-    for cube in &on {
-        let found = regions(cube);
-        let is_saturated = cube.header().camera == 0;
-        assert_eq!(found[0] == 0, is_saturated, "a cell with a masked band has no region");
-        let (left, right) = (found[1], found[5]);
-        assert!(left != 0 && right != 0 && left != right, "{found:?}");
-        let width = cube.header().width as usize;
-        let expected = |i: usize| if i % width < 4 { left } else { right };
-        assert!((1..found.len()).all(|i| found[i] == expected(i)), "{found:?}");
-    }
-    // The model of two frames is followed by another, whose regions have other numbers. Cameras share none.
-    let numbers = |i: usize| [regions(&on[i])[1], regions(&on[i])[5]];
-    assert_eq!((numbers(0), numbers(1)), (numbers(2), numbers(3)));
-    let all = [numbers(0), numbers(1), numbers(4), numbers(5)].concat();
-    assert_eq!(all.iter().copied().collect::<std::collections::BTreeSet<u32>>(), (1..=8).collect(), "{all:?}");
-
-    let simplified = cubes_of("simplified", 2, false);
-    for (simplified, on) in simplified.iter().zip(&on) {
-        assert_eq!(regions(simplified), regions(on));
-        let view = |cube| CubeView::new(on.header(), cube).expect("fits");
-        let (simple, exact) = (view(simplified.rows()), view(on.rows()));
-        for band in 0..on.header().n_bands as usize {
-            let cells = simple.band(band).iter().zip(exact.band(band)).zip(regions(on));
-            assert!(cells.clone().all(|((a, b), _)| (a - b).abs() < 0.002), "a surface has one spectrum");
-            let first = simple.band(band)[1];
-            assert!(cells.filter(|(_, region)| *region == regions(on)[1]).all(|((a, _), _)| *a == first));
-        }
-    }
-    assert_eq!(rows(&cubes_of("simplified", 2, true)), rows(&simplified), "a restart changes nothing");
-}
-
-#[test]
-fn model_files_divide_all_frames_and_others_are_refused_with_place_and_rule() {
-    let manifest = manifest();
-    let folder = drive(&manifest);
-    write_references(folder.path(), "hs02");
-    write_references(folder.path(), "hs03");
-    let context = context(folder.path());
-    // A model of each camera: of the two surfaces, in units of reflectance.
-    let model_of = |entry: &MosaicEntry| {
-        let n_bands = (entry.pattern * entry.pattern) as usize;
-        let value = |band: usize, cell: usize| {
-            let (band, is_left) = (band as f32, cell % 8 < 4);
-            if is_left { 0.5 - 0.015 * band } else { 0.1 + 0.015 * band }
-        };
-        let values: Vec<f32> = (0..n_bands).flat_map(|band| (0..40).map(move |cell| value(band, cell))).collect();
-        let image = Image::new([8, 5], n_bands, &values).expect("an image");
-        let settings = color_lines::Settings { start: Start::Count(2), ..color_lines::Settings::default() };
-        Model::fit(&image, &settings).expect("fits").model
-    };
-    let write = |name: &str, text: String| std::fs::write(context.launch_folder.join(name), text).expect("written");
-    for (entry, name) in manifest.mosaics.iter().zip(["a.json", "b.json"]) {
-        write(name, serde_json::to_string(&model_of(entry)).expect("encodes"));
-    }
-    let of = |color_lines: &str, models: &[&str]| Settings {
-        color_lines: color_lines.to_owned(),
-        color_lines_frames: 1,
-        color_lines_models: models.iter().map(|name| (*name).to_owned()).collect(),
-        ..Settings::default()
-    };
-
-    let settings = of("regions", &["a.json", "b.json"]);
-    let mut bench = Bench::<Calibrate>::new(&settings, &context).expect("starts");
-    let mut cubes = Vec::new();
-    for _ in 0..2 {
-        for (camera, entry) in (0..).zip(&manifest.mosaics) {
-            bench.send::<MosaicTopic>(STAMP, header(camera), two_surfaces(entry));
-        }
-        bench.tick().expect("a tick");
-        cubes.extend(bench.take::<CubeTopic>());
-        bench = bench.restarted(&settings, &context).expect("takes its state up");
-    }
-    let numbers: Vec<[u32; 2]> = cubes
-        .iter()
-        .map(|cube| {
-            let view = CubeView::new(cube.header(), cube.rows()).expect("fits");
-            let regions = view.regions().expect("are there");
-            [regions[1], regions[5]]
-        })
-        .collect();
-    assert_eq!(numbers[..2], numbers[2..], "a model file divides all frames");
-    let all: std::collections::BTreeSet<u32> = numbers.concat().into_iter().collect();
-    assert_eq!(all, (1..=4).collect(), "cameras share no region");
-
-    let refused = |settings: &Settings| match Calibrate::check(settings, &context).first() {
-        Some(problem) => problem.text.clone(),
-        None => Calibrate::new(settings, &context).err().expect("refused").to_string(),
-    };
-    write("broken.json", "{}".to_owned());
-    for (color_lines, models, words) in [
-        ("off", ["a.json", "b.json"].as_slice(), "needs color_lines"),
-        ("regions", &["a.json"], "names 1 files; the stage has 2 mosaic cameras"),
-        ("regions", &["b.json", "a.json"], "b.json: the model has 16 bands; the cubes of mosaic camera 0 have 25"),
-        ("regions", &["a.json", "absent.json"], "absent.json: "),
-        ("regions", &["a.json", "broken.json"], "broken.json: model: missing field"),
-    ] {
-        let text = refused(&of(color_lines, models));
-        assert!(text.contains(words), "{text}");
-    }
 }
 
 /// Virtual bands of hs03: each takes its own filter twice and the next one off, but for the last filter.
@@ -540,10 +309,7 @@ fn manifest_that_contradicts_the_calibration_file_is_rejected() {
 
 #[test]
 fn demosaiced_cubes_have_a_cell_per_pixel_and_masks_around_invalid_samples() {
-    let manifest = manifest();
-    let folder = drive(&manifest);
-    write_references(folder.path(), "hs02");
-    write_references(folder.path(), "hs03");
+    let (manifest, folder) = drive_with_references();
     for demosaic in ["wb", "id", "iid", "ppid"] {
         let settings = Settings { demosaic: demosaic.to_owned(), ..Settings::default() };
         let mut bench = Bench::<Calibrate>::new(&settings, &context(folder.path())).expect("starts");
