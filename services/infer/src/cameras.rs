@@ -6,11 +6,11 @@ use segmentation::spherical::{AskedColumns, BAND_REACH_NM};
 use stage::{Context, Mode, Problem};
 use std::path::Path;
 
-/// The first column of the model `file`, named by the setting `key`, that nothing gives.
-pub fn problem(key: &'static str, file: &str, path: &Path, context: &Context) -> Option<Problem> {
+/// The first column of the model `file` that nothing gives.
+pub fn problem(file: &str, path: &Path, context: &Context) -> Option<Problem> {
     let AskedColumns { color, wavelengths_nm } = segmentation::asked_columns(path).ok()?;
     let reads = |what: &str| format!("{file} reads {what}");
-    let problem = |text: String| Some(Problem::of_key(key, text));
+    let problem = |text: String| Some(Problem::of_key("model", text));
     let add = "add [colorize] to the launch file, or name a model without cameras";
     if color && !context.is_connected::<ColorTopic>() {
         return problem(format!("{}, and no stage produces topic color; {add}", reads("colors")));

@@ -15,17 +15,15 @@ use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,
 };
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 stage::settings! {
     /// Settings of infer.
     pub struct Settings {
         /// Model file. A relative path is relative to the folder of launch.toml.
-        pub model: String = "models/street.safetensors".to_owned() => stage::any();
-        /// Second model file, with the same classes: the geometric mean of the probabilities of both decides, in which `model` counts twice.
-        /// Empty: none.
-        pub fused_with: String = String::new() => stage::any();
-        /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
+        pub model: String = "models/street_fused.safetensors".to_owned() => stage::any();
+        /// One of this many sweeps of a submap goes through a network on images; points of the others get the votes of nearby points. 1 is all
+        /// sweeps. A fused model multiplies it by its own number.
         pub every: u32 = 1 => stage::within(1, 16);
         /// What the model takes from the intensities: `raw` as recorded, `normalized` brought to the scale of the training by those of
         /// the ground ring by ring, `off` nothing, `auto` as recorded, but normalized where the scale is another.
@@ -143,20 +141,6 @@ impl Infer {
     }
 }
 
-/// The model files and their keys.
-fn model_files(settings: &Settings) -> impl Iterator<Item = (&'static str, &str)> {
-    let second = Some(("fused_with", settings.fused_with.as_str())).filter(|(_, file)| !file.is_empty());
-    std::iter::once(("model", settings.model.as_str())).chain(second)
-}
-
-/// The model of one file, or that of two.
-fn load(paths: &[PathBuf], options: &Options) -> Result<Box<dyn Segmenter>, SegmentationError> {
-    match paths {
-        [first, second] => Ok(Box::new(segmentation::load_fused(first, second, options)?)),
-        _ => segmentation::load(&paths[0], options),
-    }
-}
-
 fn options(settings: &Settings) -> Options {
     Options {
         every: settings.every as usize,
@@ -192,9 +176,8 @@ impl Stage for Infer {
 
     /// Those that the model reads. A model file that cannot be read is reported by [`Self::check`].
     fn inputs_with(settings: &Settings, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
-        let paths = model_files(settings).map(|(_, file)| find_file(launch_folder, Path::new(file)));
-        let columns = paths.map(|path| segmentation::asked_columns(&path).unwrap_or_default());
-        let columns = columns.fold(AskedColumns::default(), AskedColumns::and);
+        let path = find_file(launch_folder, Path::new(&settings.model));
+        let columns = segmentation::asked_columns(&path).unwrap_or_default();
         let color = columns.color.then(Port::of::<ColorTopic>);
         let spectra = (!columns.wavelengths_nm.is_empty()).then(Port::of::<SpectraTopic>);
         Ok([Some(Port::of::<SubmapTopic>()), color, spectra].into_iter().flatten().collect())
@@ -209,31 +192,22 @@ impl Stage for Infer {
         let of_device = options.device.open().err().map(|error| Problem::of_key("device", error.to_string()));
         let on_cpu = Options { device: ComputeDevice::Cpu, ..options };
         let mut problems: Vec<Problem> = of_device.into_iter().collect();
-        let mut paths = Vec::new();
-        for (key, file) in model_files(settings) {
-            let path = context.resolve(Path::new(file));
-            let of_model = segmentation::load(&path, &on_cpu).err();
-            problems.extend(of_model.map(|error| Problem::of_key(key, error.to_string())));
-            problems.extend(cameras::problem(key, file, &path, context));
-            paths.push(path);
-        }
-        if problems.is_empty() && paths.len() > 1 {
-            let of_both = load(&paths, &on_cpu).err();
-            problems.extend(of_both.map(|error| Problem::of_key("fused_with", error.to_string())));
-        }
+        let path = context.resolve(Path::new(&settings.model));
+        let of_model = segmentation::load(&path, &on_cpu).err();
+        problems.extend(of_model.map(|error| Problem::of_key("model", error.to_string())));
+        problems.extend(cameras::problem(&settings.model, &path, context));
         problems
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let paths: Vec<PathBuf> = model_files(settings).map(|(_, file)| context.resolve(Path::new(file))).collect();
-        let columns = paths.iter().map(|path| segmentation::asked_columns(path).map_err(StepError::io));
-        let columns = columns.reduce(|all, next| Ok(all?.and(next?))).unwrap_or_else(|| Ok(AskedColumns::default()))?;
+        let path = context.resolve(Path::new(&settings.model));
+        let columns = segmentation::asked_columns(&path).map_err(StepError::io)?;
         let reads_any = columns != AskedColumns::default();
         let join = reads_any.then(|| {
             let join = SubmapJoin::new(context.mode).column::<ColorTopic>(columns.color);
             join.column::<SpectraTopic>(!columns.wavelengths_nm.is_empty())
         });
-        let model = load(&paths, &options(settings)).map_err(StepError::io)?;
+        let model = segmentation::load(&path, &options(settings)).map_err(StepError::io)?;
         Ok(Self {
             join,
             model: UnknownBelow::wrap(model, settings.unknown_below),

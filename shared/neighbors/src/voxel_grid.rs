@@ -1,6 +1,6 @@
 //! Voxel grid: one point for each occupied voxel.
 
-use crate::position::is_valid;
+use crate::position::{Bounds, is_valid};
 use rayon::prelude::*;
 
 /// The side of a voxel is not a positive number.
@@ -18,11 +18,20 @@ pub struct VoxelGrid {
     ends: Vec<usize>,
 }
 
-/// A point and its voxel, as bits: only equality matters, and no voxel number is too large.
+/// A point and its voxel: only equality matters.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Entry {
-    voxel: [u64; 3],
+struct Entry<V> {
+    voxel: V,
     point: u32,
+}
+
+/// Bits of a voxel number along an axis, if the numbers of all three fit into one integer.
+const AXIS_BITS: u32 = 21;
+
+/// The valid points with their voxels.
+fn entries<V: Send>(points: &[[f32; 3]], voxel: impl Fn([f32; 3]) -> V + Sync) -> Vec<Entry<V>> {
+    let valid = points.par_iter().with_min_len(1 << 14).enumerate().filter(|(_, p)| is_valid(**p));
+    valid.map(|(point_idx, p)| Entry { voxel: voxel(*p), point: point_idx as u32 }).collect()
 }
 
 impl VoxelGrid {
@@ -31,23 +40,33 @@ impl VoxelGrid {
         if !(cell_m > 0.0 && cell_m.is_finite()) {
             return Err(InvalidCell(cell_m));
         }
-        let voxel = |p: [f32; 3]| {
-            // Adding 0 makes -0 equal to 0.
-            p.map(|v| ((f64::from(v) / f64::from(cell_m)).floor() + 0.0).to_bits())
-        };
-        let valid = points.par_iter().with_min_len(1 << 14).enumerate().filter(|(_, p)| is_valid(**p));
-        let mut entries: Vec<Entry> =
-            valid.map(|(point_idx, p)| Entry { voxel: voxel(*p), point: point_idx as u32 }).collect();
+        // Adding 0 makes -0 equal to 0.
+        let voxel = |p: [f32; 3]| p.map(|v| (f64::from(v) / f64::from(cell_m)).floor() + 0.0);
+        let bounds = Bounds::around(points.iter().copied().filter(|p| is_valid(*p)));
+        let (low, high) = (voxel(bounds.low), voxel(bounds.high));
+        let is_small = (0..3).all(|axis| high[axis] - low[axis] < f64::from(1 << AXIS_BITS));
+        // Small integers are sorted faster.
+        Ok(if is_small {
+            Self::of_entries(entries(points, |p| {
+                let voxel = voxel(p);
+                (0..3).fold(0_u64, |bits, axis| bits << AXIS_BITS | (voxel[axis] - low[axis]) as u64)
+            }))
+        } else {
+            // As bits: no voxel number is too large.
+            Self::of_entries(entries(points, |p| voxel(p).map(f64::to_bits)))
+        })
+    }
+    fn of_entries<V: Ord + Copy + Send>(mut entries: Vec<Entry<V>>) -> Self {
         entries.par_sort_unstable();
-        let mut voxels: Vec<&[Entry]> = entries.chunk_by(|a, b| a.voxel == b.voxel).collect();
+        let mut voxels: Vec<&[Entry<V>]> = entries.chunk_by(|a, b| a.voxel == b.voxel).collect();
         voxels.sort_unstable_by_key(|entries| entries[0].point);
         let mut end = 0;
-        let add = |entries: &&[Entry]| {
+        let add = |entries: &&[Entry<V>]| {
             end += entries.len();
             end
         };
         let ends = voxels.iter().map(add).collect();
-        Ok(Self { points: voxels.iter().flat_map(|entries| entries.iter().map(|entry| entry.point)).collect(), ends })
+        Self { points: voxels.iter().flat_map(|entries| entries.iter().map(|entry| entry.point)).collect(), ends }
     }
     /// Number of occupied voxels.
     pub fn len(&self) -> usize {

@@ -5,13 +5,85 @@
 
 use crate::cell_probabilities::best_of;
 use crate::ground::SubmapGround;
+use crate::model_file::{CardText, ModelFile, encode_model};
+use crate::points::{self, PointModel};
 use crate::segmenter::{CellSegmenter, class_row, write_rows};
+use crate::spherical::{self, GroundUse, Options, SphericalModel};
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Added to every probability: no model excludes a class for sure. Votes have steps of 1/255.
 const LEAST: f32 = 1e-3;
+
+/// Name of the architecture in model files.
+pub const ARCHITECTURE: &str = "fused";
+
+/// Version that this program writes and runs.
+const VERSION: u32 = 1;
+
+/// Settings of a model file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Settings {
+    /// The first model sees one of this many sweeps of those that it would see alone.
+    every: usize,
+    /// The cards of both models.
+    models: [CardText; 2],
+}
+
+/// The models of a file of this architecture.
+pub(crate) fn parts(file: &ModelFile) -> Result<[ModelFile; 2], SegmentationError> {
+    let [first, second] = file.settings::<Settings>()?.models;
+    Ok([file.part(0, first), file.part(1, second)])
+}
+
+/// The bytes of a model file that fuses two. The first model then sees one of `every` sweeps of those that it would see alone, 1 to 16:
+/// most of what the others show, the second model has seen, too. Equal files give equal bytes.
+///
+/// # Errors
+/// If a file cannot be read, one of the models knows no probabilities, removes the ground first or is fused itself, their classes
+/// differ, or `every` is outside its range.
+pub fn fuse(first: &Path, second: &Path, every: usize) -> Result<Vec<u8>, SegmentationError> {
+    let files = [ModelFile::read(first)?, ModelFile::read(second)?];
+    of_files(&files, every, &Options::default())?;
+    let settings = Settings { every, models: files.each_ref().map(ModelFile::card_text) };
+    let mut tensors = BTreeMap::new();
+    for (number, file) in files.iter().enumerate() {
+        tensors.extend(file.tensors_of_part(number)?);
+    }
+    let tensors = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.clone()));
+    encode_model(ARCHITECTURE, VERSION, &settings, tensors.collect())
+}
+
+/// The model of two files.
+fn of_files(files: &[ModelFile; 2], every: usize, options: &Options) -> Result<Fused, SegmentationError> {
+    if !(1..=MOST_EVERY).contains(&every) {
+        return Err(SegmentationError::Settings(format!("every = {every}, must be 1 to {MOST_EVERY}")));
+    }
+    let of_first = Options { every: options.every * every, ..*options };
+    let [first, second] = files;
+    Fused::new(of_cells(first, &of_first)?, of_cells(second, options)?, &second.path)
+}
+
+/// Sweeps of which the first model sees one, at most.
+const MOST_EVERY: usize = 16;
+
+/// A model that can be fused.
+fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter>, SegmentationError> {
+    let removes_ground = || -> Result<bool, SegmentationError> {
+        Ok(file.settings::<spherical::Settings>()?.ground == GroundUse::Removed)
+    };
+    let reason = match file.card.architecture.as_str() {
+        spherical::ARCHITECTURE if removes_ground()? => "the model removes the ground first",
+        spherical::ARCHITECTURE => return Ok(Box::new(SphericalModel::from_file(file)?.with_options(*options)?)),
+        points::ARCHITECTURE => return Ok(Box::new(PointModel::from_file(file)?.with_options(*options)?)),
+        _ => "the model knows no probabilities",
+    };
+    Err(SegmentationError::Card { path: file.path.clone(), reason: format!("{reason}, so it cannot be fused") })
+}
 
 /// Two models with the same classes.
 pub struct Fused {
@@ -20,11 +92,13 @@ pub struct Fused {
 }
 
 impl Fused {
-    /// Both models. The card is that of the first, with a digest of both.
-    ///
-    /// # Errors
-    /// If they have other classes, or the same in another order. `path` is the file of the second.
-    pub fn new(
+    pub(crate) fn from_file(file: &ModelFile, options: &Options) -> Result<Self, SegmentationError> {
+        file.expect_version(VERSION)?;
+        let every = file.settings::<Settings>()?.every;
+        Ok(Self { card: file.card.clone(), ..of_files(&parts(file)?, every, options)? })
+    }
+    /// Both models, with the card of the first. `path` is the file of the second.
+    fn new(
         first: Box<dyn CellSegmenter>,
         second: Box<dyn CellSegmenter>,
         path: &Path,
@@ -39,8 +113,7 @@ impl Fused {
             );
             return Err(SegmentationError::Card { path: path.into(), reason });
         }
-        let digest = first.card().digest ^ second.card().digest.rotate_left(1);
-        let card = ModelCard { digest, ..first.card().clone() };
+        let card = first.card().clone();
         Ok(Self { models: [first, second], card })
     }
 }
@@ -49,7 +122,7 @@ impl Fused {
 const FACTORS: [fn(f32) -> f32; 2] = [|first| (first + LEAST).powi(2).cbrt(), |second| (second + LEAST).cbrt()];
 
 /// The best class and its share of the products of the factors at a point. A model that cannot classify it has none.
-fn fuse(factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
+fn decide(factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
     let n_classes = factors.iter().flatten().next()?.len();
     let mut means = [1.0; ClassId::ALL.len()];
     let means = &mut means[..n_classes];
@@ -58,6 +131,14 @@ fn fuse(factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
     }
     let total: f32 = means.iter().sum();
     best_of(means).map(|(class, mean)| (class, mean / total))
+}
+
+/// Whether both are the row of one cell.
+fn is_same(a: Option<&[f32]>, b: Option<&[f32]>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => std::ptr::eq(a, b),
+        (a, b) => a.is_none() && b.is_none(),
+    }
 }
 
 impl Segmenter for Fused {
@@ -73,8 +154,18 @@ impl Segmenter for Fused {
         let (of_second, _) = second.probabilities(input, &ground)?;
         // By cells, because many points share one.
         let (of_first, of_second) = (of_first.map(FACTORS[0]), of_second.map(FACTORS[1]));
-        let decided = of_first.of_points().zip(of_second.of_points()).map(|(first, second)| fuse([first, second]));
-        let rows = decided.map(|found| class_row(found.map(|(class, share)| (first.classes()[class], share))));
+        let decided = |factors: [Option<&[f32]>; 2]| {
+            class_row(decide(factors).map(|(class, share)| (first.classes()[class], share)))
+        };
+        // Points that follow each other often share their cells.
+        let mut last = ([None, None], decided([None, None]));
+        let rows = of_first.of_points().zip(of_second.of_points()).map(|(first, second)| {
+            let factors = [first, second];
+            if !(0..2).all(|model| is_same(factors[model], last.0[model])) {
+                last = (factors, decided(factors));
+            }
+            last.1
+        });
         let n_unseen = write_rows(rows, classes);
         first.refinement().of_points(input.points, &ground, first.classes(), classes);
         Ok(Report { n_unseen, ..report })

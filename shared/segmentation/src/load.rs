@@ -3,25 +3,32 @@
 use crate::ground::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
 use crate::points::{self, PointFeature, PointModel, PointSettings};
-use crate::segmenter::{CellSegmenter, Segmenter};
-use crate::spherical::{self, AskedColumns, GroundUse, Options, SphericalModel};
-use crate::{Fused, SegmentationError};
+use crate::segmenter::Segmenter;
+use crate::spherical::{self, AskedColumns, Options, SphericalModel};
+use crate::{Fused, SegmentationError, fused};
 use std::path::Path;
 
 /// Names of the architectures.
-const KNOWN: &str = "ground_quasi_flat, points, spherical";
+const KNOWN: &str = "fused, ground_quasi_flat, points, spherical";
 
 /// The columns that a model file reads beside the points of a submap.
 ///
 /// # Errors
 /// If the file or its settings cannot be read.
 pub fn asked_columns(path: &Path) -> Result<AskedColumns, SegmentationError> {
-    let file = ModelFile::read(path)?;
+    columns_of(&ModelFile::read(path)?)
+}
+
+fn columns_of(file: &ModelFile) -> Result<AskedColumns, SegmentationError> {
     match file.card.architecture.as_str() {
         spherical::ARCHITECTURE => Ok(file.settings::<spherical::Settings>()?.features.columns()),
         points::ARCHITECTURE => {
             let features = file.settings::<PointSettings>()?.features;
             Ok(AskedColumns { color: features.contains(&PointFeature::ColorHeight), ..AskedColumns::default() })
+        }
+        fused::ARCHITECTURE => {
+            let [first, second] = fused::parts(file)?;
+            Ok(columns_of(&first)?.and(columns_of(&second)?))
         }
         _ => Ok(AskedColumns::default()),
     }
@@ -36,37 +43,9 @@ pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, Segmen
     let file = ModelFile::read(path)?;
     match file.card.architecture.as_str() {
         ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
-        _ => Ok(of_cells(&file, options)?),
-    }
-}
-
-/// Reads two model files to be fused.
-///
-/// # Errors
-/// As [`load`], and if one of them knows no probabilities or removes the ground first, or their classes differ.
-pub fn load_fused(first: &Path, second: &Path, options: &Options) -> Result<Fused, SegmentationError> {
-    let [first, of_second] = [first, second].map(|path| {
-        let file = ModelFile::read(path)?;
-        let refused = |reason: &str| {
-            let reason = format!("{reason}, so it cannot be fused");
-            Err(SegmentationError::Card { path: path.into(), reason })
-        };
-        match file.card.architecture.as_str() {
-            ground::ARCHITECTURE => refused("the model knows no probabilities"),
-            spherical::ARCHITECTURE if file.settings::<spherical::Settings>()?.ground == GroundUse::Removed => {
-                refused("the model removes the ground first")
-            }
-            _ => of_cells(&file, options),
-        }
-    });
-    Fused::new(first?, of_second?, second)
-}
-
-/// A model that knows probabilities.
-fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter>, SegmentationError> {
-    match file.card.architecture.as_str() {
-        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(file)?.with_options(*options)?)),
-        points::ARCHITECTURE => Ok(Box::new(PointModel::from_file(file)?.with_options(*options)?)),
+        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options)?)),
+        points::ARCHITECTURE => Ok(Box::new(PointModel::from_file(&file)?.with_options(*options)?)),
+        fused::ARCHITECTURE => Ok(Box::new(Fused::from_file(&file, options)?)),
         other => {
             Err(SegmentationError::Architecture { path: file.path.clone(), found: other.to_owned(), known: KNOWN })
         }

@@ -1,6 +1,8 @@
 //! Model files: safetensors with one metadata key `model`, a JSON object
 //! `{"architecture": …, "version": …, "settings": {…}}`.
 //!
+//! A file can contain several models: its settings then have their cards, and the tensors of the first are named `0.…`.
+//!
 //! One key and not three, because safetensors keeps its metadata in a hash map: with one key, equal models give equal
 //! bytes.
 
@@ -13,6 +15,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Largest model file that is read, bytes: a hundred times the networks that run on a CPU beside the other stages.
 pub const MAX_MODEL_BYTES: u64 = 1 << 30;
@@ -31,12 +34,13 @@ pub struct ModelCard {
     pub digest: u64,
 }
 
-#[derive(Serialize, Deserialize)]
+/// A card as it is written.
+#[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct CardText {
-    architecture: String,
-    version: u32,
-    settings: serde_json::Value,
+pub(crate) struct CardText {
+    pub architecture: String,
+    pub version: u32,
+    pub settings: serde_json::Value,
 }
 
 /// A model file whose container and card are valid.
@@ -46,7 +50,9 @@ pub struct ModelFile {
     /// Architecture, version and digest.
     pub card: ModelCard,
     settings: serde_json::Value,
-    bytes: Vec<u8>,
+    /// Start of the names of its tensors.
+    prefix: String,
+    bytes: Arc<[u8]>,
 }
 
 impl ModelFile {
@@ -63,7 +69,28 @@ impl ModelFile {
         let text: CardText = serde_json::from_str(text).map_err(|error| card(error.to_string()))?;
         let digest = fingerprint(FINGERPRINT_START, &bytes);
         let card = ModelCard { architecture: text.architecture, version: text.version, digest };
-        Ok(Self { path: path.into(), card, settings: text.settings, bytes })
+        Ok(Self { path: path.into(), card, settings: text.settings, prefix: String::new(), bytes: bytes.into() })
+    }
+
+    /// One of the models that the file contains, with the digest of the file.
+    pub(crate) fn part(&self, number: usize, text: CardText) -> Self {
+        let CardText { architecture, version, settings } = text;
+        let card = ModelCard { architecture, version, digest: self.card.digest };
+        let prefix = format!("{}{}", self.prefix, prefix_of(number));
+        Self { path: self.path.clone(), card, settings, prefix, bytes: self.bytes.clone() }
+    }
+
+    /// The card as it is written.
+    pub(crate) fn card_text(&self) -> CardText {
+        let ModelCard { architecture, version, .. } = self.card.clone();
+        CardText { architecture, version, settings: self.settings.clone() }
+    }
+
+    /// All tensors, named as those of a part.
+    pub(crate) fn tensors_of_part(&self, number: usize) -> Result<BTreeMap<String, Tensor>, SegmentationError> {
+        let file = SliceSafetensors::new(&self.bytes)?;
+        let names = file.tensors().into_iter().map(|(name, _)| name);
+        names.map(|name| Ok((prefix_of(number) + &name, self.load(&name)?))).collect()
     }
 
     /// Returns an error if the file has another version of its architecture.
@@ -83,7 +110,7 @@ impl ModelFile {
 
     /// The error for an invalid tensor.
     pub(crate) fn bad_tensor(&self, name: &str, reason: String) -> SegmentationError {
-        SegmentationError::Tensor { path: self.path.clone(), name: name.to_owned(), reason }
+        SegmentationError::Tensor { path: self.path.clone(), name: format!("{}{name}", self.prefix), reason }
     }
 
     /// The finite f32 values of a tensor of this shape.
@@ -97,7 +124,7 @@ impl ModelFile {
 
     fn load(&self, name: &str) -> Result<Tensor, SegmentationError> {
         SliceSafetensors::new(&self.bytes)
-            .and_then(|tensors| tensors.load(name, &Device::Cpu))
+            .and_then(|tensors| tensors.load(&format!("{}{name}", self.prefix), &Device::Cpu))
             .map_err(|error| self.bad_tensor(name, error.to_string()))
     }
 
@@ -130,6 +157,11 @@ impl ModelFile {
         }
         self.finite(name, &tensor)
     }
+}
+
+/// Start of the names of the tensors of a part.
+fn prefix_of(number: usize) -> String {
+    format!("{number}.")
 }
 
 #[allow(clippy::disallowed_methods, reason = "a stage loads its model before its first step")]

@@ -1,5 +1,5 @@
 //! Networks on points: [`PointNetworkSpec`] names one, [`PointNetworkSpec::plan`] searches the neighborhoods of a batch, and
-//! [`PointNetworkSpec::run`] gives a score of each class for each point. All have gradients for training.
+//! [`PointNetworkSpec::run`] gives a score of each class for each point. All have gradients in training.
 //!
 //! | network | kind | uses |
 //! |---|---|---|
@@ -15,6 +15,7 @@ mod augmentation;
 mod batch;
 mod cells;
 mod classified_cells;
+mod columns;
 mod features;
 mod kernel_points;
 mod kpconv;
@@ -24,6 +25,7 @@ mod parameters;
 mod pass;
 mod pointnet;
 mod pointnet2;
+mod prediction;
 mod search;
 mod settings;
 mod spec;
@@ -34,6 +36,7 @@ pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, 
 pub use batch::PointBatch;
 pub use cells::CellCloud;
 pub use classified_cells::{ClassifiedCells, classes_of_cells};
+pub use columns::{Column, ColumnSettings};
 pub use features::PointFeature;
 pub use kpconv::KpConv;
 pub use model::PointModel;
@@ -41,7 +44,8 @@ pub use parameters::{Parameter, Parameters, Start};
 pub use pass::Pass;
 pub use pointnet::PointNet;
 pub use pointnet2::{Abstraction, PointNet2, Scale};
+pub use prediction::{CloudPrediction, RegionRows, Regions, Votes};
 pub use settings::{ARCHITECTURE, PointSettings, VERSION};
 pub use spec::{PointNetworkSpec, PointPlan};
-pub use spheres::{SpherePrediction, SphereRows, SphereSettings, TrainingSpheres, Votes, sphere};
+pub use spheres::{SphereSettings, TrainingSpheres, sphere};
 pub use waffle_iron::{PlaneConvolution, WaffleIron};

@@ -103,7 +103,7 @@ mod tests {
         all.sort_unstable();
         grouped.sort_unstable();
         assert_eq!(grouped, all);
-        assert_eq!(all.len(), 31);
+        assert_eq!(all.len(), 32);
         grouped.dedup();
         assert_eq!(grouped, all, "a subcommand is in two groups");
     }

@@ -2,6 +2,7 @@
 
 mod bench;
 pub mod evaluate;
+mod fuse;
 pub mod instances;
 mod materials;
 mod recorded_classes;
@@ -15,6 +16,7 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     Train(train::Args),
+    Fuse(fuse::Args),
     Evaluate(Box<evaluate::Args>),
     Instances(instances::Args),
     Bench(bench::Args),
@@ -28,6 +30,7 @@ impl Command {
                 restart_with_kept_memory(Keep::Large);
                 train::run(args)
             }
+            Command::Fuse(args) => fuse::run(args),
             Command::Evaluate(args) => evaluate::run(args),
             Command::Instances(args) => instances::run(args),
             Command::Bench(args) => bench::run(args),

@@ -65,7 +65,7 @@ fn points_of_skipped_sweep_get_votes_of_nearby_points() {
     twice.sweeps[1] = twice.sweeps[0];
     twice.sweeps[1].first_point = points.len() as u32;
     let classes = |every: u32, header: &SubmapHeader, points: Vec<SubmapPoint>| {
-        let settings = Settings { every, ..Settings::default() };
+        let settings = Settings { every, model: "models/street.safetensors".to_owned(), ..Settings::default() };
         let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the model loads");
         bench.send::<SubmapTopic>(0, *header, points);
         bench.tick().expect("steps");
@@ -102,20 +102,24 @@ fn classes_do_not_depend_on_batch() {
 }
 
 #[test]
-fn fused_models_give_the_class_on_which_both_agree() {
-    let (street, points) = ("models/street.safetensors", "models/points.safetensors");
+fn fused_model_gives_the_class_on_which_both_agree() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let root = at_root();
+    let [street, points] = ["street", "points"].map(|name| root.resolve(format!("models/{name}.safetensors").as_ref()));
+    let fused = folder.path().join("fused.safetensors");
+    std::fs::write(&fused, segmentation::fuse(&street, &points, 1).expect("both suit each other")).expect("writes");
     let (header, cloud, _) = street_sweep();
-    let classes = |model: &str, fused_with: &str| {
-        let settings = Settings { model: model.to_owned(), fused_with: fused_with.to_owned(), ..Settings::default() };
-        assert_eq!(Infer::check(&settings, &at_root()), []);
-        let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the models load");
+    let classes = |model: &Path| {
+        let settings = Settings { model: model.display().to_string(), ..Settings::default() };
+        assert_eq!(Infer::check(&settings, &root), []);
+        let mut bench: Bench<Infer> = Bench::new(&settings, &root).expect("the model loads");
         bench.send::<SubmapTopic>(0, header, cloud.clone());
         bench.tick().expect("steps");
         let columns = bench.take::<ClassTopic>();
         (columns[0].rows().to_vec(), columns[0].header().model_digest)
     };
     let ((on_images, first), (on_points, second), (fused, both)) =
-        (classes(street, ""), classes(points, ""), classes(street, points));
+        (classes(&street), classes(&points), classes(&fused));
     let class = |rows: &[ClassRow], point: usize| rows[point].class_id;
     let (agreed, open): (Vec<usize>, Vec<usize>) =
         (0..fused.len()).partition(|point| class(&on_images, *point) == class(&on_points, *point));
@@ -128,20 +132,19 @@ fn fused_models_give_the_class_on_which_both_agree() {
 }
 
 #[test]
-fn second_model_that_is_missing_or_cannot_be_fused_is_reported_by_check() {
-    let problems_of = |fused_with: &str| {
-        let settings = Settings { fused_with: fused_with.to_owned(), ..Settings::default() };
-        Infer::check(&settings, &at_root())
+fn shipped_fused_model_has_both_shipped_models() {
+    let root = at_root();
+    let file = |name: &str| root.resolve(format!("models/{name}.safetensors").as_ref());
+    let written = segmentation::fuse(&file("street"), &file("points"), 3).expect("both suit each other");
+    let shipped = std::fs::read(file("street_fused")).expect("is there");
+    assert!(written == shipped, "replica fuse models/street.safetensors models/points.safetensors --every 3 writes it");
+    let refused = |first: &str, every: usize| {
+        segmentation::fuse(&file(first), &file("points"), every).expect_err("refused").to_string()
     };
-    for (file, rule) in [
-        ("models/none.safetensors", "No such file"),
-        ("models/ground.safetensors", "the model knows no probabilities, so it cannot be fused"),
-    ] {
-        let problems = problems_of(file);
-        assert_eq!(problems.iter().map(|problem| problem.key.as_str()).collect::<Vec<_>>(), ["fused_with"]);
-        assert!(problems[0].text.contains(file) && problems[0].text.contains(rule), "{problems:?}");
+    for first in ["ground", "street_fused"] {
+        assert!(refused(first, 1).contains("the model knows no probabilities, so it cannot be fused"), "{first}");
     }
-    assert_eq!(problems_of("models/points.safetensors"), []);
+    assert!(refused("street", 17).contains("every = 17, must be 1 to 16"));
 }
 
 /// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above the road.
@@ -344,7 +347,7 @@ fn missing_and_broken_models_are_reported_by_check() {
     let problems = Infer::check(&Settings::default(), &here);
     assert_eq!(problems.len(), 1);
     assert_eq!(problems[0].key, "model");
-    assert!(problems[0].text.contains("models/street.safetensors"), "{}", problems[0].text);
+    assert!(problems[0].text.contains("models/street_fused.safetensors"), "{}", problems[0].text);
 
     std::fs::write(folder.path().join("torn.safetensors"), b"torn").expect("writes");
     let settings = Settings { model: "torn.safetensors".to_owned(), ..Settings::default() };
@@ -373,6 +376,7 @@ fn point_model() -> (tempfile::TempDir, Settings) {
         features: vec![PointFeature::Offset, PointFeature::Height, PointFeature::Intensity],
         cell_m: 0.3,
         spheres: SphereSettings { radius_m: 8.0, overlap_m: 2.0 },
+        columns: None,
         temperature: 1.0,
         ground_intensities: None,
     };

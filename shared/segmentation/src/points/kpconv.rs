@@ -228,9 +228,10 @@ impl KpConv {
         let points: Vec<[f32; 3]> = points.iter().map(|p| [p[0], p[1], p[2]]).collect();
         let kernel = KernelPoints::new(&points, EXTENT_CELLS * self.cell_m * (1 << level) as f32);
         let norm = format!("{name}.{norm}.batch_norm");
-        if let Some((scale, shift)) = pass.running(&norm)? {
-            let weights = weights.broadcast_mul(&scale)?;
-            return Ok(kernel_point_convolution(input, &weights, &shift, at, &kernel, LEAKY)?);
+        if !pass.is_training() {
+            let norm = pass.running(&norm)?;
+            let weights = weights.broadcast_mul(&norm.scale)?;
+            return Ok(kernel_point_convolution(input, &weights, &norm.shift, at, &kernel, LEAKY)?);
         }
         let bias = super::pass::zeros(weights.dim(2)?)?;
         let x = kernel_point_convolution(input, weights, &bias, at, &kernel, Activation::NONE)?;

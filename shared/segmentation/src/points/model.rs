@@ -2,8 +2,8 @@
 
 use super::cells::{CellCloud, cell_of_each};
 use super::parameters::Parameters;
+use super::prediction::CloudPrediction;
 use super::settings::{PointSettings, VERSION};
-use super::spheres::SpherePrediction;
 use crate::cell_probabilities::is_known;
 use crate::ground::SubmapGround;
 use crate::model_file::ModelFile;
@@ -65,17 +65,17 @@ impl PointModel {
     /// The probabilities of the classes in each cell. A cell without votes gets those of the nearest cell with votes, if there is one.
     fn of_cells(&self, cloud: &CellCloud) -> Result<Vec<f32>, SegmentationError> {
         let settings = &self.settings;
-        let prediction = SpherePrediction {
+        let prediction = CloudPrediction {
             network: &settings.network,
             parameters: &self.parameters,
-            spheres: settings.spheres,
+            regions: settings.regions(),
             temperature: settings.temperature,
             seed: SEED,
         };
         let mut probabilities = prediction.of_cloud(&cloud.positions, |center, points| {
-            let sphere = cloud.around(center, points);
-            let features = sphere.features(&settings.features);
-            (sphere.positions, features)
+            let region = cloud.around(center, points);
+            let features = region.features(&settings.features);
+            (region.positions, features)
         })?;
         let n_classes = self.classes.len();
         let is_voted = |cell: &usize| is_known(&probabilities[cell * n_classes..][..n_classes]);

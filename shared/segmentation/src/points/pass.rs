@@ -12,8 +12,8 @@ const EPSILON: f64 = 1e-5;
 
 /// Applies the layers of a network.
 ///
-/// In evaluation, batch normalization uses the running statistics and becomes a part of the layer before it. In training it uses those
-/// of the batch, which the pass keeps for [`Parameters::update_statistics`], or the running ones as constants.
+/// In evaluation, batch normalization uses the running statistics and becomes a part of the layer beside it; there are no gradients. In
+/// training it uses those of the batch, which the pass keeps for [`Parameters::update_statistics`], or the running ones as constants.
 pub struct Pass<'a> {
     parameters: &'a Parameters,
     /// Random numbers of dropout; `None` in evaluation.
@@ -90,21 +90,18 @@ impl<'a> Pass<'a> {
     ) -> Result<Tensor, SegmentationError> {
         let weight = self.matrix(name)?;
         let bias = self.bias(name, weight.dim(0)?)?;
-        let Some((scale, shift)) = self.running(norm)? else {
+        if self.is_training() {
             return self.norm(&linear(rows, &weight, &bias, Activation::NONE)?, norm, activation);
-        };
-        let weight = weight.broadcast_mul(&scale.unsqueeze(1)?)?;
-        Ok(linear(rows, &weight, &((bias * scale)? + shift)?, activation)?)
-    }
-    /// Scale and shift of batch normalization in evaluation; `None` in training.
-    pub(super) fn running(&self, norm: &str) -> Result<Option<(Tensor, Tensor)>, SegmentationError> {
-        if self.training.is_some() {
-            return Ok(None);
         }
+        let (weight, bias) = self.running(norm)?.after(&weight, &bias)?;
+        Ok(linear(rows, &weight, &bias, activation)?)
+    }
+    /// Batch normalization by the running statistics.
+    pub(super) fn running(&self, norm: &str) -> Result<RunningNorm, SegmentationError> {
         let of = |suffix: &str| self.get(&format!("{norm}.{suffix}"));
         let scale = (of("weight")? / (of("running_var")? + EPSILON)?.sqrt()?)?;
         let shift = (of("bias")? - (of("running_mean")? * &scale)?)?;
-        Ok(Some((scale, shift)))
+        Ok(RunningNorm { scale, shift })
     }
     /// Batch normalization and an activation.
     pub(super) fn norm(
@@ -140,6 +137,25 @@ impl<'a> Pass<'a> {
         let kept = 1.0 / (1.0 - rate);
         let mask: Vec<f32> = (0..rows.elem_count()).map(|_| if random.chance(rate) { 0.0 } else { kept }).collect();
         Ok((&rows * Tensor::from_vec(mask, rows.shape(), &Device::Cpu)?)?)
+    }
+}
+
+/// Batch normalization in evaluation: `scale * x + shift`.
+pub(super) struct RunningNorm {
+    pub scale: Tensor,
+    pub shift: Tensor,
+}
+
+impl RunningNorm {
+    /// Weight `(out, in)` and bias of a linear layer with the normalization after it.
+    pub fn after(&self, weight: &Tensor, bias: &Tensor) -> Result<(Tensor, Tensor), SegmentationError> {
+        let bias = ((bias * &self.scale)? + &self.shift)?;
+        Ok((weight.broadcast_mul(&self.scale.unsqueeze(1)?)?, bias))
+    }
+    /// Weight `(out, in)` and bias of a linear layer with the normalization before it.
+    pub fn before(&self, weight: &Tensor, bias: &Tensor) -> Result<(Tensor, Tensor), SegmentationError> {
+        let bias = (weight.matmul(&self.shift.unsqueeze(1)?)?.flatten_all()? + bias)?;
+        Ok((weight.broadcast_mul(&self.scale.unsqueeze(0)?)?, bias))
     }
 }
 

@@ -45,6 +45,17 @@ impl Clouds {
         }
         out
     }
+    /// The `k` nearest other points of each point, nearest first.
+    pub fn neighbors(&self, k: usize) -> Lists {
+        let found: Vec<_> = self.indices.iter().map(|index| index.nearest_of_own(k + 1)).collect();
+        let starts = ranges(&self.lengths).map(|range| range.start as u32);
+        let lists = starts.zip(&found).flat_map(|(start, found)| {
+            // The first is the point itself, or a copy of it.
+            let others = move |point| found.of(point).iter().skip(1).map(move |neighbor| start + neighbor.index);
+            (0..found.len()).map(others)
+        });
+        Lists::new(lists, self.positions.len())
+    }
     /// The barycenters of the occupied voxels of each cloud.
     pub fn subsampled(&self, cell_m: f32) -> Result<Self, SegmentationError> {
         let (mut positions, mut lengths) = (Vec::new(), Vec::new());

@@ -1,7 +1,9 @@
 //! Settings of a model file of a network on points, and their rules.
 
+use super::columns::ColumnSettings;
 use super::features::PointFeature;
 use super::parameters::Parameters;
+use super::prediction::Regions;
 use super::spec::PointNetworkSpec;
 use super::spheres::SphereSettings;
 use crate::SegmentationError;
@@ -33,8 +35,11 @@ pub struct PointSettings {
     pub features: Vec<PointFeature>,
     /// Side of the cells that are one point of the network, m, 0.02 to 5.
     pub cell_m: f32,
-    /// Spheres that the network sees.
+    /// Spheres that the network sees in training, and in prediction if there are no columns.
     pub spheres: SphereSettings,
+    /// Square columns that it sees in prediction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub columns: Option<ColumnSettings>,
     /// Divisor of the logits that calibrates the scores, 0.1 to 10.
     pub temperature: f32,
     /// Intensities of the ground in the training, below which 5, 25, 50, 75 and 95 % of its points lie. Without them, those of the
@@ -44,6 +49,10 @@ pub struct PointSettings {
 }
 
 impl PointSettings {
+    /// What the network sees at a time in prediction.
+    pub fn regions(&self) -> Regions {
+        self.columns.map_or(Regions::Spheres(self.spheres), Regions::Columns)
+    }
     /// The class of every output.
     ///
     /// # Errors
@@ -56,6 +65,9 @@ impl PointSettings {
         }
         if let Some(problem) = self.spheres.problem() {
             return Err(wrong(format!("spheres: {problem}")));
+        }
+        if let Some(problem) = self.columns.and_then(|columns| columns.problem()) {
+            return Err(wrong(format!("columns: {problem}")));
         }
         let (inputs, outputs) = self.network.channels();
         let n_values = PointFeature::channels(&self.features);
@@ -71,6 +83,10 @@ impl PointSettings {
             (
                 radius_m <= MOST_CELLS * cell_m,
                 format!("spheres.radius_m = {radius_m}, must be at most {MOST_CELLS} cells of {cell_m} m"),
+            ),
+            (
+                self.columns.is_none_or(|columns| columns.side_m <= 2.0 * MOST_CELLS * cell_m),
+                format!("columns.side_m must be at most {} cells of {cell_m} m", 2.0 * MOST_CELLS),
             ),
             (
                 match &self.network {

@@ -1,18 +1,17 @@
 //! `WaffleIron` (Puy et al., ICCV 2023): residual blocks that mix channels at each point, and space by 2D convolutions on one of three
 //! coordinate planes. Names of parameters follow the published code.
 
+mod evaluation;
+mod training;
+
 use super::batch::PointBatch;
-use super::ops::{
-    Activation, Lists, PlaneShape, add_activated, concatenate, depth_wise_convolution, linear, maximum,
-    plane_convolution, weighted_sum,
-};
+use super::ops::{Activation, Lists, PlaneShape, depth_wise_convolution, plane_convolution};
 use super::parameters::{ParameterList, Start};
 use super::pass::Pass;
 use super::search::Clouds;
 use crate::SegmentationError;
 use candle_core::Tensor;
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Cells of the planes of a batch at most.
@@ -57,48 +56,17 @@ pub enum PlaneConvolution {
 
 /// Neighbors and cells of a batch.
 pub struct WaffleIronPlan {
-    neighbors: Neighbors,
+    /// Neighbors of each point.
+    neighbors: Arc<Lists>,
     planes: Vec<Plane>,
-}
-
-/// Neighbors of points.
-#[derive(Clone)]
-struct Neighbors {
-    /// Each neighbor and its point, with weights 1 and -1.
-    differences: Arc<Lists>,
-    signs: Arc<Vec<f32>>,
-    /// The differences of each point.
-    of_point: Arc<Lists>,
-}
-
-impl Neighbors {
-    /// Pairs of neighbor and point, and the number of pairs of each point.
-    fn new(pairs: &[[u32; 2]], n_of_point: &[usize], n_points: usize) -> Self {
-        Self {
-            differences: Arc::new(Lists::new(pairs.iter().copied(), n_points)),
-            signs: Arc::new([1.0, -1.0].repeat(pairs.len())),
-            of_point: Arc::new(Lists::consecutive(n_of_point)),
-        }
-    }
-    /// Those of some of the points.
-    fn of(&self, points: Range<usize>) -> Self {
-        let lists = || points.clone().map(|point| self.of_point.of(point));
-        let pair = |difference: &u32| {
-            let pair = self.differences.of(*difference as usize);
-            [pair[0], pair[1]]
-        };
-        let pairs: Vec<[u32; 2]> = lists().flatten().map(pair).collect();
-        Self::new(&pairs, &lists().map(<[u32]>::len).collect::<Vec<_>>(), self.differences.n_rows())
-    }
 }
 
 struct Plane {
     shape: PlaneShape,
-    /// Points of each cell, with weights for their mean.
-    points: Arc<Lists>,
-    weights: Arc<Vec<f32>>,
     /// Cell of each point.
     cells: Arc<Lists>,
+    /// Points of each cell.
+    points: Arc<Lists>,
 }
 
 const NONE: Activation = Activation::NONE;
@@ -140,20 +108,14 @@ impl WaffleIron {
             )));
         }
         let clouds = Clouds::new(batch.positions().to_vec(), batch.lengths().to_vec());
-        let nearest = clouds.nearest(&clouds, self.neighbors + 1, |_| true);
-        let (mut pairs, mut of_point) = (Vec::new(), Vec::new());
-        for (point, (near, _)) in nearest.iter().enumerate() {
-            // The first is the point itself, or a copy of it.
-            pairs.extend(near.iter().skip(1).map(|neighbor| [*neighbor, point as u32]));
-            of_point.push(near.len() - 1);
-        }
-        if let Some(point) = of_point.iter().position(|n| *n == 0) {
+        let neighbors = clouds.neighbors(self.neighbors);
+        if let Some(point) = (0..neighbors.len()).find(|point| neighbors.of(*point).is_empty()) {
             return Err(SegmentationError::Settings(format!(
                 "the cloud of point {point} has one point; a neighborhood needs two"
             )));
         }
         let planes = [[0, 1], [0, 2], [1, 2]].into_iter().map(|axes| self.plane(batch, axes)).collect();
-        Ok(WaffleIronPlan { neighbors: Neighbors::new(&pairs, &of_point, batch.positions().len()), planes })
+        Ok(WaffleIronPlan { neighbors: Arc::new(neighbors), planes })
     }
     fn plane(&self, batch: &PointBatch, axes: [usize; 2]) -> Plane {
         let n_cells = self.n_cells();
@@ -172,15 +134,8 @@ impl WaffleIron {
             let start = cloud * height * width;
             cells.extend(batch.positions()[range].iter().map(|position| (start + cell_of(*position)) as u32));
         }
-        let mut points = vec![Vec::new(); shape.n_cells()];
-        cells.iter().enumerate().for_each(|(point, cell)| points[*cell as usize].push(point as u32));
-        let weights = points.iter().flat_map(|points| vec![1.0 / points.len() as f32; points.len()]).collect();
-        Plane {
-            shape,
-            cells: Arc::new(Lists::single(cells, shape.n_cells())),
-            points: Arc::new(Lists::new(points, batch.positions().len())),
-            weights: Arc::new(weights),
-        }
+        let cells = Lists::single(cells, shape.n_cells());
+        Plane { shape, points: Arc::new(cells.inverse()), cells: Arc::new(cells) }
     }
     pub(super) fn run(
         &self,
@@ -188,23 +143,23 @@ impl WaffleIron {
         plan: &WaffleIronPlan,
         features: &Tensor,
     ) -> Result<Tensor, SegmentationError> {
-        let mut x = embedding(pass, plan, features)?;
-        for block in 0..self.depth {
-            x = self.spatial_mix(pass, &x, block, &plan.planes[block % plan.planes.len()])?;
-            x = self.channel_mix(pass, &x, block)?;
-        }
+        let x =
+            if pass.is_training() { self.train(pass, plan, features)? } else { self.evaluate(pass, plan, features)? };
         pass.linear(&x, "classif", NONE)
     }
-    fn spatial_mix(
+    /// The plane of a block.
+    fn plane_of(block: usize, plan: &WaffleIronPlan) -> &Plane {
+        &plan.planes[block % plan.planes.len()]
+    }
+    /// The convolutions of a block.
+    fn convolved(
         &self,
-        pass: &mut Pass<'_>,
-        x: &Tensor,
+        pass: &Pass<'_>,
+        mut cells: Tensor,
         block: usize,
-        plane: &Plane,
+        shape: PlaneShape,
     ) -> Result<Tensor, SegmentationError> {
         let name = format!("waffleiron.spatial_mix.{block}");
-        let y = pass.norm(x, &format!("{name}.norm"), NONE)?;
-        let mut y = weighted_sum(&y, &plane.points, Some(&plane.weights))?;
         let scale = pass.matrix(&format!("{name}.scale"))?.flatten_all()?;
         for (layer, activation) in [("ffn.0", RELU), ("ffn.2", NONE)] {
             let mut weight = pass.get(&format!("{name}.{layer}.weight"))?.clone();
@@ -214,42 +169,19 @@ impl WaffleIron {
                 weight = weight.broadcast_mul(&scale.reshape((self.width, 1, 1, 1))?)?;
                 bias = (bias * &scale)?;
             }
-            y = match self.convolution {
-                PlaneConvolution::DepthWise => depth_wise_convolution(&y, &weight, &bias, plane.shape, activation)?,
-                PlaneConvolution::Dense => plane_convolution(&y, &weight, &bias, plane.shape, activation)?,
+            cells = match self.convolution {
+                PlaneConvolution::DepthWise => depth_wise_convolution(&cells, &weight, &bias, shape, activation)?,
+                PlaneConvolution::Dense => plane_convolution(&cells, &weight, &bias, shape, activation)?,
             };
         }
-        Ok(add_activated(x, &weighted_sum(&y, &plane.cells, None)?, NONE)?)
+        Ok(cells)
     }
-    fn channel_mix(&self, pass: &mut Pass<'_>, x: &Tensor, block: usize) -> Result<Tensor, SegmentationError> {
+    /// Weight and bias of the second layer of a block at each point, with the scale of the residual.
+    fn scaled_layer(&self, pass: &Pass<'_>, block: usize) -> Result<(Tensor, Tensor), SegmentationError> {
         let name = format!("waffleiron.channel_mix.{block}");
-        let y = pass.norm(x, &format!("{name}.norm"), NONE)?;
-        let y = pass.linear(&y, &format!("{name}.mlp.0"), RELU)?;
         let scale = pass.matrix(&format!("{name}.scale"))?;
         let weight = pass.matrix(&format!("{name}.mlp.2"))?.broadcast_mul(&scale)?;
         let bias = (pass.bias(&format!("{name}.mlp.2"), self.width)? * scale.flatten_all()?)?;
-        Ok(add_activated(x, &linear(&y, &weight, &bias, NONE)?, NONE)?)
+        Ok((weight, bias))
     }
-}
-
-/// Points of a part of the embedding in evaluation: it has a row for each neighbor of a point.
-const PART: usize = 4096;
-
-fn embedding(pass: &mut Pass<'_>, plan: &WaffleIronPlan, features: &Tensor) -> Result<Tensor, SegmentationError> {
-    let x = pass.norm(features, "embed.norm", NONE)?;
-    let of_point = pass.linear(&x, "embed.conv1", NONE)?;
-    // Training needs the rows of all neighbors: those of the statistics.
-    let n = plan.neighbors.of_point.len();
-    let is_whole = pass.is_training() || n <= PART;
-    let mut of_neighbors = Vec::new();
-    for first in (0..n).step_by(if is_whole { n } else { PART }) {
-        let part = if is_whole { plan.neighbors.clone() } else { plan.neighbors.of(first..n.min(first + PART)) };
-        let differences = weighted_sum(&x, &part.differences, Some(&part.signs))?;
-        let y = pass.norm(&differences, "embed.conv2.0", NONE)?;
-        let y = pass.linear_norm(&y, "embed.conv2.1", "embed.conv2.2", RELU)?;
-        let y = pass.linear(&y, "embed.conv2.4", NONE)?;
-        of_neighbors.push(maximum(&y, &part.of_point, 0)?);
-    }
-    let of_neighbors = if of_neighbors.len() == 1 { of_neighbors.remove(0) } else { Tensor::cat(&of_neighbors, 0)? };
-    pass.linear(&concatenate(&of_point, &[&of_neighbors])?, "embed.final", NONE)
 }

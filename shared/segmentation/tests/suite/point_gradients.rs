@@ -186,7 +186,7 @@ fn network_gradients_equal_finite_differences() {
             Parameters::random(&list, &mut Random::new(2)).and_then(|p| p.trainable(&list)).expect("a start");
         for training in [false, true] {
             let run = || {
-                let mut pass = Pass::evaluation(&parameters);
+                let mut pass = Pass::training_with_running_statistics(&parameters, Random::new(3));
                 if training {
                     pass = Pass::training(&parameters, Random::new(3));
                 }

@@ -1,10 +1,11 @@
-//! Spheres of clouds: coverage, balance of classes, and averaged votes.
+//! Spheres and columns of clouds: coverage, balance of classes, and averaged votes.
 
 use candle_core::{Device, Tensor};
 use neighbors::{SpatialIndex, squared_distance};
 use random::Random;
 use segmentation::points::{
-    Parameters, Pass, PointBatch, PointNetworkSpec, SpherePrediction, SphereSettings, TrainingSpheres, Votes, sphere,
+    CloudPrediction, ColumnSettings, Parameters, Pass, PointBatch, PointNetworkSpec, Regions, SphereSettings,
+    TrainingSpheres, Votes, sphere,
 };
 
 /// A road of 60 x 8 m with facades of 12 m on both sides.
@@ -38,6 +39,33 @@ fn spheres_without_size_are_rejected() {
     for (radius_m, overlap_m) in [(0.0, 0.0), (f32::NAN, 1.0), (10.0, 20.0), (10.0, -1.0), (10.0, f32::NAN)] {
         assert!(SphereSettings { radius_m, overlap_m }.centers(&[[0.0; 3]]).is_err(), "{radius_m} {overlap_m}");
     }
+}
+
+#[test]
+fn columns_cover_every_point_and_share_their_margins() {
+    let mut points = street(20_000);
+    points.push([f32::NAN; 3]);
+    let settings = ColumnSettings { side_m: 6.0, margin_m: 0.5 };
+    let columns = settings.columns(&points).expect("valid");
+    let mut n_columns_of = vec![0; points.len()];
+    for (center, members) in &columns {
+        // Centers are those of squares of 5 m.
+        assert!(center[..2].iter().all(|v| (v / 5.0 - 0.5).fract().abs() < 1e-6), "{center:?}");
+        let reach =
+            |point: &u32| (0..2).map(|axis| (points[*point as usize][axis] - center[axis]).abs()).fold(0.0, f32::max);
+        assert!(members.is_sorted() && members.iter().all(|point| reach(point) <= 3.0));
+        let n_within = points.iter().filter(|p| (0..2).all(|axis| (p[axis] - center[axis]).abs() < 3.0)).count();
+        assert_eq!(members.len(), n_within);
+        let n_below = members.iter().filter(|point| points[**point as usize][2] < center[2]).count();
+        assert!(n_below <= members.len() / 4, "{n_below} of {}", members.len());
+        members.iter().for_each(|point| n_columns_of[*point as usize] += 1);
+    }
+    assert!(n_columns_of[..20_000].iter().all(|n| (1..=4).contains(n)) && n_columns_of[20_000] == 0);
+    assert!(n_columns_of.contains(&4));
+    for (side_m, margin_m) in [(0.0, 0.0), (f32::NAN, 0.0), (10.0, 4.5), (10.0, -1.0), (10.0, f32::NAN)] {
+        assert!(ColumnSettings { side_m, margin_m }.columns(&points).is_err(), "{side_m} {margin_m}");
+    }
+    assert!(settings.columns(&[]).expect("valid").is_empty());
 }
 
 #[test]
@@ -124,8 +152,8 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     let points = street(1500);
     let features: Vec<f32> = points.iter().flat_map(|p| [p[0].sin(), p[1].cos(), 0.5, p[2]]).collect();
     let settings = SphereSettings { radius_m: 10.0, overlap_m: 10.0 / 3.0 };
-    let prediction =
-        SpherePrediction { network: &spec, parameters: &parameters, spheres: settings, temperature: 1.0, seed: 0 };
+    let regions = Regions::Spheres(settings);
+    let prediction = CloudPrediction { network: &spec, parameters: &parameters, regions, temperature: 1.0, seed: 0 };
     let rows = |center: [f32; 3], members: &[u32]| {
         let position = |p: &u32| std::array::from_fn(|axis| points[*p as usize][axis] - center[axis]);
         let values = members.iter().flat_map(|p| features[4 * *p as usize..][..4].to_vec());
@@ -157,6 +185,6 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     }
     let short = |center: [f32; 3], members: &[u32]| (rows(center, members).0, vec![0.0]);
     assert!(prediction.of_cloud(&points, short).is_err());
-    let flat = SpherePrediction { temperature: 1e6, ..prediction }.of_cloud(&points, rows).expect("runs");
+    let flat = CloudPrediction { temperature: 1e6, ..prediction }.of_cloud(&points, rows).expect("runs");
     assert!(flat.iter().all(|probability| (probability - 1.0 / 3.0).abs() < 1e-3), "a large temperature");
 }

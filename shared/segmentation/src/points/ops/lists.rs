@@ -73,25 +73,29 @@ impl Lists {
     }
     /// For each row the lists that contain it, ascending, and the places of the row in the items.
     pub(super) fn transposed(&self) -> &(Self, Vec<u32>) {
-        self.transposed.get_or_init(|| {
-            let mut ends = vec![0_u32; self.n_rows];
-            self.items.iter().for_each(|row| ends[*row as usize] += 1);
-            let mut end = 0;
-            for of_row in &mut ends {
-                // The start of the row; it grows to the end while the row is filled.
-                end += std::mem::replace(of_row, end);
+        self.transposed.get_or_init(|| Box::new(self.transpose()))
+    }
+    /// For each row the lists that contain it, ascending.
+    pub fn inverse(&self) -> Self {
+        self.transpose().0
+    }
+    fn transpose(&self) -> (Self, Vec<u32>) {
+        let mut ends = vec![0_u32; self.n_rows];
+        self.items.iter().for_each(|row| ends[*row as usize] += 1);
+        let mut end = 0;
+        for of_row in &mut ends {
+            // The start of the row; it grows to the end while the row is filled.
+            end += std::mem::replace(of_row, end);
+        }
+        let (mut lists, mut places) = (vec![0; self.items.len()], vec![0; self.items.len()]);
+        for list in 0..self.len() {
+            for place in self.places(list) {
+                let slot = &mut ends[self.items[place] as usize];
+                (lists[*slot as usize], places[*slot as usize]) = (list as u32, place as u32);
+                *slot += 1;
             }
-            let (mut lists, mut places) = (vec![0; self.items.len()], vec![0; self.items.len()]);
-            for list in 0..self.len() {
-                for place in self.places(list) {
-                    let slot = &mut ends[self.items[place] as usize];
-                    (lists[*slot as usize], places[*slot as usize]) = (list as u32, place as u32);
-                    *slot += 1;
-                }
-            }
-            let transposed = Self { ends, items: lists, n_rows: self.len(), transposed: OnceLock::new() };
-            Box::new((transposed, places))
-        })
+        }
+        (Self { ends, items: lists, n_rows: self.len(), transposed: OnceLock::new() }, places)
     }
 }
 

@@ -17,6 +17,8 @@ use rayon::prelude::*;
 
 /// Taps of a 3 x 3 kernel.
 const TAPS: usize = 9;
+/// Channels that a depth-wise convolution sums at a time.
+const CHANNELS: usize = 16;
 /// Rows of cells of a part of the gradient of the weights.
 const PART_ROWS: usize = 16;
 
@@ -252,21 +254,39 @@ fn depth_wise(
             #[inline(always)]
             || {
                 for (cell, out) in out.chunks_exact_mut(n_channels).enumerate() {
-                    if let Some(bias) = bias {
-                        out.copy_from_slice(bias);
+                    let start = bias.unwrap_or(&[]);
+                    let mut channel = 0;
+                    while channel + CHANNELS <= n_channels {
+                        // Sums in registers.
+                        let mut sums = [0.0; CHANNELS];
+                        if let Some(start) = start.get(channel..channel + CHANNELS) {
+                            sums.copy_from_slice(start);
+                        }
+                        shape.for_each_tap(
+                            first,
+                            cell,
+                            #[inline(always)]
+                            |tap, other| {
+                                let weights = &by_tap[tap * n_channels + channel..][..CHANNELS];
+                                let other = &cells[other * n_channels + channel..][..CHANNELS];
+                                for c in 0..CHANNELS {
+                                    sums[c] += weights[c] * other[c];
+                                }
+                            },
+                        );
+                        out[channel..channel + CHANNELS].copy_from_slice(&sums);
+                        channel += CHANNELS;
                     }
-                    shape.for_each_tap(
-                        first,
-                        cell,
-                        #[inline(always)]
-                        |tap, other| {
-                            let weights = &by_tap[tap * n_channels..(tap + 1) * n_channels];
-                            let other = &cells[other * n_channels..(other + 1) * n_channels];
-                            for c in 0..n_channels {
-                                out[c] += weights[c] * other[c];
-                            }
-                        },
-                    );
+                    for c in channel..n_channels {
+                        let mut sum = start.get(c).copied().unwrap_or(0.0);
+                        shape.for_each_tap(
+                            first,
+                            cell,
+                            #[inline(always)]
+                            |tap, other| sum += by_tap[tap * n_channels + c] * cells[other * n_channels + c],
+                        );
+                        out[c] = sum;
+                    }
                 }
             },
         );

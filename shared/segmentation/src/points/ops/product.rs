@@ -87,69 +87,81 @@ struct Job<'a> {
 impl WithSimd for Job<'_> {
     type Output = ();
 
-    // Rows x vectors whose sums fit into the registers: 16 of 32 (AVX-512), 12 of 16 (AVX2), 8 of 16 (SSE2).
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match S::F32_LANES {
-            16 => self.run::<S, 8, 2>(simd),
-            8 => self.run::<S, 3, 4>(simd),
-            4 => self.run::<S, 1, 8>(simd),
-            _ => self.run::<S, 1, 32>(simd),
-        }
-    }
-}
-
-impl Job<'_> {
-    #[inline(always)]
-    fn run<S: Simd, const R: usize, const V: usize>(mut self, simd: S) {
-        let n_rows = self.out.len() / self.right.n_columns;
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let n_columns = self.right.n_columns;
         for first_k in (0..self.right.depth).step_by(DEPTH) {
-            let depth = DEPTH.min(self.right.depth - first_k);
-            for panel in 0..self.right.n_columns.div_ceil(PANEL) {
-                let start = panel * self.right.depth + first_k;
-                let panels = &self.right.panels[start..start + depth];
-                let mut row = 0;
-                while row + R <= n_rows {
-                    self.tile::<S, R, V>(simd, row, first_k, panel, panels);
-                    row += R;
-                }
-                while row < n_rows {
-                    self.tile::<S, 1, V>(simd, row, first_k, panel, panels);
-                    row += 1;
+            for first_column in (0..n_columns).step_by(PANEL) {
+                let width = PANEL.min(n_columns - first_column);
+                let part = Part { first_k, first_column, width };
+                // Rows x vectors whose sums fit into the registers: 16 of 32 (AVX-512), 12 of 16 (AVX2), 8 of 16 (SSE2).
+                match (S::F32_LANES, width.div_ceil(S::F32_LANES)) {
+                    (16, 1) => self.panel::<S, 16, 1>(simd, &part),
+                    (16, _) => self.panel::<S, 8, 2>(simd, &part),
+                    (8, 1) => self.panel::<S, 12, 1>(simd, &part),
+                    (8, 2) => self.panel::<S, 6, 2>(simd, &part),
+                    (8, 3) => self.panel::<S, 4, 3>(simd, &part),
+                    (8, _) => self.panel::<S, 3, 4>(simd, &part),
+                    (4, _) => self.panel::<S, 1, 8>(simd, &part),
+                    _ => self.panel::<S, 1, 32>(simd, &part),
                 }
             }
         }
     }
+}
+
+/// A part of a product: a block of inner elements, and a panel of columns.
+struct Part {
+    first_k: usize,
+    first_column: usize,
+    /// Columns of the panel that the matrix has.
+    width: usize,
+}
+
+impl Job<'_> {
+    #[inline(always)]
+    fn panel<S: Simd, const R: usize, const V: usize>(&mut self, simd: S, part: &Part) {
+        let n_rows = self.out.len() / self.right.n_columns;
+        let start = part.first_column / PANEL * self.right.depth + part.first_k;
+        let panels = &self.right.panels[start..start + DEPTH.min(self.right.depth - part.first_k)];
+        let mut row = 0;
+        while row + R <= n_rows {
+            self.tile::<S, R, V>(simd, row, part, panels);
+            row += R;
+        }
+        while row < n_rows {
+            self.tile::<S, 1, V>(simd, row, part, panels);
+            row += 1;
+        }
+    }
+    /// Adds to `R` rows of a panel; `V` vectors hold its width.
     #[inline(always)]
     fn tile<S: Simd, const R: usize, const V: usize>(
         &mut self,
         simd: S,
         row: usize,
-        first_k: usize,
-        panel: usize,
+        part: &Part,
         panels: &[[f32; PANEL]],
     ) {
         let Matrix { values, row_step, column_step } = self.left;
-        let first_column = panel * PANEL;
-        let width = PANEL.min(self.right.n_columns - first_column);
+        let lanes = V * S::F32_LANES;
+        let is_full = part.width == lanes;
         let mut sums = [[simd.splat_f32s(0.0); V]; R];
         for r in 0..R {
-            let start = (row + r) * self.right.n_columns + first_column;
-            if width == PANEL {
-                let old = S::as_simd_f32s(&self.out[start..start + PANEL]).0;
-                for v in 0..V {
-                    sums[r][v] = old[v];
-                }
+            let start = (row + r) * self.right.n_columns + part.first_column;
+            let mut padded = [0.0_f32; PANEL];
+            let old = if is_full {
+                &self.out[start..start + lanes]
             } else {
-                let mut old = [0.0_f32; PANEL];
-                old[..width].copy_from_slice(&self.out[start..start + width]);
-                let old = S::as_simd_f32s(&old).0;
-                for v in 0..V {
-                    sums[r][v] = old[v];
-                }
+                padded[..part.width].copy_from_slice(&self.out[start..start + part.width]);
+                &padded[..lanes]
+            };
+            let old = S::as_simd_f32s(old).0;
+            for v in 0..V {
+                sums[r][v] = old[v];
             }
         }
-        let left: [&[f32]; R] = std::array::from_fn(|r| &values[(row + r) * row_step + first_k * column_step..]);
+        let left: [&[f32]; R] = std::array::from_fn(|r| &values[(row + r) * row_step + part.first_k * column_step..]);
         for (k, panel_row) in panels.iter().enumerate() {
             let right = S::as_simd_f32s(panel_row).0;
             let mut of_row = [simd.splat_f32s(0.0); V];
@@ -164,9 +176,9 @@ impl Job<'_> {
             }
         }
         for r in 0..R {
-            let start = (row + r) * self.right.n_columns + first_column;
-            if width == PANEL {
-                let new = S::as_mut_simd_f32s(&mut self.out[start..start + PANEL]).0;
+            let start = (row + r) * self.right.n_columns + part.first_column;
+            if is_full {
+                let new = S::as_mut_simd_f32s(&mut self.out[start..start + lanes]).0;
                 for v in 0..V {
                     new[v] = sums[r][v];
                 }
@@ -176,7 +188,7 @@ impl Job<'_> {
                 for v in 0..V {
                     vectors[v] = sums[r][v];
                 }
-                self.out[start..start + width].copy_from_slice(&new[..width]);
+                self.out[start..start + part.width].copy_from_slice(&new[..part.width]);
             }
         }
     }

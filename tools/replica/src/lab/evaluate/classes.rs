@@ -42,9 +42,6 @@ pub struct Args {
     /// Model file to evaluate instead
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Second model; the geometric mean of the probabilities of both decides
-    #[arg(long, requires = "model", conflicts_with = "knn", value_name = "FILE")]
-    fused_with: Option<PathBuf>,
     /// Kinds of simulated towns; each is used with all seeds
     #[arg(long, requires = "model", value_delimiter = ',', default_value = "urban")]
     towns: Vec<String>,
@@ -65,7 +62,7 @@ pub struct Args {
     /// Sweeps of each submap
     #[arg(long, default_value_t = 10)]
     sweeps: usize,
-    /// Use every N-th sweep of a submap for inference
+    /// Use every N-th sweep of a submap for networks on images; a fused model multiplies N by its own number
     #[arg(long, default_value_t = 1)]
     every: usize,
     /// What the model takes from the intensities

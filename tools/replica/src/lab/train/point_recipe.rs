@@ -2,7 +2,9 @@
 
 use super::recipe::{Data, check_data_and_training};
 use anyhow::ensure;
-use segmentation::points::{Augmentation, PointFeature, PointNetworkSpec, PointSettings, SphereSettings};
+use segmentation::points::{
+    Augmentation, ColumnSettings, PointFeature, PointNetworkSpec, PointSettings, SphereSettings,
+};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use training::TrainSettings;
@@ -49,6 +51,8 @@ pub struct PointModel {
     pub radius_m: f32,
     /// Overlap of neighboring spheres in prediction, m; a third of the radius without it.
     pub overlap_m: Option<f32>,
+    /// Square columns for prediction, instead of spheres.
+    pub columns: Option<ColumnSettings>,
     /// A model to start from, relative to the folder of the recipe. Tensors of the same name and shape start with its values, the
     /// others with random values; of the last layer, the outputs of classes of the same name.
     pub start: Option<PathBuf>,
@@ -118,6 +122,7 @@ impl PointRecipe {
                 radius_m: model.radius_m,
                 overlap_m: model.overlap_m.unwrap_or(model.radius_m / 3.0),
             },
+            columns: model.columns,
             temperature: 1.0,
             ground_intensities: None,
         })

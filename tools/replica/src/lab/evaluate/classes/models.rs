@@ -39,9 +39,8 @@ fn load(path: &Path, args: &Args, intensity: &str) -> anyhow::Result<Box<dyn Seg
     };
     let intensity = IntensityUse::from_word(intensity).unwrap_or_default();
     let options = Options { every: args.every, intensity, refinement, ..Options::default() };
-    let model: Box<dyn Segmenter> = match (&args.fused_with, args.knn, &args.examples) {
-        (Some(second), ..) => Box::new(segmentation::load_fused(path, second, &options)?),
-        (None, Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
+    let model: Box<dyn Segmenter> = match (args.knn, &args.examples) {
+        (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
         _ => segmentation::load(path, &options)?,
     };
     Ok(UnknownBelow::wrap(model, args.unknown_below))

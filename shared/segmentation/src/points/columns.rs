@@ -1,0 +1,61 @@
+//! Square columns of a cloud: what a network on planes predicts at a time. They overlap less than spheres that cover a street do.
+
+use super::cells::is_valid;
+use crate::SegmentationError;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Size and overlap of the columns.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColumnSettings {
+    /// Side of the square, m.
+    pub side_m: f32,
+    /// Margin of the square that belongs to neighboring columns, too, m: on all four sides.
+    pub margin_m: f32,
+}
+
+/// A column: its center, and the numbers of its points, ascending.
+pub type Column = ([f32; 3], Vec<u32>);
+
+impl ColumnSettings {
+    /// The first violated rule, if any.
+    pub fn problem(&self) -> Option<String> {
+        // Both are false for NaN.
+        if !(1e-3..=1e4).contains(&self.side_m) {
+            return Some(format!("side_m = {}; must be 0.001 to 10000", self.side_m));
+        }
+        let has_core = self.margin_m >= 0.0 && self.margin_m <= 0.4 * self.side_m;
+        (!has_core).then(|| format!("margin_m = {}; must be 0 to 0.4 sides", self.margin_m))
+    }
+    /// The columns of all points, in order of their squares. The grid starts at 0, so equal places get equal columns in every cloud.
+    /// A quarter of the points of a column are below its center.
+    ///
+    /// # Errors
+    /// If the settings are invalid.
+    pub fn columns(&self, points: &[[f32; 3]]) -> Result<Vec<Column>, SegmentationError> {
+        self.problem().map_or(Ok(()), |problem| Err(SegmentationError::Settings(problem)))?;
+        let (side, margin) = (f64::from(self.side_m), f64::from(self.margin_m));
+        let spacing = side - 2.0 * margin;
+        let squares = |v: f32| {
+            let square = |v: f64| (v / spacing).floor() as i64;
+            square(f64::from(v) - margin)..=square(f64::from(v) + margin)
+        };
+        let mut members: BTreeMap<[i64; 2], Vec<u32>> = BTreeMap::new();
+        for (point, [x, y, _]) in (0..).zip(points).filter(|(_, position)| is_valid(**position)) {
+            for row in squares(*x) {
+                for column in squares(*y) {
+                    members.entry([row, column]).or_default().push(point);
+                }
+            }
+        }
+        let column = |(square, members): ([i64; 2], Vec<u32>)| {
+            let [x, y] = square.map(|v| ((v as f64 + 0.5) * spacing) as f32);
+            let mut heights: Vec<f32> = members.iter().map(|point| points[*point as usize][2]).collect();
+            let quarter = heights.len() / 4;
+            let z = *heights.select_nth_unstable_by(quarter, f32::total_cmp).1;
+            ([x, y, z], members)
+        };
+        Ok(members.into_iter().map(column).collect())
+    }
+}

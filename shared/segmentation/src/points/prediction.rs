@@ -1,0 +1,140 @@
+//! Prediction of a cloud, region by region, and the votes of the regions at each point.
+
+use super::batch::PointBatch;
+use super::columns::{Column, ColumnSettings};
+use super::ops::tensor;
+use super::parameters::Parameters;
+use super::pass::Pass;
+use super::spec::PointNetworkSpec;
+use super::spheres::{SphereSettings, sphere};
+use crate::SegmentationError;
+use neighbors::SpatialIndex;
+use rayon::prelude::*;
+
+/// A network with its parameters, and how it predicts.
+#[derive(Clone, Copy)]
+pub struct CloudPrediction<'a> {
+    /// The network.
+    pub network: &'a PointNetworkSpec,
+    /// Its parameters.
+    pub parameters: &'a Parameters,
+    /// What it sees at a time.
+    pub regions: Regions,
+    /// Divisor of the scores before they become probabilities.
+    pub temperature: f32,
+    /// Seed of [`PointNetworkSpec::plan`].
+    pub seed: u64,
+}
+
+/// What a network sees of a cloud at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Regions {
+    /// Spheres of a regular grid.
+    Spheres(SphereSettings),
+    /// Square columns.
+    Columns(ColumnSettings),
+}
+
+impl Regions {
+    /// Center and points of each region. Each valid point is in at least one.
+    fn of<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Column> + 'a>, SegmentationError> {
+        Ok(match self {
+            Self::Spheres(spheres) => {
+                let index = SpatialIndex::new(positions);
+                let centers = spheres.centers(positions)?.into_iter();
+                Box::new(centers.map(move |center| (center, sphere(&index, center, spheres.radius_m))))
+            }
+            Self::Columns(columns) => Box::new(columns.columns(positions)?.into_iter()),
+        })
+    }
+}
+
+/// Positions of the points of a region relative to its center, m, and their features.
+pub type RegionRows = (Vec<[f32; 3]>, Vec<f32>);
+
+/// Regions, and points of them, that are predicted at a time at most. The memory of a prediction grows with them.
+const REGIONS_AT_A_TIME: usize = 8;
+const POINTS_AT_A_TIME: usize = 1 << 17;
+
+impl CloudPrediction<'_> {
+    /// Mean probability of each class at each point, over the regions that contain it. Points with coordinates that are not valid,
+    /// and points that are alone in their regions, get 0. `rows` gives the input of a region from its center and its points.
+    ///
+    /// # Errors
+    /// If settings, network or rows do not fit each other.
+    pub fn of_cloud(
+        &self,
+        positions: &[[f32; 3]],
+        rows: impl Fn([f32; 3], &[u32]) -> RegionRows + Sync,
+    ) -> Result<Vec<f32>, SegmentationError> {
+        let mut votes = Votes::new(positions.len(), self.network.channels().1);
+        let mut regions = self.regions.of(positions)?.peekable();
+        while regions.peek().is_some() {
+            let (mut together, mut n_points) = (Vec::new(), 0);
+            while let Some((center, members)) =
+                regions.next_if(|_| together.len() < REGIONS_AT_A_TIME && n_points < POINTS_AT_A_TIME)
+            {
+                n_points += members.len();
+                // A single point has no neighbors.
+                if members.len() > 1 {
+                    together.push((center, members));
+                }
+            }
+            let scores = |(center, members): &([f32; 3], Vec<u32>)| self.scores(rows(*center, members));
+            let scores: Vec<Vec<f32>> = together.par_iter().map(scores).collect::<Result<_, _>>()?;
+            for ((_, members), scores) in together.iter().zip(scores) {
+                votes.add(members, &scores);
+            }
+        }
+        Ok(votes.means())
+    }
+    fn scores(&self, (positions, features): RegionRows) -> Result<Vec<f32>, SegmentationError> {
+        let (n, inputs) = (positions.len(), self.network.channels().0);
+        if features.len() != n * inputs {
+            let (found, expected) = (features.len() / inputs.max(1), n);
+            return Err(SegmentationError::Length { column: "features", found, expected });
+        }
+        let features = tensor(features, (n, inputs))?;
+        let plan = self.network.plan(PointBatch::new(positions, vec![n])?, self.seed)?;
+        let scores = self.network.run(&mut Pass::evaluation(self.parameters), &plan, &features)?;
+        let mut scores = scores.flatten_all()?.to_vec1::<f32>()?;
+        for score in &mut scores {
+            *score /= self.temperature;
+        }
+        Ok(scores)
+    }
+}
+
+/// Sums of the probabilities of each point.
+pub struct Votes {
+    n_classes: usize,
+    sums: Vec<f32>,
+    counts: Vec<u32>,
+}
+
+impl Votes {
+    /// No votes.
+    pub fn new(n_points: usize, n_classes: usize) -> Self {
+        Self { n_classes, sums: vec![0.0; n_points * n_classes], counts: vec![0; n_points] }
+    }
+    /// Adds the scores of points as probabilities: their exponentials, divided by the sum of these.
+    pub fn add(&mut self, points: &[u32], scores: &[f32]) {
+        for (point, scores) in points.iter().zip(scores.chunks_exact(self.n_classes.max(1))) {
+            let largest = scores.iter().fold(f32::NEG_INFINITY, |largest, score| largest.max(*score));
+            let exponentials: Vec<f32> = scores.iter().map(|score| (score - largest).exp()).collect();
+            let sum: f32 = exponentials.iter().sum();
+            let sums = &mut self.sums[*point as usize * self.n_classes..(*point as usize + 1) * self.n_classes];
+            sums.iter_mut().zip(exponentials).for_each(|(total, e)| *total += e / sum);
+            self.counts[*point as usize] += 1;
+        }
+    }
+    /// The mean probabilities; 0 for points without votes.
+    pub fn means(mut self) -> Vec<f32> {
+        for (sums, count) in self.sums.chunks_exact_mut(self.n_classes.max(1)).zip(&self.counts) {
+            for sum in sums {
+                *sum /= (*count).max(1) as f32;
+            }
+        }
+        self.sums
+    }
+}
