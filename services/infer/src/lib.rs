@@ -10,7 +10,7 @@ mod cameras;
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
 use segmentation::spherical::{AskedColumns, IntensityUse, Refinement};
-use segmentation::{ComputeDevice, ModelInput, Options, Report, SegmentationError, Segmenter, UnknownBelow};
+use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,

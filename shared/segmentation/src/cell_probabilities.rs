@@ -52,8 +52,11 @@ pub(crate) fn is_known(probabilities: &[f32]) -> bool {
 
 /// The best class and its probability, of equal ones the first; `None` if all are zero.
 pub(crate) fn best_of(probabilities: &[f32]) -> Option<(usize, f32)> {
-    let best = (0..probabilities.len()).rev().max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))?;
-    (probabilities[best] > 0.0).then_some((best, probabilities[best]))
+    let first = (0, *probabilities.first()?);
+    let larger = |best: (usize, f32), (class, &probability): (usize, &f32)| {
+        if probability > best.1 { (class, probability) } else { best }
+    };
+    Some(probabilities.iter().enumerate().fold(first, larger)).filter(|(_, probability)| *probability > 0.0)
 }
 
 #[cfg(test)]

@@ -7,10 +7,10 @@
 //! bytes.
 
 use crate::SegmentationError;
-use candle_core::safetensors::SliceSafetensors;
 use candle_core::{DType, Device, Tensor};
 use messages::pod::{FINGERPRINT_START, fingerprint};
 use safetensors::SafeTensors;
+use safetensors::tensor::Metadata;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
@@ -52,24 +52,35 @@ pub struct ModelFile {
     settings: serde_json::Value,
     /// Start of the names of its tensors.
     prefix: String,
-    bytes: Arc<[u8]>,
+    container: Arc<Container>,
 }
+
+/// A safetensors file, read once: parsing its header for each tensor again would take most of the time of loading.
+struct Container {
+    metadata: Metadata,
+    data_start: usize,
+    bytes: Vec<u8>,
+}
+
+/// Bytes of the length of the header before it.
+const LENGTH_BYTES: usize = 8;
 
 impl ModelFile {
     /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, SegmentationError> {
         let bytes = read_bounded(path)?;
         let container = |cause| SegmentationError::Container { path: path.into(), cause };
-        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(container)?;
         // This also checks the extents of the tensors: a truncated file fails here.
         SafeTensors::deserialize(&bytes).map_err(container)?;
+        let (header_len, metadata) = SafeTensors::read_metadata(&bytes).map_err(container)?;
         let card = |reason: String| SegmentationError::Card { path: path.into(), reason };
         let text = metadata.metadata().as_ref().and_then(|metadata| metadata.get(CARD_KEY));
         let text = text.ok_or_else(|| card("missing; it names the architecture of the model".to_owned()))?;
         let text: CardText = serde_json::from_str(text).map_err(|error| card(error.to_string()))?;
         let digest = fingerprint(FINGERPRINT_START, &bytes);
         let card = ModelCard { architecture: text.architecture, version: text.version, digest };
-        Ok(Self { path: path.into(), card, settings: text.settings, prefix: String::new(), bytes: bytes.into() })
+        let container = Arc::new(Container { metadata, data_start: LENGTH_BYTES + header_len, bytes });
+        Ok(Self { path: path.into(), card, settings: text.settings, prefix: String::new(), container })
     }
 
     /// One of the models that the file contains, with the digest of the file.
@@ -77,7 +88,7 @@ impl ModelFile {
         let CardText { architecture, version, settings } = text;
         let card = ModelCard { architecture, version, digest: self.card.digest };
         let prefix = format!("{}{}", self.prefix, prefix_of(number));
-        Self { path: self.path.clone(), card, settings, prefix, bytes: self.bytes.clone() }
+        Self { path: self.path.clone(), card, settings, prefix, container: self.container.clone() }
     }
 
     /// The card as it is written.
@@ -88,8 +99,7 @@ impl ModelFile {
 
     /// All tensors, named as those of a part.
     pub(crate) fn tensors_of_part(&self, number: usize) -> Result<BTreeMap<String, Tensor>, SegmentationError> {
-        let file = SliceSafetensors::new(&self.bytes)?;
-        let names = file.tensors().into_iter().map(|(name, _)| name);
+        let names = self.container.metadata.tensors().into_keys();
         names.map(|name| Ok((prefix_of(number) + &name, self.load(&name)?))).collect()
     }
 
@@ -123,8 +133,15 @@ impl ModelFile {
     }
 
     fn load(&self, name: &str) -> Result<Tensor, SegmentationError> {
-        SliceSafetensors::new(&self.bytes)
-            .and_then(|tensors| tensors.load(&format!("{}{name}", self.prefix), &Device::Cpu))
+        let Container { metadata, data_start, bytes } = &*self.container;
+        let info = metadata.info(&format!("{}{name}", self.prefix));
+        let info = info.ok_or_else(|| self.bad_tensor(name, "is missing".to_owned()))?;
+        let (start, end) = info.data_offsets;
+        DType::try_from(info.dtype)
+            .and_then(|dtype| {
+                let data = &bytes[data_start + start..data_start + end];
+                Tensor::from_raw_buffer(data, dtype, &info.shape, &Device::Cpu)
+            })
             .map_err(|error| self.bad_tensor(name, error.to_string()))
     }
 
