@@ -1,4 +1,4 @@
-//! Two models as one: the geometric mean of their probabilities, in which the first counts twice (a product of experts, Hinton 2002).
+//! Two models as one: the weighted geometric mean of their probabilities (a product of experts, Hinton 2002).
 //!
 //! Two networks that see the same points in other ways err at other places: one that nearly excludes a class outweighs one that only
 //! prefers it.
@@ -8,6 +8,7 @@ use crate::ground::SubmapGround;
 use crate::model_file::{CardText, ModelFile, encode_model};
 use crate::points::{self, PointModel};
 use crate::segmenter::{CellSegmenter, class_row, write_rows};
+use crate::settings_rules::check_rules;
 use crate::spherical::{self, GroundUse, Options, SphericalModel};
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
@@ -30,6 +31,8 @@ const VERSION: u32 = 1;
 struct Settings {
     /// The first model sees one of this many sweeps of those that it would see alone.
     every: usize,
+    /// Share of the first model in the mean, 0 to 1.
+    share: f64,
     /// The cards of both models.
     models: [CardText; 2],
 }
@@ -40,32 +43,22 @@ pub(crate) fn parts(file: &ModelFile) -> Result<[ModelFile; 2], SegmentationErro
     Ok([file.part(0, first), file.part(1, second)])
 }
 
-/// The bytes of a model file that fuses two. The first model then sees one of `every` sweeps of those that it would see alone, 1 to 16:
-/// most of what the others show, the second model has seen, too. Equal files give equal bytes.
+/// The bytes of a model file that fuses two. `share` is that of the first model in the mean, 0 to 1. It then sees one of `every` sweeps
+/// of those that it would see alone, 1 to 16: most of what the others show, the second model has seen, too. Equal files give equal bytes.
 ///
 /// # Errors
 /// If a file cannot be read, one of the models knows no probabilities, removes the ground first or is fused itself, their classes
-/// differ, or `every` is outside its range.
-pub fn fuse(first: &Path, second: &Path, every: usize) -> Result<Vec<u8>, SegmentationError> {
+/// differ, or a number is outside its range.
+pub fn fuse(first: &Path, second: &Path, share: f64, every: usize) -> Result<Vec<u8>, SegmentationError> {
     let files = [ModelFile::read(first)?, ModelFile::read(second)?];
-    of_files(&files, every, &Options::default())?;
-    let settings = Settings { every, models: files.each_ref().map(ModelFile::card_text) };
+    let settings = Settings { every, share, models: files.each_ref().map(ModelFile::card_text) };
+    Fused::of_files(&files, &settings, &Options::default())?;
     let mut tensors = BTreeMap::new();
     for (number, file) in files.iter().enumerate() {
         tensors.extend(file.tensors_of_part(number)?);
     }
     let tensors = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.clone()));
     encode_model(ARCHITECTURE, VERSION, &settings, tensors.collect())
-}
-
-/// The model of two files.
-fn of_files(files: &[ModelFile; 2], every: usize, options: &Options) -> Result<Fused, SegmentationError> {
-    if !(1..=MOST_EVERY).contains(&every) {
-        return Err(SegmentationError::Settings(format!("every = {every}, must be 1 to {MOST_EVERY}")));
-    }
-    let of_first = Options { every: options.every * every, ..*options };
-    let [first, second] = files;
-    Fused::new(of_cells(first, &of_first)?, of_cells(second, options)?, &second.path)
 }
 
 /// Sweeps of which the first model sees one, at most.
@@ -88,23 +81,33 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
 /// Two models with the same classes.
 pub struct Fused {
     models: [Box<dyn CellSegmenter>; 2],
+    /// Shares of the models in the mean.
+    shares: [f32; 2],
     card: ModelCard,
 }
 
 impl Fused {
     pub(crate) fn from_file(file: &ModelFile, options: &Options) -> Result<Self, SegmentationError> {
         file.expect_version(VERSION)?;
-        let every = file.settings::<Settings>()?.every;
-        Ok(Self { card: file.card.clone(), ..of_files(&parts(file)?, every, options)? })
+        Ok(Self { card: file.card.clone(), ..Self::of_files(&parts(file)?, &file.settings()?, options)? })
     }
-    /// Both models, with the card of the first. `path` is the file of the second.
-    fn new(
-        first: Box<dyn CellSegmenter>,
-        second: Box<dyn CellSegmenter>,
-        path: &Path,
-    ) -> Result<Self, SegmentationError> {
+    /// The model of two files, with the card of the first.
+    fn of_files(files: &[ModelFile; 2], settings: &Settings, options: &Options) -> Result<Self, SegmentationError> {
+        let Settings { every, share, .. } = *settings;
+        // False for NaN.
+        check_rules([
+            ((0.0..=1.0).contains(&share), format!("share = {share}, must be 0 to 1")),
+            ((1..=MOST_EVERY).contains(&every), format!("every = {every}, must be 1 to {MOST_EVERY}")),
+        ])?;
+        let of_first = Options { every: options.every * every, ..*options };
+        let [first, second] = files;
+        Self::new([of_cells(first, &of_first)?, of_cells(second, options)?], share as f32, &second.path)
+    }
+    /// `path` is the file of the second model.
+    fn new(models: [Box<dyn CellSegmenter>; 2], share: f32, path: &Path) -> Result<Self, SegmentationError> {
+        let [first, second] = &models;
         let names = |model: &dyn CellSegmenter| model.classes().iter().map(|class| class.name()).collect::<Vec<_>>();
-        let (found, expected) = (names(&*second), names(&*first));
+        let (found, expected) = (names(&**second), names(&**first));
         if found != expected {
             let reason = format!(
                 "the classes {} are not those of the model that it is fused with: {}",
@@ -114,12 +117,9 @@ impl Fused {
             return Err(SegmentationError::Card { path: path.into(), reason });
         }
         let card = first.card().clone();
-        Ok(Self { models: [first, second], card })
+        Ok(Self { models, shares: [share, 1.0 - share], card })
     }
 }
-
-/// The factors of a geometric mean from the probabilities of the first and of the second model.
-const FACTORS: [fn(f32) -> f32; 2] = [|first| (first + LEAST).powi(2).cbrt(), |second| (second + LEAST).cbrt()];
 
 /// The best class and its share of the products of the factors at a point. A model that cannot classify it has none.
 fn decide(factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
@@ -153,7 +153,8 @@ impl Segmenter for Fused {
         let (of_first, report) = first.probabilities(input, &ground)?;
         let (of_second, _) = second.probabilities(input, &ground)?;
         // By cells, because many points share one.
-        let (of_first, of_second) = (of_first.map(FACTORS[0]), of_second.map(FACTORS[1]));
+        let [of_first, of_second] = [(of_first, self.shares[0]), (of_second, self.shares[1])]
+            .map(|(cells, share)| cells.map(|probability| (probability + LEAST).powf(share)));
         let decided = |factors: [Option<&[f32]>; 2]| {
             class_row(decide(factors).map(|(class, share)| (first.classes()[class], share)))
         };
@@ -219,14 +220,14 @@ mod tests {
     #[test]
     fn point_takes_class_with_the_largest_geometric_mean() {
         let first = model(ROAD_OR_POLE, [[0.7, 0.3], [0.8, 0.2], [0.0, 0.0], [0.0, 0.0]]);
-        let second = model(ROAD_OR_POLE, [[0.4, 0.6], [0.01, 0.99], [0.4, 0.6], [0.0, 0.0]]);
-        let fused = Fused::new(first, second, Path::new("second")).expect("the same classes");
+        let second = model(ROAD_OR_POLE, [[0.4, 0.6], [0.001, 0.998], [0.4, 0.6], [0.0, 0.0]]);
+        let fused = Fused::new([first, second], 0.75, Path::new("second")).expect("the same classes");
         let points = [SubmapPoint::default(); 4];
         let mut classes = [ClassRow::default(); 4];
         let report = fused.segment(&ModelInput::new(&SubmapHeader::default(), &points), &mut classes).expect("runs");
-        let share = |of: f32, other: f32| (255.0 * of.cbrt() / (of.cbrt() + other.cbrt())).round() as u8;
-        let [road, pole] = [0.701_f32.powi(2) * 0.401, 0.301_f32.powi(2) * 0.601];
-        let [road_2, pole_2] = [0.801_f32.powi(2) * 0.011, 0.201_f32.powi(2) * 0.991];
+        let share = |of: f32, other: f32| (255.0 * of.powf(0.25) / (of.powf(0.25) + other.powf(0.25))).round() as u8;
+        let [road, pole] = [0.701_f32.powi(3) * 0.401, 0.301_f32.powi(3) * 0.601];
+        let [road_2, pole_2] = [0.801_f32.powi(3) * 0.002, 0.201_f32.powi(3) * 0.999];
         let expected = [
             (ClassId::Road, share(road, pole)),
             (ClassId::Pole, share(pole_2, road_2)),
@@ -240,8 +241,8 @@ mod tests {
     #[test]
     fn models_with_other_classes_are_refused_with_both_lists() {
         let rows = [[0.5, 0.5]; 4];
-        let [first, second] = [ROAD_OR_POLE, [ClassId::Pole, ClassId::Road]].map(|classes| model(classes, rows));
-        let error = Fused::new(first, second, Path::new("second.safetensors")).err().expect("is refused").to_string();
+        let models = [ROAD_OR_POLE, [ClassId::Pole, ClassId::Road]].map(|classes| model(classes, rows));
+        let error = Fused::new(models, 0.5, Path::new("second.safetensors")).err().expect("is refused").to_string();
         assert!(
             error.starts_with("second.safetensors: ") && error.contains("pole, road") && error.contains("road, pole")
         );

@@ -27,6 +27,11 @@ pub fn percent(text: &str) -> Result<f64, InvalidValue> {
     positive(text).ok().filter(|value| *value <= 100.0).ok_or(InvalidValue("above 0, up to 100"))
 }
 
+/// A share of a whole.
+pub fn share(text: &str) -> Result<f64, InvalidValue> {
+    finite(text).ok().filter(|value| (0.0..=1.0).contains(value)).ok_or(InvalidValue("0 to 1"))
+}
+
 /// Left column, top row, width and height: four whole numbers.
 pub fn rectangle<T: FromStr>(text: &str) -> Result<[T; 4], InvalidValue> {
     let numbers: Option<Vec<T>> = text.split(',').map(|number| number.trim().parse().ok()).collect();

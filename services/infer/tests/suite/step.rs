@@ -107,7 +107,8 @@ fn fused_model_gives_the_class_on_which_both_agree() {
     let root = at_root();
     let [street, points] = ["street", "points"].map(|name| root.resolve(format!("models/{name}.safetensors").as_ref()));
     let fused = folder.path().join("fused.safetensors");
-    std::fs::write(&fused, segmentation::fuse(&street, &points, 1).expect("both suit each other")).expect("writes");
+    std::fs::write(&fused, segmentation::fuse(&street, &points, 0.6, 1).expect("both suit each other"))
+        .expect("writes");
     let (header, cloud, _) = street_sweep();
     let classes = |model: &Path| {
         let settings = Settings { model: model.display().to_string(), ..Settings::default() };
@@ -135,11 +136,14 @@ fn fused_model_gives_the_class_on_which_both_agree() {
 fn shipped_fused_model_has_both_shipped_models() {
     let root = at_root();
     let file = |name: &str| root.resolve(format!("models/{name}.safetensors").as_ref());
-    let written = segmentation::fuse(&file("street"), &file("points"), 3).expect("both suit each other");
+    let written = segmentation::fuse(&file("street"), &file("points"), 0.6, 3).expect("both suit each other");
     let shipped = std::fs::read(file("street_fused")).expect("is there");
-    assert!(written == shipped, "replica fuse models/street.safetensors models/points.safetensors --every 3 writes it");
+    assert!(
+        written == shipped,
+        "replica fuse models/street.safetensors models/points.safetensors --share 0.6 --every 3 writes it"
+    );
     let refused = |first: &str, every: usize| {
-        segmentation::fuse(&file(first), &file("points"), every).expect_err("refused").to_string()
+        segmentation::fuse(&file(first), &file("points"), 0.6, every).expect_err("refused").to_string()
     };
     for first in ["ground", "street_fused"] {
         assert!(refused(first, 1).contains("the model knows no probabilities, so it cannot be fused"), "{first}");

@@ -15,6 +15,7 @@ mod tally;
 mod towns;
 
 use crate::answer::Answer;
+use crate::argument;
 use anyhow::Context;
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
@@ -85,7 +86,7 @@ pub struct Args {
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
     /// Points with a score below this become `unlabeled`, as with `[infer] unknown_below`, 0 to 1
-    #[arg(long, requires = "model", value_name = "SCORE", default_value_t = 0.0, value_parser = share)]
+    #[arg(long, requires = "model", value_name = "SCORE", default_value_t = 0.0, value_parser = argument::share)]
     unknown_below: f64,
     /// Draw a top view of truth, prediction and errors of the first submap into this PNG
     #[arg(long, requires = "seeds", value_name = "PNG")]
@@ -106,12 +107,6 @@ pub struct Args {
 /// Names of the sensors.
 fn sensors() -> PossibleValuesParser {
     PossibleValuesParser::new(Mount::NAMED.iter().map(|(name, _)| *name))
-}
-
-/// A number from 0 to 1.
-fn share(text: &str) -> Result<f64, String> {
-    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
-    share.ok_or_else(|| "must be between 0 and 1".to_owned())
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
