@@ -15,7 +15,7 @@ stage::settings! {
         /// Holes with fewer cells than this are filled.
         pub hole_cells: u32 = 10 => stage::within(0, 10_000);
         /// Minimum fraction of the observed cells around an object that must have ground; 0 disables the filter.
-        pub min_ground_around: f64 = 0.1 => stage::within(0.0, 1.0);
+        pub min_ground_around: f64 = 0.0 => stage::within(0.0, 1.0);
         /// Points of a cell that are separated by at least this time belong to different objects, s; 0 ignores times.
         pub apart_s: f64 = 0.6 => stage::within(0.0, 60.0);
         /// Minimum overlap, as a fraction of the smaller footprint, for an object to be associated with an object of an earlier submap.
@@ -76,11 +76,11 @@ impl Thing {
             class: ClassId::Vehicles.name().to_owned(),
             max_height_m: 4.0,
             min_points: 500,
-            min_share: 0.2,
+            min_share: 0.1,
             min_points_sparse: 20,
             length_m: 4.5,
             height_m: 1.5,
-            min_score: 0.4,
+            min_score: 0.45,
             peak_m: 0.2,
             join_m: 0.8,
             max_length_m: 5.6,
@@ -94,7 +94,7 @@ impl Thing {
             min_points_sparse: 10,
             length_m: 0.8,
             height_m: 1.7,
-            min_score: 0.4,
+            min_score: 0.5,
             peak_m: 0.4,
             join_m: 0.0,
             max_length_m: 0.0,

@@ -25,6 +25,8 @@ use town::TownSubmap;
 
 /// Smaller true objects count for nobody: 100 returns of a drive are a car 60 m away.
 const MIN_POINTS: u64 = 100;
+/// Share of ground around an object by the rule of the thesis.
+const MIN_GROUND_AROUND: f64 = 0.1;
 const CLASSES: [ClassId; 2] = [ClassId::Vehicles, ClassId::Pedestrian];
 
 fn main() {
@@ -83,30 +85,24 @@ fn variants() -> Vec<(String, Settings)> {
         (thing.peak_m, thing.min_score, thing.min_share) = (0.0, 0.0, 0.0);
         (thing.max_speed_mps, thing.join_m) = (0.0, 0.0);
     });
-    (thesis.apart_s, thesis.remembered_submaps) = (0.0, 0);
+    (thesis.apart_s, thesis.remembered_submaps, thesis.min_ground_around) = (0.0, 0, MIN_GROUND_AROUND);
     let before = |thing: &mut Thing| {
         (thing.min_share, thing.max_speed_mps, thing.join_m) = (0.0, 0.0, 0.0);
         thing.min_score = if thing.class == ClassId::Vehicles.name() { 0.0 } else { 0.5 };
     };
-    let of_pedestrians = |thing: &mut Thing| {
-        if thing.class == ClassId::Pedestrian.name() {
-            thing.min_score = 0.45;
-        }
-    };
-    let surer_pedestrians = Settings { min_ground_around: 0.0, ..of_all(&of_pedestrians) };
+    let with_ground = |settings: Settings| Settings { min_ground_around: MIN_GROUND_AROUND, ..settings };
     let mut variants = vec![
         ("the thesis' rules".to_owned(), thesis),
-        ("fixed counts, no tracks, no joining".to_owned(), of_all(&before)),
+        ("fixed counts, no tracks, no joining".to_owned(), with_ground(of_all(&before))),
         ("default".to_owned(), Settings::default()),
-        ("min_ground_around = 0".to_owned(), Settings { min_ground_around: 0.0, ..Settings::default() }),
-        ("min_ground_around = 0, pedestrians min_score = 0.45".to_owned(), surer_pedestrians),
+        (format!("min_ground_around = {MIN_GROUND_AROUND}"), with_ground(Settings::default())),
         ("max_speed_mps = 0".to_owned(), of_all(&|thing| thing.max_speed_mps = 0.0)),
         ("join_m = 0".to_owned(), of_all(&|thing| thing.join_m = 0.0)),
     ];
-    for min_share in [0.0, 0.1] {
+    for min_share in [0.0, 0.1, 0.2] {
         variants.push((format!("min_share = {min_share}"), of_all(&|thing| thing.min_share = min_share)));
     }
-    for min_score in [0.0, 0.3, 0.5, 0.7] {
+    for min_score in [0.0, 0.3, 0.4, 0.5, 0.6] {
         variants.push((format!("min_score = {min_score}"), of_all(&|thing| thing.min_score = min_score)));
     }
     variants
