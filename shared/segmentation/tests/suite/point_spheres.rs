@@ -58,7 +58,9 @@ fn columns_cover_every_point_and_share_their_margins() {
         assert_eq!(members.len(), n_within);
         let n_below = members.iter().filter(|point| points[**point as usize][2] < center[2]).count();
         assert!(n_below <= members.len() / 4, "{n_below} of {}", members.len());
-        members.iter().for_each(|point| n_columns_of[*point as usize] += 1);
+        for point in members {
+            n_columns_of[*point as usize] += 1;
+        }
     }
     assert!(n_columns_of[..20_000].iter().all(|n| (1..=4).contains(n)) && n_columns_of[20_000] == 0);
     assert!(n_columns_of.contains(&4));

@@ -76,6 +76,7 @@ impl Lists {
         self.transposed.get_or_init(|| Box::new(self.transpose()))
     }
     /// For each row the lists that contain it, ascending.
+    #[must_use]
     pub fn inverse(&self) -> Self {
         self.transpose().0
     }
