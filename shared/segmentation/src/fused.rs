@@ -10,7 +10,7 @@ use crate::points::{self, PointModel};
 use crate::segmenter::{CellSegmenter, class_row, write_rows};
 use crate::settings_rules::check_rules;
 use crate::spherical::{self, GroundUse, Options, SphericalModel};
-use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -72,7 +72,11 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
     let reason = match file.card.architecture.as_str() {
         spherical::ARCHITECTURE if removes_ground()? => "the model removes the ground first",
         spherical::ARCHITECTURE => return Ok(Box::new(SphericalModel::from_file(file)?.with_options(*options)?)),
-        points::ARCHITECTURE => return Ok(Box::new(PointModel::from_file(file)?.with_options(*options)?)),
+        points::ARCHITECTURE => {
+            // Its operations have no kernels for a GPU; the other model can be there.
+            let on_cpu = Options { device: ComputeDevice::Cpu, ..*options };
+            return Ok(Box::new(PointModel::from_file(file)?.with_options(on_cpu)?));
+        }
         _ => "the model knows no probabilities",
     };
     Err(SegmentationError::Card { path: file.path.clone(), reason: format!("{reason}, so it cannot be fused") })
