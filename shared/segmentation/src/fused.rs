@@ -4,7 +4,7 @@
 //! prefers it.
 
 use crate::cell_probabilities::best_of;
-use crate::ground::SubmapGround;
+use crate::ground::{self, SubmapGround};
 use crate::model_file::{CardText, ModelFile, encode_model};
 use crate::points::{self, PointModel};
 use crate::segmenter::{CellSegmenter, class_row, write_rows};
@@ -77,7 +77,9 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
             let on_cpu = Options { device: ComputeDevice::Cpu, ..*options };
             return Ok(Box::new(PointModel::from_file(file)?.with_options(on_cpu)?));
         }
-        _ => "the model knows no probabilities",
+        ground::ARCHITECTURE => "the model knows no probabilities",
+        ARCHITECTURE => "the model is fused itself",
+        other => return Err(SegmentationError::unknown_architecture(file, other)),
     };
     Err(SegmentationError::Card { path: file.path.clone(), reason: format!("{reason}, so it cannot be fused") })
 }

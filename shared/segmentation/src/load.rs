@@ -8,9 +8,6 @@ use crate::spherical::{self, AskedColumns, Options, SphericalModel};
 use crate::{Fused, SegmentationError, fused};
 use std::path::Path;
 
-/// Names of the architectures.
-const KNOWN: &str = "fused, ground_quasi_flat, points, spherical";
-
 /// The columns that a model file reads beside the points of a submap.
 ///
 /// # Errors
@@ -46,8 +43,6 @@ pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, Segmen
         spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options)?)),
         points::ARCHITECTURE => Ok(Box::new(PointModel::from_file(&file)?.with_options(*options)?)),
         fused::ARCHITECTURE => Ok(Box::new(Fused::from_file(&file, options)?)),
-        other => {
-            Err(SegmentationError::Architecture { path: file.path.clone(), found: other.to_owned(), known: KNOWN })
-        }
+        other => Err(SegmentationError::unknown_architecture(&file, other)),
     }
 }

@@ -132,25 +132,6 @@ fn fused_model_gives_the_class_on_which_both_agree() {
     assert!(both != first && both != second);
 }
 
-#[test]
-fn shipped_fused_model_has_both_shipped_models() {
-    let root = at_root();
-    let file = |name: &str| root.resolve(format!("models/{name}.safetensors").as_ref());
-    let written = segmentation::fuse(&file("street"), &file("points"), 0.6, 3).expect("both suit each other");
-    let shipped = std::fs::read(file("street_fused")).expect("is there");
-    assert!(
-        written == shipped,
-        "replica fuse models/street.safetensors models/points.safetensors --share 0.6 --every 3 writes it"
-    );
-    let refused = |first: &str, every: usize| {
-        segmentation::fuse(&file(first), &file("points"), 0.6, every).expect_err("refused").to_string()
-    };
-    for first in ["ground", "street_fused"] {
-        assert!(refused(first, 1).contains("the model knows no probabilities, so it cannot be fused"), "{first}");
-    }
-    assert!(refused("street", 17).contains("every = 17, must be 1 to 16"));
-}
-
 /// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above the road.
 #[test]
 fn points_with_score_below_setting_are_unlabeled_and_counted() {

@@ -8,6 +8,7 @@ mod deliver;
 mod evaluate_classes;
 mod evaluate_run;
 mod finished_run;
+mod fuse;
 mod inspect_drive;
 mod instances;
 mod json;
