@@ -6,7 +6,9 @@ use formats::atomic_file::write_atomic;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Write two models with the same classes as one model file: the geometric mean of their probabilities decides.
+/// Write two models as one file that fuses them.
+///
+/// Both have the same classes. The weighted geometric mean of their probabilities decides.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {

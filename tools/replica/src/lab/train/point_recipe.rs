@@ -165,7 +165,7 @@ mod tests {
             let error = error_after_replacing(name, from, to);
             assert!(error.contains("recipe.toml") && error.contains(rule), "{error}");
         };
-        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\ncolumns = 2048", "unknown field `columns`");
+        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nfold = 4", "unknown field `fold`");
         check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nwidths = [3]", "unknown field `widths`");
         check("points.toml", "waffle_iron", "unet", "unknown field `elastic`");
         check("street.toml", "fold = 4", "fold = 4\nradius_m = 4.0", "unknown field `radius_m`");
