@@ -170,7 +170,8 @@ mod tests {
         check("points.toml", "waffle_iron", "unet", "unknown field `elastic`");
         check("street.toml", "fold = 4", "fold = 4\nradius_m = 4.0", "unknown field `radius_m`");
         check("street.toml", "[train]", "[spheres]\n[train]", "unknown field `spheres`");
-        check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "unknown field `columns`");
+        // Columns of an image, here squares of a cloud.
+        check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "invalid type: integer `2048`");
     }
 
     #[test]
