@@ -166,6 +166,8 @@ fn killed_batch_continues_with_the_same_bytes() {
 
     let mut killed = batch.start(&DRIVES);
     batch.wait_for_barrier("tuesday", "relay", 2);
+    // The last stage saves its state of a barrier after the others.
+    batch.wait_for_barrier("tuesday", "sink", 1);
     let run = processes_of(killed.id());
     assert_eq!(run.len(), 1, "one drive at a time");
     let stages = processes_of(run[0].as_raw_nonzero().get() as u32);

@@ -105,7 +105,7 @@ impl Fused {
             ((0.0..=1.0).contains(&share), format!("share = {share}, must be 0 to 1")),
             ((1..=MOST_EVERY).contains(&every), format!("every = {every}, must be 1 to {MOST_EVERY}")),
         ])?;
-        let of_first = Options { every: options.every * every, ..*options };
+        let of_first = Options { every: options.every.saturating_mul(every), ..*options };
         let [first, second] = files;
         Self::new([of_cells(first, &of_first)?, of_cells(second, options)?], share as f32, &second.path)
     }

@@ -132,6 +132,46 @@ fn fused_model_gives_the_class_on_which_both_agree() {
     assert!(both != first && both != second);
 }
 
+/// Both sweeps are equal but for a shift, so the first network gives other classes if it sees both.
+#[test]
+fn fused_model_skips_sweeps_as_the_setting_does() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let root = at_root();
+    let [street, points] = ["street", "points"].map(|name| root.resolve(format!("models/{name}.safetensors").as_ref()));
+    let fused = |every: usize| {
+        let file = folder.path().join(format!("every_{every}.safetensors"));
+        std::fs::write(&file, segmentation::fuse(&street, &points, 0.6, every).expect("both suit each other"))
+            .expect("writes");
+        file
+    };
+    let (mut header, cloud, _) = street_sweep();
+    header.n_sweeps = 2;
+    header.sweeps[1] = header.sweeps[0];
+    header.sweeps[1].first_point = cloud.len() as u32;
+    let second = cloud.iter().map(|point| SubmapPoint { y: point.y + 0.7, z: point.z + 0.1, ..*point });
+    let both: Vec<SubmapPoint> = cloud.iter().copied().chain(second).collect();
+    let classes = |model: &Path, every: u32| {
+        let settings = Settings { model: model.display().to_string(), every, ..Settings::default() };
+        let mut bench: Bench<Infer> = Bench::new(&settings, &root).expect("the model loads");
+        bench.send::<SubmapTopic>(0, header, both.clone());
+        bench.tick().expect("steps");
+        bench.take::<ClassTopic>()[0].rows().to_vec()
+    };
+    let (one, two) = (fused(1), fused(2));
+    assert!(classes(&two, 1) == classes(&one, 2));
+    assert!(classes(&two, 1) != classes(&one, 1));
+
+    for (share, every, rule) in [
+        (1.5, 1, "share = 1.5, must be 0 to 1"),
+        (f64::NAN, 1, "share = NaN"),
+        (0.5, 17, "every = 17, must be 1 to 16"),
+        (0.5, 0, "every = 0"),
+    ] {
+        let error = segmentation::fuse(&street, &points, share, every).expect_err("refused").to_string();
+        assert!(error.contains(rule), "{error}");
+    }
+}
+
 /// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above the road.
 #[test]
 fn points_with_score_below_setting_are_unlabeled_and_counted() {
@@ -361,7 +401,7 @@ fn point_model() -> (tempfile::TempDir, Settings) {
         features: vec![PointFeature::Offset, PointFeature::Height, PointFeature::Intensity],
         cell_m: 0.3,
         spheres: SphereSettings { radius_m: 8.0, overlap_m: 2.0 },
-        columns: None,
+        squares: None,
         temperature: 1.0,
         ground_intensities: None,
     };

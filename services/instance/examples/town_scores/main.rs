@@ -86,14 +86,14 @@ fn variants() -> Vec<(String, Settings)> {
         (thing.max_speed_mps, thing.join_m) = (0.0, 0.0);
     });
     (thesis.apart_s, thesis.remembered_submaps, thesis.min_ground_around) = (0.0, 0, MIN_GROUND_AROUND);
-    let before = |thing: &mut Thing| {
+    let fixed_counts = |thing: &mut Thing| {
         (thing.min_share, thing.max_speed_mps, thing.join_m) = (0.0, 0.0, 0.0);
         thing.min_score = if thing.class == ClassId::Vehicles.name() { 0.0 } else { 0.5 };
     };
     let with_ground = |settings: Settings| Settings { min_ground_around: MIN_GROUND_AROUND, ..settings };
     let mut variants = vec![
         ("the thesis' rules".to_owned(), thesis),
-        ("fixed counts, no tracks, no joining".to_owned(), with_ground(of_all(&before))),
+        ("fixed counts, no tracks, no joining".to_owned(), with_ground(of_all(&fixed_counts))),
         ("default".to_owned(), Settings::default()),
         (format!("min_ground_around = {MIN_GROUND_AROUND}"), with_ground(Settings::default())),
         ("max_speed_mps = 0".to_owned(), of_all(&|thing| thing.max_speed_mps = 0.0)),

@@ -4,6 +4,7 @@
 
 mod activation;
 mod concatenate;
+mod layer;
 mod linear;
 mod lists;
 mod maximum;
@@ -19,13 +20,14 @@ mod weighted_sum;
 
 pub use activation::{Activation, add_activated};
 pub use concatenate::concatenate;
+pub use layer::Layer;
 pub use linear::linear;
 pub use lists::Lists;
 pub use maximum::maximum;
 pub use neighbor_maximum::neighbor_maximum;
 pub use normalize::{ColumnStatistics, Source, normalize};
 pub use plane::{PlaneShape, depth_wise_convolution, plane_convolution};
-pub use residual_layers::{Layer, add_residual_layers};
+pub use residual_layers::add_residual_layers;
 pub(super) use rows::tensor;
 pub use tap_convolution::kernel_point_convolution;
 pub use taps::{KernelPoints, Neighborhood};

@@ -1,12 +1,12 @@
 //! Prediction of a cloud, region by region, and the votes of the regions at each point.
 
 use super::batch::PointBatch;
-use super::columns::{Column, ColumnSettings};
 use super::ops::tensor;
 use super::parameters::Parameters;
 use super::pass::Pass;
 use super::spec::PointNetworkSpec;
 use super::spheres::{SphereSettings, sphere};
+use super::squares::{Square, SquareSettings};
 use crate::SegmentationError;
 use neighbors::SpatialIndex;
 use rayon::prelude::*;
@@ -31,20 +31,20 @@ pub struct CloudPrediction<'a> {
 pub enum Regions {
     /// Spheres of a regular grid.
     Spheres(SphereSettings),
-    /// Square columns.
-    Columns(ColumnSettings),
+    /// Squares, seen from above.
+    Squares(SquareSettings),
 }
 
 impl Regions {
     /// Center and points of each region. Each valid point is in at least one.
-    fn of<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Column> + 'a>, SegmentationError> {
+    fn of<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Square> + 'a>, SegmentationError> {
         Ok(match self {
             Self::Spheres(spheres) => {
                 let index = SpatialIndex::new(positions);
                 let centers = spheres.centers(positions)?.into_iter();
                 Box::new(centers.map(move |center| (center, sphere(&index, center, spheres.radius_m))))
             }
-            Self::Columns(columns) => Box::new(columns.columns(positions)?.into_iter()),
+            Self::Squares(squares) => Box::new(squares.squares(positions)?.into_iter()),
         })
     }
 }

@@ -1,11 +1,11 @@
 //! Settings of a model file of a network on points, and their rules.
 
-use super::columns::ColumnSettings;
 use super::features::PointFeature;
 use super::parameters::Parameters;
 use super::prediction::Regions;
 use super::spec::PointNetworkSpec;
 use super::spheres::SphereSettings;
+use super::squares::SquareSettings;
 use crate::SegmentationError;
 use crate::model_file::encode_model;
 use crate::network::Weights;
@@ -35,11 +35,11 @@ pub struct PointSettings {
     pub features: Vec<PointFeature>,
     /// Side of the cells that are one point of the network, m, 0.02 to 5.
     pub cell_m: f32,
-    /// Spheres that the network sees in training, and in prediction if there are no columns.
+    /// Spheres that the network sees in training, and in prediction if there are no squares.
     pub spheres: SphereSettings,
-    /// Square columns that it sees in prediction.
+    /// Squares that it sees in prediction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub columns: Option<ColumnSettings>,
+    pub squares: Option<SquareSettings>,
     /// Divisor of the logits that calibrates the scores, 0.1 to 10.
     pub temperature: f32,
     /// Intensities of the ground in the training, below which 5, 25, 50, 75 and 95 % of its points lie. Without them, those of the
@@ -51,7 +51,7 @@ pub struct PointSettings {
 impl PointSettings {
     /// What the network sees at a time in prediction.
     pub fn regions(&self) -> Regions {
-        self.columns.map_or(Regions::Spheres(self.spheres), Regions::Columns)
+        self.squares.map_or(Regions::Spheres(self.spheres), Regions::Squares)
     }
     /// The class of every output.
     ///
@@ -66,8 +66,8 @@ impl PointSettings {
         if let Some(problem) = self.spheres.problem() {
             return Err(wrong(format!("spheres: {problem}")));
         }
-        if let Some(problem) = self.columns.and_then(|columns| columns.problem()) {
-            return Err(wrong(format!("columns: {problem}")));
+        if let Some(problem) = self.squares.and_then(|squares| squares.problem()) {
+            return Err(wrong(format!("squares: {problem}")));
         }
         let (inputs, outputs) = self.network.channels();
         let n_values = PointFeature::channels(&self.features);
@@ -85,8 +85,8 @@ impl PointSettings {
                 format!("spheres.radius_m = {radius_m}, must be at most {MOST_CELLS} cells of {cell_m} m"),
             ),
             (
-                self.columns.is_none_or(|columns| columns.side_m <= 2.0 * MOST_CELLS * cell_m),
-                format!("columns.side_m must be at most {} cells of {cell_m} m", 2.0 * MOST_CELLS),
+                self.squares.is_none_or(|squares| squares.side_m <= 2.0 * MOST_CELLS * cell_m),
+                format!("squares.side_m must be at most {} cells of {cell_m} m", 2.0 * MOST_CELLS),
             ),
             (
                 match &self.network {

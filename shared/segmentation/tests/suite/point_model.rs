@@ -19,7 +19,7 @@ fn settings(network: &str) -> PointSettings {
         features: vec![PointFeature::Offset, PointFeature::Height, PointFeature::Intensity, PointFeature::One],
         cell_m: 0.4,
         spheres: SphereSettings { radius_m: 8.0, overlap_m: 2.0 },
-        columns: None,
+        squares: None,
         temperature: 1.0,
         ground_intensities: None,
     }

@@ -1,10 +1,10 @@
-//! Spheres and columns of clouds: coverage, balance of classes, and averaged votes.
+//! Spheres and squares of clouds: coverage, balance of classes, and averaged votes.
 
 use candle_core::{Device, Tensor};
 use neighbors::{SpatialIndex, squared_distance};
 use random::Random;
 use segmentation::points::{
-    CloudPrediction, ColumnSettings, Parameters, Pass, PointBatch, PointNetworkSpec, Regions, SphereSettings,
+    CloudPrediction, Parameters, Pass, PointBatch, PointNetworkSpec, Regions, SphereSettings, SquareSettings,
     TrainingSpheres, Votes, sphere,
 };
 
@@ -42,13 +42,13 @@ fn spheres_without_size_are_rejected() {
 }
 
 #[test]
-fn columns_cover_every_point_and_share_their_margins() {
+fn squares_cover_every_point_and_share_their_margins() {
     let mut points = street(20_000);
     points.push([f32::NAN; 3]);
-    let settings = ColumnSettings { side_m: 6.0, margin_m: 0.5 };
-    let columns = settings.columns(&points).expect("valid");
-    let mut n_columns_of = vec![0; points.len()];
-    for (center, members) in &columns {
+    let settings = SquareSettings { side_m: 6.0, margin_m: 0.5 };
+    let squares = settings.squares(&points).expect("valid");
+    let mut n_squares_of = vec![0; points.len()];
+    for (center, members) in &squares {
         // Centers are those of squares of 5 m.
         assert!(center[..2].iter().all(|v| (v / 5.0 - 0.5).fract().abs() < 1e-6), "{center:?}");
         let reach =
@@ -59,15 +59,15 @@ fn columns_cover_every_point_and_share_their_margins() {
         let n_below = members.iter().filter(|point| points[**point as usize][2] < center[2]).count();
         assert!(n_below <= members.len() / 4, "{n_below} of {}", members.len());
         for point in members {
-            n_columns_of[*point as usize] += 1;
+            n_squares_of[*point as usize] += 1;
         }
     }
-    assert!(n_columns_of[..20_000].iter().all(|n| (1..=4).contains(n)) && n_columns_of[20_000] == 0);
-    assert!(n_columns_of.contains(&4));
+    assert!(n_squares_of[..20_000].iter().all(|n| (1..=4).contains(n)) && n_squares_of[20_000] == 0);
+    assert!(n_squares_of.contains(&4));
     for (side_m, margin_m) in [(0.0, 0.0), (f32::NAN, 0.0), (10.0, 4.5), (10.0, -1.0), (10.0, f32::NAN)] {
-        assert!(ColumnSettings { side_m, margin_m }.columns(&points).is_err(), "{side_m} {margin_m}");
+        assert!(SquareSettings { side_m, margin_m }.squares(&points).is_err(), "{side_m} {margin_m}");
     }
-    assert!(settings.columns(&[]).expect("valid").is_empty());
+    assert!(settings.squares(&[]).expect("valid").is_empty());
 }
 
 #[test]

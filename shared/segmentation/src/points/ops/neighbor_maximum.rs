@@ -1,8 +1,8 @@
 //! The embedding of neighborhoods of `WaffleIron`, in evaluation: layers on differences of neighbors, and their maximum, without the
 //! rows of all differences in memory.
 
+use super::layer::Layer;
 use super::lists::Lists;
-use super::residual_layers::Layer;
 use super::rows::{for_each_block, values};
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor, bail};
 use std::sync::Arc;

@@ -1,46 +1,13 @@
 //! Two layers with a residual, in one pass over the rows: what `WaffleIron` does at each point, in evaluation.
 
 use super::activation::Activation;
+use super::layer::Layer;
 use super::lists::Lists;
-use super::product::{Matrix, Packed};
-use super::rows::{for_each_block, read, values, values_mut};
+use super::rows::{for_each_block, values, values_mut};
 use candle_core::{CpuStorage, InplaceOp2, Layout, Result, Tensor, bail};
 
 /// Rows of a block: with the values between the layers they stay in the first-level cache.
 const BLOCK: usize = 48;
-
-/// A linear layer.
-pub struct Layer {
-    weight: Packed,
-    n_in: usize,
-    bias: Vec<f32>,
-}
-
-impl Layer {
-    /// Weight `(out, in)` and bias `(out)`.
-    pub fn new(weight: &Tensor, bias: &Tensor) -> Result<Self> {
-        let (n_out, n_in) = weight.dims2()?;
-        if bias.dims() != [n_out] {
-            bail!("linear layer: weight {:?}, bias {:?}", weight.shape(), bias.shape());
-        }
-        let weight = read(weight, |weight| Packed::new(Matrix::of_rows(weight, n_in).transposed(), n_in, n_out))?;
-        Ok(Self { weight, n_in, bias: bias.to_vec1()? })
-    }
-    /// Columns of the input and of the output.
-    pub(super) fn shape(&self) -> (usize, usize) {
-        (self.n_in, self.bias.len())
-    }
-    /// Adds the bias to rows.
-    pub(super) fn add_bias(&self, rows: &mut [f32]) {
-        for row in rows.chunks_exact_mut(self.bias.len()) {
-            row.iter_mut().zip(&self.bias).for_each(|(value, bias)| *value += bias);
-        }
-    }
-    /// Adds the products of rows with the weight to others.
-    pub(super) fn add_product(&self, rows: &[f32], out: &mut [f32]) {
-        self.weight.add_product(Matrix::of_rows(rows, self.n_in), out);
-    }
-}
 
 /// `x = rows + cells[cell of the row]`, then `x + second(relu(first(x)))`: replaces the rows. `cell_of` has one cell for each row.
 pub fn add_residual_layers(rows: &Tensor, cells: &Tensor, cell_of: &Lists, layers: [&Layer; 2]) -> Result<()> {

@@ -3,7 +3,7 @@
 use super::recipe::{Data, check_data_and_training};
 use anyhow::ensure;
 use segmentation::points::{
-    Augmentation, ColumnSettings, PointFeature, PointNetworkSpec, PointSettings, SphereSettings,
+    Augmentation, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, SquareSettings,
 };
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -51,8 +51,8 @@ pub struct PointModel {
     pub radius_m: f32,
     /// Overlap of neighboring spheres in prediction, m; a third of the radius without it.
     pub overlap_m: Option<f32>,
-    /// Square columns for prediction, instead of spheres.
-    pub columns: Option<ColumnSettings>,
+    /// Squares for prediction, instead of spheres.
+    pub squares: Option<SquareSettings>,
     /// A model to start from, relative to the folder of the recipe. Tensors of the same name and shape start with its values, the
     /// others with random values; of the last layer, the outputs of classes of the same name.
     pub start: Option<PathBuf>,
@@ -122,7 +122,7 @@ impl PointRecipe {
                 radius_m: model.radius_m,
                 overlap_m: model.overlap_m.unwrap_or(model.radius_m / 3.0),
             },
-            columns: model.columns,
+            squares: model.squares,
             temperature: 1.0,
             ground_intensities: None,
         })
@@ -165,13 +165,12 @@ mod tests {
             let error = error_after_replacing(name, from, to);
             assert!(error.contains("recipe.toml") && error.contains(rule), "{error}");
         };
-        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nfold = 4", "unknown field `fold`");
+        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\ncolumns = 2048", "unknown field `columns`");
         check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nwidths = [3]", "unknown field `widths`");
         check("points.toml", "waffle_iron", "unet", "unknown field `elastic`");
         check("street.toml", "fold = 4", "fold = 4\nradius_m = 4.0", "unknown field `radius_m`");
         check("street.toml", "[train]", "[spheres]\n[train]", "unknown field `spheres`");
-        // Columns of an image, here squares of a cloud.
-        check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "invalid type: integer `2048`");
+        check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "unknown field `columns`");
     }
 
     #[test]

@@ -1,24 +1,25 @@
-//! Square columns of a cloud: what a network on planes predicts at a time. They overlap less than spheres that cover a street do.
+//! Squares of a cloud, seen from above: what a network on planes predicts at a time. They overlap less than spheres that cover a street
+//! do.
 
 use super::cells::is_valid;
 use crate::SegmentationError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Size and overlap of the columns.
+/// Size and overlap of the squares.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ColumnSettings {
-    /// Side of the square, m.
+pub struct SquareSettings {
+    /// Side, m.
     pub side_m: f32,
-    /// Margin of the square that belongs to neighboring columns, too, m: on all four sides.
+    /// Margin that belongs to neighboring squares, too, m: on all four sides.
     pub margin_m: f32,
 }
 
-/// A column: its center, and the numbers of its points, ascending.
-pub type Column = ([f32; 3], Vec<u32>);
+/// A square: its center, and the numbers of its points, ascending. It has points of any height.
+pub type Square = ([f32; 3], Vec<u32>);
 
-impl ColumnSettings {
+impl SquareSettings {
     /// The first violated rule, if any.
     pub fn problem(&self) -> Option<String> {
         // Both are false for NaN.
@@ -28,34 +29,34 @@ impl ColumnSettings {
         let has_core = self.margin_m >= 0.0 && self.margin_m <= 0.4 * self.side_m;
         (!has_core).then(|| format!("margin_m = {}; must be 0 to 0.4 sides", self.margin_m))
     }
-    /// The columns of all points, in order of their squares. The grid starts at 0, so equal places get equal columns in every cloud.
-    /// A quarter of the points of a column are below its center.
+    /// The squares of all points, in order of their places. The grid starts at 0, so equal places get equal squares in every cloud.
+    /// A quarter of the points of a square are below its center.
     ///
     /// # Errors
     /// If the settings are invalid.
-    pub fn columns(&self, points: &[[f32; 3]]) -> Result<Vec<Column>, SegmentationError> {
+    pub fn squares(&self, points: &[[f32; 3]]) -> Result<Vec<Square>, SegmentationError> {
         self.problem().map_or(Ok(()), |problem| Err(SegmentationError::Settings(problem)))?;
         let (side, margin) = (f64::from(self.side_m), f64::from(self.margin_m));
         let spacing = side - 2.0 * margin;
-        let squares = |v: f32| {
-            let square = |v: f64| (v / spacing).floor() as i64;
-            square(f64::from(v) - margin)..=square(f64::from(v) + margin)
+        let places = |v: f32| {
+            let place = |v: f64| (v / spacing).floor() as i64;
+            place(f64::from(v) - margin)..=place(f64::from(v) + margin)
         };
         let mut members: BTreeMap<[i64; 2], Vec<u32>> = BTreeMap::new();
         for (point, [x, y, _]) in (0..).zip(points).filter(|(_, position)| is_valid(**position)) {
-            for row in squares(*x) {
-                for column in squares(*y) {
-                    members.entry([row, column]).or_default().push(point);
+            for place_x in places(*x) {
+                for place_y in places(*y) {
+                    members.entry([place_x, place_y]).or_default().push(point);
                 }
             }
         }
-        let column = |(square, members): ([i64; 2], Vec<u32>)| {
-            let [x, y] = square.map(|v| ((v as f64 + 0.5) * spacing) as f32);
+        let square = |(place, members): ([i64; 2], Vec<u32>)| {
+            let [x, y] = place.map(|v| ((v as f64 + 0.5) * spacing) as f32);
             let mut heights: Vec<f32> = members.iter().map(|point| points[*point as usize][2]).collect();
             let quarter = heights.len() / 4;
             let z = *heights.select_nth_unstable_by(quarter, f32::total_cmp).1;
             ([x, y, z], members)
         };
-        Ok(members.into_iter().map(column).collect())
+        Ok(members.into_iter().map(square).collect())
     }
 }
