@@ -61,6 +61,13 @@ pub struct WaffleIronPlan {
     planes: Vec<Plane>,
 }
 
+impl WaffleIronPlan {
+    /// The plane of a block: all in turn.
+    fn plane_of(&self, block: usize) -> &Plane {
+        &self.planes[block % self.planes.len()]
+    }
+}
+
 struct Plane {
     shape: PlaneShape,
     /// Cell of each point.
@@ -146,10 +153,6 @@ impl WaffleIron {
         let x =
             if pass.is_training() { self.train(pass, plan, features)? } else { self.evaluate(pass, plan, features)? };
         pass.linear(&x, "classif", NONE)
-    }
-    /// The plane of a block.
-    fn plane_of(block: usize, plan: &WaffleIronPlan) -> &Plane {
-        &plan.planes[block % plan.planes.len()]
     }
     /// The convolutions of a block.
     fn convolved(

@@ -18,7 +18,7 @@ impl WaffleIron {
     ) -> Result<Tensor, SegmentationError> {
         let x = self.embedding(pass, plan, features)?;
         for block in 0..self.depth {
-            let plane = Self::plane_of(block, plan);
+            let plane = plan.plane_of(block);
             let norm = pass.running(&format!("waffleiron.spatial_mix.{block}.norm"))?;
             let means = normalized_means(&x, &plane.points, &norm.scale, &norm.shift)?;
             let cells = self.convolved(pass, means, block, plane.shape)?;

@@ -17,7 +17,7 @@ impl WaffleIron {
     ) -> Result<Tensor, SegmentationError> {
         let mut x = embedding(pass, &plan.neighbors, features)?;
         for block in 0..self.depth {
-            x = self.spatial_mix(pass, &x, block, Self::plane_of(block, plan))?;
+            x = self.spatial_mix(pass, &x, block, plan.plane_of(block))?;
             x = self.channel_mix(pass, &x, block)?;
         }
         Ok(x)
