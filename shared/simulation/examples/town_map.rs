@@ -18,7 +18,7 @@ const BORDER_M: f64 = 90.0;
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [town, seed, seconds, folder] = words.as_slice() else {
-        eprintln!("usage: town_map urban|suburban|rural|field|tunnel SEED SECONDS FOLDER");
+        eprintln!("usage: town_map urban|suburban|rural|field|tunnel|motorway SEED SECONDS FOLDER");
         std::process::exit(2);
     };
     let town = Town::ALL.into_iter().find(|kind| kind.name() == town).expect("a kind of town");

@@ -7,6 +7,9 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use town::{GroundPath, SpeedProfile};
 
+/// Speed at which the springs rock at 1.7 Hz, m/s.
+const FAST_MPS: f64 = 13.0;
+
 /// Motion of the ego vehicle.
 #[derive(Clone, Debug)]
 pub struct Motion {
@@ -17,17 +20,24 @@ pub struct Motion {
     /// Phase of the lane wander and the suspension, rad.
     phase: f64,
     body_height_m: f64,
+    /// Waves of the springs per m, of those at low speed.
+    waves: f64,
 }
 
 impl Motion {
     /// Motion along a path, with the body frame 1 m above the road. `phase` (rad) varies lane wander and suspension.
     pub const fn new(begin: Stamp, path: Arc<GroundPath>, speed: Arc<SpeedProfile>, phase: f64) -> Self {
-        Self { begin, path, speed, phase, body_height_m: 1.0 }
+        Self { begin, path, speed, phase, body_height_m: 1.0, waves: 1.0 }
     }
     /// The same with the body frame at another height above the road, m.
     #[must_use]
     pub fn with_body_height(self, body_height_m: f64) -> Self {
         Self { body_height_m, ..self }
+    }
+    /// The same for another cruise speed, m/s: from [`FAST_MPS`] on, the springs rock in longer waves, as often in a second.
+    #[must_use]
+    pub fn with_cruise(self, cruise_mps: f64) -> Self {
+        Self { waves: (FAST_MPS / cruise_mps).min(1.0), ..self }
     }
     /// Distance along the path, m.
     pub fn distance_m(&self, seconds: f64) -> f64 {
@@ -38,9 +48,10 @@ impl Motion {
         let x = self.distance_m(seconds);
         // The vehicle keeps its lane within 10 cm and rocks on its springs: 1 cm, a quarter of a degree.
         let left = 0.1 * (0.09 * x + self.phase).sin();
-        let bounce = 0.01 * (0.8 * x + self.phase).sin();
-        let roll = 0.004 * (0.55 * x).sin();
-        let pitch = 0.004 * (0.65 * x + 1.0).sin();
+        let along = self.waves * x;
+        let bounce = 0.01 * (0.8 * along + self.phase).sin();
+        let roll = 0.004 * (0.55 * along).sin();
+        let pitch = 0.004 * (0.65 * along + 1.0).sin();
         let wander = (0.009 * (0.09 * x + self.phase).cos()).atan();
         let rock = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
         let height = Vector3::new(0.0, 0.0, self.body_height_m + bounce);

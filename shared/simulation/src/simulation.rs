@@ -47,7 +47,9 @@ impl Simulation {
         let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
         let town::Drive { scene, path, speed } = town::build(spec.town, spec.seed, spec.seconds, spec.traffic);
         let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
-        let motion = Motion::new(begin, path, speed, phase).with_body_height(spec.rig.body_height_m);
+        let motion = Motion::new(begin, path, speed, phase)
+            .with_cruise(spec.town.cruise_mps())
+            .with_body_height(spec.rig.body_height_m);
         let rig = spec.rig.with_true_mountings(spec.calibration_error, hash(spec.seed, CALIBRATION_STREAM));
         Ok(Self { spec: spec.clone(), scene, motion, rig })
     }

@@ -13,11 +13,13 @@ pub enum Town {
     Field,
     /// The same road through tunnels; the drive begins before the first one.
     Tunnel,
+    /// A motorway: two or three lanes each way between guard rails, verges, noise walls and berms.
+    Motorway,
 }
 
 impl Town {
     /// All kinds.
-    pub const ALL: [Self; 5] = [Self::Urban, Self::Suburban, Self::Rural, Self::Field, Self::Tunnel];
+    pub const ALL: [Self; 6] = [Self::Urban, Self::Suburban, Self::Rural, Self::Field, Self::Tunnel, Self::Motorway];
 
     /// Name in launch files and on command lines.
     pub const fn name(self) -> &'static str {
@@ -27,6 +29,16 @@ impl Town {
             Self::Rural => "rural",
             Self::Field => "field",
             Self::Tunnel => "tunnel",
+            Self::Motorway => "motorway",
+        }
+    }
+
+    /// Speed of the ego vehicle where nothing keeps it from it, m/s.
+    pub const fn cruise_mps(self) -> f64 {
+        match self {
+            Self::Urban | Self::Suburban => 9.0,
+            Self::Rural | Self::Field | Self::Tunnel => 11.5,
+            Self::Motorway => 24.0,
         }
     }
 
@@ -38,6 +50,7 @@ impl Town {
             Self::Rural => "a country road with village, fields, forest, tunnel, level crossing, canal and farms",
             Self::Field => "a country road through open fields: degenerate geometry for odometry",
             Self::Tunnel => "a country road through tunnels of 110 m and more; the drive begins before the first one",
+            Self::Motorway => "a motorway with two or three lanes each way: guard rails, verges, noise walls, gantries",
         }
     }
 }

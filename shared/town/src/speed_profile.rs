@@ -12,8 +12,10 @@ const LATERAL: f64 = 1.9;
 const KNOT_SECONDS: f64 = 0.4;
 /// Steps of the simulation between two knots.
 const STEPS: usize = 8;
-/// Variation of the cruise speed: share, and wavelength in m.
+/// Variation of the cruise speed: share, and wavelength in m up to [`FAST_MPS`].
 const VARIATION: (f64, f64) = (0.1, 90.0);
+/// Cruise speed from which on the wavelength grows with its square, so that the acceleration does not, m/s.
+const FAST_MPS: f64 = 13.0;
 
 /// Target speed and stops of a driver.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,10 +97,11 @@ struct Limits {
 impl Limits {
     fn new(path: &GroundPath, driver: &Driver) -> Self {
         let n = path.length_m().ceil().max(1.0) as usize;
+        let wavelength_m = VARIATION.1 * (driver.cruise_mps / FAST_MPS).max(1.0).powi(2);
         let mut mps: Vec<f64> = (0..n)
             .map(|i| {
                 let s = i as f64;
-                let variation = 1.0 + VARIATION.0 * (std::f64::consts::TAU * s / VARIATION.1 + driver.phase).sin();
+                let variation = 1.0 + VARIATION.0 * (std::f64::consts::TAU * s / wavelength_m + driver.phase).sin();
                 let sharpest = (-3..=3).map(|d| path.curvature(s + f64::from(d)).abs()).fold(1e-6, f64::max);
                 (driver.cruise_mps * variation).min((LATERAL / sharpest).sqrt())
             })

@@ -13,19 +13,15 @@ use crate::speed_profile::{Driver, SpeedProfile};
 use crate::streets::country::{self, Stretch};
 use crate::streets::grid::{self, GridStyle};
 use crate::streets::lane::{self, Lane};
+use crate::streets::motorway;
 use crate::streets::network::Network;
 use crate::streets::paving::Pavings;
-use crate::streets::profile::LANE_T;
 use random::Random;
 use raytrace::Bvh;
 use std::sync::Arc;
 
 /// Distance from the start of the first street's own pavement to the ego vehicle at second 0, m.
 const START_M: f64 = 8.0;
-/// Cruise speed in towns, m/s.
-const TOWN_MPS: f64 = 9.0;
-/// Cruise speed on country roads, m/s.
-const COUNTRY_MPS: f64 = 11.5;
 /// Leg of the round that passes under a footbridge.
 const BRIDGED_LEG: usize = 1;
 /// One in this many junctions with traffic lights is red.
@@ -68,14 +64,15 @@ fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilde
         Town::Urban => grid::build(seed, &GridStyle::URBAN),
         Town::Suburban => grid::build(seed, &GridStyle::SUBURBAN),
         Town::Rural | Town::Field | Town::Tunnel => country::build(seed, stretches),
+        Town::Motorway => motorway::build(seed),
     };
     start_at_stretch(&mut network, kind, &stretches);
-    let Some(Lane { path, legs }) = lane::around(&network, &network.round, -LANE_T) else {
+    let Some(Lane { path, legs }) = lane::around(&network, &network.round, -own_lane_t(&network)) else {
         unreachable!("every street map has a round");
     };
     let path = Arc::new(path);
     let driver = Driver {
-        cruise_mps: if matches!(kind, Town::Urban | Town::Suburban) { TOWN_MPS } else { COUNTRY_MPS },
+        cruise_mps: kind.cruise_mps(),
         phase: f64::from(random.range(0.0, std::f32::consts::TAU)),
         stops: stops(&network, &legs, path.length_m(), random),
     };
@@ -103,7 +100,7 @@ fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilde
 /// Rotates the round so that field and tunnel drives begin at their stretch and rural drives at the end of the village.
 fn start_at_stretch(network: &mut Network, kind: Town, stretches: &[Stretch]) {
     let wanted = match kind {
-        Town::Urban | Town::Suburban => return,
+        Town::Urban | Town::Suburban | Town::Motorway => return,
         Town::Rural => Stretch::Village,
         Town::Field => Stretch::Field,
         Town::Tunnel => Stretch::Tunnel,
@@ -115,6 +112,11 @@ fn start_at_stretch(network: &mut Network, kind: Town, stretches: &[Stretch]) {
     };
     let first = (0..network.round.len()).find(|k| is_last_wanted(*k)).unwrap_or(0);
     network.round.rotate_left(first);
+}
+
+/// Distance of the lane of the ego vehicle to the right of the center line, m.
+fn own_lane_t(network: &Network) -> f64 {
+    network.streets[network.round[0].street].profile.lanes_t()[0]
 }
 
 /// Red lights as (distance along the path, waiting time), for as many rounds as the longest drive makes.
@@ -154,6 +156,7 @@ impl TownBuilder {
                 Town::Urban => self.urban_street(street, random),
                 Town::Suburban => self.suburban_street(street, random),
                 Town::Rural | Town::Field | Town::Tunnel => self.rural_street(street, random),
+                Town::Motorway => self.motorway_street(street, random),
             }
             if self.kind == Town::Urban && street == bridged {
                 self.footbridge(street, random);
@@ -207,7 +210,7 @@ mod tests {
 
     #[test]
     fn street_surface_follows_profile_without_gaps() {
-        for (kind, seed) in [(Town::Urban, 1), (Town::Suburban, 2), (Town::Rural, 3)] {
+        for (kind, seed) in [(Town::Urban, 1), (Town::Suburban, 2), (Town::Rural, 3), (Town::Motorway, 4)] {
             let (town, ground) = ground(kind, seed);
             let mut checked = 0;
             for number in town.built_streets() {
@@ -228,7 +231,7 @@ mod tests {
                         let is_road = matches!(class, ClassId::Road | ClassId::RoadLine);
                         assert_eq!(
                             is_road,
-                            t.abs() < profile.kerb_t,
+                            profile.is_road(t),
                             "{kind:?} street {number}, s {s}, t {t}: {class:?} at {height} m"
                         );
                         // Grass strips of country roads end below the meadows.
@@ -280,7 +283,7 @@ mod tests {
 
     #[test]
     fn ground_within_detail_radius_has_no_holes() {
-        for (kind, seed) in [(Town::Urban, 5), (Town::Suburban, 6), (Town::Rural, 7)] {
+        for (kind, seed) in [(Town::Urban, 5), (Town::Suburban, 6), (Town::Rural, 7), (Town::Motorway, 8)] {
             let (town, ground) = ground(kind, seed);
             let [low, high] = town.reach.bounds(DETAIL_RADIUS_M);
             let n = ((high - low) / 2.317).map(|v| v as usize);

@@ -19,10 +19,10 @@ const ACROSS: [f64; 5] = [0.0, 0.06, 0.35, 0.68, 1.0];
 /// A place and its height over the terrain.
 type Spot = (Vector2<f64>, f64);
 
-/// Builds the surface of a junction; dead ends have none.
+/// Builds the surface of a junction; dead ends and streets that go on have none.
 pub fn pave(town: &mut TownBuilder, node: usize) {
     let arms = town.network.nodes[node].arms.clone();
-    if arms.len() < 2 {
+    if arms.iter().all(|arm| arm.mouth_m == 0.0) {
         return;
     }
     let mut edge: Vec<Spot> = Vec::new();

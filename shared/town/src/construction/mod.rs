@@ -7,6 +7,7 @@ mod gardens;
 pub mod ground;
 mod junction;
 mod kerbside;
+mod motorway;
 mod open_blocks;
 mod parking;
 mod queue;

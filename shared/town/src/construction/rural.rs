@@ -93,7 +93,7 @@ impl TownBuilder {
     }
 
     /// Trees scattered beside a street, from `t[0]` to `t[1]` m off the center line.
-    fn trees(&mut self, street: usize, side: f64, t: [f32; 2], every: f32, random: &mut Random) {
+    pub fn trees(&mut self, street: usize, side: f64, t: [f32; 2], every: f32, random: &mut Random) {
         let [begin, end] = self.network.mouths(street);
         let mut s = begin;
         while s < end {
@@ -118,19 +118,19 @@ impl TownBuilder {
         self.trees(street, side, [outer + 1.0, outer + 9.0], 3.0, random);
         self.trees(street, side, [outer + 8.0, outer + 35.0], 2.2, random);
         self.trees(street, -side, [outer + 12.0, outer + 40.0], 7.0, random);
-        self.guard_rail(street, -side, 0.08, 0.92);
+        let line = &self.network.streets[street];
+        let (t, span) = (-side * (line.profile.kerb_t + 0.9), [0.08, 0.92].map(|share| share * line.length_m));
+        self.guard_rail(street, t, side > 0.0, span);
         let [begin, end] = self.network.mouths(street);
         let feet = self.feet(street, [begin + 5.0, end - 5.0], side * f64::from(outer), 32.0);
         pole::utility_line(&mut self.builder, &feet, random);
     }
 
-    /// A guard rail on the outer side of the shoulder, from one share of the street's length to another.
-    fn guard_rail(&mut self, street: usize, side: f64, from: f64, to: f64) {
-        let line = &self.network.streets[street];
-        let t = side * (line.profile.kerb_t + 0.9);
-        let mut feet = self.feet(street, [line.length_m * from, line.length_m * to], t, 4.0);
-        // Its road side is on the left of the foot line.
-        if side > 0.0 {
+    /// A guard rail at `t` m from the center line, from one place on the street to another; its road side is on its left or right.
+    pub fn guard_rail(&mut self, street: usize, t: f64, faces_left: bool, span: [f64; 2]) {
+        let mut feet = self.feet(street, span, t, 4.0);
+        // The model's road side is on the left of its foot line.
+        if !faces_left {
             feet.reverse();
         }
         if feet.len() > 1 {
@@ -178,7 +178,7 @@ impl TownBuilder {
     }
 
     /// A bridge over the road, its ramps on both sides.
-    fn overpass(&mut self, street: usize, share: f64, random: &mut Random) {
+    pub fn overpass(&mut self, street: usize, share: f64, random: &mut Random) {
         let line = self.network.streets[street].clone();
         let s = share * line.length_m;
         if !self.is_built(street, s, 0.0) {

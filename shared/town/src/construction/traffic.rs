@@ -3,7 +3,7 @@
 use crate::construction::reach::DETAIL_RADIUS_M;
 use crate::construction::tour::Tour;
 use crate::construction::town_builder::TownBuilder;
-use crate::kind::Traffic;
+use crate::kind::{Town, Traffic};
 use crate::models::person;
 use crate::movers::clearance::Clearance;
 use crate::movers::fleet;
@@ -12,15 +12,17 @@ use crate::path::GroundPath;
 use crate::speed_profile::{Driver, SpeedProfile};
 use crate::streets::lane;
 use crate::streets::network::Leg;
-use crate::streets::profile::{LANE_T, StreetKind};
+use crate::streets::profile::StreetKind;
 use nalgebra::Vector3;
 use random::Random;
 use std::sync::Arc;
 
-/// Start of the leading vehicle ahead of the ego vehicle, m.
-const LEADER_M: f64 = 17.0;
+/// Start of the leading vehicle ahead of the ego vehicle, m: in general, and on motorways.
+const LEADER_M: [f64; 2] = [17.0, 45.0];
 /// Start of the following vehicles relative to the ego vehicle, m.
-const FOLLOWERS_M: [f64; 2] = [-14.0, -30.0];
+const FOLLOWERS_M: [[f64; 2]; 2] = [[-14.0, -30.0], [-40.0, -85.0]];
+/// In each lane of a motorway, vehicles are faster than in the lane to its right, by this share.
+const FASTER: f64 = 0.2;
 /// Time between two oncoming vehicles, s: at least a bus length, even in turns.
 const SLOT_SECONDS: [f32; 2] = [4.2, 11.0];
 /// Lanes of pedestrians: distance behind the kerb, m, and speed, m/s.
@@ -44,6 +46,7 @@ impl TownBuilder {
         }
         let mut movers = self.convoy(tour, random);
         movers.extend(self.oncoming(tour, random));
+        movers.extend(self.overtaking(tour, random));
         movers.extend(self.people(tour, random));
         movers.retain(|mover| clearance.admit(mover));
         movers
@@ -60,20 +63,38 @@ impl TownBuilder {
     /// A leading vehicle that never stops, and a queue behind the ego vehicle.
     fn convoy(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let Tour { path, driver, speed, seconds, .. } = tour;
+        let distances = usize::from(self.kind == Town::Motorway);
         let eager = Driver { cruise_mps: 1.05 * driver.cruise_mps, stops: Vec::new(), ..driver.clone() };
-        let leader = SpeedProfile::from_rest(path, &eager, speed.distance_m(0.0) + LEADER_M, *seconds);
-        let timings = [Timing::Ahead { speed: Arc::new(leader), ahead_m: 0.0, earlier_s: 0.0 }]
-            .into_iter()
-            .chain(FOLLOWERS_M.map(|ahead_m| Timing::Ahead { speed: speed.clone(), ahead_m, earlier_s: 0.0 }));
+        let leader = SpeedProfile::from_rest(path, &eager, speed.distance_m(0.0) + LEADER_M[distances], *seconds);
+        let timings = [Timing::Ahead { speed: Arc::new(leader), ahead_m: 0.0, earlier_s: 0.0 }].into_iter().chain(
+            FOLLOWERS_M[distances].map(|ahead_m| Timing::Ahead { speed: speed.clone(), ahead_m, earlier_s: 0.0 }),
+        );
         timings.filter_map(|timing| self.vehicle_on(path, timing, random)).collect()
     }
 
-    /// Oncoming vehicles, at random intervals.
+    /// Oncoming vehicles in all lanes.
     fn oncoming(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let legs: Vec<Leg> = self.network.round.iter().rev().map(|leg| leg.reversed()).collect();
-        let Some(lane) = lane::around(&self.network, &legs, -LANE_T) else { return Vec::new() };
+        (0..self.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
+    }
+
+    /// Faster vehicles in the lanes to the left of the ego vehicle's.
+    fn overtaking(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
+        let legs = self.network.round.clone();
+        (1..self.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
+    }
+
+    /// See [`Profile::lanes_t`](crate::streets::profile::Profile::lanes_t).
+    fn lanes_t(&self) -> Vec<f64> {
+        self.network.streets[self.network.round[0].street].profile.lanes_t()
+    }
+
+    /// Vehicles in a lane (0: the rightmost) along legs, at random intervals.
+    fn stream(&mut self, legs: &[Leg], lane: usize, tour: &Tour, random: &mut Random) -> Vec<Mover> {
+        let cruise_mps = tour.driver.cruise_mps * (1.0 + FASTER * lane as f64);
+        let Some(lane) = lane::around(&self.network, legs, -self.lanes_t()[lane]) else { return Vec::new() };
         let path = Arc::new(lane.path);
-        let driver = Driver { stops: Vec::new(), ..tour.driver.clone() };
+        let driver = Driver { stops: Vec::new(), cruise_mps, ..tour.driver.clone() };
         // Long enough for vehicles that start a round ahead.
         let slowest_round = path.length_m() / 4.0;
         let speed = Arc::new(SpeedProfile::rolling(&path, &driver, 0.0, tour.seconds + slowest_round));
@@ -89,7 +110,8 @@ impl TownBuilder {
 
     fn vehicle_on(&mut self, path: &Arc<GroundPath>, timing: Timing, random: &mut Random) -> Option<Mover> {
         let instance = self.instances.next();
-        let model = fleet::moving(&mut self.builder, instance, random);
+        let fleet = if self.kind == Town::Motorway { fleet::fast } else { fleet::moving };
+        let model = fleet(&mut self.builder, instance, random);
         Mover::new(model, Route { path: path.clone(), left_m: 0.0, leans: true, timing })
     }
 

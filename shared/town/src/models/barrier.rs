@@ -95,6 +95,20 @@ pub fn guard_rail(b: &mut SceneBuilder, feet: &[Vec3]) {
     }
 }
 
+/// A wall against noise of concrete or wood, 2.5 to 4.5 m high, between steel posts every 4 m.
+pub fn noise_wall(b: &mut SceneBuilder, feet: &[Vec3], random: &mut Random) {
+    let (material, uneven_m) =
+        *random.pick(&[(Material::Concrete, 0.03), (Material::Wood, 0.03), (Material::WoodGray, 0.03)]);
+    let height_m = random.range(2.5, 4.5);
+    wall_of(b, feet, height_m, Wall, material, uneven_m, random);
+    let steel = b.surface(Wall, 0, Material::Steel);
+    let line = Line::new(feet, 4.0);
+    for foot in 0..line.len() {
+        let [low, high] = [-0.4, height_m + 0.15].map(|up| line.point(foot, [0.0, up]));
+        b.add(beam(&low, &high, [0.46, 0.16]), steel);
+    }
+}
+
 /// Concrete blocks of "New Jersey" shape, 0.8 m high, class guard-rail.
 pub fn concrete_barrier(b: &mut SceneBuilder, feet: &[Vec3]) {
     let concrete = b.surface(GuardRail, 0, Material::ConcreteNew);

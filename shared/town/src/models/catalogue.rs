@@ -127,11 +127,15 @@ pub const ENTRIES: &[Entry] = &[
         pole::traffic_light_arm(b, &Isometry3::identity(), 4.5);
     }),
     fixed!(pole::bollard, [Pole], [0.4, 0.4, 1.6], 0.6),
+    line!("pole::delineator", [Pole], [0.1, 0.2, 1.4], 1.0, |b, _| pole::delineator(b, &Isometry3::identity())),
     line!("pole::utility_line", [Pole], [72.0, 3.0, 8.5], 7.0, |b, random| {
         pole::utility_line(b, &[-35.0, 0.0, 35.0].map(|x| Vec3::new(x, 0.0, 0.0)), random);
     }),
     fixed!(sign::sign, [Pole, TrafficSign], [0.4, 0.9, 3.5], 2.7),
     fixed!(sign::direction_sign, [Pole, TrafficSign], [0.4, 3.2, 4.0], 3.0),
+    line!("sign::gantry", [Pole, TrafficSign], [0.6, 12.6, 8.3], 6.4, |b, random| {
+        sign::gantry(b, &Isometry3::identity(), 12.0, random);
+    }),
     fixed!(furniture::bench, [Static], [2.0, 0.8, 1.2], 0.8),
     fixed!(furniture::bus_shelter, [Static], [4.6, 1.8, 3.0], 2.3),
     fixed!(furniture::advertising_column, [Static], [2.0, 2.0, 4.8], 4.0),
@@ -169,6 +173,7 @@ pub const ENTRIES: &[Entry] = &[
     line!("barrier::concrete_barrier", [GuardRail], [12.8, 2.4, 1.0], 0.8, |b, _| {
         barrier::concrete_barrier(b, &feet());
     }),
+    line!("barrier::noise_wall", [Wall], [13.0, 2.6, 5.4], 2.5, |b, random| barrier::noise_wall(b, &feet(), random)),
     line!("barrier::chain", [Fence], [12.4, 2.0, 1.0], 0.6, |b, _| barrier::chain(b, &feet())),
     line!("track::railway", [RailTrack], [14.0, 5.5, 1.0], 0.5, |b, random| track::railway(b, &feet(), random)),
     line!("track::tramway", [RailTrack], [13.0, 4.0, 0.1], 0.01, |b, _| track::tramway(b, &feet())),

@@ -114,6 +114,15 @@ pub fn bollard(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random)
     }
 }
 
+/// A delineator: a white plastic post of 1.05 m with a black band at the edge of a road.
+pub fn delineator(b: &mut SceneBuilder, pose: &Isometry3<f32>) {
+    let mut f = Frame::new(b, pose);
+    let [white, black] = [Material::WhitePlastic, Material::BlackPlastic].map(|material| f.surface(Pole, material));
+    f.cuboid([-0.04, -0.06, -ROOT_M], [0.04, 0.06, 0.75], white);
+    f.cuboid([-0.04, -0.06, 0.75], [0.04, 0.06, 0.95], black);
+    f.cuboid([-0.04, -0.06, 0.95], [0.04, 0.06, 1.05], white);
+}
+
 /// Height of the wires on a utility pole, m.
 const WIRE_M: f32 = 7.2;
 /// How far the two wires are from the pole, m.

@@ -41,14 +41,7 @@ pub fn direction_sign(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut 
     }
     board(&mut f, [2.0 * half, 1.2], 2.7, face);
     for line in 0..3 {
-        let z = 2.35 + 0.33 * line as f32;
-        let mut y = 0.85 * half;
-        // Words of different lengths; the arrow at the board's end.
-        while y > -0.6 * half {
-            let word = random.range(0.15, 0.4);
-            f.cuboid([FACE_X - LAYER_M, y - word, z - 0.07], [FACE_X, y, z + 0.07], ink);
-            y -= word + 0.1;
-        }
+        words(&mut f, half, 2.35 + 0.33 * line as f32, ink, random);
     }
     f.triangle(
         [
@@ -58,6 +51,46 @@ pub fn direction_sign(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut 
         ],
         ink,
     );
+}
+
+/// A line of words of different lengths on a board of `half` its width; room for an arrow at its end.
+fn words(f: &mut Frame<'_>, half: f32, z: f32, ink: SurfaceId, random: &mut Random) {
+    let mut y = 0.85 * half;
+    while y > -0.6 * half {
+        let word = random.range(0.15, 0.4);
+        f.cuboid([FACE_X - LAYER_M, y - word, z - 0.07], [FACE_X, y, z + 0.07], ink);
+        y -= word + 0.1;
+    }
+}
+
+/// A gantry over the lanes of one direction, `width_m` between its posts: a beam at 6 m with two or three boards.
+pub fn gantry(b: &mut SceneBuilder, pose: &Isometry3<f32>, width_m: f32, random: &mut Random) {
+    let mut f = Frame::new(b, pose);
+    let steel = f.surface(Pole, Material::Steel);
+    let half = 0.5 * width_m;
+    for y in [-half, half] {
+        f.cuboid([0.0, y - 0.2, -0.4], [0.4, y + 0.2, 6.6], steel);
+    }
+    for z in [5.7, 6.5] {
+        f.cuboid([0.1, -half, z - 0.1], [0.3, half, z + 0.1], steel);
+    }
+    let n_braces = (width_m / 1.6) as usize;
+    for i in 0..n_braces {
+        let [from, to] = [i, i + 1].map(|i| -half + width_m * i as f32 / n_braces as f32);
+        let [low, high] = if i % 2 == 0 { [5.7, 6.5] } else { [6.5, 5.7] };
+        f.tube([0.2, from, low], [0.2, to, high], 0.04, steel);
+    }
+    let n_boards = 2 + random.index(2);
+    for i in 0..n_boards {
+        let y = -half + width_m * (i as f32 + 0.5) / n_boards as f32;
+        let mut part = f.part([0.0, y, 0.0], 0.0);
+        let [blue, white] = [Material::SignBlue, Material::SignWhite].map(|m| part.surface(TrafficSign, m));
+        let [half_y, half_z] = [0.42 * width_m / n_boards as f32, random.range(0.9, 1.6)];
+        board(&mut part, [2.0 * half_y, 2.0 * half_z], 6.2, blue);
+        for line in 0..3 {
+            words(&mut part, half_y, 6.2 + half_z * (0.55 * line as f32 - 0.55), white, random);
+        }
+    }
 }
 
 fn plate(f: &mut Frame<'_>, kind: fn(&mut Frame<'_>, f32, &mut Random), z: f32, random: &mut Random) {

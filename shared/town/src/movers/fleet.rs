@@ -34,6 +34,17 @@ pub fn moving(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<P
     }
 }
 
+/// A vehicle on a motorway: cars, vans, trucks, buses, motorcyclists.
+pub fn fast(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
+    match random.index(24) {
+        0..=3 => vehicle::van_model(b, instance, random),
+        4..=7 => vehicle::truck(b, instance, random),
+        8 => vehicle::bus(b, instance, random),
+        9 => two_wheeler::motorcyclist(b, instance, random),
+        _ => vehicle::car(b, instance, random),
+    }
+}
+
 /// A car.
 pub fn car(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     vehicle::car(b, instance, random)

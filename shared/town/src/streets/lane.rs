@@ -36,7 +36,12 @@ pub fn around(network: &Network, legs: &[Leg], t: f64) -> Option<Lane> {
         }));
         begins.push([first, line.len() - 1]);
         let next = legs[(k + 1) % legs.len()];
-        line.extend(turn(network, *leg, next, t));
+        if network.goes_on_after(*leg) {
+            // The next leg begins where this one ends.
+            line.pop();
+        } else {
+            line.extend(turn(network, *leg, next, t));
+        }
     }
     line.push(*line.first()?);
     let mut lengths = vec![0.0];

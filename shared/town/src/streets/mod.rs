@@ -3,6 +3,7 @@
 pub mod country;
 pub mod grid;
 pub mod lane;
+pub mod motorway;
 pub mod network;
 pub mod paving;
 pub mod profile;

@@ -54,7 +54,7 @@ pub struct Arm {
     pub street: usize,
     /// 0: the street begins here. 1: it ends here.
     pub end: usize,
-    /// Where its own pavement begins, m from the node.
+    /// Where its own pavement begins, m from the node; 0 at dead ends and where the street goes on.
     pub mouth_m: f64,
     /// Towards the next arm counterclockwise.
     pub left: Corner,
@@ -113,6 +113,11 @@ impl Network {
         };
         [along(0), self.streets[street].length_m - along(1)]
     }
+    /// Whether a leg's street only goes on in another one after it, without a junction.
+    pub fn goes_on_after(&self, leg: Leg) -> bool {
+        let node = &self.nodes[self.node_after(leg)];
+        node.arms.len() > 1 && node.arms.iter().all(|arm| arm.mouth_m == 0.0)
+    }
     /// The node that a leg leads to.
     pub fn node_after(&self, leg: Leg) -> usize {
         self.streets[leg.street].nodes[usize::from(leg.is_forward)]
@@ -148,7 +153,7 @@ fn arms(streets: &[Street], node: usize) -> Vec<Arm> {
     arms.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut arms: Vec<Arm> = arms.into_iter().map(|(_, arm)| arm).collect();
     let n = arms.len();
-    if n < 2 {
+    if n < 2 || goes_on(streets, &arms) {
         return arms;
     }
     for k in 0..n {
@@ -168,6 +173,19 @@ fn arms(streets: &[Street], node: usize) -> Vec<Arm> {
         arm.mouth_m = arm.left.outer_m.max(arm.right.outer_m) + ROUNDING_M;
     }
     arms
+}
+
+/// Whether a street only goes on in another one, without a junction.
+fn goes_on(streets: &[Street], arms: &[Arm]) -> bool {
+    /// Rad; streets meet at a mitre.
+    const MOST_BEND: f64 = 0.02;
+    let [a, b] = arms else { return false };
+    let heading = |arm: &Arm| {
+        let street = &streets[arm.street];
+        if arm.end == 0 { street.heading(0.0) } else { street.heading(street.length_m) + std::f64::consts::PI }
+    };
+    let bend = (heading(a) - heading(b)).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+    bend.abs() < MOST_BEND && streets[a.street].profile == streets[b.street].profile
 }
 
 /// How far from the node the line at `t` along `street` comes within `reach` of the center line of `other`.

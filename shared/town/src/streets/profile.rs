@@ -11,6 +11,21 @@ const CROWN: f64 = 0.018;
 /// Half the width of painted lines, m.
 const LINE_HALF: f64 = 0.06;
 
+/// Half the width of the strip of grass between the carriageways of a motorway, m.
+const MEDIAN_T: f64 = 1.8;
+/// Left edge of the leftmost lane of a motorway, m from its center line.
+const FIRST_LANE_T: f64 = 2.5;
+/// Width of its lanes, m.
+const LANE_M: f64 = 3.75;
+/// Width of its paved shoulder, m.
+const SHOULDER_M: f64 = 2.5;
+/// Half the width of its painted lines, m.
+const WIDE_LINE_HALF: f64 = 0.1;
+/// Period and length of the dashes between its lanes, m.
+const DASH_M: [f64; 2] = [18.0, 6.0];
+/// Height of its center line over the terrain, m: its edges lie above the meadows.
+const RAISED_M: f64 = 0.3;
+
 /// Kind of street.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreetKind {
@@ -22,6 +37,8 @@ pub enum StreetKind {
     Village,
     /// Over land: edge lines, gravel shoulders, grass.
     Country,
+    /// Two carriageways with a median, lanes of one direction each, and paved shoulders; grass.
+    Motorway,
 }
 
 /// A cross-section; `t` is the distance from the center line in m, positive to the left.
@@ -52,9 +69,34 @@ impl Profile {
     pub const fn country() -> Self {
         Self { kind: StreetKind::Country, kerb_t: 3.6, outer_t: 8.0 }
     }
+    /// Two carriageways with lanes each; grass to `outer_t`.
+    pub const fn motorway(n_lanes: usize) -> Self {
+        let kerb_t = FIRST_LANE_T + LANE_M * n_lanes as f64 + SHOULDER_M;
+        Self { kind: StreetKind::Motorway, kerb_t, outer_t: kerb_t + 5.5 }
+    }
     /// Whether sidewalks are raised by a kerb.
     pub const fn has_kerb(&self) -> bool {
-        !matches!(self.kind, StreetKind::Country)
+        !matches!(self.kind, StreetKind::Country | StreetKind::Motorway)
+    }
+    /// Whether vehicles can drive at `t`.
+    pub fn is_road(&self, t: f64) -> bool {
+        t.abs() < self.kerb_t && (self.kind != StreetKind::Motorway || t.abs() > MEDIAN_T)
+    }
+    /// Middle of the lanes of one direction, the rightmost first, m from the center line.
+    pub fn lanes_t(&self) -> Vec<f64> {
+        let lines = self.lane_lines_t();
+        if lines.is_empty() {
+            return vec![LANE_T];
+        }
+        lines.windows(2).rev().map(|pair| 0.5 * (pair[0] + pair[1])).collect()
+    }
+    /// Lines at the sides of a motorway's lanes, m from the center line; the first and the last are solid.
+    fn lane_lines_t(&self) -> Vec<f64> {
+        if self.kind != StreetKind::Motorway {
+            return Vec::new();
+        }
+        let n_lanes = ((self.kerb_t - SHOULDER_M - FIRST_LANE_T) / LANE_M).round() as usize;
+        (0..=n_lanes).map(|i| FIRST_LANE_T + LANE_M * i as f64).collect()
     }
     /// Middle of the cars parked on a side (1 left, -1 right), m from the center line; `None` where parking is forbidden.
     pub fn parking_t(&self, side: f64) -> Option<f64> {
@@ -66,15 +108,18 @@ impl Profile {
     }
     /// Height of the road over the terrain, m.
     pub fn road_height(&self, t: f64) -> f64 {
-        -CROWN * t.abs().min(self.kerb_t)
+        let raised_m = if self.kind == StreetKind::Motorway { RAISED_M } else { 0.0 };
+        raised_m - CROWN * t.abs().min(self.kerb_t)
     }
     /// Height of what lies beside the road over the terrain, m.
     pub fn side_height(&self, t: f64) -> f64 {
         let beyond = t.abs() - self.kerb_t;
         match self.kind {
             // A shoulder, then a ditch that ends below the meadows.
-            StreetKind::Country if beyond > 1.0 => self.road_height(t) - 0.02 - 0.09 * (beyond - 1.0),
-            StreetKind::Country => self.road_height(t) - 0.02 * beyond,
+            StreetKind::Country | StreetKind::Motorway if beyond > 1.0 => {
+                self.road_height(t) - 0.02 - 0.09 * (beyond - 1.0)
+            }
+            StreetKind::Country | StreetKind::Motorway => self.road_height(t) - 0.02 * beyond,
             _ => self.road_height(t) + KERB_H + 0.01 * beyond,
         }
     }
@@ -87,24 +132,42 @@ impl Profile {
         let beyond = t.abs() - self.kerb_t;
         match self.kind {
             StreetKind::Country if beyond < 1.0 => Paving::Gravel,
-            StreetKind::Country => Paving::Grass,
+            StreetKind::Motorway if beyond < 0.5 => Paving::Gravel,
+            StreetKind::Country | StreetKind::Motorway => Paving::Grass,
             _ if beyond < 0.15 => Paving::Kerb,
             _ => Paving::Slab,
         }
     }
     /// What covers the road at `t`, `s` m along the street, away from crossings.
     pub fn road_paving(&self, s: f64, t: f64) -> Paving {
+        if self.kind == StreetKind::Motorway {
+            return self.motorway_paving(s, t);
+        }
         let is_dash = s.rem_euclid(6.0) < 3.0;
         let is_middle = t.abs() < LINE_HALF && (is_dash || matches!(self.kind, StreetKind::Country));
         let is_edge = matches!(self.kind, StreetKind::Country) && (t.abs() - self.edge_line_t()).abs() < LINE_HALF;
         let has_middle = !matches!(self.kind, StreetKind::Residential);
         if (is_middle && has_middle) || is_edge { Paving::Paint } else { Paving::Asphalt }
     }
+    fn motorway_paving(&self, s: f64, t: f64) -> Paving {
+        let lines = self.lane_lines_t();
+        let is_dash = s.rem_euclid(DASH_M[0]) < DASH_M[1];
+        let is_painted = |i: usize| i == 0 || i + 1 == lines.len() || is_dash;
+        let on_line = lines.iter().position(|line| (t.abs() - line).abs() < WIDE_LINE_HALF);
+        match on_line {
+            _ if !self.is_road(t) => Paving::Grass,
+            Some(i) if is_painted(i) => Paving::Paint,
+            _ => Paving::Asphalt,
+        }
+    }
     const fn edge_line_t(&self) -> f64 {
         self.kerb_t - 0.4
     }
     /// Edges of the cells across the street: paint 12 cm wide, crosswalk bars and slabs of about half a metre.
     pub fn columns(&self) -> Vec<f64> {
+        if self.kind == StreetKind::Motorway {
+            return mirrored(self.motorway_columns());
+        }
         let mut half = vec![LINE_HALF, self.kerb_t];
         let n = (self.kerb_t / 0.5) as usize;
         half.extend((1..=n).map(|i| 0.5 * i as f64).filter(|t| self.kerb_t - t > 0.2));
@@ -120,9 +183,23 @@ impl Profile {
             (1..=(walk / 0.8) as usize).map(|i| self.kerb_t + 0.4 + 0.8 * i as f64).filter(|t| *t < self.outer_t - 0.2),
         );
         half.push(self.outer_t);
-        half.sort_by(f64::total_cmp);
-        half.iter().rev().map(|t| -t).chain(half.iter().copied()).collect()
+        mirrored(half)
     }
+    /// Those of one side of a motorway; lanes in thirds.
+    fn motorway_columns(&self) -> Vec<f64> {
+        let lines = self.lane_lines_t();
+        let thirds = lines.windows(2).flat_map(|pair| [1.0, 2.0].map(|i| pair[0] + i / 3.0 * LANE_M));
+        let edges = lines.iter().flat_map(|line| [line - WIDE_LINE_HALF, line + WIDE_LINE_HALF]);
+        let verge = (0..5).map(|i| self.kerb_t + 0.5 + f64::from(i));
+        let others = [0.5 * MEDIAN_T, MEDIAN_T, self.kerb_t - 0.5 * SHOULDER_M, self.kerb_t, self.outer_t];
+        thirds.chain(edges).chain(verge).chain(others).collect()
+    }
+}
+
+/// Columns of both sides, in order.
+fn mirrored(mut half: Vec<f64>) -> Vec<f64> {
+    half.sort_by(f64::total_cmp);
+    half.iter().rev().map(|t| -t).chain(half.iter().copied()).collect()
 }
 
 #[cfg(test)]
@@ -131,7 +208,14 @@ mod tests {
 
     #[test]
     fn profile_columns_increase_from_edge_to_edge() {
-        for profile in [Profile::urban(3.2), Profile::residential(), Profile::village(), Profile::country()] {
+        let others = [
+            Profile::residential(),
+            Profile::village(),
+            Profile::country(),
+            Profile::motorway(2),
+            Profile::motorway(3),
+        ];
+        for profile in [Profile::urban(3.2)].into_iter().chain(others) {
             let columns = profile.columns();
             assert!(columns.windows(2).all(|pair| pair[1] - pair[0] > 0.04), "{columns:?}");
             assert_eq!((columns[0], columns[columns.len() - 1]), (-profile.outer_t, profile.outer_t));
@@ -153,5 +237,20 @@ mod tests {
         let country = Profile::country();
         assert!((0..12).all(|s| country.road_paving(f64::from(s), 3.2) == Paving::Paint));
         assert_eq!(country.road_paving(1.0, 2.0), Paving::Asphalt);
+    }
+
+    #[test]
+    fn motorway_has_grass_in_the_middle_and_lines_beside_its_lanes() {
+        for n_lanes in [2, 3] {
+            let profile = Profile::motorway(n_lanes);
+            let lanes = profile.lanes_t();
+            assert_eq!(lanes.len(), n_lanes);
+            assert!(lanes.iter().all(|t| profile.road_paving(3.0, -t) == Paving::Asphalt));
+            assert_eq!(profile.road_paving(3.0, 1.0), Paving::Grass);
+            let line = |s: f64, lane: f64, side: f64| profile.road_paving(s, lane + 0.5 * side * LANE_M);
+            assert!([3.0, 9.0].iter().all(|s| line(*s, lanes[0], 1.0) == Paving::Paint), "solid on the right");
+            assert_eq!([3.0, 9.0].map(|s| line(s, lanes[0], -1.0)), [Paving::Paint, Paving::Asphalt], "dashed");
+            assert!(profile.height(profile.kerb_t) > 0.0 && profile.height(profile.outer_t) < -0.2);
+        }
     }
 }

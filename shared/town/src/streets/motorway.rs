@@ -1,0 +1,66 @@
+//! The street map of a motorway: one closed round of wide bends, without junctions.
+
+use crate::streets::network::{Leg, Network};
+use crate::streets::profile::Profile;
+use crate::streets::street::Street;
+use crate::terrain::Terrain;
+use nalgebra::{Rotation2, Vector2};
+use random::Random;
+use std::f64::consts::TAU;
+
+/// Streets of the round.
+const N: usize = 14;
+/// Mean radius of the round, m.
+const RADIUS_M: f32 = 900.0;
+
+/// The map of a seed: a round of about 5.7 km with two or three lanes each way.
+pub fn build(seed: u64) -> Network {
+    let mut random = Random::of_hash(seed, 0x0307_042a);
+    let terrain = Terrain::new(seed);
+    let profile = Profile::motorway(if random.chance(0.6) { 2 } else { 3 });
+    let turn = f64::from(random.range(0.0, TAU as f32));
+    let polar = |angle: f64, radius: f64| Vector2::new(angle.cos(), angle.sin()) * radius;
+    let angles: Vec<f64> =
+        (0..N).map(|k| turn + (k as f64 + f64::from(random.range(-0.1, 0.1))) * TAU / N as f64).collect();
+    let places: Vec<Vector2<f64>> =
+        angles.iter().map(|angle| polar(*angle, f64::from(RADIUS_M * random.range(0.98, 1.02)))).collect();
+    let headings: Vec<Vector2<f64>> = angles
+        .iter()
+        .map(|angle| Rotation2::new(f64::from(random.range(-0.04, 0.04))) * polar(angle + TAU / 4.0, 1.0))
+        .collect();
+    let street = |k: usize| {
+        let next = (k + 1) % N;
+        Street::new(profile, [k, next], [places[k], places[next]], [headings[k], headings[next]], terrain)
+    };
+    let mut network = Network::new(terrain, &places, (0..N).map(street).collect(), |_| false);
+    let is_forward = random.chance(0.5);
+    network.round = (0..N).map(|street| Leg { street, is_forward }).collect();
+    if !is_forward {
+        network.round.reverse();
+    }
+    network
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::streets::lane;
+
+    #[test]
+    fn motorway_goes_on_through_its_nodes_in_wide_bends() {
+        for seed in 0..12 {
+            let network = build(seed);
+            for street in 0..N {
+                let [begin, end] = network.mouths(street);
+                assert_eq!([begin, end], [0.0, network.streets[street].length_m], "no junctions");
+            }
+            for t in network.streets[0].profile.lanes_t() {
+                let lane = lane::around(&network, &network.round, -t).expect("legs");
+                let n = lane.path.length_m() as usize;
+                let sharpest = (0..n).map(|i| lane.path.curvature(i as f64).abs()).fold(0.0, f64::max);
+                assert!(sharpest < 1.0 / 350.0, "radius {} m, seed {seed}", 1.0 / sharpest);
+                assert!((5000..6400).contains(&n), "{n} m");
+            }
+        }
+    }
+}
