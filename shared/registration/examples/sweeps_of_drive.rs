@@ -1,7 +1,7 @@
 //! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `folder/mod.rs`):
 //! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]` for a simulated drive with the
-//! LiDAR only (urban, suburban, rural, field, tunnel; rig l3d2, survey, nuscenes, kitti or a file), with `--traffic dense` for a
-//! queue, with `--lidar-errors poor` (or typical) for a unit with errors. The simulated drive itself is deleted.
+//! LiDAR only (urban, suburban, rural, field, tunnel, motorway; rig l3d2, survey, nuscenes, kitti or a file), with `--traffic dense`
+//! for a queue, with `--lidar-errors poor` (or typical) for a unit with errors. The simulated drive itself is deleted.
 
 mod folder;
 

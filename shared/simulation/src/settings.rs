@@ -319,7 +319,10 @@ mod tests {
         assert_eq!(error("seconds", 3000.0), "seconds: value 3000 must be between 0.2 and 2400");
         assert_eq!(error("calibration_error_cm", -1.0), "calibration_error_cm: value -1 must be between 0 and 100");
         let error = settings.set("town", text("citty")).expect("a key").expect_err("refused");
-        assert_eq!(error.to_string(), "town: value \"citty\" must be one of urban, suburban, rural, field, tunnel");
+        assert_eq!(
+            error.to_string(),
+            "town: value \"citty\" must be one of urban, suburban, rural, field, tunnel, motorway"
+        );
         let error = DriveSettings { rig: "none.toml".into(), ..settings }.spec().expect_err("no file");
         assert!(
             error.to_string().contains("must be one of l3d2, survey, nuscenes, kitti, twin, or the path"),
