@@ -1,5 +1,6 @@
 //! Objects along motorways: guard rails, signs, verges, berms and noise walls.
 
+use crate::construction::rural::MEADOW_H;
 use crate::construction::town_builder::TownBuilder;
 use crate::models::{barrier, fence, pole, sign, tree};
 use crate::streets::paving::Paving;
@@ -30,7 +31,7 @@ enum Roadside {
     Forest,
     Berm,
     NoiseWall,
-    Hedge,
+    Bushes,
 }
 
 impl TownBuilder {
@@ -45,7 +46,7 @@ impl TownBuilder {
                 Roadside::Forest,
                 Roadside::Berm,
                 Roadside::NoiseWall,
-                Roadside::Hedge,
+                Roadside::Bushes,
             ];
             self.roadside(street, side, *random.pick(&sides), random);
             self.verge(street, side, random);
@@ -147,12 +148,17 @@ impl TownBuilder {
                 }
                 self.trees(street, side, [outer + 1.0, outer + 20.0], 5.0, random);
             }
-            Roadside::Hedge => {
-                let feet = self.feet(street, span, side * (outer_t + 0.8), 5.0);
-                if feet.len() > 1 {
-                    tree::hedge(&mut self.builder, &feet, random.range(1.5, 3.5), random);
+            Roadside::Bushes => {
+                let mut s = span[0];
+                while s < span[1] {
+                    let t = side * (outer_t + f64::from(random.range(0.5, 5.0)));
+                    if self.is_built(street, s, t) {
+                        let pose = self.stand_at(&self.network.streets[street].plan(s, t), MEADOW_H, 0.0);
+                        tree::bush(&mut self.builder, &pose, random);
+                    }
+                    s += f64::from(random.range(0.6, 2.0));
                 }
-                self.trees(street, side, [outer + 4.0, outer + 40.0], 7.0, random);
+                self.trees(street, side, [outer + 4.0, outer + 40.0], 5.0, random);
             }
         }
     }

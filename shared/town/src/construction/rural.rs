@@ -11,7 +11,7 @@ use raytrace::{Shape, Vec3};
 use std::f64::consts::PI;
 
 /// How far the meadows lie below the terrain, m (see `ground`).
-const MEADOW_H: f64 = -0.16;
+pub const MEADOW_H: f64 = -0.16;
 
 impl TownBuilder {
     /// One street of a rural town: a stretch of its round, or a lane.

@@ -132,7 +132,6 @@ impl Profile {
         let beyond = t.abs() - self.kerb_t;
         match self.kind {
             StreetKind::Country if beyond < 1.0 => Paving::Gravel,
-            StreetKind::Motorway if beyond < 0.5 => Paving::Gravel,
             StreetKind::Country | StreetKind::Motorway => Paving::Grass,
             _ if beyond < 0.15 => Paving::Kerb,
             _ => Paving::Slab,
