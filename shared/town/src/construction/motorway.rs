@@ -58,27 +58,35 @@ impl TownBuilder {
 
     /// Two guard rails back to back or a concrete barrier, with bushes between the rails of some.
     fn median(&mut self, street: usize, random: &mut Random) {
-        let span = [0.0, self.network.streets[street].length_m];
-        match random.index(4) {
-            0 => {
-                let feet = self.feet(street, span, 0.0, 6.0);
-                if feet.len() > 1 {
-                    barrier::concrete_barrier(&mut self.builder, &feet);
-                }
+        let length_m = self.network.streets[street].length_m;
+        let kind = random.index(4);
+        if kind == 0 {
+            let feet = self.feet(street, [0.0, length_m], 0.0, 6.0);
+            if feet.len() > 1 {
+                barrier::concrete_barrier(&mut self.builder, &feet);
             }
-            with_bushes => {
-                for side in [-1.0, 1.0] {
-                    self.guard_rail(street, side * MEDIAN_RAIL_T, side > 0.0, span);
-                }
-                let mut s = if with_bushes == 1 { 5.0 } else { span[1] };
-                while s < span[1] {
-                    if self.is_built(street, s, 0.0) {
-                        let pose = self.stand(street, s, 0.0, 0.0);
-                        tree::bush(&mut self.builder, &pose, random);
-                    }
-                    s += f64::from(random.range(2.0, 7.0));
-                }
+            return;
+        }
+        for side in [-1.0, 1.0] {
+            self.guard_rail(street, side * MEDIAN_RAIL_T, side > 0.0, [0.0, length_m]);
+        }
+        if kind == 1 {
+            self.bushes(street, [5.0, length_m], [0.0, 0.0], [2.0, 7.0], random);
+        }
+    }
+
+    /// Bushes along a street from one place to another, `t[0]` to `t[1]` m from the center line, `apart` m from each other.
+    fn bushes(&mut self, street: usize, span: [f64; 2], t: [f32; 2], apart: [f32; 2], random: &mut Random) {
+        let mut s = span[0];
+        while s < span[1] {
+            let t = f64::from(random.range(t[0], t[1]));
+            if self.is_built(street, s, t) {
+                let line = &self.network.streets[street];
+                let height = if t.abs() > line.profile.outer_t { MEADOW_H } else { line.profile.height(t) };
+                let pose = self.stand_at(&line.plan(s, t), height, 0.0);
+                tree::bush(&mut self.builder, &pose, random);
             }
+            s += f64::from(random.range(apart[0], apart[1]));
         }
     }
 
@@ -149,15 +157,8 @@ impl TownBuilder {
                 self.trees(street, side, [outer + 1.0, outer + 20.0], 5.0, random);
             }
             Roadside::Bushes => {
-                let mut s = span[0];
-                while s < span[1] {
-                    let t = side * (outer_t + f64::from(random.range(0.5, 5.0)));
-                    if self.is_built(street, s, t) {
-                        let pose = self.stand_at(&self.network.streets[street].plan(s, t), MEADOW_H, 0.0);
-                        tree::bush(&mut self.builder, &pose, random);
-                    }
-                    s += f64::from(random.range(0.6, 2.0));
-                }
+                let t = [0.5, 5.0].map(|beyond| side as f32 * (outer + beyond));
+                self.bushes(street, span, t, [0.6, 2.0], random);
                 self.trees(street, side, [outer + 4.0, outer + 40.0], 5.0, random);
             }
         }
