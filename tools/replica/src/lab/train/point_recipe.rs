@@ -53,6 +53,8 @@ pub struct PointModel {
     pub overlap_m: Option<f32>,
     /// Squares for prediction, instead of spheres.
     pub squares: Option<SquareSettings>,
+    /// Divisor of the logits before they become scores, 0.1 to 10; by default that with which the scores of the validation data are right.
+    pub temperature: Option<f32>,
     /// A model to start from, relative to the folder of the recipe. Tensors of the same name and shape start with its values, the
     /// others with random values; of the last layer, the outputs of classes of the same name.
     pub start: Option<PathBuf>,
@@ -123,7 +125,7 @@ impl PointRecipe {
                 overlap_m: model.overlap_m.unwrap_or(model.radius_m / 3.0),
             },
             squares: model.squares,
-            temperature: 1.0,
+            temperature: model.temperature.unwrap_or(1.0),
             ground_intensities: None,
         })
     }
@@ -132,6 +134,7 @@ impl PointRecipe {
 #[cfg(test)]
 mod tests {
     use super::super::recipe::AnyRecipe;
+    use segmentation::points::{PointModel, PointSettings};
     use std::path::Path;
 
     fn shipped(name: &str) -> String {
@@ -160,13 +163,23 @@ mod tests {
     }
 
     #[test]
+    fn shipped_model_has_the_settings_of_its_recipe() {
+        let AnyRecipe::Points(recipe) = load(&shipped("points.toml")).expect("is right") else { panic!("of points") };
+        let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/points.safetensors");
+        let (model, _) = PointModel::load(Path::new(model)).expect("loads");
+        let of_recipe = recipe.settings().expect("settings");
+        let ground_intensities = model.settings().ground_intensities;
+        assert_eq!(model.settings(), &PointSettings { ground_intensities, ..of_recipe });
+    }
+
+    #[test]
     fn recipe_with_keys_of_the_other_kind_is_refused_by_the_key() {
         let check = |name: &str, from: &str, to: &str, rule: &str| {
             let error = error_after_replacing(name, from, to);
             assert!(error.contains("recipe.toml") && error.contains(rule), "{error}");
         };
-        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\ncolumns = 2048", "unknown field `columns`");
-        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nwidths = [3]", "unknown field `widths`");
+        check("points.toml", "cell_m = 0.25", "cell_m = 0.25\ncolumns = 2048", "unknown field `columns`");
+        check("points.toml", "cell_m = 0.25", "cell_m = 0.25\nwidths = [3]", "unknown field `widths`");
         check("points.toml", "waffle_iron", "unet", "unknown field `elastic`");
         check("street.toml", "fold = 4", "fold = 4\nradius_m = 4.0", "unknown field `radius_m`");
         check("street.toml", "[train]", "[spheres]\n[train]", "unknown field `spheres`");
@@ -183,6 +196,7 @@ mod tests {
         check("width = 48", "width = 0", "0 channels or centers");
         check("width = 48", "widths = 48", "unknown field `widths`");
         check("\"offset\"", "\"color\"", "unknown variant `color`");
+        check("temperature = 1.0", "temperature = 0.01", "temperature = 0.01, must be 0.1 to 10");
         check("epoch = ", "epoch = 0 #", "[spheres] epoch = 0");
         check("noise_m = ", "noise_m = -1 #", "[augmentation] noise_m = -1");
         check("batch = ", "batch = 0 #", "[train] batch = 0");

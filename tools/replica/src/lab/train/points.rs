@@ -21,7 +21,7 @@ impl TrainingRecipe for PointRecipe {
             frozen: &model.frozen,
             classes: &model.classes,
             start_share: 0.0,
-            temperature: None,
+            temperature: model.temperature,
         }
     }
     fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<PointNetwork> {
