@@ -395,7 +395,7 @@ mod tests {
         check("temperature = 1.33", "temperature = 0.01", "temperature = 0.01, must be 0.1 to 10");
         check("start_share = 0.5", "start_share = 1.5", "start_share must be 0 to 1");
         check("start = \"../out/street_before.safetensors\"", "", "start_share needs start");
-        check("last = 2008", "last = 4000", "seeds and validation_seeds overlap");
+        check("last = 2008", "last = 4100", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");
         check("validation_seeds = { first = 2001, last = 2008 }", "", "has nothing to compare epochs on");
         check("\"suburban\"", "\"atlantis\"", "unknown kind of town \"atlantis\", must be one of urban");
