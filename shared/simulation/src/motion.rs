@@ -5,10 +5,7 @@
 use geometry::{Pose, Stamp};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
-use town::{GroundPath, SpeedProfile};
-
-/// Speed at which the springs rock at 1.7 Hz, m/s.
-const FAST_MPS: f64 = 13.0;
+use town::{FAST_MPS, GroundPath, SpeedProfile};
 
 /// Motion of the ego vehicle.
 #[derive(Clone, Debug)]
@@ -34,7 +31,7 @@ impl Motion {
     pub fn with_body_height(self, body_height_m: f64) -> Self {
         Self { body_height_m, ..self }
     }
-    /// The same for another cruise speed, m/s: from [`FAST_MPS`] on, the springs rock in longer waves, as often in a second.
+    /// The same for another cruise speed, m/s: from [`FAST_MPS`] on, the springs rock in longer waves, 1.7 times a second.
     #[must_use]
     pub fn with_cruise(self, cruise_mps: f64) -> Self {
         Self { waves: (FAST_MPS / cruise_mps).min(1.0), ..self }

@@ -37,7 +37,7 @@ pub use movers::mover::{Mover, Route, Timing};
 pub use path::GroundPath;
 pub use scene::{Scene, SceneHit, Snapshot};
 pub use spectrum::Spectrum;
-pub use speed_profile::{Driver, SpeedProfile};
+pub use speed_profile::{Driver, FAST_MPS, SpeedProfile};
 pub use streets::profile::LANE_T;
 pub use surface::Surface;
 pub use terrain::{MAX_SLOPE, Terrain};

@@ -12,10 +12,10 @@ const LATERAL: f64 = 1.9;
 const KNOT_SECONDS: f64 = 0.4;
 /// Steps of the simulation between two knots.
 const STEPS: usize = 8;
-/// Variation of the cruise speed: share, and wavelength in m up to [`FAST_MPS`].
+/// Variation of the cruise speed: share, and wavelength in m up to [`FAST_MPS`], then growing with the square of the speed.
 const VARIATION: (f64, f64) = (0.1, 90.0);
-/// Cruise speed from which on the wavelength grows with its square, so that the acceleration does not, m/s.
-const FAST_MPS: f64 = 13.0;
+/// Cruise speed from which on waves along the path are longer, so that accelerations do not grow, m/s.
+pub const FAST_MPS: f64 = 13.0;
 
 /// Target speed and stops of a driver.
 #[derive(Clone, Debug, PartialEq)]

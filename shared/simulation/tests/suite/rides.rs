@@ -80,6 +80,7 @@ fn rides_are_gentle_and_stop_at_red_lights() {
             let in_body = motion.pose(seconds).rotation.inverse() * motion.acceleration(seconds);
             assert!(in_body.y.abs() < 2.5, "{kind:?} {seed}: {} m/s^2 sideward at {seconds} s", in_body.y);
             assert!(in_body.x.abs() < 2.2, "{kind:?} {seed}: {} m/s^2 forward at {seconds} s", in_body.x);
+            assert!(in_body.z.abs() < 2.5, "{kind:?} {seed}: {} m/s^2 upward at {seconds} s", in_body.z);
             let speed = motion.velocity(seconds).norm();
             fastest = fastest.max(speed);
             standing += usize::from(seconds > 10.0 && speed < 0.05);

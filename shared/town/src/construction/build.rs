@@ -67,7 +67,7 @@ fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilde
         Town::Motorway => motorway::build(seed),
     };
     start_at_stretch(&mut network, kind, &stretches);
-    let Some(Lane { path, legs }) = lane::around(&network, &network.round, -own_lane_t(&network)) else {
+    let Some(Lane { path, legs }) = lane::around(&network, &network.round, -network.lanes_t()[0]) else {
         unreachable!("every street map has a round");
     };
     let path = Arc::new(path);
@@ -112,11 +112,6 @@ fn start_at_stretch(network: &mut Network, kind: Town, stretches: &[Stretch]) {
     };
     let first = (0..network.round.len()).find(|k| is_last_wanted(*k)).unwrap_or(0);
     network.round.rotate_left(first);
-}
-
-/// Distance of the lane of the ego vehicle to the right of the center line, m.
-fn own_lane_t(network: &Network) -> f64 {
-    network.streets[network.round[0].street].profile.lanes_t()[0]
 }
 
 /// Red lights as (distance along the path, waiting time), for as many rounds as the longest drive makes.

@@ -1,4 +1,4 @@
-//! Crossings of a country road: canal, level crossing, tunnel; and the footbridge of a town.
+//! Crossings of roads over land: canal, level crossing, tunnel, bridge; and the footbridge of a town.
 
 use crate::construction::ground;
 use crate::construction::town_builder::TownBuilder;
@@ -211,5 +211,33 @@ impl TownBuilder {
         let half = (0.5 * (end - begin) - PORTAL_M).min(0.5 * TUNNEL_M);
         let middle = 0.5 * (begin + end);
         [middle - half, middle + half]
+    }
+
+    /// A bridge over the road, its ramps on both sides.
+    pub fn overpass(&mut self, street: usize, share: f64, random: &mut Random) {
+        let line = self.network.streets[street].clone();
+        let s = share * line.length_m;
+        if !self.is_built(street, s, 0.0) {
+            return;
+        }
+        let half = line.profile.kerb_t + 2.8;
+        let over = bridge::Overpass { span_m: 2.0 * half as f32, width_m: 7.0, clearance_m: 4.9 };
+        let pose = line.upright(s, 0.0, 0.0, 0.0);
+        over.build(&mut self.builder, &pose, random);
+        let top = f64::from(over.clearance_m + bridge::Overpass::DECK_M);
+        let grass = self.pavings.id(Paving::Grass);
+        let road = self.pavings.id(Paving::Asphalt);
+        let at = |along: f64, t: f64, h: f64| line.vertex(s + along, t, h);
+        for side in [-1.0, 1.0] {
+            let [near, far] = [half + 1.5, half + 45.0].map(|t| side * t);
+            self.builder.quad([at(-3.5, near, top), at(3.5, near, top), at(3.5, far, -0.3), at(-3.5, far, -0.3)], road);
+            for edge in [-1.0, 1.0] {
+                let [inner, outer] = [3.5 * edge, 13.0 * edge];
+                let corners = [at(inner, near, top), at(inner, far, -0.3), at(outer, far, -0.6), at(outer, near, -0.6)];
+                self.builder.quad(corners, grass);
+                let face = [at(inner, near, top), at(outer, near, -0.6), at(inner, near, -0.6)];
+                self.builder.triangle(face, grass);
+            }
+        }
     }
 }

@@ -88,7 +88,7 @@ pub fn skirt(street: &Street) -> Option<(f64, f64, Paving)> {
         StreetKind::Urban => Some((0.8, profile.side_height(profile.outer_t), Paving::Slab)),
         StreetKind::Residential | StreetKind::Village => Some((1.4, -0.3, Paving::Grass)),
         // Their ditches end below the meadows.
-        StreetKind::Country | StreetKind::Motorway => None,
+        StreetKind::Country | StreetKind::Motorway { .. } => None,
     }
 }
 

@@ -21,10 +21,10 @@ type Spot = (Vector2<f64>, f64);
 
 /// Builds the surface of a junction; dead ends and streets that go on have none.
 pub fn pave(town: &mut TownBuilder, node: usize) {
-    let arms = town.network.nodes[node].arms.clone();
-    if arms.iter().all(|arm| arm.mouth_m == 0.0) {
+    if !town.network.nodes[node].is_junction() {
         return;
     }
+    let arms = town.network.nodes[node].arms.clone();
     let mut edge: Vec<Spot> = Vec::new();
     for (k, arm) in arms.iter().enumerate() {
         let next = arms[(k + 1) % arms.len()];

@@ -12,6 +12,7 @@ mod open_blocks;
 mod parking;
 mod queue;
 pub mod reach;
+mod roadside;
 mod rows;
 mod rural;
 pub mod tour;

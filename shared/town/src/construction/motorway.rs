@@ -1,6 +1,5 @@
 //! Objects along motorways: guard rails, signs, verges, berms and noise walls.
 
-use crate::construction::rural::MEADOW_H;
 use crate::construction::town_builder::TownBuilder;
 use crate::models::{barrier, fence, pole, sign, tree};
 use crate::streets::paving::Paving;
@@ -26,7 +25,7 @@ const BERM_STEP_M: f64 = 3.0;
 
 /// What stands on one side of a street of the motorway.
 #[derive(Clone, Copy, Debug)]
-enum Roadside {
+enum Scenery {
     Meadow,
     Forest,
     Berm,
@@ -34,21 +33,17 @@ enum Roadside {
     Bushes,
 }
 
+/// As frequent as they stand here.
+const SCENERIES: [Scenery; 6] =
+    [Scenery::Meadow, Scenery::Forest, Scenery::Forest, Scenery::Berm, Scenery::NoiseWall, Scenery::Bushes];
+
 impl TownBuilder {
     /// One street of the motorway's round.
     pub fn motorway_street(&mut self, street: usize, random: &mut Random) {
         self.median(street, random);
         for side in [-1.0, 1.0] {
             self.edge(street, side, random);
-            let sides = [
-                Roadside::Meadow,
-                Roadside::Forest,
-                Roadside::Forest,
-                Roadside::Berm,
-                Roadside::NoiseWall,
-                Roadside::Bushes,
-            ];
-            self.roadside(street, side, *random.pick(&sides), random);
+            self.scenery(street, side, *random.pick(&SCENERIES), random);
             self.verge(street, side, random);
         }
         if random.chance(0.4) {
@@ -72,21 +67,6 @@ impl TownBuilder {
         }
         if kind == 1 {
             self.bushes(street, [5.0, length_m], [0.0, 0.0], [2.0, 7.0], random);
-        }
-    }
-
-    /// Bushes along a street from one place to another, `t[0]` to `t[1]` m from the center line, `apart` m from each other.
-    fn bushes(&mut self, street: usize, span: [f64; 2], t: [f32; 2], apart: [f32; 2], random: &mut Random) {
-        let mut s = span[0];
-        while s < span[1] {
-            let t = f64::from(random.range(t[0], t[1]));
-            if self.is_built(street, s, t) {
-                let line = &self.network.streets[street];
-                let height = if t.abs() > line.profile.outer_t { MEADOW_H } else { line.profile.height(t) };
-                let pose = self.stand_at(&line.plan(s, t), height, 0.0);
-                tree::bush(&mut self.builder, &pose, random);
-            }
-            s += f64::from(random.range(apart[0], apart[1]));
         }
     }
 
@@ -134,13 +114,13 @@ impl TownBuilder {
         }
     }
 
-    fn roadside(&mut self, street: usize, side: f64, kind: Roadside, random: &mut Random) {
+    fn scenery(&mut self, street: usize, side: f64, kind: Scenery, random: &mut Random) {
         let outer_t = self.outer_t(street);
         let outer = outer_t as f32;
         let span = [4.0, self.network.streets[street].length_m - 4.0];
         match kind {
-            Roadside::Meadow => self.trees(street, side, [outer + 15.0, outer + 60.0], 9.0, random),
-            Roadside::Forest => {
+            Scenery::Meadow => self.trees(street, side, [outer + 15.0, outer + 60.0], 9.0, random),
+            Scenery::Forest => {
                 self.trees(street, side, [outer + 1.0, outer + 10.0], 2.0, random);
                 self.trees(street, side, [outer + 8.0, outer + 35.0], 1.5, random);
                 let feet = self.feet(street, span, side * (outer_t + 0.4), 5.0);
@@ -148,15 +128,15 @@ impl TownBuilder {
                     fence::mesh_fence(&mut self.builder, &feet);
                 }
             }
-            Roadside::Berm => self.berm(street, side, random),
-            Roadside::NoiseWall => {
+            Scenery::Berm => self.berm(street, side, random),
+            Scenery::NoiseWall => {
                 let feet = self.feet(street, span, side * (outer_t - 1.5), 4.0);
                 if feet.len() > 1 {
                     barrier::noise_wall(&mut self.builder, &feet, random);
                 }
                 self.trees(street, side, [outer + 1.0, outer + 20.0], 5.0, random);
             }
-            Roadside::Bushes => {
+            Scenery::Bushes => {
                 let t = [0.5, 5.0].map(|beyond| side as f32 * (outer + beyond));
                 self.bushes(street, span, t, [0.6, 2.0], random);
                 self.trees(street, side, [outer + 4.0, outer + 40.0], 5.0, random);
@@ -207,7 +187,8 @@ impl TownBuilder {
         while s < line.length_m - BERM_RISE_M {
             let section = BERM[1 + random.index(3)];
             if self.is_built(street, s, side * foot_t) {
-                let pose = Isometry3::translation(at(s, section).x, at(s, section).y, at(s, section).z).cast();
+                let foot = at(s, section);
+                let pose = Isometry3::translation(foot.x, foot.y, foot.z).cast();
                 match random.index(4) {
                     0 => tree::deciduous(&mut self.builder, &pose, random),
                     1 => tree::tuft(&mut self.builder, &pose, random),

@@ -17,10 +17,10 @@ use nalgebra::Vector3;
 use random::Random;
 use std::sync::Arc;
 
-/// Start of the leading vehicle ahead of the ego vehicle, m: in general, and on motorways.
-const LEADER_M: [f64; 2] = [17.0, 45.0];
-/// Start of the following vehicles relative to the ego vehicle, m.
-const FOLLOWERS_M: [[f64; 2]; 2] = [[-14.0, -30.0], [-40.0, -85.0]];
+/// Start of the leading vehicle and of two following ones relative to the ego vehicle, m.
+const CONVOY_M: [f64; 3] = [17.0, -14.0, -30.0];
+/// The same on motorways.
+const FAST_CONVOY_M: [f64; 3] = [45.0, -40.0, -85.0];
 /// In each lane of a motorway, vehicles are faster than in the lane to its right, by this share.
 const FASTER: f64 = 0.2;
 /// Time between two oncoming vehicles, s: at least a bus length, even in turns.
@@ -63,36 +63,31 @@ impl TownBuilder {
     /// A leading vehicle that never stops, and a queue behind the ego vehicle.
     fn convoy(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let Tour { path, driver, speed, seconds, .. } = tour;
-        let distances = usize::from(self.kind == Town::Motorway);
+        let [leader_m, followers_m @ ..] = if self.kind == Town::Motorway { FAST_CONVOY_M } else { CONVOY_M };
         let eager = Driver { cruise_mps: 1.05 * driver.cruise_mps, stops: Vec::new(), ..driver.clone() };
-        let leader = SpeedProfile::from_rest(path, &eager, speed.distance_m(0.0) + LEADER_M[distances], *seconds);
-        let timings = [Timing::Ahead { speed: Arc::new(leader), ahead_m: 0.0, earlier_s: 0.0 }].into_iter().chain(
-            FOLLOWERS_M[distances].map(|ahead_m| Timing::Ahead { speed: speed.clone(), ahead_m, earlier_s: 0.0 }),
-        );
+        let leader = SpeedProfile::from_rest(path, &eager, speed.distance_m(0.0) + leader_m, *seconds);
+        let timings = [Timing::Ahead { speed: Arc::new(leader), ahead_m: 0.0, earlier_s: 0.0 }]
+            .into_iter()
+            .chain(followers_m.map(|ahead_m| Timing::Ahead { speed: speed.clone(), ahead_m, earlier_s: 0.0 }));
         timings.filter_map(|timing| self.vehicle_on(path, timing, random)).collect()
     }
 
     /// Oncoming vehicles in all lanes.
     fn oncoming(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let legs: Vec<Leg> = self.network.round.iter().rev().map(|leg| leg.reversed()).collect();
-        (0..self.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
+        (0..self.network.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
     }
 
     /// Faster vehicles in the lanes to the left of the ego vehicle's.
     fn overtaking(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let legs = self.network.round.clone();
-        (1..self.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
-    }
-
-    /// See [`Profile::lanes_t`](crate::streets::profile::Profile::lanes_t).
-    fn lanes_t(&self) -> Vec<f64> {
-        self.network.streets[self.network.round[0].street].profile.lanes_t()
+        (1..self.network.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
     }
 
     /// Vehicles in a lane (0: the rightmost) along legs, at random intervals.
     fn stream(&mut self, legs: &[Leg], lane: usize, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let cruise_mps = tour.driver.cruise_mps * (1.0 + FASTER * lane as f64);
-        let Some(lane) = lane::around(&self.network, legs, -self.lanes_t()[lane]) else { return Vec::new() };
+        let Some(lane) = lane::around(&self.network, legs, -self.network.lanes_t()[lane]) else { return Vec::new() };
         let path = Arc::new(lane.path);
         let driver = Driver { stops: Vec::new(), cruise_mps, ..tour.driver.clone() };
         // Long enough for vehicles that start a round ahead.

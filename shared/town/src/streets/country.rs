@@ -2,9 +2,10 @@
 
 use crate::streets::network::{Leg, Network};
 use crate::streets::profile::Profile;
+use crate::streets::ring::Ring;
 use crate::streets::street::Street;
 use crate::terrain::Terrain;
-use nalgebra::{Rotation2, Vector2};
+use nalgebra::Rotation2;
 use random::Random;
 use std::f64::consts::TAU;
 
@@ -27,8 +28,8 @@ pub enum Stretch {
 
 /// Stretches between the lanes.
 const N: usize = 7;
-/// Mean radius of the round, m.
-const RADIUS_M: f32 = 255.0;
+/// The nodes of the round.
+const RING: Ring = Ring { radius_m: 255.0, along: 0.12, radii: [0.88, 1.12], heading: 0.2 };
 
 /// The stretches of a rural town, by the number of their street. `all` makes every stretch outside the village that one.
 pub fn stretches(all: Option<Stretch>) -> [Stretch; N] {
@@ -41,16 +42,7 @@ pub fn stretches(all: Option<Stretch>) -> [Stretch; N] {
 pub fn build(seed: u64, stretches: [Stretch; N]) -> Network {
     let mut random = Random::of_hash(seed, 0x000c_0a27);
     let terrain = Terrain::new(seed);
-    let turn = f64::from(random.range(0.0, TAU as f32));
-    let polar = |angle: f64, radius: f64| Vector2::new(angle.cos(), angle.sin()) * radius;
-    let angles: Vec<f64> =
-        (0..N).map(|k| turn + (k as f64 + f64::from(random.range(-0.12, 0.12))) * TAU / N as f64).collect();
-    let mut places: Vec<Vector2<f64>> =
-        angles.iter().map(|angle| polar(*angle, f64::from(RADIUS_M * random.range(0.88, 1.12)))).collect();
-    let headings: Vec<Vector2<f64>> = angles
-        .iter()
-        .map(|angle| Rotation2::new(f64::from(random.range(-0.2, 0.2))) * polar(angle + TAU / 4.0, 1.0))
-        .collect();
+    let (mut places, headings) = RING.nodes(N, &mut random);
     let mut streets = Vec::new();
     for k in 0..N {
         let next = (k + 1) % N;

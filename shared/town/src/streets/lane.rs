@@ -36,11 +36,11 @@ pub fn around(network: &Network, legs: &[Leg], t: f64) -> Option<Lane> {
         }));
         begins.push([first, line.len() - 1]);
         let next = legs[(k + 1) % legs.len()];
-        if network.goes_on_after(*leg) {
+        if network.nodes[network.node_after(*leg)].is_junction() {
+            line.extend(turn(network, *leg, next, t));
+        } else {
             // The next leg begins where this one ends.
             line.pop();
-        } else {
-            line.extend(turn(network, *leg, next, t));
         }
     }
     line.push(*line.first()?);

@@ -7,4 +7,5 @@ pub mod motorway;
 pub mod network;
 pub mod paving;
 pub mod profile;
+mod ring;
 pub mod street;

@@ -2,32 +2,22 @@
 
 use crate::streets::network::{Leg, Network};
 use crate::streets::profile::Profile;
+use crate::streets::ring::Ring;
 use crate::streets::street::Street;
 use crate::terrain::Terrain;
-use nalgebra::{Rotation2, Vector2};
 use random::Random;
-use std::f64::consts::TAU;
 
 /// Streets of the round.
 const N: usize = 14;
-/// Mean radius of the round, m.
-const RADIUS_M: f32 = 900.0;
+/// Wide bends: the radius of the road is 350 m at least.
+const RING: Ring = Ring { radius_m: 900.0, along: 0.1, radii: [0.98, 1.02], heading: 0.04 };
 
 /// The map of a seed: a round of about 5.7 km with two or three lanes each way.
 pub fn build(seed: u64) -> Network {
     let mut random = Random::of_hash(seed, 0x0307_042a);
     let terrain = Terrain::new(seed);
     let profile = Profile::motorway(if random.chance(0.6) { 2 } else { 3 });
-    let turn = f64::from(random.range(0.0, TAU as f32));
-    let polar = |angle: f64, radius: f64| Vector2::new(angle.cos(), angle.sin()) * radius;
-    let angles: Vec<f64> =
-        (0..N).map(|k| turn + (k as f64 + f64::from(random.range(-0.1, 0.1))) * TAU / N as f64).collect();
-    let places: Vec<Vector2<f64>> =
-        angles.iter().map(|angle| polar(*angle, f64::from(RADIUS_M * random.range(0.98, 1.02)))).collect();
-    let headings: Vec<Vector2<f64>> = angles
-        .iter()
-        .map(|angle| Rotation2::new(f64::from(random.range(-0.04, 0.04))) * polar(angle + TAU / 4.0, 1.0))
-        .collect();
+    let (places, headings) = RING.nodes(N, &mut random);
     let street = |k: usize| {
         let next = (k + 1) % N;
         Street::new(profile, [k, next], [places[k], places[next]], [headings[k], headings[next]], terrain)

@@ -113,14 +113,20 @@ impl Network {
         };
         [along(0), self.streets[street].length_m - along(1)]
     }
-    /// Whether a leg's street only goes on in another one after it, without a junction.
-    pub fn goes_on_after(&self, leg: Leg) -> bool {
-        let node = &self.nodes[self.node_after(leg)];
-        node.arms.len() > 1 && node.arms.iter().all(|arm| arm.mouth_m == 0.0)
+    /// Lanes of the round, the rightmost first: see [`Profile::lanes_t`](crate::streets::profile::Profile::lanes_t).
+    pub fn lanes_t(&self) -> Vec<f64> {
+        self.streets[self.round[0].street].profile.lanes_t()
     }
     /// The node that a leg leads to.
     pub fn node_after(&self, leg: Leg) -> usize {
         self.streets[leg.street].nodes[usize::from(leg.is_forward)]
+    }
+}
+
+impl Node {
+    /// Whether there is pavement between the streets' own: not at dead ends, and not where a street goes on.
+    pub fn is_junction(&self) -> bool {
+        self.arms.iter().any(|arm| arm.mouth_m > 0.0)
     }
 }
 

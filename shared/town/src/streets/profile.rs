@@ -38,7 +38,10 @@ pub enum StreetKind {
     /// Over land: edge lines, gravel shoulders, grass.
     Country,
     /// Two carriageways with a median, lanes of one direction each, and paved shoulders; grass.
-    Motorway,
+    Motorway {
+        /// Lanes of one direction.
+        n_lanes: usize,
+    },
 }
 
 /// A cross-section; `t` is the distance from the center line in m, positive to the left.
@@ -72,15 +75,18 @@ impl Profile {
     /// Two carriageways with lanes each; grass to `outer_t`.
     pub const fn motorway(n_lanes: usize) -> Self {
         let kerb_t = FIRST_LANE_T + LANE_M * n_lanes as f64 + SHOULDER_M;
-        Self { kind: StreetKind::Motorway, kerb_t, outer_t: kerb_t + 5.5 }
+        Self { kind: StreetKind::Motorway { n_lanes }, kerb_t, outer_t: kerb_t + 5.5 }
+    }
+    const fn is_motorway(&self) -> bool {
+        matches!(self.kind, StreetKind::Motorway { .. })
     }
     /// Whether sidewalks are raised by a kerb.
     pub const fn has_kerb(&self) -> bool {
-        !matches!(self.kind, StreetKind::Country | StreetKind::Motorway)
+        !matches!(self.kind, StreetKind::Country | StreetKind::Motorway { .. })
     }
     /// Whether vehicles can drive at `t`.
     pub fn is_road(&self, t: f64) -> bool {
-        t.abs() < self.kerb_t && (self.kind != StreetKind::Motorway || t.abs() > MEDIAN_T)
+        t.abs() < self.kerb_t && (!self.is_motorway() || t.abs() > MEDIAN_T)
     }
     /// Middle of the lanes of one direction, the rightmost first, m from the center line.
     pub fn lanes_t(&self) -> Vec<f64> {
@@ -92,10 +98,7 @@ impl Profile {
     }
     /// Lines at the sides of a motorway's lanes, m from the center line; the first and the last are solid.
     fn lane_lines_t(&self) -> Vec<f64> {
-        if self.kind != StreetKind::Motorway {
-            return Vec::new();
-        }
-        let n_lanes = ((self.kerb_t - SHOULDER_M - FIRST_LANE_T) / LANE_M).round() as usize;
+        let StreetKind::Motorway { n_lanes } = self.kind else { return Vec::new() };
         (0..=n_lanes).map(|i| FIRST_LANE_T + LANE_M * i as f64).collect()
     }
     /// Middle of the cars parked on a side (1 left, -1 right), m from the center line; `None` where parking is forbidden.
@@ -108,7 +111,7 @@ impl Profile {
     }
     /// Height of the road over the terrain, m.
     pub fn road_height(&self, t: f64) -> f64 {
-        let raised_m = if self.kind == StreetKind::Motorway { RAISED_M } else { 0.0 };
+        let raised_m = if self.is_motorway() { RAISED_M } else { 0.0 };
         raised_m - CROWN * t.abs().min(self.kerb_t)
     }
     /// Height of what lies beside the road over the terrain, m.
@@ -116,10 +119,10 @@ impl Profile {
         let beyond = t.abs() - self.kerb_t;
         match self.kind {
             // A shoulder, then a ditch that ends below the meadows.
-            StreetKind::Country | StreetKind::Motorway if beyond > 1.0 => {
+            StreetKind::Country | StreetKind::Motorway { .. } if beyond > 1.0 => {
                 self.road_height(t) - 0.02 - 0.09 * (beyond - 1.0)
             }
-            StreetKind::Country | StreetKind::Motorway => self.road_height(t) - 0.02 * beyond,
+            StreetKind::Country | StreetKind::Motorway { .. } => self.road_height(t) - 0.02 * beyond,
             _ => self.road_height(t) + KERB_H + 0.01 * beyond,
         }
     }
@@ -132,14 +135,14 @@ impl Profile {
         let beyond = t.abs() - self.kerb_t;
         match self.kind {
             StreetKind::Country if beyond < 1.0 => Paving::Gravel,
-            StreetKind::Country | StreetKind::Motorway => Paving::Grass,
+            StreetKind::Country | StreetKind::Motorway { .. } => Paving::Grass,
             _ if beyond < 0.15 => Paving::Kerb,
             _ => Paving::Slab,
         }
     }
     /// What covers the road at `t`, `s` m along the street, away from crossings.
     pub fn road_paving(&self, s: f64, t: f64) -> Paving {
-        if self.kind == StreetKind::Motorway {
+        if self.is_motorway() {
             return self.motorway_paving(s, t);
         }
         let is_dash = s.rem_euclid(6.0) < 3.0;
@@ -164,7 +167,7 @@ impl Profile {
     }
     /// Edges of the cells across the street: paint 12 cm wide, crosswalk bars and slabs of about half a metre.
     pub fn columns(&self) -> Vec<f64> {
-        if self.kind == StreetKind::Motorway {
+        if self.is_motorway() {
             return mirrored(self.motorway_columns());
         }
         let mut half = vec![LINE_HALF, self.kerb_t];
