@@ -142,6 +142,23 @@ fn near_returns_of_dense_traffic_move_along_with_the_vehicle() {
 }
 
 #[test]
+fn queues_of_dense_traffic_stand_in_the_lanes_of_the_street() {
+    for (town, left_m) in [(Town::Urban, 3.2), (Town::Motorway, 3.75)] {
+        let spec = DriveSpec { town, traffic: Traffic::Dense, ..DriveSpec::urban(2, 5.0) };
+        let simulation = Simulation::new(&spec).expect("a town");
+        let from_ego = simulation.motion.pose(0.0).inverse();
+        // Farther away, bends of the street move the lanes.
+        let near = simulation.scene.movers().iter().filter_map(|mover| {
+            let place = from_ego * Point3::from(mover.pose(0.0).cast::<f64>().translation.vector);
+            (place.x.abs() < 12.0 && (0.0..5.0).contains(&place.y)).then_some(place.y)
+        });
+        let beside: Vec<f64> = near.filter(|left| *left > 1.5).collect();
+        assert!(beside.len() > 1, "{town:?}: {beside:.2?}");
+        assert!(beside.iter().all(|left| (left - left_m).abs() < 0.35), "{town:?}: {beside:.2?}");
+    }
+}
+
+#[test]
 fn queue_of_dense_traffic_stands_at_first_and_starts_with_the_vehicle() {
     let spec = DriveSpec { traffic: Traffic::Dense, ..DriveSpec::urban(2, 20.0) };
     let simulation = Simulation::new(&spec).expect("a town");

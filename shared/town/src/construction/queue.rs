@@ -8,7 +8,6 @@ use crate::movers::clearance::Clearance;
 use crate::movers::fleet;
 use crate::movers::mover::{Mover, Route, Timing};
 use crate::streets::network::Leg;
-use crate::streets::profile::LANE_T;
 use random::Random;
 use raytrace::Primitive;
 use std::sync::Arc;
@@ -64,7 +63,8 @@ impl TownBuilder {
     pub fn queue(&mut self, tour: &Tour, clearance: &mut Clearance, random: &mut Random) -> Vec<Mover> {
         let own = QueueLane { tour, left_m: 0.0, earlier_s: 0.0 };
         let delay = f64::from(random.range(-LANE_DELAY_S, LANE_DELAY_S));
-        let beside = QueueLane { tour, left_m: 2.0 * LANE_T, earlier_s: delay };
+        let left_m = self.network.left_lane_m();
+        let beside = QueueLane { tour, left_m, earlier_s: delay };
         let mut movers = Vec::new();
         for direction in [1.0, -1.0] {
             self.fill_lane(&own, direction * EGO_HALF_M, direction, clearance, random, &mut movers);

@@ -117,6 +117,14 @@ impl Network {
     pub fn lanes_t(&self) -> Vec<f64> {
         self.streets[self.round[0].street].profile.lanes_t()
     }
+    /// Distance from the rightmost lane of the round to the next one on its left, which may be that of the other direction, m.
+    pub fn left_lane_m(&self) -> f64 {
+        match self.lanes_t()[..] {
+            [right, left, ..] => right - left,
+            [right] => 2.0 * right,
+            [] => 0.0,
+        }
+    }
     /// The node that a leg leads to.
     pub fn node_after(&self, leg: Leg) -> usize {
         self.streets[leg.street].nodes[usize::from(leg.is_forward)]
