@@ -13,7 +13,7 @@ use segmentation::points::{
 use segmentation::spherical::{Feature, Features, GroundUse};
 use stage::testing::{Bench, context};
 use stage::{Context, Stage};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The root of the project, with launch.toml and models/.
 fn at_root() -> Context {
@@ -101,14 +101,26 @@ fn classes_do_not_depend_on_batch() {
     assert!([2, 3, 64].into_iter().all(|batch| classes(batch) == one_by_one));
 }
 
+/// Files of the shipped networks on images and on points.
+fn networks() -> [PathBuf; 2] {
+    ["street", "points"].map(|name| at_root().resolve(format!("models/{name}.safetensors").as_ref()))
+}
+
+/// A file of both, of which the first sees one of `every` sweeps.
+fn fused_file(folder: &Path, every: usize) -> PathBuf {
+    let [street, points] = networks();
+    let file = folder.join(format!("every_{every}.safetensors"));
+    std::fs::write(&file, segmentation::fuse(&street, &points, 0.6, every).expect("both suit each other"))
+        .expect("writes");
+    file
+}
+
 #[test]
 fn fused_model_gives_the_class_on_which_both_agree() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let root = at_root();
-    let [street, points] = ["street", "points"].map(|name| root.resolve(format!("models/{name}.safetensors").as_ref()));
-    let fused = folder.path().join("fused.safetensors");
-    std::fs::write(&fused, segmentation::fuse(&street, &points, 0.6, 1).expect("both suit each other"))
-        .expect("writes");
+    let [street, points] = networks();
+    let fused = fused_file(folder.path(), 1);
     let (header, cloud, _) = street_sweep();
     let classes = |model: &Path| {
         let settings = Settings { model: model.display().to_string(), ..Settings::default() };
@@ -137,13 +149,6 @@ fn fused_model_gives_the_class_on_which_both_agree() {
 fn fused_model_skips_sweeps_as_the_setting_does() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let root = at_root();
-    let [street, points] = ["street", "points"].map(|name| root.resolve(format!("models/{name}.safetensors").as_ref()));
-    let fused = |every: usize| {
-        let file = folder.path().join(format!("every_{every}.safetensors"));
-        std::fs::write(&file, segmentation::fuse(&street, &points, 0.6, every).expect("both suit each other"))
-            .expect("writes");
-        file
-    };
     let (mut header, cloud, _) = street_sweep();
     header.n_sweeps = 2;
     header.sweeps[1] = header.sweeps[0];
@@ -157,10 +162,14 @@ fn fused_model_skips_sweeps_as_the_setting_does() {
         bench.tick().expect("steps");
         bench.take::<ClassTopic>()[0].rows().to_vec()
     };
-    let (one, two) = (fused(1), fused(2));
+    let [one, two] = [1, 2].map(|every| fused_file(folder.path(), every));
     assert!(classes(&two, 1) == classes(&one, 2));
     assert!(classes(&two, 1) != classes(&one, 1));
+}
 
+#[test]
+fn fusion_with_numbers_out_of_range_is_refused_with_the_rule() {
+    let [street, points] = networks();
     for (share, every, rule) in [
         (1.5, 1, "share = 1.5, must be 0 to 1"),
         (f64::NAN, 1, "share = NaN"),

@@ -119,11 +119,8 @@ impl Network {
     }
     /// Distance from the rightmost lane of the round to the next one on its left, which may be that of the other direction, m.
     pub fn left_lane_m(&self) -> f64 {
-        match self.lanes_t()[..] {
-            [right, left, ..] => right - left,
-            [right] => 2.0 * right,
-            [] => 0.0,
-        }
+        let lanes = self.lanes_t();
+        lanes.get(1).map_or(2.0 * lanes[0], |left| lanes[0] - left)
     }
     /// The node that a leg leads to.
     pub fn node_after(&self, leg: Leg) -> usize {
