@@ -154,6 +154,10 @@ pub fn cpu_seconds_left(experiment: &dyn Experiment, column: &[&Recipe], store: 
             None => left.push(experiment.cpu_seconds(recipe)),
         }
     }
+    // The sum of no numbers is -0, which would be printed with its sign.
+    if left.is_empty() {
+        return Ok(0.0);
+    }
     let mean = known.iter().sum::<f64>() / known.len() as f64;
     Ok(if known.is_empty() { left.iter().sum() } else { mean * left.len() as f64 })
 }
