@@ -276,6 +276,11 @@ fn plan_estimates_trainings_beside_published_ones_whose_cost_is_unknown() {
     let (tiny, recipes) = (Tiny::new(), Tiny::new().recipes(2));
     let seconds = cpu_seconds_left(&tiny, &recipes.iter().collect::<Vec<_>>(), &store).expect("reads");
     assert!((seconds - 2.0).abs() < 1e-9, "{seconds} s for two trainings of 1 s");
+    // Nothing left is 0 and not -0.
+    std::fs::write(&partial, results).expect("writes");
+    let store = Store::with_published(second.path().into(), &partial).expect("reads the results");
+    let seconds = cpu_seconds_left(&tiny, &recipes.iter().collect::<Vec<_>>(), &store).expect("reads");
+    assert_eq!(format!("{seconds:.2}"), "0.00");
 }
 
 fn n_folders(folder: &Path) -> usize {
