@@ -1,8 +1,10 @@
 //! Two models as one: the weighted geometric mean of their probabilities (a product of experts, Hinton 2002).
 //!
 //! Two networks that see the same points in other ways err at other places: one that nearly excludes a class outweighs one that only
-//! prefers it.
+//! prefers it. So a class that each of them often misses is missed more often by both: its mean is multiplied by a prior above 1 (logit
+//! adjustment, Menon et al. 2021).
 
+use crate::CellProbabilities;
 use crate::cell_probabilities::best_of;
 use crate::ground::{self, SubmapGround};
 use crate::model_file::{CardText, ModelFile, encode_model};
@@ -15,6 +17,7 @@ use messages::{ClassId, ClassRow};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Added to every probability: no model excludes a class for sure. Votes have steps of 1/255.
 const LEAST: f32 = 1e-3;
@@ -25,14 +28,26 @@ pub const ARCHITECTURE: &str = "fused";
 /// Version that this program writes and runs.
 const VERSION: u32 = 1;
 
+/// How two models are fused.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fusion {
+    /// Share of the first model in the mean, 0 to 1.
+    pub share: f64,
+    /// The first model sees one of this many sweeps of those that it would see alone, 1 to 16: most of what the others show, the second
+    /// model has seen, too.
+    pub every: usize,
+    /// Factors of the means by names of classes, 0.01 to 100; 1 for other classes.
+    pub priors: BTreeMap<String, f32>,
+}
+
 /// Settings of a model file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Settings {
-    /// The first model sees one of this many sweeps of those that it would see alone.
     every: usize,
-    /// Share of the first model in the mean, 0 to 1.
     share: f64,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    priors: BTreeMap<String, f32>,
     /// The cards of both models.
     models: [CardText; 2],
 }
@@ -43,16 +58,17 @@ pub(crate) fn parts(file: &ModelFile) -> Result<[ModelFile; 2], SegmentationErro
     Ok([file.part(0, first), file.part(1, second)])
 }
 
-/// The bytes of a model file that fuses two. `share` is that of the first model in the mean, 0 to 1. It then sees one of `every` sweeps
-/// of those that it would see alone, 1 to 16: most of what the others show, the second model has seen, too. Equal files give equal bytes.
+/// The bytes of a model file that fuses two. Equal files give equal bytes.
 ///
 /// # Errors
 /// If a file cannot be read, one of the models knows no probabilities, removes the ground first or is fused itself, their classes
-/// differ, or a number is outside its range.
-pub fn fuse(first: &Path, second: &Path, share: f64, every: usize) -> Result<Vec<u8>, SegmentationError> {
+/// differ, a prior is that of another class, or a number is outside its range.
+pub fn fuse(first: &Path, second: &Path, fusion: &Fusion) -> Result<Vec<u8>, SegmentationError> {
     let files = [ModelFile::read(first)?, ModelFile::read(second)?];
-    let settings = Settings { every, share, models: files.each_ref().map(ModelFile::card_text) };
-    Fused::of_files(&files, &settings, &Options::default())?;
+    Fused::of_files(&files, fusion, &Options::default())?;
+    let Fusion { share, every, ref priors } = *fusion;
+    let settings =
+        Settings { every, share, priors: priors.clone(), models: files.each_ref().map(ModelFile::card_text) };
     let mut tensors = BTreeMap::new();
     for (number, file) in files.iter().enumerate() {
         tensors.extend(file.tensors_of_part(number)?);
@@ -89,17 +105,33 @@ pub struct Fused {
     models: [Box<dyn CellSegmenter>; 2],
     /// Shares of the models in the mean.
     shares: [f32; 2],
+    /// Factor of each class.
+    priors: Vec<f32>,
     card: ModelCard,
 }
 
 impl Fused {
     pub(crate) fn from_file(file: &ModelFile, options: &Options) -> Result<Self, SegmentationError> {
         file.expect_version(VERSION)?;
-        Ok(Self { card: file.card.clone(), ..Self::of_files(&parts(file)?, &file.settings()?, options)? })
+        let Settings { every, share, priors, .. } = file.settings()?;
+        let fused = Self::of_files(&parts(file)?, &Fusion { share, every, priors }, options)?;
+        Ok(Self { card: file.card.clone(), ..fused })
+    }
+    /// Reads the files of two models. The result has the card of the first.
+    ///
+    /// # Errors
+    /// Those of [`fuse`].
+    pub fn of_models(
+        first: &Path,
+        second: &Path,
+        fusion: &Fusion,
+        options: &Options,
+    ) -> Result<Self, SegmentationError> {
+        Self::of_files(&[ModelFile::read(first)?, ModelFile::read(second)?], fusion, options)
     }
     /// The model of two files, with the card of the first.
-    fn of_files(files: &[ModelFile; 2], settings: &Settings, options: &Options) -> Result<Self, SegmentationError> {
-        let Settings { every, share, .. } = *settings;
+    fn of_files(files: &[ModelFile; 2], fusion: &Fusion, options: &Options) -> Result<Self, SegmentationError> {
+        let Fusion { share, every, ref priors } = *fusion;
         // False for NaN.
         check_rules([
             ((0.0..=1.0).contains(&share), format!("share = {share}, must be 0 to 1")),
@@ -107,10 +139,15 @@ impl Fused {
         ])?;
         let of_first = Options { every: options.every.saturating_mul(every), ..*options };
         let [first, second] = files;
-        Self::new([of_cells(first, &of_first)?, of_cells(second, options)?], share as f32, &second.path)
+        Self::new([of_cells(first, &of_first)?, of_cells(second, options)?], share as f32, priors, &second.path)
     }
     /// `path` is the file of the second model.
-    fn new(models: [Box<dyn CellSegmenter>; 2], share: f32, path: &Path) -> Result<Self, SegmentationError> {
+    fn new(
+        models: [Box<dyn CellSegmenter>; 2],
+        share: f32,
+        priors: &BTreeMap<String, f32>,
+        path: &Path,
+    ) -> Result<Self, SegmentationError> {
         let [first, second] = &models;
         let names = |model: &dyn CellSegmenter| model.classes().iter().map(|class| class.name()).collect::<Vec<_>>();
         let (found, expected) = (names(&**second), names(&**first));
@@ -122,21 +159,74 @@ impl Fused {
             );
             return Err(SegmentationError::Card { path: path.into(), reason });
         }
+        for (name, prior) in priors {
+            let known = || format!("priors: unknown class {name:?}; known are {}", expected.join(", "));
+            check_rules([
+                (expected.contains(&name.as_str()), known()),
+                ((0.01..=100.0).contains(prior), format!("priors: {name} = {prior}, must be 0.01 to 100")),
+            ])?;
+        }
+        let priors = expected.iter().map(|name| priors.get(*name).copied().unwrap_or(1.0)).collect();
         let card = first.card().clone();
-        Ok(Self { models, shares: [share, 1.0 - share], card })
+        Ok(Self { models, shares: [share, 1.0 - share], priors, card })
+    }
+    /// The classes, in order.
+    pub fn classes(&self) -> &[ClassId] {
+        self.models[0].classes()
+    }
+    /// The means of one of `step` points, starting with the first, before priors: for each point a value for each class, or zeros where
+    /// neither model can classify it.
+    ///
+    /// # Errors
+    /// If the columns of the input differ in length, or a model fails.
+    ///
+    /// # Panics
+    /// If `step` is 0.
+    pub fn means(&self, input: &ModelInput<'_>, step: usize) -> Result<Vec<f32>, SegmentationError> {
+        input.check_columns()?;
+        let ([of_first, of_second], _) = self.factors(input, &SubmapGround::of(input))?;
+        let n_classes = self.classes().len();
+        let mut means = Vec::with_capacity(input.points.len().div_ceil(step) * n_classes);
+        for factors in of_first.of_points().zip(of_second.of_points()).map(<[_; 2]>::from).step_by(step) {
+            let known = if factors.iter().any(Option::is_some) { 1.0 } else { 0.0 };
+            means.resize(means.len() + n_classes, known);
+            let of_point = means.len() - n_classes;
+            multiply(&mut means[of_point..], factors);
+        }
+        Ok(means)
+    }
+    /// What each model contributes to the means, and the report of the first.
+    fn factors(
+        &self,
+        input: &ModelInput<'_>,
+        ground: &Arc<SubmapGround>,
+    ) -> Result<([CellProbabilities; 2], Report), SegmentationError> {
+        let [first, second] = &self.models;
+        let (of_first, report) = first.probabilities(input, ground)?;
+        let (of_second, _) = second.probabilities(input, ground)?;
+        // By cells, because many points share one.
+        let factors = [(of_first, self.shares[0]), (of_second, self.shares[1])]
+            .map(|(cells, share)| cells.map(|probability| (probability + LEAST).powf(share)));
+        Ok((factors, report))
     }
 }
 
-/// The best class and its share of the products of the factors at a point. A model that cannot classify it has none.
-fn decide(factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
-    let n_classes = factors.iter().flatten().next()?.len();
-    let mut means = [1.0; ClassId::ALL.len()];
-    let means = &mut means[..n_classes];
+/// Multiplies values of the classes by the factors at a point. A model that cannot classify it has none.
+fn multiply(values: &mut [f32], factors: [Option<&[f32]>; 2]) {
     for of_model in factors.into_iter().flatten() {
-        means.iter_mut().zip(of_model).for_each(|(mean, factor)| *mean *= factor);
+        values.iter_mut().zip(of_model).for_each(|(value, factor)| *value *= factor);
     }
-    let total: f32 = means.iter().sum();
-    best_of(means).map(|(class, mean)| (class, mean / total))
+}
+
+/// The best class at a point and its share of the products of priors and factors.
+fn decide(priors: &[f32], factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
+    factors.iter().flatten().next()?;
+    let mut products = [1.0; ClassId::ALL.len()];
+    let products = &mut products[..priors.len()];
+    products.copy_from_slice(priors);
+    multiply(products, factors);
+    let total: f32 = products.iter().sum();
+    best_of(products).map(|(class, product)| (class, product / total))
 }
 
 /// Whether both are the row of one cell.
@@ -154,15 +244,11 @@ impl Segmenter for Fused {
     /// Unseen are the points that neither model can classify; the rest of the report is that of the first.
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let [first, second] = &self.models;
+        let first = &self.models[0];
         let ground = SubmapGround::of(input);
-        let (of_first, report) = first.probabilities(input, &ground)?;
-        let (of_second, _) = second.probabilities(input, &ground)?;
-        // By cells, because many points share one.
-        let [of_first, of_second] = [(of_first, self.shares[0]), (of_second, self.shares[1])]
-            .map(|(cells, share)| cells.map(|probability| (probability + LEAST).powf(share)));
+        let ([of_first, of_second], report) = self.factors(input, &ground)?;
         let decided = |factors: [Option<&[f32]>; 2]| {
-            class_row(decide(factors).map(|(class, share)| (first.classes()[class], share)))
+            class_row(decide(&self.priors, factors).map(|(class, share)| (first.classes()[class], share)))
         };
         // Points that follow each other often share their cells.
         let mut last = ([None, None], decided([None, None]));
@@ -182,10 +268,8 @@ impl Segmenter for Fused {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::CellProbabilities;
     use crate::spherical::Refinement;
     use messages::{SubmapHeader, SubmapPoint};
-    use std::sync::Arc;
 
     const ROAD_OR_POLE: [ClassId; 2] = [ClassId::Road, ClassId::Pole];
 
@@ -223,11 +307,20 @@ mod tests {
         Box::new(Fixed(card, classes.to_vec(), rows))
     }
 
+    fn fused(
+        models: [Box<dyn CellSegmenter>; 2],
+        share: f32,
+        priors: &[(&str, f32)],
+    ) -> Result<Fused, SegmentationError> {
+        let priors = priors.iter().map(|(name, prior)| ((*name).to_owned(), *prior)).collect();
+        Fused::new(models, share, &priors, Path::new("second.safetensors"))
+    }
+
     #[test]
     fn point_takes_class_with_the_largest_geometric_mean() {
         let first = model(ROAD_OR_POLE, [[0.7, 0.3], [0.8, 0.2], [0.0, 0.0], [0.0, 0.0]]);
         let second = model(ROAD_OR_POLE, [[0.4, 0.6], [0.001, 0.998], [0.4, 0.6], [0.0, 0.0]]);
-        let fused = Fused::new([first, second], 0.75, Path::new("second")).expect("the same classes");
+        let fused = fused([first, second], 0.75, &[]).expect("the same classes");
         let points = [SubmapPoint::default(); 4];
         let mut classes = [ClassRow::default(); 4];
         let report = fused.segment(&ModelInput::new(&SubmapHeader::default(), &points), &mut classes).expect("runs");
@@ -248,9 +341,43 @@ mod tests {
     fn models_with_other_classes_are_refused_with_both_lists() {
         let rows = [[0.5, 0.5]; 4];
         let models = [ROAD_OR_POLE, [ClassId::Pole, ClassId::Road]].map(|classes| model(classes, rows));
-        let error = Fused::new(models, 0.5, Path::new("second.safetensors")).err().expect("is refused").to_string();
+        let error = fused(models, 0.5, &[]).err().expect("is refused").to_string();
         assert!(
             error.starts_with("second.safetensors: ") && error.contains("pole, road") && error.contains("road, pole")
         );
+    }
+
+    #[test]
+    fn prior_multiplies_the_mean_of_its_class() {
+        let rows = [[0.7, 0.3], [0.9, 0.1], [0.4, 0.6], [0.0, 0.0]];
+        let models = || [model(ROAD_OR_POLE, rows), model(ROAD_OR_POLE, rows)];
+        let input = (SubmapHeader::default(), [SubmapPoint::default(); 4]);
+        let input = ModelInput::new(&input.0, &input.1);
+        let of_priors = fused(models(), 0.5, &[("pole", 3.0)]).expect("is one of the classes");
+        let mut classes = [ClassRow::default(); 4];
+        of_priors.segment(&input, &mut classes).expect("runs");
+        let share = |of: f32, other: f32| (255.0 * of / (of + other)).round() as u8;
+        let expected = [
+            (ClassId::Pole, share(3.0 * 0.301, 0.701)),
+            (ClassId::Road, share(0.901, 3.0 * 0.101)),
+            (ClassId::Pole, share(3.0 * 0.601, 0.401)),
+            (ClassId::Unlabeled, 0),
+        ];
+        assert_eq!(classes, expected.map(|(class, score)| ClassRow { class_id: class as u8, score }));
+        let means = of_priors.means(&input, 1).expect("runs");
+        assert_eq!(means, fused(models(), 0.5, &[]).expect("suit").means(&input, 1).expect("runs"));
+        let close = |mean: &f32, expected: f32| (mean - expected).abs() < 1e-6;
+        assert!(close(&means[0], 0.701) && close(&means[1], 0.301) && means[6..] == [0.0; 2], "{means:?}");
+        assert_eq!(of_priors.means(&input, 2).expect("runs"), [&means[..2], &means[4..6]].concat());
+    }
+
+    #[test]
+    fn priors_of_other_classes_or_outside_their_range_are_refused() {
+        let models = || [(); 2].map(|()| model(ROAD_OR_POLE, [[0.5, 0.5]; 4]));
+        let refused = |prior| fused(models(), 0.5, &[prior]).err().expect("is refused").to_string();
+        assert!(refused(("poles", 2.0)).contains("priors: unknown class \"poles\"; known are road, pole"));
+        for value in [0.0, 101.0, f32::NAN] {
+            assert!(refused(("pole", value)).contains(&format!("priors: pole = {value}, must be 0.01 to 100")));
+        }
     }
 }

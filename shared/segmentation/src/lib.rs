@@ -33,7 +33,7 @@ pub use cell_probabilities::CellProbabilities;
 pub use compute_device::ComputeDevice;
 pub use dataset::{BevLabels, Dataset, Example, NO_CELL, PointExample, SparseView, UNKNOWN};
 pub use error::SegmentationError;
-pub use fused::{Fused, fuse};
+pub use fused::{Fused, Fusion, fuse};
 pub use load::{asked_columns, load};
 pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};
 pub use segmenter::{CellSegmenter, ModelInput, Report, Segmenter};

@@ -8,6 +8,7 @@
 
 mod adam;
 mod bev_head;
+mod class_priors;
 mod class_rows;
 mod criterion;
 mod curves;
@@ -26,6 +27,7 @@ mod views;
 
 pub use adam::Adam;
 pub use bev_head::BevHead;
+pub use class_priors::{LabeledMeans, fit_priors};
 pub use class_rows::{ClassLayer, match_classes};
 pub use criterion::Criterion;
 pub use curves::{Curves, Epoch};

@@ -6,6 +6,7 @@ use messages::{
     SubmapHeader, SubmapPoint, SubmapTopic, UNSEEN,
 };
 use random::Random;
+use segmentation::Fusion;
 use segmentation::network::{NetworkSpec, Weights};
 use segmentation::points::{
     Parameters, PlaneConvolution, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, WaffleIron,
@@ -13,6 +14,7 @@ use segmentation::points::{
 use segmentation::spherical::{Feature, Features, GroundUse};
 use stage::testing::{Bench, context};
 use stage::{Context, Stage};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The root of the project, with launch.toml and models/.
@@ -110,7 +112,8 @@ fn networks() -> [PathBuf; 2] {
 fn fused_file(folder: &Path, every: usize) -> PathBuf {
     let [street, points] = networks();
     let file = folder.join(format!("every_{every}.safetensors"));
-    std::fs::write(&file, segmentation::fuse(&street, &points, 0.6, every).expect("both suit each other"))
+    let fusion = Fusion { share: 0.6, every, priors: BTreeMap::new() };
+    std::fs::write(&file, segmentation::fuse(&street, &points, &fusion).expect("both suit each other"))
         .expect("writes");
     file
 }

@@ -19,6 +19,28 @@ fn command_of_the_model_card_writes_the_shipped_model() {
 }
 
 #[test]
+fn fitted_priors_are_printed_as_the_command_takes_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let (street, points) = (model("street.safetensors"), model("points.safetensors"));
+    let [recipe, fitted, given] = ["recipe.toml", "fitted.safetensors", "given.safetensors"].map(path);
+    let group = "[[group]]\ntowns = ['urban']\nseeds = { first = 1, last = 1 }\nsensors = ['rig']\nintensity = 'auto'\n\
+                 seconds = 2.0\nsubmaps = 1\nsweeps = 2\n";
+    std::fs::write(&recipe, group).expect("writes");
+    let fuse = |more: &[&str], out: &Path| {
+        succeeded(&replica(&[&["fuse", text(&street), text(&points), "--out", text(out)], more].concat()))
+    };
+    let printed = fuse(&["--fit-priors", text(&recipe)], &fitted);
+    let priors = printed.lines().find_map(|line| line.strip_prefix("--priors ")).expect("some classes gain");
+    assert!(printed.starts_with("group 1: mIoU "), "{printed}");
+    fuse(&["--priors", priors], &given);
+    let read = |path: &Path| std::fs::read(path).expect("is there");
+    assert!(read(&given) == read(&fitted));
+    fuse(&[], &given);
+    assert!(read(&given) != read(&fitted));
+}
+
+#[test]
 fn models_and_numbers_that_do_not_suit_are_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("fused.safetensors");
@@ -37,6 +59,17 @@ fn models_and_numbers_that_do_not_suit_are_refused_before_anything_is_written() 
         (&street, "1.5", 2, "must be 0 to 1"),
     ] {
         let refused = replica(&["fuse", text(first), text(&street), "--share", share, "--out", text(&out)]);
+        assert_eq!(refused.status.code(), Some(code), "{}", printed(&refused));
+        assert!(printed(&refused).contains(rule), "{}", printed(&refused));
+        assert!(!out.exists());
+    }
+    let points = model("points.safetensors");
+    for (priors, code, rule) in [
+        ("poles=2", 1, "priors: unknown class \"poles\"; known are building, fence"),
+        ("pole=0", 1, "priors: pole = 0, must be 0.01 to 100"),
+        ("pole", 2, "must be a class and a factor, as in bridge=4.5"),
+    ] {
+        let refused = replica(&["fuse", text(&street), text(&points), "--priors", priors, "--out", text(&out)]);
         assert_eq!(refused.status.code(), Some(code), "{}", printed(&refused));
         assert!(printed(&refused).contains(rule), "{}", printed(&refused));
         assert!(!out.exists());
