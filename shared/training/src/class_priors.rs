@@ -7,13 +7,14 @@
 use rayon::prelude::*;
 use scores::Confusion;
 
-/// Natural logarithms of the priors that are compared, in tenths: factors of 0.14 to 20.
-const TENTHS: std::ops::RangeInclusive<i32> = -20..=30;
-const N_STEPS: usize = 51;
+/// Natural logarithms of the priors that are compared, in tenths: factors of 1 to 20. Rare classes are raised, none is lowered: lowered ones
+/// gain 0.1 points of mIoU on the drives of the fit, and lose on motorways and real sweeps.
+const TENTHS: std::ops::RangeInclusive<i32> = 0..=30;
+const N_STEPS: usize = 31;
 /// Rounds over all classes, at most; two or three change something.
 const ROUNDS: usize = 6;
 /// What a prior must gain in mean IoU for each unit of its logarithm: small gains do not hold in other towns.
-const GAIN: f64 = 5e-4;
+const GAIN: f64 = 2e-3;
 /// Points that a thread takes at once.
 const CHUNK: usize = 1 << 14;
 
@@ -85,8 +86,8 @@ fn best(row: &[f32], priors: &[f32], but: Option<usize>) -> (usize, f32) {
     sums.filter(|(class, _)| Some(*class) != but).fold(first, |best, next| if next.1 > best.1 { next } else { best })
 }
 
-/// The factor of each class, 0.14 to 20 in two decimals, with which the mean of the mean IoUs of all groups of points is largest: one class
-/// after another, until none changes. Equal groups give equal factors, whatever the number of threads.
+/// The factor of each class, 1 to 20 in two decimals, with which the mean of the scores of all groups of points is largest (each the mean
+/// IoU of its classes): one class after another, until none changes. Equal groups give equal factors, whatever the number of threads.
 ///
 /// # Panics
 /// If there are fewer than two classes, or a true class is not below their number.
@@ -100,7 +101,7 @@ pub fn fit_priors(groups: &[LabeledMeans], n_classes: usize) -> Vec<f32> {
             let of_groups: Vec<[f64; N_STEPS]> = groups.iter().map(|group| group.mean_ious(&priors, class)).collect();
             let gain = |step: usize, tenths: i32| {
                 let sum: f64 = of_groups.iter().map(|of_steps| of_steps[step]).sum();
-                sum / groups.len().max(1) as f64 - GAIN * f64::from(tenths.abs()) / 10.0
+                sum / groups.len().max(1) as f64 - GAIN * f64::from(tenths) / 10.0
             };
             let steps = TENTHS.enumerate().map(|(step, tenths)| (tenths, gain(step, tenths)));
             let first = (0, f64::NEG_INFINITY);
@@ -151,7 +152,6 @@ mod tests {
         let group = group(4, 3_000);
         let of_steps = group.mean_ious(&[0.2, 0.0, -0.3], 1);
         for (step, tenths) in TENTHS.enumerate() {
-            // Between two steps nothing is decided otherwise but by points there, so the middle avoids ties.
             let priors = [0.2, tenths as f32 / 10.0, -0.3].map(f32::exp);
             let expected = group.mean_iou(&priors).expect("has points");
             assert!((of_steps[step] - expected).abs() < 2e-3, "{tenths}: {} {expected}", of_steps[step]);

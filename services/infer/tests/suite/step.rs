@@ -179,7 +179,8 @@ fn fusion_with_numbers_out_of_range_is_refused_with_the_rule() {
         (0.5, 17, "every = 17, must be 1 to 16"),
         (0.5, 0, "every = 0"),
     ] {
-        let error = segmentation::fuse(&street, &points, share, every).expect_err("refused").to_string();
+        let fusion = Fusion { share, every, priors: BTreeMap::new() };
+        let error = segmentation::fuse(&street, &points, &fusion).expect_err("refused").to_string();
         assert!(error.contains(rule), "{error}");
     }
 }

@@ -12,8 +12,10 @@ fn command_of_the_model_card_writes_the_shipped_model() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("fused.safetensors");
     let (street, points) = (model("street.safetensors"), model("points.safetensors"));
-    let arguments = ["fuse", text(&street), text(&points), "--share", "0.5", "--every", "3", "--out", text(&out)];
-    succeeded(&replica(&arguments));
+    let priors =
+        "bridge=4.95,guard-rail=1.82,pedestrian=1.11,static=5.47,terrain=1.35,traffic-light=2.72,traffic-sign=2.46";
+    let settings = ["--share", "0.5", "--every", "3", "--priors", priors];
+    succeeded(&replica(&[&["fuse", text(&street), text(&points), "--out", text(&out)], &settings[..]].concat()));
     let read = |path: &Path| std::fs::read(path).expect("is there");
     assert!(read(&out) == read(&model("street_fused.safetensors")));
 }
