@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use scores::Confusion;
 
 /// Natural logarithms of the priors that are compared, in tenths: factors of 1 to 20. Rare classes are raised, none is lowered: lowered ones
-/// gain 0.1 points of mIoU on the drives of the fit, and lose on motorways and real sweeps.
+/// gain little on the drives of the fit, and lose on motorways and real sweeps.
 const TENTHS: std::ops::RangeInclusive<i32> = 0..=30;
 const N_STEPS: usize = 31;
 /// Rounds over all classes, at most; two or three change something.
@@ -43,9 +43,9 @@ impl LabeledMeans {
     fn points(&self, n_classes: usize) -> impl Iterator<Item = (&[f32], u8)> {
         self.logarithms.chunks_exact(n_classes).zip(self.truth.iter().copied())
     }
-    /// The mean IoU for each logarithm of the prior of one class.
-    fn mean_ious(&self, priors: &[f32], class: usize) -> [f64; N_STEPS] {
-        let n_classes = priors.len();
+    /// The mean IoU for each logarithm of the prior of one class, with given logarithms of the others.
+    fn mean_ious(&self, logarithms: &[f32], class: usize) -> [f64; N_STEPS] {
+        let n_classes = logarithms.len();
         // By the first prior with which the class wins, the true class, and the class that wins before.
         let bin = |step: usize, truth: usize, other: usize| (step * n_classes + truth) * n_classes + other;
         let mut bins = vec![0_u64; (N_STEPS + 1) * n_classes * n_classes];
@@ -54,7 +54,7 @@ impl LabeledMeans {
             .map(|(rows, truth)| {
                 let rows = rows.chunks_exact(n_classes).zip(truth);
                 rows.map(|(row, &truth)| {
-                    let (other, largest) = best(row, priors, Some(class));
+                    let (other, largest) = best(row, logarithms, Some(class));
                     let tenths = (10.0 * (largest - row[class])).ceil() - *TENTHS.start() as f32;
                     bin(tenths.clamp(0.0, N_STEPS as f32) as usize, usize::from(truth), other)
                 })
@@ -79,9 +79,9 @@ impl LabeledMeans {
     }
 }
 
-/// The class with the largest sum of both logarithms, but for one, and that sum.
-fn best(row: &[f32], priors: &[f32], but: Option<usize>) -> (usize, f32) {
-    let sums = row.iter().zip(priors).map(|(mean, prior)| mean + prior).enumerate();
+/// The class with the largest sum of the logarithms of mean and prior, but for one, and that sum.
+fn best(row: &[f32], logarithms: &[f32], but: Option<usize>) -> (usize, f32) {
+    let sums = row.iter().zip(logarithms).map(|(mean, prior)| mean + prior).enumerate();
     let first = (0, f32::NEG_INFINITY);
     sums.filter(|(class, _)| Some(*class) != but).fold(first, |best, next| if next.1 > best.1 { next } else { best })
 }
@@ -97,8 +97,9 @@ pub fn fit_priors(groups: &[LabeledMeans], n_classes: usize) -> Vec<f32> {
     for _ in 0..ROUNDS {
         let before = tenths.clone();
         for class in 0..n_classes {
-            let priors: Vec<f32> = tenths.iter().map(|tenths| *tenths as f32 / 10.0).collect();
-            let of_groups: Vec<[f64; N_STEPS]> = groups.iter().map(|group| group.mean_ious(&priors, class)).collect();
+            let logarithms: Vec<f32> = tenths.iter().map(|tenths| *tenths as f32 / 10.0).collect();
+            let of_groups: Vec<[f64; N_STEPS]> =
+                groups.iter().map(|group| group.mean_ious(&logarithms, class)).collect();
             let gain = |step: usize, tenths: i32| {
                 let sum: f64 = of_groups.iter().map(|of_steps| of_steps[step]).sum();
                 sum / groups.len().max(1) as f64 - GAIN * f64::from(tenths) / 10.0

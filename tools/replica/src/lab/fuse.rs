@@ -45,7 +45,11 @@ fn prior(text: &str) -> Result<(String, f32), argument::InvalidValue> {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let priors = args.priors.iter().cloned().collect();
+    let mut priors = BTreeMap::new();
+    for (class, factor) in &args.priors {
+        let earlier = priors.insert(class.clone(), *factor);
+        anyhow::ensure!(earlier.is_none(), "--priors: {class} is given twice");
+    }
     let mut fusion = Fusion { share: args.share, every: usize::from(args.every), priors };
     if let Some(recipe) = &args.fit_priors {
         fusion.priors = fit(recipe, args, &fusion)?;

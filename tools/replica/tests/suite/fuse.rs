@@ -69,6 +69,7 @@ fn models_and_numbers_that_do_not_suit_are_refused_before_anything_is_written() 
     for (priors, code, rule) in [
         ("poles=2", 1, "priors: unknown class \"poles\"; known are building, fence"),
         ("pole=0", 1, "priors: pole = 0, must be 0.01 to 100"),
+        ("pole=2,pole=3", 1, "--priors: pole is given twice"),
         ("pole", 2, "must be a class and a factor, as in bridge=4.5"),
     ] {
         let refused = replica(&["fuse", text(&street), text(&points), "--priors", priors, "--out", text(&out)]);

@@ -1,6 +1,6 @@
 //! Recipes of priors: the simulated drives that they are fitted to.
 
-use crate::lab::train::recipe::Range;
+use crate::lab::train::recipe::{Range, named_mounts};
 use anyhow::Context;
 use formats::text_file::read_toml;
 use messages::ClassId;
@@ -8,11 +8,13 @@ use segmentation::spherical::{IntensityUse, Refinement};
 use segmentation::{Fused, Fusion, ModelInput, Options};
 use serde::Deserialize;
 use std::path::Path;
-use town_sweeps::{Mount, TownDrive, TownSubmap, town_from_name};
+use town_sweeps::{TownDrive, TownSubmap, town_from_name};
 use training::LabeledMeans;
 
 /// One of this many points counts: those between lie on the same things.
 const STEP: usize = 16;
+/// Of all simulated LiDARs.
+const TURNS_PER_SECOND: f64 = 10.0;
 
 /// A recipe: groups of drives, each with one mean IoU.
 #[derive(Debug, Deserialize)]
@@ -40,6 +42,7 @@ impl PriorRecipe {
     /// Reads and checks a recipe.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
         let recipe: Self = read_toml(path)?;
+        anyhow::ensure!(!recipe.group.is_empty(), "{}: has no group", path.display());
         for (number, group) in (1..).zip(&recipe.group) {
             group.check().with_context(|| format!("{}: group {number}", path.display()))?;
         }
@@ -70,7 +73,8 @@ impl Group {
         for town in &self.towns {
             town_from_name(town)?;
         }
-        self.mounts()?;
+        named_mounts(&self.sensors)?;
+        anyhow::ensure!(!self.towns.is_empty() && !self.sensors.is_empty(), "towns and sensors must not be empty");
         let (word, words) = (&self.intensity, IntensityUse::WORDS.join(", "));
         anyhow::ensure!(
             IntensityUse::from_word(word).is_some(),
@@ -79,11 +83,11 @@ impl Group {
         let Range { first, last } = self.seeds;
         anyhow::ensure!(first <= last, "seeds: first = {first} is above last = {last}");
         anyhow::ensure!(self.submaps > 0 && self.sweeps > 0, "submaps and sweeps must be at least 1");
+        let Self { sweeps, seconds, .. } = self;
+        // False for NaN.
+        let is_long_enough = *seconds >= *sweeps as f64 / TURNS_PER_SECOND;
+        anyhow::ensure!(is_long_enough, "{sweeps} sweeps do not fit in seconds = {seconds}: each takes 0.1 s");
         Ok(())
-    }
-    fn mounts(&self) -> anyhow::Result<Vec<Mount>> {
-        let mount = |name: &String| Mount::from_name(name).with_context(|| format!("unknown sensor {name}"));
-        self.sensors.iter().map(mount).collect()
     }
     fn means(&self, fused: &Fused) -> anyhow::Result<LabeledMeans> {
         let mut means = LabeledMeans::default();
@@ -92,7 +96,7 @@ impl Group {
             for seed in self.seeds.iter() {
                 let drive = TownDrive { town, seed, seconds: self.seconds };
                 let simulation = drive.simulation()?;
-                for mount in self.mounts()? {
+                for mount in named_mounts(&self.sensors)? {
                     for submap in drive.submaps_in(&simulation, self.submaps, self.sweeps, 1, mount)? {
                         add(&mut means, fused, &submap)?;
                     }
@@ -138,14 +142,20 @@ mod tests {
         let path = folder.path().join("recipe.toml");
         for (right, wrong, rule) in [
             ("'urban'", "'moon'", "moon"),
-            ("'rig'", "'radar'", "unknown sensor radar"),
+            ("'rig'", "'radar'", "unknown sensor \"radar\", must be one of rig, kitti"),
+            ("['rig']", "[]", "towns and sensors must not be empty"),
             ("'off'", "'of'", "unknown use of intensities \"of\"; known are auto, normalized, raw, off"),
             ("first = 1", "first = 3", "seeds: first = 3 is above last = 2"),
             ("submaps = 1", "submaps = 0", "submaps and sweeps must be at least 1"),
+            ("sweeps = 1", "sweeps = 21", "21 sweeps do not fit in seconds = 2: each takes 0.1 s"),
+            ("seconds = 2.0", "seconds = nan", "1 sweeps do not fit in seconds = NaN"),
         ] {
             std::fs::write(&path, [GROUP, &GROUP.replace(right, wrong)].concat()).expect("writes");
             let error = format!("{:#}", PriorRecipe::load(&path).expect_err("is refused"));
             assert!(error.contains("recipe.toml: group 2: ") && error.contains(rule), "{error}");
         }
+        std::fs::write(&path, "group = []").expect("writes");
+        let error = PriorRecipe::load(&path).expect_err("is refused").to_string();
+        assert!(error.contains("recipe.toml: has no group"), "{error}");
     }
 }

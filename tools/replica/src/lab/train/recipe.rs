@@ -329,13 +329,17 @@ impl Data {
         if self.sensors.is_empty() {
             return Ok(vec![Mount::Random]);
         }
-        let mount = |name: &String| {
-            let known = || Mount::NAMED.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
-            let mount = Mount::from_name(name);
-            mount.with_context(|| format!("[data] sensors: unknown sensor {name:?}, must be one of {}", known()))
-        };
-        self.sensors.iter().map(mount).collect()
+        named_mounts(&self.sensors).context("[data] sensors")
     }
+}
+
+/// The mounts of these names.
+pub fn named_mounts(names: &[String]) -> anyhow::Result<Vec<Mount>> {
+    let mount = |name: &String| {
+        let known = || Mount::NAMED.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+        Mount::from_name(name).with_context(|| format!("unknown sensor {name:?}, must be one of {}", known()))
+    };
+    names.iter().map(mount).collect()
 }
 
 #[cfg(test)]
