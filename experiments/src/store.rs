@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::fs;
+use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -122,8 +122,12 @@ impl Store {
     pub fn finish(&self, recipe: &Recipe, outcome: &Outcome) -> anyhow::Result<()> {
         write(&self.path(recipe, RESULT), &serde_json::to_vec(outcome)?)
     }
-    /// Writes `results.jsonl` and `costs.csv` of all finished trainings, in the order of the recipes, and returns the results.
+    /// Writes `results.jsonl` and `costs.csv` of all finished trainings, in the order of the recipes, and returns the results. Jobs that
+    /// end together take turns, and the last one has the results of all.
     pub fn collect(&self, recipes: &[Recipe]) -> anyhow::Result<Vec<(Recipe, Outcome)>> {
+        fs::create_dir_all(&self.folder)?;
+        let turn = File::open(&self.folder).and_then(|folder| folder.lock().map(|()| folder));
+        let _turn = turn.with_context(|| format!("cannot lock {}", self.folder.display()))?;
         let (mut results, mut lines, mut costs) = (Vec::new(), String::new(), String::from("training,epochs,cpu_s\n"));
         for recipe in recipes {
             let Some(outcome) = self.result(recipe)? else { continue };
@@ -133,7 +137,6 @@ impl Store {
             let _ = writeln!(costs, "{},{},{:.1}", recipe.name(), outcome.epochs, self.cpu_seconds(recipe)?);
             results.push((recipe.clone(), outcome));
         }
-        fs::create_dir_all(&self.folder)?;
         write(&self.folder.join("results.jsonl"), lines.as_bytes())?;
         write(&self.folder.join("costs.csv"), costs.as_bytes())?;
         Ok(results)

@@ -198,6 +198,24 @@ fn jobs_together_give_same_results_file() {
 }
 
 #[test]
+fn jobs_that_end_together_all_write_the_results() {
+    let folder = folder();
+    let (_, expected) = trained(&Tiny::new(), folder.path(), &Budget::new(None), ALL);
+    let recipes = Tiny::new().recipes(2);
+    std::thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| {
+                for _ in 0..20 {
+                    let store = Store::new(folder.path().into());
+                    assert_eq!(store.collect(&recipes).expect("writes").len(), recipes.len());
+                }
+            });
+        }
+    });
+    assert_eq!(std::fs::read_to_string(folder.path().join("results.jsonl")).expect("reads"), expected);
+}
+
+#[test]
 fn finished_table_loads_no_data() {
     let folder = folder();
     let tiny = Tiny::new();
