@@ -19,7 +19,7 @@ stage::settings! {
         /// Points of a cell that are separated by at least this time belong to different objects, s; 0 ignores times.
         pub apart_s: f64 = 0.6 => stage::within(0.0, 60.0);
         /// Minimum overlap, as a fraction of the smaller footprint, for an object to be associated with an object of an earlier submap.
-        pub min_overlap: f64 = 0.2 => stage::within(0.0, 1.0);
+        pub min_overlap: f64 = 0.1 => stage::within(0.0, 1.0);
         /// Number of submaps for which an unobserved object keeps its id; 0 disables tracking over submaps.
         pub remembered_submaps: u32 = 3 => stage::within(0, 100);
         /// Classes with instances, in the order in which ids are assigned.
@@ -80,7 +80,7 @@ impl Thing {
             min_points_sparse: 20,
             length_m: 4.5,
             height_m: 1.5,
-            min_score: 0.45,
+            min_score: 0.55,
             peak_m: 0.2,
             join_m: 0.8,
             max_length_m: 5.6,
@@ -94,7 +94,7 @@ impl Thing {
             min_points_sparse: 10,
             length_m: 0.8,
             height_m: 1.7,
-            min_score: 0.5,
+            min_score: 0.6,
             peak_m: 0.4,
             join_m: 0.0,
             max_length_m: 0.0,

@@ -2,7 +2,8 @@
 //!
 //! Two networks that see the same points in other ways err at other places: one that nearly excludes a class outweighs one that only
 //! prefers it. So a class that each of them often misses is missed more often by both: its mean is multiplied by a prior above 1 (logit
-//! adjustment, Menon et al. 2021).
+//! adjustment, Menon et al. 2021). Where two that err differently agree, they are right more often than either score says: a temperature
+//! below 1 raises the scores of the decided classes, and changes no class.
 
 use crate::CellProbabilities;
 use crate::cell_probabilities::best_of;
@@ -10,7 +11,7 @@ use crate::ground::{self, SubmapGround};
 use crate::model_file::{CardText, ModelFile, encode_model};
 use crate::points::{self, PointModel};
 use crate::segmenter::{CellSegmenter, class_row, write_rows};
-use crate::settings_rules::check_rules;
+use crate::settings_rules::{check_rules, temperature_rule};
 use crate::spherical::{self, GroundUse, Options, SphericalModel};
 use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
@@ -38,6 +39,8 @@ pub struct Fusion {
     pub every: usize,
     /// Factors of the means by names of classes, 0.01 to 100; 1 for other classes.
     pub priors: BTreeMap<String, f32>,
+    /// Divisor of the logarithms of the products of means and priors, 0.1 to 10 (temperature scaling, Guo et al. 2017).
+    pub temperature: f32,
 }
 
 /// Settings of a model file.
@@ -48,8 +51,15 @@ struct Settings {
     share: f64,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     priors: BTreeMap<String, f32>,
+    #[serde(default = "no_temperature")]
+    temperature: f32,
     /// The cards of both models.
     models: [CardText; 2],
+}
+
+/// Leaves the scores as they are.
+fn no_temperature() -> f32 {
+    1.0
 }
 
 /// The models of a file of this architecture.
@@ -66,9 +76,8 @@ pub(crate) fn parts(file: &ModelFile) -> Result<[ModelFile; 2], SegmentationErro
 pub fn fuse(first: &Path, second: &Path, fusion: &Fusion) -> Result<Vec<u8>, SegmentationError> {
     let files = [ModelFile::read(first)?, ModelFile::read(second)?];
     Fused::of_files(&files, fusion, &Options::default())?;
-    let Fusion { share, every, ref priors } = *fusion;
-    let settings =
-        Settings { every, share, priors: priors.clone(), models: files.each_ref().map(ModelFile::card_text) };
+    let Fusion { share, every, priors, temperature } = fusion.clone();
+    let settings = Settings { every, share, priors, temperature, models: files.each_ref().map(ModelFile::card_text) };
     let mut tensors = BTreeMap::new();
     for (number, file) in files.iter().enumerate() {
         tensors.extend(file.tensors_of_part(number)?);
@@ -103,8 +112,8 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
 /// Two models with the same classes.
 pub struct Fused {
     models: [Box<dyn CellSegmenter>; 2],
-    /// Shares of the models in the mean.
-    shares: [f32; 2],
+    /// Exponents of the probabilities of the models: shares in the mean, divided by the temperature.
+    exponents: [f32; 2],
     /// Factor of each class.
     priors: Vec<f32>,
     card: ModelCard,
@@ -113,8 +122,8 @@ pub struct Fused {
 impl Fused {
     pub(crate) fn from_file(file: &ModelFile, options: &Options) -> Result<Self, SegmentationError> {
         file.expect_version(VERSION)?;
-        let Settings { every, share, priors, .. } = file.settings()?;
-        let fused = Self::of_files(&parts(file)?, &Fusion { share, every, priors }, options)?;
+        let Settings { every, share, priors, temperature, .. } = file.settings()?;
+        let fused = Self::of_files(&parts(file)?, &Fusion { share, every, priors, temperature }, options)?;
         Ok(Self { card: file.card.clone(), ..fused })
     }
     /// Reads the files of two models. The result has the card of the first.
@@ -131,23 +140,20 @@ impl Fused {
     }
     /// The model of two files, with the card of the first.
     fn of_files(files: &[ModelFile; 2], fusion: &Fusion, options: &Options) -> Result<Self, SegmentationError> {
-        let Fusion { share, every, ref priors } = *fusion;
+        let Fusion { share, every, .. } = *fusion;
         // False for NaN.
         check_rules([
             ((0.0..=1.0).contains(&share), format!("share = {share}, must be 0 to 1")),
             ((1..=MOST_EVERY).contains(&every), format!("every = {every}, must be 1 to {MOST_EVERY}")),
+            temperature_rule(fusion.temperature),
         ])?;
         let of_first = Options { every: options.every.saturating_mul(every), ..*options };
         let [first, second] = files;
-        Self::new([of_cells(first, &of_first)?, of_cells(second, options)?], share as f32, priors, &second.path)
+        Self::new([of_cells(first, &of_first)?, of_cells(second, options)?], fusion, &second.path)
     }
     /// `path` is the file of the second model.
-    fn new(
-        models: [Box<dyn CellSegmenter>; 2],
-        share: f32,
-        priors: &BTreeMap<String, f32>,
-        path: &Path,
-    ) -> Result<Self, SegmentationError> {
+    fn new(models: [Box<dyn CellSegmenter>; 2], fusion: &Fusion, path: &Path) -> Result<Self, SegmentationError> {
+        let Fusion { share, ref priors, temperature, .. } = *fusion;
         let [first, second] = &models;
         let names = |model: &dyn CellSegmenter| model.classes().iter().map(|class| class.name()).collect::<Vec<_>>();
         let (found, expected) = (names(&**second), names(&**first));
@@ -166,9 +172,11 @@ impl Fused {
                 ((0.01..=100.0).contains(prior), format!("priors: {name} = {prior}, must be 0.01 to 100")),
             ])?;
         }
-        let priors = expected.iter().map(|name| priors.get(*name).copied().unwrap_or(1.0)).collect();
+        let prior = |name: &&str| priors.get(*name).map_or(1.0, |prior| prior.powf(1.0 / temperature));
+        let priors = expected.iter().map(prior).collect();
         let card = first.card().clone();
-        Ok(Self { models, shares: [share, 1.0 - share], priors, card })
+        let share = share as f32;
+        Ok(Self { models, exponents: [share, 1.0 - share].map(|share| share / temperature), priors, card })
     }
     /// The classes, in order.
     pub fn classes(&self) -> &[ClassId] {
@@ -205,8 +213,8 @@ impl Fused {
         let (of_first, report) = first.probabilities(input, ground)?;
         let (of_second, _) = second.probabilities(input, ground)?;
         // By cells, because many points share one.
-        let factors = [(of_first, self.shares[0]), (of_second, self.shares[1])]
-            .map(|(cells, share)| cells.map(|probability| (probability + LEAST).powf(share)));
+        let factors = [(of_first, self.exponents[0]), (of_second, self.exponents[1])]
+            .map(|(cells, exponent)| cells.map(|probability| (probability + LEAST).powf(exponent)));
         Ok((factors, report))
     }
 }
@@ -309,18 +317,20 @@ mod tests {
 
     fn fused(
         models: [Box<dyn CellSegmenter>; 2],
-        share: f32,
+        share: f64,
         priors: &[(&str, f32)],
+        temperature: f32,
     ) -> Result<Fused, SegmentationError> {
         let priors = priors.iter().map(|(name, prior)| ((*name).to_owned(), *prior)).collect();
-        Fused::new(models, share, &priors, Path::new("second.safetensors"))
+        let fusion = Fusion { share, every: 1, priors, temperature };
+        Fused::new(models, &fusion, Path::new("second.safetensors"))
     }
 
     #[test]
     fn point_takes_class_with_the_largest_geometric_mean() {
         let first = model(ROAD_OR_POLE, [[0.7, 0.3], [0.8, 0.2], [0.0, 0.0], [0.0, 0.0]]);
         let second = model(ROAD_OR_POLE, [[0.4, 0.6], [0.001, 0.998], [0.4, 0.6], [0.0, 0.0]]);
-        let fused = fused([first, second], 0.75, &[]).expect("the same classes");
+        let fused = fused([first, second], 0.75, &[], 1.0).expect("the same classes");
         let points = [SubmapPoint::default(); 4];
         let mut classes = [ClassRow::default(); 4];
         let report = fused.segment(&ModelInput::new(&SubmapHeader::default(), &points), &mut classes).expect("runs");
@@ -341,7 +351,7 @@ mod tests {
     fn models_with_other_classes_are_refused_with_both_lists() {
         let rows = [[0.5, 0.5]; 4];
         let models = [ROAD_OR_POLE, [ClassId::Pole, ClassId::Road]].map(|classes| model(classes, rows));
-        let error = fused(models, 0.5, &[]).err().expect("is refused").to_string();
+        let error = fused(models, 0.5, &[], 1.0).err().expect("is refused").to_string();
         assert!(
             error.starts_with("second.safetensors: ") && error.contains("pole, road") && error.contains("road, pole")
         );
@@ -353,7 +363,7 @@ mod tests {
         let models = || [model(ROAD_OR_POLE, rows), model(ROAD_OR_POLE, rows)];
         let input = (SubmapHeader::default(), [SubmapPoint::default(); 4]);
         let input = ModelInput::new(&input.0, &input.1);
-        let of_priors = fused(models(), 0.5, &[("pole", 3.0)]).expect("is one of the classes");
+        let of_priors = fused(models(), 0.5, &[("pole", 3.0)], 1.0).expect("is one of the classes");
         let mut classes = [ClassRow::default(); 4];
         of_priors.segment(&input, &mut classes).expect("runs");
         let share = |of: f32, other: f32| (255.0 * of / (of + other)).round() as u8;
@@ -365,16 +375,44 @@ mod tests {
         ];
         assert_eq!(classes, expected.map(|(class, score)| ClassRow { class_id: class as u8, score }));
         let means = of_priors.means(&input, 1).expect("runs");
-        assert_eq!(means, fused(models(), 0.5, &[]).expect("suit").means(&input, 1).expect("runs"));
+        assert_eq!(means, fused(models(), 0.5, &[], 1.0).expect("suit").means(&input, 1).expect("runs"));
         let close = |mean: &f32, expected: f32| (mean - expected).abs() < 1e-6;
         assert!(close(&means[0], 0.701) && close(&means[1], 0.301) && means[6..] == [0.0; 2], "{means:?}");
         assert_eq!(of_priors.means(&input, 2).expect("runs"), [&means[..2], &means[4..6]].concat());
     }
 
     #[test]
+    fn temperature_below_one_raises_the_scores_and_keeps_the_classes() {
+        let first = [[0.7, 0.3], [0.9, 0.1], [0.4, 0.6], [0.0, 0.0]];
+        let second = [[0.6, 0.4], [0.5, 0.5], [0.0, 0.0], [0.0, 0.0]];
+        let input = (SubmapHeader::default(), [SubmapPoint::default(); 4]);
+        let input = ModelInput::new(&input.0, &input.1);
+        let rows = |temperature| {
+            let models = [model(ROAD_OR_POLE, first), model(ROAD_OR_POLE, second)];
+            let fused = fused(models, 0.5, &[("pole", 1.25)], temperature).expect("suit");
+            let mut classes = [ClassRow::default(); 4];
+            fused.segment(&input, &mut classes).expect("runs");
+            classes
+        };
+        let share = |of: f32, other: f32| (255.0 * of.powi(2) / (of.powi(2) + other.powi(2))).round() as u8;
+        let sqrt_of_products =
+            |class: usize, row: usize| ((first[row][class] + LEAST) * (second[row][class] + LEAST)).sqrt();
+        let expected = [
+            (ClassId::Road, share(sqrt_of_products(0, 0), 1.25 * sqrt_of_products(1, 0))),
+            (ClassId::Road, share(sqrt_of_products(0, 1), 1.25 * sqrt_of_products(1, 1))),
+            (ClassId::Pole, share(1.25 * 0.601_f32.sqrt(), 0.401_f32.sqrt())),
+            (ClassId::Unlabeled, 0),
+        ];
+        assert_eq!(rows(0.5), expected.map(|(class, score)| ClassRow { class_id: class as u8, score }));
+        for (lower, higher) in rows(1.0).iter().zip(rows(0.5)).take(3) {
+            assert!(lower.class_id == higher.class_id && lower.score < higher.score, "{lower:?} {higher:?}");
+        }
+    }
+
+    #[test]
     fn priors_of_other_classes_or_outside_their_range_are_refused() {
         let models = || [(); 2].map(|()| model(ROAD_OR_POLE, [[0.5, 0.5]; 4]));
-        let refused = |prior| fused(models(), 0.5, &[prior]).err().expect("is refused").to_string();
+        let refused = |prior| fused(models(), 0.5, &[prior], 1.0).err().expect("is refused").to_string();
         assert!(refused(("poles", 2.0)).contains("priors: unknown class \"poles\"; known are road, pole"));
         for value in [0.0, 101.0, f32::NAN] {
             assert!(refused(("pole", value)).contains(&format!("priors: pole = {value}, must be 0.01 to 100")));

@@ -112,7 +112,7 @@ fn networks() -> [PathBuf; 2] {
 fn fused_file(folder: &Path, every: usize) -> PathBuf {
     let [street, points] = networks();
     let file = folder.join(format!("every_{every}.safetensors"));
-    let fusion = Fusion { share: 0.6, every, priors: BTreeMap::new() };
+    let fusion = Fusion { share: 0.6, every, priors: BTreeMap::new(), temperature: 1.0 };
     std::fs::write(&file, segmentation::fuse(&street, &points, &fusion).expect("both suit each other"))
         .expect("writes");
     file
@@ -179,7 +179,7 @@ fn fusion_with_numbers_out_of_range_is_refused_with_the_rule() {
         (0.5, 17, "every = 17, must be 1 to 16"),
         (0.5, 0, "every = 0"),
     ] {
-        let fusion = Fusion { share, every, priors: BTreeMap::new() };
+        let fusion = Fusion { share, every, priors: BTreeMap::new(), temperature: 1.0 };
         let error = segmentation::fuse(&street, &points, &fusion).expect_err("refused").to_string();
         assert!(error.contains(rule), "{error}");
     }

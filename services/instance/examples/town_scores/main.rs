@@ -102,7 +102,7 @@ fn variants() -> Vec<(String, Settings)> {
     for min_share in [0.0, 0.1, 0.2] {
         variants.push((format!("min_share = {min_share}"), of_all(&|thing| thing.min_share = min_share)));
     }
-    for min_score in [0.0, 0.3, 0.4, 0.5, 0.6] {
+    for min_score in [0.0, 0.4, 0.5, 0.6, 0.7] {
         variants.push((format!("min_score = {min_score}"), of_all(&|thing| thing.min_score = min_score)));
     }
     variants

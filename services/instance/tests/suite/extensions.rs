@@ -184,9 +184,9 @@ fn pedestrians_with_low_score_are_removed() {
     for (number, person) in (1..).zip(PEOPLE) {
         street.object(person, [0.0, 1.8], 300, ClassId::Pedestrian, number);
     }
-    // 0.49 of the first, 0.51 of the second.
+    // 0.59 of the first, 0.61 of the second.
     for (row, truth) in street.classes.iter_mut().zip(&street.truth) {
-        row.score = [255, 125, 130][*truth as usize];
+        row.score = [255, 150, 156][*truth as usize];
     }
     let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
     assert_eq!((ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2)), (vec![0], vec![1]));

@@ -34,6 +34,9 @@ pub struct Args {
     /// Factors of the means of classes, 0.01 to 100; 1 for the others
     #[arg(long, value_name = "CLASS=FACTOR", value_delimiter = ',', value_parser = prior)]
     priors: Vec<(String, f32)>,
+    /// Divisor of the logarithms of the products of means and priors, 0.1 to 10; below 1, scores rise
+    #[arg(long, value_name = "DIVISOR", default_value_t = 1.0)]
+    temperature: f32,
     /// Fit the priors to simulated towns, and print them and the mean IoU of each group of drives without and with them
     #[arg(long, value_name = "RECIPE", conflicts_with = "priors")]
     fit_priors: Option<PathBuf>,
@@ -50,10 +53,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let earlier = priors.insert(class.clone(), *factor);
         anyhow::ensure!(earlier.is_none(), "--priors: {class} is given twice");
     }
-    let mut fusion = Fusion { share: args.share, every: usize::from(args.every), priors };
+    let mut fusion = Fusion { share: args.share, every: usize::from(args.every), priors, temperature: 1.0 };
     if let Some(recipe) = &args.fit_priors {
         fusion.priors = fit(recipe, args, &fusion)?;
     }
+    fusion.temperature = args.temperature;
     let bytes = segmentation::fuse(&args.first, &args.second, &fusion)?;
     write_atomic(&args.out, &bytes).with_context(|| args.out.display().to_string())?;
     Ok(ExitCode::SUCCESS)

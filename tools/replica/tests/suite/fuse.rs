@@ -14,7 +14,7 @@ fn command_of_the_model_card_writes_the_shipped_model() {
     let (street, points) = (model("street.safetensors"), model("points.safetensors"));
     let priors =
         "bridge=4.95,guard-rail=1.82,pedestrian=1.11,static=5.47,terrain=1.35,traffic-light=2.72,traffic-sign=2.46";
-    let settings = ["--share", "0.5", "--every", "3", "--priors", priors];
+    let settings = ["--share", "0.5", "--every", "3", "--temperature", "0.75", "--priors", priors];
     succeeded(&replica(&[&["fuse", text(&street), text(&points), "--out", text(&out)], &settings[..]].concat()));
     let read = |path: &Path| std::fs::read(path).expect("is there");
     assert!(read(&out) == read(&model("street_fused.safetensors")));
@@ -40,6 +40,11 @@ fn fitted_priors_are_printed_as_the_command_takes_them() {
     assert!(read(&given) == read(&fitted));
     fuse(&[], &given);
     assert!(read(&given) != read(&fitted));
+    let printed = fuse(&["--fit-priors", text(&recipe), "--temperature", "0.5"], &given);
+    assert!(
+        printed.lines().any(|line| line.strip_prefix("--priors ") == Some(priors)),
+        "of any temperature: {printed}"
+    );
 }
 
 #[test]
@@ -66,13 +71,15 @@ fn models_and_numbers_that_do_not_suit_are_refused_before_anything_is_written() 
         assert!(!out.exists());
     }
     let points = model("points.safetensors");
-    for (priors, code, rule) in [
-        ("poles=2", 1, "priors: unknown class \"poles\"; known are building, fence"),
-        ("pole=0", 1, "priors: pole = 0, must be 0.01 to 100"),
-        ("pole=2,pole=3", 1, "--priors: pole is given twice"),
-        ("pole", 2, "must be a class and a factor, as in bridge=4.5"),
+    for (option, value, code, rule) in [
+        ("--temperature", "0", 1, "temperature = 0, must be 0.1 to 10"),
+        ("--temperature", "nan", 1, "temperature = NaN, must be 0.1 to 10"),
+        ("--priors", "poles=2", 1, "priors: unknown class \"poles\"; known are building, fence"),
+        ("--priors", "pole=0", 1, "priors: pole = 0, must be 0.01 to 100"),
+        ("--priors", "pole=2,pole=3", 1, "--priors: pole is given twice"),
+        ("--priors", "pole", 2, "must be a class and a factor, as in bridge=4.5"),
     ] {
-        let refused = replica(&["fuse", text(&street), text(&points), "--priors", priors, "--out", text(&out)]);
+        let refused = replica(&["fuse", text(&street), text(&points), option, value, "--out", text(&out)]);
         assert_eq!(refused.status.code(), Some(code), "{}", printed(&refused));
         assert!(printed(&refused).contains(rule), "{}", printed(&refused));
         assert!(!out.exists());
