@@ -182,8 +182,8 @@ impl Fused {
     pub fn classes(&self) -> &[ClassId] {
         self.models[0].classes()
     }
-    /// The means of one of `step` points, starting with the first, before priors: for each point a value for each class, or zeros where
-    /// neither model can classify it.
+    /// The means of one of `step` points, starting with the first, without priors and to the power of 1 / temperature: for each point a
+    /// value for each class, or zeros where neither model can classify it.
     ///
     /// # Errors
     /// If the columns of the input differ in length, or a model fails.
