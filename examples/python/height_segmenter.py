@@ -9,6 +9,8 @@ from replica import Setting
 SIDE_M, RISE_M = np.float32(0.5), np.float32(0.15) * np.float32(0.5)
 CLASSES = ("unlabeled", "building", "vegetation", "vehicles", "ground")
 UNLABELED, BUILDING, VEGETATION, VEHICLES, GROUND = map(replica.CLASS_NAMES.index, CLASSES)
+# 0.7, as in Rust.
+SCORE = 179
 
 
 class HeightSegmenter(replica.Stage):
@@ -44,7 +46,7 @@ class HeightSegmenter(replica.Stage):
         of_column = np.select([vehicle, top <= vehicle_m, middle], [VEHICLES, UNLABELED, BUILDING], VEGETATION)
         classes = np.where(above <= ground_m, GROUND, of_column[of_point])
         out["class_id"][valid] = classes
-        out["score"][valid] = np.where(classes == UNLABELED, 0, 128)
+        out["score"][valid] = np.where(classes == UNLABELED, 0, SCORE)
 
     def vehicles(self, columns, heap, header, street_m):
         """Columns of compact groups of touching columns that are `heap`, near the path of the sensor."""

@@ -95,7 +95,10 @@ impl InstanceStage {
                 track.id = match known {
                     Some(id) => id,
                     None if object.points.len() < required => continue,
-                    None if mean_score(object, classes) < kind.min_score => continue,
+                    None if mean_score(object, classes) < kind.min_score => {
+                        outputs.count("things_below_min_score", 1);
+                        continue;
+                    }
                     None => self.new_id()?,
                 };
                 outputs.count("instances_of_earlier_submaps", u64::from(known.is_some()));

@@ -190,6 +190,15 @@ fn pedestrians_with_low_score_are_removed() {
     }
     let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
     assert_eq!((ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2)), (vec![0], vec![1]));
+    let mut bench = bench(&Settings::default());
+    bench.send::<SubmapTopic>(
+        0,
+        SubmapHeader { world_from_submap: HERE, ..SubmapHeader::default() },
+        street.points.clone(),
+    );
+    bench.send::<ClassTopic>(0, ClassHeader::default(), street.classes.clone());
+    bench.tick().expect("steps");
+    assert_eq!(bench.counter("things_below_min_score"), 1);
     let mut trusting = Settings::default();
     trusting.things[1].min_score = 0.0;
     assert_eq!(ids_of(&[(HERE, &street)], &trusting)[0], street.truth);
