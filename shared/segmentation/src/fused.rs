@@ -112,10 +112,11 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
 /// Two models with the same classes.
 pub struct Fused {
     models: [Box<dyn CellSegmenter>; 2],
-    /// Exponents of the probabilities of the models: shares in the mean, divided by the temperature.
-    exponents: [f32; 2],
-    /// Factor of each class.
+    /// Shares of the models in the mean.
+    shares: [f32; 2],
+    /// Factor of each class, to the power of 1 / temperature.
     priors: Vec<f32>,
+    temperature: f32,
     card: ModelCard,
 }
 
@@ -176,14 +177,14 @@ impl Fused {
         let priors = expected.iter().map(prior).collect();
         let card = first.card().clone();
         let share = share as f32;
-        Ok(Self { models, exponents: [share, 1.0 - share].map(|share| share / temperature), priors, card })
+        Ok(Self { models, shares: [share, 1.0 - share], priors, temperature, card })
     }
     /// The classes, in order.
     pub fn classes(&self) -> &[ClassId] {
         self.models[0].classes()
     }
-    /// The means of one of `step` points, starting with the first, without priors and to the power of 1 / temperature: for each point a
-    /// value for each class, or zeros where neither model can classify it.
+    /// The means of one of `step` points, starting with the first, before priors and temperature: for each point a value for each class, or
+    /// zeros where neither model can classify it.
     ///
     /// # Errors
     /// If the columns of the input differ in length, or a model fails.
@@ -192,7 +193,7 @@ impl Fused {
     /// If `step` is 0.
     pub fn means(&self, input: &ModelInput<'_>, step: usize) -> Result<Vec<f32>, SegmentationError> {
         input.check_columns()?;
-        let ([of_first, of_second], _) = self.factors(input, &SubmapGround::of(input))?;
+        let ([of_first, of_second], _) = self.factors(input, &SubmapGround::of(input), self.shares)?;
         let n_classes = self.classes().len();
         let mut means = Vec::with_capacity(input.points.len().div_ceil(step) * n_classes);
         for factors in of_first.of_points().zip(of_second.of_points()).map(<[_; 2]>::from).step_by(step) {
@@ -203,17 +204,18 @@ impl Fused {
         }
         Ok(means)
     }
-    /// What each model contributes to the means, and the report of the first.
+    /// What each model contributes to the products, its probabilities to the power of its exponent, and the report of the first.
     fn factors(
         &self,
         input: &ModelInput<'_>,
         ground: &Arc<SubmapGround>,
+        exponents: [f32; 2],
     ) -> Result<([CellProbabilities; 2], Report), SegmentationError> {
         let [first, second] = &self.models;
         let (of_first, report) = first.probabilities(input, ground)?;
         let (of_second, _) = second.probabilities(input, ground)?;
         // By cells, because many points share one.
-        let factors = [(of_first, self.exponents[0]), (of_second, self.exponents[1])]
+        let factors = [(of_first, exponents[0]), (of_second, exponents[1])]
             .map(|(cells, exponent)| cells.map(|probability| (probability + LEAST).powf(exponent)));
         Ok((factors, report))
     }
@@ -254,7 +256,9 @@ impl Segmenter for Fused {
         input.check(classes)?;
         let first = &self.models[0];
         let ground = SubmapGround::of(input);
-        let ([of_first, of_second], report) = self.factors(input, &ground)?;
+        // So a temperature costs nothing: the factors are computed with some exponents anyway.
+        let exponents = self.shares.map(|share| share / self.temperature);
+        let ([of_first, of_second], report) = self.factors(input, &ground, exponents)?;
         let decided = |factors: [Option<&[f32]>; 2]| {
             class_row(decide(&self.priors, factors).map(|(class, share)| (first.classes()[class], share)))
         };
@@ -375,7 +379,10 @@ mod tests {
         ];
         assert_eq!(classes, expected.map(|(class, score)| ClassRow { class_id: class as u8, score }));
         let means = of_priors.means(&input, 1).expect("runs");
-        assert_eq!(means, fused(models(), 0.5, &[], 1.0).expect("suit").means(&input, 1).expect("runs"));
+        for (priors, temperature) in [(&[][..], 1.0), (&[("pole", 3.0)], 0.5)] {
+            let other = fused(models(), 0.5, priors, temperature).expect("suit");
+            assert_eq!(means, other.means(&input, 1).expect("runs"), "before priors and temperature");
+        }
         let close = |mean: &f32, expected: f32| (mean - expected).abs() < 1e-6;
         assert!(close(&means[0], 0.701) && close(&means[1], 0.301) && means[6..] == [0.0; 2], "{means:?}");
         assert_eq!(of_priors.means(&input, 2).expect("runs"), [&means[..2], &means[4..6]].concat());

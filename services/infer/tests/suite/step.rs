@@ -173,13 +173,15 @@ fn fused_model_skips_sweeps_as_the_setting_does() {
 #[test]
 fn fusion_with_numbers_out_of_range_is_refused_with_the_rule() {
     let [street, points] = networks();
-    for (share, every, rule) in [
-        (1.5, 1, "share = 1.5, must be 0 to 1"),
-        (f64::NAN, 1, "share = NaN"),
-        (0.5, 17, "every = 17, must be 1 to 16"),
-        (0.5, 0, "every = 0"),
+    for (share, every, temperature, rule) in [
+        (1.5, 1, 1.0, "share = 1.5, must be 0 to 1"),
+        (f64::NAN, 1, 1.0, "share = NaN"),
+        (0.5, 17, 1.0, "every = 17, must be 1 to 16"),
+        (0.5, 0, 1.0, "every = 0"),
+        (0.5, 1, 0.05, "temperature = 0.05, must be 0.1 to 10"),
+        (0.5, 1, f32::NAN, "temperature = NaN"),
     ] {
-        let fusion = Fusion { share, every, priors: BTreeMap::new(), temperature: 1.0 };
+        let fusion = Fusion { share, every, priors: BTreeMap::new(), temperature };
         let error = segmentation::fuse(&street, &points, &fusion).expect_err("refused").to_string();
         assert!(error.contains(rule), "{error}");
     }

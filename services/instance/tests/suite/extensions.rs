@@ -1,16 +1,20 @@
 //! Extensions of the algorithm of the thesis: tracking, separation in time, splitting and joining.
 
 use crate::support::{PEOPLE, Street, bench, slope};
-use instance::{Settings, Thing};
+use instance::{InstanceStage, Settings, Thing};
 use messages::{ClassHeader, ClassId, ClassTopic, InstanceTopic, PoseRow, SubmapHeader, SubmapTopic};
 use stage::parse_table;
+use stage::testing::Bench;
 
 /// Pose of a submap at the origin of the world frame.
 const HERE: PoseRow = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
 
 /// Ids of consecutive submaps with their poses.
 fn ids_of(submaps: &[(PoseRow, &Street)], settings: &Settings) -> Vec<Vec<u32>> {
-    let mut bench = bench(settings);
+    ids_of_bench(&mut bench(settings), submaps)
+}
+
+fn ids_of_bench(bench: &mut Bench<InstanceStage>, submaps: &[(PoseRow, &Street)]) -> Vec<Vec<u32>> {
     let mut ids = Vec::new();
     for &(world_from_submap, street) in submaps {
         let header = SubmapHeader { world_from_submap, ..SubmapHeader::default() };
@@ -188,16 +192,9 @@ fn pedestrians_with_low_score_are_removed() {
     for (row, truth) in street.classes.iter_mut().zip(&street.truth) {
         row.score = [255, 150, 156][*truth as usize];
     }
-    let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
-    assert_eq!((ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2)), (vec![0], vec![1]));
     let mut bench = bench(&Settings::default());
-    bench.send::<SubmapTopic>(
-        0,
-        SubmapHeader { world_from_submap: HERE, ..SubmapHeader::default() },
-        street.points.clone(),
-    );
-    bench.send::<ClassTopic>(0, ClassHeader::default(), street.classes.clone());
-    bench.tick().expect("steps");
+    let ids = &ids_of_bench(&mut bench, &[(HERE, &street)])[0];
+    assert_eq!((ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2)), (vec![0], vec![1]));
     assert_eq!(bench.counter("things_below_min_score"), 1);
     let mut trusting = Settings::default();
     trusting.things[1].min_score = 0.0;

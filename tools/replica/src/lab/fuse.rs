@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long, value_name = "CLASS=FACTOR", value_delimiter = ',', value_parser = prior)]
     priors: Vec<(String, f32)>,
     /// Divisor of the logarithms of the products of means and priors, 0.1 to 10; below 1, scores rise
-    #[arg(long, value_name = "DIVISOR", default_value_t = 1.0, value_parser = temperature)]
+    #[arg(long, value_name = "DIVISOR", default_value_t = 1.0)]
     temperature: f32,
     /// Fit the priors to simulated towns, and print them and the mean IoU of each group of drives without and with them
     #[arg(long, value_name = "RECIPE", conflicts_with = "priors")]
@@ -47,10 +47,6 @@ fn prior(text: &str) -> Result<(String, f32), argument::InvalidValue> {
     parts.ok_or(argument::InvalidValue("a class and a factor, as in bridge=4.5"))
 }
 
-fn temperature(text: &str) -> Result<f32, argument::InvalidValue> {
-    text.parse().ok().filter(|value| (0.1..=10.0).contains(value)).ok_or(argument::InvalidValue("0.1 to 10"))
-}
-
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut priors = BTreeMap::new();
     for (class, factor) in &args.priors {
@@ -60,8 +56,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (share, every, temperature) = (args.share, usize::from(args.every), args.temperature);
     let mut fusion = Fusion { share, every, priors, temperature };
     if let Some(recipe) = &args.fit_priors {
-        // Factors of the means themselves.
-        fusion.priors = fit(recipe, args, &Fusion { temperature: 1.0, ..fusion.clone() })?;
+        fusion.priors = fit(recipe, args, &fusion)?;
     }
     let bytes = segmentation::fuse(&args.first, &args.second, &fusion)?;
     write_atomic(&args.out, &bytes).with_context(|| args.out.display().to_string())?;

@@ -72,8 +72,8 @@ fn models_and_numbers_that_do_not_suit_are_refused_before_anything_is_written() 
     }
     let points = model("points.safetensors");
     for (option, value, code, rule) in [
-        ("--temperature", "0", 2, "must be 0.1 to 10"),
-        ("--temperature", "nan", 2, "must be 0.1 to 10"),
+        ("--temperature", "0", 1, "temperature = 0, must be 0.1 to 10"),
+        ("--temperature", "nan", 1, "temperature = NaN, must be 0.1 to 10"),
         ("--priors", "poles=2", 1, "priors: unknown class \"poles\"; known are building, fence"),
         ("--priors", "pole=0", 1, "priors: pole = 0, must be 0.01 to 100"),
         ("--priors", "pole=2,pole=3", 1, "--priors: pole is given twice"),
