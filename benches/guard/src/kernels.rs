@@ -4,8 +4,8 @@
 use crate::street;
 use anyhow::Context;
 use coloring::{
-    AgeLimits, Candidates, ColorImage, PointBuffers, PosedExposure, ProjectionCamera, SubmapPoints, color_into,
-    visibility_maps,
+    AgeLimits, Candidates, ColorImage, ColorSteps, PointBuffers, PosedExposure, ProjectionCamera, SubmapPoints,
+    color_into, visibility_maps,
 };
 use formats::lidar::{Lidar, Model, PacketDecoder};
 use formats::ply::{Header, Kind, PlyWriter};
@@ -207,7 +207,8 @@ fn color() -> anyhow::Result<Round> {
         let limits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
         let visibility = visibility_maps(&points, &exposures);
         let candidates = Candidates { points: &points, exposures: &exposures, visibility: &visibility, limits };
-        color_into(&candidates, &images, false, &mut rows);
+        let steps = ColorSteps { level_exposures: false, reject_sky: false };
+        color_into(&candidates, &images, steps, &mut rows);
         let n_seen = rows.iter().filter(|row| row.camera == 0).count();
         anyhow::ensure!(n_seen > rows.len() / 2, "only {n_seen} points have a color");
         Ok(())

@@ -15,8 +15,8 @@ mod lab;
 mod recorded;
 
 use coloring::{
-    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ExposureGains, PointBuffers, PosedExposure,
-    ProjectionCamera, SubmapPoints, color_into, leveled_color, overlaps, visibility_maps,
+    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, ExposureGains, PointBuffers, PointColor,
+    PosedExposure, ProjectionCamera, Sampler, SubmapPoints, color_into, overlaps, visibility_maps,
 };
 use formats::drive::Drive;
 use geometry::Stamp;
@@ -95,7 +95,7 @@ fn add(sums: &mut Sums, stops: f64, drive: &Drive, recorded: &Recorded) -> Resul
                 one.install(|| {
                     let visibility = &visibility_maps(&points, &exposures);
                     let candidates = Candidates { points: &points, exposures: &exposures, visibility, limits: LIMITS };
-                    color_into(&candidates, &images, is_leveled, &mut rows);
+                    color_into(&candidates, &images, steps(is_leveled), &mut rows);
                 });
                 start.elapsed().as_secs_f64()
             });
@@ -108,6 +108,10 @@ fn add(sums: &mut Sums, stops: f64, drive: &Drive, recorded: &Recorded) -> Resul
     Ok(())
 }
 
+fn steps(level_exposures: bool) -> ColorSteps {
+    ColorSteps { level_exposures, reject_sky: false }
+}
+
 /// The bytes of exposure `i` with another gain, by up to `stops`, with the approximate curve of sRGB.
 fn brighter(bytes: &[u8], stops: f64, i: usize) -> Vec<u8> {
     // Multiples of the golden ratio are uniform.
@@ -118,6 +122,7 @@ fn brighter(bytes: &[u8], stops: f64, i: usize) -> Vec<u8> {
 
 fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_>], points: &[SubmapPoint]) {
     let gains = ExposureGains::estimate(candidates, images);
+    let sampler = Sampler::new(candidates, images, steps(true));
     // Exposure, and color as recorded and leveled.
     let mut colors: Vec<Option<(usize, [ColorRow; 2])>> = vec![None; points.len()];
     let mut choices = Choices::default();
@@ -129,7 +134,7 @@ fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_
         choices.choose(chunk, candidates);
         for (i, exposure, pixel) in choices.chosen() {
             let plain = images[exposure].sample(pixel);
-            let level = leveled_color(&gains, candidates, images, chunk, (i, exposure, pixel));
+            let Some(PointColor { row: level, .. }) = sampler.sample(chunk, (i, exposure, pixel)) else { continue };
             let same = gains.leveled(plain, exposure);
             colors[i] = Some((exposure, [plain, level]));
             sums.n_points += 1;

@@ -33,6 +33,8 @@ stage::settings! {
         pub max_moving_age_s: f64 = 0.1 => stage::within(0.0, 10.0);
         /// Level the brightness of overlapping exposures, and replace an exposure that is saturated or black at a point by another one.
         pub level_exposures: bool = true => stage::any();
+        /// Where the pixel of a point shows the sky, as at the rim of a tree, use a pixel beside it or another exposure; without these the point gets no color.
+        pub reject_sky: bool = true => stage::any();
         /// Publish the material of every point that a mosaic camera sees, with a score (topic `material`).
         pub materials: bool = false => stage::any();
         /// Publish the region of every point that a mosaic camera sees (topic `region`); needs `[calibrate] color_lines`.

@@ -5,52 +5,108 @@ use crate::choice::Choices;
 use crate::chunk::{CHUNK, Chunk};
 use crate::color_image::ColorImage;
 use crate::gains::ExposureGains;
+use crate::sky::Sky;
 use messages::{ColorRow, UNSEEN};
 use rayon::prelude::*;
 
+/// What is done to colors besides sampling them.
+#[derive(Clone, Copy, Debug)]
+pub struct ColorSteps {
+    /// Level the brightness of exposures, and replace an exposure that is saturated or black at a point by another one.
+    pub level_exposures: bool,
+    /// Replace a pixel that shows the sky by one beside it or in another exposure; without these, the point gets no color.
+    pub reject_sky: bool,
+}
+
+/// The color of a point.
+#[derive(Clone, Copy, Debug)]
+pub struct PointColor {
+    /// Index of the exposure.
+    pub exposure: usize,
+    /// px.
+    pub pixel: [f32; 2],
+    /// The color, leveled.
+    pub row: ColorRow,
+}
+
+/// Samples colors from exposures.
+pub struct Sampler<'a> {
+    candidates: &'a Candidates<'a>,
+    images: &'a [ColorImage<'a>],
+    gains: Option<ExposureGains>,
+    sky: Option<Sky>,
+}
+
+impl<'a> Sampler<'a> {
+    /// `images` belong to the exposures of the candidates by index.
+    pub fn new(candidates: &'a Candidates<'a>, images: &'a [ColorImage<'a>], steps: ColorSteps) -> Self {
+        let Candidates { exposures, visibility, .. } = *candidates;
+        let gains = steps.level_exposures.then(|| ExposureGains::estimate(candidates, images));
+        let sky = steps.reject_sky.then(|| Sky::learn(exposures, visibility, images));
+        Self { candidates, images, gains, sky }
+    }
+
+    /// The color of point `i` of a chunk: from the chosen exposure and pixel, or where these do not show the point, from a pixel
+    /// beside or the next best exposure that does. `None` if the only choice is the color of the sky.
+    pub fn sample(&self, chunk: &Chunk, (i, exposure, pixel): (usize, usize, [f32; 2])) -> Option<PointColor> {
+        let z = chunk.z[i];
+        let clear = self.clear_of_sky(exposure, pixel, z);
+        if let Some(pixel) = clear {
+            let row = self.images[exposure].sample(pixel);
+            if self.is_exposed(row) {
+                return Some(self.leveled(row, exposure, pixel));
+            }
+        }
+        let is_good = |exposure: usize, pixel| {
+            self.is_exposed(self.images[exposure].sample(pixel)) && self.clear_of_sky(exposure, pixel, z) == Some(pixel)
+        };
+        let other = Choices::best_where(i, chunk, self.candidates, is_good);
+        let is_sky = clear.is_none() && self.sky.as_ref().is_some_and(|sky| sky.shows(&self.images[exposure], pixel));
+        let (exposure, pixel) = other.or((!is_sky).then_some((exposure, clear.unwrap_or(pixel))))?;
+        Some(self.leveled(self.images[exposure].sample(pixel), exposure, pixel))
+    }
+
+    fn leveled(&self, row: ColorRow, exposure: usize, pixel: [f32; 2]) -> PointColor {
+        let row = self.gains.as_ref().map_or(row, |gains| gains.leveled(row, exposure));
+        PointColor { exposure, pixel, row }
+    }
+
+    /// Whether a color is neither saturated nor black, if that matters.
+    fn is_exposed(&self, row: ColorRow) -> bool {
+        self.gains.is_none() || is_well_exposed(row)
+    }
+
+    /// The pixel of a point with the height `z`, or one beside it that does not show the sky.
+    fn clear_of_sky(&self, exposure: usize, pixel: [f32; 2], z: f32) -> Option<[f32; 2]> {
+        let Some(sky) = &self.sky else { return Some(pixel) };
+        // There is no sky below the horizon.
+        let is_above = z > self.candidates.exposures[exposure].position[2];
+        if is_above { sky.clear_pixel(exposure, &self.images[exposure], pixel) } else { Some(pixel) }
+    }
+}
+
 /// Writes the color of every point into `rows`, one row per point, and returns the number of points with a color. `images`
-/// belong to the exposures by index. With `is_leveled`, the brightness of exposures is leveled, and an exposure that is
-/// saturated or black at a point is replaced by another one.
+/// belong to the exposures by index.
 pub fn color_into(
     candidates: &Candidates<'_>,
     images: &[ColorImage<'_>],
-    is_leveled: bool,
+    steps: ColorSteps,
     rows: &mut [ColorRow],
 ) -> u64 {
-    let gains = is_leveled.then(|| ExposureGains::estimate(candidates, images));
+    let sampler = Sampler::new(candidates, images, steps);
     let color_chunk = |(choices, chunk): &mut (Choices, Chunk), (index, rows): (usize, &mut [ColorRow])| {
         candidates.points.read_chunk(index, chunk);
         choices.choose(chunk, candidates);
         rows.fill(UNSEEN_ROW);
         let mut n_seen = 0;
         for (i, exposure, pixel) in choices.chosen() {
-            rows[i] = match &gains {
-                Some(gains) => leveled_color(gains, candidates, images, chunk, (i, exposure, pixel)),
-                None => images[exposure].sample(pixel),
-            };
+            let Some(color) = sampler.sample(chunk, (i, exposure, pixel)) else { continue };
+            rows[i] = color.row;
             n_seen += 1;
         }
         n_seen
     };
     rows.par_chunks_mut(CHUNK).enumerate().map_init(Default::default, color_chunk).sum()
-}
-
-/// The leveled color of point `i` of a chunk in the chosen exposure. If that is saturated or black there, the color of the
-/// next best exposure that is not.
-pub fn leveled_color(
-    gains: &ExposureGains,
-    candidates: &Candidates<'_>,
-    images: &[ColorImage<'_>],
-    chunk: &Chunk,
-    (i, exposure, pixel): (usize, usize, [f32; 2]),
-) -> ColorRow {
-    let row = images[exposure].sample(pixel);
-    if is_well_exposed(row) {
-        return gains.leveled(row, exposure);
-    }
-    let is_good = |exposure: usize, pixel| is_well_exposed(images[exposure].sample(pixel));
-    let (exposure, pixel) = Choices::best_where(i, chunk, candidates, is_good).unwrap_or((exposure, pixel));
-    gains.leveled(images[exposure].sample(pixel), exposure)
 }
 
 /// Whether no channel is saturated and not all are zero.

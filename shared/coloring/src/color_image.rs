@@ -31,6 +31,23 @@ impl<'a> ColorImage<'a> {
         usize::from(self.camera)
     }
 
+    /// The pixel nearest to (u, v), and those up to `reach` steps of `step` px beside, above and below it, with their coordinates.
+    pub fn around(
+        &self,
+        [u, v]: [f32; 2],
+        reach: usize,
+        step: usize,
+    ) -> impl Iterator<Item = ([f32; 2], [u8; 3])> + use<'a> {
+        let line = |at: f32, len: usize| {
+            let middle = ((at.max(0.0) + 0.5) as usize).min(len - 1);
+            let first = middle - reach.min(middle / step) * step;
+            (first..len.min(middle + reach * step + 1)).step_by(step)
+        };
+        let (columns, rows) = (line(u, self.width), line(v, self.height));
+        let (width, pixels) = (self.width, self.pixels);
+        rows.flat_map(move |y| columns.clone().map(move |x| ([x as f32, y as f32], pixels[y * width + x])))
+    }
+
     /// Brightness, 0 to 255, bilinear between the four pixels around.
     #[inline]
     pub fn brightness(&self, pixel: [f32; 2]) -> f32 {
@@ -41,25 +58,31 @@ impl<'a> ColorImage<'a> {
     /// Color at (u, v), bilinear between the four pixels around. (u, v) is at most half a pixel outside the outermost pixel
     /// centers. Computed in steps of 1/256 px: integers take half the time of floats here.
     #[inline]
-    pub fn sample(&self, [u, v]: [f32; 2]) -> ColorRow {
-        let (x0, x1, share_x) = neighbors(u, self.width);
-        let (y0, y1, share_y) = neighbors(v, self.height);
-        let corners = [
-            (x0, y0, (256 - share_x) * (256 - share_y)),
-            (x1, y0, share_x * (256 - share_y)),
-            (x0, y1, (256 - share_x) * share_y),
-            (x1, y1, share_x * share_y),
-        ];
+    pub fn sample(&self, pixel: [f32; 2]) -> ColorRow {
         let half = 1 << 15;
         // Two channels in one number, 32 bits each: the shares sum up to 2^16, so they do not overlap.
         let (mut red_and_blue, mut green) = (half << 32 | half, half);
-        for (x, y, share) in corners {
-            let [r, g, b] = self.pixels[y * self.width + x].map(u64::from);
+        for (color, share) in self.corners(pixel) {
+            let [r, g, b] = color.map(u64::from);
             red_and_blue += share * (b << 32 | r);
             green += share * g;
         }
         let [r, g, b] = [red_and_blue >> 16, green >> 16, red_and_blue >> 48].map(|channel| channel as u8);
         ColorRow { r, g, b, camera: self.camera }
+    }
+
+    /// The four pixels around (u, v), each with its share in 1/65536.
+    #[inline(always)]
+    pub fn corners(&self, [u, v]: [f32; 2]) -> [([u8; 3], u64); 4] {
+        let (x0, x1, share_x) = neighbors(u, self.width);
+        let (y0, y1, share_y) = neighbors(v, self.height);
+        [
+            (x0, y0, (256 - share_x) * (256 - share_y)),
+            (x1, y0, share_x * (256 - share_y)),
+            (x0, y1, (256 - share_x) * share_y),
+            (x1, y1, share_x * share_y),
+        ]
+        .map(|(x, y, share)| (self.pixels[y * self.width + x], share))
     }
 }
 
@@ -90,6 +113,19 @@ mod tests {
         assert_eq!(at(0.25, 0.5), [25, 50, 110]);
         assert_eq!(at(-0.5, -0.5), [0, 0, 0]);
         assert_eq!(at(1.49, 1.49), [100, 200, 240]);
+    }
+
+    #[test]
+    fn pixels_around_stay_in_image_and_on_grid() {
+        let bytes: Vec<u8> = (0..7 * 5).flat_map(|i| [i, 0, 0]).collect();
+        let image = ColorImage::new(0, 7, 5, &bytes).expect("fits");
+        let around = |pixel, reach, step| -> Vec<u8> {
+            let found = image.around(pixel, reach, step);
+            found.inspect(|([u, v], [i, ..])| assert_eq!(v * 7.0 + u, f32::from(*i))).map(|(_, [i, ..])| i).collect()
+        };
+        assert_eq!(around([2.6, 1.4], 1, 1), [2, 3, 4, 9, 10, 11, 16, 17, 18]);
+        assert_eq!(around([3.0, 2.0], 1, 2), [1, 3, 5, 15, 17, 19, 29, 31, 33]);
+        assert_eq!(around([-0.4, 4.4], 2, 2), [0, 2, 4, 14, 16, 18, 28, 30, 32], "a corner");
     }
 
     #[test]

@@ -5,8 +5,8 @@
 //! 1. [`SubmapPoints`] splits a submap into chunks, [`ProjectionCamera`] prepares lenses and exposures.
 //! 2. [`visibility_maps`] computes for every exposure how far it sees in each direction (occlusion by other points).
 //! 3. [`Choices`] selects one exposure for each point: the visible one with the smallest expected color position error.
-//! 4. [`ColorImage`] and [`CubeImage`] are sampled at the projected pixel. [`ExposureGains`] can level the brightness of
-//!    exposures.
+//! 4. [`ColorImage`] and [`CubeImage`] are sampled at the projected pixel. [`Sampler`] levels the brightness of exposures and
+//!    avoids pixels that show the sky.
 //!
 //! [`ExposureWindow`] holds the exposures that submaps may still need, [`DoubtLimits`] judges the result at the end.
 //!
@@ -36,6 +36,7 @@ mod lens;
 mod occlusion;
 mod points;
 mod projection;
+mod sky;
 mod spectra;
 mod visibility;
 
@@ -44,7 +45,7 @@ pub use camera::ProjectionCamera;
 pub use candidates::{AgeLimits, Candidates};
 pub use choice::Choices;
 pub use chunk::{CHUNK, Chunk, Lanes, seconds};
-pub use color::{color_into, leveled_color};
+pub use color::{ColorSteps, PointColor, Sampler, color_into};
 pub use color_image::ColorImage;
 pub use cube_image::CubeImage;
 pub use doubts::{ColorDoubt, DoubtLimits, ExposureKind};

@@ -43,6 +43,18 @@ impl CellGrid {
         let row = ((v - self.min[1]) * self.cells_per_px) as i32;
         row.wrapping_mul(self.columns).wrapping_add(column) as u32
     }
+
+    /// Side of a cell, px.
+    pub fn cell_px(&self) -> f32 {
+        self.cells_per_px.recip()
+    }
+
+    /// The pixel (u, v) in the middle of a cell.
+    pub fn pixel(&self, cell: usize) -> [f32; 2] {
+        let columns = self.columns as usize;
+        let at = [cell % columns, cell / columns].map(|index| (index as f32 + 0.5) * self.cell_px());
+        [self.min[0] + at[0], self.min[1] + at[1]]
+    }
 }
 
 /// For every cell of an exposure, the largest range at which a point is still visible.
@@ -52,24 +64,31 @@ pub struct VisibilityMap {
     pub grid: CellGrid,
     /// Per cell, row by row: the largest visible range, m.
     max_range_m: Vec<f32>,
+    /// Per cell, row by row: whether there are points in it, or gaps between points.
+    is_hit: Vec<bool>,
 }
 
 impl VisibilityMap {
-    /// From the largest visible range of each cell, m, row by row.
-    pub fn new(grid: CellGrid, max_range_m: Vec<f32>) -> Self {
-        Self { grid, max_range_m }
+    /// From the largest visible range, m, of each cell and whether there are points in it, row by row.
+    pub fn new(grid: CellGrid, max_range_m: Vec<f32>, is_hit: Vec<bool>) -> Self {
+        Self { grid, max_range_m, is_hit }
     }
 
     /// A map without any occlusion.
     pub fn unobstructed() -> Self {
         let grid = CellGrid { min: [0.0; 2], cells_per_px: 0.0, columns: 1, rows: 1 };
-        Self { grid, max_range_m: vec![f32::INFINITY] }
+        Self { grid, max_range_m: vec![f32::INFINITY], is_hit: vec![true] }
     }
 
     /// The largest range at which a point of the cell is visible, m. Minus infinity if there is no such cell.
     #[inline(always)]
     pub fn max_range_m(&self, cell: u32) -> f32 {
         self.max_range_m.get(cell as usize).copied().unwrap_or(f32::NEG_INFINITY)
+    }
+
+    /// Whether there are points in each cell, or gaps between points, row by row.
+    pub fn is_hit(&self) -> &[bool] {
+        &self.is_hit
     }
 
     /// Whether a point of the camera frame that falls on pixel (u, v) is visible: in the image and not occluded.

@@ -116,7 +116,8 @@ impl Simulation {
         let nanos = camera.exposure_nanos();
         camera.shoot(&Exposure::new(&self.scene, &self.motion, &body_from_camera, stamp, nanos, seed), seed)
     }
-    fn color_exposure(&self, index: usize, stamp: Stamp) -> Exposure<'_> {
+    /// Exposure of one color camera at a stamp.
+    pub fn color_exposure(&self, index: usize, stamp: Stamp) -> Exposure<'_> {
         let camera = &self.rig.cameras[index];
         let seed = self.image_seed(index, stamp);
         Exposure::new(&self.scene, &self.motion, &camera.body_from_camera, stamp, camera.exposure_nanos, seed)

@@ -14,21 +14,25 @@ mod town;
 
 use crate::town::{Town, TrueExposure, TruePoint, with_true_flags};
 use coloring::{
-    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, PointBuffers, PosedExposure, ProjectionCamera,
-    SubmapPoints, visibility_maps,
+    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, PointBuffers, PosedExposure,
+    ProjectionCamera, Sampler, SubmapPoints, visibility_maps,
 };
 use geometry::{Pose, RigCamera, Stamp};
 use messages::{ClassId, ColorRow, SubmapHeader, SubmapPoint};
 use rayon::prelude::*;
 use recorded::Recorded;
 use score::{Score, Table, print_classes, print_colors, print_occlusion, print_spectra};
+use simulation::sensors::camera::ColorCamera;
 use simulation::{DriveSpec, Simulation};
 use std::error::Error;
 use std::path::Path;
 
 /// Defaults of the stage.
+const STEPS: ColorSteps = ColorSteps { level_exposures: true, reject_sky: true };
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
 const MAX_AGE_NANOS: i64 = 1_000_000_000;
+/// Largest share of the sky in a color that is not seen by eye.
+const MAX_SKY: f32 = 0.2;
 /// One of so many points is compared with all cameras; coprime to the number of rings.
 const STRIDE: usize = 23;
 
@@ -102,11 +106,13 @@ impl Part<'_> {
         reach.contains(&stamp) && self.recorded.trajectory.at(Stamp(stamp)).is_some()
     }
 
-    /// Calls `add` for all sampled points with a known truth, with the chosen exposure and pixel.
+    /// Calls `add` for all sampled points with a known truth, with the exposure and pixel that give the point its color, or its
+    /// spectrum if there are no images.
     pub fn tables(
         &self,
         points: &[SubmapPoint],
         exposures: &[PosedExposure<'_>],
+        images: Option<&[ColorImage<'_>]>,
         add: impl Fn(&TruePoint, Option<(usize, [f32; 2])>, &mut Score) + Sync,
     ) -> Table {
         let sweeps = &self.header.sweeps[..self.header.n_sweeps as usize];
@@ -115,12 +121,18 @@ impl Part<'_> {
             SubmapPoints::new(points, sweeps, self.header.stamp_begin, self.header.ring_counts(), &mut buffers);
         let visibility = &visibility_maps(&points, exposures);
         let candidates = Candidates { points: &points, exposures, visibility, limits: LIMITS };
+        let sampler = images.map(|images| Sampler::new(&candidates, images, STEPS));
         let of_chunk = |(index, truth): (usize, &[Option<TruePoint>])| {
             let (mut choices, mut chunk) = (Choices::default(), Chunk::default());
             points.read_chunk(index, &mut chunk);
             choices.choose(&chunk, &candidates);
             let mut chosen = vec![None; truth.len()];
-            choices.chosen().for_each(|(i, exposure, pixel)| chosen[i] = Some((exposure, pixel)));
+            for (i, exposure, pixel) in choices.chosen() {
+                let sampled = |sampler: &Sampler<'_>| {
+                    sampler.sample(&chunk, (i, exposure, pixel)).map(|color| (color.exposure, color.pixel))
+                };
+                chosen[i] = sampler.as_ref().map_or(Some((exposure, pixel)), sampled);
+            }
             let mut table = Table::default();
             for (truth, chosen) in truth.iter().zip(chosen).step_by(STRIDE) {
                 let Some(truth) = truth else { continue };
@@ -139,7 +151,9 @@ impl Part<'_> {
         let cameras: Vec<ProjectionCamera> = (specs.iter())
             .map(|c| ProjectionCamera::from(&RigCamera { body_from_camera: c.body_from_camera, model: c.lens.clone() }))
             .collect();
+        let color_cameras: Vec<ColorCamera> = specs.iter().map(|c| ColorCamera::new(&c.lens)).collect();
         let (mut exposures, mut true_exposures, mut images) = (Vec::new(), Vec::new(), Vec::new());
+        let mut rendered = Vec::new();
         for image in self.recorded.images.iter().filter(|image| self.is_near(image.stamp())) {
             let (header, camera) = (image.header(), image.header().camera as usize);
             let Some(world_from_body) = self.recorded.trajectory.at(Stamp(image.stamp())) else { continue };
@@ -148,8 +162,9 @@ impl Part<'_> {
             exposures.push(cameras[camera].exposure(image.stamp(), &world_from_body, &self.world_from_submap));
             let (body_from_camera, lens) = (&specs[camera].body_from_camera, &specs[camera].lens);
             true_exposures.push(self.town.exposure(image.stamp(), body_from_camera, lens));
+            rendered.push((&color_cameras[camera], self.town.simulation.color_exposure(camera, Stamp(image.stamp()))));
         }
-        Ok(self.tables(points, &exposures, |truth, chosen, score| {
+        Ok(self.tables(points, &exposures, Some(&images), |truth, chosen, score| {
             let limit_s = if truth.moves { LIMITS.max_moving_age_s } else { LIMITS.max_age_s };
             let age_s = |exposure: &TrueExposure| (exposure.stamp - truth.stamp).unsigned_abs() as f64 * 1e-9;
             // Pixel of the true projection, if the exposure sees the point.
@@ -171,13 +186,18 @@ impl Part<'_> {
             let occluder = self.town.occluder(&true_exposures[exposure], &truth.p);
             score.behind_leaves += usize::from(occluder == Some(ClassId::Vegetation));
             score.behind_solid += usize::from(occluder.is_some_and(|class| class != ClassId::Vegetation));
-            score.of_sky += usize::from(self.town.is_sky(&true_exposures[exposure], pixel));
+            let (camera, exposed) = &rendered[exposure];
+            score.of_sky += usize::from(town::sky_share(camera, exposed, pixel) > MAX_SKY);
             if truth.moves {
                 return;
             }
             // The chosen exposure if the point is really visible there; otherwise the nearest one that sees it.
             if let Some((true_exposure, true_pixel)) = seen(exposure).or(nearest) {
                 let rgb = |row: ColorRow| [row.r, row.g, row.b];
+                let (camera, exposed) = &rendered[true_exposure];
+                if town::sky_share(camera, exposed, true_pixel) > MAX_SKY {
+                    return;
+                }
                 let color = rgb(images[exposure].sample(pixel));
                 let true_color = rgb(images[true_exposure].sample(true_pixel));
                 score.color_differences.push(lab::difference(color, true_color));

@@ -34,7 +34,7 @@ impl Part<'_> {
             true_exposures.push(self.town.exposure(cube.stamp(), &spec.body_from_camera, &spec.lens));
             cubes.push((header, cells));
         }
-        self.tables(points, &exposures, |truth, chosen, score| {
+        self.tables(points, &exposures, None, |truth, chosen, score| {
             let (Some((exposure, pixel)), Some(material), false) = (chosen, truth.material, truth.moves) else {
                 return;
             };

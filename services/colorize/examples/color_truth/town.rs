@@ -4,17 +4,21 @@ use coloring::CHUNK;
 use geometry::{CameraModel, Pose, Stamp, Trajectory};
 use messages::{ClassId, POINT_DYNAMIC, SubmapHeader, SubmapPoint};
 use nalgebra::{Point3, Vector3};
+use random::hash;
 use rayon::prelude::*;
 use raytrace::Ray;
 use simulation::Simulation;
+use simulation::sensors::camera::ColorCamera;
+use simulation::sensors::exposure::Exposure;
 use std::collections::BTreeMap;
 use town::Material;
 use town::Snapshot;
 
 /// Largest distance of a point from the surface that its beam hits, m. Farther points are mixed returns.
 const MAX_DISTANCE_M: f64 = 0.3;
-/// Where the sky begins, m.
-const FAR_M: f32 = 500.0;
+/// Beams that are tried to find the surface of a point: leaves are hit by chance. One in a hundred points in foliage that lets half
+/// of the light through stays without a surface.
+const MAX_BEAMS: u64 = 64;
 /// Time between snapshots of the town, s: a car at 10 m/s moves 2 cm.
 const SNAPSHOT_S: f64 = 0.002;
 
@@ -105,7 +109,7 @@ impl Town<'_> {
         let p = world_from_body * estimated.inverse() * world_from_submap * p_in_submap;
         let origin = (world_from_body * self.simulation.rig.lidar.body_from_lidar).translation.vector;
         let range_m = (p.coords - origin).norm();
-        let ray = Ray { origin: origin.cast(), direction: ((p.coords - origin) / range_m).cast(), seed: 0 };
+        let (origin, direction) = (origin.cast(), ((p.coords - origin) / range_m).cast());
         let scene = &self.simulation.scene;
         let key = (seconds / SNAPSHOT_S).round() as i64;
         let [now, later] = snapshots.entry(key).or_insert_with(|| {
@@ -113,37 +117,45 @@ impl Town<'_> {
             [seconds, seconds + 1.0].map(|seconds| scene.at(seconds))
         });
         let far_m = range_m as f32 + 1.0;
-        let hit = scene.cast(now, &ray, far_m).filter(|hit| (f64::from(hit.range_m) - range_m).abs() < MAX_DISTANCE_M);
-        let moves = hit.as_ref().is_some_and(|hit| {
-            let again = scene.cast(later, &ray, far_m).map(|hit| hit.range_m);
+        let found = (0..MAX_BEAMS).find_map(|seed| {
+            let ray = Ray { origin, direction, seed };
+            let hit = scene.cast(now, &ray, far_m)?;
+            ((f64::from(hit.range_m) - range_m).abs() < MAX_DISTANCE_M).then_some((ray, hit))
+        });
+        let moves = found.as_ref().is_some_and(|(ray, hit)| {
+            let again = scene.cast(later, ray, far_m).map(|hit| hit.range_m);
             hit.surface.instance > 0 && again.is_none_or(|m| (m - hit.range_m).abs() > 0.2)
         });
+        let hit = found.map(|(_, hit)| hit);
         let class = hit.as_ref().map(|hit| hit.surface.class);
         let is_solid = class.is_some_and(|class| class != ClassId::Vegetation);
         Some(TruePoint { p, range_m, stamp, material: hit.map(|hit| hit.surface.material), class, is_solid, moves })
     }
 
-    /// Whether nothing is at the middle of a pixel. Leaves are hit by chance.
-    pub fn is_sky(&self, exposure: &TrueExposure, pixel: [f32; 2]) -> bool {
-        let Some(in_camera) = exposure.model.ray_from_pixel(&pixel.map(f64::from).into()) else { return false };
-        let direction = (exposure.camera_from_world.inverse() * in_camera).normalize().cast::<f32>();
-        let ray = Ray { origin: exposure.eye.coords.cast(), direction, seed: 0 };
-        self.simulation.scene.cast(&exposure.snapshot, &ray, FAR_M).is_none()
-    }
-
     /// Class of the object that occludes `p` from the camera, with the tolerances of `truth/visibility`. Leaves are hit by
-    /// chance: a hit beyond the point means that it is visible.
+    /// chance, each time anew: a hit beyond the point means that it is visible.
     pub fn occluder(&self, exposure: &TrueExposure, p: &Point3<f64>) -> Option<ClassId> {
         let toward: Vector3<f64> = p - exposure.eye;
         let distance = toward.norm();
         let direction = (toward / distance).cast::<f32>();
-        let ray = Ray { origin: exposure.eye.coords.cast(), direction, seed: 0 };
+        let seed = hash(exposure.stamp as u64, p.x.to_bits());
+        let ray = Ray { origin: exposure.eye.coords.cast(), direction, seed };
         let hit = self.simulation.scene.cast(&exposure.snapshot, &ray, distance as f32)?;
         let gap = distance - f64::from(hit.range_m);
         let across = gap * f64::from(hit.normal.dot(&direction).abs());
         let is_there = gap < 0.1 || (gap < 0.5 && (hit.surface.class == ClassId::Vegetation || across < 0.06));
         (!is_there).then_some(hit.surface.class)
     }
+}
+
+/// Share of the color at a pixel that comes from the sky, 0 to 1, interpolated as colors are.
+pub fn sky_share(camera: &ColorCamera, exposure: &Exposure<'_>, pixel: [f32; 2]) -> f32 {
+    let (width, height) = camera.size();
+    let [u, v] = [pixel[0].clamp(0.0, width as f32 - 1.0), pixel[1].clamp(0.0, height as f32 - 1.0)];
+    let along =
+        |at: f32, side: u32| [(at as usize, 1.0 - at.fract()), ((at as usize + 1).min(side as usize - 1), at.fract())];
+    let corners = along(u, width).into_iter().flat_map(|u| along(v, height).map(|v| (u, v)));
+    corners.map(|((u, by_u), (v, by_v))| by_u * by_v * camera.sky_share(exposure, [u, v])).sum()
 }
 
 /// The points with their true flags.

@@ -1,8 +1,11 @@
 //! Output: the columns of a submap that is due.
 
 use super::Colorize;
+use crate::Settings;
 use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
-use coloring::{CameraCubes, Candidates, ExposureWindow, SpectraColumn, SubmapPoints, color_into, visibility_maps};
+use coloring::{
+    CameraCubes, Candidates, ColorSteps, ExposureWindow, SpectraColumn, SubmapPoints, color_into, visibility_maps,
+};
 use geometry::{Pose, Stamp};
 use materials::PointMaterials;
 use messages::{
@@ -61,7 +64,9 @@ impl Colorize {
         let n_points = points.rows.len();
         let mut loan = outputs.loan::<ColorTopic>(n_points)?;
         let rows = loan.grow_unset(n_points)?;
-        let n_seen = color_into(&candidates, &images, self.settings.level_exposures, rows);
+        let Settings { level_exposures, reject_sky, .. } = self.settings;
+        let steps = ColorSteps { level_exposures, reject_sky };
+        let n_seen = color_into(&candidates, &images, steps, rows);
         loan.header_mut().n_seen = n_seen;
         outputs.count("points", n_points as u64);
         outputs.count("points_with_color", n_seen);

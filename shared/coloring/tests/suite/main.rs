@@ -1,3 +1,4 @@
-//! Coloring against the truth of a simulated town.
+//! Coloring against the truth of a simulated town, and of painted images.
 
 mod occlusion;
+mod sky;

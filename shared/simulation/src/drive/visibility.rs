@@ -11,7 +11,7 @@
 //! | r e b | by return, then by exposure, b bytes, one for each eight cameras or part of eight: bit k % 8 of byte k / 8 is set if camera k sees it: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the thesis' vehicle) |
 //!
 //! A camera sees a return if a ray from the camera, at the middle of the exposure, hits the surface there. Objects that have
-//! moved away are therefore not seen. For leaves, the ray may end within half a meter.
+//! moved away are therefore not seen. Leaves stop each ray by chance, and it may end within half a meter.
 
 use super::files::Folder;
 use crate::error::SimulationError;
@@ -19,6 +19,7 @@ use crate::simulation::Simulation;
 use formats::lidar::SweepReader;
 use geometry::{CameraModel, Point3, Pose, Stamp, Vector3};
 use messages::ClassId;
+use random::hash;
 use rayon::prelude::*;
 use raytrace::Ray;
 use town::{SceneHit, Snapshot};
@@ -106,7 +107,8 @@ fn is_seen(simulation: &Simulation, exposure: &NearExposure, view: &CameraView, 
     let toward: Vector3<f64> = p - eye;
     let distance = toward.norm();
     let direction = (toward / distance).cast::<f32>();
-    let ray = Ray { origin: eye.coords.cast(), direction, seed: 0 };
+    let seed = hash(exposure.stamp.0 as u64, p.x.to_bits());
+    let ray = Ray { origin: eye.coords.cast(), direction, seed };
     let hit = simulation.scene.cast(&exposure.snapshot, &ray, (distance + TOLERANCE_LEAVES_M) as f32);
     hit.is_some_and(|hit: SceneHit| {
         let gap = (distance - f64::from(hit.range_m)).abs();

@@ -7,7 +7,7 @@
 mod develop;
 
 use super::exposure::{Exposure, MIDDLE, stratified};
-use super::lens::lens_rays;
+use super::lens::{FAR_M, lens_rays};
 use super::look::{Palette, Sample, Seen};
 use super::sky_view::SkyView;
 use crate::sensors::filter::Filter;
@@ -127,6 +127,17 @@ impl ColorCamera {
         };
         let light: Vec<Rgb> = (0..height).into_par_iter().flat_map_iter(fine_row).collect();
         develop(&light, &self.shading, gain, seed)
+    }
+
+    /// Share of the light of a pixel that comes from the sky, by the samples of a refined pixel: 0 to 1.
+    pub fn sky_share(&self, exposure: &Exposure<'_>, [u, v]: [usize; 2]) -> f32 {
+        let i = v * self.width as usize + u;
+        let samples = std::iter::once(self.sample(exposure, i, MIDDLE, [0.0; 2], 0)).chain(self.fine(exposure, i));
+        let shows_sky = |Sample { instant, ray, .. }: Sample| {
+            exposure.scene.cast(exposure.snapshot(instant), &ray, FAR_M).is_none()
+        };
+        let n_sky = samples.flatten().filter(|sample| shows_sky(*sample)).count();
+        n_sky as f32 / (FINE + 1) as f32
     }
 
     const fn sides(&self) -> [usize; 2] {

@@ -1,0 +1,99 @@
+//! Whether the pixel of a point shows the sky: leaves, poles and roof edges often share theirs with the sky behind them.
+//!
+//! Only pixels at the rim of what the LiDAR hits are tested: elsewhere there is another surface behind.
+//!
+//! The sky returns no pulse. Its colors are therefore frequent where no points are, and rare on points: a likelihood ratio of
+//! two color histograms, as for skin (Jones and Rehg, "Statistical Color Models with Application to Skin Detection", IJCV
+//! 2002). White walls and cars are hit, and keep their color even below white clouds. The sky is also brighter than most of a
+//! street, which tells it from roofs and facades above the highest ring.
+//!
+//! Where the sky shines through leaves, the color lies between both. Such pixels are brighter and bluer than the darkest ones
+//! around them. Leaves in the sun are brighter, but not bluer.
+
+mod background;
+mod histogram;
+mod rim;
+mod tint;
+
+use crate::color_image::ColorImage;
+use crate::exposure::PosedExposure;
+use crate::visibility::VisibilityMap;
+use background::Background;
+use histogram::{ColorSet, Counts};
+use messages::ColorRow;
+use rayon::prelude::*;
+use rim::RimMap;
+use tint::Tint;
+
+/// Share of a color, which lies between four pixels, that may be that of the sky, of 65536: a fifth.
+const MAX_SHARE: u64 = (1 << 16) / 5;
+
+/// Pixels beside a point that may show it, cells: the beam of a LiDAR is as wide as a cell.
+const REACH: usize = 1;
+
+/// Share of the way in brightness from the reference to the sky from which the sky is seen to shine through.
+const MIN_RISE: f32 = 0.15;
+
+/// The same in the share of blue, where the brighter part of a mixture dominates.
+const MIN_BLUEING: f32 = 0.4;
+
+/// Least difference in the share of blue between sky and reference. Gray poles differ by less: that they are bright tells nothing.
+const MIN_CONTRAST: f32 = 0.03;
+
+/// The sky in the exposures of a submap.
+#[derive(Debug)]
+pub struct Sky {
+    colors: ColorSet,
+    /// By exposure.
+    backgrounds: Vec<Background>,
+}
+
+impl Sky {
+    /// Learns the colors from all exposures. `visibility` and `images` belong to the exposures by index.
+    pub fn learn(exposures: &[PosedExposure<'_>], visibility: &[VisibilityMap], images: &[ColorImage<'_>]) -> Self {
+        let of_exposure = |((exposure, visibility), image)| {
+            let rim = RimMap::new(visibility);
+            (Counts::new(exposure, visibility, &rim, image), Background::new(visibility.grid, rim, image))
+        };
+        let all = exposures.par_iter().zip(visibility).zip(images);
+        let (counts, backgrounds): (Vec<Counts>, Vec<Background>) = all.map(of_exposure).unzip();
+        let mut sum = Counts::default();
+        for counts in &counts {
+            sum.add(counts);
+        }
+        Self { colors: sum.sky(), backgrounds }
+    }
+
+    /// A pixel of exposure `exposure`, whose image is `image`, if neither the sky is seen there nor shines through; or else the
+    /// nearest pixel in reach of which this is true.
+    pub fn clear_pixel(&self, exposure: usize, image: &ColorImage<'_>, pixel: [f32; 2]) -> Option<[f32; 2]> {
+        let background = &self.backgrounds[exposure];
+        let (Some(sky), Some(reference)) = (self.colors.mean, background.reference(image, pixel)) else {
+            return Some(pixel);
+        };
+        let ColorRow { r, g, b, .. } = image.sample(pixel);
+        if !shines_through([r, g, b], reference, sky) && !self.shows(image, pixel) {
+            return Some(pixel);
+        }
+        let is_clear = |color| !self.colors.contains(color) && !shines_through(color, reference, sky);
+        let around = image.around(pixel, REACH, background.step);
+        let clear = around.filter(|(_, color)| is_clear(*color)).map(|(at, _)| at);
+        let distance2 = |at: &[f32; 2]| (at[0] - pixel[0]).powi(2) + (at[1] - pixel[1]).powi(2);
+        clear.min_by(|a, b| distance2(a).total_cmp(&distance2(b)))
+    }
+
+    /// Whether more than a fifth of the color at (u, v) is that of the sky.
+    pub fn shows(&self, image: &ColorImage<'_>, pixel: [f32; 2]) -> bool {
+        let share = image.corners(pixel).map(|(color, share)| if self.colors.contains(color) { share } else { 0 });
+        share.iter().sum::<u64>() > MAX_SHARE
+    }
+}
+
+/// Whether a color is brighter and bluer than the reference by a part of what the sky is.
+fn shines_through(color: [u8; 3], reference: Tint, sky: Tint) -> bool {
+    let color = Tint::of(color);
+    let (rise, blueing) = (sky.level - reference.level, sky.blue - reference.blue);
+    blueing >= MIN_CONTRAST
+        && color.level - reference.level > MIN_RISE * rise.max(0.0)
+        && color.blue - reference.blue > MIN_BLUEING * blueing
+}

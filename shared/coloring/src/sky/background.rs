@@ -1,0 +1,73 @@
+//! What is seen at the rim of an exposure without the sky.
+
+use super::rim::{RimMap, Surroundings};
+use super::tint::Tint;
+use crate::color_image::ColorImage;
+use crate::visibility::CellGrid;
+
+/// Side of the blocks of cells that share a reference: the pixels around that show what is there without the sky.
+const BLOCK: usize = 8;
+
+/// Pixels of a reference around the middle of its block, in steps of `REFERENCE_STEP` cells: as far as the rim is wide.
+const REFERENCE: usize = 4;
+const REFERENCE_STEP: usize = 2;
+
+/// The darkest of them, one of so many, are the reference. At the tip of a branch most of them show the sky.
+const REFERENCE_SHARE: usize = 8;
+
+/// Where the sky may be seen in an exposure, and the references there.
+#[derive(Debug)]
+pub struct Background {
+    grid: CellGrid,
+    /// Side of a cell, px.
+    pub step: usize,
+    rim: RimMap,
+    /// Per block with cells of the rim, row by row.
+    references: Vec<Option<Tint>>,
+}
+
+impl Background {
+    /// Of an exposure.
+    pub fn new(grid: CellGrid, rim: RimMap, image: &ColorImage<'_>) -> Self {
+        let step = (grid.cell_px() + 0.5) as usize;
+        let [columns, rows] = grid.size();
+        let of_block = |block: usize| {
+            let across = columns.div_ceil(BLOCK);
+            let [x, y] = [block % across, block / across].map(|index| index * BLOCK);
+            let mut cells =
+                (y..rows.min(y + BLOCK)).flat_map(|y| (x..columns.min(x + BLOCK)).map(move |x| y * columns + x));
+            let is_rim = cells.any(|cell| rim.surroundings(cell as u32) == Surroundings::Rim);
+            let middle = (y + BLOCK / 2).min(rows - 1) * columns + (x + BLOCK / 2).min(columns - 1);
+            is_rim.then(|| reference(image, grid.pixel(middle), step))
+        };
+        let references = (0..columns.div_ceil(BLOCK) * rows.div_ceil(BLOCK)).map(of_block).collect();
+        Self { grid, step, rim, references }
+    }
+
+    /// The reference at a pixel. `None` if there is no sky, because surfaces are all around.
+    pub fn reference(&self, image: &ColorImage<'_>, pixel: [f32; 2]) -> Option<Tint> {
+        let cell = self.grid.cell(pixel[0], pixel[1]);
+        if self.rim.surroundings(cell) == Surroundings::Surface {
+            return None;
+        }
+        let [columns, _] = self.grid.size();
+        let [x, y] = [cell as usize % columns, cell as usize / columns].map(|index| index / BLOCK);
+        let of_block = self.references.get(y * columns.div_ceil(BLOCK) + x).copied().flatten();
+        // Few points are far from all others.
+        Some(of_block.unwrap_or_else(|| reference(image, pixel, self.step)))
+    }
+}
+
+/// The mean of the darkest pixels around a pixel.
+fn reference(image: &ColorImage<'_>, pixel: [f32; 2], step: usize) -> Tint {
+    let around = image.around(pixel, REFERENCE, REFERENCE_STEP * step);
+    let mut around: Vec<[u8; 3]> = around.map(|(_, color)| color).collect();
+    let n_dark = around.len().div_ceil(REFERENCE_SHARE);
+    let (darker, darkest, _) =
+        around.select_nth_unstable_by_key(n_dark - 1, |rgb| rgb.map(u32::from).iter().sum::<u32>());
+    let of_channel = |c: usize| {
+        let sum = darker.iter().chain([&*darkest]).map(|rgb| u32::from(rgb[c])).sum::<u32>();
+        sum as f32 / n_dark as f32
+    };
+    Tint::of([0, 1, 2].map(of_channel))
+}
