@@ -68,10 +68,7 @@ impl Colorize {
         Ok(Self {
             settings: settings.clone(),
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
-            limits: AgeLimits {
-                max_age_s: settings.max_age_s as f32,
-                max_moving_age_s: settings.max_moving_age_s.min(settings.max_age_s) as f32,
-            },
+            limits: AgeLimits::new(settings.max_age_s, settings.max_moving_age_s),
             cameras: rig.cameras.iter().map(ProjectionCamera::from).collect(),
             mosaics: rig.mosaics.iter().map(ProjectionCamera::from).collect(),
             patterns: vehicle.mosaics().iter().map(|entry| entry.pattern).collect(),

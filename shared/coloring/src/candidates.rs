@@ -15,6 +15,11 @@ pub struct AgeLimits {
 }
 
 impl AgeLimits {
+    /// From settings, s. That of moving objects is not longer than the other.
+    pub fn new(max_age_s: f64, max_moving_age_s: f64) -> Self {
+        Self { max_age_s: max_age_s as f32, max_moving_age_s: max_moving_age_s.min(max_age_s) as f32 }
+    }
+
     /// The limit of a point, s, by whether it moves: see [`Chunk::moves`].
     #[inline(always)]
     pub fn max_age_s_of(self, moves: u32) -> f32 {

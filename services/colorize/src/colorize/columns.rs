@@ -1,7 +1,6 @@
 //! Output: the columns of a submap that is due.
 
 use super::Colorize;
-use crate::Settings;
 use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
 use coloring::{
     CameraCubes, Candidates, ColorSteps, ExposureWindow, SpectraColumn, SubmapPoints, color_into, visibility_maps,
@@ -64,8 +63,8 @@ impl Colorize {
         let n_points = points.rows.len();
         let mut loan = outputs.loan::<ColorTopic>(n_points)?;
         let rows = loan.grow_unset(n_points)?;
-        let Settings { level_exposures, reject_sky, .. } = self.settings;
-        let steps = ColorSteps { level_exposures, reject_sky };
+        let settings = &self.settings;
+        let steps = ColorSteps { level_exposures: settings.level_exposures, reject_sky: settings.reject_sky };
         let n_seen = color_into(&candidates, &images, steps, rows);
         loan.header_mut().n_seen = n_seen;
         outputs.count("points", n_points as u64);
