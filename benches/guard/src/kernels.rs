@@ -207,8 +207,7 @@ fn color() -> anyhow::Result<Round> {
         let limits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
         let visibility = visibility_maps(&points, &exposures);
         let candidates = Candidates { points: &points, exposures: &exposures, visibility: &visibility, limits };
-        let steps = ColorSteps { level_exposures: false, reject_sky: false };
-        color_into(&candidates, &images, steps, &mut rows);
+        color_into(&candidates, &images, ColorSteps::default(), &mut rows);
         let n_seen = rows.iter().filter(|row| row.camera == 0).count();
         anyhow::ensure!(n_seen > rows.len() / 2, "only {n_seen} points have a color");
         Ok(())

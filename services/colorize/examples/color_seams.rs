@@ -109,7 +109,7 @@ fn add(sums: &mut Sums, stops: f64, drive: &Drive, recorded: &Recorded) -> Resul
 }
 
 fn steps(level_exposures: bool) -> ColorSteps {
-    ColorSteps { level_exposures, reject_sky: false }
+    ColorSteps { level_exposures, ..ColorSteps::default() }
 }
 
 /// The bytes of exposure `i` with another gain, by up to `stops`, with the approximate curve of sRGB.

@@ -15,8 +15,6 @@ use std::time::Instant;
 const N_POINTS: u32 = 3_000_000;
 const WIDTH: u32 = 1600;
 const HEIGHT: u32 = 900;
-/// Sampling only: the images are no street.
-const STEPS: ColorSteps = ColorSteps { level_exposures: false, reject_sky: false };
 
 fn main() {
     println!("occlusion and choice included");
@@ -112,7 +110,8 @@ fn color(
     let points = SubmapPoints::new(points, sweeps, 0, 32, buffers);
     let limits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
     let visibility = visibility_maps(&points, exposures);
-    color_into(&Candidates { points: &points, exposures, visibility: &visibility, limits }, images, STEPS, rows);
+    let candidates = Candidates { points: &points, exposures, visibility: &visibility, limits };
+    color_into(&candidates, images, ColorSteps::default(), rows);
 }
 
 /// 50 sweeps of 0.1 s of a LiDAR at 10 m/s, in firing order.

@@ -9,8 +9,8 @@ use crate::sky::Sky;
 use messages::{ColorRow, UNSEEN};
 use rayon::prelude::*;
 
-/// What is done to colors besides sampling them.
-#[derive(Clone, Copy, Debug)]
+/// What is done to colors besides sampling them; nothing by default.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct ColorSteps {
     /// Level the brightness of exposures, and replace an exposure that is saturated or black at a point by another one.
     pub level_exposures: bool,

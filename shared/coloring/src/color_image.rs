@@ -62,8 +62,8 @@ impl<'a> ColorImage<'a> {
         let half = 1 << 15;
         // Two channels in one number, 32 bits each: the shares sum up to 2^16, so they do not overlap.
         let (mut red_and_blue, mut green) = (half << 32 | half, half);
-        for (color, share) in self.corners(pixel) {
-            let [r, g, b] = color.map(u64::from);
+        for (corner, share) in self.corners(pixel) {
+            let [r, g, b] = self.at(corner).map(u64::from);
             red_and_blue += share * (b << 32 | r);
             green += share * g;
         }
@@ -71,18 +71,23 @@ impl<'a> ColorImage<'a> {
         ColorRow { r, g, b, camera: self.camera }
     }
 
+    /// The color of a pixel.
+    #[inline(always)]
+    pub fn at(&self, [x, y]: [usize; 2]) -> [u8; 3] {
+        self.pixels[y * self.width + x]
+    }
+
     /// The four pixels around (u, v), each with its share in 1/65536.
     #[inline(always)]
-    pub fn corners(&self, [u, v]: [f32; 2]) -> [([u8; 3], u64); 4] {
+    pub fn corners(&self, [u, v]: [f32; 2]) -> [([usize; 2], u64); 4] {
         let (x0, x1, share_x) = neighbors(u, self.width);
         let (y0, y1, share_y) = neighbors(v, self.height);
         [
-            (x0, y0, (256 - share_x) * (256 - share_y)),
-            (x1, y0, share_x * (256 - share_y)),
-            (x0, y1, (256 - share_x) * share_y),
-            (x1, y1, share_x * share_y),
+            ([x0, y0], (256 - share_x) * (256 - share_y)),
+            ([x1, y0], share_x * (256 - share_y)),
+            ([x0, y1], (256 - share_x) * share_y),
+            ([x1, y1], share_x * share_y),
         ]
-        .map(|(x, y, share)| (self.pixels[y * self.width + x], share))
     }
 }
 

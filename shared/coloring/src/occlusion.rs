@@ -154,13 +154,12 @@ impl DepthBuffer {
             near = close(&near, columns, rows, in_columns, columns);
             near = close(&near, columns, rows, in_rows, 1);
         }
-        let is_hit = near.iter().map(|range_m| range_m.is_finite()).collect();
         // One more cell around silhouettes, for pose errors and the space between their points: no color is better than a
         // wrong one.
         let max_range_m = max_range_m(&near, columns, rows);
         let max_range_m = spread(&max_range_m, columns, rows, 1, columns, least);
         let max_range_m = spread(&max_range_m, columns, rows, 1, 1, least);
-        VisibilityMap::new(self.grid, max_range_m, is_hit)
+        VisibilityMap::new(self.grid, max_range_m)
     }
 }
 

@@ -84,7 +84,7 @@ impl Sky {
 
     /// Whether more than a fifth of the color at (u, v) is that of the sky.
     pub fn shows(&self, image: &ColorImage<'_>, pixel: [f32; 2]) -> bool {
-        let share = image.corners(pixel).map(|(color, share)| if self.colors.contains(color) { share } else { 0 });
+        let share = image.corners(pixel).map(|(at, share)| if self.colors.contains(image.at(at)) { share } else { 0 });
         share.iter().sum::<u64>() > MAX_SHARE
     }
 }

@@ -1,6 +1,7 @@
 //! How far an exposure sees in each direction.
 
 use crate::exposure::PosedExposure;
+use ndarray::Array2;
 
 /// Side of a cell, rad: about the spacing of shots along a ring of a spinning LiDAR at 10 Hz.
 pub const CELL_RAD: f32 = 0.0035;
@@ -64,20 +65,18 @@ pub struct VisibilityMap {
     pub grid: CellGrid,
     /// Per cell, row by row: the largest visible range, m.
     max_range_m: Vec<f32>,
-    /// Per cell, row by row: whether there are points in it, or gaps between points.
-    is_hit: Vec<bool>,
 }
 
 impl VisibilityMap {
-    /// From the largest visible range, m, of each cell and whether there are points in it, row by row.
-    pub fn new(grid: CellGrid, max_range_m: Vec<f32>, is_hit: Vec<bool>) -> Self {
-        Self { grid, max_range_m, is_hit }
+    /// From the largest visible range of each cell, m, row by row.
+    pub fn new(grid: CellGrid, max_range_m: Vec<f32>) -> Self {
+        Self { grid, max_range_m }
     }
 
     /// A map without any occlusion.
     pub fn unobstructed() -> Self {
         let grid = CellGrid { min: [0.0; 2], cells_per_px: 0.0, columns: 1, rows: 1 };
-        Self { grid, max_range_m: vec![f32::INFINITY], is_hit: vec![true] }
+        Self { grid, max_range_m: vec![f32::INFINITY] }
     }
 
     /// The largest range at which a point of the cell is visible, m. Minus infinity if there is no such cell.
@@ -86,9 +85,12 @@ impl VisibilityMap {
         self.max_range_m.get(cell as usize).copied().unwrap_or(f32::NEG_INFINITY)
     }
 
-    /// Whether there are points in each cell, or gaps between points, row by row.
-    pub fn is_hit(&self) -> &[bool] {
-        &self.is_hit
+    /// Rows and columns of cells: whether there is something that limits the view.
+    pub fn is_hit(&self) -> Array2<bool> {
+        let [columns, _] = self.grid.size();
+        Array2::from_shape_fn((self.max_range_m.len() / columns, columns), |(row, column)| {
+            self.max_range_m[row * columns + column].is_finite()
+        })
     }
 
     /// Whether a point of the camera frame that falls on pixel (u, v) is visible: in the image and not occluded.

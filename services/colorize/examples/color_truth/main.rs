@@ -1,5 +1,6 @@
 //! Compares colors and spectra of a run with the truth of its simulated town:
-//! `cargo run --release -p colorize --example color_truth -- TOWN SEED SECONDS RECORDING [SEED SECONDS RECORDING …]`.
+//! `cargo run --release -p colorize --example color_truth -- [--keep-sky] TOWN SEED SECONDS RECORDING [SEED SECONDS RECORDING …]`.
+//! `--keep-sky` colors without `reject_sky`.
 //!
 //! RECORDING contains the topics submap, trajectory, image and cube of a run on the drive that `replica simulate` writes for the
 //! same town, seed and seconds with the vehicle of the thesis. Occlusion is reported with the flags of moving points that the run
@@ -23,12 +24,12 @@ use rayon::prelude::*;
 use recorded::Recorded;
 use score::{Score, Table, print_classes, print_colors, print_occlusion, print_spectra};
 use simulation::sensors::camera::ColorCamera;
+use simulation::sensors::exposure::Exposure;
 use simulation::{DriveSpec, Simulation};
 use std::error::Error;
 use std::path::Path;
 
 /// Defaults of the stage.
-const STEPS: ColorSteps = ColorSteps { level_exposures: true, reject_sky: true };
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
 const MAX_AGE_NANOS: i64 = 1_000_000_000;
 /// Largest share of the sky in a color that is not seen by eye.
@@ -37,8 +38,13 @@ const MAX_SKY: f32 = 0.2;
 const STRIDE: usize = 23;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let [town_name, drives @ ..] = &words[..] else { return Err("usage: TOWN SEED SECONDS RECORDING …".into()) };
+    let mut words: Vec<String> = std::env::args().skip(1).collect();
+    let keeps_sky = words.first().is_some_and(|word| word == "--keep-sky");
+    words.drain(..usize::from(keeps_sky));
+    let [town_name, drives @ ..] = &words[..] else {
+        return Err("usage: [--keep-sky] TOWN SEED SECONDS RECORDING …".into());
+    };
+    let steps = ColorSteps { level_exposures: true, reject_sky: !keeps_sky };
     let kind = (simulation::Town::ALL.into_iter().find(|town| town.name() == town_name))
         .ok_or_else(|| format!("{town_name} is not a town"))?;
     let (mut found, mut known) = (Table::default(), Table::default());
@@ -65,7 +71,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 n_moving(&is_flagged),
                 n_moving(&|i| moves(i) && is_flagged(i))
             );
-            let part = Part { town: &town, recorded: &recorded, header, world_from_submap, truth: &truth };
+            let part = Part { town: &town, recorded: &recorded, header, world_from_submap, truth: &truth, steps };
             found = score::sum(found, part.colors(submap.rows())?);
             known = score::sum(known, part.colors(&with_true_flags(submap.rows(), &truth))?);
             spectral.resize_with(simulation.rig.mosaics.len(), Default::default);
@@ -97,6 +103,8 @@ pub struct Part<'a> {
     pub world_from_submap: Pose,
     /// Truth of all points.
     pub truth: &'a [Option<TruePoint>],
+    /// How points get their colors.
+    pub steps: ColorSteps,
 }
 
 impl Part<'_> {
@@ -121,7 +129,7 @@ impl Part<'_> {
             SubmapPoints::new(points, sweeps, self.header.stamp_begin, self.header.ring_counts(), &mut buffers);
         let visibility = &visibility_maps(&points, exposures);
         let candidates = Candidates { points: &points, exposures, visibility, limits: LIMITS };
-        let sampler = images.map(|images| Sampler::new(&candidates, images, STEPS));
+        let sampler = images.map(|images| Sampler::new(&candidates, images, self.steps));
         let of_chunk = |(index, truth): (usize, &[Option<TruePoint>])| {
             let (mut choices, mut chunk) = (Choices::default(), Chunk::default());
             points.read_chunk(index, &mut chunk);
@@ -164,6 +172,12 @@ impl Part<'_> {
             true_exposures.push(self.town.exposure(image.stamp(), body_from_camera, lens));
             rendered.push((&color_cameras[camera], self.town.simulation.color_exposure(camera, Stamp(image.stamp()))));
         }
+        // Share of a color that comes from the sky.
+        let sky_share = |exposure: usize, pixel: [f32; 2]| {
+            let (camera, exposed): &(&ColorCamera, Exposure<'_>) = &rendered[exposure];
+            let corners = images[exposure].corners(pixel);
+            corners.map(|(at, share)| share as f32 / 65536.0 * camera.sky_share(exposed, at)).iter().sum::<f32>()
+        };
         Ok(self.tables(points, &exposures, Some(&images), |truth, chosen, score| {
             let limit_s = if truth.moves { LIMITS.max_moving_age_s } else { LIMITS.max_age_s };
             let age_s = |exposure: &TrueExposure| (exposure.stamp - truth.stamp).unsigned_abs() as f64 * 1e-9;
@@ -186,16 +200,14 @@ impl Part<'_> {
             let occluder = self.town.occluder(&true_exposures[exposure], &truth.p);
             score.behind_leaves += usize::from(occluder == Some(ClassId::Vegetation));
             score.behind_solid += usize::from(occluder.is_some_and(|class| class != ClassId::Vegetation));
-            let (camera, exposed) = &rendered[exposure];
-            score.of_sky += usize::from(town::sky_share(camera, exposed, pixel) > MAX_SKY);
+            score.of_sky += usize::from(sky_share(exposure, pixel) > MAX_SKY);
             if truth.moves {
                 return;
             }
             // The chosen exposure if the point is really visible there; otherwise the nearest one that sees it.
             if let Some((true_exposure, true_pixel)) = seen(exposure).or(nearest) {
                 let rgb = |row: ColorRow| [row.r, row.g, row.b];
-                let (camera, exposed) = &rendered[true_exposure];
-                if town::sky_share(camera, exposed, true_pixel) > MAX_SKY {
+                if sky_share(true_exposure, true_pixel) > MAX_SKY {
                     return;
                 }
                 let color = rgb(images[exposure].sample(pixel));

@@ -8,8 +8,6 @@ use random::hash;
 use rayon::prelude::*;
 use raytrace::Ray;
 use simulation::Simulation;
-use simulation::sensors::camera::ColorCamera;
-use simulation::sensors::exposure::Exposure;
 use std::collections::BTreeMap;
 use town::Material;
 use town::Snapshot;
@@ -146,16 +144,6 @@ impl Town<'_> {
         let is_there = gap < 0.1 || (gap < 0.5 && (hit.surface.class == ClassId::Vegetation || across < 0.06));
         (!is_there).then_some(hit.surface.class)
     }
-}
-
-/// Share of the color at a pixel that comes from the sky, 0 to 1, interpolated as colors are.
-pub fn sky_share(camera: &ColorCamera, exposure: &Exposure<'_>, pixel: [f32; 2]) -> f32 {
-    let (width, height) = camera.size();
-    let [u, v] = [pixel[0].clamp(0.0, width as f32 - 1.0), pixel[1].clamp(0.0, height as f32 - 1.0)];
-    let along =
-        |at: f32, side: u32| [(at as usize, 1.0 - at.fract()), ((at as usize + 1).min(side as usize - 1), at.fract())];
-    let corners = along(u, width).into_iter().flat_map(|u| along(v, height).map(|v| (u, v)));
-    corners.map(|((u, by_u), (v, by_v))| by_u * by_v * camera.sky_share(exposure, [u, v])).sum()
 }
 
 /// The points with their true flags.

@@ -6,7 +6,7 @@ use formats::manifest::Manifest;
 use geometry::Stamp;
 use messages::{
     ClassId, ColorRow, ColorTopic, CubeHeader, CubeTopic, ImageHeader, ImageTopic, NoHeader, SpectraTopic, SpectraView,
-    SubmapPoint, SubmapTopic, TrajectoryTopic, UNSEEN, pod::cast_slice_mut,
+    StampedPose, SubmapPoint, SubmapTopic, TrajectoryTopic, UNSEEN, pod::cast_slice_mut,
 };
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -19,7 +19,10 @@ use simulation::{DriveSpec, RigSpec, Simulation};
 use spectral::{Calibration, Mosaic, Reference, WhiteTarget};
 use stage::testing::{Bench, context};
 
-const N_POINTS: u32 = 60_000;
+/// Enough for classes.
+const SPARSE: u32 = 60_000;
+/// Enough for outlines: the visibility maps have no gaps.
+const DENSE: u32 = 700_000;
 
 fn manifest() -> Manifest {
     let rig = RigSpec::l3d2();
@@ -39,11 +42,11 @@ fn manifest() -> Manifest {
 
 /// Points and classes that rays in all directions from above the roof hit, each at its own time within a tenth of a second of
 /// `stamp`.
-fn points(simulation: &Simulation, stamp: Stamp) -> Vec<(SubmapPoint, ClassId)> {
+fn points(simulation: &Simulation, stamp: Stamp, n_points: u32) -> Vec<(SubmapPoint, ClassId)> {
     let submap_from_world = simulation.motion.pose_at(stamp).inverse();
     let cast = |i: u32| {
         // Fibonacci sphere: uniform in all directions.
-        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(N_POINTS);
+        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(n_points);
         let angle = f64::from(i) * 2.399_963_229_728_653;
         let across = (1.0 - z * z).sqrt();
         let offset_nanos = i.wrapping_mul(2_654_435_761) % 200_000_000;
@@ -57,7 +60,7 @@ fn points(simulation: &Simulation, stamp: Stamp) -> Vec<(SubmapPoint, ClassId)> 
         let point = SubmapPoint { x: p.x as f32, y: p.y as f32, z: p.z as f32, offset_nanos, ..SubmapPoint::default() };
         Some((point, hit.surface.class))
     };
-    (0..N_POINTS).into_par_iter().filter_map(cast).collect()
+    (0..n_points).into_par_iter().filter_map(cast).collect()
 }
 
 fn cube(simulation: &Simulation, index: usize, stamp: Stamp) -> (CubeHeader, Vec<u32>) {
@@ -102,7 +105,7 @@ fn cube(simulation: &Simulation, index: usize, stamp: Stamp) -> (CubeHeader, Vec
 fn n_vegetation_in_view(simulation: &Simulation, stamp: Stamp) -> usize {
     let camera = &simulation.rig.mosaics[0];
     let camera_from_body = camera.body_from_camera.inverse();
-    let points = points(simulation, stamp);
+    let points = points(simulation, stamp, SPARSE);
     let vegetation = points.iter().filter(|(_, class)| *class == ClassId::Vegetation);
     let p_in_camera = vegetation.map(|(p, _)| camera_from_body * Point3::new(p.x, p.y, p.z).cast::<f64>());
     p_in_camera.filter(|p| camera.lens.pixel_from_camera(p).is_some()).count()
@@ -114,6 +117,50 @@ fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// The poses around a stamp.
+fn poses(simulation: &Simulation, stamp: Stamp) -> Vec<StampedPose> {
+    let stamps = (-30..=30).map(|i| stamp.plus_nanos(i * 50_000_000));
+    stamps.map(|stamp| stamped(stamp.0, simulation.motion.pose_at(stamp))).collect()
+}
+
+/// The images of all color cameras.
+fn images(simulation: &Simulation, stamp: Stamp) -> Vec<(ImageHeader, Vec<u8>)> {
+    let camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
+    let (width, height) = camera.size();
+    let image = |index: usize| {
+        let header = ImageHeader { camera: index as u32, width, height, channels: 3, exposure_nanos: 2_000_000 };
+        (header, simulation.image(&camera, index, stamp))
+    };
+    (0..simulation.rig.cameras.len()).map(image).collect()
+}
+
+#[test]
+fn reject_sky_takes_the_blue_out_of_trees() {
+    let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
+    let stamp = *simulation.exposures().last().expect("exposures");
+    let images = images(&simulation, stamp);
+    let (points, classes): (Vec<SubmapPoint>, Vec<ClassId>) = points(&simulation, stamp, DENSE).into_iter().unzip();
+    let folder = drive(&manifest());
+    let n_blue = |reject_sky: bool| {
+        let settings = Settings { reject_sky, ..Settings::default() };
+        let mut bench = Bench::<Colorize>::new(&settings, &context(folder.path())).expect("starts");
+        bench.send::<TrajectoryTopic>(stamp.0, NoHeader::default(), poses(&simulation, stamp));
+        for (header, rows) in &images {
+            bench.send::<ImageTopic>(stamp.0, *header, rows.clone());
+        }
+        let begin = stamp.0 - 100_000_000;
+        let header = submap(simulation.motion.pose_at(stamp), begin, &points);
+        bench.send::<SubmapTopic>(begin, header, points.clone());
+        bench.tick().expect("a tick");
+        let color = &bench.take::<ColorTopic>()[0];
+        let trees = color.rows().iter().zip(&classes).filter(|(_, class)| **class == ClassId::Vegetation);
+        trees.filter(|(row, _)| row.camera != UNSEEN && row.b > row.g.max(row.r).max(120)).count()
+    };
+    let (kept, rejected) = (n_blue(false), n_blue(true));
+    println!("blue points on trees: {kept}, {rejected} with reject_sky");
+    assert!(kept > 50 && 3 * rejected < 2 * kept, "{rejected} instead of {kept}");
+}
+
 #[test]
 fn vegetation_is_green_and_bright_in_the_near_infrared() {
     let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
@@ -122,20 +169,15 @@ fn vegetation_is_green_and_bright_in_the_near_infrared() {
     let folder = drive(&manifest());
     let mut bench = Bench::<Colorize>::new(&Settings::default(), &context(folder.path())).expect("starts");
 
-    let stamps = (-30..=30).map(|i| stamp.plus_nanos(i * 50_000_000));
-    let poses = stamps.map(|stamp| stamped(stamp.0, simulation.motion.pose_at(stamp))).collect();
-    bench.send::<TrajectoryTopic>(stamp.0, NoHeader::default(), poses);
-    let color_camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
-    let (width, height) = color_camera.size();
-    for index in 0..simulation.rig.cameras.len() {
-        let header = ImageHeader { camera: index as u32, width, height, channels: 3, exposure_nanos: 2_000_000 };
-        bench.send::<ImageTopic>(stamp.0, header, simulation.image(&color_camera, index, stamp));
+    bench.send::<TrajectoryTopic>(stamp.0, NoHeader::default(), poses(&simulation, stamp));
+    for (header, rows) in images(&simulation, stamp) {
+        bench.send::<ImageTopic>(stamp.0, header, rows);
     }
     for index in 0..2 {
         let (header, rows) = cube(&simulation, index, stamp);
         bench.send::<CubeTopic>(stamp.0, header, rows);
     }
-    let (points, classes): (Vec<SubmapPoint>, Vec<ClassId>) = points(&simulation, stamp).into_iter().unzip();
+    let (points, classes): (Vec<SubmapPoint>, Vec<ClassId>) = points(&simulation, stamp, SPARSE).into_iter().unzip();
     let begin = stamp.0 - 100_000_000;
     bench.send::<SubmapTopic>(begin, submap(simulation.motion.pose_at(stamp), begin, &points), points);
     bench.tick().expect("a tick");

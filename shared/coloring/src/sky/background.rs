@@ -63,8 +63,10 @@ fn reference(image: &ColorImage<'_>, pixel: [f32; 2], step: usize) -> Tint {
     let around = image.around(pixel, REFERENCE, REFERENCE_STEP * step);
     let mut around: Vec<[u8; 3]> = around.map(|(_, color)| color).collect();
     let n_dark = around.len().div_ceil(REFERENCE_SHARE);
-    let (darker, darkest, _) =
-        around.select_nth_unstable_by_key(n_dark - 1, |rgb| rgb.map(u32::from).iter().sum::<u32>());
+    let (darker, darkest, _) = around.select_nth_unstable_by_key(n_dark - 1, |rgb| {
+        let [r, g, b] = rgb.map(u32::from);
+        r + 2 * g + b
+    });
     let of_channel = |c: usize| {
         let sum = darker.iter().chain([&*darkest]).map(|rgb| u32::from(rgb[c])).sum::<u32>();
         sum as f32 / n_dark as f32

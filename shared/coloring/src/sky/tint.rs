@@ -3,7 +3,7 @@
 /// Brightness and blueness.
 #[derive(Clone, Copy, Debug)]
 pub struct Tint {
-    /// Mean of the channels, 0 to 255.
+    /// As [`ColorImage::brightness`](crate::ColorImage::brightness), 0 to 255.
     pub level: f32,
     /// Share of blue in their sum, 0 to 1.
     pub blue: f32,
@@ -13,7 +13,6 @@ impl Tint {
     /// Of red, green and blue, 0 to 255.
     pub fn of(rgb: [impl Into<f32>; 3]) -> Self {
         let [r, g, b] = rgb.map(Into::into);
-        let sum = r + g + b;
-        Self { level: sum / 3.0, blue: b / sum.max(1.0) }
+        Self { level: (r + 2.0 * g + b) / 4.0, blue: b / (r + g + b).max(1.0) }
     }
 }

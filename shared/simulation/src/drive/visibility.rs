@@ -117,3 +117,38 @@ fn is_seen(simulation: &Simulation, exposure: &NearExposure, view: &CameraView, 
         gap < TOLERANCE_M || (gap < TOLERANCE_LEAVES_M && (leaves || across < TOLERANCE_ACROSS_M))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::DriveSpec;
+
+    #[test]
+    fn leaves_stop_each_ray_by_its_own_chance() {
+        let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
+        let exposure = near_exposure(&simulation, *simulation.exposures().last().expect("exposures"));
+        let (mut n_leaves, mut n_mixed) = (0, 0);
+        for view in &exposure.views[..6] {
+            let world_from_camera = view.camera_from_world.inverse();
+            let (width, height) = view.model.size();
+            for (u, v) in (0..width).step_by(16).flat_map(|u| (0..height).step_by(16).map(move |v| (u, v))) {
+                let Some(ray) = view.model.ray_from_pixel(&[f64::from(u), f64::from(v)].into()) else { continue };
+                let direction = world_from_camera * ray.normalize();
+                let origin = world_from_camera.translation.vector;
+                let ray = Ray { origin: origin.cast(), direction: direction.cast(), seed: 1 };
+                let Some(hit) = simulation.scene.cast(&exposure.snapshot, &ray, 30.0) else { continue };
+                if hit.surface.class != ClassId::Vegetation {
+                    continue;
+                }
+                let p = Point3::from(origin + direction * f64::from(hit.range_m));
+                // Returns within a hundredth of a millimetre.
+                let beside = (0..40).map(|k| p + Vector3::x() * f64::from(k) * 2.5e-7);
+                let n_seen = beside.filter(|p| is_seen(&simulation, &exposure, view, p)).count();
+                n_leaves += 1;
+                n_mixed += usize::from((1..40).contains(&n_seen));
+            }
+        }
+        // With one chance for all rays to a crown, such returns would be all seen or all hidden.
+        assert!(n_leaves > 100 && 2 * n_mixed > n_leaves, "{n_mixed} of {n_leaves}");
+    }
+}

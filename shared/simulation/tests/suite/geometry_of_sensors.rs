@@ -190,3 +190,23 @@ fn image_shows_points_where_lens_model_projects_them() {
     println!("images with vegetation and with road lines: {seen:?}");
     assert!(seen[0] >= 3 && seen[1] >= 3, "{seen:?}");
 }
+
+#[test]
+fn sky_fills_pixels_above_roofs_and_none_below_the_horizon() {
+    let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
+    let camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
+    let (width, height) = camera.size();
+    let stamp = simulation.exposures()[0];
+    let shares = |index: usize, rows: std::ops::Range<u32>| -> Vec<f32> {
+        let exposure = simulation.color_exposure(index, stamp);
+        let pixels = rows.step_by(16).flat_map(|v| (0..width).step_by(16).map(move |u| [u as usize, v as usize]));
+        pixels.map(|pixel| camera.sky_share(&exposure, pixel)).collect()
+    };
+    // The sixth camera looks up.
+    let above = shares(5, 0..height);
+    assert!(above.iter().all(|share| (0.0..=1.0).contains(share)));
+    let n_sky = above.iter().filter(|share| **share == 1.0).count();
+    assert!(4 * n_sky > above.len() && n_sky < above.len(), "{n_sky} of {}", above.len());
+    let ahead = shares(0, height * 3 / 4..height);
+    assert!(ahead.iter().all(|share| *share == 0.0), "{ahead:?}");
+}
