@@ -5,9 +5,9 @@
 //! With `--all`, images are repeated too, as links, and all stages run. Clouds are not written: those of an hour fill 90 GB. The
 //! folder of the drive, 2.4 MB per second, is removed at the end.
 
-use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::DATA_PACKET_BYTES;
 use geometry::Stamp;
+use lidar::pcap::{PacketReader, Writer};
+use lidar::velodyne::DATA_PACKET_BYTES;
 use replica_tests::{Launch, PATIENT, Running, simulated_drive};
 use std::collections::BTreeMap;
 use std::fs::{self, File};

@@ -3,7 +3,7 @@
 
   python3 -m venv venv && venv/bin/pip install numpy kiss-icp==1.3.0 small_gicp==1.0.1 genz-icp==0.3.2 velodyne-decoder \
       opencv-python-headless scikit-image onnx onnxruntime plyfile open3d
-  cargo build --release -p formats -p morphology -p registration -p segmentation --examples
+  cargo build --release -p lidar -p morphology -p registration -p segmentation --examples
   venv/bin/python benches/peers/all.py [--runs 7] [--only morphology ...]
 
 All on one core and one thread. Ours and the others' run in turn, so that what else the machine does strikes all alike. Each cell is

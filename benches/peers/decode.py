@@ -2,7 +2,7 @@
 """Decoding of Velodyne captures, side by side with velodyne-decoder on one core: points, and million points per CPU second
 from file to sweeps, best of seven.
 
-  pip install velodyne-decoder && cargo build --release -p formats --example decode_bench
+  pip install velodyne-decoder && cargo build --release -p lidar --example decode_bench
   taskset -c 0 benches/peers/decode.py CAPTURE.pcap HDL32E|VLP16|HDL64E
 """
 import pathlib

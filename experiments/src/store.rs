@@ -6,7 +6,7 @@
 use crate::outcome::{Line, Outcome};
 use crate::recipe::Recipe;
 use anyhow::{Context, bail};
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use serde::de::DeserializeOwned;
 use std::cell::RefCell;
 use std::collections::BTreeMap;

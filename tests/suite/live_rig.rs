@@ -1,7 +1,7 @@
 //! A live vehicle with all sensors: clouds with colors, spectra and fixes while its data arrives, and a recording that is a complete
 //! drive.
 
-use formats::drive::Drive;
+use drive::Drive;
 use formats::ply::Vertices;
 use replica_tests::{ANY_DEVIATION, ANY_FIXES, Launch, PATIENT, binary, drive, output_text, result_files, wait_for};
 use rustix::process::{Signal, kill_process};
@@ -195,14 +195,14 @@ fn assert_recording_is(drive: &Path, recording: &Path) {
     let ((of_drive, stats), (of_recording, got_stats)) = (fixes(&expected), fixes(&got));
     assert_eq!(stats, got_stats);
     let moved: Vec<_> =
-        of_drive.into_iter().map(|fix| formats::nmea::Fix { stamp: fix.stamp.plus_nanos(shifts[0]), ..fix }).collect();
+        of_drive.into_iter().map(|fix| lidar::nmea::Fix { stamp: fix.stamp.plus_nanos(shifts[0]), ..fix }).collect();
     assert_eq!(moved, of_recording);
     let samples = |drive: &Drive| -> Vec<_> {
         drive.imu().expect("reads").expect("has an IMU").map(|sample| sample.expect("is sound")).collect()
     };
     let moved: Vec<_> = samples(&expected)
         .into_iter()
-        .map(|sample| formats::imu::ImuSample { stamp: sample.stamp.plus_nanos(shifts[0]), ..sample })
+        .map(|sample| drive::imu::ImuSample { stamp: sample.stamp.plus_nanos(shifts[0]), ..sample })
         .collect();
     assert!(moved == samples(&got), "samples differ");
 }

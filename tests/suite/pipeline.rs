@@ -1,6 +1,6 @@
 //! The real stages as processes: the files of a run, and the same bytes for the same input whatever happens to the processes.
 
-use formats::drive::Drive;
+use drive::Drive;
 use formats::ply::Vertices;
 use formats::trajectory::{poses_from_kitti, trajectory_from_tum};
 use geometry::Trajectory;

@@ -1,7 +1,7 @@
 //! `replica record` on a running run: the recording is complete from its start on, and the run waits for the recorder only if
 //! it may not drop messages.
 
-use formats::recording::RecordingReader;
+use recording::RecordingReader;
 use replica_tests::swaps::{started, stop, wait_for_two_barriers};
 use replica_tests::{Launch, binary, lidar_pipeline, long_drive, output_text, wait_for};
 use rustix::process::{Pid, Signal, kill_process};

@@ -45,7 +45,7 @@ fn stages_run_alone_in_sequence_reproduce_the_run() {
 
 /// One recording with a topic from each of several.
 fn merge(parts: &[(&Path, &str)], into: &Path) {
-    use formats::recording::{RecordingReader, RecordingWriter, TickReader};
+    use recording::{RecordingReader, RecordingWriter, TickReader};
     let table = |path: &Path, topic: &str| {
         let reader = RecordingReader::open(path).expect("opens");
         reader.topics().iter().find(|t| t.name == topic).expect("there").table.clone()
@@ -90,7 +90,7 @@ fn truncated_recording_is_processed_up_to_the_cut() {
     assert_eq!(report["complete"], false);
     let ticks = report["ticks"].as_u64().expect("a number");
     assert!((10..30).contains(&ticks), "half of 40 ticks is not {ticks}");
-    let mut written = formats::recording::TickReader::open(&out, &["class"]).expect("opens");
+    let mut written = recording::TickReader::open(&out, &["class"]).expect("opens");
     let mut n_ticks = 0;
     while written.next().expect("whole").is_some() {
         n_ticks += 1;

@@ -7,10 +7,10 @@ use coloring::{
     AgeLimits, Candidates, ColorImage, ColorSteps, PointBuffers, PosedExposure, ProjectionCamera, SubmapPoints,
     color_into, visibility_maps,
 };
-use formats::lidar::{Lidar, Model, PacketDecoder};
 use formats::ply::{Header, Kind, PlyWriter};
-use formats::velodyne::{BLOCKS_PER_PACKET, RawBlock, RawReturn, encode_data_packet};
 use geometry::{CameraModel, Isometry3, Pinhole, RigCamera, Stamp, UnitQuaternion};
+use lidar::velodyne::{BLOCKS_PER_PACKET, RawBlock, RawReturn, encode_data_packet};
+use lidar::{Lidar, Model, PacketDecoder};
 use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use morphology::Connectivity;
 use ndarray::Array2;
@@ -58,7 +58,7 @@ fn decode() -> anyhow::Result<Round> {
                 intensity: random.index(256) as u8,
             });
         }
-        encode_data_packet(formats::velodyne::Model::Hdl32e, Stamp(number * 552_960), &blocks)
+        encode_data_packet(lidar::velodyne::Model::Hdl32e, Stamp(number * 552_960), &blocks)
     };
     let packets: Vec<_> = (0..181).map(packet).collect();
     let mut decoder = PacketDecoder::new(&Lidar::from(model));

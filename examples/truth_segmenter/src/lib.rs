@@ -6,7 +6,7 @@
 //!
 //! The labels of a drive belong to its returns; a point is matched by the time, ring and angle of its shot.
 
-use formats::drive::{Drive, Shot, TrueLabels};
+use drive::{Drive, Shot, TrueLabels};
 use stage::messages::pod::{FINGERPRINT_START, fingerprint};
 use stage::messages::{CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, ClassTopic, SubmapTopic};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};

@@ -5,9 +5,9 @@ use crate::sweep;
 use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
 use acquisition::recorded::{CameraFileError, News, image_into, mosaic_into};
 use acquisition::rows::{gnss_row, sweep_header};
-use formats::drive::{Frame, SweepInfo};
-use formats::manifest::{CameraEntry, MosaicEntry};
-use formats::nmea::Fix;
+use drive::manifest::{CameraEntry, MosaicEntry};
+use drive::{Frame, SweepInfo};
+use lidar::nmea::Fix;
 use messages::{
     GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepHeader, SweepPoint, SweepTopic,
 };

@@ -7,7 +7,7 @@ use crate::publish::{
 use crate::sweep;
 use acquisition::error::DriveError;
 use acquisition::recorded::{DriveAccount, DriveReader, News, NextSweep, Part, SavedDrive, Trigger, drive_problems};
-use formats::drive::SweepInfo;
+use drive::SweepInfo;
 use messages::{ImuTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 

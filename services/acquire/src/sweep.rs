@@ -1,6 +1,6 @@
 //! Decodes sweeps directly into shared memory.
 
-use formats::lidar::SweepReader;
+use lidar::SweepReader;
 use messages::{SweepPoint, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 

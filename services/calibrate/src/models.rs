@@ -3,7 +3,7 @@
 use crate::Settings;
 use crate::references::{CubeCamera, CubeCameraError};
 use color_lines::{ColorLinesError, CubeRegions, Model};
-use formats::text_file::{TextFileError, read_text};
+use files::text_file::{TextFileError, read_text};
 use std::path::{Path, PathBuf};
 
 /// Why the model files cannot be used.

@@ -1,6 +1,6 @@
 //! The mosaic cameras of a drive, ready to make cubes.
 
-use formats::manifest::MosaicEntry;
+use drive::manifest::MosaicEntry;
 use formats::sensor_calibration::SensorCalibration;
 use messages::{CubeHeader, CubeTopic, MAX_CUBE_BANDS, Message, MosaicHeader};
 use spectral::{CameraError, Demosaicing, FrameCounts, FullResolution, SpectralError};

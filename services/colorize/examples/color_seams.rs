@@ -18,7 +18,7 @@ use coloring::{
     AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, ExposureGains, PointBuffers, PointColor,
     PosedExposure, ProjectionCamera, Sampler, SubmapPoints, color_into, overlaps, visibility_maps,
 };
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::Stamp;
 use messages::{ColorRow, SubmapPoint};
 use recorded::Recorded;

@@ -10,7 +10,7 @@ mod recorded;
 use camera_alignment::report::camera_line;
 use camera_alignment::{AlignmentExposure, OffsetMonitor, profiles_by_camera};
 use coloring::{ColorImage, PointBuffers, ProjectionCamera, SubmapPoints, visibility_maps};
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::{RigCamera, Stamp, UnitQuaternion, Vector3};
 use recorded::Recorded;
 use std::error::Error;

@@ -8,8 +8,8 @@ use crate::Settings;
 use crate::saved::{self, Held};
 use camera_alignment::report::OffsetReport;
 use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, ProjectionCamera};
-use formats::drive::CameraRig;
-use formats::problems::FileError;
+use drive::CameraRig;
+use files::problems::FileError;
 use geometry::{Stamp, Trajectory};
 use materials::{Model, PointMaterials};
 use messages::{

@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use delivery::{CloudFields, space_need};
-use formats::drive::Drive;
+use drive::Drive;
 use formats::ply::Kind;
 use messages::{ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, RegionTopic, SpectraTopic};
 use stage::space::{bytes_of_files, free_bytes, size_text};

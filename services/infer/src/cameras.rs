@@ -1,6 +1,6 @@
 //! Whether the drive and the stages give the columns that a model reads.
 
-use formats::drive::CameraRig;
+use drive::CameraRig;
 use messages::{ColorTopic, SpectraTopic};
 use segmentation::spherical::{AskedColumns, BAND_REACH_NM};
 use stage::{Context, Mode, Problem};

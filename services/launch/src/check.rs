@@ -11,7 +11,7 @@ use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
 use crate::resources::lacks_shared_memory;
 use crate::run_folder::last_domain;
-use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
+use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use ipc::Transport;
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};

@@ -2,7 +2,7 @@
 //! run that continued with another content would be half of one program or model, half of another.
 
 use crate::plan::Plan;
-use formats::drive::MANIFEST_FILE;
+use drive::MANIFEST_FILE;
 use run::{FileIdentity, Remote};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

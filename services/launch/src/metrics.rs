@@ -2,7 +2,7 @@
 
 mod page;
 
-use formats::atomic_file::AtomicFile;
+use files::atomic_file::AtomicFile;
 use page::Page;
 use run::health::Health;
 use std::collections::BTreeMap;

@@ -25,7 +25,7 @@ pub use used::EarlierResults;
 use crate::identity::{Files, UnreadableFile};
 use crate::plan::{Plan, PlannedStage};
 use crate::swap_record::SwapRecord;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use ipc::{Domain, IpcError};
 use run::assignment::{Assignment, Restart};
 use run::summary::{REPORT_FILES, Summary};

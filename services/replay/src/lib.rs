@@ -2,8 +2,8 @@
 
 mod pace;
 
-use formats::recording::{RecordedTick, RecordingError, RecordingReader, TickReader};
 use pace::Pace;
+use recording::{RecordedTick, RecordingError, RecordingReader, TickReader};
 use stage::messages::ByteTable;
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Stage, StepError, any, decode_state, encode_state, within};
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Settings of the stage, and the settings of its libraries that follow from them.
 
-use formats::manifest::Manifest;
+use drive::manifest::Manifest;
 use geometry::{Geodetic, Point3};
 use georeference::{GeoreferenceSettings, InertialUnit};
 use messages::{Message, SubmapTopic};

@@ -4,8 +4,8 @@ use crate::Settings;
 use crate::incoming::{PreparedTick, Tick, prepared, raw};
 use crate::open_submap::LoanedSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
-use formats::drive::{Drive, LiveRig};
-use formats::manifest::Manifest;
+use drive::manifest::Manifest;
+use drive::{Drive, LiveRig};
 use geometry::{Isometry3, Pose};
 use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, InertialUnit, Placed};
 use messages::{

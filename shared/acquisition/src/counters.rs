@@ -1,7 +1,7 @@
 //! Counters of packets and sentences, reported as differences.
 
-use formats::lidar::LidarStats;
-use formats::nmea::LogStats;
+use lidar::LidarStats;
+use lidar::nmea::LogStats;
 
 /// The counts that have been reported.
 #[derive(Clone, Copy, Debug, Default)]

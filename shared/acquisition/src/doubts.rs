@@ -1,11 +1,11 @@
 //! How far the data of a drive can be trusted: shares of what is damaged, foreign or missing, against limits.
 
-use formats::lidar::LidarStats;
-use formats::nmea::LogStats;
+use lidar::LidarStats;
+use lidar::nmea::LogStats;
 use serde::{Deserialize, Serialize};
 
 /// Blocks of a data packet.
-const BLOCKS: f64 = formats::velodyne::BLOCKS_PER_PACKET as f64;
+const BLOCKS: f64 = lidar::velodyne::BLOCKS_PER_PACKET as f64;
 
 /// What was published and what was not, since the begin of the drive.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]

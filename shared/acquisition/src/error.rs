@@ -1,8 +1,8 @@
 //! Why a drive or a live sensor cannot be read, and what has no sweeps.
 
 use crate::live::{LineAddress, LineAddressError};
-use formats::lidar::SweepError;
-use formats::problems::FileError;
+use files::problems::FileError;
+use lidar::SweepError;
 use std::io;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;

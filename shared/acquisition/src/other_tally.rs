@@ -2,8 +2,8 @@
 
 use crate::doubts::Doubts;
 use crate::rows::slice_header;
-use formats::drive::SweepInfo;
-use formats::lidar::{LidarStats, SliceInfo};
+use drive::SweepInfo;
+use lidar::{LidarStats, SliceInfo};
 use messages::SweepHeader;
 use serde::{Deserialize, Serialize};
 

@@ -1,9 +1,9 @@
 //! Rows and headers of messages from decoded data.
 
-use formats::drive::SweepInfo;
-use formats::lidar::SliceInfo;
-use formats::nmea::Fix;
+use drive::SweepInfo;
 use geometry::Stamp;
+use lidar::SliceInfo;
+use lidar::nmea::Fix;
 use messages::{GnssRow, SweepHeader};
 
 /// The header of a sweep of a LiDAR with this number of rings, 0 without rings.

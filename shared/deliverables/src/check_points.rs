@@ -12,7 +12,7 @@ use crate::cloud::{self, Cloud};
 use crate::error::DeliverError;
 use crate::run_folder::RunFolder;
 use crate::target_frame::TargetFrame;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use plane::PlaneSums;
 use rayon::prelude::*;
 use std::collections::BTreeMap;

@@ -11,7 +11,7 @@ use crate::error::DeliverError;
 use crate::run_folder::RunFolder;
 use crate::target_frame::TargetFrame;
 use csv::table_in_frame;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use formats::ply::{PlyError, Vertices};
 use geometry::OrientedRectangle;
 use std::collections::{BTreeMap, BTreeSet};

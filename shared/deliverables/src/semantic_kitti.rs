@@ -3,7 +3,7 @@
 use crate::cloud::{self, CloudPoint};
 use crate::error::DeliverError;
 use crate::run_folder::RunFolder;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use formats::cloud::CloudPoint as KittiPoint;
 use formats::kitti::{Label, bin_from_points, bytes_from_labels};
 use formats::trajectory::{kitti_from_trajectory, times_from_trajectory};

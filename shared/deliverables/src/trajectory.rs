@@ -6,7 +6,7 @@ mod sbet;
 use crate::error::DeliverError;
 use crate::run_folder::{Georeference, RunFolder};
 use crate::target_frame::TargetFrame;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, times_from_trajectory, tum_from_trajectory};
 use geometry::{Isometry3, Point3, Pose, Trajectory, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Syncing clouds to the disk.
 
 use crate::error::DeliveryError;
-use formats::atomic_file::sync_all;
+use files::atomic_file::sync_all;
 use formats::ply::PlyWriter;
 use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;

@@ -5,7 +5,7 @@
 use crate::error::DeliveryError;
 use crate::frame::is_placed;
 use crate::index::CloudEntry;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};

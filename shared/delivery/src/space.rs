@@ -1,8 +1,8 @@
 //! Space that the clouds of a recorded drive will take, estimated from its first sweeps before a run.
 
 use crate::submap_cloud::{CloudFields, header_of};
-use formats::drive::{Drive, SweepSource};
-use formats::lidar::SweepError;
+use drive::{Drive, SweepSource};
+use lidar::SweepError;
 
 /// Sweeps from which the number of points is estimated. One sweep of a capture may be cut off; ten are read in some 50 ms.
 const SAMPLE_SWEEPS: usize = 10;

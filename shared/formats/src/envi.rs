@@ -64,8 +64,8 @@ pub fn write(path: &Path, image: &Image) -> Result<(), EnviError> {
     let data_path = path.with_extension("img");
     let bytes: Vec<u8> = image.values.iter().flat_map(|value| value.to_le_bytes()).collect();
     // The data file is written first: a header without data would look like an image.
-    crate::atomic_file::write_atomic(&data_path, &bytes).map_err(error(&data_path))?;
-    crate::atomic_file::write_atomic(path, image.header.text().as_bytes()).map_err(error(path))
+    files::atomic_file::write_atomic(&data_path, &bytes).map_err(error(&data_path))?;
+    files::atomic_file::write_atomic(path, image.header.text().as_bytes()).map_err(error(path))
 }
 
 /// An error that concerns a whole file.

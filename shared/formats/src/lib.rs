@@ -1,42 +1,40 @@
-//! File and packet formats of sensors and of mapping software: decoding and encoding.
+//! File formats of cameras, of clouds, of spectra and of mapping software: decoding and encoding.
+//!
+//! Each module is one format. It knows bytes and text, not the drive, the pipeline or other formats, and returns plain values in the
+//! units of the format's page. Readers limit memory by the size of the file, so damaged input gives an error and never a panic.
+//!
+//! | kind | modules |
+//! |---|---|
+//! | points | [`ply`], [`pcd`], [`kitti`], [`nuscenes`], [`semantic_kitti`] over [`cloud`] |
+//! | images | [`jpeg`], [`pgm`], [`tiff`], [`raw_mosaic`], [`band_image`], [`multipart`] |
+//! | spectra | [`envi`], [`ecostress`], [`sensor_calibration`] |
+//! | poses and grids | [`trajectory`] (TUM, KITTI, CSV), [`gtx`], [`gps_time`] |
+//! | calibrations | [`ladybug`] |
+//! | containers | [`npy`], [`sqlite`] |
+//!
+//! **Never**: packets of LiDARs (crate `lidar`), the drive folder (crate `drive`), recordings of topics (crate `recording`), formats of
+//! surveying (LAS, COPC, GeoTIFF).
+//!
+//! **Start reading** at [`ply`]: header, rows and writer of the format that every run writes.
 
-pub mod atomic_file;
 pub mod band_image;
-pub mod calendar;
 pub mod cloud;
-pub mod compression;
-pub mod drive;
 pub mod ecostress;
 pub mod envi;
 pub mod gps_time;
 pub mod gtx;
-pub mod hesai;
-pub mod imu;
 pub mod jpeg;
 pub mod kitti;
 pub mod ladybug;
-pub mod lidar;
-pub mod livox;
-pub mod manifest;
 pub mod multipart;
-pub mod nmea;
 pub mod npy;
 pub mod nuscenes;
-pub mod ouster;
-pub mod pcap;
 pub mod pcd;
 pub mod pgm;
 pub mod ply;
-pub mod problems;
 pub mod raw_mosaic;
-pub mod recording;
-pub mod robosense;
 pub mod semantic_kitti;
 pub mod sensor_calibration;
 pub mod sqlite;
-pub mod text_file;
 pub mod tiff;
-pub mod toml_file;
-pub mod toml_nesting;
 pub mod trajectory;
-pub mod velodyne;

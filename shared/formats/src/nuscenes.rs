@@ -4,17 +4,12 @@
 //! lowest beam, as everywhere in this project. The intensity is that of the sensor, 0 to 255.
 
 use crate::cloud::CloudPoint;
-use crate::manifest::PoseEntry;
 use geometry::Stamp;
-use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Bytes of a row.
 pub const ROW_BYTES: usize = 20;
 /// Beams of the HDL-32E.
 const N_RINGS: f32 = 32.0;
-/// Body frame (x forward, y left) of a lidar frame with x right and y forward, at the same origin.
-pub const BODY_FROM_LIDAR: PoseEntry =
-    PoseEntry { translation: [0.0; 3], rotation: [0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2] };
 
 /// Why bytes are not a sweep.
 #[derive(Debug, thiserror::Error, PartialEq)]

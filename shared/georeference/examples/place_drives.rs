@@ -100,7 +100,7 @@ fn place(seed: u64, seconds: f64, fault: &str) -> Result<Option<Score>, Box<dyn 
     let rows = fixes(&simulation, fault, seed);
     let truth = |nanos: i64| simulation.motion.pose_at(simulation.motion.begin.plus_nanos(nanos));
     let samples = simulation.imu_samples().unwrap_or_default();
-    let imu_row = |sample: &formats::imu::ImuSample| ImuRow {
+    let imu_row = |sample: &drive::imu::ImuSample| ImuRow {
         stamp: sample.stamp.0,
         acceleration: sample.acceleration,
         angular_rate: sample.angular_rate,

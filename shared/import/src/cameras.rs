@@ -2,7 +2,7 @@
 
 use crate::error::{At, ImportError};
 use crate::plan::{Link, Plan};
-use formats::manifest::CameraEntry;
+use drive::manifest::CameraEntry;
 use geometry::{CameraModel, Isometry3, Pinhole, Pose};
 use std::fs::File;
 use std::io::Read;

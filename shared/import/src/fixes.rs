@@ -1,9 +1,9 @@
 //! Position fixes as the log `gnss.nmea` of a drive.
 
 use crate::plan::{Plan, TextFile};
-use formats::manifest::GnssEntry;
-use formats::nmea::{Fix, Sentence, gga_from_fix, parse, rmc_from_fix};
+use drive::manifest::GnssEntry;
 use geometry::Stamp;
+use lidar::nmea::{Fix, Sentence, gga_from_fix, parse, rmc_from_fix};
 
 /// A millisecond, the resolution of times in sentences, ns.
 const MILLI: i64 = 1_000_000;

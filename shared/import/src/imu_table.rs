@@ -2,7 +2,7 @@
 
 use crate::error::{At, ImportError};
 use crate::stamp_text::nanos;
-use formats::imu::ImuSample;
+use drive::imu::ImuSample;
 use geometry::Stamp;
 use std::fs;
 use std::path::Path;

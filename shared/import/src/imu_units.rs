@@ -1,6 +1,6 @@
 //! Units of the samples of an IMU.
 
-use formats::imu::ImuSample;
+use drive::imu::ImuSample;
 use geometry::Vector3;
 
 /// Standard gravity, m/s^2.

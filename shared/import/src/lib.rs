@@ -32,9 +32,9 @@ pub use error::{ImportError, Rule};
 pub use kind::Kind;
 pub use ros::{LiveData, LiveSensor, LiveTopic, RosOptions};
 
+use drive::Drive;
 use error::At;
-use formats::drive::Drive;
-use formats::lidar::Model;
+use lidar::Model;
 use plan::Plan;
 use std::fs;
 use std::path::{Path, PathBuf};

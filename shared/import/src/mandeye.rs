@@ -11,10 +11,10 @@ use crate::plan::{Conversion, Plan, TextFile};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
 use chunks::Chunks;
-use formats::imu::csv_from_samples;
-use formats::lidar::SweepReader;
-use formats::livox;
-use formats::manifest::{ImuEntry, LidarEntry, PoseEntry};
+use drive::imu::csv_from_samples;
+use drive::manifest::{ImuEntry, LidarEntry, PoseEntry};
+use lidar::SweepReader;
+use lidar::livox;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 

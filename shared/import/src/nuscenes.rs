@@ -12,8 +12,8 @@ use crate::Options;
 use crate::error::{At, ImportError};
 use crate::plan::Plan;
 use crate::sweeps::LIDAR_FOLDER;
-use formats::manifest::{LidarEntry, PoseEntry};
-use formats::velodyne;
+use drive::manifest::{LidarEntry, PoseEntry};
+use lidar::velodyne;
 use std::path::{Path, PathBuf};
 
 /// Key frames are in `samples`, the sweeps between them in `sweeps`.

@@ -12,12 +12,12 @@ use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
 use cloud_sweep::{CloudSweep, SweepForm};
-use formats::imu::csv_from_samples;
-use formats::lidar::Model;
-use formats::manifest::{ImuEntry, LidarEntry, PoseEntry};
+use drive::imu::csv_from_samples;
+use drive::manifest::{ImuEntry, LidarEntry, PoseEntry};
 use formats::trajectory::TrajectoryFile;
-use formats::velodyne;
 use geometry::Trajectory;
+use lidar::Model;
+use lidar::velodyne;
 use stamp_table::stamped;
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,8 @@
 
 use crate::Kind;
 use crate::error::{At, ImportError};
-use formats::drive::MANIFEST_FILE;
-use formats::manifest::{Manifest, TruthEntry};
+use drive::MANIFEST_FILE;
+use drive::manifest::{Manifest, TruthEntry};
 use formats::trajectory::tum_from_trajectory;
 use geometry::Trajectory;
 use std::fs;

@@ -3,8 +3,8 @@
 use crate::Kind;
 use crate::error::ImportError;
 use crate::plan::{Link, Plan, TextFile};
-use formats::drive::TIMES_FILE;
-use formats::manifest::{LidarEntry, Manifest};
+use drive::TIMES_FILE;
+use drive::manifest::{LidarEntry, Manifest};
 use std::path::{Path, PathBuf};
 
 /// Folder of the sweeps in the drive.

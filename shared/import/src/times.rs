@@ -1,6 +1,6 @@
 //! Forms of times in text files.
 
-use formats::calendar::{DAY_NANOS, days_from_date};
+use files::calendar::{DAY_NANOS, days_from_date};
 
 /// KITTI odometry: seconds since the first sweep.
 pub(crate) fn nanos_of_seconds(text: &str) -> Option<i64> {

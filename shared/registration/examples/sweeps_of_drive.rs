@@ -6,10 +6,10 @@
 mod folder;
 
 use anyhow::Context;
+use drive::{Drive, SweepInfo};
 use folder::kitti_line;
-use formats::drive::{Drive, SweepInfo};
-use formats::lidar::SweepPoint;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
+use lidar::SweepPoint;
 use raytrace::Ray;
 use registration::GroundVelocity;
 use simulation::{DriveSettings, DriveSpec, Simulation};
@@ -125,7 +125,7 @@ fn write_sensors(drive: &Drive, out: &Path) -> anyhow::Result<()> {
     fs::write(out.join("places.txt"), places.map(|[x, y, z]| format!("{x} {y} {z}\n")).concat())?;
     if let Some(samples) = drive.imu()? {
         let samples: Vec<_> = samples.filter_map(Result::ok).collect();
-        fs::write(out.join("imu.csv"), formats::imu::csv_from_samples(&samples))?;
+        fs::write(out.join("imu.csv"), drive::imu::csv_from_samples(&samples))?;
     }
     let (fixes, _) = drive.fixes()?;
     let velocities = fixes.iter().filter_map(|fix| {

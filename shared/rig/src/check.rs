@@ -22,7 +22,7 @@ pub use verdict::{Answer, Verdict};
 
 use crate::error::RigError;
 use crate::survey::{Survey, SurveySettings};
-use formats::drive::Drive;
+use drive::Drive;
 use registration::SpinDirection;
 
 /// The verdicts about a drive.

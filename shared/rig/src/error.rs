@@ -1,8 +1,8 @@
 //! Errors.
 
-use formats::drive::Drive;
-use formats::lidar::SweepError;
-use formats::problems::FileError;
+use drive::Drive;
+use files::problems::FileError;
+use lidar::SweepError;
 use std::io;
 use std::path::{Path, PathBuf};
 

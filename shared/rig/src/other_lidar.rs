@@ -5,9 +5,9 @@
 
 use crate::error::RigError;
 use crate::survey::{Survey, SurveySettings};
-use formats::drive::{Drive, SweepInfo, SweepSource};
-use formats::lidar::SweepPoint;
+use drive::{Drive, SweepInfo, SweepSource};
 use geometry::{Isometry3, Pose, Stamp, UnitQuaternion, Vector3};
+use lidar::SweepPoint;
 use messages::{SweepHeader, SweepPoint as Row};
 use nalgebra::{Matrix6, Point3, Vector6};
 use registration::{

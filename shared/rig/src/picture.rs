@@ -10,7 +10,7 @@ pub use overlay::{DEPTH_M, draw_points};
 use crate::check::Report;
 use crate::error::RigError;
 use crate::survey::Survey;
-use formats::drive::Drive;
+use drive::Drive;
 use image::RgbImage;
 use std::fs;
 use std::path::Path;

@@ -11,9 +11,9 @@ mod rings;
 
 use crate::error::RigError;
 use crate::survey::{Survey, SurveySettings};
-use formats::drive::Drive;
-use formats::manifest::Manifest;
-use formats::manifest::rules::MAX_DELAY_NANOS;
+use drive::Drive;
+use drive::manifest::Manifest;
+use drive::manifest::rules::MAX_DELAY_NANOS;
 use serde::Serialize;
 use std::fmt;
 

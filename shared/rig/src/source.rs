@@ -12,7 +12,7 @@ pub use tf::FrameTree;
 
 use crate::error::RigError;
 use crate::yaml::{Node, YamlError, documents};
-use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, PoseEntry};
+use drive::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, PoseEntry};
 use geometry::{CameraModel, Pose, Quaternion, UnitQuaternion};
 use std::path::Path;
 

@@ -16,12 +16,12 @@ use stamps::stamps_of;
 
 use crate::error::RigError;
 use acquisition::rows::sweep_header;
-use formats::drive::Drive;
-use formats::imu::ImuSample;
-use formats::lidar::SweepInfo;
-use formats::nmea::Fix;
+use drive::Drive;
+use drive::imu::ImuSample;
 use geometry::{Isometry3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
 use kept::Wanted;
+use lidar::SweepInfo;
+use lidar::nmea::Fix;
 use messages::{ImuRow, SweepHeader, SweepPoint};
 use registration::{
     FeatureSettings, InertialCheck, InertialSample, Odometry, OdometrySettings, Registered, RingError, SensorMounting,
@@ -155,7 +155,7 @@ struct Pass<'a> {
     settings: &'a SurveySettings,
     body_from_lidar: Pose,
     up_in_lidar: Vector3<f32>,
-    source: formats::drive::SweepSource,
+    source: drive::SweepSource,
     odometry: Odometry,
     imu: Option<ImuFeed>,
     waiting: Option<RawSweep>,
@@ -332,7 +332,7 @@ impl<'a> Pass<'a> {
 
 /// The samples of the inertial unit with a look-ahead of one.
 struct ImuFeed {
-    reader: formats::imu::ImuReader<std::io::BufReader<std::fs::File>>,
+    reader: drive::imu::ImuReader<std::io::BufReader<std::fs::File>>,
     ahead: Option<ImuSample>,
     position_in_body: geometry::Point3<f64>,
 }

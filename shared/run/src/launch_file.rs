@@ -1,8 +1,8 @@
 //! Reads launch.toml. Every problem can be shown with its line.
 
 use crate::{Problem, nearest_key};
-use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
-use formats::toml_nesting::check_nesting;
+use files::text_file::{MAX_SETTINGS_BYTES, read_text};
+use files::toml_nesting::check_nesting;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -3,7 +3,7 @@
 use crate::checksum::Checksum;
 use crate::health::{Doubt, Traffic};
 use crate::packed::{Piece, pack, unpack};
-use formats::atomic_file::{AtomicFile, sync_all};
+use files::atomic_file::{AtomicFile, sync_all};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;

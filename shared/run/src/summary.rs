@@ -3,7 +3,7 @@
 use crate::control::Swapped;
 use crate::health::{Doubt, Health, Latency, Traffic};
 use crate::program::exit;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

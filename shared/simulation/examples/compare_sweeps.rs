@@ -11,10 +11,10 @@
 #![allow(missing_docs, reason = "a program")]
 
 use chart::{Axis, Chart, Series};
-use formats::lidar::{SweepPoint, SweepReader};
-use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::{DATA_PORT, DataPacket, Model};
 use image::{Rgb, RgbImage};
+use lidar::pcap::{PacketReader, Writer};
+use lidar::velodyne::{DATA_PORT, DataPacket, Model};
+use lidar::{SweepPoint, SweepReader};
 use nalgebra::{Isometry3, Translation3};
 use simulation::sensors::lidar::LidarModel;
 use simulation::{DriveSpec, Simulation, Town};

@@ -4,7 +4,7 @@ use crate::limits::{self, SettingError};
 use crate::rig::{CalibrationError, RigSpec};
 use crate::sensors::lidar::{GRADES, LidarErrors};
 use crate::spec::DriveSpec;
-use formats::problems::{FileError, FileProblem};
+use files::problems::{FileError, FileProblem};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 use town::{Town, Traffic};

@@ -11,7 +11,7 @@ use crate::sensors::lidar::{Lidar, LidarErrors, LidarModel, Pattern, PatternLida
 use crate::sensors::mosaic::MosaicCamera;
 use crate::sensors::trigger;
 use crate::spec::DriveSpec;
-use formats::imu::ImuSample;
+use drive::imu::ImuSample;
 use geometry::{Pose, Stamp};
 use random::{hash, unit};
 use town::Scene;

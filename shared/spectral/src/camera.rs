@@ -2,7 +2,7 @@
 
 use crate::mosaic::check_length;
 use crate::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhitePanel};
-use formats::manifest::MosaicEntry;
+use drive::manifest::MosaicEntry;
 use formats::raw_mosaic::{RawMosaic, RawMosaicError};
 use formats::sensor_calibration::{SensorCalibration, VirtualBand};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Lidars and their mountings.
 
-use formats::velodyne::Model;
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
+use lidar::velodyne::Model;
 use random::Random;
 use simulation::rig::RigSpec;
 use simulation::sensors::lidar::{LidarErrors, Pattern};

@@ -1,7 +1,7 @@
 //! Names of mounts, for command lines.
 
 use crate::mount::{KITTI_M, Mount};
-use formats::velodyne::Model;
+use lidar::velodyne::Model;
 use simulation::sensors::lidar::Pattern;
 
 impl Mount {

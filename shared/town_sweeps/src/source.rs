@@ -1,8 +1,8 @@
 //! The lidar of a drive, and the returns of its turns.
 
 use crate::mount::{MountedLidar, Unit};
-use formats::velodyne::Model;
 use geometry::Stamp;
+use lidar::velodyne::Model;
 use messages::ClassId;
 use simulation::Simulation;
 use simulation::sensors::lidar::{Block, Firing, Lidar, LidarModel, LidarReturn, PatternLidar};

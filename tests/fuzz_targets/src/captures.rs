@@ -2,10 +2,10 @@
 
 use crate::accepted::accepted;
 use crate::scratch::with_file;
-use formats::imu::ImuReader;
-use formats::lidar::SweepReader;
-use formats::pcap::PacketReader;
-use formats::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, Model, PositionPacket};
+use drive::imu::ImuReader;
+use lidar::SweepReader;
+use lidar::pcap::PacketReader;
+use lidar::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, Model, PositionPacket};
 
 /// All packets and all sweeps of a capture.
 pub(crate) fn capture(bytes: &[u8]) {
@@ -39,7 +39,7 @@ fn packets(model: Model, bytes: &[u8]) {
         if let Some(packet) = DataPacket::new(payload) {
             returns.clear();
             decoder.decode_into(packet, 0..12, 0, &mut returns);
-            let is_valid = |one: &formats::lidar::SweepPoint| {
+            let is_valid = |one: &lidar::SweepPoint| {
                 one.x.is_finite() && one.azimuth < 36_000 && usize::from(one.ring) < model.n_rings()
             };
             assert!(returns.iter().all(is_valid));
@@ -47,7 +47,7 @@ fn packets(model: Model, bytes: &[u8]) {
         }
         for length in [512, payload.len()] {
             if let Some(packet) = payload.get(..length).and_then(PositionPacket::new) {
-                let _ = formats::nmea::parse(packet.nmea);
+                let _ = lidar::nmea::parse(packet.nmea);
             }
         }
     }
@@ -70,7 +70,7 @@ pub(crate) fn hdl64e(bytes: &[u8]) {
 }
 
 pub(crate) fn nmea(bytes: &[u8]) {
-    let (fixes, _) = formats::nmea::fixes(bytes);
+    let (fixes, _) = lidar::nmea::fixes(bytes);
     assert!(fixes.iter().all(|fix| fix.position_deg[0].abs() <= 90.0 && fix.position_deg[1].abs() <= 180.0));
 }
 

@@ -1,10 +1,10 @@
 //! Point clouds.
 
 use crate::accepted::accepted;
+use drive::returns_from_cloud;
 use formats::cloud::check_points;
-use formats::drive::returns_from_cloud;
 use formats::ply::Vertices;
-use formats::velodyne::Model;
+use lidar::velodyne::Model;
 use std::path::Path;
 
 pub(crate) fn ply(bytes: &[u8]) {

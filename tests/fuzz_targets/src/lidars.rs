@@ -1,7 +1,7 @@
 //! Packets and calibration files of LiDAR sensors other than Velodyne.
 
 use crate::accepted::accepted;
-use formats::lidar::{Lidar, Model, PacketDecoder};
+use lidar::{Lidar, Model, PacketDecoder};
 use std::cell::RefCell;
 
 /// Metadata of an Ouster with two beams and this profile.

@@ -2,12 +2,12 @@
 
 use crate::accepted::accepted;
 use crate::scratch::{with_file, with_files};
-use formats::drive::{SourcePosition, read_manifest};
-use formats::recording::{RecordingReader, TickReader};
+use drive::{SourcePosition, read_manifest};
 use messages::{
     ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message,
     MosaicTopic, PlacementTopic, RegionTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
 };
+use recording::{RecordingReader, TickReader};
 use run::control::{Answer, MAX_REQUEST, Request};
 use run::launch_file::LaunchFile;
 use run::state_file::{load_state, verify_state};

@@ -2,7 +2,7 @@
 
 use crate::scene::Scene;
 use anyhow::{Context as _, bail};
-use formats::recording::RecordingReader;
+use recording::RecordingReader;
 use foxglove::{Context, McapWriter};
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! A recording, message by message.
 
-use formats::recording::{RecordingError, RecordingReader};
+use recording::{RecordingError, RecordingReader};
 use messages::pod::bytes_from_rows;
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;

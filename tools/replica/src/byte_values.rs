@@ -1,8 +1,8 @@
 //! Decodes the numbers of a message from its bytes, by its byte table.
 
 use anyhow::{Context, bail};
-use formats::recording::kind_bytes;
 use messages::ByteField;
+use recording::kind_bytes;
 use std::fmt;
 
 /// One number of a message.

@@ -1,7 +1,7 @@
 //! Where data go: a folder of images, or a receiver of UDP.
 
 use anyhow::{Context, ensure};
-use formats::atomic_file::AtomicFile;
+use files::atomic_file::AtomicFile;
 use std::io::Write;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};

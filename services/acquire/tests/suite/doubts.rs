@@ -2,8 +2,8 @@
 
 use crate::support::{BEGIN, SIZE, write_drive, write_lidar};
 use acquire::{Acquire, Settings};
-use formats::imu::HEADER;
-use formats::pcap::{PacketReader, Writer};
+use drive::imu::HEADER;
+use lidar::pcap::{PacketReader, Writer};
 use messages::ImageTopic;
 use stage::testing::{Bench, context};
 use stage::{Flow, StepError};

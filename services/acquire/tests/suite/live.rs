@@ -2,10 +2,10 @@
 
 use crate::support::{BEGIN, fix, write_lidar};
 use acquire::{Acquire, Settings};
-use formats::manifest::PoseEntry;
-use formats::nmea::{gga_from_fix, rmc_from_fix};
-use formats::pcap::PacketReader;
-use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PulseStatus, encode_position_packet};
+use drive::manifest::PoseEntry;
+use lidar::nmea::{gga_from_fix, rmc_from_fix};
+use lidar::pcap::PacketReader;
+use lidar::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PulseStatus, encode_position_packet};
 use messages::{GnssTopic, SweepTopic, pod};
 use stage::testing::{Bench, context};
 use stage::{Context, Flow, Mode, Received, Stage};
@@ -400,7 +400,7 @@ fn recording_has_the_mounting_of_the_rig() {
     let context = Context { drive: rig, ..live(folder.path()) };
     let bench = Bench::<Acquire>::new(&settings(), &context).expect("opens");
     drop(bench);
-    let manifest = formats::drive::read_manifest(&folder.path().join("recording/drive.toml")).expect("reads");
+    let manifest = drive::read_manifest(&folder.path().join("recording/drive.toml")).expect("reads");
     assert_eq!(
         (manifest.lidar.model.as_str(), manifest.lidar.body_from_lidar.translation),
         ("hdl32e", [0.0, 0.0, 1.9])
@@ -431,7 +431,7 @@ fn rig_of_a_simulated_drive_is_not_used_for_a_live_sensor() {
             "{:?}",
             bench.notes()
         );
-        let manifest = formats::drive::read_manifest(&output.path().join("recording/drive.toml")).expect("reads");
+        let manifest = drive::read_manifest(&output.path().join("recording/drive.toml")).expect("reads");
         assert_eq!((manifest.lidar.model.as_str(), manifest.lidar.body_from_lidar), ("hdl32e", PoseEntry::IDENTITY));
     }
 }

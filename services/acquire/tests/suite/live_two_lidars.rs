@@ -3,8 +3,8 @@
 use crate::other_lidars::{N_REAR_PACKETS, manifest, rear_entry, rear_packets};
 use crate::support::{N_PACKETS, write_lidar};
 use acquire::{Acquire, Settings};
-use formats::drive::Drive;
-use formats::pcap::PacketReader;
+use drive::Drive;
+use lidar::pcap::PacketReader;
 use messages::{SweepTopic, pod};
 use stage::testing::{Bench, context};
 use stage::{Context, Flow, Mode, Stage};

@@ -2,9 +2,9 @@
 
 use crate::support::{BEGIN, N_PACKETS, range_2mm, write_lidar};
 use acquire::{Acquire, Settings};
-use formats::manifest::{LidarEntry, Manifest, PoseEntry};
-use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
+use drive::manifest::{LidarEntry, Manifest, PoseEntry};
+use lidar::pcap::{PacketReader, Writer};
+use lidar::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
 use messages::{SweepTopic, pod};
 use stage::testing::{Bench, context};
 use stage::{Flow, Received, Stage};

@@ -1,6 +1,6 @@
 //! Small mosaics of known reflectance, and the drives that they belong to.
 
-use formats::manifest::{LidarEntry, Manifest, MosaicEntry, PoseEntry};
+use drive::manifest::{LidarEntry, Manifest, MosaicEntry, PoseEntry};
 use formats::pgm::pgm_from_samples;
 use geometry::{CameraModel, Pinhole};
 use messages::MosaicHeader;

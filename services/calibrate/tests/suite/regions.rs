@@ -3,7 +3,7 @@
 use crate::mosaics::{SATURATION, STAMP, T_RAW, WIDTH, drive_with_references, frame, header};
 use calibrate::{Calibrate, Settings};
 use color_lines::{Image, Model, Start};
-use formats::manifest::MosaicEntry;
+use drive::manifest::MosaicEntry;
 use messages::{CubeTopic, CubeView, MosaicTopic};
 use stage::testing::{Bench, context};
 use stage::{Received, Stage};

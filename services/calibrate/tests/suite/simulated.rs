@@ -1,7 +1,7 @@
 //! A simulated drive: sunlit walls have the spectra of their materials.
 
 use calibrate::{Calibrate, Settings};
-use formats::manifest::Manifest;
+use drive::manifest::Manifest;
 use formats::pgm::Pgm;
 use formats::sensor_calibration::SensorCalibration;
 use geometry::{Point3, Stamp, Vector2};

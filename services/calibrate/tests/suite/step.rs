@@ -5,7 +5,7 @@ use crate::mosaics::{
     write_pgm, write_references,
 };
 use calibrate::{Calibrate, Settings};
-use formats::manifest::{Manifest, MosaicEntry, WhitePanelEntry};
+use drive::manifest::{Manifest, MosaicEntry, WhitePanelEntry};
 use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
 use messages::{CubeTopic, CubeView, MosaicHeader, MosaicTopic};
 use stage::testing::{Bench, context};

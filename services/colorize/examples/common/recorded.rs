@@ -1,8 +1,8 @@
 //! The inputs of colorize, read from a recording.
 
-use formats::recording::TickReader;
 use geometry::{Stamp, Trajectory};
 use messages::{CubeTopic, ImageTopic, Message, SubmapTopic};
+use recording::TickReader;
 use stage::Received;
 use std::error::Error;
 use std::path::Path;

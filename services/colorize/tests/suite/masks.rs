@@ -3,7 +3,7 @@
 use crate::support::painted_street::{self as street, SECOND, START};
 use crate::support::{bare_manifest, drive, submap};
 use colorize::{Colorize, Settings};
-use formats::manifest::MosaicEntry;
+use drive::manifest::MosaicEntry;
 use formats::pgm::pgm_from_samples;
 use geometry::Point3;
 use messages::{

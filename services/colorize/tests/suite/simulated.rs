@@ -2,7 +2,7 @@
 
 use crate::support::{bare_manifest, camera, drive, mosaic, stamped, submap};
 use colorize::{Colorize, Settings};
-use formats::manifest::Manifest;
+use drive::manifest::Manifest;
 use geometry::Stamp;
 use messages::{
     ClassId, ColorRow, ColorTopic, CubeHeader, CubeTopic, ImageHeader, ImageTopic, NoHeader, SpectraTopic, SpectraView,

@@ -2,9 +2,9 @@
 //! of the pipeline.
 
 use crate::town::TownSubmap;
-use formats::drive::{Drive, Shot, TrueLabel, TrueLabels};
-use formats::recording::{RecordedMessage, TickReader};
+use drive::{Drive, Shot, TrueLabel, TrueLabels};
 use messages::{ClassId, ClassRow, ClassTopic, SubmapTopic};
+use recording::{RecordedMessage, TickReader};
 use stage::Received;
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! A simulated drive as submaps, as the stage `slam_aggregate` would publish them with true poses.
 
-use formats::drive::{Drive, Shot, SweepInfo, TrueLabel};
-use formats::lidar::SweepPoint;
+use drive::{Drive, Shot, SweepInfo, TrueLabel};
 use geometry::{Point3, Pose, Stamp, Trajectory, Vector3};
+use lidar::SweepPoint;
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep, pose_numbers};
 use segmentation::{ModelInput, Segmenter};
 use simulation::{DriveSpec, Town};
@@ -78,7 +78,7 @@ impl TownSubmap {
 
 struct Truth {
     world_from_body: Trajectory,
-    labels: formats::drive::TrueLabels,
+    labels: drive::TrueLabels,
     body_from_lidar: Pose,
 }
 

@@ -2,7 +2,7 @@
 //! the same for all runs into the output: the next one finds what a killed one has left.
 
 use super::{RunFolderError, cannot_write, read};
-use formats::atomic_file::AtomicFile;
+use files::atomic_file::AtomicFile;
 use ipc::{Domain, is_foreign};
 use run::control::socket_of;
 use std::fs::Permissions;

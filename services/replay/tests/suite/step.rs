@@ -1,8 +1,8 @@
 //! A recording is published as it was recorded, also after a restart.
 
-use formats::recording::RecordingWriter;
 use messages::pod::bytes_from_rows;
 use messages::{ByteTable, ClassHeader, ClassRow, ClassTopic, Envelope, GnssRow, GnssTopic, NoHeader, TickRow};
+use recording::RecordingWriter;
 use replay::{Replay, Settings};
 use stage::testing::{Bench, context};
 use stage::{Context, Flow, Stage, StepError};

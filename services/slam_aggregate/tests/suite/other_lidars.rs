@@ -1,6 +1,6 @@
 //! Simulated drives with two LiDARs: an upright HDL-32E in front, a tilted VLP-16 at the rear.
 
-use formats::drive::{Drive, SweepSource};
+use drive::{Drive, SweepSource};
 use geometry::{Point3, Stamp, Trajectory};
 use messages::{SubmapTopic, SweepHeader, SweepPoint, SweepTopic, TrajectoryTopic, pod};
 use simulation::{DriveSpec, RigSpec, write_drive};

@@ -1,6 +1,6 @@
 //! Simulated drives by LiDAR alone, from rest: in a queue that starts with the vehicle, without one, and over a bare road.
 
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::Pose;
 use messages::{SweepHeader, SweepPoint, SweepTopic, TrajectoryTopic};
 use simulation::{DriveSettings, DriveSpec, write_drive};
@@ -46,7 +46,7 @@ fn driven_as(settings: &DriveSettings) -> (Bench<SlamAggregate>, [f64; 2]) {
     (bench, [way(&found[0], &found[found.len() - 1]), way(&first.1, &last.1)])
 }
 
-fn row(point: &formats::lidar::SweepPoint) -> SweepPoint {
+fn row(point: &lidar::SweepPoint) -> SweepPoint {
     SweepPoint {
         x: point.x,
         y: point.y,

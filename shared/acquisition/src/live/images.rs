@@ -7,7 +7,7 @@
 use super::now;
 use super::record_file::{Recorded, record_file};
 use crate::error::LiveError;
-use formats::drive::{Frame, frame_stamp, is_image_name, is_mosaic_name};
+use drive::{Frame, frame_stamp, is_image_name, is_mosaic_name};
 use geometry::Stamp;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::inotify;

@@ -2,10 +2,10 @@
 
 use super::recorded_entries::RecordedEntries;
 use crate::error::LiveError;
-use formats::drive::{LiveRig, lidar_of};
-use formats::lidar::{Lidar, Model, Origin};
-use formats::manifest::{LidarEntry, PoseEntry};
-use formats::problems::FileError;
+use drive::manifest::{LidarEntry, PoseEntry};
+use drive::{LiveRig, lidar_of};
+use files::problems::FileError;
+use lidar::{Lidar, Model, Origin};
 use std::path::Path;
 
 /// Model and rig of a sensor on the network.
@@ -26,7 +26,7 @@ pub(super) struct OtherMounting {
 }
 
 impl OtherMounting {
-    /// Its name, which [`formats::drive::read_manifest`] has checked.
+    /// Its name, which [`drive::read_manifest`] has checked.
     pub(super) fn name(&self) -> &str {
         self.entry.name.as_deref().unwrap_or_default()
     }

@@ -5,7 +5,7 @@
 use super::drops::dropped;
 use super::now;
 use crate::error::LiveError;
-use formats::pcap::{Frontier, Recorder};
+use lidar::pcap::{Frontier, Recorder};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::sockopt::{set_socket_recv_buffer_size, set_socket_recv_buffer_size_force, socket_recv_buffer_size};
 use std::io;

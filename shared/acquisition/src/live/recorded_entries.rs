@@ -1,6 +1,6 @@
 //! What the manifest of a live recording says of the sensors beside the LiDARs.
 
-use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, MosaicEntry};
+use drive::manifest::{CameraEntry, GnssEntry, ImuEntry, MosaicEntry};
 
 /// Entries of the manifest for the sensors beside the LiDARs.
 #[derive(Clone, Debug, Default)]

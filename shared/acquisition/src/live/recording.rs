@@ -3,11 +3,11 @@
 use super::mounting::Mounting;
 use super::recorded_entries::RecordedEntries;
 use crate::error::LiveError;
-use formats::atomic_file::write_atomic;
-use formats::drive::MANIFEST_FILE;
-use formats::lidar::Lidar;
-use formats::manifest::{LidarEntry, Manifest, PoseEntry};
-use formats::pcap::Recorder;
+use drive::MANIFEST_FILE;
+use drive::manifest::{LidarEntry, Manifest, PoseEntry};
+use files::atomic_file::write_atomic;
+use lidar::Lidar;
+use lidar::pcap::Recorder;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};

@@ -9,7 +9,7 @@ use super::sensor::{Discarded, LiveLimits, LiveSensor};
 use crate::doubts::Doubts;
 use crate::error::LiveError;
 use crate::recorded::{News, Trigger};
-use formats::drive::SweepInfo;
+use drive::SweepInfo;
 use std::net::SocketAddrV4;
 use std::path::{Path, PathBuf};
 

@@ -4,7 +4,7 @@ use super::{CameraFileError, DrivePosition, DriveReader, Due, SkippedAtBegin};
 use crate::counters::ReportedCounts;
 use crate::doubts::{Doubts, Tally};
 use crate::error::DriveError;
-use formats::imu::ImuError;
+use drive::imu::ImuError;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 

@@ -1,7 +1,7 @@
 //! Decodes camera files directly into memory of the caller.
 
+use drive::manifest::{CameraEntry, MosaicEntry};
 use formats::jpeg::{self, JpegError};
-use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::pgm::{Pgm, PgmError};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageReader};
 use std::io::{self, Cursor};

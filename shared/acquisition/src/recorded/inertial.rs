@@ -1,6 +1,6 @@
 //! Inertial samples, read as a stream so that hours of them stay on disk.
 
-use formats::imu::{ImuError, ImuReader, ImuSample};
+use drive::imu::{ImuError, ImuReader, ImuSample};
 use messages::ImuRow;
 use std::fs::File;
 use std::io::BufReader;

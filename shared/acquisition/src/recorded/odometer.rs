@@ -1,7 +1,7 @@
 //! Path length between two times, by position fixes.
 
-use formats::nmea::Fix;
 use geometry::Stamp;
+use lidar::nmea::Fix;
 
 /// Over a longer gap between fixes the path length is unknown.
 const MAX_GAP_S: f64 = 5.0;

@@ -4,9 +4,9 @@ use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
 use crate::error::DriveError;
 use crate::other_tally::{OtherTally, named};
-use formats::drive::{Drive, SourcePosition, SweepInfo, SweepSource};
-use formats::lidar::{SweepError, SweepPoint};
-use formats::nmea::LogStats;
+use drive::{Drive, SourcePosition, SweepInfo, SweepSource};
+use lidar::nmea::LogStats;
+use lidar::{SweepError, SweepPoint};
 use messages::SweepHeader;
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,7 @@
 //! lower, because triggers jitter and the distance between exposures follows from fixes.
 
 use super::odometer::Odometer;
-use formats::drive::Frame;
+use drive::Frame;
 use geometry::Stamp;
 use std::collections::BTreeMap;
 

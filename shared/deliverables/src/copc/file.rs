@@ -8,7 +8,7 @@ use crate::las::{
     laz_vlr,
 };
 use crate::spool::Spool;
-use formats::atomic_file::AtomicFile;
+use files::atomic_file::AtomicFile;
 use laz::LazVlr;
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use rayon::prelude::*;

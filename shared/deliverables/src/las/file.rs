@@ -5,7 +5,7 @@ use super::record::position_of;
 use super::vlr::Vlr;
 use super::{FORMAT_7_BYTES, HeaderFacts, LasHeader};
 use crate::error::DeliverError;
-use formats::atomic_file::AtomicFile;
+use files::atomic_file::AtomicFile;
 use laz::{LasZipError, LazItemRecordBuilder, LazVlr, LazVlrBuilder, ParLasZipCompressor};
 use std::fs::File;
 use std::io::{self, BufWriter, Cursor, Seek, SeekFrom, Write};

@@ -13,7 +13,7 @@
 
 use super::record::SCALE_M;
 use super::vlr::padded;
-use formats::calendar::{DAY_NANOS, date_from_days, days_from_date};
+use files::calendar::{DAY_NANOS, date_from_days, days_from_date};
 
 /// Bytes of the header.
 pub(crate) const HEADER_BYTES: usize = 375;

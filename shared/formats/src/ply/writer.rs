@@ -1,7 +1,7 @@
 //! Writing clouds.
 
 use super::{Header, Kind, PlyError, Row, RowMismatch};
-use crate::atomic_file::AtomicFile;
+use files::atomic_file::AtomicFile;
 use rayon::prelude::*;
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
@@ -124,7 +124,7 @@ impl PlyWriter {
         self.finish_by(AtomicFile::commit)
     }
 
-    /// Gives the cloud its name without syncing. Call [`crate::atomic_file::sync_all`] later.
+    /// Gives the cloud its name without syncing. Call [`files::atomic_file::sync_all`] later.
     pub fn finish_unsynced(self) -> Result<u64, PlyError> {
         self.finish_by(AtomicFile::commit_unsynced)
     }

@@ -1,7 +1,7 @@
 //! A trajectory file of any format.
 
 use super::{TrajectoryError, line, poses_from_kitti, times_from_kitti, trajectory_from_csv, trajectory_from_tum};
-use crate::problems::FileProblem;
+use files::problems::FileProblem;
 use geometry::{Pose, Stamp, Trajectory};
 use std::path::Path;
 

@@ -123,7 +123,7 @@ fn rows_written_in_pieces_give_the_same_file() {
     writer.write_blocks(1001, |first, block| rows.read_into(8_999 + first, block)).expect("writes");
     assert!(rows.read_into(9_999, &mut [0; 18]).is_err(), "a row and a byte");
     writer.finish_unsynced().expect("finishes");
-    formats::atomic_file::sync(&pieces).expect("syncs");
+    files::atomic_file::sync(&pieces).expect("syncs");
     assert_eq!(std::fs::read(once).expect("reads"), std::fs::read(pieces).expect("reads"));
 }
 

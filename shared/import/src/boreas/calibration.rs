@@ -2,7 +2,7 @@
 
 use crate::cameras::Projection;
 use crate::error::{At, ImportError};
-use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
+use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use formats::trajectory::poses_from_kitti;
 use geometry::Pose;
 use std::path::Path;

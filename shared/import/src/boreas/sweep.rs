@@ -4,8 +4,8 @@
 use crate::error::{At, ImportError};
 use crate::rings::{Elevations, Rings};
 use formats::cloud::{CloudPoint, FiredPoint, check_points};
-use formats::lidar::SweepReader;
 use formats::pcd::{PcdCloud, pcd_from_cloud};
+use lidar::SweepReader;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -4,12 +4,12 @@ use super::scanner::N_RINGS;
 use super::sweeps::Sweeps;
 use super::tile_files::TilePoint;
 use crate::error::{At, ImportError};
-use formats::recording::RecordingWriter;
 use messages::pod::bytes_from_rows;
 use messages::{
     ByteTable, CLASS_TABLE_VERSION, ClassHeader, ClassRow, ClassTopic, Envelope, InstanceHeader, InstanceTopic,
     Message, NoHeader, PoseRow, StampedPose, SubmapHeader, SubmapPoint, SubmapTopic, TickRow, TrajectoryTopic,
 };
+use recording::RecordingWriter;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 

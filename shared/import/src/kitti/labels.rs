@@ -5,7 +5,7 @@ use crate::error::{At, ImportError};
 use crate::files::files;
 use crate::numbered::number_of;
 use crate::plan::Conversion;
-use formats::drive::is_return;
+use drive::is_return;
 use formats::kitti::{Label, bytes_from_labels, labels_from_bytes, points_from_bin};
 use formats::semantic_kitti::class_of_label;
 use std::collections::BTreeMap;

@@ -3,10 +3,10 @@
 use super::unit_log::UnitLog;
 use crate::error::{At, ImportError};
 use crate::numbered::Stamps;
-use formats::imu::ImuSample;
-use formats::nmea::Fix;
-use formats::text_file::read_text;
+use drive::imu::ImuSample;
+use files::text_file::read_text;
 use geometry::{Geodetic, Isometry3, Stamp, UnitQuaternion};
+use lidar::nmea::Fix;
 use std::path::Path;
 
 /// Largest record, bytes: thirty numbers have about 500.

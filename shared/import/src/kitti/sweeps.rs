@@ -6,9 +6,9 @@ use crate::files::files;
 use crate::numbered::Stamps;
 use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
-use formats::manifest::LidarEntry;
-use formats::velodyne;
+use drive::manifest::LidarEntry;
 use geometry::Pose;
+use lidar::velodyne;
 use std::path::{Path, PathBuf};
 
 /// Sweeps with the numbers of their files.

@@ -2,10 +2,10 @@
 
 use crate::fixes;
 use crate::plan::{Plan, TextFile};
-use formats::imu::{ImuSample, csv_from_samples};
-use formats::manifest::ImuEntry;
-use formats::nmea::Fix;
+use drive::imu::{ImuSample, csv_from_samples};
+use drive::manifest::ImuEntry;
 use geometry::{Geodetic, LocalFrame, Pose, Trajectory};
+use lidar::nmea::Fix;
 
 /// Records in the order of their stamps.
 #[derive(Default)]

@@ -8,9 +8,9 @@ use crate::error::{At, ImportError};
 use crate::files::files;
 use crate::fixes;
 use crate::plan::Plan;
-use formats::calendar::DAY_NANOS;
-use formats::nmea::{Fix, Rmc, Sentence, parse};
+use files::calendar::DAY_NANOS;
 use geometry::Stamp;
+use lidar::nmea::{Fix, Rmc, Sentence, parse};
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -4,7 +4,7 @@
 use crate::error::{At, ImportError};
 use crate::files::files;
 use crate::imu_units::to_metric;
-use formats::imu::ImuSample;
+use drive::imu::ImuSample;
 use geometry::Stamp;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use super::category::class_of_category;
 use super::table;
 use crate::error::{At, ImportError};
 use crate::plan::{Conversion, Plan};
-use formats::drive::is_return;
+use drive::is_return;
 use formats::kitti::{Label, bytes_from_labels};
 use formats::nuscenes::points_from_bin;
 use geometry::{Point3, Pose};

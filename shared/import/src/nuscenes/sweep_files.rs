@@ -7,10 +7,15 @@ use crate::plan::Plan;
 use crate::rows::{self, Rows};
 use crate::sweeps::Sweeps;
 use crate::{Kind, Options};
-use formats::nuscenes::{self, SweepName};
+use drive::manifest::PoseEntry;
+use formats::nuscenes::SweepName;
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::{Path, PathBuf};
 
+/// Body frame (x forward, y left) of a lidar frame with x right and y forward, at the same origin.
+const BODY_FROM_LIDAR: PoseEntry =
+    PoseEntry { translation: [0.0; 3], rotation: [0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2] };
 /// A longer time between two sweeps is a gap of the data set, ns.
 const GAP_NANOS: i64 = 1_000_000_000;
 /// Logs that an error names.
@@ -41,7 +46,7 @@ pub(super) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     sweeps.check(source)?;
     rows::check(&sweeps.files, Rows::OF_NUSCENES)?;
     let name = crate::drive_name(source, Kind::Nuscenes);
-    let mut plan = sweeps.plan(Kind::Nuscenes, &name, lidar(options, nuscenes::BODY_FROM_LIDAR));
+    let mut plan = sweeps.plan(Kind::Nuscenes, &name, lidar(options, BODY_FROM_LIDAR));
     plan.report.push("the body frame is at the LiDAR, with x forward; its height above the ground is not known".into());
     if n_gaps > 0 {
         plan.report.push(format!("{n_gaps} gaps of more than 1 s between sweeps: odometry cannot bridge them"));

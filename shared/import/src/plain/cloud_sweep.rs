@@ -5,9 +5,9 @@ use crate::las::{LasPoint, each_block};
 use crate::point_times::TimeForm;
 use crate::rings::{Elevations, Rings};
 use formats::cloud::{CloudPoint, FiredPoint};
-use formats::lidar::{Lidar, Model};
 use formats::pcd::{PcdCloud, pcd_from_cloud};
 use formats::ply::Vertices;
+use lidar::{Lidar, Model};
 use std::path::Path;
 
 /// Coordinates beyond this are those of a map, m: no LiDAR measures so far.

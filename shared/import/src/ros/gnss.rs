@@ -1,8 +1,8 @@
 //! Position fixes as NMEA sentences.
 
 use super::messages::NavSatFix;
-use formats::nmea::{Fix, fixes, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
 use geometry::Stamp;
+use lidar::nmea::{Fix, fixes, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};

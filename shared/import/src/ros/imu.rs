@@ -1,7 +1,7 @@
 //! IMU samples as CSV.
 
 use super::messages::Imu;
-use formats::imu::{HEADER, MAX_ACCELERATION, MAX_ANGULAR_RATE};
+use drive::imu::{HEADER, MAX_ACCELERATION, MAX_ANGULAR_RATE};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Imports of Boreas sequences, written by tests as the data set is published.
 
 use super::support::{Import, error, folder, of, png, write_file};
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::{CameraModel, Point3, Vector3};
 use import::Kind;
 use nalgebra::{Matrix3, Rotation3};

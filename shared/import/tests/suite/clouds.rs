@@ -1,11 +1,11 @@
 //! Labeled clouds of other data sets, written as their makers publish them.
 
 use crate::support::{error, folder, of, write_file};
-use formats::recording::TickReader;
 use messages::pod::rows_from_bytes;
 use messages::{
     ClassId, ClassRow, Envelope, MAX_SWEEPS_PER_SUBMAP, Message, StampedPose, SubmapHeader, SubmapPoint, SubmapTopic,
 };
+use recording::TickReader;
 use std::path::Path;
 
 /// A street of 50 m along x: the ground, a wall at y = 8 m up to 6 m, a car. Position and kind of each point.

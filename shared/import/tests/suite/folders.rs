@@ -1,8 +1,8 @@
 //! Imports of small folders in the layouts of the data sets, and of real sweeps.
 
 use super::support::{error, folder, of, write_file};
+use drive::Drive;
 use formats::cloud::CloudPoint;
-use formats::drive::Drive;
 use formats::{kitti, nuscenes};
 use import::Kind;
 
@@ -122,7 +122,7 @@ fn kind_and_model_of_the_command_line_are_used() {
     write_file(&source.join("0.bin"), kitti::bin_from_points(&points(200.0)));
     let mut import = of(&source, &folder);
     assert!(error(&import).contains("intensity 200 must be 0 to 1"));
-    (import.options.kind, import.options.model) = (Some(Kind::Bin), Some(formats::velodyne::Model::Vlp16.into()));
+    (import.options.kind, import.options.model) = (Some(Kind::Bin), Some(lidar::velodyne::Model::Vlp16.into()));
     let report = import.run().expect("imports");
     assert!(report[0].contains("1 sweep of vlp16"), "{report:?}");
     assert!(report[1].contains("no times"), "{report:?}");

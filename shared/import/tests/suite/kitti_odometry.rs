@@ -1,8 +1,8 @@
 //! Imports of a sequence of KITTI odometry with the labels of SemanticKITTI, written as the data sets are published.
 
 use super::support::{Import, error, first_label, folder, of, png, write_file};
+use drive::{Drive, NoLabel};
 use formats::cloud::CloudPoint;
-use formats::drive::{Drive, NoLabel};
 use formats::kitti::{Label, bin_from_points, bytes_from_labels, labels_from_bytes};
 use formats::trajectory::poses_from_kitti;
 use geometry::{Point3, Pose};

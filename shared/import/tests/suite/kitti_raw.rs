@@ -1,7 +1,7 @@
 //! Imports of a drive of KITTI raw, written as the data set is published, with the calibration of its day.
 
 use super::support::{Import, error, folder, of, png, write_file};
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::{Point3, Stamp, Trajectory};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

@@ -2,8 +2,8 @@
 
 use super::las_file::{RECORD_BYTES, Row, las, layered_laz};
 use super::support::{Import, error, folder, of, write_file};
-use formats::drive::Drive;
-use formats::lidar::SweepPoint;
+use drive::Drive;
+use lidar::SweepPoint;
 use std::path::PathBuf;
 use tempfile::TempDir;
 

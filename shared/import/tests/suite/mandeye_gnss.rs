@@ -2,8 +2,8 @@
 
 use super::mandeye::{imported, recording};
 use super::support::{Import, folder, of, write_file};
-use formats::drive::Drive;
-use formats::nmea::{Fix, LogStats};
+use drive::Drive;
+use lidar::nmea::{Fix, LogStats};
 use std::path::PathBuf;
 use tempfile::TempDir;
 

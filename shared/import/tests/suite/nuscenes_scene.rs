@@ -1,8 +1,8 @@
 //! Imports of scenes of nuScenes with their tables, written as the schema of the data set says.
 
 use super::support::{Import, error, first_label, folder, of, write_file};
+use drive::{Drive, NoLabel};
 use formats::cloud::CloudPoint;
-use formats::drive::{Drive, NoLabel};
 use formats::kitti::labels_from_bytes;
 use formats::nuscenes::bin_from_points;
 use geometry::{Isometry3, Point3, Pose, UnitQuaternion, Vector3};

@@ -2,8 +2,8 @@
 
 use super::las_file;
 use super::support::{Import, error, folder, of, write_file};
+use drive::Drive;
 use formats::cloud::CloudPoint;
-use formats::drive::Drive;
 use formats::pcd::pcd_from_points;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -148,7 +148,7 @@ fn fired() -> Vec<([f32; 3], u8, f64)> {
 }
 
 /// Rings and times of the returns of the first sweep, as the file of the drive has them.
-fn first_sweep(drive: &Drive) -> (formats::lidar::SweepInfo, Vec<(u8, u32)>) {
+fn first_sweep(drive: &Drive) -> (lidar::SweepInfo, Vec<(u8, u32)>) {
     let mut found = Vec::new();
     let mut source = drive.sweeps().expect("opens");
     let info = source.next_sweep(|some| found.extend(some.iter().map(|r| (r.ring, r.offset_nanos)))).expect("reads");
@@ -176,7 +176,7 @@ fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
         write_file(&source.join("1583836591182590976.ply"), head + &rows.concat());
         let mut import = of(&source, &folder);
         import.out = folder.path().join(format!("{name}.drive"));
-        import.options.model = formats::lidar::Model::from_name("hdl32e");
+        import.options.model = lidar::Model::from_name("hdl32e");
         let (report, drive) = imported(&import);
         assert!(report.iter().any(|line| line == "rings: ring, 32 beams counted from the highest"), "{report:?}");
         assert!(report.iter().any(|line| line.starts_with(&format!("point times: {name}, in "))), "{report:?}");

@@ -1,9 +1,9 @@
 //! Imports of the bags that `tests/bags/make_bags.py` wrote with the Python package rosbags.
 
 use super::support::{Import, folder, of};
-use formats::drive::{Drive, SweepInfo};
-use formats::lidar::SweepPoint;
+use drive::{Drive, SweepInfo};
 use geometry::{CameraModel, Vector3};
+use lidar::SweepPoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

@@ -1,9 +1,9 @@
 //! Imports of real bags with packets. The sums of their packets are those that the Python package rosbags reads.
 
 use super::support::{folder, of};
-use formats::drive::Drive;
-use formats::lidar::Model;
+use drive::Drive;
 use geometry::{Point3, Vector3};
+use lidar::Model;
 use std::path::Path;
 
 /// Bytes of a capture before its first record.

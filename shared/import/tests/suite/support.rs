@@ -1,6 +1,6 @@
 //! Imports into folders of a test.
 
-use formats::drive::{Drive, NoLabel, Shot, TrueLabel};
+use drive::{Drive, NoLabel, Shot, TrueLabel};
 use import::Options;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -8,7 +8,7 @@
 //! stamps.txt            ns of the first shots, one a line; without it sweeps follow at 10 Hz
 //! mounting.txt          body_from_lidar, 12 numbers
 //! poses.txt             truth: world_from_lidar at the last shot, 12 numbers a line
-//! imu.csv               inertial samples, see `formats::imu`
+//! imu.csv               inertial samples, see `drive::imu`
 //! velocities.csv        of a receiver: stamp, m/s towards east and north, standard deviation
 //! places.txt            positions of inertial unit and antenna in the body, m, one a line
 //! ```
@@ -100,8 +100,8 @@ impl SweepFolder {
     /// All inertial samples.
     pub fn inertial(&self) -> anyhow::Result<Vec<InertialSample>> {
         let file = fs::File::open(self.folder.join("imu.csv")).context("imu.csv")?;
-        let samples = formats::imu::ImuReader::new(std::io::BufReader::new(file));
-        let sample = |sample: formats::imu::ImuSample| InertialSample {
+        let samples = drive::imu::ImuReader::new(std::io::BufReader::new(file));
+        let sample = |sample: drive::imu::ImuSample| InertialSample {
             stamp: sample.stamp,
             force: sample.acceleration.into(),
             rate: sample.angular_rate.into(),

@@ -1,12 +1,12 @@
 //! A simulated drive in a queue that starts with the vehicle, from rest.
 
-use formats::drive::Drive;
+use drive::Drive;
 use registration::{
     GroundVelocity, InertialSample, Odometry, OdometrySettings, Registered, SensorMounting, Sweep, TimedPoint,
 };
 use simulation::{DriveSettings, DriveSpec, write_drive};
 
-fn timed(point: &formats::lidar::SweepPoint) -> TimedPoint {
+fn timed(point: &lidar::SweepPoint) -> TimedPoint {
     TimedPoint { position: [point.x, point.y, point.z], offset_nanos: point.offset_nanos, ring: point.ring }
 }
 
@@ -29,7 +29,7 @@ fn driven(drive: &Drive) -> Registered {
         })
         .peekable();
     let (fixes, _) = drive.fixes().unwrap();
-    let velocity = |fix: &formats::nmea::Fix| GroundVelocity::new(fix.stamp, fix.speed_mps?, fix.course_deg, fix.hdop);
+    let velocity = |fix: &lidar::nmea::Fix| GroundVelocity::new(fix.stamp, fix.speed_mps?, fix.course_deg, fix.hdop);
     let mut velocities = fixes.iter().filter_map(velocity).peekable();
     let mut sweeps = drive.sweeps().unwrap();
     let (mut points, mut last) = (Vec::new(), None);

@@ -5,8 +5,8 @@ use super::hypotheses::{Hypothesis, lenses, mountings};
 use crate::survey::{PixelBuffer, Survey, decoded};
 use camera_alignment::{AlignmentExposure, Offset, OffsetMonitor, Profile, fit_rotation};
 use coloring::{PointBuffers, ProjectionCamera, SubmapPoints, VisibilityMap};
-use formats::drive::{Drive, Frame};
-use formats::manifest::rules::MAX_DELAY_NANOS;
+use drive::manifest::rules::MAX_DELAY_NANOS;
+use drive::{Drive, Frame};
 use geometry::Stamp;
 use rayon::prelude::*;
 
@@ -118,7 +118,7 @@ fn exposures<'a>(drive: &'a Drive, survey: &Survey, camera: usize) -> Vec<&'a Fr
 
 fn of_frames(
     frames: &[&Frame],
-    entry: &formats::manifest::CameraEntry,
+    entry: &drive::manifest::CameraEntry,
     of: impl Fn(&Frame, &PixelBuffer) -> Vec<Profile> + Sync,
 ) -> Vec<Profile> {
     let by_frame: Vec<Vec<Profile>> = (frames.par_iter())

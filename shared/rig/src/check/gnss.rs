@@ -2,9 +2,9 @@
 
 use super::Verdict;
 use crate::survey::Survey;
-use formats::drive::Drive;
-use formats::nmea::Fix;
+use drive::Drive;
 use geometry::{Geodetic, LocalFrame, Stamp};
+use lidar::nmea::Fix;
 
 /// Largest distance of the fixes from the origin of the world frame, m. Coordinates in meters lose precision beyond.
 const MAX_ORIGIN_M: f64 = 50_000.0;

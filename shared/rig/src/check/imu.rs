@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use crate::survey::Survey;
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::UnitQuaternion;
 use nalgebra::{Matrix3, Rotation3};
 use registration::{Axes, InertialCheck};

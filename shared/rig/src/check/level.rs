@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use crate::survey::{GroundPlane, Survey};
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::{UnitQuaternion, Vector3};
 
 /// Larger tilts are doubts, rad: a road falls to its sides by 1.4 degrees, and springs add one.

@@ -4,7 +4,7 @@ use super::Verdict;
 use crate::error::RigError;
 use crate::other_lidar::OtherMounting;
 use crate::survey::{Survey, SurveySettings};
-use formats::drive::Drive;
+use drive::Drive;
 
 /// Larger errors are doubts: they double walls 10 m away, rad and m.
 const MAX_TURN: f64 = 0.5 * std::f64::consts::PI / 180.0;

@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use crate::survey::{RawSweep, Survey};
-use formats::drive::Drive;
+use drive::Drive;
 use registration::{Odometry, OdometrySettings, SensorMounting, SpinDirection, Sweep, TimedPoint};
 
 /// Sweeps before the motion is known well are not compared.

@@ -4,7 +4,7 @@ use super::overlay::in_frame;
 use super::{Content, Picture, dot};
 use crate::check::level;
 use crate::survey::{KeptSweep, Survey};
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::Point3;
 use image::{Rgb, RgbImage};
 

@@ -2,7 +2,7 @@
 
 use super::{Content, Picture, dot};
 use crate::survey::{KeptSweep, Survey, decoded};
-use formats::drive::{Drive, Frame};
+use drive::{Drive, Frame};
 use geometry::{Point3, Pose};
 use image::RgbImage;
 use registration::DeskewTable;

@@ -3,7 +3,7 @@
 use super::Picture;
 use crate::check::Report;
 use crate::survey::Survey;
-use formats::drive::Drive;
+use drive::Drive;
 use page::{Level, Page, Table};
 
 /// The page. Pictures are files beside it.

@@ -4,8 +4,8 @@ use super::{Change, Outcome, Refined, delayed, outcome};
 use crate::check::CameraScores;
 use crate::check::turned;
 use crate::survey::Survey;
-use formats::drive::Drive;
-use formats::manifest::{CameraEntry, MosaicEntry, PoseEntry};
+use drive::Drive;
+use drive::manifest::{CameraEntry, MosaicEntry, PoseEntry};
 use geometry::{Pose, UnitQuaternion, Vector3};
 
 const NAMES: [&str; 3] = ["rotation about x", "rotation about y", "rotation about z"];

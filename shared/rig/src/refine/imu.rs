@@ -3,7 +3,7 @@
 use super::{Change, Outcome, Refined, delayed, outcome};
 use crate::check::{quaternion, rotation_of};
 use crate::survey::Survey;
-use formats::manifest::PoseEntry;
+use drive::manifest::PoseEntry;
 use geometry::{UnitQuaternion, Vector3};
 
 /// A rotation with a larger deviation is not determined, rad: one degree.

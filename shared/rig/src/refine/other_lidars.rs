@@ -4,7 +4,7 @@ use super::{Change, Outcome, Refined, outcome};
 use crate::error::RigError;
 use crate::other_lidar::OtherMounting;
 use crate::survey::{Survey, SurveySettings};
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::{Isometry3, UnitQuaternion, Vector3};
 
 const AXES: [&str; 3] = ["x", "y", "z"];

@@ -2,9 +2,9 @@
 
 use super::{Change, Outcome, Refined, SIGNIFICANT};
 use crate::survey::Survey;
-use formats::drive::Drive;
-use formats::lidar::{Lidar, Model};
-use formats::velodyne::{Laser, lasers_from_file};
+use drive::Drive;
+use lidar::velodyne::{Laser, lasers_from_file};
+use lidar::{Lidar, Model};
 use registration::RingError;
 use std::fmt::Write;
 
@@ -90,7 +90,7 @@ fn detrended(errors: &[RingError]) -> Vec<RingError> {
 }
 
 /// The lasers of a Velodyne in firing order.
-fn lasers(lidar: &Lidar) -> Option<(formats::velodyne::Model, Vec<Laser>)> {
+fn lasers(lidar: &Lidar) -> Option<(lidar::velodyne::Model, Vec<Laser>)> {
     let Model::Velodyne(model) = lidar.model() else { return None };
     let lasers = match lidar.calibration_file() {
         Some((_, text)) => lasers_from_file(text, model).ok()?,
@@ -100,7 +100,7 @@ fn lasers(lidar: &Lidar) -> Option<(formats::velodyne::Model, Vec<Laser>)> {
 }
 
 /// A file of the unit as drivers of ROS read it, in rad and m.
-fn yaml(model: formats::velodyne::Model, lasers: &[Laser]) -> String {
+fn yaml(model: lidar::velodyne::Model, lasers: &[Laser]) -> String {
     let mut text = String::from("lasers:\n");
     for (id, laser) in lasers.iter().enumerate() {
         let [elevation, azimuth] = [laser.elevation_deg, laser.azimuth_deg].map(f64::to_radians);
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn written_file_is_read_back() {
-        for model in [formats::velodyne::Model::Hdl32e, formats::velodyne::Model::Vlp32c] {
+        for model in [lidar::velodyne::Model::Hdl32e, lidar::velodyne::Model::Vlp32c] {
             let text = yaml(model, model.lasers());
             let found = lasers_from_file(&text, model).expect("reads");
             for (found, laser) in found.iter().zip(model.lasers()) {

@@ -2,8 +2,8 @@
 
 use acquisition::recorded::image_into;
 use coloring::ColorImage;
-use formats::drive::Frame;
-use formats::manifest::CameraEntry;
+use drive::Frame;
+use drive::manifest::CameraEntry;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The decoded pixels of an image: three bytes each.

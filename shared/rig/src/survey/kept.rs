@@ -1,7 +1,7 @@
 //! Sweeps that are kept for pictures.
 
 use super::RawSweep;
-use formats::drive::{Drive, Frame};
+use drive::{Drive, Frame};
 use geometry::Stamp;
 use messages::SweepPoint;
 use registration::{Registered, SweepMotion};

@@ -1,9 +1,9 @@
 //! Stamps of all sensors.
 
 use crate::error::RigError;
-use formats::drive::{Drive, Frame};
-use formats::nmea::Fix;
+use drive::{Drive, Frame};
 use geometry::Stamp;
+use lidar::nmea::Fix;
 
 /// What a sensor is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

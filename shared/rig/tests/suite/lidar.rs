@@ -1,8 +1,8 @@
 //! Faults of the LiDAR, the inertial unit and the receiver.
 
 use crate::support::{Copied, Sample, doubts, turn, with_turns};
-use formats::drive::Drive;
-use formats::manifest::PoseEntry;
+use drive::Drive;
+use drive::manifest::PoseEntry;
 use geometry::{Pose, UnitQuaternion, Vector3};
 use registration::SpinDirection;
 use rig::survey::SurveySettings;

@@ -10,7 +10,7 @@ fn copied() -> Copied {
     Copied::of(with_two_lidars())
 }
 
-fn mounting(manifest: &formats::manifest::Manifest) -> Pose {
+fn mounting(manifest: &drive::manifest::Manifest) -> Pose {
     manifest.other_lidars[0].body_from_lidar.to_pose().expect("a pose")
 }
 

@@ -1,8 +1,8 @@
 //! Rigs of drives that others recorded.
 
 use crate::support::turn;
-use formats::drive::{Drive, MANIFEST_FILE};
-use formats::manifest::{LidarEntry, Manifest, PoseEntry};
+use drive::manifest::{LidarEntry, Manifest, PoseEntry};
+use drive::{Drive, MANIFEST_FILE};
 use geometry::{Pose, Translation3, Vector3};
 use registration::SpinDirection;
 use rig::check::Report;

@@ -21,7 +21,7 @@ fn of<'a>(refined: &'a Refined, subject: &str, quantity: &str) -> &'a Change {
 /// Largest angle between mountings of cameras, mrad.
 fn off(refined: &Refined, truth: &Copied) -> f64 {
     let pairs = refined.manifest.cameras.iter().zip(&truth.manifest.cameras);
-    let angle = |(found, truth): (&formats::manifest::CameraEntry, &formats::manifest::CameraEntry)| {
+    let angle = |(found, truth): (&drive::manifest::CameraEntry, &drive::manifest::CameraEntry)| {
         let [found, truth] = [found, truth].map(|entry| entry.body_from_camera.to_pose().expect("a pose"));
         found.rotation.angle_to(&truth.rotation) * 1e3
     };
@@ -132,7 +132,7 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     let lidar_errors = LidarErrors { unit_seed: 5, ..LidarErrors::POOR };
     let spec = DriveSpec { rig, lidar_errors, ..DriveSpec::urban(1, 14.0).sparse(1) };
     write_drive(&spec, &path, &mut |_| {}).expect("simulated");
-    let drive = formats::drive::Drive::open(&path).expect("a drive");
+    let drive = drive::Drive::open(&path).expect("a drive");
     let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
     let found = Refined::of(&drive, &survey, &SurveySettings::default()).expect("refined");
     let truth = std::fs::read_to_string(path.join("truth/lidar_errors.csv")).expect("reads");
@@ -143,7 +143,7 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
         .collect();
     let (name, text) = found.lidar_file.clone().expect("a file");
     assert_eq!(found.manifest.lidar.calibration.as_deref(), Some(name));
-    let refined = formats::lidar::Lidar::with_calibration(drive.model(), name, text).expect("reads");
+    let refined = lidar::Lidar::with_calibration(drive.model(), name, text).expect("reads");
     let mut corrections = vec![0.0; truth.len()];
     for ((ring, new), old) in
         drive.lidar().rings().into_iter().zip(refined.elevations_deg()).zip(drive.lidar().elevations_deg())

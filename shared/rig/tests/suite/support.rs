@@ -1,7 +1,7 @@
 //! Simulated drives, and copies of them with a fault.
 
-use formats::drive::Drive;
-use formats::manifest::{Manifest, PoseEntry};
+use drive::Drive;
+use drive::manifest::{Manifest, PoseEntry};
 use geometry::{Pose, UnitQuaternion, Vector3};
 use rig::check::Report;
 use rig::survey::{Survey, SurveySettings};

@@ -8,8 +8,8 @@ use crate::sensors::gnss::Epoch;
 use crate::simulation::Simulation;
 use crate::spec::DriveReport;
 use crate::truth::Revolutions;
-use formats::pcap;
-use formats::velodyne::{DATA_PORT, POSITION_PORT, PulseStatus, encode_position_packet};
+use lidar::pcap;
+use lidar::velodyne::{DATA_PORT, POSITION_PORT, PulseStatus, encode_position_packet};
 use std::fs::File;
 use std::io::BufWriter;
 

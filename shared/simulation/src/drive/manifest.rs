@@ -4,7 +4,7 @@ use crate::rig::{CameraSpec, MosaicSpec, OtherLidarSpec};
 use crate::sensors::gnss::ORIGIN;
 use crate::sensors::mosaic::{BIT_DEPTH, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
 use crate::spec::DriveSpec;
-use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, TruthEntry};
+use drive::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, TruthEntry};
 
 pub const GNSS_FILE: &str = "gnss.nmea";
 pub const IMU_FILE: &str = "imu.csv";

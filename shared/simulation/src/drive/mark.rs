@@ -3,7 +3,7 @@
 use crate::sensors::lidar::{GRADES, LidarErrors};
 use crate::settings::DriveSettings;
 use crate::spec::DriveSpec;
-use formats::text_file::read_toml;
+use files::text_file::read_toml;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use town::Traffic;

@@ -1,4 +1,4 @@
-//! Writes a simulated drive as a drive folder (`formats::manifest`).
+//! Writes a simulated drive as a drive folder (`drive::manifest`).
 
 mod camera_files;
 mod files;
@@ -87,7 +87,7 @@ fn write_pose_sensors(simulation: &Simulation, folder: &Folder, epochs: &[Epoch]
         folder.write(manifest::GNSS_TRUTH_FILE, gnss::truth_csv(epochs).as_bytes())?;
     }
     if let Some(samples) = simulation.imu_samples() {
-        folder.write(manifest::IMU_FILE, formats::imu::csv_from_samples(&samples).as_bytes())?;
+        folder.write(manifest::IMU_FILE, drive::imu::csv_from_samples(&samples).as_bytes())?;
     }
     let poses = formats::trajectory::tum_from_trajectory(&truth::trajectory(motion, spec.recorded_seconds()));
     folder.write(manifest::TRAJECTORY_FILE, poses.as_bytes())?;

@@ -16,8 +16,8 @@
 use super::files::Folder;
 use crate::error::SimulationError;
 use crate::simulation::Simulation;
-use formats::lidar::SweepReader;
 use geometry::{CameraModel, Point3, Pose, Stamp, Vector3};
+use lidar::SweepReader;
 use messages::ClassId;
 use random::hash;
 use rayon::prelude::*;

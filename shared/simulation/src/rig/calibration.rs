@@ -1,7 +1,7 @@
 //! Calibration errors: the true mountings differ from the nominal ones in `drive.toml` by a seeded error.
 
 use super::spec::{OtherLidarSpec, RigSpec};
-use formats::manifest::{Calibration, LidarMountingEntry, MountingEntry};
+use drive::manifest::{Calibration, LidarMountingEntry, MountingEntry};
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 use random::{gauss, hash};
 

@@ -7,9 +7,9 @@ use crate::sensors::gnss::{GnssSpec, Receiver};
 use crate::sensors::imu::{Grade, ImuSpec};
 use crate::sensors::mosaic::{MosaicModel, SIZE};
 use crate::sensors::trigger::TriggerSpec;
-use formats::manifest::rules;
-use formats::problems::FileError;
-use formats::toml_file::TomlFile;
+use drive::manifest::rules;
+use files::problems::FileError;
+use files::toml_file::TomlFile;
 use geometry::{CameraModel, Isometry3, Pose, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 use serde::Deserialize;
@@ -209,7 +209,7 @@ fn camera_pose(file: &mut TomlFile, key: &str, raw: &RawMounting) -> Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use formats::velodyne::Model;
+    use lidar::velodyne::Model;
 
     #[test]
     fn rig_file_error_lists_every_problem_with_its_line() {

@@ -4,8 +4,8 @@ use crate::sensors::gnss::GnssSpec;
 use crate::sensors::imu::ImuSpec;
 use crate::sensors::mosaic::MosaicModel;
 use crate::sensors::trigger::TriggerSpec;
-use formats::velodyne::Model;
 use geometry::{CameraModel, Pose};
+use lidar::velodyne::Model;
 
 /// A vehicle.
 #[derive(Clone, Debug, PartialEq)]

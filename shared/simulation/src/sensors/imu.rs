@@ -3,7 +3,7 @@
 use crate::motion::Motion;
 use crate::sensors::gnss::ORIGIN;
 use crate::sensors::gnss::sky::EARTH_RATE;
-use formats::imu::ImuSample;
+use drive::imu::ImuSample;
 use geometry::{Point3, Vector3};
 use random::{gauss, hash};
 

@@ -1,12 +1,12 @@
 //! The drive folder that the simulation writes.
 
 use crate::support::{SHARED_DRIVE, SharedDrive, files, revolutions, udp_payloads};
-use formats::drive::Drive;
-use formats::lidar::{SweepPoint, SweepReader};
-use formats::manifest::Manifest;
+use drive::Drive;
+use drive::manifest::Manifest;
 use formats::sensor_calibration::SensorCalibration;
-use formats::velodyne::Model;
 use geometry::{CameraModel, KannalaBrandt, Point3};
+use lidar::velodyne::Model;
+use lidar::{SweepPoint, SweepReader};
 use simulation::sensors::camera::ColorCamera;
 use simulation::{DriveSpec, RigSpec, Simulation, SimulationError, write_drive};
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! Ground truth stays in `truth/`: sensor files contain nothing that only the simulator knows.
 
 use crate::support::{files, udp_payloads};
-use formats::manifest::Manifest;
+use drive::manifest::Manifest;
 use messages::ClassId;
 use simulation::{CalibrationError, DriveSpec, RigSpec, Simulation, write_simulation};
 use std::collections::BTreeMap;

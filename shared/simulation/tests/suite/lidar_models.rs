@@ -1,9 +1,9 @@
 //! Decoded packets of every lidar model against the scene.
 
-use formats::lidar::{SweepPoint, SweepReader};
-use formats::pcap::Writer;
-use formats::velodyne::{DATA_PORT, Model};
 use geometry::{Isometry3, Point3};
+use lidar::pcap::Writer;
+use lidar::velodyne::{DATA_PORT, Model};
+use lidar::{SweepPoint, SweepReader};
 use nalgebra::Translation3;
 use simulation::sensors::lidar::LidarModel;
 use simulation::{DriveSpec, Simulation};

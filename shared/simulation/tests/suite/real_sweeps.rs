@@ -1,9 +1,9 @@
 //! Statistics of a simulated HDL-32E against a real one.
 
-use formats::lidar::{SweepPoint, SweepReader};
-use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::{DATA_PORT, DataPacket, Model};
 use geometry::Isometry3;
+use lidar::pcap::{PacketReader, Writer};
+use lidar::velodyne::{DATA_PORT, DataPacket, Model};
+use lidar::{SweepPoint, SweepReader};
 use nalgebra::Translation3;
 use simulation::sensors::lidar::LidarModel;
 use simulation::{DriveSpec, Simulation};

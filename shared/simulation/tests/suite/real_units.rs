@@ -1,6 +1,6 @@
 //! Drives as real vehicles record them: LiDAR units with errors, and dense traffic.
 
-use formats::velodyne::Model;
+use lidar::velodyne::Model;
 use messages::ClassId;
 use nalgebra::{Point3, Vector3};
 use simulation::sensors::lidar::{LidarErrors, LidarModel, LidarReturn};

@@ -1,8 +1,8 @@
 //! `truth/visibility` against ray casts from the cameras.
 
-use formats::lidar::SweepReader;
-use formats::velodyne::Model;
 use geometry::{Point3, Stamp};
+use lidar::SweepReader;
+use lidar::velodyne::Model;
 use messages::ClassId;
 use raytrace::Ray;
 use simulation::{DriveSpec, Simulation, write_drive};

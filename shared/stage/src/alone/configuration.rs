@@ -4,7 +4,7 @@ use crate::command_line::AloneArguments;
 use crate::own_table::own_table;
 use crate::program::{ConfiguredStage, Program};
 use crate::{Context, Mode, Port, Problem};
-use formats::recording::{RecordingError, RecordingReader};
+use recording::{RecordingError, RecordingReader};
 use run::launch_file::LaunchFile;
 use std::path::{Path, PathBuf};
 use toml::de::DeValue;
@@ -151,8 +151,8 @@ fn recorded_topics(stage: &'static str, inputs: &[Port], path: &Path) -> Result<
 mod tests {
     use super::*;
     use crate::{Flow, Inputs, Outputs, Stage, StateBytes, StepError};
-    use formats::recording::RecordingWriter;
     use messages::{ByteTable, ClassTopic, GnssTopic, ImuTopic};
+    use recording::RecordingWriter;
     use std::collections::BTreeMap;
 
     crate::settings! {

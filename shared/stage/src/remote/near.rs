@@ -5,7 +5,7 @@ use super::stand_in::RemoteProgram;
 use super::wire::{Answer, LaunchText, Request};
 use crate::command_line::print_json;
 use crate::{Port, Problem, StepError, exit, run_program};
-use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
+use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use run::assignment::{Assignment, Description};
 use run::{CheckRequest, DescribeRequest, FileIdentity, Remote};
 use std::collections::BTreeMap;

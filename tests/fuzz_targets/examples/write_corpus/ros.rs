@@ -127,12 +127,12 @@ fn livox(is_cdr: bool) -> Vec<u8> {
 
 fn velodyne(is_cdr: bool) -> Vec<u8> {
     let mut to = Values::new(is_cdr).header(0, "velodyne").u32(1).u32(SECONDS).u32(0);
-    to.bytes.extend(super::seeds::packet(formats::velodyne::Model::Vlp16, 3));
+    to.bytes.extend(super::seeds::packet(lidar::velodyne::Model::Vlp16, 3));
     to.bytes
 }
 
 fn nebula(is_cdr: bool) -> Vec<u8> {
-    let packet = super::seeds::packet(formats::velodyne::Model::Vlp16, 3);
+    let packet = super::seeds::packet(lidar::velodyne::Model::Vlp16, 3);
     Values::new(is_cdr).header(0, "hesai").u32(1).u32(SECONDS).u32(0).blob(&packet).bytes
 }
 

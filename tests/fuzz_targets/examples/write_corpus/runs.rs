@@ -1,6 +1,6 @@
 //! What the processes of a run write, and models on range images.
 
-use formats::drive::SourcePosition;
+use drive::SourcePosition;
 use messages::{
     ByteTable, ClassRow, ClassTopic, Envelope, GnssTopic, ImageTopic, Message, MosaicTopic, Pod, TickTopic,
     TrajectoryTopic,

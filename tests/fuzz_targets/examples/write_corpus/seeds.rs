@@ -1,22 +1,20 @@
 //! The seeds.
 
 use crate::{data_sets, ros, runs};
+use drive::imu::{ImuSample, csv_from_samples};
 use formats::cloud::CloudPoint;
-use formats::imu::{ImuSample, csv_from_samples};
-use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
-use formats::pcap::Writer;
 use formats::pgm::pgm_from_samples;
 use formats::ply::{Header, Kind, PlyWriter};
-use formats::recording::RecordingWriter;
 use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, numbered, tum_from_trajectory};
-use formats::velodyne::{
-    DATA_PORT, Model, PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet,
-};
 use formats::{envi, kitti, nuscenes, pcd};
 use geometry::{Pose, Stamp};
 use image::{ImageFormat, RgbImage};
+use lidar::nmea::{Fix, gga_from_fix, rmc_from_fix};
+use lidar::pcap::Writer;
+use lidar::velodyne::{DATA_PORT, Model, PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
 use messages::{ByteTable, ClassTopic, TickRow};
+use recording::RecordingWriter;
 use run::state_file::{RunnerState, write_state};
 use stage::encode_state;
 use std::collections::BTreeMap;
@@ -458,7 +456,7 @@ fn states() -> Vec<Vec<u8>> {
         .expect("writes")
         .commit()
         .expect("saves");
-    let position = formats::drive::SourcePosition::Clouds { next: 4, taken: 2, n_bad: 1 };
+    let position = drive::SourcePosition::Clouds { next: 4, taken: 2, n_bad: 1 };
     vec![
         fs::read(path).expect("reads"),
         encode_state(2, &runner).expect("encodes"),

@@ -1,5 +1,5 @@
 use super::*;
-use formats::recording::RecordingWriter;
+use recording::RecordingWriter;
 use foxglove::Decode;
 use foxglove::messages::{FrameTransforms, PointCloud, SceneUpdate};
 use messages::pod::bytes_from_rows;

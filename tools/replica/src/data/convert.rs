@@ -5,9 +5,9 @@ use crate::exit_code;
 use crate::terminal::say;
 use anyhow::Context;
 use clap::ValueEnum;
-use formats::lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
+use files::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use formats::ply::{Header, Kind, PlyWriter};
-use formats::text_file::{MAX_CALIBRATION_BYTES, read_text};
+use lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -123,12 +123,12 @@ fn write_ply(path: &Path, info: &SweepInfo, model: Model, returns: &[SweepPoint]
 mod tests {
     use super::*;
     use formats::ply::Vertices;
-    use formats::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
     use geometry::Stamp;
+    use lidar::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
 
     /// Two packets of one azimuth sector, and the packet between them if `complete`.
     fn capture(folder: &Path, complete: bool) -> PathBuf {
-        let mut writer = formats::pcap::Writer::new(Vec::new()).expect("writes");
+        let mut writer = lidar::pcap::Writer::new(Vec::new()).expect("writes");
         for packet in [0_i64, 1, 2] {
             let blocks = std::array::from_fn(|index| RawBlock {
                 azimuth: 9000 + (packet as u16 * 12 + index as u16) * 18,

@@ -3,7 +3,7 @@
 use crate::exit_code;
 use crate::terminal::StopFlag;
 use anyhow::Context;
-use formats::atomic_file::AtomicFile;
+use files::atomic_file::AtomicFile;
 use formats::multipart::MultipartReader;
 use formats::pgm::{Pgm, pgm_from_samples};
 use run::exit;

@@ -5,8 +5,8 @@ mod ladybug;
 
 use crate::terminal::say;
 use anyhow::{bail, ensure};
-use formats::lidar::Model;
 use import::{Kind, Options, RosOptions};
+use lidar::Model;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -8,12 +8,12 @@ use crate::argument::InvalidValue;
 use crate::terminal::StopFlag;
 use crate::terminal::say;
 use anyhow::{Context, ensure};
-use formats::drive::Drive;
-use formats::lidar::Model;
-use formats::pcap::PacketReader;
-use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT, restamp};
+use drive::Drive;
 use geometry::Stamp;
 use images::{ImageWriter, prepare_folders};
+use lidar::Model;
+use lidar::pcap::PacketReader;
+use lidar::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT, restamp};
 use others::{Others, Targets};
 use run::exit;
 use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
@@ -369,7 +369,7 @@ mod tests {
     use super::*;
     use crate::argument::Cli;
     use clap::Parser;
-    use formats::pcap::Writer;
+    use lidar::pcap::Writer;
 
     /// Ten packets, 1 ms apart. The first byte is their number; every fourth is neither a data nor a position packet.
     fn capture(folder: &Path) -> PathBuf {

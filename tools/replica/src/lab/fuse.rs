@@ -4,7 +4,7 @@ mod prior_recipe;
 
 use crate::argument;
 use anyhow::Context;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use prior_recipe::PriorRecipe;
 use segmentation::Fusion;
 use std::collections::BTreeMap;

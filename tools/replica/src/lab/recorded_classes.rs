@@ -1,9 +1,9 @@
 //! Recordings of labeled clouds, as `replica import` writes them: each submap is followed by its true classes.
 
 use anyhow::Context;
-use formats::recording::RecordingReader;
 use messages::pod::{Pod, rows_from_bytes};
 use messages::{ClassTopic, Message, SubmapTopic};
+use recording::RecordingReader;
 
 /// Whether the recording has messages of a topic.
 pub fn has_topic(reader: &RecordingReader, topic: &str) -> bool {

@@ -27,7 +27,7 @@ mod tests;
 use super::materials;
 use crate::usage_error::UsageError;
 use anyhow::Context;
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;
 use recipe::{AnyRecipe, Data, Range, RecordingSource};

@@ -1,7 +1,7 @@
 //! Finds the true label of each point of a cloud.
 
 use anyhow::ensure;
-use formats::drive::{Drive, LabelReader, LabelledSweep, NoLabel, Shot, find_label};
+use drive::{Drive, LabelReader, LabelledSweep, NoLabel, Shot, find_label};
 use formats::ply::Vertices;
 use rayon::prelude::*;
 use scores::PointLabel;

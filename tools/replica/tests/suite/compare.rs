@@ -2,9 +2,9 @@
 
 use crate::support::{printed, replica, succeeded, text};
 use formats::ply::{Header, Kind, PlyWriter, Row};
-use formats::recording::RecordingWriter;
 use messages::pod::bytes_from_rows;
 use messages::{ByteTable, Envelope, ImuRow, ImuTopic, NoHeader, TickRow};
+use recording::RecordingWriter;
 use std::collections::BTreeMap;
 use std::path::Path;
 

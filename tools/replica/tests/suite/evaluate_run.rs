@@ -2,7 +2,7 @@
 
 use crate::finished_run::{FinishedRun, RunOptions, write_run};
 use crate::support::{printed, replica, succeeded, text};
-use formats::drive::Drive;
+use drive::Drive;
 use messages::ClassId;
 use serde_json::Value;
 use std::fmt::Write;
@@ -125,7 +125,7 @@ fn truth_of_sweeps_without_point_times_is_found_by_ring_angle_and_range() {
     let n_rings = rewritten_without_times(&timed, &untimed);
     assert!(n_rings > 20, "{n_rings} rings");
     // As the odometry sets them, if it is told that the sensor spins.
-    let offset_nanos: [fn(&formats::lidar::SweepPoint) -> u32; 2] = [|_| 0, |point| u32::from(point.azimuth) * 2_700];
+    let offset_nanos: [fn(&lidar::SweepPoint) -> u32; 2] = [|_| 0, |point| u32::from(point.azimuth) * 2_700];
     for (k, offset_nanos) in offset_nanos.into_iter().enumerate() {
         let run = folder.path().join(format!("run_{k}"));
         let written = write_run(&untimed, &run, &RunOptions { offset_nanos, ..RunOptions::default() });

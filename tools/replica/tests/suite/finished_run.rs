@@ -1,11 +1,11 @@
 //! The output folder of a run on a simulated drive: the clouds are written by `delivery`, with known classes, errors and poses.
 
 use delivery::{Folder, INDEX, Index, ReceivedSubmap, write_submap};
-use formats::drive::{Drive, Shot, SweepInfo, TrueLabel, TrueLabels};
-use formats::lidar::SweepPoint;
+use drive::{Drive, Shot, SweepInfo, TrueLabel, TrueLabels};
 use formats::ply::Kind;
 use formats::trajectory::tum_from_trajectory;
 use geometry::{Isometry3, Point3, Pose, Stamp, Trajectory, heading, interpolate};
+use lidar::SweepPoint;
 use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN, pose_numbers};
 use std::collections::BTreeMap;
 use std::path::Path;

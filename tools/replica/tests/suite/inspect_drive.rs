@@ -1,7 +1,7 @@
 //! `replica inspect DRIVE`.
 
 use crate::support::{printed, replica, succeeded, text};
-use formats::drive::Drive;
+use drive::Drive;
 use image::{Rgb, RgbImage};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -159,8 +159,8 @@ fn doubts_name_sensor_time_and_reason() {
 
 #[test]
 fn gap_of_the_lidar_and_jump_of_the_receiver_are_found() {
-    use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
-    use formats::pcap::{PacketReader, Writer};
+    use lidar::nmea::{Fix, gga_from_fix, rmc_from_fix};
+    use lidar::pcap::{PacketReader, Writer};
 
     let folder = tempfile::tempdir().expect("a folder");
     let drive = Recorded::new(folder.path());

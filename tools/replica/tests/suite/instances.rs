@@ -1,7 +1,7 @@
 //! `replica evaluate instances` and `replica instances` on a drive with labels and on clouds like those of a run.
 
 use crate::support::{printed, replica, text};
-use formats::drive::{Drive, Shot};
+use drive::{Drive, Shot};
 use formats::ply::{Header, Kind, PlyWriter, Row};
 use messages::ClassId;
 use std::path::Path;

@@ -1,12 +1,12 @@
 //! A small hand-made drive with every kind of sensor.
 
-use formats::imu::{ImuSample, csv_from_samples};
-use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
-use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
-use formats::pcap::Writer;
+use drive::imu::{ImuSample, csv_from_samples};
+use drive::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
 use formats::pgm::pgm_from_samples;
-use formats::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
 use geometry::{CameraModel, Pinhole, Stamp};
+use lidar::nmea::{Fix, gga_from_fix, rmc_from_fix};
+use lidar::pcap::Writer;
+use lidar::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
 use std::fs;
 use std::path::Path;
 

@@ -8,7 +8,7 @@ mod sample;
 
 use crate::support::{bare_manifest, camera, drive, stamped, submap};
 use colorize::{Colorize, Settings};
-use formats::manifest::PoseEntry;
+use drive::manifest::PoseEntry;
 use geometry::{CameraModel, Pinhole};
 use image::RgbImage;
 use messages::{

@@ -2,7 +2,7 @@
 
 pub mod painted_street;
 
-use formats::manifest::{CameraEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
+use drive::manifest::{CameraEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
 use geometry::{CameraModel, Pose};
 use messages::{PoseRow, StampedPose, SubmapHeader, SubmapPoint, SubmapSweep};
 use tempfile::TempDir;

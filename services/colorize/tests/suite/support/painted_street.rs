@@ -2,7 +2,7 @@
 //! images and cubes of its cameras: exact, in f64, by ray casting.
 
 use super::{bare_manifest, camera, mosaic};
-use formats::manifest::Manifest;
+use drive::manifest::Manifest;
 use geometry::{CameraModel, Isometry3, KannalaBrandt, Pinhole, Point3, Pose, UnitQuaternion, Vector2, Vector3};
 use messages::{CubeHeader, ImageHeader, StampedPose, SubmapPoint};
 use rayon::prelude::*;

@@ -4,8 +4,8 @@ use super::{LIDAR, OtherSensors};
 use crate::doubts::Doubts;
 use crate::live::clocks::ClockEstimate;
 use crate::live::images::CameraKind;
-use formats::lidar::LidarStats;
-use formats::nmea::LogStats;
+use lidar::LidarStats;
+use lidar::nmea::LogStats;
 
 /// A shorter run may lie between two fixes.
 const MIN_SENSOR_NANOS: i64 = 2_000_000_000;

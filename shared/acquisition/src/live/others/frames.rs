@@ -4,9 +4,9 @@ use crate::error::LiveError;
 use crate::live::clocks::Clocks;
 use crate::live::images::{ArrivedImage, CameraKind, ImageCounts, ImageWatch};
 use crate::recorded::{Odometer, Trigger};
-use formats::drive::Frame;
-use formats::nmea::Fix;
+use drive::Frame;
 use geometry::Stamp;
+use lidar::nmea::Fix;
 use std::collections::{BTreeMap, VecDeque};
 
 /// Images that wait for a sweep. A clock that is ahead of the LiDAR's would otherwise fill the memory.

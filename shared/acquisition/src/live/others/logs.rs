@@ -3,8 +3,8 @@
 use crate::error::LiveError;
 use crate::live::clocks::Clocks;
 use crate::live::lines::{Line, LineLog};
-use formats::imu::{ImuError, ImuParser, ImuSample};
-use formats::nmea::{self, Fix, FixJoiner, LogStats, Sentence};
+use drive::imu::{ImuError, ImuParser, ImuSample};
+use lidar::nmea::{self, Fix, FixJoiner, LogStats, Sentence};
 use messages::ImuRow;
 use std::collections::VecDeque;
 use std::io;

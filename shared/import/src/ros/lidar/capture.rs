@@ -1,9 +1,9 @@
 //! Packets of a bag as a capture.
 
 use crate::error::{At, ImportError};
-use formats::lidar::{Model, SweepReader};
-use formats::pcap::Writer;
 use geometry::Stamp;
+use lidar::pcap::Writer;
+use lidar::{Model, SweepReader};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};

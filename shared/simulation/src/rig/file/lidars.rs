@@ -2,8 +2,8 @@
 
 use super::{RawLidar, one_of, pose};
 use crate::rig::{LidarSpec, OtherLidarSpec};
-use formats::toml_file::TomlFile;
-use formats::velodyne::Model;
+use files::toml_file::TomlFile;
+use lidar::velodyne::Model;
 use messages::MAX_LIDARS;
 use std::collections::BTreeSet;
 

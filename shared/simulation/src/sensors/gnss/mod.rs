@@ -18,8 +18,8 @@ pub use place::ORIGIN;
 pub use receiver::{GnssSpec, Receiver};
 
 use crate::motion::Motion;
-use formats::nmea::{Fix, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
 use geometry::{Geodetic, Point3, Stamp, Vector3};
+use lidar::nmea::{Fix, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
 use place::{GEOID_M, world};
 use random::hash;
 use rayon::prelude::*;
@@ -247,7 +247,7 @@ mod tests {
         let epochs = record_in(tunnel, &motion, &spec, 40.0, 3);
         let without: Vec<usize> = (0..epochs.len()).filter(|i| epochs[*i].fix.is_none()).collect();
         assert_eq!(without, (20..28).collect::<Vec<_>>());
-        let (read, stats) = formats::nmea::fixes(nmea(&epochs).as_bytes());
+        let (read, stats) = lidar::nmea::fixes(nmea(&epochs).as_bytes());
         assert_eq!((read.len(), stats.sentences, stats.bad_lines, stats.without_fix), (33, 82, 0, 8));
         assert!(epochs[28].error.expect("a fix").norm() < 10.0);
         assert_eq!(truth_csv(&epochs).lines().filter(|line| line.ends_with(",,")).count(), 8);
@@ -257,7 +257,7 @@ mod tests {
     fn nmea_log_contains_the_fixes() {
         let (motion, spec) = (motion(), spec(Receiver::Differential));
         let epochs = record_in(|_| FIELD, &motion, &spec, 10.0, 9);
-        let (read, stats) = formats::nmea::fixes(nmea(&epochs).as_bytes());
+        let (read, stats) = lidar::nmea::fixes(nmea(&epochs).as_bytes());
         assert_eq!((read.len(), stats.sentences, stats.bad_lines), (11, 22, 0));
         for (i, (read, epoch)) in read.iter().zip(&epochs).enumerate() {
             let fix = epoch.fix.expect("an open sky");

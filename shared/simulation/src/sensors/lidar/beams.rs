@@ -2,7 +2,7 @@
 
 use super::errors::LaserError;
 use super::model::{LidarModel, N_SLOTS, Slot, slots};
-use formats::velodyne::Model;
+use lidar::velodyne::Model;
 use nalgebra::{Isometry3, Point3};
 use raytrace::{Ray, Vec3};
 
@@ -44,7 +44,7 @@ impl Beams {
     pub(super) fn new(model: &LidarModel, errors: &[LaserError]) -> Self {
         let lasers = model.model.lasers().iter().zip(errors).map(|(laser, error)| {
             let (sin, cos) = (laser.elevation_deg + error.elevation_deg).to_radians().sin_cos();
-            // The vertical offset of an HDL-64E is at right angles to the beam (`formats::velodyne`).
+            // The vertical offset of an HDL-64E is at right angles to the beam (`lidar::velodyne`).
             let (ahead, up) =
                 if model.model == Model::Hdl64e { (-laser.up_m * sin, laser.up_m * cos) } else { (0.0, laser.up_m) };
             Laser {

@@ -1,6 +1,6 @@
 //! Errors of a real unit: what its beams do, and what its factory table says they do.
 
-use formats::velodyne::Model;
+use lidar::velodyne::Model;
 use random::{gauss, hash, unit};
 use std::fmt::Write;
 

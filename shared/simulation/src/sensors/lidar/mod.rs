@@ -1,6 +1,6 @@
 //! Rotating multi-beam lidars such as the HDL-32E. [`LidarModel`] holds the parameters.
 //!
-//! Timing and layout of packets are those that [`formats::velodyne`] decodes. The vehicle moves while the head rotates: every
+//! Timing and layout of packets are those that [`lidar::velodyne`] decodes. The vehicle moves while the head rotates: every
 //! block is cast from the current pose (it moves less than 0.6 mm within a block of an HDL-32E), movers
 //! are static during a packet (0.55 ms; 4 mm at 15 m/s between its ends and its middle).
 //!
@@ -30,8 +30,8 @@ pub use returns::{Block, LidarReturn, N_BLOCKS, N_LASERS};
 
 use crate::motion::Motion;
 use beams::{Beam, Beams};
-use formats::velodyne::{DATA_PACKET_BYTES, encode_data_packet};
 use geometry::{Isometry3, Pose, Stamp};
+use lidar::velodyne::{DATA_PACKET_BYTES, encode_data_packet};
 use model::N_SLOTS;
 use random::{gauss, hash};
 use rayon::prelude::*;

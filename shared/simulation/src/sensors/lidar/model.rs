@@ -1,7 +1,7 @@
-//! Parameters of the lidar models. Beams, firing times and packets are those of [`formats::velodyne`].
+//! Parameters of the lidar models. Beams, firing times and packets are those of [`lidar::velodyne`].
 
 use super::optics::Optics;
-use formats::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, Model};
+use lidar::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, Model};
 
 /// Returns in a packet, by slot: 32 for each of 12 blocks.
 pub const N_SLOTS: usize = BLOCKS_PER_PACKET * LASERS_PER_BLOCK;

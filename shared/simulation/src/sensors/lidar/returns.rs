@@ -1,6 +1,6 @@
 //! Blocks of a packet and their returns.
 
-use formats::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, RawBlock, RawReturn};
+use lidar::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, RawBlock, RawReturn};
 use messages::ClassId;
 
 /// Blocks of a packet.

@@ -1,8 +1,8 @@
 //! Compares two messages field by field, by the byte table of their recording.
 
 use crate::byte_values::{Number, number};
-use formats::recording::kind_bytes;
 use messages::{ByteField, ByteTable, Envelope};
+use recording::kind_bytes;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;

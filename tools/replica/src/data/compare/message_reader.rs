@@ -1,7 +1,7 @@
 //! Reads the messages of one topic of a recording, one at a time.
 
-use formats::recording::{RecordingError, RecordingReader};
 use messages::Envelope;
+use recording::{RecordingError, RecordingReader};
 use std::path::Path;
 
 /// A recording at a message of one topic.

@@ -2,7 +2,7 @@
 
 use super::Args;
 use anyhow::{Context, bail};
-use formats::drive::Drive;
+use drive::Drive;
 use formats::raw_mosaic::RawMosaic;
 use formats::sensor_calibration::{FilterBand, SensorCalibration};
 use spectral::{Calibration, Camera, Mosaic, Reference, WhitePanel};

@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use deliverables::{LeftOut, PointFile, RunFolder, TargetFrame};
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use geometry::Stamp;
 use serde::Serialize;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Converts the calibration file of a Ladybug to camera entries of a `drive.toml`.
 
 use anyhow::Context;
-use formats::manifest::CameraEntry;
+use drive::manifest::CameraEntry;
 use geometry::Pose;
 use rig::source::{FrameTree, SourceOptions, UNKNOWN_EXPOSURE_NANOS, read};
 use serde::Serialize;

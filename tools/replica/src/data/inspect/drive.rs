@@ -16,10 +16,10 @@ pub mod text;
 
 use crate::answer::Answer;
 use crate::exit_code;
+use ::lidar::nmea::Fix;
 use anyhow::Context;
+use drive::{Drive, MANIFEST_FILE};
 use facts::DriveFacts;
-use formats::drive::{Drive, MANIFEST_FILE};
-use formats::nmea::Fix;
 use geometry::Stamp;
 use pictures::Picture;
 use serde::Serialize;

@@ -1,6 +1,6 @@
 //! Topics and times of a recording.
 
-use formats::recording::{RecordingError, RecordingReader};
+use recording::{RecordingError, RecordingReader};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -5,7 +5,7 @@ use crate::data::spectrum::channel::Channel;
 use crate::data::spectrum::diagnosis::diagnose;
 use crate::data::spectrum::figures::Figures;
 use crate::data::spectrum::source::{RawCounts, Source};
-use formats::drive::Drive;
+use drive::Drive;
 use formats::ply::PlyRows;
 use serde::Serialize;
 use spectral::FrameCounts;

@@ -8,7 +8,7 @@ use super::overlays::overlays;
 use super::range_picture::range_picture;
 use crate::data::inspect::drive::pictures::{Picture, png};
 use crate::data::inspect::drive::{DriveReport, Reading};
-use formats::drive::Drive;
+use drive::Drive;
 
 /// Points around the moment of the range image, s: two revolutions at the usual 10 Hz, of which one is whole.
 const SWEEP_HALF_S: f64 = 0.1;

@@ -3,7 +3,7 @@
 use super::finished_run::FinishedRun;
 use super::moment::points_around;
 use crate::data::inspect::drive::pictures::{Picture, WIDTH, jpeg, thumbnail};
-use formats::drive::{Drive, Frame};
+use drive::{Drive, Frame};
 use formats::raw_mosaic::RawMosaic;
 use geometry::{RigCamera, Stamp};
 use image::{Rgb, RgbImage};

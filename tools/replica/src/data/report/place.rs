@@ -2,9 +2,9 @@
 
 use super::finished_run::FinishedRun;
 use chart::{COLORS, Chart, Series};
-use formats::drive::Drive;
-use formats::nmea::Fix;
+use drive::Drive;
 use geometry::{Geodetic, LocalFrame, Point3, Vector3};
+use lidar::nmea::Fix;
 use serde::Serialize;
 
 /// Vertices of the path in the map.

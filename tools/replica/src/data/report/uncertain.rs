@@ -3,7 +3,7 @@
 use super::cloud_survey::CloudSurvey;
 use super::finished_run::FinishedRun;
 use chart::{Axis, COLORS, Chart, Series};
-use formats::drive::Drive;
+use drive::Drive;
 use serde::Serialize;
 
 /// Parts of the names of counters that tell of lost, damaged or unclear data.

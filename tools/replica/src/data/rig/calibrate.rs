@@ -3,7 +3,7 @@
 use super::PartOfDrive;
 use crate::answer::Answer;
 use anyhow::{Context, ensure};
-use formats::drive::{Drive, MANIFEST_FILE};
+use drive::{Drive, MANIFEST_FILE};
 use rig::refine::{Change, Refined};
 use rig::survey::Survey;
 use serde::Serialize;

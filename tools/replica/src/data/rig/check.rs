@@ -3,7 +3,7 @@
 use super::PartOfDrive;
 use crate::answer::Answer;
 use crate::exit_code;
-use formats::drive::Drive;
+use drive::Drive;
 use rig::check::{Report, Verdict};
 use rig::picture;
 use rig::survey::{SensorStamps, Survey};

@@ -1,8 +1,8 @@
 //! `--other-lidar` of `replica rig new`.
 
-use formats::lidar::Model;
-use formats::manifest::LidarEntry;
+use drive::manifest::LidarEntry;
 use geometry::{Pose, Translation3, UnitQuaternion};
+use lidar::Model;
 use rig::rotation;
 
 /// A LiDAR after the first: `NAME=MODEL@X,Y,Z` or `NAME=MODEL@X,Y,Z@ROTATION`.

@@ -1,7 +1,7 @@
 //! Questions on a terminal for what the arguments of `replica rig new` leave open.
 
-use formats::lidar::Model;
 use geometry::{Pose, Translation3, UnitQuaternion};
+use lidar::Model;
 use rig::rotation;
 use std::io::{self, BufRead, Write};
 

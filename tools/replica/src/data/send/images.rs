@@ -1,7 +1,7 @@
 //! Writes images as a grabber does, in a thread of its own: a mosaic has megabytes, and packets must not wait for the disk.
 
 use anyhow::{Context, anyhow};
-use formats::drive::{Drive, Frame, frame_stamp};
+use drive::{Drive, Frame, frame_stamp};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};

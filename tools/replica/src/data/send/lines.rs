@@ -1,8 +1,8 @@
 //! Lines of a log with their times.
 
 use anyhow::Context;
-use formats::nmea::{self, Sentence};
 use geometry::Stamp;
+use lidar::nmea::{self, Sentence};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -99,7 +99,7 @@ fn moved_sample(line: &str, nanos: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
+    use lidar::nmea::{Fix, gga_from_fix, rmc_from_fix};
 
     #[test]
     fn lines_have_the_time_of_their_epoch() {

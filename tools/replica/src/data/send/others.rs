@@ -4,7 +4,7 @@ use super::Sent;
 use super::images::ImageWriter;
 use super::lines::{LineKind, Lines};
 use anyhow::Context;
-use formats::drive::{Drive, Frame};
+use drive::{Drive, Frame};
 use geometry::Stamp;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::PathBuf;

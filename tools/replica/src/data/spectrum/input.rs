@@ -2,8 +2,8 @@
 
 use super::source::{BandImage, RawCounts, Region, Source};
 use anyhow::{Context, bail};
+use drive::Drive;
 use formats::band_image;
-use formats::drive::Drive;
 use formats::pgm::Pgm;
 use formats::sensor_calibration::SensorCalibration;
 use formats::tiff::Tiff;

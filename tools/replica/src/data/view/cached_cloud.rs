@@ -6,7 +6,7 @@ use crate::data::deliver::{COPC_FILE, SOFTWARE, SYSTEM, progress_bar};
 use anyhow::Context;
 use deliverables::objects::objects_of;
 use deliverables::{CloudOptions, RunFolder, write_copc};
-use formats::atomic_file::write_atomic;
+use files::atomic_file::write_atomic;
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -5,8 +5,8 @@ use crate::data::report::finished_run::FinishedRun;
 use crate::data::report::overlays::overlay;
 use deliverables::TargetFrame;
 use deliverables::crs::CrsError;
+use drive::{Drive, Frame};
 use file_server::{Content, Site};
-use formats::drive::{Drive, Frame};
 use geometry::{Point3, Pose};
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 use super::machine::Machine;
 use super::profile::{self, ProcessProfile};
 use super::series::{Series, Spread};
-use formats::calendar::date_from_days;
+use files::calendar::date_from_days;
 use ipc::Transport;
 use run::summary::{StageSummary, Summary};
 use serde::Serialize;

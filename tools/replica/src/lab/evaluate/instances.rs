@@ -6,7 +6,7 @@ use crate::cloud_files::cloud_files;
 use crate::exit_code;
 use crate::lab::true_points::TruePoints;
 use anyhow::{Context, bail, ensure};
-use formats::drive::{Drive, MANIFEST_FILE, NoLabel};
+use drive::{Drive, MANIFEST_FILE, NoLabel};
 use formats::ply::Vertices;
 use messages::ClassId;
 use scores::{InstanceScores, Overlaps, PointLabel};

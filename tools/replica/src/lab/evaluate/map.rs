@@ -8,7 +8,7 @@ use crate::answer::Answer;
 use crate::argument::InvalidValue;
 use crate::cloud_picture::render_top_view;
 use anyhow::{Context, ensure};
-use formats::drive::{Drive, MANIFEST_FILE};
+use drive::{Drive, MANIFEST_FILE};
 use geometry::{Pose, Vector3};
 use map_points::{LocalPoints, PointSelection};
 use report::MapReport;

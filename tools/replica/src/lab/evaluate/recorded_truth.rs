@@ -3,11 +3,11 @@
 use crate::lab::recorded_classes::{has_topic, has_true_classes, rows};
 use crate::lab::true_points::Labelled;
 use anyhow::{Context, bail, ensure};
-use formats::drive::NoLabel;
+use drive::NoLabel;
 use formats::ply::Vertices;
-use formats::recording::RecordingReader;
 use messages::{ClassRow, ClassTopic, InstanceTopic, Message, SubmapPoint, SubmapTopic};
 use rayon::prelude::*;
+use recording::RecordingReader;
 use scores::PointLabel;
 use std::path::{Path, PathBuf};
 

@@ -14,7 +14,7 @@ use crate::argument::percent;
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
 use anyhow::{Context, bail, ensure};
-use formats::drive::{Drive, MANIFEST_FILE};
+use drive::{Drive, MANIFEST_FILE};
 use formats::ply::Vertices;
 use messages::ClassId;
 use point_scores::{PointScores, TrueLabels};

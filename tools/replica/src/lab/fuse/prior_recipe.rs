@@ -2,7 +2,7 @@
 
 use crate::lab::train::recipe::{Range, named_mounts};
 use anyhow::Context;
-use formats::text_file::read_toml;
+use files::text_file::read_toml;
 use messages::ClassId;
 use segmentation::spherical::{IntensityUse, Refinement};
 use segmentation::{Fused, Fusion, ModelInput, Options};

@@ -5,7 +5,7 @@ use super::camera_dropout::ImageAugmentation;
 use super::point_recipe::{KINDS, PointRecipe};
 use super::removed_classes::RemovedClasses;
 use anyhow::Context;
-use formats::text_file::read_toml;
+use files::text_file::read_toml;
 use segmentation::network::NetworkSpec;
 use segmentation::spherical::{Features, GroundUse, Settings};
 use serde::{Deserialize, Serialize};

@@ -7,12 +7,12 @@ use super::submap_join::{LabeledSubmap, SubmapJoin};
 use crate::lab::recorded_classes::{has_topic, has_true_classes, rows};
 use crate::lab::true_points::TruePoints;
 use anyhow::{Context, ensure};
-use formats::drive::{Drive, Shot};
-use formats::recording::{Recorded, RecordingReader};
+use drive::{Drive, Shot};
 use messages::{
     ClassId, ClassRow, ClassTopic, ColorTopic, Message, SpectraHeader, SpectraTopic, SubmapHeader, SubmapPoint,
     SubmapSweep, SubmapTopic,
 };
+use recording::{Recorded, RecordingReader};
 use std::path::{Path, PathBuf};
 
 /// Where the classes are.

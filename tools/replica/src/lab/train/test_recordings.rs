@@ -1,12 +1,12 @@
 //! Recordings of simulated submaps, for tests.
 
 use super::camera_columns::CameraColumns;
-use formats::recording::RecordingWriter;
 use geometry::Pose;
 use messages::pod::bytes_from_rows;
 use messages::{
     ByteTable, ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorTopic, Envelope, Message, SpectraTopic, SubmapTopic,
 };
+use recording::RecordingWriter;
 use std::collections::BTreeMap;
 use std::path::Path;
 use town_sweeps::{Mount, TownDrive, TownSubmap};

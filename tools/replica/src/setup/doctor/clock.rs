@@ -1,7 +1,7 @@
 //! The clocks of the machine. Recorded drives do not depend on them; a live run stamps what sensors without a clock send.
 
 use super::check::{Check, State};
-use formats::calendar::date_from_days;
+use files::calendar::date_from_days;
 use run::process::monotonic_nanos;
 use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};

@@ -2,7 +2,7 @@
 
 use super::check::{Check, State};
 use delivery::{CloudFields, SpaceNeed, space_need};
-use formats::drive::Drive;
+use drive::Drive;
 use run::launch_file::LaunchFile;
 use run::process::{own_folder, sibling};
 use std::path::{Path, PathBuf};

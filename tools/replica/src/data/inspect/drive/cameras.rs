@@ -4,8 +4,8 @@ use super::pictures;
 use super::stream::Stream;
 use super::{DriveReport, Reading};
 use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
-use formats::drive::{Drive, Frame};
-use formats::manifest::{CameraEntry, MosaicEntry};
+use drive::manifest::{CameraEntry, MosaicEntry};
+use drive::{Drive, Frame};
 use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 

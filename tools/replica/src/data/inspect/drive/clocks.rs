@@ -3,8 +3,8 @@
 use super::DriveReport;
 use super::lidar::LidarSurvey;
 use super::stream::seconds_between;
-use formats::lidar::ClockReference;
 use geometry::Stamp;
+use lidar::ClockReference;
 use std::collections::BTreeMap;
 
 /// Another sensor that begins later or ends earlier than the LiDAR by more than this, s, misses a part of the drive.

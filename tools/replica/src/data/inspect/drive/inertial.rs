@@ -3,8 +3,8 @@
 use super::DriveReport;
 use super::stream::Stream;
 use anyhow::Context;
-use formats::drive::Drive;
-use formats::imu::ImuError;
+use drive::Drive;
+use drive::imu::ImuError;
 use geometry::Vector3;
 
 /// Mean length of the specific force while driving, m/s^2: gravity, and the vibration and braking of a vehicle.

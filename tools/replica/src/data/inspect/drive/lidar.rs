@@ -4,10 +4,10 @@ use super::DriveReport;
 use super::packets::{PacketSurvey, survey};
 use super::pictures;
 use super::stream::{Stream, seconds_between};
-use formats::drive::{Drive, SourcePosition, SweepSource};
-use formats::lidar::{ClockReference, SweepError, SweepInfo, SweepPoint};
-use formats::nmea::{Fix, LogStats};
+use drive::{Drive, SourcePosition, SweepSource};
 use geometry::Stamp;
+use lidar::nmea::{Fix, LogStats};
+use lidar::{ClockReference, SweepError, SweepInfo, SweepPoint};
 use std::collections::BTreeMap;
 
 /// Sweeps that are decoded, unless all are.
@@ -282,7 +282,7 @@ fn add_coverage(drive: &Drive, samples: &Samples, n_returns: &[u64], report: &mu
 
 /// Date and time, UTC.
 pub fn utc(stamp: Stamp) -> String {
-    use formats::calendar::{DAY_NANOS, date_from_days};
+    use files::calendar::{DAY_NANOS, date_from_days};
     let (year, month, day) = date_from_days(stamp.0.div_euclid(DAY_NANOS));
     let millis = stamp.0.rem_euclid(DAY_NANOS) / 1_000_000;
     let (seconds, millis) = (millis / 1000, millis % 1000);

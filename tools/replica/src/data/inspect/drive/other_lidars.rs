@@ -2,8 +2,8 @@
 
 use super::DriveReport;
 use super::stream::seconds_between;
-use formats::drive::{Drive, DriveLidar, SweepSource};
-use formats::lidar::SweepInfo;
+use drive::{Drive, DriveLidar, SweepSource};
+use lidar::SweepInfo;
 
 /// Sweeps that are decoded.
 const N_SWEEPS: usize = 12;

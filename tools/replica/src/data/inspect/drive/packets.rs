@@ -1,11 +1,11 @@
 //! The packets of the captures of a drive: their times, without decoding them.
 
-use formats::drive::Drive;
-use formats::lidar::ClockReference;
-use formats::nmea::{Fix, FixJoiner, LogStats, Sentence, parse};
-use formats::pcap::{PacketReader, PcapError, UdpPacket, last_stamp};
-use formats::velodyne::PositionPacket;
+use drive::Drive;
 use geometry::Stamp;
+use lidar::ClockReference;
+use lidar::nmea::{Fix, FixJoiner, LogStats, Sentence, parse};
+use lidar::pcap::{PacketReader, PcapError, UdpPacket, last_stamp};
+use lidar::velodyne::PositionPacket;
 use std::collections::BTreeMap;
 use std::net::SocketAddrV4;
 use std::path::Path;

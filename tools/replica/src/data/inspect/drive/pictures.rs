@@ -2,10 +2,10 @@
 
 use super::stream::{Gap, Stream, seconds_between};
 use chart::{BarRow, COLORS};
-use formats::lidar::SweepPoint;
 use geometry::{Point3, Pose, Stamp};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, Rgb, RgbImage};
+use lidar::SweepPoint;
 use std::io::Cursor;
 
 /// Width of a picture of a camera on a page, px.

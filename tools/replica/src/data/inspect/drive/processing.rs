@@ -2,9 +2,9 @@
 
 use super::DriveReport;
 use delivery::{CloudFields, SpaceNeed, space_need};
-use formats::drive::Drive;
-use formats::lidar::Model;
-use formats::velodyne;
+use drive::Drive;
+use lidar::Model;
+use lidar::velodyne;
 use run::space::size_text;
 use std::path::Path;
 

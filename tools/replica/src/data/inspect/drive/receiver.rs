@@ -4,9 +4,9 @@ use super::DriveReport;
 use super::lidar::LidarSurvey;
 use super::stream::{Stream, seconds_between};
 use anyhow::Context;
-use formats::drive::Drive;
-use formats::nmea::{Fix, LogStats};
+use drive::Drive;
 use geometry::{Geodetic, LocalFrame, Vector3};
+use lidar::nmea::{Fix, LogStats};
 use std::collections::BTreeMap;
 
 /// Faster than any car, m/s: a fix that implies this speed since the fix before it is a jump.

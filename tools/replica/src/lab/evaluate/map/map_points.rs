@@ -3,10 +3,10 @@
 use crate::cloud_files::cloud_files;
 use crate::lab::evaluate::trajectory::true_trajectory;
 use anyhow::ensure;
-use formats::drive::{Drive, MANIFEST_FILE, SweepSource};
-use formats::lidar::SweepPoint;
+use drive::{Drive, MANIFEST_FILE, SweepSource};
 use formats::ply::Vertices;
 use geometry::{Point3, Pose, Trajectory, Vector3};
+use lidar::SweepPoint;
 use std::path::Path;
 
 /// A limit on memory: 12 bytes per point, twice while they are sorted.

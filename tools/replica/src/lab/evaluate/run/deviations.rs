@@ -4,7 +4,7 @@ use super::place::RunPlace;
 use super::pose_error::PoseError;
 use anyhow::Context;
 use delivery::CloudEntry;
-use formats::manifest::PoseEntry;
+use drive::manifest::PoseEntry;
 use geometry::{Pose, Stamp, Trajectory, heading};
 use messages::{PlacementRow, PoseDeviation};
 

@@ -6,7 +6,7 @@ use super::pose_error::PoseError;
 use crate::lab::evaluate::trajectory::{RUN_TRAJECTORY, Report, report_of_run, true_trajectory};
 use anyhow::Context;
 use delivery::{INDEX, Index};
-use formats::drive::Drive;
+use drive::Drive;
 use formats::trajectory::TrajectoryFile;
 use geometry::{Pose, Trajectory};
 use scores::Statistics;

@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use delivery::{GEOREFERENCE, GeoreferenceFile};
-use formats::drive::Drive;
+use drive::Drive;
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 

@@ -3,7 +3,7 @@
 use crate::lab::evaluate::recorded_truth::RecordedTruth;
 use crate::lab::true_points::{Labelled, TruePoints};
 use anyhow::{Context, bail};
-use formats::drive::{Drive, NoLabel};
+use drive::{Drive, NoLabel};
 use formats::ply::Vertices;
 use messages::{ClassId, UNSEEN};
 use scores::{Confusion, Overlaps, PointLabel};

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
-use formats::drive::{Drive, MANIFEST_FILE};
+use drive::{Drive, MANIFEST_FILE};
 use formats::trajectory::TrajectoryFile;
 use geometry::{Pose, Trajectory};
 use scores::trajectory::{Alignment, Association, align, associate, associate_by_number};

@@ -1,0 +1,181 @@
+//! The LiDARs of a drive: their models, and the files of their sweeps.
+
+use super::TIMES_FILE;
+use super::check::{Check, numbered};
+use super::lidar_file::lidar_of;
+use super::listing::files_with_extension;
+use crate::manifest::{LidarEntry, rules};
+use files::text_file::read_text;
+use geometry::Stamp;
+use lidar::Lidar;
+use messages::MAX_LIDARS;
+use std::path::{Path, PathBuf};
+
+/// Time between cloud files without `times.txt`: 10 Hz.
+const SWEEP_NANOS: i64 = 100_000_000;
+
+/// A LiDAR of a drive and its files.
+#[derive(Clone, Debug)]
+pub struct DriveLidar {
+    /// The LiDAR, with the calibration of its unit.
+    pub lidar: Lidar,
+    /// Format of its files, as in [`LidarEntry::format`].
+    pub format: String,
+    /// Captures or clouds in the order of their names.
+    pub files: Vec<PathBuf>,
+    /// Stamps of clouds, one per file; empty for captures.
+    pub stamps: Vec<Stamp>,
+}
+
+impl Check<'_> {
+    /// All LiDARs, the first apart; `None` if one has problems.
+    pub(super) fn lidars(&mut self, entries: &[Option<LidarEntry>]) -> Option<(DriveLidar, Vec<DriveLidar>)> {
+        let keys = self.keys_of_lidars(entries);
+        let mut found = Vec::new();
+        for (index, entry) in numbered(entries) {
+            let lidar = self.lidar(&keys[index], entry);
+            // Without data of another LiDAR the drive still has ticks.
+            let (files, stamps) = self.sweeps(&keys[index], entry, index == 0);
+            let lidar = lidar.map(|lidar| self.calibrated(&keys[index], entry, lidar, &files));
+            found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps }));
+        }
+        let mut found = found.into_iter().collect::<Option<Vec<_>>>()?.into_iter();
+        Some((found.next()?, found.collect()))
+    }
+
+    /// Checks all LiDARs without the files of their sweeps.
+    pub(super) fn models_of_lidars(&mut self, entries: &[Option<LidarEntry>]) {
+        let keys = self.keys_of_lidars(entries);
+        for (index, entry) in numbered(entries) {
+            self.lidar(&keys[index], entry);
+        }
+    }
+
+    /// Checks that several LiDARs can be distinguished. Returns the key of each in the file.
+    fn keys_of_lidars(&mut self, entries: &[Option<LidarEntry>]) -> Vec<String> {
+        let n = entries.len();
+        if n < 2 {
+            return vec!["lidar".to_owned(); n];
+        }
+        self.file.rule("lidar", n <= MAX_LIDARS, || format!("{n} LiDARs; at most {MAX_LIDARS} are supported"));
+        for (index, entry) in numbered(entries) {
+            let key = |name: &str| format!("lidar[{index}].{name}");
+            let is_word = |name: &String| {
+                !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
+            };
+            self.file.rule(&key("name"), entry.name.as_ref().is_some_and(is_word), || {
+                "must be a word of letters, digits and _: counters and doubts of several LiDARs have their names".into()
+            });
+            for (other, earlier) in numbered(entries).take_while(|(other, _)| *other < index) {
+                self.file.rule(&key("name"), entry.name.is_none() || entry.name != earlier.name, || {
+                    format!("value {:?} is that of lidar[{other}], too; give each LiDAR its own name", entry.name)
+                });
+                let is_shared = Path::new(&entry.folder) == Path::new(&earlier.folder);
+                self.file.rule(&key("folder"), !is_shared || are_told_apart(entry, earlier), || {
+                    format!(
+                        "{:?} is the folder of lidar[{other}], too; in one folder, only captures can be distinguished: by model, by sender or by port",
+                        entry.folder
+                    )
+                });
+            }
+        }
+        (0..n).map(|index| format!("lidar[{index}]")).collect()
+    }
+
+    fn lidar(&mut self, key: &str, entry: &LidarEntry) -> Option<Lidar> {
+        rules::pose(&mut self.file, &format!("{key}.body_from_lidar"), &entry.body_from_lidar);
+        if let Some(name) = &entry.calibration {
+            self.inside(&format!("{key}.calibration"), name)?;
+        }
+        let lidar = match lidar_of(self.folder, key, entry) {
+            Ok(lidar) => lidar,
+            Err(problem) => {
+                self.file.fault(&problem.key, problem.rule);
+                return None;
+            }
+        };
+        if !lidar.receives_calibration() {
+            self.needs_no_file(key, entry, &lidar);
+        }
+        Some(lidar)
+    }
+
+    /// The LiDAR with the calibration that its packets contain, if no file has it.
+    fn calibrated(&mut self, key: &str, entry: &LidarEntry, lidar: Lidar, files: &[PathBuf]) -> Lidar {
+        if entry.format != "pcap" || files.is_empty() {
+            return lidar;
+        }
+        let is_unknown = lidar.receives_calibration();
+        let lidar = lidar.with_calibration_of(files);
+        if is_unknown {
+            self.needs_no_file(key, entry, &lidar);
+        }
+        lidar
+    }
+
+    fn needs_no_file(&mut self, key: &str, entry: &LidarEntry, lidar: &Lidar) {
+        let missing = lidar.missing_file().filter(|_| entry.format == "pcap");
+        self.file.rule(&format!("{key}.calibration"), missing.is_none(), || {
+            format!("is absent; packets of {:?} need {}", entry.model, missing.unwrap_or_default())
+        });
+    }
+
+    /// Files of the sweeps and, for clouds, their stamps.
+    fn sweeps(&mut self, key: &str, entry: &LidarEntry, is_first: bool) -> (Vec<PathBuf>, Vec<Stamp>) {
+        let none = (Vec::new(), Vec::new());
+        let key_of = |name: &str| format!("{key}.{name}");
+        let extensions: &[&str] = match entry.format.as_str() {
+            "pcap" => &["pcap", "pcapng"],
+            "pcd" => &["pcd"],
+            "bin" | "nuscenes" => &["bin"],
+            other => {
+                self.file.fault(&key_of("format"), format!("value {other:?} must be one of pcap, pcd, bin, nuscenes"));
+                return none;
+            }
+        };
+        let Some(folder) = self.folder(&key_of("folder"), &entry.folder) else { return none };
+        let files = self.listed(&key_of("folder"), files_with_extension(&folder, extensions)).unwrap_or_default();
+        self.file.rule(&key_of("folder"), !files.is_empty() || !is_first, || {
+            format!("{} contains no *.{}", folder.display(), extensions.join(", *."))
+        });
+        let is_nuscenes = |path: &PathBuf| path.to_string_lossy().ends_with(".pcd.bin");
+        self.file.rule(&key_of("format"), entry.format != "bin" || !files.iter().any(is_nuscenes), || {
+            "value \"bin\" is for sweeps of KITTI; *.pcd.bin are sweeps of nuScenes: set \"nuscenes\"".into()
+        });
+        let stamps =
+            if entry.format == "pcap" { Vec::new() } else { self.times(&key_of("folder"), &folder, files.len()) };
+        (files, stamps)
+    }
+
+    fn times(&mut self, key: &str, folder: &Path, n_sweeps: usize) -> Vec<Stamp> {
+        let path = folder.join(TIMES_FILE);
+        // A stamp in ns has up to 20 characters.
+        let limit = 64 * (n_sweeps as u64 + 16);
+        let text = match read_text(&path, limit) {
+            Err(error) if !error.is_absent() => {
+                self.file.fault(key, format!("{}: {error}", path.display()));
+                return Vec::new();
+            }
+            read => read.ok(),
+        };
+        let Some(text) = text else {
+            return (0..n_sweeps as i64).map(|k| Stamp(k * SWEEP_NANOS)).collect();
+        };
+        let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+        let stamps: Option<Vec<Stamp>> = lines.map(|line| line.parse().ok().map(Stamp)).collect();
+        let rising = |stamps: &Vec<Stamp>| stamps.windows(2).all(|pair| pair[0] < pair[1]);
+        let stamps = stamps.filter(|stamps| stamps.len() == n_sweeps && rising(stamps));
+        self.file.rule(key, stamps.is_some(), || {
+            format!("{} must have {n_sweeps} increasing stamps in ns, one per line for each sweep", path.display())
+        });
+        stamps.unwrap_or_default()
+    }
+}
+
+/// Whether the packets of two LiDARs in the same captures can be distinguished.
+fn are_told_apart(a: &LidarEntry, b: &LidarEntry) -> bool {
+    let differ = |a: Option<u32>, b: Option<u32>| a.is_some() && b.is_some() && a != b;
+    let number = |sender: Option<std::net::Ipv4Addr>| sender.map(u32::from);
+    let by_origin = differ(number(a.sender), number(b.sender)) || differ(a.port.map(u32::from), b.port.map(u32::from));
+    [a, b].iter().all(|entry| entry.format == "pcap") && (a.model != b.model || by_origin)
+}

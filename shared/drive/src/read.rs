@@ -1,0 +1,92 @@
+//! Parses `drive.toml`.
+
+use crate::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, TruthEntry};
+use files::toml_file::TomlFile;
+use std::path::Path;
+
+/// The entries of a manifest that could be read, with the problems found so far. Those that could not be read are among the
+/// problems, and do not keep the others from being checked.
+pub(super) struct Read {
+    pub(super) file: TomlFile,
+    pub(super) version: Option<u32>,
+    pub(super) name: Option<String>,
+    /// At least one.
+    pub(super) lidars: Vec<Option<LidarEntry>>,
+    pub(super) cameras: Vec<Option<CameraEntry>>,
+    pub(super) mosaics: Vec<Option<MosaicEntry>>,
+    pub(super) gnss: Option<GnssEntry>,
+    pub(super) imu: Option<ImuEntry>,
+    pub(super) truth: Option<TruthEntry>,
+}
+
+const KEYS: [&str; 8] = ["version", "name", "lidar", "camera", "mosaic", "gnss", "imu", "truth"];
+
+// The keys that an entry must have.
+const LIDAR: [&str; 4] = ["model", "format", "folder", "body_from_lidar"];
+const CAMERA: [&str; 5] = ["name", "folder", "exposure_nanos", "body_from_camera", "model"];
+const MOSAIC: [&str; 12] = [
+    "name",
+    "folder",
+    "exposure_nanos",
+    "dark_exposure_nanos",
+    "white_exposure_nanos",
+    "white_reflectance",
+    "bit_depth",
+    "pattern",
+    "active_area",
+    "wavelengths_nm",
+    "body_from_camera",
+    "model",
+];
+const GNSS: [&str; 3] = ["file", "origin", "antenna_in_body"];
+const IMU: [&str; 1] = ["file"];
+const TRUTH: [&str; 1] = ["trajectory"];
+
+impl Read {
+    /// A manifest that was inferred, not read.
+    pub(super) fn inferred(path: &Path, manifest: Manifest) -> Self {
+        let Manifest { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, truth } = manifest;
+        Self {
+            file: TomlFile::new(path, "", &KEYS),
+            version: Some(version),
+            name: Some(name),
+            lidars: [vec![lidar], other_lidars].concat().into_iter().map(Some).collect(),
+            cameras: cameras.into_iter().map(Some).collect(),
+            mosaics: mosaics.into_iter().map(Some).collect(),
+            gnss,
+            imu,
+            truth,
+        }
+    }
+
+    pub(super) fn of_text(path: &Path, text: String) -> Self {
+        let mut file = TomlFile::new(path, text, &KEYS);
+        Self {
+            version: file.required("version", &[]),
+            name: file.required("name", &[]),
+            lidars: file.one_or_more("lidar", &LIDAR),
+            cameras: file.list("camera", &CAMERA),
+            mosaics: file.list("mosaic", &MOSAIC),
+            gnss: file.optional("gnss", &GNSS),
+            imu: file.optional("imu", &IMU),
+            truth: file.optional("truth", &TRUTH),
+            file,
+        }
+    }
+
+    /// The manifest; `None` if an entry could not be read.
+    pub(super) fn manifest(&self) -> Option<Manifest> {
+        let mut lidars = self.lidars.iter().cloned();
+        Some(Manifest {
+            version: self.version?,
+            name: self.name.clone()?,
+            lidar: lidars.next()??,
+            other_lidars: lidars.collect::<Option<_>>()?,
+            cameras: self.cameras.iter().cloned().collect::<Option<_>>()?,
+            mosaics: self.mosaics.iter().cloned().collect::<Option<_>>()?,
+            gnss: self.gnss.clone(),
+            imu: self.imu.clone(),
+            truth: self.truth.clone(),
+        })
+    }
+}

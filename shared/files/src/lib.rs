@@ -1,0 +1,21 @@
+//! Helpers for files: atomic replacement, bounded reading of text, TOML with positions, problems of a file, the calendar.
+//!
+//! Settings, manifests and state files are small texts that people edit. This crate reads them so that every fault has a file, a line, a
+//! key and a rule, and writes files so that a crash or a full disk leaves either the old content or the new one.
+//!
+//! - [`atomic_file`]: write to a temporary file, synchronize it, rename it.
+//! - [`text_file`]: read a text of at most a given size; devices, folders and larger files are refused.
+//! - [`toml_file`], [`toml_nesting`]: parse TOML with the line of each key; deep nesting is refused before it is parsed.
+//! - [`problems`]: all faults of one file, reported together.
+//! - [`calendar`]: dates and times of day to and from days since 1970.
+//!
+//! **Never**: file formats of sensors or of other programs (see the crates `formats`, `lidar`, `drive` and `recording`).
+//!
+//! **Start reading** at [`atomic_file::write_atomic`], then [`toml_file`].
+
+pub mod atomic_file;
+pub mod calendar;
+pub mod problems;
+pub mod text_file;
+pub mod toml_file;
+pub mod toml_nesting;

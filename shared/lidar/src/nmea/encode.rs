@@ -1,0 +1,119 @@
+//! Encoding of fixes as sentences, for simulated receivers.
+
+use super::{Fix, Gga, KNOT_MPS, Rmc, Sentence, checksum, parse};
+use files::calendar::{DAY_NANOS, date_from_days};
+use geometry::Stamp;
+
+/// The fix as `$GPGGA` without line end. `geoid_m` is the height of the geoid above the ellipsoid. Without altitude, the height
+/// fields are empty.
+pub fn gga_from_fix(fix: &Fix, geoid_m: f64) -> String {
+    let height = fix.altitude_m.map(|altitude| format!("{:.3}", altitude - geoid_m)).unwrap_or_default();
+    let hdop = fix.hdop.map(|hdop| format!("{hdop:.1}")).unwrap_or_default();
+    let position = position(fix.position_deg);
+    let (quality, satellites) = (fix.quality, fix.satellites);
+    let time = time(fix.stamp);
+    sealed(&format!("GPGGA,{time},{position},{quality},{satellites:02},{hdop},{height},M,{geoid_m:.1},M,,"))
+}
+
+/// An epoch without position as `$GPGGA`: quality 0.
+pub fn gga_without_fix(stamp: Stamp) -> String {
+    sealed(&format!("GPGGA,{},,,,,0,00,,,M,,M,,", time(stamp)))
+}
+
+/// The fix as `$GPRMC`, without line end.
+pub fn rmc_from_fix(fix: &Fix) -> String {
+    let knots = fix.speed_mps.map(|speed| format!("{:.3}", speed / KNOT_MPS)).unwrap_or_default();
+    let course = fix.course_deg.map(|course| format!("{course:.2}")).unwrap_or_default();
+    let (time, position, date) = (time(fix.stamp), position(fix.position_deg), date(fix.stamp));
+    sealed(&format!("GPRMC,{time},A,{position},{knots},{course},{date},,,A"))
+}
+
+/// An epoch without position as `$GPRMC`: status V with time and date.
+pub fn rmc_without_fix(stamp: Stamp) -> String {
+    sealed(&format!("GPRMC,{},V,,,,,,,{},,,N", time(stamp), date(stamp)))
+}
+
+/// A GGA or RMC sentence with its time, and the date of an RMC, moved by `nanos`, to milliseconds; other fields as they are. Any other
+/// line is returned unchanged.
+pub fn restamped(line: &str, nanos: i64) -> String {
+    let parsed = parse(line);
+    let text = line.trim();
+    let (Some((body, _)), true) = (
+        text.strip_prefix('$').and_then(|rest| rest.rsplit_once('*')),
+        matches!(parsed, Ok(Sentence::Gga(_) | Sentence::Rmc(_))),
+    ) else {
+        return line.to_owned();
+    };
+    let mut fields: Vec<String> = body.split(',').map(str::to_owned).collect();
+    let moved = match parsed {
+        Ok(Sentence::Gga(Gga { time_nanos: Some(nanos_of_day), .. })) => Some((Stamp(nanos_of_day + nanos), false)),
+        Ok(Sentence::Rmc(Rmc { stamp: Some(stamp), .. })) => Some((stamp.plus_nanos(nanos), true)),
+        _ => None,
+    };
+    let Some((stamp, has_date)) = moved else { return line.to_owned() };
+    if let Some(field) = fields.get_mut(1) {
+        *field = time(stamp);
+    }
+    if let Some(field) = fields.get_mut(9).filter(|_| has_date) {
+        *field = date(stamp);
+    }
+    let end = &line[line.trim_end().len()..];
+    sealed(&fields.join(",")) + end
+}
+
+/// Day, month and year, two digits each.
+fn date(stamp: Stamp) -> String {
+    let (year, month, day) = date_from_days(stamp.0.div_euclid(DAY_NANOS));
+    format!("{day:02}{month:02}{:02}", year.rem_euclid(100))
+}
+
+/// Time of day in milliseconds resolution, `hhmmss.sss`.
+fn time(stamp: Stamp) -> String {
+    let millis = stamp.0.rem_euclid(DAY_NANOS) / 1_000_000;
+    let seconds = millis / 1000;
+    format!("{:02}{:02}{:02}.{:03}", seconds / 3600, seconds / 60 % 60, seconds % 60, millis % 1000)
+}
+
+fn position([latitude, longitude]: [f64; 2]) -> String {
+    format!("{},{}", angle(latitude, 2, ['N', 'S']), angle(longitude, 3, ['E', 'W']))
+}
+
+/// Degrees and minutes with a resolution of 2 mm on the ground.
+fn angle(value: f64, digits: usize, [positive, negative]: [char; 2]) -> String {
+    let side = if value < 0.0 { negative } else { positive };
+    // Rounded to millionths of a minute first, so that 59.9999996 minutes become the next degree.
+    let total = (value.abs() * 60e6).round() as u64;
+    let (degrees, minutes) = (total / 60_000_000, total % 60_000_000);
+    format!("{degrees:0digits$}{:02}.{:06},{side}", minutes / 1_000_000, minutes % 1_000_000)
+}
+
+fn sealed(body: &str) -> String {
+    format!("${body}*{:02X}", checksum(body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn restamped_sentences_move_over_midnight_and_keep_their_other_fields() {
+        // From a VLP-16's position packet.
+        let rmc = "$GPRMC,214106,A,3707.8178,N,12139.2690,W,010.3,188.2,230715,013.8,E,D*05\r\n";
+        let moved = restamped(rmc, (2 * 3600 + 20 * 60) * 1_000_000_000 + 250_000_000);
+        assert!(
+            moved.starts_with("$GPRMC,000106.250,A,3707.8178,N,12139.2690,W,010.3,188.2,240715,013.8,E,D*"),
+            "{moved}"
+        );
+        assert!(moved.ends_with("\r\n") && matches!(parse(&moved), Ok(Sentence::Rmc(_))), "{moved}");
+        let gga = sealed("GNGGA,235959.5,4800.0,N,00200.0,E,4,08,0.9,60.0,M,44.6,M,1.0,0042");
+        let moved = restamped(&gga, 1_000_000_000);
+        assert!(moved.starts_with("$GNGGA,000000.500,4800.0,N,00200.0,E,4,08,0.9,60.0,M,44.6,M,1.0,0042*"), "{moved}");
+        assert_eq!(
+            restamped(&gga, -86_400_000_000_000),
+            sealed(&gga[1..gga.len() - 3].replace("235959.5", "235959.500"))
+        );
+        for line in ["$GPGSV,1,1,00*79\n", "noise", "$GPGGA,,,,,,0,,,,,,,,*66", ""] {
+            assert_eq!(restamped(line, 5), line);
+        }
+    }
+}
