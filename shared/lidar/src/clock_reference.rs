@@ -1,8 +1,5 @@
 //! What a LiDAR reports about the reference of its clock.
 
-use super::calibration::Beams;
-use super::{Lidar, Model};
-use crate::{hesai, velodyne};
 use std::fmt;
 
 /// Reference of the clock of a LiDAR.
@@ -42,45 +39,11 @@ impl fmt::Display for ClockReference {
     }
 }
 
-impl Lidar {
-    /// The reference that a packet of the sensor reports, or its metadata for all data packets. `None` if it reports none.
-    pub fn clock_reference(&self, payload: &[u8]) -> Option<ClockReference> {
-        match (self.model(), &self.beams) {
-            (Model::Velodyne(_), _) => match velodyne::PositionPacket::new(payload)?.pulse {
-                0 => Some(ClockReference::PulseAbsent),
-                1 => Some(ClockReference::PulseSynchronizing),
-                2 => Some(ClockReference::Pulse),
-                3 => Some(ClockReference::PulseError),
-                _ => None,
-            },
-            (Model::Hesai(_), _) => {
-                let is_locked = hesai::is_pulse_locked(payload)?;
-                Some(if is_locked { ClockReference::Pulse } else { ClockReference::PulseAbsent })
-            }
-            (Model::Ouster, Beams::Ouster(metadata)) if metadata.is_data(payload) => {
-                match metadata.timestamp_mode.as_deref()? {
-                    "TIME_FROM_INTERNAL_OSC" => Some(ClockReference::FreeRunning),
-                    "TIME_FROM_SYNC_PULSE_IN" => Some(ClockReference::Pulse),
-                    "TIME_FROM_PTP_1588" => Some(ClockReference::Ptp),
-                    _ => None,
-                }
-            }
-            (Model::Livox(model), _) if model.is_data(payload) => match model.time_type(payload)? {
-                0 => Some(ClockReference::FreeRunning),
-                1 => Some(ClockReference::Ptp),
-                // Mid-360: 2 GPS. Avia: 3 pulse and date, 4 pulse.
-                2..=4 => Some(ClockReference::Pulse),
-                _ => None,
-            },
-            (Model::Ouster | Model::Livox(_) | Model::Robosense(_), _) => None,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::velodyne::{PulseStatus, encode_position_packet};
+    use crate::{Lidar, Model, hesai, velodyne};
     use geometry::Stamp;
 
     #[test]

@@ -8,7 +8,6 @@ use super::clock::{Clock, Epoch, Step, TimeBase};
 use super::{Lidar, LidarStats, Model};
 use crate::nmea::{self, Sentence};
 use crate::pcap::PcapError;
-use crate::robosense;
 use crate::velodyne::{DataPacket, PositionPacket};
 use geometry::Stamp;
 use std::collections::BTreeMap;
@@ -126,7 +125,7 @@ impl Search {
             }
         }
         let is_kept = self.devices.len() < MAX_CALIBRATIONS && !self.devices.contains_key(arrival.source.ip());
-        if is_kept && robosense::is_device(payload) {
+        if is_kept && Model::is_device_packet(payload) {
             self.devices.insert(*arrival.source.ip(), payload.to_vec());
         }
         let named = Model::of_payload(payload);
@@ -207,7 +206,7 @@ impl Search {
 
 /// Name of the sensor of a data packet that is not considered; `None` if it is no data packet of a LiDAR.
 fn other_name(named: Option<Model>, wanted: Option<&Lidar>, payload: &[u8]) -> Option<String> {
-    if let Some(number) = wanted.and_then(|lidar| lidar.other_serial_number(payload)) {
+    if let Some(number) = wanted.and_then(|lidar| lidar.unit.other_serial_number(payload)) {
         return Some(format!("an Ouster with serial number {number}, not that of the metadata file,"));
     }
     if let Some(model) = named {

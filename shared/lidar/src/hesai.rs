@@ -17,6 +17,7 @@
 //! **Frame.** As in [`crate`]. Hesai's own frame has x to the right and y forward.
 
 mod decode;
+mod maker;
 mod model;
 mod packet;
 mod tables;

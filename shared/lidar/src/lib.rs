@@ -23,6 +23,7 @@ mod decoder;
 mod detect;
 pub mod hesai;
 pub mod livox;
+mod maker;
 mod model;
 pub mod nmea;
 mod other_model;
@@ -33,17 +34,19 @@ mod reorder;
 mod revolutions;
 pub mod robosense;
 mod scratch;
+mod sensor;
 mod stats;
 mod sweeps;
 mod turn_table;
 pub mod velodyne;
 
-pub use calibration::{CalibrationError, Lidar, Origin};
+pub use calibration::CalibrationError;
 pub use clock_reference::ClockReference;
 pub use decoder::PacketDecoder;
 pub use messages::SweepPoint;
 pub use model::Model;
 pub use other_model::OtherModel;
+pub use sensor::{Lidar, Origin};
 pub use stats::LidarStats;
 pub use sweeps::{SliceInfo, SlicePoll, SweepError, SweepInfo, SweepPoll, SweepPosition, SweepReader};
 

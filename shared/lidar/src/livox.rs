@@ -14,6 +14,7 @@
 //! **Frame.** As in [`crate`].
 
 mod decode;
+mod maker;
 mod model;
 
 pub use decode::Decoder;

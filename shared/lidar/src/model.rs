@@ -1,5 +1,6 @@
-//! All supported models.
+//! The list of makers and models.
 
+use crate::maker::MakerModel;
 use crate::{hesai, livox, ouster, robosense, velodyne};
 
 /// A supported LiDAR model.
@@ -34,26 +35,25 @@ impl Model {
         Model::Livox(livox::Model::Avia),
     ];
 
-    /// Name in `drive.toml`.
-    pub const fn name(self) -> &'static str {
+    /// The properties that the folder of its maker provides.
+    pub(crate) fn maker(&self) -> &dyn MakerModel {
         match self {
-            Model::Velodyne(model) => model.name(),
-            Model::Hesai(model) => model.name(),
-            Model::Ouster => "ouster",
-            Model::Robosense(model) => model.name(),
-            Model::Livox(model) => model.name(),
+            Model::Velodyne(model) => model,
+            Model::Hesai(model) => model,
+            Model::Ouster => &ouster::Model,
+            Model::Robosense(model) => model,
+            Model::Livox(model) => model,
         }
     }
 
+    /// Name in `drive.toml`.
+    pub fn name(self) -> &'static str {
+        self.maker().name()
+    }
+
     /// Name of the manufacturer.
-    pub const fn title(self) -> &'static str {
-        match self {
-            Model::Velodyne(model) => model.title(),
-            Model::Hesai(model) => model.title(),
-            Model::Ouster => "Ouster",
-            Model::Robosense(model) => model.title(),
-            Model::Livox(model) => model.title(),
-        }
+    pub fn title(self) -> &'static str {
+        self.maker().title()
     }
 
     /// The model of a name.
@@ -68,19 +68,17 @@ impl Model {
 
     /// Model whose data packet this is. `None` for packets of an Ouster, which do not name it.
     pub fn of_payload(payload: &[u8]) -> Option<Self> {
-        if let Some(packet) = velodyne::DataPacket::new(payload) {
-            return velodyne::Model::of_packet(packet).map(Model::Velodyne);
-        }
-        (hesai::Model::of_payload(payload).map(Model::Hesai))
-            .or_else(|| robosense::Model::of_payload(payload).map(Model::Robosense))
-            .or_else(|| livox::Model::of_payload(payload).map(Model::Livox))
+        Self::ALL.into_iter().find(|model| model.maker().is_named_by(payload))
+    }
+
+    /// Whether a payload is a data packet of a supported maker whose packets can be recognized.
+    pub(crate) fn is_data(payload: &[u8]) -> bool {
+        Self::ALL.iter().any(|model| model.maker().is_data_of_maker(payload))
     }
 
     /// Whether a payload may be a data packet of some supported LiDAR.
     pub fn may_be_data(payload: &[u8]) -> bool {
-        velodyne::DataPacket::new(payload).is_some()
-            || Self::of_payload(payload).is_some()
-            || Self::may_be_ouster(payload)
+        Self::is_data(payload) || Self::may_be_ouster(payload)
     }
 
     /// Whether a payload has the size of a data packet of some Ouster.
@@ -88,25 +86,19 @@ impl Model {
         ouster::is_common_size(payload.len())
     }
 
+    /// Whether a payload has the state of a device of some maker.
+    pub(crate) fn is_device_packet(payload: &[u8]) -> bool {
+        Self::ALL.iter().any(|model| model.maker().is_device_packet(payload))
+    }
+
     /// UDP port of data packets, as set by the manufacturer.
-    pub const fn data_port(self) -> u16 {
-        match self {
-            Model::Velodyne(_) | Model::Hesai(_) => velodyne::DATA_PORT,
-            Model::Ouster => ouster::DATA_PORT,
-            Model::Robosense(_) => robosense::DATA_PORT,
-            Model::Livox(model) => model.data_port(),
-        }
+    pub fn data_port(self) -> u16 {
+        self.maker().data_port()
     }
 
     /// UDP port of other packets of the sensor.
-    pub(crate) const fn other_port(self) -> u16 {
-        match self {
-            Model::Velodyne(_) => velodyne::POSITION_PORT,
-            Model::Hesai(_) => 10_110,
-            Model::Ouster => ouster::IMU_PORT,
-            Model::Robosense(_) => robosense::DEVICE_PORT,
-            Model::Livox(model) => model.imu_port(),
-        }
+    pub(crate) fn auxiliary_port(self) -> u16 {
+        self.maker().auxiliary_port()
     }
 }
 

@@ -2,7 +2,6 @@
 
 use super::{Lidar, Model};
 use crate::pcap::{PacketReader, PcapError};
-use crate::velodyne::{self, DataPacket};
 use std::fmt;
 use std::path::PathBuf;
 
@@ -18,8 +17,8 @@ pub struct OtherModel {
     pub file: PathBuf,
     /// Number of the first such UDP packet in the capture, from 1.
     pub packet: usize,
-    /// Its factory byte, if it is of a Velodyne.
-    pub product: Option<u8>,
+    /// What in it names the model.
+    pub evidence: String,
     /// The model that it names.
     pub found: Model,
     /// The model that was expected.
@@ -44,16 +43,16 @@ impl OtherModel {
                 if !lidar.may_come_from(udp.source, udp.port) {
                     continue;
                 }
-                let (named, velodyne) = (Model::of_payload(udp.payload), DataPacket::new(udp.payload));
-                let is_expected = lidar.may_have_sent(udp.payload);
-                if named == Some(expected) || is_expected && velodyne.is_none() {
+                if lidar.unit.is_sure_sender(udp.payload) {
                     return Ok(None);
                 }
-                n_data += usize::from(velodyne.is_some() || named.is_some());
-                let Some(found) = named else { continue };
+                n_data += usize::from(Model::is_data(udp.payload));
+                let Some(found) = Model::of_payload(udp.payload) else { continue };
                 n_others += 1;
-                let (file, product) = (file.clone(), velodyne.map(DataPacket::product));
-                first.get_or_insert(Self { file, packet, product, found, expected });
+                first.get_or_insert_with(|| {
+                    let evidence = found.maker().evidence(udp.payload);
+                    Self { file: file.clone(), packet, evidence, found, expected }
+                });
             }
         }
         // An HDL-64E sends a status in the place of the factory byte, which sometimes is that of another model.
@@ -63,15 +62,10 @@ impl OtherModel {
 
 impl fmt::Display for OtherModel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, packet, product, found, expected } = self;
-        write!(f, "{}: packet {packet}: ", file.display())?;
-        match (found, product) {
-            (Model::Velodyne(velodyne::Model::Hdl64e), _) => write!(f, "has the blocks of an HDL-64E")?,
-            (_, Some(product)) => write!(f, "factory byte {product:#04x} names the {}", found.title())?,
-            (_, None) => write!(f, "has the size and the header of a {}", found.title())?,
-        }
+        let Self { file, packet, evidence, found, expected } = self;
         let (found, expected) = (found.name(), expected.name());
-        write!(f, ", drive.toml says {expected:?}; set lidar.model = {found:?}")
+        write!(f, "{}: packet {packet}: {evidence}, ", file.display())?;
+        write!(f, "drive.toml says {expected:?}; set lidar.model = {found:?}")
     }
 }
 

@@ -18,6 +18,7 @@
 mod decode;
 #[cfg(test)]
 mod digest_test;
+mod maker;
 mod metadata;
 mod packet;
 
@@ -25,6 +26,7 @@ pub use decode::Decoder;
 pub use metadata::{Metadata, MetadataError};
 pub use packet::Profile;
 
+pub(crate) use maker::Model;
 pub(crate) use packet::{is_common_size, is_imu};
 
 /// UDP port of data packets.

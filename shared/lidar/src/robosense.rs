@@ -15,6 +15,7 @@
 
 mod decode;
 mod device;
+mod maker;
 mod model;
 
 pub use decode::Decoder;

@@ -7,8 +7,9 @@ pub use slices::{SliceInfo, SlicePoll};
 
 use super::capture::Captures;
 use super::clock::Clock;
-use super::decoder::{Cut, MAX_RETURNS_PER_PACKET, PacketDecoder};
+use super::decoder::PacketDecoder;
 use super::detect::{Detection, MAX_EXAMINED, StreamInfo, detect};
+use super::maker::{Cut, MAX_RETURNS_PER_PACKET};
 use super::receiver::Receiver;
 use super::reorder::{Held, Place, Reorder, WINDOW};
 use super::revolutions::{End, MAX_RETURNS, Revolution};

@@ -21,6 +21,7 @@
 mod calibration;
 mod decode;
 mod encode;
+mod maker;
 mod model;
 mod packet;
 mod position;

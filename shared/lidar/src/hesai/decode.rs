@@ -2,6 +2,7 @@
 
 use super::Model;
 use super::model::Timing;
+use crate::maker::{MAX_RETURNS_PER_PACKET, MakerDecoder};
 use crate::{BeamAngles, Blocks, Scratch, TurnTable, rings};
 use messages::SweepPoint;
 use std::ops::Range;
@@ -59,9 +60,10 @@ impl Decoder {
             earliest_nanos: nanos.iter().copied().min().unwrap_or(0),
         }
     }
+}
 
-    /// Times and angles of the blocks of a data packet.
-    pub(crate) fn blocks(&self, payload: &[u8]) -> Blocks {
+impl MakerDecoder for Decoder {
+    fn blocks(&self, payload: &[u8]) -> Blocks {
         let (layout, timing) = (self.model.layout(), self.model.timing());
         let n_echoes = layout.n_echoes(payload);
         let n_shots = layout.n_blocks.div_ceil(n_echoes) as i64;
@@ -75,12 +77,12 @@ impl Decoder {
     }
 
     /// Appends the returns of some blocks of a data packet. Of two equal echoes, the second is skipped.
-    pub(crate) fn decode<const N: usize>(
+    fn decode(
         &self,
         payload: &[u8],
         range: Range<usize>,
         packet_nanos: i64,
-        scratch: &mut Scratch<N>,
+        scratch: &mut Scratch<MAX_RETURNS_PER_PACKET>,
     ) {
         let (layout, timing) = (self.model.layout(), self.model.timing());
         let (n_echoes, unit_m) = (layout.n_echoes(payload), layout.unit_m(payload));

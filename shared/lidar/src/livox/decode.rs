@@ -1,9 +1,11 @@
 //! Decoding of packets to returns.
 
-use super::Model;
 use super::model::Format;
+use super::{Model, SWEEP_NANOS};
+use crate::maker::{Cut, MAX_RETURNS_PER_PACKET, MakerDecoder};
 use crate::{Blocks, Scratch, azimuth_of};
 use messages::SweepPoint;
+use std::ops::Range;
 
 /// Decoder of one model.
 #[derive(Clone, Debug)]
@@ -15,9 +17,11 @@ impl Decoder {
     pub(crate) fn new(model: Model) -> Self {
         Self { model }
     }
+}
 
+impl MakerDecoder for Decoder {
     /// A data packet is one block.
-    pub(crate) fn blocks(&self, payload: &[u8]) -> Blocks {
+    fn blocks(&self, payload: &[u8]) -> Blocks {
         let Some(points) = self.model.points(payload) else { return Blocks::default() };
         let n_shots = (points.bytes.len() / points.format.point_bytes() / points.n_echoes).max(1) as i64;
         let packet_nanos = points.span_nanos * n_shots / (n_shots - 1).max(1);
@@ -27,7 +31,17 @@ impl Decoder {
     }
 
     /// Appends the returns of a data packet. Of equal echoes, one is kept.
-    pub(crate) fn decode<const N: usize>(&self, payload: &[u8], packet_nanos: i64, scratch: &mut Scratch<N>) {
+    fn decode(
+        &self,
+        payload: &[u8],
+        blocks: Range<usize>,
+        packet_nanos: i64,
+        scratch: &mut Scratch<MAX_RETURNS_PER_PACKET>,
+    ) {
+        // The packet is one block.
+        if blocks.is_empty() {
+            return;
+        }
         let Some(points) = self.model.points(payload) else { return };
         let shot_bytes = points.format.point_bytes() * points.n_echoes;
         let n_shots = points.bytes.len() / shot_bytes;
@@ -47,6 +61,10 @@ impl Decoder {
                 }
             }
         }
+    }
+
+    fn cut(&self) -> Cut {
+        Cut::Time { nanos: SWEEP_NANOS }
     }
 }
 

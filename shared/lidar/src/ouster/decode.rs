@@ -2,6 +2,7 @@
 
 use super::packet::{Column, Echo};
 use super::{Metadata, Profile};
+use crate::maker::{Cut, MAX_RETURNS_PER_PACKET, MakerDecoder};
 use crate::{Blocks, Scratch, TURN, rings};
 use messages::SweepPoint;
 use std::f64::consts::TAU;
@@ -71,56 +72,11 @@ impl Decoder {
     }
 
     /// Encoder counts of the part of a revolution that is measured.
-    pub(crate) fn full_turn(&self) -> u16 {
+    fn full_turn(&self) -> u16 {
         let [first, last] = self.metadata.window.map(u32::from);
         let n = u32::from(self.metadata.columns_per_turn);
         let measured = (last + n - first) % n + 1;
         (measured * u32::from(TURN) / n) as u16
-    }
-
-    /// Times of the columns of a data packet, and how far the revolution has turned.
-    pub(crate) fn blocks(&self, payload: &[u8]) -> Blocks {
-        let metadata = &self.metadata;
-        let n = u32::from(metadata.columns_per_turn);
-        let column_nanos = (1e9 / metadata.turns_per_second / f64::from(n)).round() as i64;
-        let begin = metadata.first_nanos(payload);
-        let mut blocks = Blocks::new(column_nanos * metadata.n_columns as i64, column_nanos);
-        for index in 0..metadata.n_columns {
-            match self.column(payload, index) {
-                Some(column) => {
-                    let nanos = to_i64(column.nanos()).saturating_sub(begin);
-                    let after_first = (u32::from(column.number()) + n - u32::from(metadata.window[0])) % n;
-                    // Times of a packet span milliseconds.
-                    let is_near = nanos.abs() < 1_000_000_000;
-                    blocks.push(nanos as i32, is_near.then_some((after_first * u32::from(TURN) / n) as u16));
-                }
-                None => blocks.push_empty(),
-            }
-        }
-        blocks
-    }
-
-    /// Appends the returns of some columns of a data packet. Of two equal echoes, the second is skipped.
-    pub(crate) fn decode<const N: usize>(
-        &self,
-        payload: &[u8],
-        range: Range<usize>,
-        packet_nanos: i64,
-        scratch: &mut Scratch<N>,
-    ) {
-        let begin = self.metadata.first_nanos(payload);
-        for index in range {
-            let Some(column) = self.column(payload, index) else { continue };
-            let nanos = packet_nanos.saturating_add(to_i64(column.nanos()).saturating_sub(begin));
-            let offset_nanos = nanos.clamp(0, i64::from(u32::MAX)) as u32;
-            match self.metadata.profile {
-                // The compiler makes one loop for each profile.
-                Profile::Legacy => self.decode_column(column, offset_nanos, Profile::Legacy, scratch),
-                Profile::LowData => self.decode_column(column, offset_nanos, Profile::LowData, scratch),
-                Profile::Single => self.decode_column(column, offset_nanos, Profile::Single, scratch),
-                Profile::Dual => self.decode_column(column, offset_nanos, Profile::Dual, scratch),
-            }
-        }
     }
 
     #[inline(always)]
@@ -164,6 +120,61 @@ impl Decoder {
     fn column<'a>(&self, payload: &'a [u8], index: usize) -> Option<Column<'a>> {
         let column = Column::of(payload, self.metadata.profile, self.metadata.n_beams(), index)?;
         (column.is_valid() && column.number() < self.metadata.columns_per_turn).then_some(column)
+    }
+}
+
+impl MakerDecoder for Decoder {
+    /// Times of the columns of a data packet, and how far the revolution has turned.
+    fn blocks(&self, payload: &[u8]) -> Blocks {
+        let metadata = &self.metadata;
+        let n = u32::from(metadata.columns_per_turn);
+        let column_nanos = (1e9 / metadata.turns_per_second / f64::from(n)).round() as i64;
+        let begin = metadata.first_nanos(payload);
+        let mut blocks = Blocks::new(column_nanos * metadata.n_columns as i64, column_nanos);
+        for index in 0..metadata.n_columns {
+            match self.column(payload, index) {
+                Some(column) => {
+                    let nanos = to_i64(column.nanos()).saturating_sub(begin);
+                    let after_first = (u32::from(column.number()) + n - u32::from(metadata.window[0])) % n;
+                    // Times of a packet span milliseconds.
+                    let is_near = nanos.abs() < 1_000_000_000;
+                    blocks.push(nanos as i32, is_near.then_some((after_first * u32::from(TURN) / n) as u16));
+                }
+                None => blocks.push_empty(),
+            }
+        }
+        blocks
+    }
+
+    /// Appends the returns of some columns of a data packet. Of two equal echoes, the second is skipped.
+    fn decode(
+        &self,
+        payload: &[u8],
+        range: Range<usize>,
+        packet_nanos: i64,
+        scratch: &mut Scratch<MAX_RETURNS_PER_PACKET>,
+    ) {
+        let begin = self.metadata.first_nanos(payload);
+        for index in range {
+            let Some(column) = self.column(payload, index) else { continue };
+            let nanos = packet_nanos.saturating_add(to_i64(column.nanos()).saturating_sub(begin));
+            let offset_nanos = nanos.clamp(0, i64::from(u32::MAX)) as u32;
+            match self.metadata.profile {
+                // The compiler makes one loop for each profile.
+                Profile::Legacy => self.decode_column(column, offset_nanos, Profile::Legacy, scratch),
+                Profile::LowData => self.decode_column(column, offset_nanos, Profile::LowData, scratch),
+                Profile::Single => self.decode_column(column, offset_nanos, Profile::Single, scratch),
+                Profile::Dual => self.decode_column(column, offset_nanos, Profile::Dual, scratch),
+            }
+        }
+    }
+
+    fn cut(&self) -> Cut {
+        Cut::Turn { full: self.full_turn() }
+    }
+
+    fn is_regular(&self) -> bool {
+        self.full_turn() == TURN
     }
 }
 

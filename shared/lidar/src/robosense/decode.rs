@@ -1,6 +1,7 @@
 //! Decoding of packets to returns.
 
 use super::Model;
+use crate::maker::{MAX_RETURNS_PER_PACKET, MakerDecoder};
 use crate::{BeamAngles, Blocks, Scratch, TURN, TurnTable, rings};
 use messages::SweepPoint;
 use std::ops::Range;
@@ -61,8 +62,40 @@ impl Decoder {
         Self { model, beams: angles.iter().zip(rings).map(beam).collect(), turns: TurnTable::new() }
     }
 
-    /// Times and angles of the blocks of a data packet.
-    pub(crate) fn blocks(&self, payload: &[u8]) -> Blocks {
+    /// Packets do not name the return mode, their content shows it.
+    fn sequence(&self, payload: &[u8]) -> Sequence {
+        let (n_beams, round_nanos) = (self.model.n_beams(), self.model.round_nanos());
+        if n_beams == N_RETURNS {
+            let angle = |index: usize| block(payload, index).map(|(angle, _)| angle);
+            let in_pairs = (0..N_BLOCKS).step_by(2).all(|index| angle(index) == angle(index + 1));
+            return Sequence { block_nanos: round_nanos, in_pairs, in_halves: false };
+        }
+        // Most shots have one echo, which is in both halves. Two shots hardly ever have equal ranges and intensities.
+        let (mut n_returns, mut n_equal) = (0, 0);
+        for (_, returns) in (0..N_BLOCKS).filter_map(|index| block(payload, index)) {
+            let (upper, lower) = returns.split_at(n_beams * 3);
+            for (one, other) in upper.chunks_exact(3).zip(lower.chunks_exact(3)).filter(|(one, _)| one[..2] != [0, 0]) {
+                n_returns += 1;
+                n_equal += usize::from(one == other);
+            }
+        }
+        let in_halves = n_returns > 0 && 2 * n_equal > n_returns;
+        Sequence { block_nanos: if in_halves { round_nanos } else { 2 * round_nanos }, in_pairs: false, in_halves }
+    }
+
+    /// The point at a range.
+    #[inline]
+    fn point(&self, beam: &Beam, range_m: f32, azimuth: u16) -> [f32; 3] {
+        let [sin, cos] = self.turns.sin_cos(azimuth);
+        let sin_a = sin * beam.cos_azimuth + cos * beam.sin_azimuth;
+        let cos_a = cos * beam.cos_azimuth - sin * beam.sin_azimuth;
+        let (ahead_m, radius_m) = (range_m * beam.cos_elevation, self.model.radius_m());
+        [ahead_m * cos_a + radius_m * cos, -ahead_m * sin_a - radius_m * sin, range_m * beam.sin_elevation]
+    }
+}
+
+impl MakerDecoder for Decoder {
+    fn blocks(&self, payload: &[u8]) -> Blocks {
         let sequence = self.sequence(payload);
         let n_shots = if sequence.in_pairs { N_BLOCKS / 2 } else { N_BLOCKS };
         let block_nanos = i64::from(sequence.block_nanos);
@@ -74,12 +107,12 @@ impl Decoder {
     }
 
     /// Appends the returns of some blocks of a data packet. Of two equal echoes, the second is skipped.
-    pub(crate) fn decode<const N: usize>(
+    fn decode(
         &self,
         payload: &[u8],
         range: Range<usize>,
         packet_nanos: i64,
-        scratch: &mut Scratch<N>,
+        scratch: &mut Scratch<MAX_RETURNS_PER_PACKET>,
     ) {
         let sequence = self.sequence(payload);
         let step = step(payload, sequence.in_pairs);
@@ -112,37 +145,6 @@ impl Decoder {
                 }
             }
         }
-    }
-
-    /// Packets do not name the return mode, their content shows it.
-    fn sequence(&self, payload: &[u8]) -> Sequence {
-        let (n_beams, round_nanos) = (self.model.n_beams(), self.model.round_nanos());
-        if n_beams == N_RETURNS {
-            let angle = |index: usize| block(payload, index).map(|(angle, _)| angle);
-            let in_pairs = (0..N_BLOCKS).step_by(2).all(|index| angle(index) == angle(index + 1));
-            return Sequence { block_nanos: round_nanos, in_pairs, in_halves: false };
-        }
-        // Most shots have one echo, which is in both halves. Two shots hardly ever have equal ranges and intensities.
-        let (mut n_returns, mut n_equal) = (0, 0);
-        for (_, returns) in (0..N_BLOCKS).filter_map(|index| block(payload, index)) {
-            let (upper, lower) = returns.split_at(n_beams * 3);
-            for (one, other) in upper.chunks_exact(3).zip(lower.chunks_exact(3)).filter(|(one, _)| one[..2] != [0, 0]) {
-                n_returns += 1;
-                n_equal += usize::from(one == other);
-            }
-        }
-        let in_halves = n_returns > 0 && 2 * n_equal > n_returns;
-        Sequence { block_nanos: if in_halves { round_nanos } else { 2 * round_nanos }, in_pairs: false, in_halves }
-    }
-
-    /// The point at a range.
-    #[inline]
-    fn point(&self, beam: &Beam, range_m: f32, azimuth: u16) -> [f32; 3] {
-        let [sin, cos] = self.turns.sin_cos(azimuth);
-        let sin_a = sin * beam.cos_azimuth + cos * beam.sin_azimuth;
-        let cos_a = cos * beam.cos_azimuth - sin * beam.sin_azimuth;
-        let (ahead_m, radius_m) = (range_m * beam.cos_elevation, self.model.radius_m());
-        [ahead_m * cos_a + radius_m * cos, -ahead_m * sin_a - radius_m * sin, range_m * beam.sin_elevation]
     }
 }
 

@@ -1,11 +1,10 @@
 //! The packets of the sensor, sorted out from all packets of the captures and put in order.
 
 use super::{PacketPosition, SweepError, SweepReader};
+use crate::ClockReference;
 use crate::capture::Arrival;
 use crate::clock::Step;
 use crate::reorder::{Held, Place, n_lost};
-use crate::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PositionPacket};
-use crate::{ClockReference, Model};
 use geometry::Stamp;
 use std::net::SocketAddrV4;
 
@@ -55,31 +54,25 @@ impl SweepReader {
         }
         let lidar = self.decoder.lidar();
         let model = lidar.model();
-        let own_port = [self.port, model.data_port(), model.other_port()].contains(&arrival.port);
-        let is_velodyne = matches!(model, Model::Velodyne(_));
-        let least = if is_velodyne { POSITION_PACKET_BYTES } else { 0 };
-        if own_port && (arrival.is_cut || payload.len() < least) {
+        let own_port = [self.port, model.data_port(), model.auxiliary_port()].contains(&arrival.port);
+        if own_port && arrival.is_cut {
             stats.short_packets += 1;
             return;
         }
         let is_of_sensor = arrival.port == self.port && arrival.source == self.sensor;
         let is_data = is_of_sensor && lidar.may_have_sent(payload);
-        let is_auxiliary = lidar.is_auxiliary(payload);
-        let position = PositionPacket::new(payload).filter(|_| is_velodyne);
-        if is_data || is_auxiliary || position.is_some() {
+        let is_auxiliary = lidar.unit.is_auxiliary(payload);
+        if is_data || is_auxiliary {
             match lidar.clock_reference(payload).map(ClockReference::is_locked) {
                 Some(true) => stats.clock_locked += 1,
                 Some(false) => stats.clock_unlocked += 1,
                 None => {}
             }
         }
-        if let Some(packet) = position {
-            stats.position_packets += 1;
-            self.fixes.extend(self.at.receiver.take(packet.nmea));
-            return;
-        }
         if is_auxiliary {
             stats.position_packets += 1;
+            let fix = lidar.unit.sentence(payload).and_then(|sentence| self.at.receiver.take(sentence));
+            self.fixes.extend(fix);
             return;
         }
         if is_data {
@@ -88,7 +81,7 @@ impl SweepReader {
             bytes.clear();
             bytes.extend_from_slice(payload);
             self.reorder.push(Held { place, captured: arrival.captured, nanos, bytes });
-        } else if own_port && is_velodyne && payload.len() < DATA_PACKET_BYTES {
+        } else if own_port && lidar.unit.is_short(payload) {
             stats.short_packets += 1;
         } else {
             stats.foreign_packets += 1;
