@@ -1,6 +1,10 @@
 //! Registered sweeps as rows of a submap.
 
-use crate::arc_tangent::fast_atan2;
+pub(crate) mod body_poses;
+pub(crate) mod kept_points;
+pub(crate) mod raw_sweep;
+
+use crate::sweep::arc_tangent::fast_atan2;
 use crate::{DeskewTable, KeptPoints, RawSweep, Registered, Sweep, TimedPoint};
 use geometry::{Pose, Vector3, heading};
 use messages::{
