@@ -60,7 +60,7 @@ def check_file(recording, converted):
         elif topic == "sweep":
             sweeps[envelope["stamp"]] = (envelope["len"], row)
         elif topic == "trajectory":
-            poses += [(row(i)["stamp"], row(i)["world_from_body.translation"]) for i in range(envelope["len"])]
+            poses += [(row(i)["stamp"], row(i)["odom_from_body.translation"]) for i in range(envelope["len"])]
         elif topic == "image":
             images += 1
     seen, faults = Counter(), 0

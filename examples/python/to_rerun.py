@@ -72,7 +72,7 @@ class Scene:
         return rows[:: -(-len(rows) // self.most_points) | 1]
 
     def show_submap(self, submap):
-        points, (t, q) = self.shown(submap.rows), submap.header["world_from_submap"]
+        points, (t, q) = self.shown(submap.rows), submap.header["odom_from_submap"]
         entity = submap_entity(submap.seq)
         self.submaps.add(entity)
         self.log(entity, submap.stamp, rr.Transform3D(translation=t, quaternion=q))
@@ -99,7 +99,7 @@ class Scene:
 
     def show_boxes(self, submap, instances, classes):
         """An upright box for each instance. One that goes on in another submap gets the box of the later one."""
-        t, q = submap.header["world_from_submap"]
+        t, q = submap.header["odom_from_submap"]
         points, ids = xyz(self.shown(submap.rows)), self.shown(instances.rows)
         for instance in np.unique(ids[ids != 0]):
             center, half_size, heading = box_around(points[ids == instance])
@@ -126,7 +126,7 @@ class Scene:
         self.log(camera_entity(camera), image.stamp, rr.EncodedImage(contents=file.getvalue(), media_type="image/jpeg"))
 
     def show_trajectory(self, trajectory):
-        poses = trajectory["world_from_body"]
+        poses = trajectory["odom_from_body"]
         self.path.append(poses["translation"])
         columns = rr.Transform3D.columns(translation=poses["translation"], quaternion=poses["rotation"])
         self.stream.send_columns("odom/body", [times(trajectory["stamp"])], columns)

@@ -73,14 +73,14 @@ fn add(sums: &mut Sums, stops: f64, drive: &Drive, recorded: &Recorded) -> Resul
         recorded.images.iter().enumerate().map(|(i, image)| brighter(image.rows(), stops, i)).collect();
     for submap in &recorded.submaps {
         let header = submap.header();
-        let world_from_submap =
-            header.world_from_submap.to_pose().ok_or("submap: world_from_submap is not a valid pose")?;
+        let odom_from_submap =
+            header.odom_from_submap.to_pose().ok_or("submap: odom_from_submap is not a valid pose")?;
         let reach = header.stamp_begin - MAX_AGE_NANOS..=header.stamp_end + MAX_AGE_NANOS;
         let (mut exposures, mut images): (Vec<PosedExposure<'_>>, Vec<ColorImage<'_>>) = (Vec::new(), Vec::new());
         for (image, bytes) in recorded.images.iter().zip(&bytes).filter(|(image, _)| reach.contains(&image.stamp())) {
             let (header, camera) = (image.header(), image.header().camera as usize);
-            let Some(world_from_body) = recorded.trajectory.at(Stamp(image.stamp())) else { continue };
-            exposures.push(cameras[camera].exposure(image.stamp(), &world_from_body, &world_from_submap));
+            let Some(odom_from_body) = recorded.trajectory.at(Stamp(image.stamp())) else { continue };
+            exposures.push(cameras[camera].exposure(image.stamp(), &odom_from_body, &odom_from_submap));
             let pixels = ColorImage::new(camera as u8, header.width, header.height, bytes);
             images.push(pixels.ok_or("image: number of bytes does not match width and height")?);
         }

@@ -43,8 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut monitor = OffsetMonitor::default();
     for submap in &submaps {
         let header = submap.header();
-        let world_from_submap =
-            header.world_from_submap.to_pose().ok_or("submap: world_from_submap is not a valid pose")?;
+        let odom_from_submap =
+            header.odom_from_submap.to_pose().ok_or("submap: odom_from_submap is not a valid pose")?;
         let (mut exposures, mut shifted, mut pixels) = (Vec::new(), Vec::new(), Vec::new());
         for image in &images {
             let stamp = image.stamp() - delay_nanos;
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
             let index = image.header().camera as usize;
             let at =
-                |stamp: i64| Some(cameras[index].exposure(stamp, &trajectory.at(Stamp(stamp))?, &world_from_submap));
+                |stamp: i64| Some(cameras[index].exposure(stamp, &trajectory.at(Stamp(stamp))?, &odom_from_submap));
             let Some(((exposure, before), after)) = at(stamp).zip(at(stamp - SHIFT_NANOS)).zip(at(stamp + SHIFT_NANOS))
             else {
                 continue;

@@ -14,7 +14,7 @@ const VERSION: u32 = 6;
 /// The state between ticks.
 #[derive(Default)]
 pub struct Held {
-    /// `world_from_body`, as far back as exposures may need it.
+    /// `odom_from_body`, as far back as exposures may need it.
     pub trajectory: Trajectory,
     /// Submaps that are not yet colored, oldest first.
     pub submaps: VecDeque<Received<SubmapTopic>>,

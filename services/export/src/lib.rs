@@ -222,8 +222,8 @@ impl Stage for Export {
         let (state, messages): (State, _) = decode_head(STATE_VERSION, state)?;
         self.trajectory = geometry::Trajectory::default();
         for (stamp, translation, rotation) in state.poses {
-            let world_from_body = messages::PoseRow { translation, rotation };
-            self.push_pose(&StampedPose { stamp, world_from_body })?;
+            let odom_from_body = messages::PoseRow { translation, rotation };
+            self.push_pose(&StampedPose { stamp, odom_from_body })?;
         }
         self.placed = None;
         if let Some(bytes) = state.placement {
@@ -255,7 +255,7 @@ impl Export {
     fn push_pose(&mut self, row: &StampedPose) -> Result<(), StepError> {
         let stamp = Stamp(row.stamp);
         let place = || format!("trajectory at {stamp}");
-        let pose = row.world_from_body.checked().map_err(|error| StepError::data(error).at(place()))?;
+        let pose = row.odom_from_body.checked().map_err(|error| StepError::data(error).at(place()))?;
         if self.trajectory.push(stamp, pose) {
             return Ok(());
         }

@@ -49,8 +49,8 @@ fn main() {
     for _ in 0..N_RUNS {
         let stage = Bench::<InstanceStage>::new(&Settings::default(), &context(Path::new("/nowhere")));
         let mut bench = stage.expect("the stage reads no files");
-        let world_from_submap = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
-        let header = SubmapHeader { world_from_submap, ..SubmapHeader::default() };
+        let odom_from_submap = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+        let header = SubmapHeader { odom_from_submap, ..SubmapHeader::default() };
         bench.send::<SubmapTopic>(0, header, points.clone());
         bench.send::<ClassTopic>(0, ClassHeader::default(), classes.clone());
         let begin = cpu_nanos();

@@ -3,9 +3,10 @@
 //!
 //! Odometry is in [`registration`], the pose graph in [`georeference`]; this stage connects them to topics and saved state.
 //!
-//! World: the body frame at the first shot of the drive, z up as the body's z axis then; metres. Poses on the topics are
-//! `world_from_body` (trajectory) and `submap_from_lidar` (sweep table of a submap). The frame of a submap has the position and
-//! heading of the body at its first shot and no tilt, so that heights in it are heights in the world.
+//! Odom is the body frame at the first shot of the drive, tilt included: its z axis is the body's z axis then. Poses on the
+//! topics are `odom_from_body` (trajectory), `odom_from_submap` (header of a submap) and `submap_from_lidar` (sweep table of a
+//! submap), in metres. The frame of a submap has the position and heading of the body at its first shot. Its z axis is parallel
+//! to that of odom, so differences of height are the same in both.
 //!
 //! At the end of the stream, topic `placement` has the poses of the submaps by all measurements: GNSS, gravity and loop closures
 //! move the submaps, never their points (`docs/explanation/georeferencing.md`).

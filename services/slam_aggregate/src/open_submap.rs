@@ -13,15 +13,15 @@ pub(crate) struct LoanedSubmap {
 
 impl LoanedSubmap {
     /// Begins at the position and heading of the body.
-    pub fn new(loan: Loan<SubmapTopic>, world_from_body: &Pose, n_lidars: usize) -> Self {
-        Self { loan, submap: OpenSubmap::new(world_from_body, n_lidars as u32) }
+    pub fn new(loan: Loan<SubmapTopic>, odom_from_body: &Pose, n_lidars: usize) -> Self {
+        Self { loan, submap: OpenSubmap::new(odom_from_body, n_lidars as u32) }
     }
     /// Whether `n_sweeps` with `n_points` fit.
     pub fn fits(&self, n_sweeps: usize, n_points: usize) -> bool {
         self.submap.has_room(n_sweeps) && n_points <= self.loan.capacity() - self.loan.rows().len()
     }
-    /// Appends the kept points of a sweep in order. `body` is the position of the body at the last shot, world. The caller has
-    /// checked [`LoanedSubmap::fits`].
+    /// Appends the kept points of a sweep in order. `body` is the position of the body at the last shot in odom, m. The caller
+    /// has checked [`LoanedSubmap::fits`].
     pub fn append(
         &mut self,
         points: SweepRows<'_>,

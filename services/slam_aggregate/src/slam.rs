@@ -58,7 +58,7 @@ impl SlamAggregate {
             mounting,
             georeferencer: Georeferencer::new(&georeference),
             georeference,
-            // The body frame at the first shot is the world.
+            // The body frame at the first shot is odom.
             odometry: SelectedOdometry::new(settings.odometry(mounting), settings.algorithm(), body_from_lidar),
             other_lidars: Vec::new(),
             waiting: None,
@@ -96,7 +96,7 @@ impl SlamAggregate {
             empty => {
                 let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
                 let open = empty.insert(LoanedSubmap::new(loan, &begin, 1 + self.other_lidars.len()));
-                self.georeferencer.begin_submap(open.submap.frame.world_from_submap, registered.stamp.0);
+                self.georeferencer.begin_submap(open.submap.frame.odom_from_submap, registered.stamp.0);
                 open
             }
         };

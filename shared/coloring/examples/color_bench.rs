@@ -60,8 +60,8 @@ fn bench(name: &str, model: &CameraModel) {
     for second in -1..=6 {
         for (index, camera) in (0..).zip(&cameras) {
             let stamp = second * 1_000_000_000 + 300_000_000;
-            let world_from_body = Isometry3::translation(stamp as f64 * 1e-8, 0.0, 0.0);
-            exposures.push(camera.exposure(stamp, &world_from_body, &Isometry3::identity()));
+            let odom_from_body = Isometry3::translation(stamp as f64 * 1e-8, 0.0, 0.0);
+            exposures.push(camera.exposure(stamp, &odom_from_body, &Isometry3::identity()));
             images.extend(ColorImage::new(index, WIDTH, HEIGHT, &bytes));
         }
     }

@@ -34,22 +34,23 @@ impl ProjectionCamera {
         self.lens.px_per_rad()
     }
 
-    /// An exposure at `stamp` whose whole image is usable.
-    pub fn exposure(&self, stamp: i64, world_from_body: &Pose, world_from_submap: &Pose) -> PosedExposure<'_> {
+    /// An exposure at `stamp` whose whole image is usable. Only the pose of the camera against the submap matters: both poses may
+    /// be in any frame that does not move, as long as it is the same one.
+    pub fn exposure(&self, stamp: i64, odom_from_body: &Pose, odom_from_submap: &Pose) -> PosedExposure<'_> {
         let [width, height] = self.size;
-        self.exposure_of_area(stamp, world_from_body, world_from_submap, [0, 0, width, height])
+        self.exposure_of_area(stamp, odom_from_body, odom_from_submap, [0, 0, width, height])
     }
 
     /// An exposure whose image is usable in `area` = left column, top row, width, height.
     pub fn exposure_of_area(
         &self,
         stamp: i64,
-        world_from_body: &Pose,
-        world_from_submap: &Pose,
+        odom_from_body: &Pose,
+        odom_from_submap: &Pose,
         area: [u32; 4],
     ) -> PosedExposure<'_> {
-        // Computed in f64, because world coordinates are large.
-        let camera_from_submap = (world_from_body * self.body_from_camera).inverse() * world_from_submap;
+        // Computed in f64, because coordinates in odom grow with the drive.
+        let camera_from_submap = (odom_from_body * self.body_from_camera).inverse() * odom_from_submap;
         let position = camera_from_submap.inverse().translation.vector;
         let matrix = camera_from_submap.to_homogeneous();
         let [x0, y0, width, height] = area.map(|v| v as f32);

@@ -78,7 +78,7 @@ impl<T> ExposureWindow<T> {
         let end = self.held.partition_point(|kept| kept.stamp <= *stamps.end());
         self.held.get(first..end).unwrap_or_default()
     }
-    /// The exposures within a time with their `world_from_body`, and how many have no pose.
+    /// The exposures within a time with their `odom_from_body`, and how many have no pose.
     pub fn posed_within(&self, stamps: RangeInclusive<i64>, trajectory: &Trajectory) -> (Vec<(&T, Pose)>, u64) {
         let near = self.within(stamps);
         let posed = |held: &HeldExposure<T>| trajectory.at(Stamp(held.stamp));

@@ -24,7 +24,7 @@ pub struct CameraCubes<'a> {
 }
 
 impl<'a> CameraCubes<'a> {
-    /// Adds a cube of the camera, with `world_from_body` at its stamp and `world_from_submap`.
+    /// Adds a cube of the camera, with `odom_from_body` at its stamp and `odom_from_submap`.
     pub fn add(&mut self, camera: &'a ProjectionCamera, cube: CubeImage<'a>, poses: [&Pose; 2], stamp: i64) {
         self.exposures.push(camera.exposure_of_area(stamp, poses[0], poses[1], cube.area()));
         self.cubes.push(cube);

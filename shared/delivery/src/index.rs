@@ -33,9 +33,10 @@ pub struct CloudEntry {
     pub stamp_end: i64,
     /// Smallest and largest x y z, m. None without points.
     pub bounds: Option<[[f64; 3]; 2]>,
-    /// Translation of `world_from_submap`, m, in the local frame, also if coordinates are UTM.
+    /// Translation of `world_from_submap`, m, in the local frame, also if coordinates are UTM. Without placement it is the one of
+    /// `odom_from_submap`.
     pub translation: [f64; 3],
-    /// Rotation of `world_from_submap`, unit quaternion x y z w.
+    /// Rotation of the same pose, unit quaternion x y z w.
     pub rotation: [f64; 4],
     /// Standard deviation of the position along the axes of the submap, m. None without placement.
     pub sigma_m: Option<[f32; 3]>,

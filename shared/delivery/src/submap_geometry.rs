@@ -6,7 +6,7 @@ use messages::{CheckedSubmap, SubmapHeader, SubmapPoint, SubmapSweep};
 
 /// Pose of a submap and the paths of the lidar during its sweeps.
 pub(crate) struct SubmapGeometry {
-    world_from_submap: Pose,
+    odom_from_submap: Pose,
     sweeps: Vec<SweepPath>,
 }
 
@@ -27,20 +27,20 @@ impl SubmapGeometry {
     pub(crate) fn new(seq: u64, header: &SubmapHeader, points: &[SubmapPoint]) -> Result<Self, DeliveryError> {
         let checked = header.checked(seq)?;
         checked.check_points(points)?;
-        let CheckedSubmap { world_from_submap, sweeps, .. } = checked;
+        let CheckedSubmap { odom_from_submap, sweeps, .. } = checked;
         let path = |sweep: &SubmapSweep| {
             let number = i32::try_from(sweep.seq);
             let number = number
                 .map_err(|_| DeliveryError::ExceedsInt { what: format!("submap {seq}: sweep number {}", sweep.seq) })?;
-            Ok::<_, DeliveryError>(SweepPath::new(sweep, number, &world_from_submap))
+            Ok::<_, DeliveryError>(SweepPath::new(sweep, number, &odom_from_submap))
         };
-        Ok(Self { sweeps: sweeps.iter().map(path).collect::<Result<_, DeliveryError>>()?, world_from_submap })
+        Ok(Self { sweeps: sweeps.iter().map(path).collect::<Result<_, DeliveryError>>()?, odom_from_submap })
     }
 
-    /// `point` in the world frame.
+    /// `point` in odom, m.
     #[inline]
     pub(crate) fn position(&self, point: &SubmapPoint) -> Point3<f64> {
-        self.world_from_submap * Point3::new(f64::from(point.x), f64::from(point.y), f64::from(point.z))
+        self.odom_from_submap * Point3::new(f64::from(point.x), f64::from(point.y), f64::from(point.z))
     }
 
     /// The sweep of `point`, which [`SubmapGeometry::new`] has checked.
@@ -51,10 +51,10 @@ impl SubmapGeometry {
 }
 
 impl SweepPath {
-    fn new(sweep: &SubmapSweep, seq: i32, world_from_submap: &Pose) -> Self {
+    fn new(sweep: &SubmapSweep, seq: i32, odom_from_submap: &Pose) -> Self {
         let position = |pose: &[f32; 7]| {
             let p = Point3::new(f64::from(pose[0]), f64::from(pose[1]), f64::from(pose[2]));
-            (world_from_submap * p).coords
+            (odom_from_submap * p).coords
         };
         let begin = position(&sweep.submap_from_lidar_begin);
         let moved = position(&sweep.submap_from_lidar_end) - begin;

@@ -3,7 +3,7 @@
 use crate::Stamp;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-/// A rigid transform. Variables are named by its direction: `world_from_body`.
+/// A rigid transform, lengths in m. Variables are named by its direction: `odom_from_body` takes points of the body to odom.
 pub type Pose = Isometry3<f64>;
 
 /// Interpolates from `a` (share 0) to `b` (share 1): translation linearly, rotation along the shorter arc. Shares outside 0 to 1
@@ -21,7 +21,8 @@ pub fn heading(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
 }
 
-/// `world_from_body` over time.
+/// Poses of one frame in another over time, by default of the body: in odom before the placement (`odom_from_body`), in the world
+/// after it and in the truth of a simulated drive (`world_from_body`).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectory {
     poses: Vec<(Stamp, Pose)>,
@@ -30,11 +31,11 @@ pub struct Trajectory {
 impl Trajectory {
     /// Appends a pose. A stamp equal to the last one replaces the last pose. A stamp before the last one is rejected: the result
     /// is `false`.
-    pub fn push(&mut self, stamp: Stamp, world_from_body: Pose) -> bool {
+    pub fn push(&mut self, stamp: Stamp, new: Pose) -> bool {
         match self.poses.last_mut() {
             Some((last, _)) if stamp < *last => return false,
-            Some((last, pose)) if stamp == *last => *pose = world_from_body,
-            _ => self.poses.push((stamp, world_from_body)),
+            Some((last, pose)) if stamp == *last => *pose = new,
+            _ => self.poses.push((stamp, new)),
         }
         true
     }

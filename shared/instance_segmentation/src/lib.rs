@@ -16,7 +16,7 @@
 //! | `sets` | disjoint sets |
 //! | `tracker` | the same object in several submaps |
 //!
-//! Frames: submap frame, z up; the tracker compares objects in the world frame. Lengths in m, times in ns since the Unix epoch.
+//! Frames: submap frame, z up; the tracker compares objects in odom. Lengths in m, times in ns since the Unix epoch.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

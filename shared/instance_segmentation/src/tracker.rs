@@ -1,7 +1,7 @@
 //! Associates objects of a submap with objects of earlier submaps.
 //!
 //! Neighboring submaps overlap, so an object at their border has a footprint in both. The tracker stores ids and footprints of the
-//! objects of the last submaps, in cells of the world frame. Submaps are not delayed: the later part of an object gets the id of the
+//! objects of the last submaps, in cells of odom. Submaps are not delayed: the later part of an object gets the id of the
 //! earlier part.
 
 use crate::movers::Motion;
@@ -32,45 +32,45 @@ pub struct Tracker {
     objects: Vec<TrackedObject>,
 }
 
-/// Cell of the world.
-type WorldCell = (i32, i32);
+/// Column and row of a cell: x and y in odom over `CELL_M`, rounded down.
+type OdomCell = (i32, i32);
 
-/// Footprint of an object in the world frame.
+/// Footprint of an object in odom.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TrackedObject {
     /// Its id; 0 before it has one.
     pub id: u32,
     class: u8,
     /// All cells, cells of its first and cells of its last half second, sorted.
-    cells: [Vec<WorldCell>; 3],
+    cells: [Vec<OdomCell>; 3],
     begin: i64,
     end: i64,
-    /// Of a moving object, in the world frame.
+    /// Of a moving object, in odom.
     motion: Option<Motion>,
     /// Submaps since it was observed.
     age: u32,
 }
 
 impl TrackedObject {
-    /// The object in the world frame, without id.
-    pub fn of(object: &Object, class: u8, grid: &BevGrid, world_from_submap: &Pose) -> Self {
-        let world_cell = |&(row, col): &(usize, usize)| {
+    /// The object in odom, without id.
+    pub fn of(object: &Object, class: u8, grid: &BevGrid, odom_from_submap: &Pose) -> Self {
+        let odom_cell = |&(row, col): &(usize, usize)| {
             let (x, y) = grid.center(row, col);
-            let p_in_world = world_from_submap * Point3::new(x, y, 0.0);
-            ((p_in_world.x / CELL_M).floor() as i32, (p_in_world.y / CELL_M).floor() as i32)
+            let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);
+            ((p_in_odom.x / CELL_M).floor() as i32, (p_in_odom.y / CELL_M).floor() as i32)
         };
         let cells = object.cells.each_ref().map(|cells| {
-            let mut cells: Vec<WorldCell> = cells.iter().map(world_cell).collect();
+            let mut cells: Vec<OdomCell> = cells.iter().map(odom_cell).collect();
             cells.sort_unstable();
             cells.dedup();
             cells
         });
         let motion = object.motion.map(|Motion { first, last, velocity: [vx, vy] }| {
             let place = |(nanos, [x, y]): (i64, [f64; 2])| {
-                let p_in_world = world_from_submap * Point3::new(x, y, 0.0);
-                (nanos, [p_in_world.x, p_in_world.y])
+                let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);
+                (nanos, [p_in_odom.x, p_in_odom.y])
             };
-            let velocity = world_from_submap.rotation * Vector3::new(vx, vy, 0.0);
+            let velocity = odom_from_submap.rotation * Vector3::new(vx, vy, 0.0);
             Motion { first: place(first), last: place(last), velocity: [velocity.x, velocity.y] }
         });
         Self { id: 0, class, cells, begin: object.span.0, end: object.span.1, motion, age: 0 }

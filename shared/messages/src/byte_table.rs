@@ -1,6 +1,6 @@
 //! The layout of a message type, for readers that do not have the type: observers, recordings, other languages.
 
-use crate::{Envelope, Message, Pod};
+use crate::{Envelope, Message, Pod, SubmapTopic, TrajectoryTopic};
 use serde::{Deserialize, Serialize};
 
 /// One field: `count` numbers of kind `kind` in a row, from byte `offset` on, little-endian.
@@ -54,6 +54,25 @@ impl ByteTable {
             row: fields_of::<T::Row>(),
         }
     }
+
+    /// The table under the current names of its fields, for recordings from before poses in odom were renamed from `world_from_...`
+    /// to `odom_from_...` in topics `submap` and `trajectory`. The bytes are the same, only names and fingerprint differ. Any other
+    /// table is returned as it is.
+    #[must_use]
+    pub fn with_current_names(self) -> Self {
+        let current = match self.topic.as_str() {
+            SubmapTopic::TOPIC => Self::of::<SubmapTopic>(),
+            TrajectoryTopic::TOPIC => Self::of::<TrajectoryTopic>(),
+            _ => return self,
+        };
+        let mut renamed = Self { layout: current.layout, ..self.clone() };
+        for field in renamed.header.iter_mut().chain(&mut renamed.row) {
+            if let Some(frame) = field.name.strip_prefix("world_from_") {
+                field.name = format!("odom_from_{frame}");
+            }
+        }
+        if renamed == current { current } else { self }
+    }
 }
 
 fn fields_of<P: Pod>() -> Vec<ByteField> {
@@ -65,7 +84,7 @@ fn fields_of<P: Pod>() -> Vec<ByteField> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{SubmapTopic, TickTopic};
+    use crate::TickTopic;
 
     #[test]
     fn fields_cover_every_byte_once() {
@@ -83,6 +102,21 @@ mod tests {
                 }
                 assert_eq!(at, bytes, "{}", table.topic);
             }
+        }
+    }
+
+    #[test]
+    fn table_with_former_names_becomes_the_current_one() {
+        for current in [ByteTable::of::<SubmapTopic>(), ByteTable::of::<TrajectoryTopic>()] {
+            let mut former = ByteTable { layout: 1, ..current.clone() };
+            for field in former.header.iter_mut().chain(&mut former.row) {
+                field.name = field.name.replace("odom_from_", "world_from_");
+            }
+            assert_ne!(former, current);
+            assert_eq!(former.clone().with_current_names(), current);
+            // A table that differs in more than names is another one.
+            former.version += 1;
+            assert_eq!(former.clone().with_current_names(), former);
         }
     }
 

@@ -67,18 +67,18 @@ mod tests {
         header.sweeps[3].submap_from_lidar_end[2] = f32::NEG_INFINITY;
         let fault = check_header::<SubmapTopic>(&header).expect_err("infinite");
         assert_eq!((fault.field.as_str(), fault.value), ("sweeps.3.submap_from_lidar_end[2]", f64::NEG_INFINITY));
-        header.world_from_submap.translation[1] = f64::NAN;
+        header.odom_from_submap.translation[1] = f64::NAN;
         let text = check_header::<SubmapTopic>(&header).expect_err("NaN").to_string();
-        assert_eq!(text, "submap: header world_from_submap.translation[1] is NaN: all numbers must be finite");
+        assert_eq!(text, "submap: header odom_from_submap.translation[1] is NaN: all numbers must be finite");
     }
 
     #[test]
     fn poses_are_checked_and_points_are_not() {
         let mut rows = [StampedPose::default(); 3];
         assert_eq!(check_rows::<TrajectoryTopic>(&rows), Ok(()));
-        rows[2].world_from_body.rotation[3] = f64::INFINITY;
+        rows[2].odom_from_body.rotation[3] = f64::INFINITY;
         let text = check_rows::<TrajectoryTopic>(&rows).expect_err("infinite").to_string();
-        assert_eq!(text, "trajectory: row 2 world_from_body.rotation[3] is inf: all numbers must be finite");
+        assert_eq!(text, "trajectory: row 2 odom_from_body.rotation[3] is inf: all numbers must be finite");
         assert_eq!(check_header::<SweepTopic>(&SweepHeader::default()), Ok(()));
         assert_eq!(check_rows::<SweepTopic>(&[SweepPoint { x: f32::NAN, ..SweepPoint::default() }]), Ok(()));
     }

@@ -2,7 +2,8 @@
 
 use crate::{Message, PoseRow, SubmapTopic, TrajectoryTopic, pod};
 
-/// [`PlacementHeader::frame`]: the world is the vehicle's place and heading at the first shot, z up.
+/// [`PlacementHeader::frame`]: the world has position and heading of the vehicle at the first shot. Its z axis points up if
+/// gravity was measured, otherwise it is the z axis of odom.
 pub const FRAME_LOCAL: u32 = 0;
 /// [`PlacementHeader::frame`]: the world is east, north and up around the origin in the header.
 pub const FRAME_EAST_NORTH_UP: u32 = 1;
@@ -106,7 +107,7 @@ impl PlacementRow {
 pub struct PlacementTopic;
 
 impl PlacementTopic {
-    /// Topics in the frame of the odometry. Without `placement` they cannot be moved to the world.
+    /// Topics in odom. Without `placement` they cannot be moved to the world.
     pub const MOVES: [&str; 2] = [SubmapTopic::TOPIC, TrajectoryTopic::TOPIC];
 }
 

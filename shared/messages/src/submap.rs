@@ -85,8 +85,9 @@ pod! {
         pub stamp_begin: i64,
         /// ns since the Unix epoch, last shot.
         pub stamp_end: i64,
-        /// Pose of the submap: local east-north-up, m.
-        pub world_from_submap: PoseRow,
+        /// Pose of the submap in odom, m: position and heading of the body at the first shot, z axis parallel to odom's. Topic
+        /// `placement` holds its pose in the world.
+        pub odom_from_submap: PoseRow,
         /// Smallest x y z, m, submap frame.
         pub min: [f32; 3],
         /// Largest x y z, m, submap frame.
@@ -113,8 +114,8 @@ pub fn pose_numbers(pose: &Pose) -> [f32; 7] {
 /// A submap whose content breaks a rule of the topic.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SubmapError {
-    /// [`SubmapHeader::world_from_submap`].
-    #[error("submap {seq}: world_from_submap: {source}")]
+    /// [`SubmapHeader::odom_from_submap`].
+    #[error("submap {seq}: odom_from_submap: {source}")]
     Pose {
         /// Number of the submap.
         seq: u64,
@@ -148,8 +149,8 @@ pub enum SubmapError {
 pub struct CheckedSubmap<'a> {
     /// Number of the submap.
     pub seq: u64,
-    /// Pose of the submap.
-    pub world_from_submap: Pose,
+    /// Pose of the submap in odom, m.
+    pub odom_from_submap: Pose,
     /// The sweeps in use.
     pub sweeps: &'a [SubmapSweep],
 }
@@ -161,10 +162,10 @@ impl SubmapHeader {
     }
     /// Checks pose and number of sweeps. `seq` is the submap's number, for the error.
     pub fn checked(&self, seq: u64) -> Result<CheckedSubmap<'_>, SubmapError> {
-        let world_from_submap = self.world_from_submap.checked().map_err(|source| SubmapError::Pose { seq, source })?;
+        let odom_from_submap = self.odom_from_submap.checked().map_err(|source| SubmapError::Pose { seq, source })?;
         let sweeps = self.sweeps.get(..self.n_sweeps as usize);
         let sweeps = sweeps.ok_or(SubmapError::Sweeps { seq, n_sweeps: self.n_sweeps })?;
-        Ok(CheckedSubmap { seq, world_from_submap, sweeps })
+        Ok(CheckedSubmap { seq, odom_from_submap, sweeps })
     }
 }
 
@@ -199,15 +200,15 @@ mod tests {
     use super::*;
 
     fn header(n_sweeps: u32) -> SubmapHeader {
-        let world_from_submap = PoseRow { translation: [1.0, 2.0, 3.0], rotation: [0.0, 0.0, 0.0, 1.0] };
-        SubmapHeader { world_from_submap, n_sweeps, ..SubmapHeader::default() }
+        let odom_from_submap = PoseRow { translation: [1.0, 2.0, 3.0], rotation: [0.0, 0.0, 0.0, 1.0] };
+        SubmapHeader { odom_from_submap, n_sweeps, ..SubmapHeader::default() }
     }
 
     #[test]
     fn checked_header_returns_pose_and_sweeps_in_use() {
         let header = header(3);
         let checked = header.checked(7).expect("is sound");
-        assert_eq!((checked.sweeps.len(), checked.world_from_submap.translation.z), (3, 3.0));
+        assert_eq!((checked.sweeps.len(), checked.odom_from_submap.translation.z), (3, 3.0));
         let mut points = vec![SubmapPoint { sweep_idx: 2, ..SubmapPoint::default() }; 5];
         assert_eq!(checked.check_points(&points), Ok(()));
         points[4].sweep_idx = 3;
@@ -218,10 +219,10 @@ mod tests {
     #[test]
     fn checked_header_with_bad_pose_or_too_many_sweeps_is_refused() {
         let mut bent = header(3);
-        bent.world_from_submap.rotation[3] = 2.0;
+        bent.odom_from_submap.rotation[3] = 2.0;
         let error = bent.checked(7).expect_err("the quaternion's norm is 2").to_string();
         assert!(
-            error.starts_with("submap 7: world_from_submap: ") && error.contains("is not a rigid transform"),
+            error.starts_with("submap 7: odom_from_submap: ") && error.contains("is not a rigid transform"),
             "{error}"
         );
         let error = header(257).checked(7).expect_err("the table has 256 rows");

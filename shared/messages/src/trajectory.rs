@@ -1,4 +1,4 @@
-//! Topic `trajectory`: the poses of the vehicle.
+//! Topic `trajectory`: the poses of the vehicle in odom, before the placement.
 
 use crate::{Message, TickTopic, pod, raw::NoHeader};
 use geometry::{Isometry3, Pose, Quaternion, Translation3, UnitQuaternion};
@@ -51,12 +51,12 @@ impl PoseRow {
 }
 
 pod! {
-    /// `world_from_body` at a stamp.
+    /// Pose of the body in odom at a stamp.
     pub struct StampedPose {
         /// ns since the Unix epoch.
         pub stamp: i64,
-        /// `world_from_body`.
-        pub world_from_body: PoseRow,
+        /// Pose of the body in odom, m. Odom is the body frame at the first shot of the drive; it drifts.
+        pub odom_from_body: PoseRow,
     }
 }
 

@@ -60,7 +60,7 @@ impl Contents {
 
 fn parse_table(data: &[u8]) -> Result<ByteTable, RecordFault> {
     let parsed: ByteTable = serde_json::from_slice(data).map_err(|error| RecordFault::Schema(error.to_string()))?;
-    table::check(&parsed).map(|()| parsed)
+    table::check(&parsed).map(|()| parsed.with_current_names())
 }
 
 /// `None` for channels of other programs.

@@ -1,7 +1,10 @@
 //! Planar points of a sweep with their normals.
 
-use crate::neighborhood::{LANES, Planes, Shapes};
-use crate::ring_errors::lever;
+pub(crate) mod sampling;
+pub(crate) mod sweep_features;
+
+use crate::self_calibration::ring_errors::lever;
+use crate::sweep::neighborhood::{LANES, Planes, Shapes};
 use crate::voxel::{VoxelIndex, VoxelSet, thinned};
 use crate::{RangeImage, Sweep};
 use nalgebra::Vector3;

@@ -1,14 +1,16 @@
 //! Scan-to-map matching: robust point-to-plane registration over the pose of a sweep and the motion during it.
 
-use crate::ground_tilt::{GroundLever, GroundTilt};
-use crate::maps::Maps;
+pub(crate) mod normal_equations;
+
+use crate::map::maps::Maps;
 use crate::motion::Velocity;
-use crate::normal_equations::{NormalEquations, Solution};
-use crate::ring_errors::{RingError, RingSums};
-use crate::untimed_turn::{TurnLever, TurnShare};
+use crate::self_calibration::ground_tilt::{GroundLever, GroundTilt};
+use crate::self_calibration::ring_errors::{RingError, RingSums};
+use crate::self_calibration::spin_direction::{TurnLever, TurnShare};
 use crate::{Feature, Kernel, Sampling, SweepMotion, Weights};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
+use normal_equations::{NormalEquations, Solution};
 use rayon::prelude::*;
 
 /// How features are matched.

@@ -1,24 +1,26 @@
 //! Scan-to-map odometry: registers sweep after sweep to the local map.
 
-use crate::confirmed::confirmed;
-use crate::contrast::{MIN_CONTRAST, contrast_along, error_along, without_facing};
-use crate::ground_tilt::GroundTilt;
-use crate::maps::{Maps, SavedMaps};
+pub(crate) mod initialization;
+
+use crate::features::sampling::sampled;
+use crate::features::sweep_features::SweepFeatures;
+use crate::map::maps::{Maps, SavedMaps};
 use crate::matching::{Match, Prediction, match_features};
 use crate::motion::Velocity;
-use crate::moving::{MovingDetector, MovingPoints};
-use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement, straightening};
-use crate::ring_errors::{RingError, RingErrors};
-use crate::sampling::sampled;
-use crate::sensors::SensorLog;
-use crate::start::{InitialMotion, find_start};
-use crate::sweep_features::SweepFeatures;
-use crate::untimed_turn::{TurnLever, TurnShare};
+use crate::moving_objects::{MovingDetector, MovingPoints};
+use crate::observability::along_track::{MIN_CONTRAST, contrast_along, error_along, without_facing};
+use crate::observability::perturbation_test::confirmed;
+use crate::prediction::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement, straightening};
+use crate::prediction::sensors::SensorLog;
+use crate::self_calibration::ground_tilt::GroundTilt;
+use crate::self_calibration::ring_errors::{RingError, RingErrors};
+use crate::self_calibration::spin_direction::{TurnLever, TurnShare};
 use crate::{
     Feature, FeatureSettings, GroundVelocity, InertialSample, Kernel, LocalMap, MapSettings, MatchSettings, Matched,
     Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
 };
 use geometry::{Pose, Stamp, Vector3};
+use initialization::{InitialMotion, find_start};
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 

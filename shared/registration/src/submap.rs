@@ -1,6 +1,10 @@
 //! Registered sweeps as rows of a submap.
 
-use crate::arc_tangent::fast_atan2;
+pub(crate) mod body_poses;
+pub(crate) mod kept_points;
+pub(crate) mod raw_sweep;
+
+use crate::sweep::arc_tangent::fast_atan2;
 use crate::{DeskewTable, KeptPoints, RawSweep, Registered, Sweep, TimedPoint};
 use geometry::{Pose, Vector3, heading};
 use messages::{
@@ -17,14 +21,14 @@ const BLOCK: usize = 64;
 /// Smallest and largest x y z of an empty set.
 const NO_BOUNDS: [[f32; 3]; 2] = [[f32::MAX; 3], [f32::MIN; 3]];
 
-/// Pose of a submap, and the path so far, by which it is full.
+/// Pose of a submap in odom, and the length of its path so far, which decides when it is full.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SubmapFrame {
-    /// Position and heading of the body at the first shot.
-    pub world_from_submap: Pose,
+    /// Position and heading of the body at the first shot, without its tilt against odom, m.
+    pub odom_from_submap: Pose,
     /// Path length of the body since the first shot, m.
     pub path_m: f64,
-    /// Last position of the body, world, m.
+    /// Last position of the body in odom, m.
     pub body: Vector3<f64>,
 }
 
@@ -50,13 +54,13 @@ pub struct SweepRows<'a> {
 
 impl OpenSubmap {
     /// Begins at the position and heading of the body of a vehicle with `n_lidars`.
-    pub fn new(world_from_body: &Pose, n_lidars: u32) -> Self {
-        let world_from_submap = Pose::from_parts(world_from_body.translation, heading(&world_from_body.rotation));
+    pub fn new(odom_from_body: &Pose, n_lidars: u32) -> Self {
+        let odom_from_submap = Pose::from_parts(odom_from_body.translation, heading(&odom_from_body.rotation));
         let mut header = Box::new(SubmapHeader::default());
-        header.world_from_submap = world_from_submap.into();
+        header.odom_from_submap = odom_from_submap.into();
         header.n_lidars = n_lidars;
-        let body = world_from_body.translation.vector;
-        Self { frame: SubmapFrame { world_from_submap, path_m: 0.0, body }, header }
+        let body = odom_from_body.translation.vector;
+        Self { frame: SubmapFrame { odom_from_submap, path_m: 0.0, body }, header }
     }
     /// Whether the sweep table has room for more sweeps.
     pub fn has_room(&self, n_more: usize) -> bool {
@@ -67,7 +71,7 @@ impl OpenSubmap {
         (self.header.stamp_end - self.header.stamp_begin) as f64 * 1e-9
     }
     /// Writes the kept points of a sweep to `rows`, which are as many and follow `first_point` others. `body` is the position of the
-    /// body at the last shot, world. The caller has checked [`OpenSubmap::has_room`].
+    /// body at the last shot in odom, m. The caller has checked [`OpenSubmap::has_room`].
     pub fn append(
         &mut self,
         rows: &mut [SubmapPoint],
@@ -76,8 +80,8 @@ impl OpenSubmap {
         registered: &Registered,
         body: Vector3<f64>,
     ) {
-        let submap_from_world = self.frame.world_from_submap.inverse();
-        let (begin, end) = (submap_from_world * registered.begin(), submap_from_world * registered.end());
+        let submap_from_odom = self.frame.odom_from_submap.inverse();
+        let (begin, end) = (submap_from_odom * registered.begin(), submap_from_odom * registered.end());
         let table = DeskewTable::new(&begin, &end, registered.duration_nanos);
         let sweep_idx = self.header.n_sweeps as u16;
         let SweepRows { raw: RawSweep { seq, header, rows: raw, .. }, sweep, kept } = points;

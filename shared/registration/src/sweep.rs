@@ -1,8 +1,16 @@
 //! One revolution of a LiDAR.
 
-use crate::incidence::incidences;
+pub(crate) mod arc_tangent;
+pub(crate) mod eigen;
+pub(crate) mod incidence;
+pub(crate) mod neighborhood;
+pub(crate) mod point;
+pub(crate) mod range_image;
+pub(crate) mod ring_order;
+
 use crate::{RangeImage, TimedPoint};
 use geometry::Stamp;
+use incidence::incidences;
 use messages::{SweepHeader, SweepPoint};
 
 /// Direction in which a sensor spins, seen from above.

@@ -280,13 +280,13 @@ mod tests {
         let mut publish = |x: f64| {
             let mut loan = outputs.loan::<TrajectoryTopic>(2).expect("a loan");
             let mut rows = [StampedPose::default(); 2];
-            rows[1].world_from_body.translation[0] = x;
+            rows[1].odom_from_body.translation[0] = x;
             loan.extend_from_slice(&rows).expect("room");
             outputs.publish(loan, 0)
         };
         assert!(publish(1e6).is_ok());
         let error = publish(f64::INFINITY).expect_err("refused").to_string();
-        assert!(error.contains("trajectory: row 1 world_from_body.translation[0] is inf"), "{error}");
+        assert!(error.contains("trajectory: row 1 odom_from_body.translation[0] is inf"), "{error}");
     }
 
     #[test]

@@ -107,7 +107,7 @@ impl Scene {
             TrajectoryTopic::TOPIC => {
                 check::<TrajectoryTopic>(table)?;
                 for row in rows_of::<StampedPose>(table, rows)? {
-                    let pose = row.world_from_body.checked().with_context(|| format!("trajectory {}", envelope.seq))?;
+                    let pose = row.odom_from_body.checked().with_context(|| format!("trajectory {}", envelope.seq))?;
                     self.transform(row.stamp, vec![frame(row.stamp, "body".to_owned(), &pose)]);
                 }
             }
@@ -135,12 +135,9 @@ impl Scene {
                     let turn = geometry::UnitQuaternion::from_quaternion(geometry::Quaternion::new(qw, qx, qy, qz));
                     let in_submap = geometry::Isometry3::from_parts([x, y, z].into(), turn);
                     let name = format!("lidar{}", lidar_suffix(sweep.lidar));
-                    self.transform(
-                        sweep.stamp,
-                        vec![frame(sweep.stamp, name, &(submap.world_from_submap * in_submap))],
-                    );
+                    self.transform(sweep.stamp, vec![frame(sweep.stamp, name, &(submap.odom_from_submap * in_submap))]);
                 }
-                self.submaps.add(envelope.seq, stamp, submap.world_from_submap, rows);
+                self.submaps.add(envelope.seq, stamp, submap.odom_from_submap, rows);
                 self.show_submaps(false);
             }
             ColorTopic::TOPIC => {

@@ -86,7 +86,7 @@ def test_rerun_reads_every_shown_point_with_its_columns(found, recording):
         seen = color["camera"] != 255
         rgb = sum(color[channel].astype("u4") << shift for channel, shift in (("r", 24), ("g", 16), ("b", 8))) | 255
         assert 0 < seen.sum() < len(seen) and np.array_equal(only("Points3D:colors"), np.where(seen, rgb, 0x969696FF))
-        placed = submap.header["world_from_submap"]
+        placed = submap.header["odom_from_submap"]
         assert np.array_equal(only("Transform3D:translation")[0], placed["translation"].astype("f4"))
 
 
@@ -97,7 +97,7 @@ def test_rerun_reads_every_sweep_pose_image_and_fix(found, camera_drive, recordi
     poses = np.concatenate([message.rows for message in messages(recording, "trajectory")])
     body = found["/odom/body", "Transform3D:translation"]
     assert [time for time, _ in body] == poses["stamp"].tolist()
-    assert np.array_equal([place[0] for _, place in body], poses["world_from_body"]["translation"].astype("f4"))
+    assert np.array_equal([place[0] for _, place in body], poses["odom_from_body"]["translation"].astype("f4"))
     images = {entity: len(rows) for (entity, component), rows in found.items() if component == "EncodedImage:blob"}
     assert sum(images.values()) == len(messages(recording, "image")) > 0
     assert all((entity, "Pinhole:image_from_camera") in found for entity in images)
@@ -109,7 +109,7 @@ def test_rerun_reads_every_sweep_pose_image_and_fix(found, camera_drive, recordi
 def test_boxes_in_rerun_are_the_tight_boxes_of_their_instances(found, recording):
     n_boxes = 0
     for submap, column in zip(messages(recording, "submap"), messages(recording, "instance"), strict=True):
-        points, instances, pose = shown(submap), shown(column), submap.header["world_from_submap"]
+        points, instances, pose = shown(submap), shown(column), submap.header["odom_from_submap"]
         in_odom = xyz(points).astype("f8") @ rotation(*pose["rotation"]).T + pose["translation"]
         for instance in np.unique(instances[instances != 0]):
             entity = f"/odom/objects/{instance}"

@@ -57,9 +57,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let town = Town { simulation: &simulation, trajectory: &recorded.trajectory };
         for submap in &recorded.submaps {
             let header = submap.header();
-            let world_from_submap =
-                header.world_from_submap.to_pose().ok_or("submap: world_from_submap is not a valid pose")?;
-            let truth = town.points(header, &world_from_submap, submap.rows());
+            let odom_from_submap =
+                header.odom_from_submap.to_pose().ok_or("submap: odom_from_submap is not a valid pose")?;
+            let truth = town.points(header, &odom_from_submap, submap.rows());
             let n_moving = |moves: &dyn Fn(usize) -> bool| (0..truth.len()).filter(|i| moves(*i)).count();
             let moves = |i: usize| truth[i].is_some_and(|truth| truth.moves);
             let is_flagged = |i: usize| submap.rows()[i].flags != 0;
@@ -71,7 +71,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 n_moving(&is_flagged),
                 n_moving(&|i| moves(i) && is_flagged(i))
             );
-            let part = Part { town: &town, recorded: &recorded, header, world_from_submap, truth: &truth, steps };
+            let part = Part { town: &town, recorded: &recorded, header, odom_from_submap, truth: &truth, steps };
             found = score::sum(found, part.colors(submap.rows())?);
             known = score::sum(known, part.colors(&with_true_flags(submap.rows(), &truth))?);
             spectral.resize_with(simulation.rig.mosaics.len(), Default::default);
@@ -100,7 +100,7 @@ pub struct Part<'a> {
     /// Header of the submap.
     pub header: &'a SubmapHeader,
     /// As the run estimated it.
-    pub world_from_submap: Pose,
+    pub odom_from_submap: Pose,
     /// Truth of all points.
     pub truth: &'a [Option<TruePoint>],
     /// How points get their colors.
@@ -164,10 +164,10 @@ impl Part<'_> {
         let mut rendered = Vec::new();
         for image in self.recorded.images.iter().filter(|image| self.is_near(image.stamp())) {
             let (header, camera) = (image.header(), image.header().camera as usize);
-            let Some(world_from_body) = self.recorded.trajectory.at(Stamp(image.stamp())) else { continue };
+            let Some(odom_from_body) = self.recorded.trajectory.at(Stamp(image.stamp())) else { continue };
             let pixels = ColorImage::new(header.camera as u8, header.width, header.height, image.rows());
             images.push(pixels.ok_or("image: number of bytes does not match width and height")?);
-            exposures.push(cameras[camera].exposure(image.stamp(), &world_from_body, &self.world_from_submap));
+            exposures.push(cameras[camera].exposure(image.stamp(), &odom_from_body, &self.odom_from_submap));
             let (body_from_camera, lens) = (&specs[camera].body_from_camera, &specs[camera].lens);
             true_exposures.push(self.town.exposure(image.stamp(), body_from_camera, lens));
             rendered.push((&color_cameras[camera], self.town.simulation.color_exposure(camera, Stamp(image.stamp()))));

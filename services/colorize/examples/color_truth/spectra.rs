@@ -22,15 +22,15 @@ impl Part<'_> {
         let (mut exposures, mut true_exposures, mut cubes) = (Vec::new(), Vec::new(), Vec::new());
         for cube in self.recorded.cubes.iter().filter(|cube| self.is_near(cube.stamp())) {
             let header = cube.header();
-            let world_from_body = self.recorded.trajectory.at(Stamp(cube.stamp()));
-            let (Some(world_from_body), Some(cells)) = (world_from_body, CubeView::new(header, cube.rows())) else {
+            let odom_from_body = self.recorded.trajectory.at(Stamp(cube.stamp()));
+            let (Some(odom_from_body), Some(cells)) = (odom_from_body, CubeView::new(header, cube.rows())) else {
                 continue;
             };
             if header.camera as usize != index {
                 continue;
             }
             let area = [header.x0, header.y0, header.width * header.pattern, header.height * header.pattern];
-            exposures.push(camera.exposure_of_area(cube.stamp(), &world_from_body, &self.world_from_submap, area));
+            exposures.push(camera.exposure_of_area(cube.stamp(), &odom_from_body, &self.odom_from_submap, area));
             true_exposures.push(self.town.exposure(cube.stamp(), &spec.body_from_camera, &spec.lens));
             cubes.push((header, cells));
         }

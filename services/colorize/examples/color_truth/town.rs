@@ -81,12 +81,12 @@ impl Town<'_> {
     pub fn points(
         &self,
         header: &SubmapHeader,
-        world_from_submap: &Pose,
+        odom_from_submap: &Pose,
         points: &[SubmapPoint],
     ) -> Vec<Option<TruePoint>> {
         let of_chunk = |points: &[SubmapPoint]| {
             let mut snapshots = BTreeMap::new();
-            let of = |point: &SubmapPoint| self.point(header, world_from_submap, point, &mut snapshots);
+            let of = |point: &SubmapPoint| self.point(header, odom_from_submap, point, &mut snapshots);
             points.iter().map(of).collect::<Vec<_>>()
         };
         points.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
@@ -95,7 +95,7 @@ impl Town<'_> {
     fn point(
         &self,
         header: &SubmapHeader,
-        world_from_submap: &Pose,
+        odom_from_submap: &Pose,
         point: &SubmapPoint,
         snapshots: &mut BTreeMap<i64, [Snapshot; 2]>,
     ) -> Option<TruePoint> {
@@ -104,7 +104,7 @@ impl Town<'_> {
         let seconds = self.seconds(stamp);
         let world_from_body = self.simulation.motion.pose(seconds);
         let p_in_submap = Point3::new(point.x, point.y, point.z).cast::<f64>();
-        let p = world_from_body * estimated.inverse() * world_from_submap * p_in_submap;
+        let p = world_from_body * estimated.inverse() * odom_from_submap * p_in_submap;
         let origin = (world_from_body * self.simulation.rig.lidar.body_from_lidar).translation.vector;
         let range_m = (p.coords - origin).norm();
         let (origin, direction) = (origin.cast(), ((p.coords - origin) / range_m).cast());

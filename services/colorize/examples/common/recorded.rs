@@ -14,7 +14,7 @@ pub struct Recorded {
     pub images: Vec<Received<ImageTopic>>,
     #[allow(dead_code, reason = "not every example reads cubes")]
     pub cubes: Vec<Received<CubeTopic>>,
-    /// `world_from_body` as the run estimated it.
+    /// `odom_from_body` as the run estimated it.
     pub trajectory: Trajectory,
 }
 
@@ -32,7 +32,7 @@ impl Recorded {
             for bytes in bytes(1) {
                 for row in Received::<messages::TrajectoryTopic>::from_bytes(bytes)?.rows() {
                     let pose = row
-                        .world_from_body
+                        .odom_from_body
                         .to_pose()
                         .ok_or_else(|| format!("trajectory: {row:?} is not a valid pose"))?;
                     recorded.trajectory.push(Stamp(row.stamp), pose);

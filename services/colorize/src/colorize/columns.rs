@@ -27,13 +27,13 @@ impl Colorize {
             outputs.note(remark);
         }
         let header = submap.header();
-        let CheckedSubmap { world_from_submap, sweeps, .. } = header.checked(submap.seq())?;
+        let CheckedSubmap { odom_from_submap, sweeps, .. } = header.checked(submap.seq())?;
         let mut buffers = std::mem::take(&mut self.buffers);
         let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.ring_counts(), &mut buffers);
-        let profiles = self.publish_color(submap, &points, &world_from_submap, outputs)?;
+        let profiles = self.publish_color(submap, &points, &odom_from_submap, outputs)?;
         self.held.monitor.add(profiles);
         let mut materials = self.materials.take();
-        self.publish_spectra(submap, &points, &world_from_submap, materials.as_mut(), outputs)?;
+        self.publish_spectra(submap, &points, &odom_from_submap, materials.as_mut(), outputs)?;
         self.materials = materials;
         self.buffers = buffers;
         Ok(())
@@ -44,18 +44,18 @@ impl Colorize {
         &self,
         submap: &Received<SubmapTopic>,
         points: &SubmapPoints<'_>,
-        world_from_submap: &Pose,
+        odom_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<Vec<(usize, Vec<Profile>)>, StepError> {
         let (mut exposures, mut images, mut shifted) = (Vec::new(), Vec::new(), Vec::new());
-        for (image, world_from_body) in self.within_reach(&self.held.images, submap.header(), outputs) {
+        for (image, odom_from_body) in self.within_reach(&self.held.images, submap.header(), outputs) {
             let Some(pixels) = self.color_image(image) else { continue };
             let camera = &self.cameras[image.header().camera as usize];
-            exposures.push(camera.exposure(image.stamp(), &world_from_body, world_from_submap));
+            exposures.push(camera.exposure(image.stamp(), &odom_from_body, odom_from_submap));
             images.push(pixels);
             shifted.push([-SHIFT_NANOS, SHIFT_NANOS].map(|nanos| {
                 let stamp = image.stamp().saturating_add(nanos);
-                Some(camera.exposure(stamp, &self.held.trajectory.at(Stamp(stamp))?, world_from_submap))
+                Some(camera.exposure(stamp, &self.held.trajectory.at(Stamp(stamp))?, odom_from_submap))
             }));
         }
         let visibility = visibility_maps(points, &exposures);
@@ -86,15 +86,15 @@ impl Colorize {
         &self,
         submap: &Received<SubmapTopic>,
         points: &SubmapPoints<'_>,
-        world_from_submap: &Pose,
+        odom_from_submap: &Pose,
         materials: Option<&mut PointMaterials>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
-        for (cube, world_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
+        for (cube, odom_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
             let Some(cells) = self.cube_image(cube) else { continue };
             let index = cube.header().camera as usize;
-            cameras[index].add(&self.mosaics[index], cells, [&world_from_body, world_from_submap], cube.stamp());
+            cameras[index].add(&self.mosaics[index], cells, [&odom_from_body, odom_from_submap], cube.stamp());
         }
         let column = SpectraColumn::new(points, self.bands.bands(), &cameras, self.limits);
         let mut loan = outputs.loan::<SpectraTopic>(column.n_rows())?;
@@ -118,7 +118,7 @@ impl Colorize {
         Ok(())
     }
 
-    /// The exposures within `max_age_s` of the submap, with `world_from_body`. Exposures before the first or after the last
+    /// The exposures within `max_age_s` of the submap, with `odom_from_body`. Exposures before the first or after the last
     /// known pose are skipped and counted, once per submap.
     fn within_reach<'a, T: Message>(
         &self,

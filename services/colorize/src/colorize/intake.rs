@@ -11,7 +11,7 @@ impl Colorize {
     pub(super) fn take_poses(&mut self, inputs: &mut Inputs) -> Result<(), StepError> {
         for message in inputs.take::<TrajectoryTopic>() {
             for row in message.rows() {
-                let pose = row.world_from_body.checked().map_err(|error| StepError::data(error).at("trajectory"))?;
+                let pose = row.odom_from_body.checked().map_err(|error| StepError::data(error).at("trajectory"))?;
                 if !self.held.trajectory.push(Stamp(row.stamp), pose) {
                     let text = format!("trajectory: pose at {} ns is older than the one before it", row.stamp);
                     return Err(StepError::data(text));

@@ -44,7 +44,7 @@ fn doubts_with(cameras: &Cameras<'_>, settings: &Settings, context: &Context) ->
             }
         }
         if until == START + i64::from(DURATION_NANOS) {
-            bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &points), points.clone());
+            bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &points), points.clone());
         }
         bench.tick().expect("a tick");
         if cameras.is_restarted {

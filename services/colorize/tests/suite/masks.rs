@@ -95,11 +95,11 @@ fn dead_saturated_and_clipped_samples_are_invalid_on_points() {
     let stamp = START + SECOND / 2;
     let painted = street::points(1_000_000_000);
     let points: Vec<_> = painted.iter().map(|painted| painted.point).collect();
-    let camera_from_world =
-        (street::world_from_body(stamp) * entry.body_from_camera.to_pose().expect("a pose")).inverse();
+    let camera_from_odom =
+        (street::odom_from_body(stamp) * entry.body_from_camera.to_pose().expect("a pose")).inverse();
     let column = |point: &messages::SubmapPoint| {
         let p_in_submap = Point3::new(point.x, point.y, point.z).cast();
-        let pixel = entry.model.pixel_from_camera(&(camera_from_world * street::world_from_submap() * p_in_submap));
+        let pixel = entry.model.pixel_from_camera(&(camera_from_odom * street::odom_from_submap() * p_in_submap));
         pixel.map(|pixel| pixel.x)
     };
     for method in [None, Some(Demosaicing::PpiDifference)] {
@@ -111,7 +111,7 @@ fn dead_saturated_and_clipped_samples_are_invalid_on_points() {
             street::trajectory(START - SECOND, START + 3 * SECOND),
         );
         bench.send::<CubeTopic>(stamp, cube_header, cube_rows);
-        bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &points), points.clone());
+        bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &points), points.clone());
         bench.tick().expect("a tick");
         bench.finish().expect("an end");
         let spectra = bench.take::<SpectraTopic>();

@@ -54,7 +54,7 @@ impl Run<'_> {
                 }
             }
             if until == START + i64::from(DURATION_NANOS) {
-                bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &points), points.clone());
+                bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &points), points.clone());
             }
             bench.tick().expect("a tick");
             found.extend(bench.take::<ColorTopic>());
@@ -95,8 +95,8 @@ fn expected_camera(painted: &Painted, n_rig: usize, body_from_camera: &[Pose]) -
         .filter(|(gap, _)| *gap <= SECOND)
         .flat_map(|(gap, offset)| (0..n_rig).map(move |camera| (gap, offset, camera)))
         .filter(|(_, offset, camera)| {
-            let world_from_camera = street::world_from_body(START + offset) * body_from_camera[*camera];
-            let p_in_camera = world_from_camera.inverse() * street::world_from_submap() * p;
+            let odom_from_camera = street::odom_from_body(START + offset) * body_from_camera[*camera];
+            let p_in_camera = odom_from_camera.inverse() * street::odom_from_submap() * p;
             manifest.cameras[*camera].model.pixel_from_camera(&p_in_camera).is_some()
         })
         .map(|(gap, _, camera)| (gap, camera))
@@ -161,7 +161,7 @@ fn submap_wait_ends_with_next_submap_or_without_cameras() {
     let painted = street::points(DURATION_NANOS);
     let points: Vec<_> = painted.iter().map(|painted| painted.point).collect();
     let send = |bench: &mut Bench<Colorize>, stamp| {
-        let header = submap(street::world_from_submap(), stamp, &points);
+        let header = submap(street::odom_from_submap(), stamp, &points);
         bench.send::<TrajectoryTopic>(
             stamp,
             NoHeader::default(),
@@ -209,7 +209,7 @@ fn materials_are_published_for_points_with_a_spectrum_if_they_are_on() {
         }
     }
     let points: Vec<_> = street::points(DURATION_NANOS).iter().map(|painted| painted.point).collect();
-    bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &points), points.clone());
+    bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &points), points.clone());
     bench.tick().expect("a tick");
     bench.finish().expect("an end");
     let (spectra, materials) = (bench.take::<SpectraTopic>(), bench.take::<MaterialTopic>());
@@ -242,7 +242,7 @@ fn regions_of_cells_are_published_for_their_points_if_they_are_on() {
         }
     }
     let points: Vec<_> = street::points(DURATION_NANOS).iter().map(|painted| painted.point).collect();
-    bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &points), points.clone());
+    bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &points), points.clone());
     bench.tick().expect("a tick");
     bench.finish().expect("an end");
     let (spectra, regions) = (bench.take::<SpectraTopic>(), bench.take::<RegionTopic>());
@@ -270,7 +270,7 @@ fn last_tick_publishes_at_most_queue_columns() {
     let mut bench = Bench::<Colorize>::new(&Settings::default(), &context(folder.path())).expect("starts");
     for (n_submaps, n_columns) in [(1, 0), (SubmapTopic::QUEUE, SubmapTopic::QUEUE)] {
         for _ in 0..n_submaps {
-            bench.send::<SubmapTopic>(START, submap(street::world_from_submap(), START, &[]), Vec::new());
+            bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &[]), Vec::new());
         }
         bench.tick().expect("a tick");
         assert_eq!(bench.take::<SpectraTopic>().len(), n_columns, "one is held");
@@ -377,7 +377,7 @@ fn invalid_pose_in_trajectory_stops_stage() {
     let folder = drive(&street::manifest());
     let mut bench = Bench::<Colorize>::new(&Settings::default(), &context(folder.path())).expect("starts");
     let mut rows = street::trajectory(START, START + SECOND);
-    rows[3].world_from_body.rotation = [0.0; 4];
+    rows[3].odom_from_body.rotation = [0.0; 4];
     bench.send::<TrajectoryTopic>(START, NoHeader::default(), rows);
     let error = bench.tick().expect_err("invalid pose").to_string();
     assert!(error.contains("trajectory") && error.contains("rigid transform"), "{error}");

@@ -34,8 +34,8 @@ fn driven(folder: &Path, settings: &Settings, frame: u32, sigma_m: [f32; 3], hea
     let row = |seq: u64| PlacementRow {
         submap: seq,
         stamp: street.sweep_stamp(seq, 0),
-        world_from_submap: street.header(seq).world_from_submap,
-        odom_from_submap: street.header(seq).world_from_submap,
+        world_from_submap: street.header(seq).odom_from_submap,
+        odom_from_submap: street.header(seq).odom_from_submap,
         sigma_m: if seq == 1 { sigma_m } else { GOOD_M },
         sigma_rad: [0.01, 0.01, if seq == 1 { heading_deg.to_radians() } else { 0.01 }],
     };

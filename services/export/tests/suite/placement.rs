@@ -23,7 +23,7 @@ fn world_from_odom(seq: u64) -> Pose {
 }
 
 fn odom_from_submap(street: &Street, seq: u64) -> Pose {
-    street.header(seq).world_from_submap.to_pose().expect("a pose")
+    street.header(seq).odom_from_submap.to_pose().expect("a pose")
 }
 
 fn send_placement(bench: &mut Bench<Export>, street: &Street) {
@@ -87,7 +87,7 @@ fn placement_moves_points_trajectory_and_index() {
         let points = street.points(seq);
         for k in (0..points.len()).step_by(271) {
             let point = &points[k];
-            let in_odom = Point3::from(street.world(seq, [point.x, point.y, point.z].map(f64::from)));
+            let in_odom = Point3::from(street.in_odom(seq, [point.x, point.y, point.z].map(f64::from)));
             let off = xyz(&cloud, ["x", "y", "z"], k) - world_from_odom(seq) * in_odom;
             assert!(off.norm() < 1e-9, "point {k} of submap {seq}: {off}");
             let lidar = world_from_odom(seq) * Point3::from(street.lidar(seq, point));
@@ -111,7 +111,7 @@ fn placement_moves_points_trajectory_and_index() {
     let trajectory = formats::trajectory::trajectory_from_tum(&text).expect("parses");
     for seq in 0..N {
         let row = street.poses(seq)[0];
-        let expected = world_from_odom(seq) * row.world_from_body.to_pose().expect("a pose");
+        let expected = world_from_odom(seq) * row.odom_from_body.to_pose().expect("a pose");
         let off = trajectory.at(Stamp(row.stamp)).expect("there").translation.vector - expected.translation.vector;
         assert!(off.norm() < 1e-6, "{off}");
     }
@@ -220,6 +220,6 @@ fn odom_frame_keeps_clouds_unmoved() {
     assert_eq!(index(kept.path()).frame, "odometry, m");
     let cloud = Vertices::load(&kept.path().join("clouds/submap_0001.ply")).expect("reads");
     let point = &street.points(1)[5];
-    let expected = Point3::from(street.world(1, [point.x, point.y, point.z].map(f64::from)));
+    let expected = Point3::from(street.in_odom(1, [point.x, point.y, point.z].map(f64::from)));
     assert!((xyz(&cloud, ["x", "y", "z"], 5) - expected).norm() < 1e-12);
 }

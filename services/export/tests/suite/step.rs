@@ -53,9 +53,9 @@ fn cloud_contains_every_field_of_every_point() {
     let (xs, ys, zs) = (column("x"), column("y"), column("z"));
     let (lx, ly, lz) = (column("x_lidar_position"), column("y_lidar_position"), column("z_lidar_position"));
     for (i, point) in points.iter().enumerate() {
-        let world = street.world(1, [point.x, point.y, point.z].map(f64::from));
+        let expected = street.in_odom(1, [point.x, point.y, point.z].map(f64::from));
         let got = [xs[i], ys[i], zs[i]];
-        assert!((0..3).all(|k| (got[k] - world[k]).abs() < 1e-4), "point {i}: {got:?} should be {world:?}");
+        assert!((0..3).all(|k| (got[k] - expected[k]).abs() < 1e-4), "point {i}: {got:?} should be {expected:?}");
         let lidar = street.lidar(1, point);
         let got = [lx[i], ly[i], lz[i]];
         assert!((0..3).all(|k| (got[k] - lidar[k]).abs() < 1e-4), "point {i}: {got:?} should be {lidar:?}");
@@ -326,7 +326,7 @@ fn poses_are_written_to_the_trajectory_files() {
     assert_eq!(trajectory.poses().len(), truth.len());
     for ((stamp, pose), row) in trajectory.poses().iter().zip(&truth) {
         assert_eq!(stamp.0, row.stamp);
-        let expected = row.world_from_body.to_pose().expect("a pose");
+        let expected = row.odom_from_body.to_pose().expect("a pose");
         assert_eq!(pose.translation, expected.translation);
         assert!(pose.rotation.angle_to(&expected.rotation) < 1e-12);
     }
@@ -354,8 +354,8 @@ fn double_coordinates_are_exact() {
     run(&mut bench, &street, 0..1);
     let cloud = Vertices::load(&folder.path().join("clouds/submap_0000.ply")).expect("reads");
     let point = &street.points(0)[57];
-    let world = street.world(0, [point.x, point.y, point.z].map(f64::from));
-    assert!((cloud.f64s("x").expect("is there")[57] - world[0]).abs() < 1e-12);
+    let expected = street.in_odom(0, [point.x, point.y, point.z].map(f64::from));
+    assert!((cloud.f64s("x").expect("is there")[57] - expected[0]).abs() < 1e-12);
 }
 
 #[test]
@@ -410,7 +410,7 @@ fn contract_and_data_errors_are_reported() {
 
     let mut bent = bench(&context);
     let mut pose = street.poses(0)[0];
-    pose.world_from_body.rotation[3] = 2.0;
+    pose.odom_from_body.rotation[3] = 2.0;
     bent.send::<TrajectoryTopic>(0, messages::NoHeader::default(), vec![pose]);
     assert!(text(bent.tick()).contains("is not a rigid transform"));
 }

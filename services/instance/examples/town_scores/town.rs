@@ -33,20 +33,20 @@ impl TownSubmap {
         classes
     }
 
-    fn begin(world_from_body: &Pose) -> Self {
-        let rotation = geometry::heading(&world_from_body.rotation);
-        let world_from_submap = Pose::from_parts(world_from_body.translation, rotation).into();
-        let header = SubmapHeader { world_from_submap, n_rings: N_RINGS, ..SubmapHeader::default() };
+    fn begin(odom_from_body: &Pose) -> Self {
+        let rotation = geometry::heading(&odom_from_body.rotation);
+        let odom_from_submap = Pose::from_parts(odom_from_body.translation, rotation).into();
+        let header = SubmapHeader { odom_from_submap, n_rings: N_RINGS, ..SubmapHeader::default() };
         Self { header: Box::new(header), points: Vec::new(), truth: Vec::new() }
     }
 
     fn push(&mut self, sweep: &SweepInfo, returns: &[SweepPoint], truth: &Truth) {
         let first_point = self.points.len() as u32;
         let sweep_idx = self.header.n_sweeps as u16;
-        let submap_from_world = self.header.world_from_submap.to_pose().expect("is sound").inverse();
+        let submap_from_odom = self.header.odom_from_submap.to_pose().expect("is sound").inverse();
         let pose_at = |nanos: u32| {
             let stamp = Stamp(sweep.stamp.0 + i64::from(nanos));
-            Some(submap_from_world * truth.world_from_body.at(stamp)? * truth.body_from_lidar)
+            Some(submap_from_odom * truth.world_from_body.at(stamp)? * truth.body_from_lidar)
         };
         let ends = pose_at(0).zip(pose_at(sweep.duration_nanos));
         let Some((begin, end)) = ends else { return };

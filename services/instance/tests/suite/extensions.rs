@@ -6,7 +6,7 @@ use messages::{ClassHeader, ClassId, ClassTopic, InstanceTopic, PoseRow, SubmapH
 use stage::parse_table;
 use stage::testing::Bench;
 
-/// Pose of a submap at the origin of the world frame.
+/// Pose of a submap at the origin of odom.
 const HERE: PoseRow = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
 
 /// Ids of consecutive submaps with their poses.
@@ -16,8 +16,8 @@ fn ids_of(submaps: &[(PoseRow, &Street)], settings: &Settings) -> Vec<Vec<u32>> 
 
 fn ids_of_bench(bench: &mut Bench<InstanceStage>, submaps: &[(PoseRow, &Street)]) -> Vec<Vec<u32>> {
     let mut ids = Vec::new();
-    for &(world_from_submap, street) in submaps {
-        let header = SubmapHeader { world_from_submap, ..SubmapHeader::default() };
+    for &(odom_from_submap, street) in submaps {
+        let header = SubmapHeader { odom_from_submap, ..SubmapHeader::default() };
         bench.send::<SubmapTopic>(0, header, street.points.clone());
         bench.send::<ClassTopic>(0, ClassHeader::default(), street.classes.clone());
         bench.tick().expect("steps");
@@ -52,7 +52,7 @@ fn one_car(n: usize) -> Street {
 
 #[test]
 fn car_at_a_submap_border_keeps_its_id_even_with_few_points() {
-    // The second submap is 15 m further and rotated by 90 degrees: its point (x', y') is (15 - y', x') in the world.
+    // The second submap is 15 m further and rotated by 90 degrees: its point (x', y') is (15 - y', x') in odom.
     let (near, mut far) = (one_car(3000), Street::default());
     let mut behind = one_car(490);
     for (point, (class, truth)) in behind.points.drain(..).zip(behind.classes.iter().zip(&behind.truth)) {
@@ -61,14 +61,14 @@ fn car_at_a_submap_border_keeps_its_id_even_with_few_points() {
         far.truth.push(*truth);
     }
     let half = 0.5_f64.sqrt();
-    let world_from_far = PoseRow { translation: [15.0, 0.0, 0.0], rotation: [0.0, 0.0, half, half] };
+    let odom_from_far = PoseRow { translation: [15.0, 0.0, 0.0], rotation: [0.0, 0.0, half, half] };
     // A point (y, 15 - x) rotated by 90 degrees and moved is (x, y).
-    let ids = ids_of(&[(HERE, &near), (world_from_far, &far)], &Settings::default());
+    let ids = ids_of(&[(HERE, &near), (odom_from_far, &far)], &Settings::default());
     assert_eq!(ids_of_thing(&ids[0], &near, 1), [1]);
     assert_eq!(ids_of_thing(&ids[1], &far, 1), [1]);
 
     let forgetful = Settings { remembered_submaps: 0, ..Settings::default() };
-    let ids = ids_of(&[(HERE, &near), (world_from_far, &far)], &forgetful);
+    let ids = ids_of(&[(HERE, &near), (odom_from_far, &far)], &forgetful);
     assert_eq!(ids_of_thing(&ids[1], &far, 1), [0], "490 points are too few for a new vehicle");
 }
 

@@ -41,7 +41,7 @@ fn drive(settings: &Settings, unit: Option<Unit<'_>>) -> Driven {
     let mut check = |bench: &mut Bench<SlamAggregate>| {
         for message in bench.take::<TrajectoryTopic>() {
             for row in message.rows() {
-                let found = row.world_from_body.to_pose().unwrap();
+                let found = row.odom_from_body.to_pose().unwrap();
                 let truth = STREET.world_from_body(row.stamp as f64 * 1e-9);
                 error_m = error_m.max((found.translation.vector - truth.translation.vector).norm());
             }

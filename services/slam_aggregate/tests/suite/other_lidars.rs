@@ -107,12 +107,12 @@ fn points_of_both_lidars_lie_where_they_are_in_the_world() {
         let header = submap.header();
         assert_eq!((header.n_lidars, header.n_rings, header.n_rings_of_others), (2, 32, [16, 0, 0]));
         let sweeps = header.checked(submap.seq()).unwrap().sweeps;
-        let world_from_submap = header.world_from_submap.to_pose().unwrap();
+        let odom_from_submap = header.odom_from_submap.to_pose().unwrap();
         for (index, sweep) in sweeps.iter().enumerate() {
             assert_eq!(sweep.lidar as usize, index % 2);
             let mounting = mountings[sweep.lidar as usize];
             let begin = sweep.submap_from_lidar_begin.map(f64::from);
-            let found = world_from_submap * Point3::new(begin[0], begin[1], begin[2]);
+            let found = odom_from_submap * Point3::new(begin[0], begin[1], begin[2]);
             let expected = first.inverse() * truth.at(Stamp(sweep.stamp)).unwrap() * mounting;
             assert!((found.coords - expected.translation.vector).norm() < 0.15, "{index}: {found} {expected}");
             let points = &submap.rows()[sweep.first_point as usize..][..sweep.n_points as usize];
@@ -131,7 +131,7 @@ fn points_of_both_lidars_lie_where_they_are_in_the_world() {
             let raw = raw.unwrap();
             let expected = first.inverse() * truth.at(stamp).unwrap() * mountings[lidar];
             let expected = expected * Point3::new(raw.x, raw.y, raw.z).cast::<f64>();
-            let found = world_from_submap * Point3::new(point.x, point.y, point.z).cast::<f64>();
+            let found = odom_from_submap * Point3::new(point.x, point.y, point.z).cast::<f64>();
             let error_m = (found - expected).norm();
             let range_m = f64::from(raw.x.hypot(raw.y).hypot(raw.z));
             (n[lidar], sums[lidar]) = (n[lidar] + 1, sums[lidar] + error_m);

@@ -44,8 +44,8 @@ fn run(settings: &Settings, raws: &[RawSweep]) -> (Bench<SlamAggregate>, Vec<Rec
     (bench, submaps)
 }
 
-fn world_from_submap(submap: &Received<SubmapTopic>) -> Pose {
-    submap.header().world_from_submap.to_pose().unwrap()
+fn odom_from_submap(submap: &Received<SubmapTopic>) -> Pose {
+    submap.header().odom_from_submap.to_pose().unwrap()
 }
 
 fn sweeps(submap: &Received<SubmapTopic>) -> &[SubmapSweep] {
@@ -79,7 +79,7 @@ fn every_return_is_placed_at_its_true_position() {
                 let seconds = (raw.stamp + i64::from(point.offset_nanos)) as f64 * 1e-9;
                 let p_in_lidar = Point3::new(point.x, point.y, point.z).cast::<f64>();
                 let expected = STREET.world_from_lidar(seconds) * p_in_lidar;
-                let found = world_from_submap(submap) * Point3::new(row.x, row.y, row.z).cast::<f64>();
+                let found = odom_from_submap(submap) * Point3::new(row.x, row.y, row.z).cast::<f64>();
                 errors.push((found - expected).norm());
             }
             next_point += sweep.n_points;
@@ -131,7 +131,7 @@ fn submap_rows_follow_from_the_sweep_table() {
     assert_eq!((header.min[0], header.max[0]), extreme(|row| row.x));
     assert_eq!((header.min[2], header.max[2]), extreme(|row| row.z));
     assert_eq!(header.n_rings, 32);
-    let up = world_from_submap(submap).rotation * geometry::Vector3::z();
+    let up = odom_from_submap(submap).rotation * geometry::Vector3::z();
     assert_eq!(up, geometry::Vector3::z(), "a submap is rotated about z only");
 }
 
@@ -146,10 +146,10 @@ fn trajectory_has_both_ends_of_every_sweep() {
         assert_eq!(rows.len(), [0, 4, 2][number.min(2)], "tick {number}");
         poses.extend(rows);
     }
-    assert!(poses[0].world_from_body.to_pose().unwrap().translation.vector.norm() < 1e-9, "begins at the origin");
+    assert!(poses[0].odom_from_body.to_pose().unwrap().translation.vector.norm() < 1e-9, "begins at the origin");
     assert!(poses.windows(2).all(|pair| pair[0].stamp <= pair[1].stamp));
     for row in &poses {
-        let found = row.world_from_body.to_pose().unwrap();
+        let found = row.odom_from_body.to_pose().unwrap();
         let truth = STREET.world_from_body(row.stamp as f64 * 1e-9);
         let off = (found.translation.vector - truth.translation.vector).norm();
         assert!(off < 0.06, "{off} m at {} ns", row.stamp);
@@ -373,7 +373,7 @@ fn real_sweeps_without_point_times_follow_the_references() {
     let poses: Vec<_> = bench.take::<TrajectoryTopic>().iter().flat_map(|message| message.rows().to_vec()).collect();
     assert_eq!(poses.len(), 44);
     // The sense of turning is found after 15 sweeps. The references take all as rigid: their poses are those in the middle.
-    let end_of = |idx: usize| poses[idx].world_from_body.to_pose().unwrap().translation.vector;
+    let end_of = |idx: usize| poses[idx].odom_from_body.to_pose().unwrap().translation.vector;
     let at = |number: usize| (end_of(2 * number) + end_of(2 * number + 1)) / 2.0;
     let path: f64 = (1..22).map(|number| (at(number) - at(number - 1)).norm()).sum();
     // The references end at (16.90, 0.09, 0.13) after 16.9 m.

@@ -38,7 +38,7 @@ fn driven_as(settings: &DriveSettings) -> (Bench<SlamAggregate>, [f64; 2]) {
     let found: Vec<Pose> = bench
         .take::<TrajectoryTopic>()
         .iter()
-        .flat_map(|message| message.rows().iter().map(|row| row.world_from_body.to_pose().unwrap()).collect::<Vec<_>>())
+        .flat_map(|message| message.rows().iter().map(|row| row.odom_from_body.to_pose().unwrap()).collect::<Vec<_>>())
         .collect();
     let truth = drive.true_trajectory().unwrap().unwrap();
     let way = |first: &Pose, last: &Pose| (last.translation.vector - first.translation.vector).norm();

@@ -119,7 +119,7 @@ impl SubmapRecording {
         let mut header = SubmapHeader {
             stamp_begin: sweeps.all[of_tile.start].stamp,
             stamp_end: last.stamp.saturating_add(i64::from(last.duration_nanos)),
-            world_from_submap: PoseRow { translation: origin, rotation: [0.0, 0.0, 0.0, 1.0] },
+            odom_from_submap: PoseRow { translation: origin, rotation: [0.0, 0.0, 0.0, 1.0] },
             min: [f32::INFINITY; 3],
             max: [f32::NEG_INFINITY; 3],
             n_sweeps: of_tile.len() as u32,
@@ -182,7 +182,7 @@ fn poses_of(sweeps: &Sweeps, sweep: usize) -> [StampedPose; 2] {
     let sweep = sweeps.all[sweep];
     let pose = |stamp: i64, translation: [f64; 3]| StampedPose {
         stamp,
-        world_from_body: PoseRow { translation, rotation: [0.0, 0.0, 0.0, 1.0] },
+        odom_from_body: PoseRow { translation, rotation: [0.0, 0.0, 0.0, 1.0] },
     };
     [pose(sweep.stamp, sweep.begin), pose(sweep.stamp.saturating_add(i64::from(sweep.duration_nanos)), sweep.end)]
 }

@@ -101,7 +101,7 @@ fn placed(tiles: &[Tile]) -> Vec<([f64; 3], u8)> {
         }
         assert_eq!(first as usize, tile.points.len());
         assert_eq!(tile.poses.len(), 2 * n_sweeps);
-        let origin = header.world_from_submap.translation;
+        let origin = header.odom_from_submap.translation;
         for (point, class) in tile.points.iter().zip(&tile.classes) {
             let position = [point.x, point.y, point.z];
             assert!((0..3).all(|k| (header.min[k]..=header.max[k]).contains(&position[k])));
@@ -188,13 +188,13 @@ fn paris_carla_becomes_submaps_with_true_positions_and_classes() {
     assert_eq!(tiles.len(), 3, "50 m in tiles of 20 m");
     for tile in &tiles {
         for pose in &tile.poses {
-            let [x, y, z] = pose.world_from_body.translation;
+            let [x, y, z] = pose.odom_from_body.translation;
             assert!(y.abs() < 1e-6 && (z - 2.0).abs() < 1e-6, "{pose:?}");
             let time_s = pose.stamp as f64 * 1e-9;
             // Times are stored as f32.
             assert!((time_s - (100.0 + x / 5.0)).abs() < 1e-4, "{pose:?}");
         }
-        let origin = tile.header.world_from_submap.translation;
+        let origin = tile.header.odom_from_submap.translation;
         for point in &tile.points {
             let [x, y, z] = [point.x, point.y, point.z].map(f64::from);
             assert_eq!(point.incidence, 127);
@@ -330,7 +330,7 @@ fn toronto_gets_positions_above_its_densest_ground() {
     let origin = [627_000.0 - utm[0], 4_841_000.0 - utm[1], -utm[2]];
     assert_eq!(sorted(placed(&found)), expected(class_of, origin));
     for pose in found.iter().flat_map(|tile| &tile.poses) {
-        let [_, y, z] = pose.world_from_body.translation;
+        let [_, y, z] = pose.odom_from_body.translation;
         // In the cells beside y = 0, where the street is densest.
         assert!((y - 948.0).abs() <= 1.0 && (z - 142.0).abs() < 1e-6, "{pose:?}");
     }

@@ -2,7 +2,7 @@
 
 use super::ImlsSettings;
 use super::model::Model;
-use crate::normal_equations::{NUISANCES, NormalEquations};
+use crate::matching::normal_equations::{NUISANCES, NormalEquations};
 use crate::{Feature, Matched, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
 use nalgebra::{Matrix6, Vector6};

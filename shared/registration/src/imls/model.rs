@@ -2,7 +2,7 @@
 
 use super::ImlsSettings;
 use super::saved_bytes::SavedBytes;
-use crate::local_map::Surface;
+use crate::map::local_map::Surface;
 use crate::voxel::{SpreadKeys, VoxelIndex};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

@@ -4,15 +4,15 @@ use super::ImlsSettings;
 use super::matching::{Reported, match_samples};
 use super::model::{Model, SavedModel};
 use super::sweep_points::SweepPoints;
-use crate::maps::{Maps, SavedMaps};
+use crate::features::sampling::sampled;
+use crate::features::sweep_features::SweepFeatures;
+use crate::map::maps::{Maps, SavedMaps};
 use crate::motion::Velocity;
-use crate::moving::{MovingDetector, MovingPoints};
-use crate::navigation::{Navigation, PredictionSources, StepMeasurement};
-use crate::sampling::sampled;
-use crate::sensors::SensorLog;
-use crate::start::{InitialMotion, find_start};
-use crate::sweep_features::SweepFeatures;
-use crate::untimed_turn::TurnLever;
+use crate::moving_objects::{MovingDetector, MovingPoints};
+use crate::odometry::initialization::{InitialMotion, find_start};
+use crate::prediction::navigation::{Navigation, PredictionSources, StepMeasurement};
+use crate::prediction::sensors::SensorLog;
+use crate::self_calibration::spin_direction::TurnLever;
 use crate::{
     Feature, LocalMap, Matched, OdometrySettings, Registered, RegistrationError, Sampling, Sweep, SweepMotion,
 };

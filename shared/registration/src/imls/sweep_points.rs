@@ -1,7 +1,7 @@
 //! Points of a sweep that may enter the model: with normal and planarity, without small objects.
 
-use crate::neighborhood::{LANES, Planes, Shapes};
-use crate::small_objects::SmallObjects;
+use crate::moving_objects::small_objects::SmallObjects;
+use crate::sweep::neighborhood::{LANES, Planes, Shapes};
 use crate::{DeskewTable, Feature, Sweep};
 use geometry::{Pose, UnitQuaternion, Vector3};
 use nalgebra::Point3;

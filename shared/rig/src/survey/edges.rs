@@ -34,7 +34,7 @@ impl SweepEdges {
         let points = SubmapPoints::new(&rows, submap.sweeps(), raw.stamp.0, raw.header.n_rings, &mut buffers);
         let all = [f32::NEG_INFINITY, f32::INFINITY];
         let edges = depth_edges(&points, &[all]);
-        let odom_from_edges = submap.frame.world_from_submap;
+        let odom_from_edges = submap.frame.odom_from_submap;
         let end = registered.end_stamp();
         Some(Self { begin: raw.stamp, end, odom_from_edges, n_rings: raw.header.n_rings, edges })
     }

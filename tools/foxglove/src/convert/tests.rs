@@ -18,8 +18,8 @@ fn recording(folder: &Path, tables: &[ByteTable]) -> PathBuf {
     let path = folder.join("run.mcap");
     let mut writer = RecordingWriter::create(&path, &BTreeMap::new(), tables).expect("creates");
     let envelope = Envelope { seq: 3, stamp: STAMP, len: N as u32, ..Envelope::default() };
-    let world_from_submap = PoseRow { translation: [0.0, 5.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
-    let mut header = SubmapHeader { world_from_submap, n_sweeps: 1, ..SubmapHeader::default() };
+    let odom_from_submap = PoseRow { translation: [0.0, 5.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
+    let mut header = SubmapHeader { odom_from_submap, n_sweeps: 1, ..SubmapHeader::default() };
     header.sweeps[0].stamp = STAMP;
     header.sweeps[0].submap_from_lidar_begin = [0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0];
     let points: Vec<SubmapPoint> =

@@ -116,14 +116,13 @@ impl Submap {
             let (Some(begin), Some(end)) = (pose_at(0), pose_at(sweep.duration_nanos)) else { continue };
             let header = &mut submap.header;
             if header.n_sweeps == 0 {
-                let world_from_body = run_from_truth(options) * begin;
-                let pose = Pose::from_parts(world_from_body.translation, heading(&world_from_body.rotation));
-                header.world_from_submap = pose.into();
+                let odom_from_body = run_from_truth(options) * begin;
+                let pose = Pose::from_parts(odom_from_body.translation, heading(&odom_from_body.rotation));
+                header.odom_from_submap = pose.into();
                 header.stamp_begin = sweep.stamp.0;
             }
-            let world_from_submap = header.world_from_submap.to_pose().expect("is sound");
-            let from_lidar =
-                |body: Pose| world_from_submap.inverse() * run_from_truth(options) * body * body_from_lidar;
+            let odom_from_submap = header.odom_from_submap.to_pose().expect("is sound");
+            let from_lidar = |body: Pose| odom_from_submap.inverse() * run_from_truth(options) * body * body_from_lidar;
             let (begin, end) = (from_lidar(begin), from_lidar(end));
             let sweep_idx = header.n_sweeps as u16;
             let duration_nanos = sweep.duration_nanos;

@@ -59,12 +59,12 @@ pub fn drive(manifest: &Manifest) -> TempDir {
 }
 
 /// A submap of one sweep.
-pub fn submap(world_from_submap: Pose, stamp_begin: i64, points: &[SubmapPoint]) -> SubmapHeader {
+pub fn submap(odom_from_submap: Pose, stamp_begin: i64, points: &[SubmapPoint]) -> SubmapHeader {
     let last = points.iter().map(|point| point.offset_nanos).max().unwrap_or_default();
     let mut header = SubmapHeader {
         stamp_begin,
         stamp_end: stamp_begin + i64::from(last),
-        world_from_submap: world_from_submap.into(),
+        odom_from_submap: odom_from_submap.into(),
         n_sweeps: 1,
         n_rings: 32,
         ..SubmapHeader::default()
@@ -78,6 +78,6 @@ pub fn submap(world_from_submap: Pose, stamp_begin: i64, points: &[SubmapPoint])
     header
 }
 
-pub fn stamped(stamp: i64, world_from_body: Pose) -> StampedPose {
-    StampedPose { stamp, world_from_body: PoseRow::from(world_from_body) }
+pub fn stamped(stamp: i64, odom_from_body: Pose) -> StampedPose {
+    StampedPose { stamp, odom_from_body: PoseRow::from(odom_from_body) }
 }

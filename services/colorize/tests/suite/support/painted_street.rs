@@ -14,8 +14,8 @@ pub const SECOND: i64 = 1_000_000_000;
 const WALL_M: f64 = 8.0;
 const SQUARE_M: f64 = 0.5;
 
-/// 10 m/s, turning by 0.2 rad/s, far from the world's origin.
-pub fn world_from_body(stamp: i64) -> Pose {
+/// 10 m/s, turning by 0.2 rad/s, far from the origin of odom.
+pub fn odom_from_body(stamp: i64) -> Pose {
     let t = (stamp - START) as f64 * 1e-9;
     let (speed, turn) = (10.0, 0.2);
     let position = Vector3::new((turn * t).sin() * speed / turn, (1.0 - (turn * t).cos()) * speed / turn, 1.8);
@@ -26,20 +26,20 @@ pub fn world_from_body(stamp: i64) -> Pose {
 }
 
 /// The frame in which the vehicle starts; the walls are parallel to its x axis.
-fn street_from_world() -> Pose {
-    world_from_body(START).inverse()
+fn street_from_odom() -> Pose {
+    odom_from_body(START).inverse()
 }
 
-/// Rotated and shifted against both world and street.
-pub fn world_from_submap() -> Pose {
-    world_from_body(START) * Isometry3::new(Vector3::new(3.0, -2.0, 0.5), Vector3::new(0.1, -0.2, 0.7))
+/// Rotated and shifted against both odom and street.
+pub fn odom_from_submap() -> Pose {
+    odom_from_body(START) * Isometry3::new(Vector3::new(3.0, -2.0, 0.5), Vector3::new(0.1, -0.2, 0.7))
 }
 
 pub fn trajectory(from: i64, until: i64) -> Vec<StampedPose> {
     // 50 ms apart: the chord deviates less than a millimetre from the arc.
     (0..=(until - from) * 20 / SECOND)
         .map(|i| from + i * SECOND / 20)
-        .map(|s| super::stamped(s, world_from_body(s)))
+        .map(|s| super::stamped(s, odom_from_body(s)))
         .collect()
 }
 
@@ -75,8 +75,8 @@ pub fn manifest() -> Manifest {
 }
 
 /// The square (side, along, up) that a ray hits; `None` if it runs along the street or too far.
-fn square_of_ray(world_from_camera: &Pose, ray: &Vector3<f64>) -> Option<[i64; 3]> {
-    let street_from_camera = street_from_world() * world_from_camera;
+fn square_of_ray(odom_from_camera: &Pose, ray: &Vector3<f64>) -> Option<[i64; 3]> {
+    let street_from_camera = street_from_odom() * odom_from_camera;
     let (origin, direction) = (street_from_camera.translation.vector, street_from_camera.rotation * ray);
     let wall = WALL_M.copysign(direction.y);
     let range_m = (wall - origin.y) / direction.y;
@@ -105,7 +105,7 @@ pub struct Painted {
 
 /// The squares of both walls, some of them outside of every image, with shots spread over `duration_nanos`.
 pub fn points(duration_nanos: u32) -> Vec<Painted> {
-    let submap_from_street = (street_from_world() * world_from_submap()).inverse();
+    let submap_from_street = (street_from_odom() * odom_from_submap()).inverse();
     let squares = (0..2).flat_map(|side| (-8..50).flat_map(move |along| (-4..7).map(move |up| [side, along, up])));
     let mut points: Vec<Painted> = squares
         .enumerate()
@@ -152,12 +152,12 @@ pub fn bursts() -> &'static [Burst] {
 /// The image of color camera `index` at `stamp`.
 pub fn expose(index: usize, stamp: i64) -> (ImageHeader, Vec<u8>) {
     let entry = &manifest().cameras[index];
-    let world_from_camera = world_from_body(stamp) * entry.body_from_camera.to_pose().expect("a pose");
+    let odom_from_camera = odom_from_body(stamp) * entry.body_from_camera.to_pose().expect("a pose");
     let (width, height) = entry.model.size();
     let pixels = (0..height).flat_map(|v| (0..width).map(move |u| Vector2::new(f64::from(u), f64::from(v))));
     let color = |pixel: Vector2<f64>| {
         let ray = entry.model.ray_from_pixel(&pixel)?;
-        square_of_ray(&world_from_camera, &ray).map(paint)
+        square_of_ray(&odom_from_camera, &ray).map(paint)
     };
     let rows = pixels.flat_map(|pixel| color(pixel).unwrap_or([1, 2, 3])).collect();
     (ImageHeader { camera: index as u32, width, height, channels: 3, exposure_nanos: 1_000_000 }, rows)
@@ -173,7 +173,7 @@ pub fn reflectance(index: usize, band: usize, along_m: f64) -> f32 {
 /// The cube of mosaic camera `index` at `stamp`. Band 3 of camera 1 is dead; camera 0 saturates in its upper half.
 pub fn expose_cube(index: usize, stamp: i64) -> (CubeHeader, Vec<u32>) {
     let entry = &manifest().mosaics[index];
-    let world_from_camera = world_from_body(stamp) * entry.body_from_camera.to_pose().expect("a pose");
+    let odom_from_camera = odom_from_body(stamp) * entry.body_from_camera.to_pose().expect("a pose");
     let [x0, y0, width, height] = entry.active_area;
     let pattern = entry.pattern;
     let (columns, rows, n_bands) = (width / pattern, height / pattern, (pattern * pattern) as usize);
@@ -200,7 +200,7 @@ pub fn expose_cube(index: usize, stamp: i64) -> (CubeHeader, Vec<u32>) {
         let middle = |first: u32, i: u32| f64::from(first + i * pattern) + 0.5 * f64::from(pattern - 1);
         let ray = entry.model.ray_from_pixel(&Vector2::new(middle(x0, column), middle(y0, row)));
         let along_m = ray
-            .and_then(|ray| square_of_ray(&world_from_camera, &ray))
+            .and_then(|ray| square_of_ray(&odom_from_camera, &ray))
             .map(|[_, along, _]| (along as f64 + 0.5) * SQUARE_M);
         for band in 0..n_bands {
             words[band * n_cells + cell] = along_m.map_or(0.0, |x| reflectance(index, band, x)).to_bits();

@@ -45,8 +45,8 @@ impl Street {
     fn yaw(seq: u64) -> f64 {
         0.5 * seq as f64
     }
-    /// A point of the submap frame in the world, by hand.
-    pub fn world(&self, seq: u64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    /// A point of the submap frame in odom, by hand.
+    pub fn in_odom(&self, seq: u64, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let (sin, cos) = Self::yaw(seq).sin_cos();
         [20.0 * seq as f64 + cos * x - sin * y, self.north_m + sin * x + cos * y, z - 0.25]
     }
@@ -60,12 +60,12 @@ impl Street {
     fn lidar_ends(sweep_idx: u64) -> [[f32; 3]; 2] {
         [0.0, 1.0].map(|end| [1.5 * (sweep_idx as f32 + end), 0.125 * end, 2.0])
     }
-    /// Lidar in the world when it measured `point`, by hand.
+    /// Lidar in odom when it measured `point`, by hand.
     pub fn lidar(&self, seq: u64, point: &SubmapPoint) -> [f64; 3] {
         let [begin, end] = Self::lidar_ends(u64::from(point.sweep_idx));
         let share = f64::from(point.offset_nanos) / f64::from(SWEEP_NANOS);
         let at = |k: usize| f64::from(begin[k]) * (1.0 - share) + f64::from(end[k]) * share;
-        self.world(seq, [at(0), at(1), at(2)])
+        self.in_odom(seq, [at(0), at(1), at(2)])
     }
 
     pub fn points(&self, seq: u64) -> Vec<SubmapPoint> {
@@ -90,7 +90,7 @@ impl Street {
         let mut header = SubmapHeader {
             stamp_begin: self.sweep_stamp(seq, 0),
             stamp_end: self.sweep_stamp(seq, self.n_sweeps as u16) - 1,
-            world_from_submap: PoseRow {
+            odom_from_submap: PoseRow {
                 translation: [20.0 * seq as f64, self.north_m, -0.25],
                 rotation: [0.0, 0.0, half_sin, half_cos],
             },
@@ -174,9 +174,9 @@ impl Street {
     pub fn poses(&self, seq: u64) -> Vec<StampedPose> {
         let pose = |i: u64| {
             let half = 0.05 * (seq * self.n_sweeps + i) as f64;
-            let translation = self.world(seq, [1.5 * i as f64, 0.0, 1.0 / 3.0]);
+            let translation = self.in_odom(seq, [1.5 * i as f64, 0.0, 1.0 / 3.0]);
             let rotation = [0.0, 0.0, half.sin(), half.cos()];
-            StampedPose { stamp: self.sweep_stamp(seq, i as u16), world_from_body: PoseRow { translation, rotation } }
+            StampedPose { stamp: self.sweep_stamp(seq, i as u16), odom_from_body: PoseRow { translation, rotation } }
         };
         (0..self.n_sweeps).map(pose).collect()
     }

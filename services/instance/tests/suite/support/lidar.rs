@@ -49,7 +49,7 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// At the origin of the world.
+    /// At the origin of odom.
     pub fn new(lidar: Lidar) -> Self {
         let mut header = Box::new(super::at([0.0; 3]));
         header.n_rings = u32::from(lidar.n_rings);

@@ -74,8 +74,8 @@ pub fn street() -> Street {
 
 /// The header of a submap with this position and no rotation.
 pub fn at(translation: [f64; 3]) -> SubmapHeader {
-    let world_from_submap = PoseRow { translation, rotation: [0.0, 0.0, 0.0, 1.0] };
-    SubmapHeader { world_from_submap, ..SubmapHeader::default() }
+    let odom_from_submap = PoseRow { translation, rotation: [0.0, 0.0, 0.0, 1.0] };
+    SubmapHeader { odom_from_submap, ..SubmapHeader::default() }
 }
 
 pub fn bench(settings: &Settings) -> Bench<InstanceStage> {

@@ -16,7 +16,7 @@ pub fn submaps() -> Vec<TownSubmap> {
     let drive = TownDrive { town: simulation::Town::Urban, seed: 41, seconds: 4.0 };
     let mut submaps = drive.submaps(3, 2, 5, Mount::Rig).expect("long enough");
     for submap in &mut submaps {
-        submap.header.world_from_submap = Pose::identity().into();
+        submap.header.odom_from_submap = Pose::identity().into();
     }
     submaps
 }

@@ -1,7 +1,7 @@
 //! The sliding local map to which sweeps are matched.
 
 use crate::Kernel;
-use crate::cell::{Cell, Oriented, SAME_SURFACE, SurfaceSums};
+use crate::map::cell::{Cell, Oriented, SAME_SURFACE, SurfaceSums};
 use crate::voxel::{SpreadKeys, VoxelIndex};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

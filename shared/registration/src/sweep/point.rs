@@ -1,3 +1,5 @@
+//! A return of a sweep.
+
 /// One return.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedPoint {

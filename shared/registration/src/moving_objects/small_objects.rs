@@ -1,6 +1,6 @@
 //! Segments objects that stand on the ground and are not larger than a lorry: all that may move (Deschaud 2018, III-A).
 
-use crate::ground::GroundField;
+use crate::moving_objects::ground_field::GroundField;
 
 /// Largest box of a small object, m: along, across, up (Deschaud 2018).
 const MAX_SIZE_M: [f32; 3] = [14.0, 14.0, 4.0];

@@ -1,6 +1,6 @@
 //! Angles between rays and surfaces.
 
-use crate::neighborhood::{LANES, Planes};
+use crate::sweep::neighborhood::{LANES, Planes};
 use crate::{RangeImage, TimedPoint};
 use nalgebra::Vector3;
 

@@ -3,14 +3,14 @@
 //! A match that assumes rest can converge to a wrong wall when the vehicle moves at 10 m/s. So several speeds along the
 //! vehicle's forward axis are tried. Each speed deskews *both* sweeps, and the speed with the lowest cost is taken.
 
-use crate::ground_tilt::GroundTilt;
-use crate::maps::Maps;
+use crate::features::sweep_features::SweepFeatures;
+use crate::map::maps::Maps;
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;
-use crate::ring_errors::RingError;
-use crate::sensors::SensorLog;
-use crate::sweep_features::SweepFeatures;
-use crate::untimed_turn::{TurnLever, TurnShare};
+use crate::prediction::sensors::SensorLog;
+use crate::self_calibration::ground_tilt::GroundTilt;
+use crate::self_calibration::ring_errors::RingError;
+use crate::self_calibration::spin_direction::{TurnLever, TurnShare};
 use crate::{SensorMounting, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, UnitQuaternion, Vector3};
 use nalgebra::Matrix6;

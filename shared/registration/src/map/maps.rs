@@ -1,6 +1,6 @@
 //! The maps to which features are matched: one of smooth and one of rough surfaces.
 
-use crate::untimed_turn::TurnLever;
+use crate::self_calibration::spin_direction::TurnLever;
 use crate::{Feature, LocalMap, MapPoint, MapSettings, SweepMotion};
 use serde::{Deserialize, Serialize};
 

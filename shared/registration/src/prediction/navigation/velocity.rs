@@ -2,7 +2,7 @@
 
 use super::{ATTITUDE, N, Navigation, VELOCITY};
 use crate::SensorMounting;
-use crate::sensors::{GroundVelocity, SensorLog};
+use crate::prediction::sensors::{GroundVelocity, SensorLog};
 use geometry::{UnitQuaternion, Vector3};
 use nalgebra::{SMatrix, SVector};
 

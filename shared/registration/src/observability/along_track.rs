@@ -4,9 +4,9 @@
 //! for the world, the street passes through the map and smears it along the way: every position fits about as well. A sound match
 //! stands out, even if sweeps are not deskewed.
 
-use crate::confirmed::DOUBTED_INFLUENCE;
-use crate::kernel::{Kernel, Weights};
-use crate::maps::Maps;
+use crate::map::kernel::{Kernel, Weights};
+use crate::map::maps::Maps;
+use crate::observability::perturbation_test::DOUBTED_INFLUENCE;
 use crate::{Feature, MatchSettings, SweepMotion};
 use geometry::Pose;
 use nalgebra::{Matrix6, Point3, Vector3, Vector6};

@@ -1,6 +1,6 @@
 //! Sweeps of the other LiDARs of a vehicle: they move with the first one, which alone is matched.
 
-use crate::moving::MovingDetector;
+use crate::moving_objects::MovingDetector;
 use crate::{Registered, Sweep, SweepMotion};
 use geometry::{Pose, Stamp};
 use serde::{Deserialize, Serialize};

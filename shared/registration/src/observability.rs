@@ -1,9 +1,16 @@
 //! Stretches of the drive that the operator has to know of.
 
+pub(crate) mod along_track;
+pub(crate) mod contested_motion;
+pub(crate) mod degenerate_geometry;
+pub(crate) mod lost_path;
+pub(crate) mod perturbation_test;
+pub(crate) mod time_spans;
+
 use crate::Registered;
-use crate::contested_stretches::ContestedStretches;
-use crate::degenerate_stretches::DegenerateStretches;
-use crate::lost_stretches::LostStretches;
+use contested_motion::ContestedStretches;
+use degenerate_geometry::DegenerateStretches;
+use lost_path::LostStretches;
 use serde::{Deserialize, Serialize};
 
 /// Collects stretches with degenerate geometry, with a contested motion, and with a lost way. Serializing it saves the state.

@@ -4,8 +4,8 @@
 //! influence of 0.004, though every position fits about as well, and the covariance would stay small while the vehicle loses its way.
 //! A shifted sweep tells: beside real surfaces its cost grows as the residuals predict.
 
-use crate::kernel::Kernel;
-use crate::maps::Maps;
+use crate::map::kernel::Kernel;
+use crate::map::maps::Maps;
 use crate::matching::{LEVER_M, MatchSettings, Matched};
 use crate::{Feature, SweepMotion};
 use nalgebra::{Matrix6, Vector3, Vector6};

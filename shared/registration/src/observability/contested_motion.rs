@@ -1,8 +1,8 @@
 //! Reports stretches of the drive where the own motion is contested: by vehicles that move along.
 
 use crate::Registered;
-use crate::contrast::MIN_CONTRAST;
-use crate::time_spans::TimeSpans;
+use crate::observability::along_track::MIN_CONTRAST;
+use crate::observability::time_spans::TimeSpans;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 

@@ -4,7 +4,7 @@
 //! the rings: the lasers of an HDL-64E leave from different heights, so the elevations of one ring, as seen from the origin, spread
 //! over three rings.
 
-use crate::range_image::Directions;
+use crate::sweep::range_image::Directions;
 use std::f32::consts::{PI, TAU};
 
 /// Rings that are recognized. Fewer turns are no rings: a sweep in the order of time has one.

@@ -1,7 +1,7 @@
 //! Reports stretches of the drive in which the vehicle lost its way: where the deviation of the pose grew.
 
 use crate::Registered;
-use crate::time_spans::TimeSpans;
+use crate::observability::time_spans::TimeSpans;
 use geometry::Pose;
 use nalgebra::{Matrix6, Vector3};
 use serde::{Deserialize, Serialize};

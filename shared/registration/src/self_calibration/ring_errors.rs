@@ -5,7 +5,7 @@
 //!
 //! An error of all rings makes the ground a shallow bowl: the map ahead was made from afar, the map behind from nearby, and both pitch
 //! the vehicle. It is an unknown of each match, whose lever is the difference between that of the feature and that of the map. A
-//! bend of the road looks alike, so it is sought only in units whose single rings err; see also [`crate::ground_tilt`].
+//! bend of the road looks alike, so it is sought only in units whose single rings err; see also [`crate::self_calibration::ground_tilt`].
 
 use crate::Feature;
 use nalgebra::Vector3;

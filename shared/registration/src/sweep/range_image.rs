@@ -1,8 +1,8 @@
 //! The returns of a sweep as a range image, by which neighbors are found.
 
 use crate::TimedPoint;
-use crate::arc_tangent::fast_atan2;
-use crate::ring_order::rings_by_order;
+use crate::sweep::arc_tangent::fast_atan2;
+use crate::sweep::ring_order::rings_by_order;
 use nalgebra::Vector3;
 
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
@@ -212,7 +212,7 @@ fn elevation_row(slope: f32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::incidence::incidences;
+    use crate::sweep::incidence::incidences;
 
     /// A wall 10 m ahead, rotated by `angle`, seen by beams 1.33 degrees apart.
     fn wall(angle: f32, rings: bool) -> Vec<TimedPoint> {

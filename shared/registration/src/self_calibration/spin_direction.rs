@@ -6,8 +6,8 @@
 //! share of the motion during a revolution, from rear to rear, the points are displaced: 1 for a sensor that turns clockwise, -1
 //! counterclockwise, 0 for sweeps that are deskewed.
 
-use crate::arc_tangent::fast_atan2;
 use crate::sweep::SpinDirection;
+use crate::sweep::arc_tangent::fast_atan2;
 use geometry::Pose;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 //! registers, so it is not an `ndarray`.
 
 use crate::RangeImage;
-use crate::eigen::smallest_eigenvector;
+use crate::sweep::eigen::smallest_eigenvector;
 
 /// Cells per block: one register of 64 bytes, or two of 32.
 pub(crate) const LANES: usize = 16;

@@ -12,7 +12,7 @@ pub struct BodyPoses {
 }
 
 impl BodyPoses {
-    /// Appends the poses of the body, `world_from_body`, at the first and at the last shot of a sweep to `poses`, and returns them with
+    /// Appends the poses of the body, `odom_from_body`, at the first and at the last shot of a sweep to `poses`, and returns them with
     /// the number of those that are left out: they would be earlier than the last one.
     pub fn add(
         &mut self,
@@ -20,12 +20,12 @@ impl BodyPoses {
         body_from_lidar: &Pose,
         poses: &mut Vec<StampedPose>,
     ) -> ([Pose; 2], u64) {
-        let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
-        let ends = [world_from_body(registered.begin()), world_from_body(registered.end())];
+        let odom_from_body = |odom_from_lidar: Pose| odom_from_lidar * body_from_lidar.inverse();
+        let ends = [odom_from_body(registered.begin()), odom_from_body(registered.end())];
         let mut n_left_out = 0;
         for (stamp, pose) in [registered.stamp.0, registered.end_stamp().0].into_iter().zip(ends) {
             if self.last_stamp.is_none_or(|last| last <= stamp) {
-                poses.push(StampedPose { stamp, world_from_body: pose.into() });
+                poses.push(StampedPose { stamp, odom_from_body: pose.into() });
                 self.last_stamp = Some(stamp);
             } else {
                 n_left_out += 1;

@@ -1,6 +1,6 @@
 //! Normal equations for the pose of a sweep and the motion during it.
 
-use crate::ring_errors::RingSums;
+use crate::self_calibration::ring_errors::RingSums;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 /// Rows and columns of the upper triangle of a symmetric 6 x 6 matrix, column by column.

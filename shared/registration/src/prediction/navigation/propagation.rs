@@ -1,7 +1,7 @@
 //! Propagation of the filter over time, and the change to the frame of the next step.
 
 use super::{ATTITUDE, FORCE_BIAS, N, Navigation, POSITION, RATE_BIAS, ROTATION, VELOCITY, symmetric};
-use crate::sensors::SensorLog;
+use crate::prediction::sensors::SensorLog;
 use geometry::{Stamp, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, SMatrix, SVector};
 

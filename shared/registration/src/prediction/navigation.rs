@@ -13,7 +13,7 @@ mod propagation;
 mod velocity;
 
 use crate::SensorMounting;
-use crate::sensors::SensorLog;
+use crate::prediction::sensors::SensorLog;
 use geometry::{Pose, Stamp, UnitQuaternion, Vector3};
 use lidar_step::LidarStep;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector6};

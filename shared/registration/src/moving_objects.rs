@@ -1,12 +1,16 @@
 //! Detects moving objects: small objects in space that an earlier sweep saw as free.
 
-use crate::past_ranges::{LANES, PastRanges, PlacedRanges, Positions, Visibility};
-use crate::range_image::STRIDE;
-use crate::small_objects::SmallObjects;
+pub(crate) mod ground_field;
+pub(crate) mod past_ranges;
+pub(crate) mod small_objects;
+
+use crate::sweep::range_image::STRIDE;
 use crate::{DeskewTable, Sweep, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, Vector3};
+use past_ranges::{LANES, PastRanges, PlacedRanges, Positions, Visibility};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use small_objects::SmallObjects;
 use std::collections::VecDeque;
 
 /// Earlier sweeps that are compared. A passing vehicle stays in the view of a tilted LiDAR for half a second; in the same time a
