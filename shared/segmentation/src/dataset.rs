@@ -1,6 +1,6 @@
 //! Labeled inputs of networks, for training and for nearest examples.
 
-use crate::engine::Planes;
+use kernels::images::Planes;
 use random::Random;
 
 /// Class of a pixel or point without a label: it is ignored by losses and scores.

@@ -4,22 +4,21 @@
 //!
 //! | architecture | module |
 //! |---|---|
-//! | `ground_quasi_flat` | [`ground`]: ground by mathematical morphology, no training |
+//! | `ground_quasi_flat` | [`ground_quasi_flat`]: ground by mathematical morphology, no training |
 //! | `points` | [`points`]: a network on points, in spheres that vote |
 //! | `spherical` | [`spherical`]: a network on range images, back-projection, votes of all sweeps |
 //!
 //! A further architecture is a module and a line in [`load()`]. Training is in the crate `training`; both run the same kernels
-//! ([`engine`]).
+//! ([`kernels`]).
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod cell_probabilities;
 mod compute_device;
 mod dataset;
-pub mod engine;
 mod error;
 mod fused;
-pub mod ground;
+pub mod ground_quasi_flat;
 mod load;
 mod model_file;
 pub mod network;

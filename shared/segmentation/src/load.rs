@@ -1,6 +1,6 @@
 //! Loading of models by the architecture in their file.
 
-use crate::ground::{self, GroundQuasiFlat};
+use crate::ground_quasi_flat::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
 use crate::points::{self, PointFeature, PointModel, PointSettings};
 use crate::segmenter::Segmenter;
@@ -39,7 +39,7 @@ fn columns_of(file: &ModelFile) -> Result<AskedColumns, SegmentationError> {
 pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, SegmentationError> {
     let file = ModelFile::read(path)?;
     match file.card.architecture.as_str() {
-        ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
+        ground_quasi_flat::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
         spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options)?)),
         points::ARCHITECTURE => Ok(Box::new(PointModel::from_file(&file)?.with_options(*options)?)),
         fused::ARCHITECTURE => Ok(Box::new(Fused::from_file(&file, options)?)),

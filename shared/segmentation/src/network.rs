@@ -14,7 +14,7 @@ pub use on_device::DeviceNetwork;
 pub use weights::Weights;
 
 use crate::SegmentationError;
-use crate::engine::Shape;
+use kernels::images::Shape;
 use serde::{Deserialize, Serialize};
 
 /// Architecture of a network.

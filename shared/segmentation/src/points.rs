@@ -19,7 +19,6 @@ mod features;
 mod kernel_points;
 mod kpconv;
 mod model;
-pub mod ops;
 mod parameters;
 mod pass;
 mod pointnet;

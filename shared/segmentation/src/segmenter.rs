@@ -1,8 +1,8 @@
 //! The interface of all models.
 
-use crate::ground::SubmapGround;
 use crate::spherical::Refinement;
 use crate::{CellProbabilities, ModelCard, SegmentationError};
+use ground::{Ground, SubmapGround};
 use messages::{ClassId, ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
 use std::sync::Arc;
 
@@ -62,6 +62,10 @@ impl<'a> ModelInput<'a> {
     /// A submap without colors and spectra.
     pub fn new(header: &'a SubmapHeader, points: &'a [SubmapPoint]) -> Self {
         Self { header, points, colors: None, spectra: None }
+    }
+    /// The ground below the submap.
+    pub fn ground(&self) -> Ground {
+        Ground::find(self.header, self.points)
     }
     /// Checks that all columns have one row per point.
     pub(crate) fn check(&self, classes: &[ClassRow]) -> Result<(), SegmentationError> {

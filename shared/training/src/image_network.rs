@@ -1,4 +1,4 @@
-//! Networks on images in training: runs and derivatives of the kernels of `segmentation::engine`.
+//! Networks on images in training: runs and derivatives of the kernels of `kernels::images`.
 
 use crate::bev_head::{BevHead, OfGrids};
 use crate::criterion::{Criterion, known_rows};
@@ -10,10 +10,10 @@ use crate::variables::Variables;
 use crate::views::{Views, inputs, truth};
 use crate::{Example, TrainingError};
 use candle_core::{Device, Tensor, Var};
+use kernels::images::{Border, Planes};
 use random::Random;
 use rayon::prelude::*;
 use segmentation::SegmentationError;
-use segmentation::engine::{Border, Planes};
 use segmentation::network::{DeviceNetwork, Inference, NetworkSpec, Weights};
 use std::collections::BTreeMap;
 

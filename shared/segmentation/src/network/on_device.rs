@@ -6,9 +6,9 @@
 
 use super::{Executor, Layer, NetworkSpec, Weights};
 use crate::SegmentationError;
-use crate::engine::tensors::FromBlocks;
-use crate::engine::{Border, Filter, Shape};
 use candle_core::{Device, Result, Tensor, Var};
+use kernels::images::tensors::FromBlocks;
+use kernels::images::{Border, Filter, Shape};
 use random::Random;
 use rayon::prelude::*;
 
@@ -50,7 +50,7 @@ impl DeviceNetwork {
     pub fn variables(&self) -> &[[Var; 2]] {
         &self.variables
     }
-    /// Runs the network on images of [`engine`](crate::engine) of one size; with dropout if random numbers are given. The output:
+    /// Runs the network on images of [`kernels::images`] of one size; with dropout if random numbers are given. The output:
     /// `[channels, images, rows, columns]`.
     ///
     /// # Errors
@@ -66,7 +66,7 @@ impl DeviceNetwork {
     }
 }
 
-/// Images of [`engine`](crate::engine) of one size as a tensor on a device, `[channels, images, rows, columns]`.
+/// Images of [`kernels::images`] of one size as a tensor on a device, `[channels, images, rows, columns]`.
 ///
 /// # Errors
 /// If the images are of several sizes, or not on the CPU.

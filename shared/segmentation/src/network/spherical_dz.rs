@@ -2,7 +2,7 @@
 
 use super::{CLASS_LAYER, Executor, Layer, layer};
 use crate::SegmentationError;
-use crate::engine::Shape;
+use kernels::images::Shape;
 
 /// Dropout rate after 1 x 1 convolutions, in training.
 const DROPOUT: f32 = 0.1;

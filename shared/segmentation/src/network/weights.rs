@@ -2,9 +2,9 @@
 
 use super::{Layer, NetworkSpec};
 use crate::SegmentationError;
-use crate::engine::Filter;
 use crate::model_file::ModelFile;
 use candle_core::{Device, Tensor};
+use kernels::images::Filter;
 use std::collections::BTreeMap;
 
 /// Weights `<layer>.weight` `[out, in, rows, columns]` and biases `<layer>.bias` `[out]` of every layer.

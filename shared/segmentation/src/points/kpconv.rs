@@ -3,15 +3,15 @@
 
 use super::batch::PointBatch;
 use super::kernel_points::{kernel_points, turned};
-use super::ops::{
-    Activation, KernelPoints, Lists, Neighborhood, add_activated, concatenate, kernel_point_convolution, linear,
-    maximum, weighted_sum,
-};
 use super::parameters::{ParameterList, Start};
 use super::pass::Pass;
 use super::search::Clouds;
 use crate::SegmentationError;
 use candle_core::Tensor;
+use kernels::points::{
+    Activation, KernelPoints, Lists, Neighborhood, add_activated, concatenate, kernel_point_convolution, linear,
+    maximum, weighted_sum,
+};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

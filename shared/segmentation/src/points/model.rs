@@ -5,12 +5,12 @@ use super::parameters::Parameters;
 use super::prediction::CloudPrediction;
 use super::settings::{PointSettings, VERSION};
 use crate::cell_probabilities::is_known;
-use crate::ground::SubmapGround;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
 use crate::segmenter::{CellSegmenter, write_rows};
 use crate::spherical::{IntensityMap, Options, Refinement};
 use crate::{CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
 use neighbors::SpatialIndex;
 use std::path::Path;
@@ -102,7 +102,7 @@ impl Segmenter for PointModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let ground = SubmapGround::of(input);
+        let ground = SubmapGround::find(input.header, input.points);
         let (cells, report) = self.probabilities(input, &ground)?;
         let n_unseen = write_rows(cells.decide(&self.classes), classes);
         self.options.refinement.of_points(input.points, &ground, &self.classes, classes);

@@ -176,7 +176,7 @@ impl Parameters {
     /// Moves the running statistics of batch normalization towards those of a training pass, by `momentum`.
     pub fn update_statistics(
         &mut self,
-        statistics: &BTreeMap<String, super::ops::ColumnStatistics>,
+        statistics: &BTreeMap<String, kernels::points::ColumnStatistics>,
         momentum: f32,
     ) -> Result<(), SegmentationError> {
         for (name, statistics) in statistics {

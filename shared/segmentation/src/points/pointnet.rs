@@ -2,11 +2,11 @@
 //! global features. Names of parameters follow pointnet.pytorch with features (`pointnet_sem_seg`).
 
 use super::batch::PointBatch;
-use super::ops::{Activation, Lists, add_activated, concatenate, linear, maximum, weighted_sum};
 use super::parameters::ParameterList;
 use super::pass::Pass;
 use crate::SegmentationError;
 use candle_core::{DType, Device, Tensor};
+use kernels::points::{Activation, Lists, add_activated, concatenate, linear, maximum, weighted_sum};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -2,12 +2,12 @@
 //! the 3 nearest points. Names of parameters follow `pointnet2_sem_seg_msg`.
 
 use super::batch::PointBatch;
-use super::ops::{Activation, Lists, concatenate, maximum, tensor, weighted_sum};
 use super::parameters::ParameterList;
 use super::pass::Pass;
 use super::search::{Clouds, interpolation};
 use crate::SegmentationError;
 use candle_core::Tensor;
+use kernels::points::{Activation, Lists, concatenate, maximum, tensor, weighted_sum};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

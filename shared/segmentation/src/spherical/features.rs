@@ -9,7 +9,7 @@ use super::elementary::tanh;
 use super::named_features::NamedFeatures;
 use super::surface::{Surface, SurfaceTile, Tile};
 use super::{Features, PolarImage};
-use crate::engine::{BORDER, Border, LANES, Planes, PlanesMut};
+use kernels::images::{BORDER, Border, LANES, Planes, PlanesMut};
 use pulp::{Arch, NullaryFnOnce};
 
 /// Number of features of a model that names none.

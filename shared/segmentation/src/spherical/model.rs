@@ -6,14 +6,14 @@ use super::settings::Settings;
 use super::softmax::{NO_VOTE, Vote};
 use super::sweep_images::{Prepared, SweepImages, VoteBuffers};
 use super::{Neighbors, Options, PolarImage, Refinement};
-use crate::engine::Border;
-use crate::engine::tensors::read_image;
-use crate::ground::SubmapGround;
 use crate::model_file::ModelFile;
 use crate::network::{Inference, PooledImage, Weights};
 use crate::segmenter::CellSegmenter;
 use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use candle_core::Tensor;
+use ground::SubmapGround;
+use kernels::images::Border;
+use kernels::images::tensors::read_image;
 use messages::{ClassId, ClassRow};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -134,7 +134,7 @@ impl Segmenter for SphericalModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let prepared = self.images.prepare(input, SubmapGround::of(input));
+        let prepared = self.images.prepare(input, SubmapGround::find(input.header, input.points));
         let cells = self.cells(input, &prepared)?;
         Ok(self.images.decide(input, &prepared, &cells, classes))
     }

@@ -8,7 +8,7 @@
 use super::features::{N_FEATURES, of_tile, write_folded};
 use super::surface::{Surface, SurfaceTile, Tile};
 use super::{Feature, Features, PolarImage};
-use crate::engine::{LANES, PlanesMut};
+use kernels::images::{LANES, PlanesMut};
 use pulp::NullaryFnOnce;
 use std::ops::Range;
 

@@ -7,10 +7,10 @@
 use super::PolarImage;
 use super::settings::Settings;
 use super::softmax::{MAX_CLASSES, Vote};
-use crate::engine::tensors::read_image;
-use crate::engine::{Border, Feature, Filter, LANES, Planes, PlanesRef, Shape, convolve};
 use crate::network::{Inference, Weights};
 use crate::{Dataset, Example, SegmentationError, UNKNOWN};
+use kernels::images::tensors::read_image;
+use kernels::images::{Border, Feature, Filter, LANES, Planes, PlanesRef, Shape, convolve};
 use random::Random;
 use rayon::prelude::*;
 use std::ops::Range;

@@ -2,8 +2,8 @@
 
 use super::softmax::Vote;
 use super::{PolarImage, PolarPixel};
-use crate::ground::SubmapGround;
 use geometry::BevGrid;
+use ground::SubmapGround;
 use messages::ClassId::{self, Building, Pole, Terrain, Vegetation};
 use messages::{ClassRow, SubmapPoint};
 use morphology::{Connectivity, Labels, connected_components, geodesic_elongations, reconstruct_by_dilation};
@@ -78,7 +78,7 @@ impl Refinement {
         }
         if self.rough_ground && of_model.contains(&Vegetation) {
             let is_soil = |row: &ClassRow| SOIL.iter().any(|class| *class as u8 == row.class_id);
-            for (row, is_rough) in classes.iter_mut().zip(ground.found.is_rough()) {
+            for (row, is_rough) in classes.iter_mut().zip(ground.ground.is_rough()) {
                 if is_rough && is_soil(row) {
                     row.class_id = Vegetation as u8;
                 }
@@ -197,8 +197,7 @@ fn buildings(points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ModelInput;
-    use crate::ground::Ground;
+    use ground::Ground;
     use messages::SubmapHeader;
     use random::Random;
 
@@ -255,8 +254,8 @@ mod tests {
         points.extend((0..900).map(|i| point(0.2 * (i % 30) as f32, 20.0 + 0.2 * (i / 30) as f32, 4.0)));
         points.extend([point(10.0, 0.0, 1.0), point(10.0, 0.0, 0.1)]);
         let mut rows = vec![ClassRow { class_id: Vegetation as u8, score: 200 }; points.len()];
-        let found = Ground::of(&ModelInput::new(&SubmapHeader::default(), &points));
-        let ground = SubmapGround { found, heights_m: points.iter().map(|point| point.z).collect() };
+        let ground = Ground::find(&SubmapHeader::default(), &points);
+        let ground = SubmapGround { ground, heights_m: points.iter().map(|point| point.z).collect() };
         let refinement = Refinement { buildings: true, ..Refinement::NONE };
         refinement.of_points(&points, &ground, &[Building], &mut rows);
         let classes: Vec<u8> = rows.iter().map(|row| row.class_id).collect();
@@ -276,7 +275,7 @@ mod tests {
             (SubmapPoint { x, y, z, ..SubmapPoint::default() }, ClassRow { class_id, score: 200 })
         };
         let (points, before): (Vec<SubmapPoint>, Vec<ClassRow>) = (0..40_000).map(&mut point).unzip();
-        let ground = SubmapGround::of(&ModelInput::new(&SubmapHeader::default(), &points));
+        let ground = SubmapGround::find(&SubmapHeader::default(), &points);
         let refined = |of_model: &[ClassId]| {
             let mut rows = before.clone();
             Refinement::default().of_points(&points, &ground, of_model, &mut rows);

@@ -7,7 +7,7 @@
 
 use super::PolarImage;
 use super::elementary::exp;
-use crate::engine::{LANES, PlanesRef};
+use kernels::images::{LANES, PlanesRef};
 use pulp::NullaryFnOnce;
 
 /// Largest number of classes of a model: the class table has 23. Two AVX-512 registers.

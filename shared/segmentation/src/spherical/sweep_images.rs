@@ -8,11 +8,11 @@ use super::settings::{GroundUse, Settings};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
 use super::{IntensityMap, Options, PolarImage};
-use crate::engine::PlanesRef;
-use crate::ground::SubmapGround;
 use crate::model_file::ModelFile;
 use crate::segmenter::write_rows;
 use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError};
+use ground::SubmapGround;
+use kernels::images::PlanesRef;
 use messages::{ClassId, ClassRow};
 use pulp::Arch;
 use std::path::Path;
@@ -82,7 +82,7 @@ impl SweepImages {
     /// Finds the scale of the intensities, and the classes of the ground if the network does not see it.
     pub(super) fn prepare(&self, input: &ModelInput<'_>, ground: Arc<SubmapGround>) -> Prepared {
         let given = (self.settings.ground == GroundUse::Removed).then(|| {
-            let classes = ground.found.classes(&ground.heights_m);
+            let classes = ground.ground.classes(&ground.heights_m);
             let is_given = classes.iter().map(|row| row.class_id != ClassId::Unlabeled as u8).collect();
             (classes, is_given)
         });

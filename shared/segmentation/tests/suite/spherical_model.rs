@@ -1,9 +1,9 @@
 //! Models on range images: range sweeps, classes, invalid files, nearest examples.
 
 use geometry::NO_POINT;
+use kernels::images::{Border, Planes};
 use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN};
 use random::Random;
-use segmentation::engine::{Border, Planes};
 use segmentation::network::{Inference, NetworkSpec, Weights};
 use segmentation::spherical::{
     ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, Neighbors, OwnedSubmap, PolarImage,
@@ -267,7 +267,7 @@ fn nearest_examples_beat_untrained_last_layer() {
     let weights = weights(&settings);
     let (header, points, _) = submap();
     let cloud = ModelInput::new(&header, &points);
-    let heights_m = ground::heights(&cloud);
+    let heights_m = cloud.ground().heights(cloud.points);
     // Low rings are road, middle ones vehicles, high ones buildings.
     let truth = |point: &SubmapPoint| [0, 2, 1][usize::from(point.ring) / 6];
     let of_sweep = |sweep: RangeSweep| {
@@ -309,7 +309,7 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     let weights = weights(&settings);
     let (header, points, _) = submap();
     let cloud = ModelInput::new(&header, &points);
-    let images = range_sweeps(&cloud, settings.columns, &ground::heights(&cloud));
+    let images = range_sweeps(&cloud, settings.columns, &cloud.ground().heights(cloud.points));
     let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
         let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
         let mut data = Labeled(known.collect());
@@ -371,7 +371,7 @@ fn shipped_model_keeps_its_bytes_and_default_features() {
 fn features_by_name_have_the_values_of_the_default_ones() {
     let (header, points, _) = submap();
     let cloud = ModelInput::new(&header, &points);
-    let image = range_sweeps(&cloud, 512, &ground::heights(&cloud)).remove(0).polar;
+    let image = range_sweeps(&cloud, 512, &cloud.ground().heights(cloud.points)).remove(0).polar;
     let usual = features(&image, &Features::default(), 1, 1);
     let mut named = Features::default().as_slice().to_vec();
     named.reverse();
@@ -398,7 +398,7 @@ fn points_without_color_have_flag_zero() {
     let features_of = Features::new(vec![Feature::HasColor, Feature::Blue, Feature::Red, Feature::Valid]);
     let planes = |colors: Option<&[ColorRow]>| {
         let cloud = ModelInput { colors, ..ModelInput::new(&header, &points) };
-        let heights_m = ground::heights(&cloud);
+        let heights_m = cloud.ground().heights(cloud.points);
         let source = ImageSource::new(&cloud, 512, &heights_m).with_camera(&features_of.camera_bands());
         let sweep = source.sweeps().remove(1);
         (features(&sweep.polar, &features_of, 1, 1), sweep)
@@ -427,7 +427,7 @@ fn removed_ground_has_the_class_of_the_ground_model() {
     let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
     assert_eq!(model.settings().ground, GroundUse::Removed);
     let cloud = ModelInput::new(&header, &points);
-    let ground = ground::Ground::of(&cloud);
+    let ground = cloud.ground();
     let given = ground.classes(&ground.heights(&points));
     let mut classes = vec![ClassRow::default(); points.len()];
     model.segment(&cloud, &mut classes).expect("segments");

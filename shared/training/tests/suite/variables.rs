@@ -1,7 +1,7 @@
 //! Variables, their weights, and the agreement of training with inference.
 
+use kernels::images::{Border, Planes};
 use random::Random;
-use segmentation::engine::{Border, Planes};
 use segmentation::network::{Inference, NetworkSpec};
 use training::{Differential, Variables};
 

@@ -3,8 +3,8 @@
 use super::recipe::Recipe;
 use super::sweep_dataset::SweepDataset;
 use super::{Calibration, SharedRecipe, TrainingRecipe};
+use kernels::images::Border;
 use segmentation::ComputeDevice;
-use segmentation::engine::Border;
 use segmentation::network::{CLASS_LAYER, Weights};
 use segmentation::spherical::{Settings, SphericalModel};
 use std::path::Path;

@@ -5,7 +5,6 @@ use super::removed_classes::RemovedClasses;
 use super::sources::Labeled;
 use geometry::NO_POINT;
 use messages::{ClassId, ClassRow};
-use segmentation::ground::Ground;
 use segmentation::spherical::{GroundUse, ImageSource, PolarImage, RangeSweep, Settings};
 use training::UNKNOWN;
 
@@ -22,7 +21,7 @@ pub fn images_of(
     removed_classes: &RemovedClasses,
     scale: IntensityScale,
 ) -> Vec<LabeledImage> {
-    let ground = Ground::of(cloud);
+    let ground = cloud.ground();
     let heights_m = ground.heights(cloud.points);
     let removed = (settings.ground == GroundUse::Removed).then(|| {
         let is_ground = |row: &ClassRow| row.class_id != ClassId::Unlabeled as u8;

@@ -1,7 +1,7 @@
 //! Convolution, pooling and upsampling against their definitions.
 
+use kernels::images::{Border, Filter, LANES, Planes, Shape, convolve, max_pool, upsample};
 use random::Random;
-use segmentation::engine::{Border, Filter, LANES, Planes, Shape, convolve, max_pool, upsample};
 
 /// Values by channel, row and column.
 struct Image {

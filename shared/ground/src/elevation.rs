@@ -1,7 +1,6 @@
 //! The elevation grid: the lowest point of every cell.
 
-use super::Settings;
-use crate::ModelInput;
+use crate::Settings;
 use geometry::BevGrid;
 use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint};
 use ndarray::Array2;
@@ -10,21 +9,21 @@ use ndarray::Array2;
 const MAX_CELLS: usize = 1 << 24;
 
 /// The top view of a submap.
-pub(super) struct Elevation {
-    pub(super) grid: BevGrid,
+pub(crate) struct Elevation {
+    pub(crate) grid: BevGrid,
     /// Lowest z of each cell, m; infinity without a point.
-    pub(super) lowest_m: Array2<f32>,
+    pub(crate) lowest_m: Array2<f32>,
     /// Flat index of the cell of each point; the number of cells for a point outside of the grid.
-    pub(super) cells: Vec<u32>,
+    pub(crate) cells: Vec<u32>,
     /// Number of points without a cell.
-    pub(super) n_outside: usize,
+    pub(crate) n_outside: usize,
 }
 
 impl Elevation {
     /// `None` if no point is within the reach of the settings.
-    pub(super) fn of(input: &ModelInput<'_>, settings: &Settings) -> Option<Self> {
-        let region = Bounds::of_path(input)?.grown(settings.reach_m);
-        let within = input.points.iter().filter(|point| region.contains(point));
+    pub(crate) fn new(header: &SubmapHeader, points: &[SubmapPoint], settings: &Settings) -> Option<Self> {
+        let region = Bounds::around_path(header, points)?.grown(settings.reach_m);
+        let within = points.iter().filter(|point| region.contains(point));
         let bounds = within.fold(Bounds::NOTHING, |bounds, point| bounds.with(point.x, point.y));
         let grid = BevGrid::covering_coarsened(bounds.min, bounds.max, settings.cell_m, MAX_CELLS)?;
 
@@ -32,7 +31,7 @@ impl Elevation {
         let mut lowest_m = Array2::from_elem((grid.rows, grid.cols), f32::INFINITY);
         let lowest = lowest_m.as_slice_mut().expect("a new array is in standard layout");
         let mut n_outside = 0;
-        let cells = input.points.iter().map(|point| {
+        let cells = points.iter().map(|point| {
             let cell = grid.cell(f64::from(point.x), f64::from(point.y)).filter(|_| point.z.is_finite());
             let Some((row, col)) = cell else {
                 n_outside += 1;
@@ -47,7 +46,7 @@ impl Elevation {
     }
 
     /// Factor between the side of the cells and that of the settings.
-    pub(super) fn coarsened(&self, settings: &Settings) -> u32 {
+    pub(crate) fn coarsened(&self, settings: &Settings) -> u32 {
         (self.grid.cell_m / settings.cell_m).round() as u32
     }
 }
@@ -64,14 +63,14 @@ impl Bounds {
     /// Bounds of the positions of the LiDAR, or of the median point if the header has none. `None` without a finite point.
     ///
     /// The median and not the mean, because of outliers.
-    fn of_path(input: &ModelInput<'_>) -> Option<Self> {
-        let path = sensor_positions(input.header);
+    fn around_path(header: &SubmapHeader, points: &[SubmapPoint]) -> Option<Self> {
+        let path = sensor_positions(header);
         let path = path.fold(Self::NOTHING, |bounds, [x, y]| bounds.with(x, y));
         if path.min[0] <= path.max[0] {
             return Some(path);
         }
         let median = |coordinate: fn(&SubmapPoint) -> f32| {
-            let mut values: Vec<f32> = input.points.iter().map(coordinate).filter(|v| v.is_finite()).collect();
+            let mut values: Vec<f32> = points.iter().map(coordinate).filter(|v| v.is_finite()).collect();
             let middle = values.len() / 2;
             (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
         };

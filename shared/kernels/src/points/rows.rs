@@ -33,7 +33,7 @@ pub(super) fn read<R>(tensor: &Tensor, work: impl FnOnce(&[f32]) -> R) -> Result
 }
 
 /// A tensor of these values.
-pub(in crate::points) fn tensor(values: Vec<f32>, shape: impl Into<Shape>) -> Result<Tensor> {
+pub fn tensor(values: Vec<f32>, shape: impl Into<Shape>) -> Result<Tensor> {
     Tensor::from_vec(values, shape.into(), &Device::Cpu)
 }
 

@@ -30,7 +30,7 @@ pub use normalize::{ColumnStatistics, Source, normalize};
 pub use normalized_means::normalized_means;
 pub use plane::{PlaneShape, depth_wise_convolution, plane_convolution};
 pub use residual_layers::add_residual_layers;
-pub(super) use rows::tensor;
+pub use rows::tensor;
 pub use tap_convolution::kernel_point_convolution;
 pub use taps::{KernelPoints, Neighborhood};
 pub use weighted_sum::weighted_sum;

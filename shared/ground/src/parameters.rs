@@ -1,16 +1,11 @@
-//! Parameters of the ground model and their model file.
+//! Parameters of the method, and their ranges.
 
-use super::{ARCHITECTURE, VERSION};
-use crate::SegmentationError;
-use crate::model_file::{ModelFile, encode_model};
-use candle_core::{Device, Tensor};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// Longest gap that zones may bridge, cells.
-const MAX_GAP_CELLS: usize = 256;
+pub const MAX_GAP_CELLS: usize = 256;
 
-/// Scalars, in the metadata of the file.
+/// Scalars, in the metadata of a model file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
@@ -40,9 +35,32 @@ pub struct Parameters {
     pub settings: Settings,
     /// Tensor `steps_m`: largest step between ground cells that are 1, 2 … cells apart, m; 1 to 256 elements.
     pub steps_m: Vec<f32>,
-    /// Tensor `tolerance_m`: largest distance of ground points below the terrain, above it, and above it in cells with an object, m,
-    /// above 0.
-    pub tolerance_m: [f32; 3],
+    /// Largest distances of ground points from the terrain.
+    pub tolerance: Tolerance,
+}
+
+/// Largest distances of ground points from the terrain, m, above 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Below the terrain.
+    pub below_m: f32,
+    /// Above the terrain.
+    pub above_m: f32,
+    /// Above the terrain in cells with an object: the foot of the object is not ground.
+    pub foot_m: f32,
+}
+
+/// A setting outside its range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutOfRange {
+    /// Name of the setting.
+    pub key: &'static str,
+    /// Value of the setting.
+    pub value: f64,
+    /// Smallest allowed value.
+    pub low: f64,
+    /// Largest allowed value.
+    pub high: f64,
 }
 
 impl Default for Parameters {
@@ -63,45 +81,21 @@ impl Default for Parameters {
         let steps_m = (1..=15).map(|gap| 0.08 + 0.15 * 0.2 * gap as f32).collect();
         // Below: noise and the slope of a steep street within a cell. Above: a curb in the same cell. With an object: three times the
         // noise of the LiDAR.
-        Self { settings, steps_m, tolerance_m: [0.18, 0.25, 0.06] }
+        Self { settings, steps_m, tolerance: Tolerance { below_m: 0.18, above_m: 0.25, foot_m: 0.06 } }
     }
 }
 
 impl Parameters {
-    pub(super) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
-        let settings: Settings = file.settings()?;
-        settings.check(file)?;
-        let steps_m = file.vector("steps_m", 1..=MAX_GAP_CELLS)?;
-        if let Some(idx) = steps_m.iter().position(|&step| step < 0.0) {
-            return Err(file.bad_tensor("steps_m", format!("element {idx} is {}, must be at least 0", steps_m[idx])));
-        }
-        let tolerance_m = file.vector("tolerance_m", 3..=3)?;
-        if tolerance_m.iter().any(|&tolerance| tolerance <= 0.0) {
-            return Err(file.bad_tensor("tolerance_m", format!("is {tolerance_m:?}, all must be above 0")));
-        }
-        Ok(Self { settings, steps_m, tolerance_m: std::array::from_fn(|i| tolerance_m[i]) })
-    }
-
     /// `steps_m` for cells that are `coarsened` times as large: the same distances in fewer cells, at least one.
-    pub(super) fn steps_of_cells(&self, coarsened: u32) -> Vec<f32> {
+    pub(crate) fn steps_of_cells(&self, coarsened: u32) -> Vec<f32> {
         let stride = (coarsened.max(1) as usize).min(self.steps_m.len());
         self.steps_m.iter().copied().skip(stride - 1).step_by(stride).collect()
-    }
-
-    /// The bytes of the model file. Equal parameters give equal bytes.
-    ///
-    /// # Errors
-    /// If the file cannot be encoded.
-    pub fn to_bytes(&self) -> Result<Vec<u8>, SegmentationError> {
-        let tensor = |values: &[f32]| Tensor::from_slice(values, values.len(), &Device::Cpu);
-        let tensors =
-            BTreeMap::from([("steps_m", tensor(&self.steps_m)?), ("tolerance_m", tensor(&self.tolerance_m)?)]);
-        encode_model(ARCHITECTURE, VERSION, &self.settings, tensors)
     }
 }
 
 impl Settings {
-    fn check(&self, file: &ModelFile) -> Result<(), SegmentationError> {
+    /// The first setting outside its range, if any.
+    pub fn out_of_range(&self) -> Option<OutOfRange> {
         let rules = [
             ("cell_m", self.cell_m, 0.02, 2.0),
             ("reach_m", self.reach_m, 5.0, 500.0),
@@ -112,11 +106,7 @@ impl Settings {
             ("min_zone_m2", self.min_zone_m2, 0.0, 1000.0),
             ("rough_m", self.rough_m, 0.005, 10.0),
         ];
-        match rules.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
-            Some((key, value, low, high)) => {
-                Err(SegmentationError::Setting { path: file.path.clone(), key, value, low, high })
-            }
-            None => Ok(()),
-        }
+        let rules = rules.map(|(key, value, low, high)| OutOfRange { key, value, low, high });
+        rules.into_iter().find(|rule| !(rule.low..=rule.high).contains(&rule.value))
     }
 }

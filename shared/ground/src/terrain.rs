@@ -1,7 +1,7 @@
 //! From elevation to terrain: zones, ground zones, and heights between them.
 
-use super::elevation::Elevation;
-use super::{Parameters, Settings};
+use crate::elevation::Elevation;
+use crate::parameters::{Parameters, Settings};
 use morphology::{closing, fill_gaps, limit_rise, opening, quasi_flat_zones_over_gaps};
 use ndarray::{Array2, Zip, s};
 
@@ -13,7 +13,7 @@ const STRAY_CELLS: usize = 1;
 
 /// Height of the ground in every cell, m, in raster order, plus one element at infinity for points outside of the grid. `None` if there
 /// is no ground.
-pub(super) fn terrain(elevation: &Elevation, parameters: &Parameters) -> Option<Vec<f32>> {
+pub(crate) fn terrain(elevation: &Elevation, parameters: &Parameters) -> Option<Vec<f32>> {
     let measured = elevation.lowest_m.mapv(f32::is_finite);
     let low = low_cells(elevation, &measured, parameters)?;
     let ground = ground_cells(elevation, &measured, &low, parameters);

@@ -21,7 +21,7 @@ const VOTE_REACH: usize = 5;
 ///
 /// A larger window sees more of the curvature: its limit is larger by its number (1, 2, 3). The majority of the cells within 1.1 m
 /// decides, so that a curb, which is narrow, is not rough.
-pub(super) fn rough_cells(heights_m: &Array2<f32>, limit_m: f32) -> Array2<bool> {
+pub(crate) fn rough_cells(heights_m: &Array2<f32>, limit_m: f32) -> Array2<bool> {
     let scatters = for_each_cell(heights_m.dim(), |cell| {
         if heights_m[cell].is_nan() {
             return None;
