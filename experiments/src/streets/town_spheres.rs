@@ -6,15 +6,13 @@ use messages::ClassId;
 use random::Random;
 use rayon::prelude::*;
 use segmentation::ModelInput;
-use segmentation::points::{
-    Augmentation, CellCloud, ClassifiedCells, PointFeature, SphereSettings, TrainingSpheres, classes_of_cells,
-};
+use segmentation::points::{CellCloud, PointFeature, SphereSettings};
 use segmentation::spherical::IntensityMap;
 use simulation::{Simulation, Town};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use town_sweeps::{IdealCamera, Mount, TownDrive, TownSubmap};
-use training::{Dataset, Hierarchy, PointExample};
+use training::{Augmentation, ClassifiedCells, Dataset, Hierarchy, PointExample, TrainingSpheres, classes_of_cells};
 
 /// Drives to learn from; as many submaps of each as of the others.
 const TRAIN: RangeInclusive<u64> = 501..=520;

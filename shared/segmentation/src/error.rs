@@ -146,14 +146,6 @@ pub enum SegmentationError {
         /// Points of the submap.
         expected: usize,
     },
-    /// The labels of an example do not fit the network.
-    #[error("example {example} of the data: {reason}")]
-    Example {
-        /// Index in the data set.
-        example: usize,
-        /// Place, value and expected values.
-        reason: String,
-    },
     /// The device is a GPU, and the program cannot use one.
     #[error(
         "device \"cuda\": this program was built without CUDA; build it with `cargo build --release -p infer -p replica --features cuda`, \

@@ -15,7 +15,6 @@
 
 mod cell_probabilities;
 mod compute_device;
-mod dataset;
 mod error;
 mod fused;
 pub mod ground_quasi_flat;
@@ -30,7 +29,6 @@ mod unknown_below;
 
 pub use cell_probabilities::CellProbabilities;
 pub use compute_device::ComputeDevice;
-pub use dataset::{BevLabels, Dataset, Example, NO_CELL, PointExample, SparseView, UNKNOWN};
 pub use error::SegmentationError;
 pub use fused::{Fused, Fusion, fuse};
 pub use load::{asked_columns, load};

@@ -3,14 +3,13 @@
 
 mod blocked;
 mod inference;
-mod on_device;
+pub mod on_device;
 mod spherical_dz;
 mod unet;
 mod weights;
 
 pub use blocked::{ImagePool, PooledImage};
 pub use inference::Inference;
-pub use on_device::DeviceNetwork;
 pub use weights::Weights;
 
 use crate::SegmentationError;

@@ -11,10 +11,8 @@
 //! Weights have the names and shapes of the `PyTorch` code of the publications. `benches/peers/point_networks.py` has the same networks
 //! in `PyTorch`; the tests compare outputs, gradients and running statistics with it.
 
-mod augmentation;
 mod batch;
 mod cells;
-mod classified_cells;
 mod features;
 mod kernel_points;
 mod kpconv;
@@ -31,10 +29,8 @@ mod spheres;
 mod squares;
 mod waffle_iron;
 
-pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, distort, rotate, scale};
 pub use batch::PointBatch;
 pub use cells::CellCloud;
-pub use classified_cells::{ClassifiedCells, classes_of_cells};
 pub use features::PointFeature;
 pub use kpconv::KpConv;
 pub use model::PointModel;
@@ -45,6 +41,6 @@ pub use pointnet2::{Abstraction, PointNet2, Scale};
 pub use prediction::{CloudPrediction, RegionRows, Regions, Votes};
 pub use settings::{ARCHITECTURE, PointSettings, VERSION};
 pub use spec::{PointNetworkSpec, PointPlan};
-pub use spheres::{SphereSettings, TrainingSpheres, sphere};
+pub use spheres::{SphereSettings, sphere};
 pub use squares::{Square, SquareSettings};
 pub use waffle_iron::{PlaneConvolution, WaffleIron};

@@ -4,6 +4,7 @@
 
 use crate::TrainingError;
 use crate::criterion::Criterion;
+use crate::device_network::DeviceNetwork;
 use crate::differential::OfLayer;
 use crate::pixels::Pixels;
 use crate::views::Views;
@@ -11,7 +12,6 @@ use candle_core::{Tensor, Var};
 use kernels::images::Planes;
 use random::Random;
 use rayon::prelude::*;
-use segmentation::network::DeviceNetwork;
 use std::collections::BTreeMap;
 
 /// A batch on a device.

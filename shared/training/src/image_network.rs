@@ -2,6 +2,7 @@
 
 use crate::bev_head::{BevHead, OfGrids};
 use crate::criterion::{Criterion, known_rows};
+use crate::device_network::DeviceNetwork;
 use crate::device_pass::DevicePass;
 use crate::differential::{Differential, Recording};
 use crate::network::{Derivatives, LabeledLogits, Network};
@@ -14,7 +15,7 @@ use kernels::images::{Border, Planes};
 use random::Random;
 use rayon::prelude::*;
 use segmentation::SegmentationError;
-use segmentation::network::{DeviceNetwork, Inference, NetworkSpec, Weights};
+use segmentation::network::{Inference, NetworkSpec, Weights};
 use std::collections::BTreeMap;
 
 /// A network on images. One of its columns holds `fold` columns of labels.

@@ -1,8 +1,9 @@
 //! One point for each occupied cell of a grid: what networks on points see of a submap.
 
 use super::features::PointFeature;
+use crate::cell_probabilities::NO_CELL;
 use crate::spherical::IntensityMap;
-use crate::{ModelInput, NO_CELL, SegmentationError};
+use crate::{ModelInput, SegmentationError};
 use messages::SubmapPoint;
 use neighbors::{LIMIT_M, VoxelGrid};
 

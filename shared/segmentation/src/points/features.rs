@@ -1,6 +1,5 @@
 //! Features of points, the inputs of networks on points.
 
-use super::augmentation::color_height_features;
 use super::cells::CellCloud;
 use serde::{Deserialize, Serialize};
 
@@ -50,7 +49,8 @@ impl PointFeature {
             },
             Self::ColorHeight => {
                 let color = cloud.colors.get(point).copied().unwrap_or_default();
-                values.extend(color_height_features(&[color], &[height_m.clamp(-FARTHEST_M, FARTHEST_M)]));
+                values.extend(color);
+                values.push(height_m.clamp(-FARTHEST_M, FARTHEST_M));
             }
         }
     }

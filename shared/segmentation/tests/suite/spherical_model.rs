@@ -1,4 +1,4 @@
-//! Models on range images: range sweeps, classes, invalid files, nearest examples.
+//! Models on range images: range sweeps, classes, invalid files.
 
 use geometry::NO_POINT;
 use kernels::images::{Border, Planes};
@@ -6,13 +6,15 @@ use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSwe
 use random::Random;
 use segmentation::network::{Inference, NetworkSpec, Weights};
 use segmentation::spherical::{
-    ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, Neighbors, OwnedSubmap, PolarImage,
-    RangeSweep, Settings, SphericalModel, SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
+    ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, OwnedSubmap, Settings, SphericalModel,
+    SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
 };
-use segmentation::{Dataset, Example, ModelCard, ModelInput, SegmentationError, Segmenter, UNKNOWN, ground};
+use segmentation::{ModelCard, ModelInput, SegmentationError, Segmenter};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// In columns of classes, a row that no model has written.
+const UNKNOWN: u8 = u8::MAX;
 const RINGS: u8 = 16;
 const FIRINGS: u32 = 512;
 
@@ -246,86 +248,6 @@ fn invalid_files_are_rejected_with_reason() {
     broken.tensors.get_mut("classes.bias").expect("is there").1[1] = f32::INFINITY;
     let Err(error) = load(&file_of(&good, &broken)) else { panic!("was loaded") };
     assert!(error.to_string().contains("`classes.bias`: element 1 is inf"), "{error}");
-}
-
-/// Range images with the class of every pixel.
-struct Labeled(Vec<(PolarImage, Vec<u8>)>);
-
-impl Dataset for Labeled {
-    fn len(&self) -> usize {
-        self.0.len()
-    }
-    fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
-        let (image, truth) = &self.0[index];
-        Example::new(features(image, &Features::default(), 2, 2), truth.clone())
-    }
-}
-
-#[test]
-fn nearest_examples_beat_untrained_last_layer() {
-    let settings = settings();
-    let weights = weights(&settings);
-    let (header, points, _) = submap();
-    let cloud = ModelInput::new(&header, &points);
-    let heights_m = cloud.ground().heights(cloud.points);
-    // Low rings are road, middle ones vehicles, high ones buildings.
-    let truth = |point: &SubmapPoint| [0, 2, 1][usize::from(point.ring) / 6];
-    let of_sweep = |sweep: RangeSweep| {
-        let class = |&shown: &u32| match shown {
-            NO_POINT => UNKNOWN,
-            shown => truth(&points[sweep.points.start + shown as usize]),
-        };
-        let truth = sweep.image.nearest.iter().map(class).collect();
-        (sweep.polar, truth)
-    };
-    let data = Labeled(range_sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect());
-    let draw = |per_class: usize, k: usize| Neighbors::draw(&settings, &weights, &data, per_class, k).expect("draws");
-    let share_right = |neighbors: Option<Neighbors>| {
-        let mut model = load(&file_of(&settings, &weights)).expect("loads");
-        if let Some(neighbors) = neighbors {
-            model = model.with_neighbors(neighbors, &weights).expect("fits");
-        }
-        let mut classes = vec![ClassRow::default(); points.len()];
-        model.segment(&cloud, &mut classes).expect("segments");
-        let is_right = |(point, row): &(&SubmapPoint, &ClassRow)| {
-            ClassId::from_id(row.class_id).map(ClassId::name)
-                == Some(settings.classes[usize::from(truth(point))].as_str())
-        };
-        points.iter().zip(&classes).filter(is_right).count() as f64 / points.len() as f64
-    };
-    let all = draw(usize::MAX, 1);
-    assert_eq!(all.len(), points.len());
-    let (last_layer, own, few) = (share_right(None), share_right(Some(all)), share_right(Some(draw(200, 5))));
-    assert!(last_layer < 0.5, "{last_layer}");
-    // Every pixel is its own nearest example; errors share a cell with other points.
-    assert!(own > 0.98, "{own}");
-    // The features of an untrained network depend on the ring only in part. Chance is a third.
-    assert!(few > 0.5, "{few}");
-}
-
-#[test]
-fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
-    let settings = settings();
-    let weights = weights(&settings);
-    let (header, points, _) = submap();
-    let cloud = ModelInput::new(&header, &points);
-    let images = range_sweeps(&cloud, settings.columns, &cloud.ground().heights(cloud.points));
-    let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
-        let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
-        let mut data = Labeled(known.collect());
-        assert!(Neighbors::draw(&settings, &weights, &data, 10, 1).is_ok());
-        change(&mut data.0[1].1);
-        Neighbors::draw(&settings, &weights, &data, 10, 1).err().expect("is rejected").to_string()
-    };
-    let (n_classes, columns) = (settings.classes.len(), settings.columns);
-    assert_eq!(
-        rejected(&|truth| truth[2 * columns + 5] = n_classes as u8),
-        format!(
-            "example 1 of the data: row 2, column 5 has class {n_classes}, must be below {n_classes}, or 255 if unknown"
-        )
-    );
-    let too_long = rejected(&|truth| truth.resize(truth.len() + columns, 0));
-    assert!(too_long.starts_with("example 1 of the data: ") && too_long.contains("pixels have a class"), "{too_long}");
 }
 
 #[test]

@@ -14,12 +14,10 @@ use anyhow::ensure;
 use messages::ClassId;
 use random::Random;
 use segmentation::ModelInput;
-use segmentation::points::{
-    Augmentation, CellCloud, ClassifiedCells, PointSettings, TrainingSpheres, classes_of_cells,
-};
+use segmentation::points::{CellCloud, PointSettings};
 use segmentation::spherical::{GroundHistogram, GroundIntensities};
 use std::path::Path;
-use training::{Dataset, PointExample, UNKNOWN};
+use training::{Augmentation, ClassifiedCells, Dataset, PointExample, TrainingSpheres, UNKNOWN, classes_of_cells};
 
 /// Spheres of submaps. Memory: the simulated drives of one step, or one submap.
 pub struct PointDataset {

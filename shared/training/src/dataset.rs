@@ -1,4 +1,4 @@
-//! Labeled inputs of networks, for training and for nearest examples.
+//! Labeled inputs of networks.
 
 use kernels::images::Planes;
 use random::Random;
@@ -43,7 +43,7 @@ pub struct BevLabels {
     pub truth: Vec<u8>,
 }
 
-/// In lists of cells, a pixel or point in none.
+/// Cell of a pixel that is in no cell of the grid.
 pub const NO_CELL: u32 = u32::MAX;
 
 /// A labeled input of a network on points.

@@ -170,11 +170,6 @@ fn smoothed(field: &[[f32; 3]], nodes: [usize; 3], axis: usize) -> Vec<[f32; 3]>
     (0..field.len()).map(mean).collect()
 }
 
-/// Features of points: red, green, blue of 0 to 1, and the height, m.
-pub fn color_height_features(colors: &[[f32; 3]], heights_m: &[f32]) -> Vec<f32> {
-    colors.iter().zip(heights_m).flat_map(|([r, g, b], height)| [*r, *g, *b, *height]).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

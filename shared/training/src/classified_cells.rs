@@ -1,8 +1,8 @@
 //! Cells with classes: what networks on points learn from.
 
-use super::cells::CellCloud;
 use crate::UNKNOWN;
 use neighbors::{VoxelGrid, squared_distance};
+use segmentation::points::CellCloud;
 
 /// Points with the number of the class of each, [`UNKNOWN`] without one.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,15 +4,13 @@
 //! the largest cosine similarity vote. For a pixel a and examples b the largest cosines are the largest a b / |b|: the channels
 //! of a 1 x 1 convolution whose filters are the examples. The search is exact except for rounding of these sums.
 
-use super::PolarImage;
-use super::settings::Settings;
-use super::softmax::{MAX_CLASSES, Vote};
-use crate::network::{Inference, Weights};
-use crate::{Dataset, Example, SegmentationError, UNKNOWN};
+use crate::{Dataset, Example, TrainingError, UNKNOWN};
 use kernels::images::tensors::read_image;
 use kernels::images::{Border, Feature, Filter, LANES, Planes, PlanesRef, Shape, convolve};
 use random::Random;
 use rayon::prelude::*;
+use segmentation::network::{Inference, Weights};
+use segmentation::spherical::{MAX_CLASSES, PixelClassifier, PolarImage, Settings, Vote};
 use std::ops::Range;
 
 /// Examples per filter: their similarities to a row of 512 pixels are 0.5 MB and stay in the second-level cache.
@@ -22,13 +20,13 @@ const CHUNK: usize = 256;
 const BATCH: usize = 16;
 
 /// Features of labeled pixels by class.
-pub struct Neighbors {
+pub struct NearestExamples {
     k: usize,
     /// By folded column, because the columns of a pixel share its features.
     banks: Vec<Bank>,
 }
 
-impl Neighbors {
+impl NearestExamples {
     /// Draws up to `per_class` pixels of a data set for every class and folded column. With the frequencies of a street, nearly
     /// all neighbors would be road. The `k` nearest vote.
     ///
@@ -40,7 +38,7 @@ impl Neighbors {
         data: &dyn Dataset,
         per_class: usize,
         k: usize,
-    ) -> Result<Self, SegmentationError> {
+    ) -> Result<Self, TrainingError> {
         let network = Inference::of_features(settings.network.clone(), weights, Border::Circular)?;
         let mut drawn = vec![Sample::default(); settings.fold * settings.classes.len()];
         let mut random = Random::of_stream(0, 0);
@@ -58,7 +56,7 @@ impl Neighbors {
                         let of_class = &mut drawn[at % settings.fold * settings.classes.len() + usize::from(class)];
                         of_class.offer(|| features_of(&features, at / settings.fold), per_class, &mut random);
                     }
-                    Ok::<(), SegmentationError>(())
+                    Ok::<(), TrainingError>(())
                 })??;
             }
         }
@@ -74,9 +72,10 @@ impl Neighbors {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+}
 
-    /// Votes of the pixels of an image in raster order from its features. Those of pixels without a point are not written.
-    pub(super) fn vote(&self, image: &PolarImage, features: &PlanesRef<'_>, votes: &mut [Vote]) {
+impl PixelClassifier for NearestExamples {
+    fn vote(&self, image: &PolarImage, features: &PlanesRef<'_>, votes: &mut [Vote]) {
         let fold = self.banks.len();
         let mut row = Planes::zeros(features.channels(), 1, features.width());
         let rows = image.pixels.chunks_exact(image.columns).zip(votes.chunks_exact_mut(image.columns));
@@ -94,8 +93,8 @@ impl Neighbors {
 }
 
 /// Checks that labels fit the size of an image and the number of classes. The image may have more rows, because it is padded.
-fn check(truth: &[u8], example: usize, [rows, columns]: [usize; 2], n_classes: usize) -> Result<(), SegmentationError> {
-    let wrong = |reason| Err(SegmentationError::Example { example, reason });
+fn check(truth: &[u8], example: usize, [rows, columns]: [usize; 2], n_classes: usize) -> Result<(), TrainingError> {
+    let wrong = |reason| Err(TrainingError::Example { example, reason });
     if truth.len() > rows * columns {
         return wrong(format!("{} pixels have a class, the image has {rows} x {columns}", truth.len()));
     }
