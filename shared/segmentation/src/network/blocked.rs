@@ -1,6 +1,7 @@
 //! A network on the kernels of [`kernels::images`]: images are tensors in blocks, reused between runs.
 
-use super::{Executor, Layer};
+use super::executor::Executor;
+use super::layer::Layer;
 use crate::SegmentationError;
 use candle_core::Tensor;
 use kernels::images::ops::{Convolution, MaxPool, Upsample};

@@ -1,8 +1,11 @@
 //! Inference: a network as a graph of operations of candle.
 
 use super::blocked::{self, ImagePool, PooledImage};
+use super::executor::Executor;
+use super::layer::Layer;
 use super::on_device::{self, DeviceFilter, batch};
-use super::{Executor, Layer, NetworkSpec, Weights};
+use super::spec::NetworkSpec;
+use super::weights::Weights;
 use crate::SegmentationError;
 use candle_core::{Device, Tensor};
 use kernels::images::tensors::{ToBlocks, size_of_image};

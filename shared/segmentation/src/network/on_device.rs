@@ -4,7 +4,8 @@
 //! candle's own convolution, pooling and upsampling are not used: on a GPU (0.9.2), the derivative of a convolution reads its
 //! transposed factor as if it were contiguous; the derivative of a maximum over four pixels is a quarter of the true one.
 
-use super::{Executor, Layer};
+use super::executor::Executor;
+use super::layer::Layer;
 use crate::SegmentationError;
 use candle_core::{Device, Result, Tensor};
 use kernels::images::tensors::FromBlocks;

@@ -1,6 +1,7 @@
 //! The weights of a network by name, named and ordered as by `PyTorch`.
 
-use super::{Layer, NetworkSpec};
+use super::layer::Layer;
+use super::spec::NetworkSpec;
 use crate::SegmentationError;
 use crate::model_file::ModelFile;
 use candle_core::{Device, Tensor};
@@ -63,15 +64,5 @@ impl Weights {
             Ok(Filter::new(layer.shape.clone(), found[0], found[1]))
         };
         spec.layers().iter().map(of_layer).collect()
-    }
-}
-
-impl Layer {
-    /// Names and shapes of the tensors of weights and biases.
-    pub fn tensors(&self) -> [(String, Vec<usize>); 2] {
-        let shape = &self.shape;
-        let n_in = shape.in_channels.iter().sum();
-        let weight = vec![shape.out_channels, n_in, shape.kernel[0], shape.kernel[1]];
-        [(format!("{}.weight", self.name), weight), (format!("{}.bias", self.name), vec![shape.out_channels])]
     }
 }

@@ -1,11 +1,11 @@
 //! `PointNet++` with multi-scale grouping (Qi et al., NIPS 2017): set abstractions around farthest points, feature propagation by
 //! the 3 nearest points. Names of parameters follow `pointnet2_sem_seg_msg`.
 
-use super::batch::PointBatch;
-use super::parameters::ParameterList;
-use super::pass::Pass;
-use super::search::{Clouds, interpolation};
 use crate::SegmentationError;
+use crate::points::batch::PointBatch;
+use crate::points::parameters::ParameterList;
+use crate::points::pass::Pass;
+use crate::points::search::{Clouds, interpolation};
 use candle_core::Tensor;
 use kernels::points::{Activation, Lists, concatenate, maximum, tensor, weighted_sum};
 use serde::{Deserialize, Serialize};
@@ -78,7 +78,7 @@ impl PointNet2 {
         let last = |scale: &Scale| scale.widths.last().copied().unwrap_or(0);
         self.abstractions.iter().map(|abstraction| abstraction.scales.iter().map(last).sum()).collect()
     }
-    pub(super) fn parameters(&self, list: &mut ParameterList) {
+    pub(in crate::points) fn parameters(&self, list: &mut ParameterList) {
         let abstracted = self.abstracted();
         let mut inputs = self.inputs;
         for (level, abstraction) in self.abstractions.iter().enumerate() {
@@ -106,7 +106,7 @@ impl PointNet2 {
         list.layer("conv2", &[self.outputs, inputs, 1], true);
     }
     /// Groups around farthest points; the seed determines the first center of each cloud.
-    pub(super) fn plan(&self, batch: &PointBatch, seed: u64) -> Result<PointNet2Plan, SegmentationError> {
+    pub(in crate::points) fn plan(&self, batch: &PointBatch, seed: u64) -> Result<PointNet2Plan, SegmentationError> {
         let mut fine = Clouds::new(batch.positions().to_vec(), batch.lengths().to_vec());
         let mut levels = Vec::new();
         for abstraction in &self.abstractions {
@@ -119,7 +119,7 @@ impl PointNet2 {
         }
         Ok(PointNet2Plan { levels })
     }
-    pub(super) fn run(
+    pub(in crate::points) fn run(
         &self,
         pass: &mut Pass<'_>,
         plan: &PointNet2Plan,

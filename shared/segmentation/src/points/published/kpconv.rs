@@ -1,12 +1,12 @@
 //! KP-FCNN with rigid kernels (Thomas et al., ICCV 2019): kernel point convolutions in bottleneck blocks, subsampling by grids whose
 //! cells double, nearest upsampling and unary layers. Names of parameters follow KPConv-PyTorch.
 
-use super::batch::PointBatch;
 use super::kernel_points::{kernel_points, turned};
-use super::parameters::{ParameterList, Start};
-use super::pass::Pass;
-use super::search::Clouds;
 use crate::SegmentationError;
+use crate::points::batch::PointBatch;
+use crate::points::parameters::{ParameterList, Start};
+use crate::points::pass::{Pass, zeros};
+use crate::points::search::Clouds;
 use candle_core::Tensor;
 use kernels::points::{
     Activation, KernelPoints, Lists, Neighborhood, add_activated, concatenate, kernel_point_convolution, linear,
@@ -84,7 +84,7 @@ impl KpConv {
         }
         blocks
     }
-    pub(super) fn parameters(&self, list: &mut ParameterList) {
+    pub(in crate::points) fn parameters(&self, list: &mut ParameterList) {
         let points = kernel_points(self.kernel_points, 0);
         let convolution = |list: &mut ParameterList, name: &str, level: usize, inputs: usize, outputs: usize| {
             let radius = f64::from(RADIUS_CELLS * self.cell_m * (1 << level) as f32);
@@ -121,7 +121,7 @@ impl KpConv {
             list.add(format!("{name}.batch_norm.bias"), &[outputs], Start::Value(0.0));
         }
     }
-    pub(super) fn plan(&self, batch: &PointBatch) -> Result<KpConvPlan, SegmentationError> {
+    pub(in crate::points) fn plan(&self, batch: &PointBatch) -> Result<KpConvPlan, SegmentationError> {
         let given = Clouds::new(batch.positions().to_vec(), batch.lengths().to_vec());
         let order = given.order();
         let mut place = vec![0; order.len()];
@@ -156,7 +156,7 @@ impl KpConv {
             levels,
         })
     }
-    pub(super) fn run(
+    pub(in crate::points) fn run(
         &self,
         pass: &mut Pass<'_>,
         plan: &KpConvPlan,
@@ -233,7 +233,7 @@ impl KpConv {
             let weights = weights.broadcast_mul(&norm.scale)?;
             return Ok(kernel_point_convolution(input, &weights, &norm.shift, at, &kernel, LEAKY)?);
         }
-        let bias = super::pass::zeros(weights.dim(2)?)?;
+        let bias = zeros(weights.dim(2)?)?;
         let x = kernel_point_convolution(input, weights, &bias, at, &kernel, Activation::NONE)?;
         pass.norm(&x, &norm, LEAKY)
     }

@@ -1,31 +1,32 @@
 //! Spherical `DZNet` after thesis figure 6.10. The thesis does not state its widths; they are settings here.
 
-use super::{CLASS_LAYER, Executor, Layer, layer};
 use crate::SegmentationError;
+use crate::network::executor::Executor;
+use crate::network::layer::{CLASS_LAYER, Layer};
 use kernels::images::Shape;
 
 /// Dropout rate after 1 x 1 convolutions, in training.
 const DROPOUT: f32 = 0.1;
 
-pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize]) -> Vec<Layer> {
+pub(in crate::network) fn layers(inputs: usize, outputs: usize, widths: &[usize]) -> Vec<Layer> {
     let mut layers = Vec::new();
     let mut channels = inputs;
     for (level, &width) in widths.iter().enumerate() {
         let shape =
             Shape { kernel: [5, 5], stride_x: 2, in_channels: vec![channels], out_channels: width, rectify: true };
         layers.push(Layer { name: format!("down.{level}.0"), shape });
-        layers.push(layer(format!("down.{level}.1"), 1, vec![width], width, true));
+        layers.push(Layer::square(format!("down.{level}.1"), 1, vec![width], width, true));
         channels = width;
     }
     for level in (0..widths.len() - 1).rev() {
-        layers.push(layer(format!("up.{level}"), 1, vec![widths[level], channels], widths[level], true));
+        layers.push(Layer::square(format!("up.{level}"), 1, vec![widths[level], channels], widths[level], true));
         channels = widths[level];
     }
-    layers.push(layer(CLASS_LAYER.to_owned(), 1, vec![inputs, channels], outputs, false));
+    layers.push(Layer::square(CLASS_LAYER.to_owned(), 1, vec![inputs, channels], outputs, false));
     layers
 }
 
-pub(super) fn run<E: Executor>(
+pub(in crate::network) fn run<E: Executor>(
     executor: &mut E,
     layers: &[Layer],
     levels: usize,

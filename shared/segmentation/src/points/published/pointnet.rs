@@ -1,10 +1,10 @@
 //! `PointNet` for segmentation (Qi et al., CVPR 2017): transforms of positions and features, a global maximum, and a head on local and
 //! global features. Names of parameters follow pointnet.pytorch with features (`pointnet_sem_seg`).
 
-use super::batch::PointBatch;
-use super::parameters::ParameterList;
-use super::pass::Pass;
 use crate::SegmentationError;
+use crate::points::batch::PointBatch;
+use crate::points::parameters::ParameterList;
+use crate::points::pass::{Pass, zeros};
 use candle_core::{DType, Device, Tensor};
 use kernels::points::{Activation, Lists, add_activated, concatenate, linear, maximum, weighted_sum};
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ pub struct PointNet {
 const RELU: Activation = Activation::RELU;
 
 impl PointNet {
-    pub(super) fn parameters(&self, list: &mut ParameterList) {
+    pub(in crate::points) fn parameters(&self, list: &mut ParameterList) {
         let w = self.width;
         for (name, inputs, side) in [("feat.stn", 3 + self.inputs, 3), ("feat.fstn", w, w)] {
             let widths = [inputs, w, 2 * w, 16 * w, 8 * w, 4 * w, side * side];
@@ -49,7 +49,7 @@ impl PointNet {
             }
         }
     }
-    pub(super) fn run(
+    pub(in crate::points) fn run(
         &self,
         pass: &mut Pass<'_>,
         batch: &PointBatch,
@@ -87,7 +87,7 @@ impl PointNet {
         let of_global = weight.narrow(1, 0, n_global)?;
         let of_local = weight.narrow(1, n_global, self.width)?;
         let global = linear(global, &of_global, &bias, Activation::NONE)?;
-        let local = linear(local, &of_local, &super::pass::zeros(8 * self.width)?, Activation::NONE)?;
+        let local = linear(local, &of_local, &zeros(8 * self.width)?, Activation::NONE)?;
         let cloud_of = batch.lengths().iter().enumerate().flat_map(|(cloud, length)| vec![cloud as u32; *length]);
         let lists = Arc::new(Lists::single(cloud_of, batch.lengths().len()));
         let sum = add_activated(&weighted_sum(&global, &lists, None)?, &local, Activation::NONE)?;
@@ -121,7 +121,7 @@ fn transform_of_clouds(
 /// The rows of each cloud times its transform.
 fn transformed(rows: &Tensor, transforms: &Tensor, batch: &PointBatch) -> Result<Tensor, SegmentationError> {
     let side = transforms.dim(1)?;
-    let bias = super::pass::zeros(side)?;
+    let bias = zeros(side)?;
     let of_cloud = |(cloud, range): (usize, std::ops::Range<usize>)| {
         let rows = rows.narrow(0, range.start, range.len())?;
         linear(&rows, &transforms.get(cloud)?.t()?, &bias, Activation::NONE)
