@@ -9,8 +9,9 @@
 mod cameras;
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
-use segmentation::spherical::{AskedColumns, IntensityUse, Refinement};
-use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, UnknownBelow};
+use segmentation::intensity::{ForeignIntensity, IntensityUse};
+use segmentation::spherical::AskedColumns;
+use segmentation::{ComputeDevice, ModelInput, Options, Refinement, Report, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,
@@ -160,7 +161,7 @@ fn count(report: Report, outputs: &mut Outputs) {
             report.coarsened
         ));
     }
-    if let Some([found, trained]) = report.foreign_intensity {
+    if let Some(ForeignIntensity { found, trained }) = report.foreign_intensity {
         outputs.count("submaps_foreign_intensity", 1);
         outputs.note(format!("median intensity of the ground {found}; the model was trained with {trained}"));
     }

@@ -1,6 +1,6 @@
 //! Probabilities of the classes in the cells of a submap.
 
-use crate::segmenter::class_row;
+use crate::class_rows::class_row;
 use messages::{ClassId, ClassRow};
 
 /// Cell of a point that is in no cell.

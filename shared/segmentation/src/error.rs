@@ -1,6 +1,5 @@
 //! Errors of model files and of segmentation.
 
-use crate::ModelFile;
 use std::path::PathBuf;
 
 /// A model file or an input that cannot be used.
@@ -164,12 +163,4 @@ pub enum SegmentationError {
     /// A model cannot be encoded.
     #[error("encoding of a model file: {0}")]
     Encode(String),
-}
-
-impl SegmentationError {
-    /// The error for a file of an architecture that no model has.
-    pub(crate) fn unknown_architecture(file: &ModelFile, found: &str) -> Self {
-        let known = "fused, ground_quasi_flat, points, spherical";
-        Self::Architecture { path: file.path.clone(), found: found.to_owned(), known }
-    }
 }

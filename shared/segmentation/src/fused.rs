@@ -7,12 +7,14 @@
 
 use crate::CellProbabilities;
 use crate::cell_probabilities::best_of;
+use crate::class_rows::{class_row, write_rows};
 use crate::ground_quasi_flat;
 use crate::model_file::{CardText, ModelFile, encode_model};
+use crate::options::Options;
 use crate::points::{self, PointModel};
-use crate::segmenter::{CellSegmenter, class_row, write_rows};
+use crate::segmenter::CellSegmenter;
 use crate::settings_rules::{check_rules, temperature_rule};
-use crate::spherical::{self, GroundUse, Options, SphericalModel};
+use crate::spherical::{self, GroundUse, SphericalModel};
 use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
@@ -105,7 +107,7 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
         }
         ground_quasi_flat::ARCHITECTURE => "the model knows no probabilities",
         ARCHITECTURE => "the model is fused itself",
-        other => return Err(SegmentationError::unknown_architecture(file, other)),
+        _ => return Err(file.unknown_architecture()),
     };
     Err(SegmentationError::Card { path: file.path.clone(), reason: format!("{reason}, so it cannot be fused") })
 }
@@ -282,7 +284,7 @@ impl Segmenter for Fused {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spherical::Refinement;
+    use crate::refinement::Refinement;
     use messages::{SubmapHeader, SubmapPoint};
 
     const ROAD_OR_POLE: [ClassId; 2] = [ClassId::Road, ClassId::Pole];

@@ -14,14 +14,18 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod cell_probabilities;
+mod class_rows;
 mod compute_device;
 mod error;
 mod fused;
 pub mod ground_quasi_flat;
+pub mod intensity;
 mod load;
 mod model_file;
 pub mod network;
+mod options;
 pub mod points;
+mod refinement;
 mod segmenter;
 mod settings_rules;
 pub mod spherical;
@@ -33,6 +37,7 @@ pub use error::SegmentationError;
 pub use fused::{Fused, Fusion, fuse};
 pub use load::{asked_columns, load};
 pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};
+pub use options::Options;
+pub use refinement::Refinement;
 pub use segmenter::{CellSegmenter, ModelInput, Report, Segmenter};
-pub use spherical::Options;
 pub use unknown_below::UnknownBelow;

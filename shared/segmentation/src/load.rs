@@ -2,9 +2,10 @@
 
 use crate::ground_quasi_flat::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
+use crate::options::Options;
 use crate::points::{self, PointFeature, PointModel, PointSettings};
 use crate::segmenter::Segmenter;
-use crate::spherical::{self, AskedColumns, Options, SphericalModel};
+use crate::spherical::{self, AskedColumns, SphericalModel};
 use crate::{Fused, SegmentationError, fused};
 use std::path::Path;
 
@@ -43,6 +44,6 @@ pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, Segmen
         spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options)?)),
         points::ARCHITECTURE => Ok(Box::new(PointModel::from_file(&file)?.with_options(*options)?)),
         fused::ARCHITECTURE => Ok(Box::new(Fused::from_file(&file, options)?)),
-        other => Err(SegmentationError::unknown_architecture(&file, other)),
+        _ => Err(file.unknown_architecture()),
     }
 }

@@ -31,7 +31,7 @@ pub fn images_of(
     let output = output_of_class(settings);
     let intensities = scale.map(cloud.points, &heights_m);
     let of_sweep = |mut sweep: RangeSweep| {
-        intensities.apply(&mut sweep.polar);
+        sweep.polar.apply_intensities(&intensities);
         let class = |&shown: &u32| match shown {
             NO_POINT => UNKNOWN,
             point => output[usize::from(classes[sweep.points.start + point as usize])],

@@ -14,8 +14,8 @@ use anyhow::ensure;
 use messages::ClassId;
 use random::Random;
 use segmentation::ModelInput;
+use segmentation::intensity::{GroundHistogram, GroundIntensities};
 use segmentation::points::{CellCloud, PointSettings};
-use segmentation::spherical::{GroundHistogram, GroundIntensities};
 use std::path::Path;
 use training::{Augmentation, ClassifiedCells, Dataset, PointExample, TrainingSpheres, UNKNOWN, classes_of_cells};
 

@@ -16,8 +16,9 @@ use anyhow::ensure;
 use kernels::images::Planes;
 use messages::ClassId;
 use random::Random;
+use segmentation::intensity::{GroundHistogram, GroundIntensities};
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{GroundHistogram, GroundIntensities, PolarImage, Settings, features};
+use segmentation::spherical::{PolarImage, Settings, features};
 use std::path::Path;
 use training::{Dataset, Example, NO_CELL, SparseView, UNKNOWN};
 

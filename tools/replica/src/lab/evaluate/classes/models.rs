@@ -1,8 +1,8 @@
 //! The models that are evaluated.
 
 use super::{Args, Refine, knn};
-use segmentation::spherical::{IntensityUse, Refinement};
-use segmentation::{Options, Segmenter, UnknownBelow, ground_quasi_flat};
+use segmentation::intensity::IntensityUse;
+use segmentation::{Options, Refinement, Segmenter, UnknownBelow, ground_quasi_flat};
 use std::path::Path;
 
 /// A model, and the same model with other uses of the intensities.

@@ -1,6 +1,7 @@
 //! Gains of the rings of a LiDAR: the lasers of a unit respond differently, in some models by a factor of two.
 
-use super::intensity::{GroundHistogram, GroundIntensities, IntensityMap, N};
+use super::ground_histogram::{GroundHistogram, GroundIntensities, N};
+use super::map::IntensityMap;
 
 /// Ground points of a ring below which its gain is not known.
 const MIN_POINTS: u64 = 100;

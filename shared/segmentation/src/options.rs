@@ -1,7 +1,8 @@
 //! Options of a run that are not part of the model.
 
-use super::{IntensityUse, Refinement};
-use crate::ComputeDevice;
+use crate::compute_device::ComputeDevice;
+use crate::intensity::IntensityUse;
+use crate::refinement::Refinement;
 
 /// Options of a run that are not part of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
