@@ -16,6 +16,6 @@ mod weights;
 pub use blocked::{ImagePool, PooledImage};
 pub use executor::Executor;
 pub use inference::Inference;
-pub use layer::{CLASS_LAYER, Layer};
+pub use layer::{CLASS_LAYER, Layer, TensorShape};
 pub use spec::NetworkSpec;
-pub use weights::Weights;
+pub use weights::{WeightTensor, Weights};

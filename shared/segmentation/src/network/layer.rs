@@ -14,6 +14,15 @@ pub struct Layer {
     pub shape: Shape,
 }
 
+/// Name and shape of a tensor of a layer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TensorShape {
+    /// Name, as by `PyTorch`.
+    pub name: String,
+    /// Shape, as by `PyTorch`.
+    pub shape: Vec<usize>,
+}
+
 impl Layer {
     /// A square layer of stride 1.
     pub(super) fn square(
@@ -25,11 +34,14 @@ impl Layer {
     ) -> Self {
         Self { name, shape: Shape { kernel: [side; 2], stride_x: 1, in_channels, out_channels, rectify } }
     }
-    /// Names and shapes of the tensors of weights and biases.
-    pub fn tensors(&self) -> [(String, Vec<usize>); 2] {
+    /// The tensors of weights `[out, in, rows, columns]` and biases `[out]`.
+    pub fn tensors(&self) -> [TensorShape; 2] {
         let shape = &self.shape;
         let n_in = shape.in_channels.iter().sum();
-        let weight = vec![shape.out_channels, n_in, shape.kernel[0], shape.kernel[1]];
-        [(format!("{}.weight", self.name), weight), (format!("{}.bias", self.name), vec![shape.out_channels])]
+        let of_weights = vec![shape.out_channels, n_in, shape.kernel[0], shape.kernel[1]];
+        [
+            TensorShape { name: format!("{}.weight", self.name), shape: of_weights },
+            TensorShape { name: format!("{}.bias", self.name), shape: vec![shape.out_channels] },
+        ]
     }
 }

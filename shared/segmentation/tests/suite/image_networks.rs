@@ -4,7 +4,7 @@ use candle_core::{Device, Tensor};
 use kernels::images::tensors::zeros;
 use kernels::images::{Border, Planes};
 use random::Random;
-use segmentation::network::{Inference, NetworkSpec, Weights};
+use segmentation::network::{Inference, NetworkSpec, TensorShape, WeightTensor, Weights};
 use segmentation::{ComputeDevice, Options, SegmentationError};
 
 const BORDERS: [Border; 2] = [Border::Circular, Border::Zero];
@@ -27,10 +27,10 @@ fn specs() -> [NetworkSpec; 4] {
 fn weights(spec: &NetworkSpec, random: &mut Random) -> Weights {
     let mut weights = Weights::default();
     for layer in spec.layers() {
-        for (name, shape) in layer.tensors() {
+        for TensorShape { name, shape } in layer.tensors() {
             let n_in: usize = shape[1..].iter().product();
             let values = (0..shape.iter().product()).map(|_| random.gauss() / (n_in as f32).sqrt()).collect();
-            weights.tensors.insert(name, (shape, values));
+            weights.tensors.insert(name, WeightTensor { shape, values });
         }
     }
     weights

@@ -4,7 +4,7 @@ use geometry::NO_POINT;
 use kernels::images::{Border, Planes};
 use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN};
 use random::Random;
-use segmentation::network::{Inference, NetworkSpec, Weights};
+use segmentation::network::{Inference, NetworkSpec, WeightTensor, Weights};
 use segmentation::spherical::{
     ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, OwnedSubmap, Settings, SphericalModel,
     SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
@@ -39,17 +39,18 @@ fn weights(settings: &Settings) -> Weights {
     let mut weights = Weights::default();
     for (stream, layer) in (0..).zip(settings.network.layers()) {
         let mut random = Random::of_stream(1, stream);
-        let [(weight_name, weight), (bias_name, bias)] = layer.tensors();
-        let fan_in: usize = weight[1..].iter().product();
+        let [weight, bias] = layer.tensors();
+        let fan_in: usize = weight.shape[1..].iter().product();
         let gain = if layer.shape.rectify { 1.713_858 } else { 1.0 };
         let filter = |_: usize| {
             let raw: Vec<f32> = (0..fan_in).map(|_| random.gauss()).collect();
             let mean = raw.iter().sum::<f32>() / fan_in as f32;
             raw.into_iter().map(|v| gain * (v - mean) / (fan_in as f32).sqrt()).collect::<Vec<f32>>()
         };
-        let values = (0..bias[0]).flat_map(filter).collect();
-        weights.tensors.insert(weight_name, (weight, values));
-        weights.tensors.insert(bias_name, (bias.clone(), vec![0.0; bias[0]]));
+        let values = (0..bias.shape[0]).flat_map(filter).collect();
+        weights.tensors.insert(weight.name, WeightTensor { shape: weight.shape, values });
+        let values = vec![0.0; bias.shape[0]];
+        weights.tensors.insert(bias.name, WeightTensor { shape: bias.shape, values });
     }
     weights
 }
@@ -245,7 +246,7 @@ fn invalid_files_are_rejected_with_reason() {
         matches!(load(&file_of(&good, &missing)), Err(SegmentationError::Tensor { name, .. }) if name == "up.0.1.bias")
     );
     let mut broken = weights.clone();
-    broken.tensors.get_mut("classes.bias").expect("is there").1[1] = f32::INFINITY;
+    broken.tensors.get_mut("classes.bias").expect("is there").values[1] = f32::INFINITY;
     let Err(error) = load(&file_of(&good, &broken)) else { panic!("was loaded") };
     assert!(error.to_string().contains("`classes.bias`: element 1 is inf"), "{error}");
 }

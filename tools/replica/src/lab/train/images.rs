@@ -33,8 +33,10 @@ impl TrainingRecipe for Recipe {
             let (model, mut weights) = SphericalModel::load(&start)?;
             let tensors = &["weight", "bias"].map(|kind| format!("{CLASS_LAYER}.{kind}"));
             let n_classes = match_classes(
-                (&mut weights, class_layer(tensors, model.settings())),
-                (&variables.weights()?, class_layer(tensors, &settings)),
+                &mut weights,
+                class_layer(tensors, model.settings()),
+                &variables.weights()?,
+                class_layer(tensors, &settings),
             );
             let (n_taken, n_layers) = (variables.begin_with(&weights)?, settings.network.layers().len());
             anyhow::ensure!(
