@@ -6,10 +6,10 @@ use crate::experiment::{Experiment, Results};
 use crate::loss_table::{loss, table_of_losses};
 use crate::recipe::{Recipe, settings, unet};
 use crate::task::{DataSets, Examples, Task};
+use kernels::images::{Border, Planes};
 use messages::ClassId;
 use random::Random;
-use segmentation::engine::{Border, Planes};
-use segmentation::{ModelInput, ground};
+use segmentation::ModelInput;
 use simulation::Town;
 use std::ops::RangeInclusive;
 use town_sweeps::{Mount, TownDrive, TownSubmap};
@@ -77,7 +77,7 @@ struct TopViews {
 impl TopView {
     fn new(submap: &TownSubmap, slice: &HeightSlice) -> Self {
         let cloud = ModelInput::new(&submap.header, &submap.points);
-        let heights_m = ground::heights(&cloud);
+        let heights_m = cloud.ground().heights(cloud.points);
         let empty = Pixel { lowest_m: f32::INFINITY, highest_m: 0.0, counts: [0; 3] };
         let mut pixels = vec![empty; SIDE * SIDE];
         for ((point, &height_m), &class) in submap.points.iter().zip(&heights_m).zip(&submap.truth) {

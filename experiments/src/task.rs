@@ -1,7 +1,7 @@
 //! Data of a training.
 
+use kernels::images::Border;
 use random::Random;
-use segmentation::engine::Border;
 use training::{Dataset, Example, Hierarchy, PointExample, UNKNOWN};
 
 /// Images on which some classes have no labels.

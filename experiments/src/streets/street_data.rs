@@ -2,8 +2,8 @@
 
 use super::sweep_images::{self, FOLD, SensorScenario, SweepDataset, TownSweep};
 use crate::task::{DataSets, Examples, Task};
+use kernels::images::Border;
 use messages::ClassId;
-use segmentation::engine::Border;
 use simulation::Town;
 use std::ops::RangeInclusive;
 use std::sync::Arc;

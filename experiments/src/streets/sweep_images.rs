@@ -2,12 +2,12 @@
 
 use super::ideal_colors;
 use geometry::NO_POINT;
+use kernels::images::{BORDER, Border, LANES, Planes};
 use messages::ClassId;
 use random::Random;
 use rayon::prelude::*;
-use segmentation::engine::{BORDER, Border, LANES, Planes};
+use segmentation::ModelInput;
 use segmentation::spherical::{Features, N_FEATURES, PolarImage, PolarPixel, features, range_sweeps};
-use segmentation::{ModelInput, ground};
 use simulation::Town;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -59,7 +59,7 @@ pub fn simulate(scenario: SensorScenario, seeds: RangeInclusive<u64>, n: usize) 
         let mut of_drive = Vec::new();
         for submap in &drive.submaps_in(&simulation, n, 1, 1, mount)? {
             let cloud = ModelInput::new(&submap.header, &submap.points);
-            let heights_m = ground::heights(&cloud);
+            let heights_m = cloud.ground().heights(cloud.points);
             for sweep in range_sweeps(&cloud, COLUMNS, &heights_m) {
                 let class = |&point: &u32| if point == NO_POINT { UNKNOWN } else { submap.truth[point as usize] };
                 let truth = sweep.image.nearest.iter().map(class).collect();

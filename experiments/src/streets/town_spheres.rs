@@ -5,16 +5,14 @@ use crate::task::{DataSets, Examples, Task};
 use messages::ClassId;
 use random::Random;
 use rayon::prelude::*;
-use segmentation::points::{
-    Augmentation, CellCloud, ClassifiedCells, PointFeature, SphereSettings, TrainingSpheres, classes_of_cells,
-};
-use segmentation::spherical::IntensityMap;
-use segmentation::{ModelInput, ground};
+use segmentation::ModelInput;
+use segmentation::intensity::IntensityMap;
+use segmentation::points::{CellCloud, PointFeature, SphereSettings};
 use simulation::{Simulation, Town};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use town_sweeps::{IdealCamera, Mount, TownDrive, TownSubmap};
-use training::{Dataset, Hierarchy, PointExample};
+use training::{Augmentation, ClassifiedCells, Dataset, Hierarchy, PointExample, TrainingSpheres, classes_of_cells};
 
 /// Drives to learn from; as many submaps of each as of the others.
 const TRAIN: RangeInclusive<u64> = 501..=520;
@@ -87,7 +85,8 @@ fn clouds(seeds: RangeInclusive<u64>) -> anyhow::Result<Vec<ClassifiedCells>> {
 /// The cells of a submap: the most frequent class of their points, and the color of the first one.
 fn town_cloud(simulation: &Simulation, submap: &TownSubmap) -> anyhow::Result<ClassifiedCells> {
     let input = ModelInput::new(&submap.header, &submap.points);
-    let (mut cloud, grid) = CellCloud::of(&input, &ground::heights(&input), &IntensityMap::Unknown, CELL_M)?;
+    let (mut cloud, grid) =
+        CellCloud::of(&input, &input.ground().heights(input.points), &IntensityMap::Unknown, CELL_M)?;
     let firsts: Vec<usize> = (0..grid.len()).map(|cell| grid.points_of(cell)[0] as usize).collect();
     let levels = IdealCamera::of_color().values(simulation, &submap.header, &submap.points, &firsts);
     let colors = levels.as_chunks::<3>().0.iter();

@@ -1,16 +1,30 @@
-//! `infer`: gives every point of a submap a class, with the model file of the settings.
+//! `infer`: gives every point of a submap a class and a score, with the model file of the settings.
 //!
-//! The model file names its architecture (see the crate `segmentation`) and the columns that it reads beside the points: colors,
-//! spectra. A submap waits for those and for nothing else; a model that reads none keeps no state between ticks. With the
-//! feature `cuda`, networks can run on an NVIDIA GPU.
+//! | topic | direction | content |
+//! |---|---|---|
+//! | `submap` | in | points and sweeps |
+//! | `color`, `spectra` | in, if the model reads them | columns of the submap |
+//! | `class` | out | class and score of every point, in the order of the submap |
+//!
+//! The model file names its architecture (crate `segmentation`) and the columns that it reads in addition to the points. A submap waits
+//! for those columns and for nothing else; a model that reads none keeps no state between ticks. With the feature `cuda`, networks on
+//! images can run on an NVIDIA GPU.
+//!
+//! This stage binds a [`Segmenter`] to topics, settings and counters. It must never compute a class itself, change the order or number
+//! of points, or drop a submap: a point that the model cannot classify is `unlabeled`. Whether the classes are doubtful is decided at the
+//! end from counters only.
+//!
+//! Where to start reading: `Infer::step` and `Infer::label`; `cameras.rs` checks before the start that the drive gives the columns that
+//! the model reads. `docs/explanation/segmentation.md` explains the method.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod cameras;
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
-use segmentation::spherical::{AskedColumns, IntensityUse, Refinement};
-use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, UnknownBelow};
+use segmentation::intensity::{ForeignIntensity, IntensityUse};
+use segmentation::spherical::AskedColumns;
+use segmentation::{ComputeDevice, ModelInput, Options, Refinement, Report, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,
@@ -160,7 +174,7 @@ fn count(report: Report, outputs: &mut Outputs) {
             report.coarsened
         ));
     }
-    if let Some([found, trained]) = report.foreign_intensity {
+    if let Some(ForeignIntensity { found, trained }) = report.foreign_intensity {
         outputs.count("submaps_foreign_intensity", 1);
         outputs.note(format!("median intensity of the ground {found}; the model was trained with {trained}"));
     }

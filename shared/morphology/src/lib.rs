@@ -1,5 +1,6 @@
 //! Mathematical morphology on binary, height and label images.
 //!
+//! Ground detection, corrections of classes, instances and coloring use these operators on top views, range images and masks.
 //! Images are `Array2`s with index `[row, column]` in any memory order. Results are in standard layout. Windows are clipped to the
 //! image. Labels increase from 1 in raster order of the first pixels of the components, 0 is no component, so equal images have equal
 //! labels.
@@ -19,6 +20,13 @@
 //! | `watershed` | basins of markers (Meyer 1991) | constant up to 16 bits, else a radix sort |
 //! | `gaps` | interpolation of missing heights | constant |
 //! | `slope` | limited slope: erosion by a cone | constant |
+//!
+//! An operator knows nothing of streets, points or classes: thresholds in metres belong to the caller. It never changes its input, never
+//! depends on the memory order of the image or on the instruction set, and never gives labels in an order other than raster order.
+//!
+//! Where to start reading: `components.rs` is the shortest complete operator; `flat.rs` shows how rows are processed in vector registers
+//! (`rows.rs`, `sliding.rs`); `level.rs` is the trait of the pixel types. `tests/suite/against_definitions.rs` has each definition in a
+//! few lines.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -2,6 +2,16 @@
 //!
 //! `SplitMix64` (Steele et al., OOPSLA 2014) is written here, not taken from a crate: every simulated town, every trained
 //! model and many tests depend on these exact numbers, and a crate may change its generator with any release.
+//!
+//! [`Random`] is a sequence. Parallel work takes one sequence for each item, [`Random::of_stream`], so that results do not depend on the
+//! order in which threads run. [`hash()`], [`unit`] and [`gauss`] are functions of a key, for values that belong to a place
+//! and not to a sequence.
+//!
+//! The numbers of a seed never change: a different number changes towns, models and test data. There is no seed from the clock or the
+//! system, and no generator that is shared by threads. This is not a source of secrets: keys of connections come from the operating
+//! system (crate `link`).
+//!
+//! Where to start reading: this file has the sequences and distributions, `hash.rs` the functions of a key.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

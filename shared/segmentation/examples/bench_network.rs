@@ -2,10 +2,11 @@
 //! `RAYON_NUM_THREADS=1 cargo run --release -p segmentation --example bench_network -- models/street.safetensors`.
 
 use geometry::RangeImage;
+use kernels::images::Border;
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use segmentation::network::Inference;
 use segmentation::spherical::{PolarImage, PolarPixel, SphericalModel, features};
-use segmentation::{ModelInput, Segmenter, engine};
+use segmentation::{ModelInput, Segmenter};
 use std::path::PathBuf;
 
 const RINGS: usize = 32;
@@ -101,7 +102,7 @@ fn main() -> Result<(), segmentation::SegmentationError> {
     });
     let mut input = features(&polar, &settings.features, settings.fold, 1);
     let features_ms = mean_ms(50, || input = features(&polar, &settings.features, settings.fold, 1));
-    let network = Inference::new(settings.network.clone(), &weights, engine::Border::Circular)?;
+    let network = Inference::new(settings.network.clone(), &weights, Border::Circular)?;
     let input = input.to_tensor()?;
     let network_ms = mean_ms(50, || assert!(network.run(&input).is_ok()));
     let gflop = model.flops(RINGS) as f64 * 1e-9;

@@ -4,11 +4,11 @@
 //! Files are those of `benches/peers/point_networks.py time`, which prints the times of `PyTorch` beside these.
 
 use candle_core::{Device, Tensor, Var};
+use kernels::points::{Activation, KernelPoints, Lists, Neighborhood, kernel_point_convolution};
 use neighbors::SpatialIndex;
 use random::Random;
 use safetensors::SafeTensors;
 use segmentation::ModelFile;
-use segmentation::points::ops::{Activation, KernelPoints, Lists, Neighborhood, kernel_point_convolution};
 use segmentation::points::{Parameters, Pass, PointBatch, PointNetworkSpec};
 use std::path::Path;
 use std::sync::Arc;

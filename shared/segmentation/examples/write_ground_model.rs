@@ -1,7 +1,8 @@
 //! Writes the ground model: `cargo run -p segmentation --example write_ground_model -- models/ground.safetensors`.
 //! The same program always writes the same bytes.
 
-use segmentation::ground::Parameters;
+use ground::Parameters;
+use segmentation::ground_quasi_flat::encode;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -9,8 +10,7 @@ fn main() -> ExitCode {
         eprintln!("usage: write_ground_model PATH");
         return ExitCode::from(2);
     };
-    let written = Parameters::default()
-        .to_bytes()
+    let written = encode(&Parameters::default())
         .map_err(|error| error.to_string())
         .and_then(|bytes| std::fs::write(&path, bytes).map_err(|error| error.to_string()));
     match written {

@@ -1,8 +1,10 @@
 //! Probabilities of the classes in the cells of a submap.
 
-use crate::NO_CELL;
-use crate::segmenter::class_row;
+use crate::class_rows::class_row;
 use messages::{ClassId, ClassRow};
+
+/// Cell of a point that is in no cell.
+pub(crate) const NO_CELL: u32 = u32::MAX;
 
 /// The probabilities of the classes of a model in each cell of a submap, and the cells of its points.
 pub struct CellProbabilities {

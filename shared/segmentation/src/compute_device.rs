@@ -6,7 +6,7 @@ use candle_core::Device;
 /// What networks run on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ComputeDevice {
-    /// The kernels of [`engine`](crate::engine) on all threads of the CPU.
+    /// The kernels of [`kernels::images`] on all threads of the CPU.
     #[default]
     Cpu,
     /// The operations of candle on the first NVIDIA GPU, in a build with the feature `cuda`.

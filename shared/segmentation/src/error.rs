@@ -1,6 +1,5 @@
 //! Errors of model files and of segmentation.
 
-use crate::ModelFile;
 use std::path::PathBuf;
 
 /// A model file or an input that cannot be used.
@@ -146,14 +145,6 @@ pub enum SegmentationError {
         /// Points of the submap.
         expected: usize,
     },
-    /// The labels of an example do not fit the network.
-    #[error("example {example} of the data: {reason}")]
-    Example {
-        /// Index in the data set.
-        example: usize,
-        /// Place, value and expected values.
-        reason: String,
-    },
     /// The device is a GPU, and the program cannot use one.
     #[error(
         "device \"cuda\": this program was built without CUDA; build it with `cargo build --release -p infer -p replica --features cuda`, \
@@ -172,12 +163,4 @@ pub enum SegmentationError {
     /// A model cannot be encoded.
     #[error("encoding of a model file: {0}")]
     Encode(String),
-}
-
-impl SegmentationError {
-    /// The error for a file of an architecture that no model has.
-    pub(crate) fn unknown_architecture(file: &ModelFile, found: &str) -> Self {
-        let known = "fused, ground_quasi_flat, points, spherical";
-        Self::Architecture { path: file.path.clone(), found: found.to_owned(), known }
-    }
 }

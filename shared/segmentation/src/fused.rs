@@ -7,13 +7,16 @@
 
 use crate::CellProbabilities;
 use crate::cell_probabilities::best_of;
-use crate::ground::{self, SubmapGround};
+use crate::class_rows::{class_row, write_rows};
+use crate::ground_quasi_flat;
 use crate::model_file::{CardText, ModelFile, encode_model};
+use crate::options::Options;
 use crate::points::{self, PointModel};
-use crate::segmenter::{CellSegmenter, class_row, write_rows};
+use crate::segmenter::CellSegmenter;
 use crate::settings_rules::{check_rules, temperature_rule};
-use crate::spherical::{self, GroundUse, Options, SphericalModel};
+use crate::spherical::{self, GroundUse, SphericalModel};
 use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -102,9 +105,9 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
             let on_cpu = Options { device: ComputeDevice::Cpu, ..*options };
             return Ok(Box::new(PointModel::from_file(file)?.with_options(on_cpu)?));
         }
-        ground::ARCHITECTURE => "the model knows no probabilities",
+        ground_quasi_flat::ARCHITECTURE => "the model knows no probabilities",
         ARCHITECTURE => "the model is fused itself",
-        other => return Err(SegmentationError::unknown_architecture(file, other)),
+        _ => return Err(file.unknown_architecture()),
     };
     Err(SegmentationError::Card { path: file.path.clone(), reason: format!("{reason}, so it cannot be fused") })
 }
@@ -193,7 +196,8 @@ impl Fused {
     /// If `step` is 0.
     pub fn means(&self, input: &ModelInput<'_>, step: usize) -> Result<Vec<f32>, SegmentationError> {
         input.check_columns()?;
-        let ([of_first, of_second], _) = self.factors(input, &SubmapGround::of(input), self.shares)?;
+        let ([of_first, of_second], _) =
+            self.factors(input, &SubmapGround::find(input.header, input.points), self.shares)?;
         let n_classes = self.classes().len();
         let mut means = Vec::with_capacity(input.points.len().div_ceil(step) * n_classes);
         for factors in of_first.of_points().zip(of_second.of_points()).map(<[_; 2]>::from).step_by(step) {
@@ -255,7 +259,7 @@ impl Segmenter for Fused {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let first = &self.models[0];
-        let ground = SubmapGround::of(input);
+        let ground = SubmapGround::find(input.header, input.points);
         // So a temperature costs nothing: the factors are computed with some exponents anyway.
         let exponents = self.shares.map(|share| share / self.temperature);
         let ([of_first, of_second], report) = self.factors(input, &ground, exponents)?;
@@ -280,7 +284,7 @@ impl Segmenter for Fused {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spherical::Refinement;
+    use crate::refinement::Refinement;
     use messages::{SubmapHeader, SubmapPoint};
 
     const ROAD_OR_POLE: [ClassId; 2] = [ClassId::Road, ClassId::Pole];

@@ -1,10 +1,11 @@
 //! Loading of models by the architecture in their file.
 
-use crate::ground::{self, GroundQuasiFlat};
+use crate::ground_quasi_flat::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
+use crate::options::Options;
 use crate::points::{self, PointFeature, PointModel, PointSettings};
 use crate::segmenter::Segmenter;
-use crate::spherical::{self, AskedColumns, Options, SphericalModel};
+use crate::spherical::{self, AskedColumns, SphericalModel};
 use crate::{Fused, SegmentationError, fused};
 use std::path::Path;
 
@@ -39,10 +40,10 @@ fn columns_of(file: &ModelFile) -> Result<AskedColumns, SegmentationError> {
 pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, SegmentationError> {
     let file = ModelFile::read(path)?;
     match file.card.architecture.as_str() {
-        ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
+        ground_quasi_flat::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
         spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options)?)),
         points::ARCHITECTURE => Ok(Box::new(PointModel::from_file(&file)?.with_options(*options)?)),
         fused::ARCHITECTURE => Ok(Box::new(Fused::from_file(&file, options)?)),
-        other => Err(SegmentationError::unknown_architecture(&file, other)),
+        _ => Err(file.unknown_architecture()),
     }
 }

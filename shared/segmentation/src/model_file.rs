@@ -123,6 +123,12 @@ impl ModelFile {
         SegmentationError::Tensor { path: self.path.clone(), name: format!("{}{name}", self.prefix), reason }
     }
 
+    /// The error for an architecture that no model has.
+    pub(crate) fn unknown_architecture(&self) -> SegmentationError {
+        let known = "fused, ground_quasi_flat, points, spherical";
+        SegmentationError::Architecture { path: self.path.clone(), found: self.card.architecture.clone(), known }
+    }
+
     /// The finite f32 values of a tensor of this shape.
     pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, SegmentationError> {
         let tensor = self.load(name)?;

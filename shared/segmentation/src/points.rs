@@ -11,20 +11,14 @@
 //! Weights have the names and shapes of the `PyTorch` code of the publications. `benches/peers/point_networks.py` has the same networks
 //! in `PyTorch`; the tests compare outputs, gradients and running statistics with it.
 
-mod augmentation;
 mod batch;
 mod cells;
-mod classified_cells;
 mod features;
-mod kernel_points;
-mod kpconv;
 mod model;
-pub mod ops;
 mod parameters;
 mod pass;
-mod pointnet;
-mod pointnet2;
 mod prediction;
+mod published;
 mod search;
 mod settings;
 mod spec;
@@ -32,20 +26,16 @@ mod spheres;
 mod squares;
 mod waffle_iron;
 
-pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, distort, rotate, scale};
 pub use batch::PointBatch;
 pub use cells::CellCloud;
-pub use classified_cells::{ClassifiedCells, classes_of_cells};
 pub use features::PointFeature;
-pub use kpconv::KpConv;
 pub use model::PointModel;
 pub use parameters::{Parameter, Parameters, Start};
 pub use pass::Pass;
-pub use pointnet::PointNet;
-pub use pointnet2::{Abstraction, PointNet2, Scale};
 pub use prediction::{CloudPrediction, RegionRows, Regions, Votes};
+pub use published::{Abstraction, KpConv, PointNet, PointNet2, Scale};
 pub use settings::{ARCHITECTURE, PointSettings, VERSION};
 pub use spec::{PointNetworkSpec, PointPlan};
-pub use spheres::{SphereSettings, TrainingSpheres, sphere};
+pub use spheres::{SphereSettings, sphere};
 pub use squares::{Square, SquareSettings};
 pub use waffle_iron::{PlaneConvolution, WaffleIron};

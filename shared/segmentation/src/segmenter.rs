@@ -1,8 +1,9 @@
 //! The interface of all models.
 
-use crate::ground::SubmapGround;
-use crate::spherical::Refinement;
+use crate::intensity::ForeignIntensity;
+use crate::refinement::Refinement;
 use crate::{CellProbabilities, ModelCard, SegmentationError};
+use ground::{Ground, SubmapGround};
 use messages::{ClassId, ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
 use std::sync::Arc;
 
@@ -28,8 +29,8 @@ pub struct Report {
     pub n_unknown: usize,
     /// Factor by which the cells of the model's grid were enlarged to stay within its memory limit; 1 if they were not.
     pub coarsened: u32,
-    /// Median intensity of the ground, and that of the training, if they show that the intensities are on another scale.
-    pub foreign_intensity: Option<[u8; 2]>,
+    /// Median intensities of the ground, if they show that the intensities are on another scale than those of the training.
+    pub foreign_intensity: Option<ForeignIntensity>,
 }
 
 /// Gives every point a class and a score.
@@ -63,6 +64,10 @@ impl<'a> ModelInput<'a> {
     pub fn new(header: &'a SubmapHeader, points: &'a [SubmapPoint]) -> Self {
         Self { header, points, colors: None, spectra: None }
     }
+    /// The ground below the submap.
+    pub fn ground(&self) -> Ground {
+        Ground::find(self.header, self.points)
+    }
     /// Checks that all columns have one row per point.
     pub(crate) fn check(&self, classes: &[ClassRow]) -> Result<(), SegmentationError> {
         self.check_length("class column", classes.len())?;
@@ -84,23 +89,4 @@ impl<'a> ModelInput<'a> {
         let expected = self.points.len();
         if found == expected { Ok(()) } else { Err(SegmentationError::Length { column, found, expected }) }
     }
-}
-
-/// Writes the row of each point. Returns the number of unlabeled ones.
-pub(crate) fn write_rows(rows: impl Iterator<Item = ClassRow>, classes: &mut [ClassRow]) -> usize {
-    let mut n_unlabeled = 0;
-    for (class, row) in classes.iter_mut().zip(rows) {
-        *class = row;
-        n_unlabeled += usize::from(row.class_id == ClassId::Unlabeled as u8);
-    }
-    n_unlabeled
-}
-
-/// The row of a point from its class and the probability of that, 0 to 1; without them, unlabeled.
-pub(crate) fn class_row(decision: Option<(ClassId, f32)>) -> ClassRow {
-    let row = |(class, probability): (ClassId, f32)| ClassRow {
-        class_id: class as u8,
-        score: (probability * 255.0).round() as u8,
-    };
-    decision.map_or(ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }, row)
 }

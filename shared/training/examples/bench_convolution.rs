@@ -3,7 +3,7 @@
 //! One line of tab-separated values for each shape, so that `benches/peers/convolution.py` can put others beside them.
 
 use candle_core::{Device, Tensor};
-use segmentation::engine::{Border, Filter, Planes, Shape, convolve};
+use kernels::images::{Border, Filter, Planes, Shape, convolve};
 use std::time::Instant;
 use training::derivatives::{input_gradient, transposed_filters, weight_gradient};
 

@@ -1,9 +1,9 @@
 //! Steps of training per second, of the shipped network: `cargo run --release -p training --example bench_training`; beside `PyTorch`:
 //! `benches/peers/training.py`, which runs this. `RAYON_NUM_THREADS` sets the threads.
 
+use kernels::images::{Border, Planes};
 use messages::ClassId;
 use random::Random;
-use segmentation::engine::{Border, Planes};
 use segmentation::network::NetworkSpec;
 use std::time::Instant;
 use training::{Dataset, Example, Hierarchy, Loss, TrainSettings, Trainer, TrainingError, Variables};

@@ -5,12 +5,12 @@ use crate::criterion::{Criterion, known_rows};
 use crate::differential::{Differential, Recording};
 use crate::pixels::Pixels;
 use crate::variables::Variables;
-use crate::{Example, TrainingError, UNKNOWN};
+use crate::{BevLabels, Example, NO_CELL, TrainingError, UNKNOWN};
 use candle_core::Var;
+use kernels::images::{Border, Feature, Planes};
 use rayon::prelude::*;
-use segmentation::engine::{Border, Feature, Planes};
+use segmentation::SegmentationError;
 use segmentation::network::NetworkSpec;
-use segmentation::{BevLabels, NO_CELL, SegmentationError};
 use std::collections::BTreeMap;
 
 /// Channels of the head: few, so that the network itself must have what the head needs.

@@ -1,6 +1,6 @@
 //! Start of a training from a model with other classes: outputs of the last layer are matched by the name of their class.
 
-use segmentation::network::Weights;
+use segmentation::network::{WeightTensor, Weights};
 
 /// The last layer of a network.
 #[derive(Clone, Copy, Debug)]
@@ -15,24 +15,19 @@ pub struct ClassLayer<'a> {
 
 impl ClassLayer<'_> {
     /// Removes its tensors from weights.
-    fn take(&self, weights: &mut Weights) -> [Option<Tensor>; 2] {
+    fn take(&self, weights: &mut Weights) -> [Option<WeightTensor>; 2] {
         self.tensors.map(|name| weights.tensors.remove(name))
     }
 }
 
-/// Shape and values.
-type Tensor = (Vec<usize>, Vec<f32>);
-
-/// Replaces the last layer in the weights of another model, `start`, by one for the own classes: outputs of classes that `start`
-/// has, too, get its rows, those of other classes the rows of `random`, the weights of the own network before the training. Returns
+/// Replaces the last layer in the weights of another model, `start`, by one for the `own` classes: outputs of classes that `start`
+/// also has get its rows, those of other classes the rows of `random`, the weights of the own network before the training. Returns
 /// the number of classes that `start` has, too.
 ///
 /// If no class matches, or the layers differ in their inputs, names or folded columns, `start` has no last layer afterwards. So rows
 /// of a class never become those of another one.
-pub fn match_classes(start: (&mut Weights, ClassLayer<'_>), random: (&Weights, ClassLayer<'_>)) -> usize {
-    let (weights, of_start) = start;
-    let (random, own) = random;
-    let [taken, _] = [of_start.take(weights), own.take(weights)];
+pub fn match_classes(start: &mut Weights, of_start: ClassLayer<'_>, random: &Weights, own: ClassLayer<'_>) -> usize {
+    let [taken, _] = [of_start.take(start), own.take(start)];
     let source_of: Vec<Option<usize>> =
         own.classes.iter().map(|name| of_start.classes.iter().position(|of| of == name)).collect();
     let n_shared = source_of.iter().flatten().count();
@@ -41,21 +36,23 @@ pub fn match_classes(start: (&mut Weights, ClassLayer<'_>), random: (&Weights, C
     }
     let mut matched = Vec::new();
     for (name, taken) in own.tensors.into_iter().zip(taken) {
-        let (Some((shape, from)), Some((own_shape, random))) = (taken, random.tensors.get(name)) else { return 0 };
+        let (Some(taken), Some(random)) = (taken, random.tensors.get(name)) else { return 0 };
         let has_rows = |shape: &[usize], of: &ClassLayer<'_>| shape.first() == Some(&(of.fold * of.classes.len()));
-        if !has_rows(&shape, &of_start) || !has_rows(own_shape, &own) || shape[1..] != own_shape[1..] {
+        let has_all_rows = has_rows(&taken.shape, &of_start) && has_rows(&random.shape, &own);
+        if !has_all_rows || taken.shape[1..] != random.shape[1..] {
             return 0;
         }
-        let (mut values, n_row) = (random.clone(), shape[1..].iter().product::<usize>());
+        let mut values = random.values.clone();
+        let n_row: usize = taken.shape[1..].iter().product();
         for (row, values) in values.chunks_exact_mut(n_row).enumerate() {
             let (column, class) = (row / own.classes.len(), row % own.classes.len());
             if let Some(source) = source_of[class] {
                 let row = column * of_start.classes.len() + source;
-                values.copy_from_slice(&from[row * n_row..][..n_row]);
+                values.copy_from_slice(&taken.values[row * n_row..][..n_row]);
             }
         }
-        matched.push((name.to_owned(), (own_shape.clone(), values)));
+        matched.push((name.to_owned(), WeightTensor { shape: random.shape.clone(), values }));
     }
-    weights.tensors.extend(matched);
+    start.tensors.extend(matched);
     n_shared
 }

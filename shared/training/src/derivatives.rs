@@ -1,4 +1,4 @@
-//! Derivatives of the kernels of `segmentation::engine`.
+//! Derivatives of the kernels of `kernels::images`.
 
 mod convolution;
 mod resample;

@@ -4,14 +4,14 @@
 
 use crate::TrainingError;
 use crate::criterion::Criterion;
+use crate::device_network::DeviceNetwork;
 use crate::differential::OfLayer;
 use crate::pixels::Pixels;
 use crate::views::Views;
 use candle_core::{Tensor, Var};
+use kernels::images::Planes;
 use random::Random;
 use rayon::prelude::*;
-use segmentation::engine::Planes;
-use segmentation::network::DeviceNetwork;
 use std::collections::BTreeMap;
 
 /// A batch on a device.

@@ -1,9 +1,9 @@
 //! A network that records its run, for derivatives (reverse-mode differentiation).
 
 use crate::derivatives::{input_gradient, max_pool_gradient, transposed_filters, upsample_gradient, weight_gradient};
+use kernels::images::{Border, Feature, Filter, Planes, convolve, max_pool, upsample};
 use random::Random;
 use segmentation::SegmentationError;
-use segmentation::engine::{Border, Feature, Filter, Planes, convolve, max_pool, upsample};
 use segmentation::network::{Executor, Layer, NetworkSpec, Weights};
 
 /// Derivatives with respect to the weights and the biases of a layer, in the order of `PyTorch`.

@@ -24,6 +24,14 @@ pub enum TrainingError {
         /// Name of the tensor.
         name: String,
     },
+    /// The labels of an example do not fit the network.
+    #[error("example {example} of the data: {reason}")]
+    Example {
+        /// Index in the data set.
+        example: usize,
+        /// Place, value and expected values.
+        reason: String,
+    },
     /// The file is not a checkpoint of this training.
     #[error("{}: {reason}", path.display())]
     Checkpoint {

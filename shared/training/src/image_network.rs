@@ -1,7 +1,8 @@
-//! Networks on images in training: runs and derivatives of the kernels of `segmentation::engine`.
+//! Networks on images in training: runs and derivatives of the kernels of `kernels::images`.
 
 use crate::bev_head::{BevHead, OfGrids};
 use crate::criterion::{Criterion, known_rows};
+use crate::device_network::DeviceNetwork;
 use crate::device_pass::DevicePass;
 use crate::differential::{Differential, Recording};
 use crate::network::{Derivatives, LabeledLogits, Network};
@@ -10,11 +11,11 @@ use crate::variables::Variables;
 use crate::views::{Views, inputs, truth};
 use crate::{Example, TrainingError};
 use candle_core::{Device, Tensor, Var};
+use kernels::images::{Border, Planes};
 use random::Random;
 use rayon::prelude::*;
 use segmentation::SegmentationError;
-use segmentation::engine::{Border, Planes};
-use segmentation::network::{DeviceNetwork, Inference, NetworkSpec, Weights};
+use segmentation::network::{Inference, NetworkSpec, Weights};
 use std::collections::BTreeMap;
 
 /// A network on images. One of its columns holds `fold` columns of labels.

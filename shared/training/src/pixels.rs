@@ -1,7 +1,7 @@
 //! Conversion between the pixels of a batch of images and rows of class values.
 
+use kernels::images::{LANES, Planes};
 use rayon::prelude::*;
-use segmentation::engine::{LANES, Planes};
 
 /// Pixels that one task gathers at least.
 const MIN_PIXELS: usize = 1024;

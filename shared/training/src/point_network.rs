@@ -1,13 +1,13 @@
 //! Networks on points in training: candle differentiates the operations of `segmentation::points`.
 
-use crate::TrainingError;
 use crate::criterion::{Criterion, known_rows};
 use crate::network::{Derivatives, LabeledLogits, Network};
+use crate::{PointExample, TrainingError};
 use candle_core::{Device, Tensor, Var};
 use random::Random;
+use segmentation::SegmentationError;
 use segmentation::network::Weights;
 use segmentation::points::{Parameter, Parameters, Pass, PointBatch, PointNetworkSpec, Start};
-use segmentation::{PointExample, SegmentationError};
 use std::collections::BTreeMap;
 
 /// Share by which a step moves the running statistics of batch normalization, as `PyTorch` does.

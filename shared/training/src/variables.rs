@@ -3,7 +3,7 @@
 use crate::TrainingError;
 use candle_core::{Device, Tensor, Var};
 use random::Random;
-use segmentation::network::{Layer, NetworkSpec, Weights};
+use segmentation::network::{Layer, NetworkSpec, WeightTensor, Weights};
 use std::collections::BTreeMap;
 
 /// Gain of standardized weights before a rectifier: sqrt(2 / (1 - 1 / pi)) keeps the variance from layer to layer (Brock et al. 2021).
@@ -29,20 +29,20 @@ impl Variables {
         let mut vars = BTreeMap::new();
         for (stream, layer) in spec.layers().iter().enumerate() {
             let mut random = Random::of_stream(seed, stream as u64);
-            let [(_, weight), (bias_name, bias)] = layer.tensors();
+            let [weight, bias] = layer.tensors();
             let gain = if layer.shape.rectify { GAIN } else { 1.0 };
             // With the norm of standardized filters, so that a step of Adam rotates new and trained filters alike.
-            let fan_in = weight[1..].iter().product::<usize>() as f32;
+            let fan_in = weight.shape[1..].iter().product::<usize>() as f32;
             let scale = gain / fan_in.sqrt();
-            let raw: Vec<f32> = (0..weight.iter().product()).map(|_| scale * random.gauss()).collect();
+            let raw: Vec<f32> = (0..weight.shape.iter().product()).map(|_| scale * random.gauss()).collect();
             let mut insert = |name: String, values: Vec<f32>, shape: &[usize]| -> Result<(), TrainingError> {
                 let tensor = Tensor::from_vec(values, shape, &Device::Cpu)?;
                 vars.insert(name, Var::from_tensor(&tensor)?);
                 Ok(())
             };
-            insert(format!("{}.raw", layer.name), raw, &weight)?;
-            insert(format!("{}.gain", layer.name), vec![gain; bias[0]], &bias)?;
-            insert(bias_name, vec![0.0; bias[0]], &bias)?;
+            insert(format!("{}.raw", layer.name), raw, &weight.shape)?;
+            insert(format!("{}.gain", layer.name), vec![gain; bias.shape[0]], &bias.shape)?;
+            insert(bias.name, vec![0.0; bias.shape[0]], &bias.shape)?;
         }
         Ok(Self { spec: spec.clone(), vars })
     }
@@ -64,9 +64,10 @@ impl Variables {
     pub fn begin_with(&self, weights: &Weights) -> Result<usize, TrainingError> {
         let mut n_taken = 0;
         for layer in self.spec.layers() {
-            let [(weight_name, shape), (bias_name, bias_shape)] = layer.tensors();
-            let Some((_, values)) = weights.tensors.get(&weight_name).filter(|(of, _)| *of == shape) else { continue };
-            let fan_in = values.len() / bias_shape[0];
+            let [weight, bias] = layer.tensors();
+            let taken = weights.tensors.get(&weight.name).filter(|taken| taken.shape == weight.shape);
+            let Some(WeightTensor { values, .. }) = taken else { continue };
+            let fan_in = values.len() / bias.shape[0];
             let gains = values.chunks_exact(fan_in).map(|filter| {
                 let mean = filter.iter().sum::<f32>() / fan_in as f32;
                 let variance = filter.iter().map(|w| (w - mean).powi(2)).sum::<f32>() / fan_in as f32;
@@ -76,11 +77,11 @@ impl Variables {
             let mean = |filter: &[f32]| filter.iter().sum::<f32>() / fan_in as f32;
             let is_shifted = |(filter, gain): (&[f32], &f32)| mean(filter).abs() * fan_in as f32 > 1e-2 * gain + 1e-6;
             if fan_in > 1 && values.chunks_exact(fan_in).zip(&gains).any(is_shifted) {
-                return Err(TrainingError::NotStandardized { name: weight_name });
+                return Err(TrainingError::NotStandardized { name: weight.name });
             }
-            self.set(&format!("{}.raw", layer.name), values.clone(), &shape)?;
-            self.set(&format!("{}.gain", layer.name), gains, &bias_shape)?;
-            self.set(&bias_name, weights.tensors[&bias_name].1.clone(), &bias_shape)?;
+            self.set(&format!("{}.raw", layer.name), values.clone(), &weight.shape)?;
+            self.set(&format!("{}.gain", layer.name), gains, &bias.shape)?;
+            self.set(&bias.name, weights.tensors[&bias.name].values.clone(), &bias.shape)?;
             n_taken += 1;
         }
         Ok(n_taken)
@@ -127,7 +128,7 @@ impl Variables {
     pub fn weights(&self) -> Result<Weights, TrainingError> {
         let mut weights = Weights::default();
         for layer in self.spec.layers() {
-            let [(weight_name, shape), (bias_name, bias_shape)] = layer.tensors();
+            let [weight, bias] = layer.tensors();
             let [mut values, gains] = self.raw_and_gains(&layer)?;
             let fan_in = values.len() / gains.len();
             for (filter, gain) in values.chunks_exact_mut(fan_in).zip(gains) {
@@ -136,9 +137,9 @@ impl Variables {
                     *value *= gain / norm;
                 }
             }
-            weights.tensors.insert(weight_name, (shape, values));
-            let bias = self.vars[&bias_name].to_vec1::<f32>()?;
-            weights.tensors.insert(bias_name, (bias_shape, bias));
+            weights.tensors.insert(weight.name, WeightTensor { shape: weight.shape, values });
+            let values = self.vars[&bias.name].to_vec1::<f32>()?;
+            weights.tensors.insert(bias.name, WeightTensor { shape: bias.shape, values });
         }
         Ok(weights)
     }

@@ -3,8 +3,8 @@
 use crate::Example;
 use crate::criterion::Criterion;
 use crate::pixels::Pixels;
+use kernels::images::Planes;
 use random::Random;
-use segmentation::engine::Planes;
 
 /// Images of a batch with the pixels of its loss.
 pub(crate) struct Views<'a> {

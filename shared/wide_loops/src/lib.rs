@@ -1,4 +1,17 @@
-//! Loops compiled for the widest SIMD registers of the machine, selected at run time.
+//! Loops compiled for the widest vector registers of the machine, selected at run time.
+//!
+//! A release binary is compiled for the oldest supported processor, which has registers of 16 bytes. A plain loop over slices in
+//! [`run`] is compiled several times, for AVX-512, AVX2 and SSE2, and the program selects one when it runs. So hot loops of
+//! `morphology`, `neighbors` and `kernels` use the machine without `unsafe` code and without a second binary.
+//!
+//! A result never depends on the register width: multiplications and additions are not fused, and the compiler does not reorder sums of
+//! floating-point numbers. A loop that needs fused multiply-adds or its own register tiles uses `pulp` directly, as `kernels::images`
+//! does.
+//!
+//! This crate has one function and never gets a second way to select instructions. It must never read an environment variable or a
+//! setting that changes the selection: the same binary gives the same bytes on every machine.
+//!
+//! Where to start reading: [`run`] and its example; a typical caller is `morphology/src/flat.rs`.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

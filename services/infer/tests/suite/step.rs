@@ -7,7 +7,7 @@ use messages::{
 };
 use random::Random;
 use segmentation::Fusion;
-use segmentation::network::{NetworkSpec, Weights};
+use segmentation::network::{NetworkSpec, TensorShape, WeightTensor, Weights};
 use segmentation::points::{
     Parameters, PlaneConvolution, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, WaffleIron,
 };
@@ -467,9 +467,9 @@ fn color_model(with_band: bool) -> (tempfile::TempDir, Settings) {
     let mut weights = Weights::default();
     for (stream, layer) in (0..).zip(network.layers()) {
         let mut random = Random::of_stream(5, stream);
-        for (name, shape) in layer.tensors() {
+        for TensorShape { name, shape } in layer.tensors() {
             let values = (0..shape.iter().product()).map(|_| 0.3 * random.gauss()).collect();
-            weights.tensors.insert(name, (shape, values));
+            weights.tensors.insert(name, WeightTensor { shape, values });
         }
     }
     let settings = segmentation::spherical::Settings {

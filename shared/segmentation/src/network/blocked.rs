@@ -1,11 +1,12 @@
-//! A network on the kernels of [`engine`](crate::engine): images are tensors in blocks, reused between runs.
+//! A network on the kernels of [`kernels::images`]: images are tensors in blocks, reused between runs.
 
-use super::{Executor, Layer};
+use super::executor::Executor;
+use super::layer::Layer;
 use crate::SegmentationError;
-use crate::engine::ops::{Convolution, MaxPool, Upsample};
-use crate::engine::tensors::{Write, size_of_image, tensor_shape, zeros};
-use crate::engine::{Border, Filter, LANES, PlanesMut};
 use candle_core::Tensor;
+use kernels::images::ops::{Convolution, MaxPool, Upsample};
+use kernels::images::tensors::{Write, size_of_image, tensor_shape, zeros};
+use kernels::images::{Border, Filter, LANES, PlanesMut};
 use std::ops::Deref;
 use std::sync::{Mutex, PoisonError};
 

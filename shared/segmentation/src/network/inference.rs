@@ -1,22 +1,25 @@
 //! Inference: a network as a graph of operations of candle.
 
 use super::blocked::{self, ImagePool, PooledImage};
+use super::executor::Executor;
+use super::layer::Layer;
 use super::on_device::{self, DeviceFilter, batch};
-use super::{Executor, Layer, NetworkSpec, Weights};
+use super::spec::NetworkSpec;
+use super::weights::Weights;
 use crate::SegmentationError;
-use crate::engine::tensors::{ToBlocks, size_of_image};
-use crate::engine::{Border, Filter, PlanesMut, Shape, blocks};
 use candle_core::{Device, Tensor};
+use kernels::images::tensors::{ToBlocks, size_of_image};
+use kernels::images::{Border, Filter, PlanesMut, Shape, blocks};
 use rayon::prelude::*;
 
 /// A network ready to run. Several threads may run it at the same time.
 ///
-/// Inputs and outputs are images of [`engine`](crate::engine) in tensors on the CPU, wherever the network runs.
+/// Inputs and outputs are images of [`kernels::images`] in tensors on the CPU, wherever the network runs.
 #[derive(Debug)]
 pub struct Inference {
     spec: NetworkSpec,
     filters: Vec<Filter>,
-    /// The filters for the operations of candle, and where these run; without them, the kernels of `engine` run.
+    /// The filters for the operations of candle, and where these run; without them, the kernels of [`kernels::images`] run.
     on_device: Option<(Device, Vec<DeviceFilter>)>,
     border: Border,
     pool: ImagePool,
@@ -24,7 +27,7 @@ pub struct Inference {
 }
 
 impl Inference {
-    /// Prepares the filters of the network for the kernels of [`engine`](crate::engine).
+    /// Prepares the filters of the network for the kernels of [`kernels::images`].
     ///
     /// # Errors
     /// If a tensor is missing or has another shape.

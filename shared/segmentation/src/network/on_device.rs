@@ -1,84 +1,34 @@
-//! A network on the operations of candle: on any device, and with their derivatives. Images of a batch are tensors `[channels, images,
+//! A network on the operations of candle: on any device, and with their derivatives. The crate `training` runs it on variables. Images of a batch are tensors `[channels, images,
 //! rows, columns]`: with the channels first, a convolution is one product of matrices.
 //!
 //! candle's own convolution, pooling and upsampling are not used: on a GPU (0.9.2), the derivative of a convolution reads its
 //! transposed factor as if it were contiguous; the derivative of a maximum over four pixels is a quarter of the true one.
 
-use super::{Executor, Layer, NetworkSpec, Weights};
+use super::executor::Executor;
+use super::layer::Layer;
 use crate::SegmentationError;
-use crate::engine::tensors::FromBlocks;
-use crate::engine::{Border, Filter, Shape};
-use candle_core::{Device, Result, Tensor, Var};
+use candle_core::{Device, Result, Tensor};
+use kernels::images::tensors::FromBlocks;
+use kernels::images::{Border, Filter, Shape};
 use random::Random;
 use rayon::prelude::*;
 
-/// A network whose weights and biases are variables on a device, for training.
-pub struct DeviceNetwork {
-    spec: NetworkSpec,
-    /// Weights and biases of the layers, named and ordered as by `PyTorch`.
-    variables: Vec<[Var; 2]>,
-    filters: Vec<DeviceFilter>,
-    border: Border,
-    device: Device,
-}
-
-impl DeviceNetwork {
-    /// Copies the weights to the device.
-    ///
-    /// # Errors
-    /// If a tensor is missing or has another shape, or the device cannot hold it.
-    pub fn new(
-        spec: &NetworkSpec,
-        weights: &Weights,
-        border: Border,
-        device: &Device,
-    ) -> std::result::Result<Self, SegmentationError> {
-        let (mut variables, mut filters) = (Vec::new(), Vec::new());
-        for filter in weights.filters(spec)? {
-            let [weights, biases] = tensors_of(&filter, device)?;
-            let of_layer = [Var::from_tensor(&weights)?, Var::from_tensor(&biases)?];
-            filters.push(DeviceFilter::of_tensors(filter.shape.clone(), &of_layer[0], &of_layer[1])?);
-            variables.push(of_layer);
-        }
-        Ok(Self { spec: spec.clone(), variables, filters, border, device: device.clone() })
-    }
-    /// Where it runs.
-    pub fn device(&self) -> &Device {
-        &self.device
-    }
-    /// Weights and biases of the layers.
-    pub fn variables(&self) -> &[[Var; 2]] {
-        &self.variables
-    }
-    /// Runs the network on images of [`engine`](crate::engine) of one size; with dropout if random numbers are given. The output:
-    /// `[channels, images, rows, columns]`.
-    ///
-    /// # Errors
-    /// If the images are of several sizes, or do not fit the network.
-    pub fn run(
-        &self,
-        images: &[&Tensor],
-        dropout: Option<&mut Random>,
-    ) -> std::result::Result<Tensor, SegmentationError> {
-        let batch = batch(images, self.spec.channels().0, &self.device)?;
-        let mut run = Run { filters: self.filters.iter(), border: self.border, dropout };
-        self.spec.run(&mut run, batch)
-    }
-}
-
-/// Images of [`engine`](crate::engine) of one size as a tensor on a device, `[channels, images, rows, columns]`.
+/// Images of [`kernels::images`] of one size as a tensor on a device, `[channels, images, rows, columns]`.
 ///
 /// # Errors
 /// If the images are of several sizes, or not on the CPU.
-pub(super) fn batch(images: &[&Tensor], channels: usize, device: &Device) -> Result<Tensor> {
+pub fn batch(images: &[&Tensor], channels: usize, device: &Device) -> Result<Tensor> {
     let from_blocks = |image: &&Tensor| image.apply_op1_no_bwd(&FromBlocks { channels });
     let images = images.par_iter().map(from_blocks).collect::<Result<Vec<_>>>()?;
     let on_device = |image: Tensor| image.to_device(device)?.transpose(0, 1)?.contiguous();
     Tensor::cat(&images.into_iter().map(on_device).collect::<Result<Vec<_>>>()?, 1)
 }
 
-/// Weights `[out, in, rows, columns]` and biases `[out]`.
-fn tensors_of(filter: &Filter, device: &Device) -> Result<[Tensor; 2]> {
+/// Weights `[out, in, rows, columns]` and biases `[out]` of a filter.
+///
+/// # Errors
+/// If the device cannot hold them.
+pub fn tensors_of(filter: &Filter, device: &Device) -> Result<[Tensor; 2]> {
     let (weights, biases) = filter.unpacked();
     let [rows, columns] = filter.shape.kernel;
     let n_out = filter.shape.out_channels;
@@ -87,7 +37,7 @@ fn tensors_of(filter: &Filter, device: &Device) -> Result<[Tensor; 2]> {
 
 /// Weights and biases of a layer on a device.
 #[derive(Debug)]
-pub(super) struct DeviceFilter {
+pub struct DeviceFilter {
     shape: Shape,
     /// `[out, columns x rows x in]`, in the order of [`taps`].
     weights: Tensor,
@@ -96,11 +46,19 @@ pub(super) struct DeviceFilter {
 }
 
 impl DeviceFilter {
-    pub(super) fn new(filter: &Filter, device: &Device) -> Result<Self> {
+    /// Copies a filter to a device.
+    ///
+    /// # Errors
+    /// If the device cannot hold it.
+    pub fn new(filter: &Filter, device: &Device) -> Result<Self> {
         let [weights, biases] = tensors_of(filter, device)?;
-        Self::of_tensors(filter.shape.clone(), &weights, &biases)
+        Self::from_tensors(filter.shape.clone(), &weights, &biases)
     }
-    fn of_tensors(shape: Shape, weights: &Tensor, biases: &Tensor) -> Result<Self> {
+    /// From tensors as those of [`tensors_of`], on one device. The layer follows them if they are variables.
+    ///
+    /// # Errors
+    /// If the tensors do not have the shape.
+    pub fn from_tensors(shape: Shape, weights: &Tensor, biases: &Tensor) -> Result<Self> {
         let n_out = shape.out_channels;
         let weights = weights.permute((0, 3, 2, 1))?.contiguous()?.reshape((n_out, ()))?;
         Ok(Self { shape, weights, biases: biases.reshape((n_out, 1))? })
@@ -170,11 +128,13 @@ fn maximum(image: &Tensor, dim: usize, n: usize) -> Result<Tensor> {
 }
 
 /// One run through the layers.
-pub(super) struct Run<'a> {
-    pub(super) filters: std::slice::Iter<'a, DeviceFilter>,
-    pub(super) border: Border,
+pub struct Run<'a> {
+    /// Filters of the layers that are not applied yet, in order.
+    pub filters: std::slice::Iter<'a, DeviceFilter>,
+    /// Padding beyond the left and right edge.
+    pub border: Border,
     /// Without random numbers, there is no dropout.
-    pub(super) dropout: Option<&'a mut Random>,
+    pub dropout: Option<&'a mut Random>,
 }
 
 impl Executor for Run<'_> {

@@ -3,24 +3,25 @@
 //! A 1 x 1 convolution reduces the coarser level to the width of the finer one before upsampling: cheaper than upsampling first,
 //! and equivalent.
 
-use super::{CLASS_LAYER, Executor, Layer, layer};
 use crate::SegmentationError;
+use crate::network::executor::Executor;
+use crate::network::layer::{CLASS_LAYER, Layer};
 
 pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize], head: Option<usize>) -> Vec<Layer> {
     let mut layers = Vec::new();
     let mut channels = inputs;
     for (level, &width) in widths.iter().enumerate() {
-        layers.push(layer(format!("down.{level}.0"), 3, vec![channels], width, true));
-        layers.push(layer(format!("down.{level}.1"), 3, vec![width], width, true));
+        layers.push(Layer::square(format!("down.{level}.0"), 3, vec![channels], width, true));
+        layers.push(Layer::square(format!("down.{level}.1"), 3, vec![width], width, true));
         channels = width;
     }
     for level in (0..widths.len() - 1).rev() {
         let width = widths[level];
-        layers.push(layer(format!("up.{level}.0"), 1, vec![channels], width, true));
+        layers.push(Layer::square(format!("up.{level}.0"), 1, vec![channels], width, true));
         channels = head.filter(|_| level == 0).unwrap_or(width);
-        layers.push(layer(format!("up.{level}.1"), 3, vec![width, width], channels, true));
+        layers.push(Layer::square(format!("up.{level}.1"), 3, vec![width, width], channels, true));
     }
-    layers.push(layer(CLASS_LAYER.to_owned(), 1, vec![channels], outputs, false));
+    layers.push(Layer::square(CLASS_LAYER.to_owned(), 1, vec![channels], outputs, false));
     layers
 }
 

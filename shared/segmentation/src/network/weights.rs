@@ -1,17 +1,27 @@
 //! The weights of a network by name, named and ordered as by `PyTorch`.
 
-use super::{Layer, NetworkSpec};
+use super::layer::{Layer, TensorShape};
+use super::spec::NetworkSpec;
 use crate::SegmentationError;
-use crate::engine::Filter;
 use crate::model_file::ModelFile;
 use candle_core::{Device, Tensor};
+use kernels::images::Filter;
 use std::collections::BTreeMap;
+
+/// Shape and values of a tensor, as by `PyTorch`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightTensor {
+    /// Its dimensions, outermost first.
+    pub shape: Vec<usize>,
+    /// Its values in this order, the last dimension innermost.
+    pub values: Vec<f32>,
+}
 
 /// Weights `<layer>.weight` `[out, in, rows, columns]` and biases `<layer>.bias` `[out]` of every layer.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Weights {
-    /// Shape and values by name.
-    pub tensors: BTreeMap<String, (Vec<usize>, Vec<f32>)>,
+    /// The tensors by name.
+    pub tensors: BTreeMap<String, WeightTensor>,
 }
 
 impl Weights {
@@ -22,9 +32,9 @@ impl Weights {
     pub fn from_file(spec: &NetworkSpec, file: &ModelFile) -> Result<Self, SegmentationError> {
         let mut tensors = BTreeMap::new();
         for layer in spec.layers() {
-            for (name, shape) in layer.tensors() {
+            for TensorShape { name, shape } in layer.tensors() {
                 let values = file.tensor(&name, &shape)?;
-                tensors.insert(name, (shape, values));
+                tensors.insert(name, WeightTensor { shape, values });
             }
         }
         Ok(Self { tensors })
@@ -33,14 +43,13 @@ impl Weights {
     #[must_use]
     pub fn mixed_with(&self, other: &Self, share: f32) -> Self {
         let mut mixed = self.clone();
-        for ((_, values), (_, others)) in mixed.tensors.values_mut().zip(other.tensors.values()) {
-            values.iter_mut().zip(others).for_each(|(value, other)| *value += share * (other - *value));
+        for (tensor, other) in mixed.tensors.values_mut().zip(other.tensors.values()) {
+            tensor.values.iter_mut().zip(&other.values).for_each(|(value, other)| *value += share * (other - *value));
         }
         mixed
     }
     pub(crate) fn to_tensors(&self) -> Result<BTreeMap<&str, Tensor>, SegmentationError> {
-        let tensor =
-            |(shape, values): &(Vec<usize>, Vec<f32>)| Tensor::from_slice(values, shape.as_slice(), &Device::Cpu);
+        let tensor = |of: &WeightTensor| Tensor::from_slice(&of.values, of.shape.as_slice(), &Device::Cpu);
         let pairs = self.tensors.iter().map(|(name, of)| Ok((name.as_str(), tensor(of)?)));
         pairs.collect()
     }
@@ -51,11 +60,11 @@ impl Weights {
     pub fn filters(&self, spec: &NetworkSpec) -> Result<Vec<Filter>, SegmentationError> {
         let of_layer = |layer: &Layer| {
             let mut found = Vec::new();
-            for (name, shape) in layer.tensors() {
+            for TensorShape { name, shape } in layer.tensors() {
                 match self.tensors.get(&name) {
-                    Some((of, values)) if *of == shape => found.push(values),
+                    Some(tensor) if tensor.shape == shape => found.push(&tensor.values),
                     other => {
-                        let found = other.map(|(of, _)| of.clone());
+                        let found = other.map(|tensor| tensor.shape.clone());
                         return Err(SegmentationError::WeightShape { name, found, expected: shape });
                     }
                 }
@@ -63,15 +72,5 @@ impl Weights {
             Ok(Filter::new(layer.shape.clone(), found[0], found[1]))
         };
         spec.layers().iter().map(of_layer).collect()
-    }
-}
-
-impl Layer {
-    /// Names and shapes of the tensors of weights and biases.
-    pub fn tensors(&self) -> [(String, Vec<usize>); 2] {
-        let shape = &self.shape;
-        let n_in = shape.in_channels.iter().sum();
-        let weight = vec![shape.out_channels, n_in, shape.kernel[0], shape.kernel[1]];
-        [(format!("{}.weight", self.name), weight), (format!("{}.bias", self.name), vec![shape.out_channels])]
     }
 }

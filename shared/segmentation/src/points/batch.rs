@@ -48,7 +48,7 @@ impl PointBatch {
     /// The positions as a tensor `(points, 3)`.
     pub fn positions_tensor(&self) -> Result<Tensor, SegmentationError> {
         let values = self.positions.as_flattened().to_vec();
-        Ok(super::ops::tensor(values, (self.positions.len(), 3))?)
+        Ok(kernels::points::tensor(values, (self.positions.len(), 3))?)
     }
 }
 

@@ -1,8 +1,8 @@
 //! One point for each occupied cell of a grid: what networks on points see of a submap.
 
-use super::features::PointFeature;
-use crate::spherical::IntensityMap;
-use crate::{ModelInput, NO_CELL, SegmentationError};
+use crate::cell_probabilities::NO_CELL;
+use crate::intensity::IntensityMap;
+use crate::{ModelInput, SegmentationError};
 use messages::SubmapPoint;
 use neighbors::{LIMIT_M, VoxelGrid};
 
@@ -90,16 +90,6 @@ impl CellCloud {
                 points.iter().map(|p| self.colors[*p as usize]).collect()
             },
         }
-    }
-    /// The features of all points, one point after the other.
-    pub fn features(&self, features: &[PointFeature]) -> Vec<f32> {
-        let mut values = Vec::with_capacity(self.len() * PointFeature::channels(features));
-        for point in 0..self.len() {
-            for feature in features {
-                feature.add(self, point, &mut values);
-            }
-        }
-        values
     }
 }
 

@@ -1,6 +1,5 @@
 //! Features of points, the inputs of networks on points.
 
-use super::augmentation::color_height_features;
 use super::cells::CellCloud;
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +37,7 @@ impl PointFeature {
         features.iter().map(|feature| feature.n_values()).sum()
     }
     /// Appends the values of a point.
-    pub(super) fn add(self, cloud: &CellCloud, point: usize, values: &mut Vec<f32>) {
+    fn add(self, cloud: &CellCloud, point: usize, values: &mut Vec<f32>) {
         let height_m = cloud.heights_m[point];
         match self {
             Self::One => values.push(1.0),
@@ -50,9 +49,23 @@ impl PointFeature {
             },
             Self::ColorHeight => {
                 let color = cloud.colors.get(point).copied().unwrap_or_default();
-                values.extend(color_height_features(&[color], &[height_m.clamp(-FARTHEST_M, FARTHEST_M)]));
+                values.extend(color);
+                values.push(height_m.clamp(-FARTHEST_M, FARTHEST_M));
             }
         }
+    }
+}
+
+impl CellCloud {
+    /// The features of all points, one point after the other.
+    pub fn features(&self, features: &[PointFeature]) -> Vec<f32> {
+        let mut values = Vec::with_capacity(self.len() * PointFeature::channels(features));
+        for point in 0..self.len() {
+            for feature in features {
+                feature.add(self, point, &mut values);
+            }
+        }
+        values
     }
 }
 

@@ -5,12 +5,15 @@ use super::parameters::Parameters;
 use super::prediction::CloudPrediction;
 use super::settings::{PointSettings, VERSION};
 use crate::cell_probabilities::is_known;
-use crate::ground::SubmapGround;
+use crate::class_rows::write_rows;
+use crate::intensity::SubmapIntensities;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
-use crate::segmenter::{CellSegmenter, write_rows};
-use crate::spherical::{IntensityMap, Options, Refinement};
+use crate::options::Options;
+use crate::refinement::Refinement;
+use crate::segmenter::CellSegmenter;
 use crate::{CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
 use neighbors::SpatialIndex;
 use std::path::Path;
@@ -102,7 +105,7 @@ impl Segmenter for PointModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let ground = SubmapGround::of(input);
+        let ground = SubmapGround::find(input.header, input.points);
         let (cells, report) = self.probabilities(input, &ground)?;
         let n_unseen = write_rows(cells.decide(&self.classes), classes);
         self.options.refinement.of_points(input.points, &ground, &self.classes, classes);
@@ -123,12 +126,12 @@ impl CellSegmenter for PointModel {
         ground: &Arc<SubmapGround>,
     ) -> Result<(CellProbabilities, Report), SegmentationError> {
         let trained = self.settings.ground_intensities;
-        let (intensities, foreign_intensity) =
-            IntensityMap::of(self.options.intensity, input.points, &ground.heights_m, trained);
-        let (cloud, grid) = CellCloud::of(input, &ground.heights_m, &intensities, self.settings.cell_m)?;
+        let SubmapIntensities { map, foreign } =
+            SubmapIntensities::find(self.options.intensity, input.points, &ground.heights_m, trained);
+        let (cloud, grid) = CellCloud::of(input, &ground.heights_m, &map, self.settings.cell_m)?;
         let cell_of_point = cell_of_each(&grid, input.points.len());
         drop(grid);
         let cells = CellProbabilities::new(self.classes.len(), self.of_cells(&cloud)?, cell_of_point);
-        Ok((cells, Report { coarsened: 1, foreign_intensity, ..Report::default() }))
+        Ok((cells, Report { coarsened: 1, foreign_intensity: foreign, ..Report::default() }))
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::SegmentationError;
 use crate::model_file::ModelFile;
-use crate::network::Weights;
+use crate::network::{WeightTensor, Weights};
 use candle_core::{Device, Tensor, Var};
 use random::Random;
 use std::collections::BTreeMap;
@@ -108,7 +108,7 @@ impl Parameters {
         let mut weights = Weights::default();
         for (name, tensor) in &self.tensors {
             let values = tensor.flatten_all()?.to_vec1::<f32>()?;
-            weights.tensors.insert(name.clone(), (tensor.dims().to_vec(), values));
+            weights.tensors.insert(name.clone(), WeightTensor { shape: tensor.dims().to_vec(), values });
         }
         Ok(weights)
     }
@@ -120,10 +120,10 @@ impl Parameters {
     pub fn begin_with(&mut self, weights: &Weights) -> Result<usize, SegmentationError> {
         let mut n_taken = 0;
         for (name, tensor) in &mut self.tensors {
-            let Some((_, values)) = weights.tensors.get(name).filter(|(shape, _)| shape == tensor.dims()) else {
+            let Some(taken) = weights.tensors.get(name).filter(|taken| taken.shape == tensor.dims()) else {
                 continue;
             };
-            let new = Tensor::from_slice(values, tensor.shape(), &Device::Cpu)?;
+            let new = Tensor::from_slice(&taken.values, tensor.shape(), &Device::Cpu)?;
             match self.variables.get(name) {
                 Some(variable) => variable.set(&new)?,
                 None => *tensor = new,
@@ -176,7 +176,7 @@ impl Parameters {
     /// Moves the running statistics of batch normalization towards those of a training pass, by `momentum`.
     pub fn update_statistics(
         &mut self,
-        statistics: &BTreeMap<String, super::ops::ColumnStatistics>,
+        statistics: &BTreeMap<String, kernels::points::ColumnStatistics>,
         momentum: f32,
     ) -> Result<(), SegmentationError> {
         for (name, statistics) in statistics {

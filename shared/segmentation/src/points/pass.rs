@@ -1,9 +1,9 @@
 //! One pass of a network over a batch, for evaluation or training.
 
-use super::ops::{Activation, ColumnStatistics, Source, linear, normalize};
 use super::parameters::Parameters;
 use crate::SegmentationError;
 use candle_core::{Device, Tensor};
+use kernels::points::{Activation, ColumnStatistics, Source, linear, normalize};
 use random::Random;
 use std::collections::BTreeMap;
 

@@ -1,13 +1,13 @@
 //! Prediction of a cloud, region by region, and the votes of the regions at each point.
 
 use super::batch::PointBatch;
-use super::ops::tensor;
 use super::parameters::Parameters;
 use super::pass::Pass;
 use super::spec::PointNetworkSpec;
 use super::spheres::{SphereSettings, sphere};
 use super::squares::{Square, SquareSettings};
 use crate::SegmentationError;
+use kernels::points::tensor;
 use neighbors::SpatialIndex;
 use rayon::prelude::*;
 

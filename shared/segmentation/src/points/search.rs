@@ -1,8 +1,8 @@
 //! Neighborhoods of clouds of a batch.
 
 use super::batch::ranges;
-use super::ops::Lists;
 use crate::SegmentationError;
+use kernels::points::Lists;
 use neighbors::{SpatialIndex, VoxelGrid};
 
 /// Clouds of a batch at one resolution, with their indices.

@@ -7,10 +7,10 @@ use super::spec::PointNetworkSpec;
 use super::spheres::SphereSettings;
 use super::squares::SquareSettings;
 use crate::SegmentationError;
+use crate::intensity::GroundIntensities;
 use crate::model_file::encode_model;
 use crate::network::Weights;
 use crate::settings_rules::{check_rules, classes_of_names, temperature_rule};
-use crate::spherical::GroundIntensities;
 use messages::ClassId;
 use serde::{Deserialize, Serialize};
 

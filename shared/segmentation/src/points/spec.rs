@@ -1,11 +1,9 @@
 //! Architectures of networks on points.
 
 use super::batch::PointBatch;
-use super::kpconv::{KpConv, KpConvPlan};
 use super::parameters::{Parameter, ParameterList};
 use super::pass::Pass;
-use super::pointnet::PointNet;
-use super::pointnet2::{PointNet2, PointNet2Plan};
+use super::published::{KpConv, KpConvPlan, PointNet, PointNet2, PointNet2Plan};
 use super::waffle_iron::{WaffleIron, WaffleIronPlan};
 use crate::SegmentationError;
 use candle_core::Tensor;

@@ -5,12 +5,12 @@ mod evaluation;
 mod training;
 
 use super::batch::PointBatch;
-use super::ops::{Activation, Lists, PlaneShape, depth_wise_convolution, plane_convolution};
 use super::parameters::{ParameterList, Start};
 use super::pass::Pass;
 use super::search::Clouds;
 use crate::SegmentationError;
 use candle_core::Tensor;
+use kernels::points::{Activation, Lists, PlaneShape, depth_wise_convolution, plane_convolution};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

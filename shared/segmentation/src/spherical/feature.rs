@@ -7,6 +7,9 @@ use std::ops::RangeInclusive;
 /// Wavelengths of bands, nm: silicon detectors see nothing else.
 const WAVELENGTHS_NM: RangeInclusive<u16> = 300..=1100;
 
+/// Number of features of a model that names none.
+pub const N_FEATURES: usize = 10;
+
 /// Most features of a model.
 const MAX_FEATURES: usize = 64;
 
@@ -155,7 +158,7 @@ pub struct Features(Vec<Feature>);
 impl Default for Features {
     /// Those of a model that names none.
     fn default() -> Self {
-        Self(NAMED[..super::N_FEATURES].iter().map(|(feature, _)| *feature).collect())
+        Self(NAMED[..N_FEATURES].iter().map(|(feature, _)| *feature).collect())
     }
 }
 
@@ -175,7 +178,7 @@ impl Features {
     }
     /// Whether these are the features of a model that names none.
     pub fn is_default(&self) -> bool {
-        self.0.len() == super::N_FEATURES && self.0.iter().zip(&NAMED).all(|(feature, (known, _))| feature == known)
+        self.0.len() == N_FEATURES && self.0.iter().zip(&NAMED).all(|(feature, (known, _))| feature == known)
     }
     /// The first violated rule, if any.
     pub fn problem(&self) -> Option<String> {

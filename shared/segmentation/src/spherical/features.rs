@@ -5,15 +5,13 @@
     reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
 )]
 
-use super::elementary::tanh;
+use super::feature::{Features, N_FEATURES};
+use super::feature_tiles::{of_tile, write_folded};
 use super::named_features::NamedFeatures;
-use super::surface::{Surface, SurfaceTile, Tile};
-use super::{Features, PolarImage};
-use crate::engine::{BORDER, Border, LANES, Planes, PlanesMut};
+use super::polar_image::PolarImage;
+use super::surface::Surface;
+use kernels::images::{BORDER, Border, LANES, Planes, PlanesMut};
 use pulp::{Arch, NullaryFnOnce};
-
-/// Number of features of a model that names none.
-pub const N_FEATURES: usize = 10;
 
 /// The input image. The channels hold `fold` neighboring columns: feature f of n of column c is in channel
 /// `c % fold * n + f` of column `c / fold`. Rows are padded with zeros to a multiple of `row_multiple`.
@@ -74,47 +72,4 @@ impl NullaryFnOnce for Job<'_> {
             write_folded(of_row[..image.columns].as_flattened(), fold * N_FEATURES, row, &mut planes);
         }
     }
-}
-
-/// Writes the features of a row. `n_channels` of them are one column of the planes.
-#[inline(always)]
-pub(super) fn write_folded(of_row: &[f32], n_channels: usize, row: usize, planes: &mut PlanesMut<'_>) {
-    for (column, channels) in of_row.chunks_exact(n_channels).enumerate() {
-        for (block, channels) in channels.chunks(LANES).enumerate() {
-            planes.row_mut(block, row)[column][..channels.len()].copy_from_slice(channels);
-        }
-    }
-}
-
-/// The features of a model that names none.
-#[inline(always)]
-pub(super) fn of_tile(
-    surface: &SurfaceTile,
-    height_m: &Tile,
-    intensity: &Tile,
-    has_intensity: bool,
-) -> [Tile; N_FEATURES] {
-    let known = f32::from(u8::from(has_intensity));
-    let (mut features, mut log_range) = ([[0.0; LANES]; N_FEATURES], [0.0; LANES]);
-    // A separate loop: the logarithm of the library is not vectorized.
-    for i in 0..LANES {
-        log_range[i] = (1.0 + surface.range_m[i]).ln() - 2.0;
-    }
-    for i in 0..LANES {
-        let (range_m, ray, normal) = (surface.range_m[i], &surface.ray, &surface.normal);
-        let is_valid = range_m > 0.0;
-        let mut set = |feature: usize, value: f32| features[feature][i] = if is_valid { value } else { 0.0 };
-        let (x, y, z) = (ray[0][i] / range_m, ray[1][i] / range_m, ray[2][i] / range_m);
-        set(0, 1.0);
-        set(1, log_range[i]);
-        set(2, tanh(height_m[i] / 0.3));
-        set(3, (height_m[i] / 4.0).clamp(-1.0, 3.0));
-        set(4, normal[2][i]);
-        set(5, -(x * normal[0][i] + y * normal[1][i] + z * normal[2][i]));
-        set(6, z);
-        set(7, tanh(surface.roughness_m[i] / 0.1));
-        set(8, known * intensity[i] / 50.0);
-        set(9, known);
-    }
-    features
 }

@@ -5,15 +5,17 @@ use super::range_sweep::{ImageSource, PointRange, RangeSweep};
 use super::settings::Settings;
 use super::softmax::{NO_VOTE, Vote};
 use super::sweep_images::{Prepared, SweepImages, VoteBuffers};
-use super::{Neighbors, Options, PolarImage, Refinement};
-use crate::engine::Border;
-use crate::engine::tensors::read_image;
-use crate::ground::SubmapGround;
+use super::{PixelClassifier, PolarImage};
 use crate::model_file::ModelFile;
 use crate::network::{Inference, PooledImage, Weights};
+use crate::options::Options;
+use crate::refinement::Refinement;
 use crate::segmenter::CellSegmenter;
 use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use candle_core::Tensor;
+use ground::SubmapGround;
+use kernels::images::Border;
+use kernels::images::tensors::read_image;
 use messages::{ClassId, ClassRow};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -24,7 +26,8 @@ pub struct SphericalModel {
     card: ModelCard,
     images: SweepImages,
     network: Inference,
-    neighbors: Option<Neighbors>,
+    /// What classifies pixels in place of the last layer.
+    classifier: Option<Box<dyn PixelClassifier>>,
     point_votes: VoteBuffers,
 }
 
@@ -51,16 +54,20 @@ impl SphericalModel {
     pub fn new(card: ModelCard, settings: Settings, weights: &Weights) -> Result<Self, SegmentationError> {
         let images = SweepImages::new(settings)?;
         let network = Inference::new(images.settings().network.clone(), weights, Border::Circular)?;
-        Ok(Self { card, images, network, neighbors: None, point_votes: VoteBuffers::default() })
+        Ok(Self { card, images, network, classifier: None, point_votes: VoteBuffers::default() })
     }
-    /// Replaces the last layer of the network by a classifier of nearest examples. `weights` are those of the model.
+    /// Replaces the last layer of the network by another classifier. `weights` are those of the model.
     ///
     /// # Errors
     /// If the weights do not fit the settings.
-    pub fn with_neighbors(self, neighbors: Neighbors, weights: &Weights) -> Result<Self, SegmentationError> {
+    pub fn with_classifier(
+        self,
+        classifier: Box<dyn PixelClassifier>,
+        weights: &Weights,
+    ) -> Result<Self, SegmentationError> {
         let network = Inference::of_features(self.settings().network.clone(), weights, Border::Circular)?;
         let options = *self.images.options();
-        Self { network, neighbors: Some(neighbors), ..self }.with_options(options)
+        Self { network, classifier: Some(classifier), ..self }.with_options(options)
     }
     /// Sets the options. Points of sweeps that do not go through the network get the votes of their cells.
     ///
@@ -90,8 +97,8 @@ impl SphericalModel {
     /// Votes of the pixels of an image in raster order from the output of the network. Those of pixels without a point are not
     /// written.
     fn vote(&self, image: &PolarImage, output: &Tensor, votes: &mut [Vote]) -> Result<(), SegmentationError> {
-        read_image(output, self.network.out_channels(), |output| match &self.neighbors {
-            Some(neighbors) => neighbors.vote(image, &output, votes),
+        read_image(output, self.network.out_channels(), |output| match &self.classifier {
+            Some(classifier) => classifier.vote(image, &output, votes),
             None => self.images.softmax(image, output, votes),
         })?;
         Ok(())
@@ -134,7 +141,7 @@ impl Segmenter for SphericalModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let prepared = self.images.prepare(input, SubmapGround::of(input));
+        let prepared = self.images.prepare(input, SubmapGround::find(input.header, input.points));
         let cells = self.cells(input, &prepared)?;
         Ok(self.images.decide(input, &prepared, &cells, classes))
     }

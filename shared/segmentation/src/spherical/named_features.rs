@@ -5,10 +5,11 @@
     reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
 )]
 
-use super::features::{N_FEATURES, of_tile, write_folded};
+use super::feature::{Feature, Features, N_FEATURES};
+use super::feature_tiles::{of_tile, write_folded};
+use super::polar_image::PolarImage;
 use super::surface::{Surface, SurfaceTile, Tile};
-use super::{Feature, Features, PolarImage};
-use crate::engine::{LANES, PlanesMut};
+use kernels::images::{LANES, PlanesMut};
 use pulp::NullaryFnOnce;
 use std::ops::Range;
 

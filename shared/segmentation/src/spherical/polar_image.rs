@@ -1,5 +1,6 @@
 //! A sweep as an image of rays.
 
+use crate::intensity::IntensityMap;
 use geometry::{NO_POINT, RangeImage};
 
 /// The nearest point of a pixel.
@@ -58,6 +59,20 @@ impl PolarImage {
         let pixels = points.iter().map(show).collect();
         Self { rows: points.len() / columns.max(1), columns, pixels, has_intensity, camera: Vec::new() }
     }
+    /// Changes the intensities of a sweep. Its lowest row is ring 0.
+    pub fn apply_intensities(&mut self, map: &IntensityMap) {
+        match map {
+            IntensityMap::Unchanged => {}
+            IntensityMap::Unknown => self.has_intensity = false,
+            IntensityMap::ByRing(_) => {
+                for (ring, row) in self.pixels.chunks_exact_mut(self.columns.max(1)).rev().enumerate() {
+                    for pixel in row {
+                        pixel.intensity = map.of_intensity(ring, pixel.intensity);
+                    }
+                }
+            }
+        }
+    }
     /// Number of values in [`Self::camera`] for each pixel.
     pub fn n_camera_bands(&self) -> usize {
         self.camera.len() / self.pixels.len().max(1)
@@ -91,6 +106,25 @@ mod tests {
             has_intensity: false,
             camera: Vec::new(),
         }
+    }
+
+    #[test]
+    fn intensities_of_rows_are_mapped_from_the_lowest_up() {
+        let pixel = |intensity| PolarPixel { ray: [1.0; 3], intensity, ..PolarPixel::default() };
+        let mut image = PolarImage {
+            rows: 2,
+            columns: 1,
+            pixels: vec![pixel(7), pixel(9)],
+            has_intensity: true,
+            camera: Vec::new(),
+        };
+        let [lowest, above] = [0_u8, 1].map(|more| std::array::from_fn(|intensity| intensity as u8 / 2 + more));
+        image.apply_intensities(&IntensityMap::ByRing(vec![lowest, above]));
+        assert_eq!(image.pixels.iter().map(|pixel| pixel.intensity).collect::<Vec<_>>(), [4, 4]);
+        image.apply_intensities(&IntensityMap::Unchanged);
+        assert!(image.pixels[1].intensity == 4 && image.has_intensity);
+        image.apply_intensities(&IntensityMap::Unknown);
+        assert!(!image.has_intensity);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Settings of a model file, and their rules.
 
 use super::Features;
-use super::intensity::GroundIntensities;
 use super::softmax::MAX_CLASSES;
 use crate::SegmentationError;
+use crate::intensity::GroundIntensities;
 use crate::model_file::{ModelFile, encode_model};
 use crate::network::{NetworkSpec, Weights};
 use crate::settings_rules::{check_rules, classes_of_names, temperature_rule};

@@ -7,14 +7,14 @@
 
 use super::PolarImage;
 use super::elementary::exp;
-use crate::engine::{LANES, PlanesRef};
+use kernels::images::{LANES, PlanesRef};
 use pulp::NullaryFnOnce;
 
 /// Largest number of classes of a model: the class table has 23. Two AVX-512 registers.
-pub(super) const MAX_CLASSES: usize = 32;
+pub const MAX_CLASSES: usize = 32;
 
 /// Probabilities of the classes, 0 to 255 for 0 to 1; zero beyond the last class.
-pub(super) type Vote = [u8; MAX_CLASSES];
+pub type Vote = [u8; MAX_CLASSES];
 
 /// The vote of a point without one.
 pub(super) const NO_VOTE: Vote = [0; MAX_CLASSES];

@@ -4,9 +4,9 @@ use super::features::features;
 use super::range_sweep::{RangeSweep, rows_of};
 use super::softmax::{NO_VOTE, Vote};
 use super::sweep_images::{Prepared, SweepImages};
-use crate::engine::Planes;
-use crate::ground::SubmapGround;
 use crate::{ModelInput, Report, SegmentationError};
+use ground::SubmapGround;
+use kernels::images::Planes;
 use messages::{ClassRow, ColorRow, SpectraHeader, SubmapHeader, SubmapPoint};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -57,7 +57,7 @@ impl SubmapSweeps {
     pub fn new(images: Arc<SweepImages>, submap: OwnedSubmap) -> Result<Self, SegmentationError> {
         let input = submap.input();
         input.check_columns()?;
-        let prepared = images.prepare(&input, SubmapGround::of(&input));
+        let prepared = images.prepare(&input, SubmapGround::find(input.header, input.points));
         let votes = vec![NO_VOTE; submap.points.len()];
         Ok(Self { images, submap, prepared, pending: BTreeMap::new(), votes })
     }

@@ -7,7 +7,7 @@
 )]
 
 use super::{PolarImage, PolarPixel};
-use crate::engine::LANES;
+use kernels::images::LANES;
 
 /// Distances of neighbors in columns, the preferred one last: far enough that range noise (2 cm) does not tilt the normal, near enough to
 /// stay on the surface. 4 of 2048 columns are 0.7 degrees, half the distance between the rings of an HDL-32E.

@@ -2,17 +2,20 @@
 //!
 //! [`SphericalModel`](super::SphericalModel) runs the network of a model file in between, [`SubmapSweeps`](super::SubmapSweeps) any other one.
 
+use super::PolarImage;
 use super::back_projection::pixel_for;
+use super::image_refinement::refine_votes;
 use super::range_sweep::{ImageSource, PointRange, RangeSweep, point_ranges};
 use super::settings::{GroundUse, Settings};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
-use super::{IntensityMap, Options, PolarImage};
-use crate::engine::PlanesRef;
-use crate::ground::SubmapGround;
+use crate::class_rows::write_rows;
+use crate::intensity::SubmapIntensities;
 use crate::model_file::ModelFile;
-use crate::segmenter::write_rows;
+use crate::options::Options;
 use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError};
+use ground::SubmapGround;
+use kernels::images::PlanesRef;
 use messages::{ClassId, ClassRow};
 use pulp::Arch;
 use std::path::Path;
@@ -34,8 +37,7 @@ pub(super) struct Prepared {
     ground: Arc<SubmapGround>,
     /// Classes of the ground, if the network does not see it, and the points that have one.
     given: Option<(Vec<ClassRow>, Vec<bool>)>,
-    intensities: IntensityMap,
-    foreign_intensity: Option<[u8; 2]>,
+    intensities: SubmapIntensities,
 }
 
 impl SweepImages {
@@ -82,15 +84,14 @@ impl SweepImages {
     /// Finds the scale of the intensities, and the classes of the ground if the network does not see it.
     pub(super) fn prepare(&self, input: &ModelInput<'_>, ground: Arc<SubmapGround>) -> Prepared {
         let given = (self.settings.ground == GroundUse::Removed).then(|| {
-            let classes = ground.found.classes(&ground.heights_m);
+            let classes = ground.ground.classes(&ground.heights_m);
             let is_given = classes.iter().map(|row| row.class_id != ClassId::Unlabeled as u8).collect();
             (classes, is_given)
         });
         let trained = self.settings.ground_intensities;
-        let (intensities, foreign_intensity) =
-            IntensityMap::of(self.options.intensity, input.points, &ground.heights_m, trained);
+        let intensities = SubmapIntensities::find(self.options.intensity, input.points, &ground.heights_m, trained);
         let ranges = point_ranges(input).into_iter().step_by(self.options.every).collect();
-        Prepared { ranges, ground, given, intensities, foreign_intensity }
+        Prepared { ranges, ground, given, intensities }
     }
     /// What the images of the submap show.
     pub(super) fn source<'a>(&self, input: &'a ModelInput<'a>, prepared: &'a Prepared) -> ImageSource<'a> {
@@ -114,7 +115,7 @@ impl SweepImages {
         // LiDARs of one vehicle may have different numbers of rings.
         let mut pixel_votes = self.pixel_votes.take(sweep.polar.pixels.len());
         of_pixels(&mut pixel_votes)?;
-        self.options.refinement.of_image(&sweep.polar, &self.classes, &mut pixel_votes);
+        refine_votes(self.options.refinement, &sweep.polar, &self.classes, &mut pixel_votes);
         for (point, vote) in votes.iter_mut().enumerate() {
             *vote = pixel_for(&sweep.image, point).map_or(NO_VOTE, |pixel| pixel_votes[pixel as usize]);
         }
@@ -147,12 +148,12 @@ impl SweepImages {
 impl Prepared {
     /// The report of a submap whose points all have a class.
     pub(super) fn report(&self) -> Report {
-        Report { coarsened: 1, foreign_intensity: self.foreign_intensity, ..Report::default() }
+        Report { coarsened: 1, foreign_intensity: self.intensities.foreign, ..Report::default() }
     }
     /// The range image of a sweep.
     pub(super) fn sweep(&self, source: &ImageSource<'_>, (of, points): &PointRange) -> RangeSweep {
         let mut sweep = source.sweep(of, points.clone());
-        self.intensities.apply(&mut sweep.polar);
+        sweep.polar.apply_intensities(&self.intensities.map);
         sweep
     }
 }

@@ -1,6 +1,6 @@
-//! Models, kernels and ground.
+//! Models and their networks.
 
-mod convolution;
+mod image_networks;
 mod model_files;
 mod point_gradients;
 mod point_model;
@@ -10,5 +10,4 @@ mod real_street;
 mod sloped_street;
 mod spherical_model;
 mod support;
-mod tensors;
 mod torch_weights;

@@ -1,8 +1,9 @@
 //! Model files: which are accepted, and the errors of the others.
 
 use crate::support::{model_of, shipped_model};
+use ground::Parameters;
 use messages::{ClassRow, SubmapHeader, SubmapPoint};
-use segmentation::ground::Parameters;
+use segmentation::ground_quasi_flat::encode;
 use segmentation::{ModelInput, SegmentationError};
 use std::path::PathBuf;
 
@@ -23,7 +24,7 @@ fn rejected(bytes: &[u8]) -> SegmentationError {
 /// The shipped model with one word of its JSON header replaced by another of the same length.
 fn edited(from: &str, to: &str) -> Vec<u8> {
     assert_eq!(from.len(), to.len());
-    let mut bytes = Parameters::default().to_bytes().expect("encodes");
+    let mut bytes = encode(&Parameters::default()).expect("encodes");
     let at = bytes.windows(from.len()).position(|part| part == from.as_bytes()).expect("stands in the header");
     bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
     bytes
@@ -32,7 +33,7 @@ fn edited(from: &str, to: &str) -> Vec<u8> {
 #[test]
 fn shipped_model_equals_default_parameters() {
     let bytes = std::fs::read(shipped_model()).expect("models/ground.safetensors is part of the project");
-    assert_eq!(bytes, Parameters::default().to_bytes().expect("encodes"));
+    assert_eq!(bytes, encode(&Parameters::default()).expect("encodes"));
     assert!(bytes.len() < 10_000);
     let model = segmentation::load(&shipped_model(), &segmentation::Options::default()).expect("loads");
     assert_eq!((model.card().architecture.as_str(), model.card().version), ("ground_quasi_flat", 3));
@@ -43,13 +44,13 @@ fn shipped_model_equals_default_parameters() {
 fn digest_changes_with_parameter() {
     let mut parameters = Parameters::default();
     let digest = model_of(&parameters).card().digest;
-    parameters.tolerance_m[1] = 0.16;
+    parameters.tolerance.above_m = 0.16;
     assert_ne!(model_of(&parameters).card().digest, digest);
 }
 
 #[test]
 fn truncated_file_is_rejected() {
-    let bytes = Parameters::default().to_bytes().expect("encodes");
+    let bytes = encode(&Parameters::default()).expect("encodes");
     for len in 0..bytes.len() {
         assert!(matches!(rejected(&bytes[..len]), SegmentationError::Container { .. }), "cut at {len}");
     }
@@ -73,10 +74,10 @@ fn invalid_tensors_are_rejected_by_name() {
     let error = rejected(&edited("F32", "I32"));
     assert!(matches!(error, SegmentationError::Tensor { .. }), "{error}");
     let too_many = Parameters { steps_m: vec![0.1; 257], ..Parameters::default() };
-    let error = rejected(&too_many.to_bytes().expect("encodes"));
+    let error = rejected(&encode(&too_many).expect("encodes"));
     assert!(error.to_string().contains("257 elements, expected 1 to 256"), "{error}");
     for steps_m in [vec![], vec![0.1, f32::NAN], vec![0.1, -0.2]] {
-        let error = rejected(&Parameters { steps_m, ..Parameters::default() }.to_bytes().expect("encodes"));
+        let error = rejected(&encode(&Parameters { steps_m, ..Parameters::default() }).expect("encodes"));
         assert!(matches!(&error, SegmentationError::Tensor { name, .. } if name == "steps_m"), "{error}");
     }
 }
@@ -85,7 +86,7 @@ fn invalid_tensors_are_rejected_by_name() {
 fn settings_out_of_range_are_rejected_by_key() {
     let mut parameters = Parameters::default();
     parameters.settings.cell_m = 0.001;
-    let error = rejected(&parameters.to_bytes().expect("encodes"));
+    let error = rejected(&encode(&parameters).expect("encodes"));
     assert!(matches!(error, SegmentationError::Setting { key: "cell_m", .. }), "{error}");
     assert!(error.to_string().contains("must be between 0.02 and 2"), "{error}");
 }

@@ -3,7 +3,7 @@
 use candle_core::{Device, Tensor};
 use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint};
 use random::Random;
-use segmentation::network::Weights;
+use segmentation::network::{WeightTensor, Weights};
 use segmentation::points::{Parameters, PointFeature, PointModel, PointNetworkSpec, PointSettings, SphereSettings};
 use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, encode_model, load};
 use std::collections::BTreeMap;
@@ -28,8 +28,8 @@ fn settings(network: &str) -> PointSettings {
 const WAFFLE_IRON: &str = r#"{"kind": "waffle_iron", "inputs": 8, "outputs": 3, "width": 8, "depth": 3, "neighbors": 6,
     "cell_m": 1.0, "low_m": [-8, -8, -8], "high_m": [8, 8, 8], "convolution": "depth_wise"}"#;
 
-/// Shapes and values by name.
-type Tensors = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
+/// Tensors by name.
+type Tensors = BTreeMap<String, WeightTensor>;
 
 /// One network of each kind.
 const NETWORKS: [&str; 4] = [
@@ -111,7 +111,7 @@ fn rows_of_the_class_tensors_are_classes() {
         for (class, name) in CLASSES.iter().enumerate() {
             let mut weights = weights(&settings);
             for tensor in settings.network.class_tensors() {
-                let (shape, values) = weights.tensors.get_mut(tensor).expect("is in the file");
+                let WeightTensor { shape, values } = weights.tensors.get_mut(tensor).expect("is in the file");
                 assert_eq!(shape[0], CLASSES.len(), "{tensor}");
                 // The last one has the biases.
                 values.fill(0.0);
@@ -230,11 +230,14 @@ fn unsuitable_tensors_versions_and_devices_are_refused() {
         settings.to_bytes(&weights).expect("encodes")
     };
     let on_cpu = Options::default();
+    let insert = |tensors: &mut Tensors, values: Vec<f32>| {
+        drop(tensors.insert("classif.bias".to_owned(), WeightTensor { shape: vec![values.len()], values }));
+    };
     let without = bytes(&|tensors| drop(tensors.remove("classif.bias")));
     refused(&without, &on_cpu, "tensor `classif.bias`");
-    let shape = bytes(&|tensors| drop(tensors.insert("classif.bias".to_owned(), (vec![2], vec![0.0; 2]))));
+    let shape = bytes(&|tensors| insert(tensors, vec![0.0; 2]));
     refused(&shape, &on_cpu, "has shape [2], expected [3]");
-    let nan = bytes(&|tensors| drop(tensors.insert("classif.bias".to_owned(), (vec![3], vec![0.0, f32::NAN, 0.0]))));
+    let nan = bytes(&|tensors| insert(tensors, vec![0.0, f32::NAN, 0.0]));
     refused(&nan, &on_cpu, "element 1 is NaN");
     refused(&bytes(&|_| ()), &Options { device: ComputeDevice::Cuda, ..on_cpu }, "run on the CPU only");
     let zeros = Tensor::zeros(1, candle_core::DType::F32, &Device::Cpu).expect("zeros");

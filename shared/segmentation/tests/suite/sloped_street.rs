@@ -1,9 +1,9 @@
 //! Ground of a synthetic sloped street with the objects on which a height threshold fails.
 
 use crate::support::{GroundConfusion, LabeledCloud, classes_of, model_of, shipped_model};
+use ground::Parameters;
 use messages::{ClassId, ClassRow};
 use random::Random;
-use segmentation::ground::Parameters;
 
 const LENGTH_M: f32 = 40.0;
 const SENSOR: [f32; 2] = [20.0, 0.0];

@@ -1,18 +1,20 @@
-//! Models on range images: range sweeps, classes, invalid files, nearest examples.
+//! Models on range images: range sweeps, classes, invalid files.
 
 use geometry::NO_POINT;
+use kernels::images::{Border, Planes};
 use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN};
 use random::Random;
-use segmentation::engine::{Border, Planes};
-use segmentation::network::{Inference, NetworkSpec, Weights};
+use segmentation::network::{Inference, NetworkSpec, WeightTensor, Weights};
 use segmentation::spherical::{
-    ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, Neighbors, OwnedSubmap, PolarImage,
-    RangeSweep, Settings, SphericalModel, SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
+    ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, OwnedSubmap, Settings, SphericalModel,
+    SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
 };
-use segmentation::{Dataset, Example, ModelCard, ModelInput, SegmentationError, Segmenter, UNKNOWN, ground};
+use segmentation::{ModelCard, ModelInput, SegmentationError, Segmenter};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// In columns of classes, a row that no model has written.
+const UNKNOWN: u8 = u8::MAX;
 const RINGS: u8 = 16;
 const FIRINGS: u32 = 512;
 
@@ -37,17 +39,18 @@ fn weights(settings: &Settings) -> Weights {
     let mut weights = Weights::default();
     for (stream, layer) in (0..).zip(settings.network.layers()) {
         let mut random = Random::of_stream(1, stream);
-        let [(weight_name, weight), (bias_name, bias)] = layer.tensors();
-        let fan_in: usize = weight[1..].iter().product();
+        let [weight, bias] = layer.tensors();
+        let fan_in: usize = weight.shape[1..].iter().product();
         let gain = if layer.shape.rectify { 1.713_858 } else { 1.0 };
         let filter = |_: usize| {
             let raw: Vec<f32> = (0..fan_in).map(|_| random.gauss()).collect();
             let mean = raw.iter().sum::<f32>() / fan_in as f32;
             raw.into_iter().map(|v| gain * (v - mean) / (fan_in as f32).sqrt()).collect::<Vec<f32>>()
         };
-        let values = (0..bias[0]).flat_map(filter).collect();
-        weights.tensors.insert(weight_name, (weight, values));
-        weights.tensors.insert(bias_name, (bias.clone(), vec![0.0; bias[0]]));
+        let values = (0..bias.shape[0]).flat_map(filter).collect();
+        weights.tensors.insert(weight.name, WeightTensor { shape: weight.shape, values });
+        let values = vec![0.0; bias.shape[0]];
+        weights.tensors.insert(bias.name, WeightTensor { shape: bias.shape, values });
     }
     weights
 }
@@ -243,89 +246,9 @@ fn invalid_files_are_rejected_with_reason() {
         matches!(load(&file_of(&good, &missing)), Err(SegmentationError::Tensor { name, .. }) if name == "up.0.1.bias")
     );
     let mut broken = weights.clone();
-    broken.tensors.get_mut("classes.bias").expect("is there").1[1] = f32::INFINITY;
+    broken.tensors.get_mut("classes.bias").expect("is there").values[1] = f32::INFINITY;
     let Err(error) = load(&file_of(&good, &broken)) else { panic!("was loaded") };
     assert!(error.to_string().contains("`classes.bias`: element 1 is inf"), "{error}");
-}
-
-/// Range images with the class of every pixel.
-struct Labeled(Vec<(PolarImage, Vec<u8>)>);
-
-impl Dataset for Labeled {
-    fn len(&self) -> usize {
-        self.0.len()
-    }
-    fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
-        let (image, truth) = &self.0[index];
-        Example::new(features(image, &Features::default(), 2, 2), truth.clone())
-    }
-}
-
-#[test]
-fn nearest_examples_beat_untrained_last_layer() {
-    let settings = settings();
-    let weights = weights(&settings);
-    let (header, points, _) = submap();
-    let cloud = ModelInput::new(&header, &points);
-    let heights_m = ground::heights(&cloud);
-    // Low rings are road, middle ones vehicles, high ones buildings.
-    let truth = |point: &SubmapPoint| [0, 2, 1][usize::from(point.ring) / 6];
-    let of_sweep = |sweep: RangeSweep| {
-        let class = |&shown: &u32| match shown {
-            NO_POINT => UNKNOWN,
-            shown => truth(&points[sweep.points.start + shown as usize]),
-        };
-        let truth = sweep.image.nearest.iter().map(class).collect();
-        (sweep.polar, truth)
-    };
-    let data = Labeled(range_sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect());
-    let draw = |per_class: usize, k: usize| Neighbors::draw(&settings, &weights, &data, per_class, k).expect("draws");
-    let share_right = |neighbors: Option<Neighbors>| {
-        let mut model = load(&file_of(&settings, &weights)).expect("loads");
-        if let Some(neighbors) = neighbors {
-            model = model.with_neighbors(neighbors, &weights).expect("fits");
-        }
-        let mut classes = vec![ClassRow::default(); points.len()];
-        model.segment(&cloud, &mut classes).expect("segments");
-        let is_right = |(point, row): &(&SubmapPoint, &ClassRow)| {
-            ClassId::from_id(row.class_id).map(ClassId::name)
-                == Some(settings.classes[usize::from(truth(point))].as_str())
-        };
-        points.iter().zip(&classes).filter(is_right).count() as f64 / points.len() as f64
-    };
-    let all = draw(usize::MAX, 1);
-    assert_eq!(all.len(), points.len());
-    let (last_layer, own, few) = (share_right(None), share_right(Some(all)), share_right(Some(draw(200, 5))));
-    assert!(last_layer < 0.5, "{last_layer}");
-    // Every pixel is its own nearest example; errors share a cell with other points.
-    assert!(own > 0.98, "{own}");
-    // The features of an untrained network depend on the ring only in part. Chance is a third.
-    assert!(few > 0.5, "{few}");
-}
-
-#[test]
-fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
-    let settings = settings();
-    let weights = weights(&settings);
-    let (header, points, _) = submap();
-    let cloud = ModelInput::new(&header, &points);
-    let images = range_sweeps(&cloud, settings.columns, &ground::heights(&cloud));
-    let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
-        let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
-        let mut data = Labeled(known.collect());
-        assert!(Neighbors::draw(&settings, &weights, &data, 10, 1).is_ok());
-        change(&mut data.0[1].1);
-        Neighbors::draw(&settings, &weights, &data, 10, 1).err().expect("is rejected").to_string()
-    };
-    let (n_classes, columns) = (settings.classes.len(), settings.columns);
-    assert_eq!(
-        rejected(&|truth| truth[2 * columns + 5] = n_classes as u8),
-        format!(
-            "example 1 of the data: row 2, column 5 has class {n_classes}, must be below {n_classes}, or 255 if unknown"
-        )
-    );
-    let too_long = rejected(&|truth| truth.resize(truth.len() + columns, 0));
-    assert!(too_long.starts_with("example 1 of the data: ") && too_long.contains("pixels have a class"), "{too_long}");
 }
 
 #[test]
@@ -371,7 +294,7 @@ fn shipped_model_keeps_its_bytes_and_default_features() {
 fn features_by_name_have_the_values_of_the_default_ones() {
     let (header, points, _) = submap();
     let cloud = ModelInput::new(&header, &points);
-    let image = range_sweeps(&cloud, 512, &ground::heights(&cloud)).remove(0).polar;
+    let image = range_sweeps(&cloud, 512, &cloud.ground().heights(cloud.points)).remove(0).polar;
     let usual = features(&image, &Features::default(), 1, 1);
     let mut named = Features::default().as_slice().to_vec();
     named.reverse();
@@ -398,7 +321,7 @@ fn points_without_color_have_flag_zero() {
     let features_of = Features::new(vec![Feature::HasColor, Feature::Blue, Feature::Red, Feature::Valid]);
     let planes = |colors: Option<&[ColorRow]>| {
         let cloud = ModelInput { colors, ..ModelInput::new(&header, &points) };
-        let heights_m = ground::heights(&cloud);
+        let heights_m = cloud.ground().heights(cloud.points);
         let source = ImageSource::new(&cloud, 512, &heights_m).with_camera(&features_of.camera_bands());
         let sweep = source.sweeps().remove(1);
         (features(&sweep.polar, &features_of, 1, 1), sweep)
@@ -427,7 +350,7 @@ fn removed_ground_has_the_class_of_the_ground_model() {
     let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
     assert_eq!(model.settings().ground, GroundUse::Removed);
     let cloud = ModelInput::new(&header, &points);
-    let ground = ground::Ground::of(&cloud);
+    let ground = cloud.ground();
     let given = ground.classes(&ground.heights(&points));
     let mut classes = vec![ClassRow::default(); points.len()];
     model.segment(&cloud, &mut classes).expect("segments");

@@ -1,8 +1,8 @@
 //! A model with weights from `PyTorch`: `data/torch_unet.py` wrote the file with an input and the output of torch.
 
 use candle_core::Device;
+use kernels::images::{Border, LANES, Planes};
 use safetensors::SafeTensors;
-use segmentation::engine::{Border, LANES, Planes};
 use segmentation::network::Inference;
 use segmentation::spherical::SphericalModel;
 use std::path::PathBuf;

@@ -6,8 +6,8 @@
     reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
 )]
 
+use kernels::images::{BORDER, Border, Feature, Filter, LANES, Planes, Shape, blocks, convolve};
 use pulp::{Arch, Simd, WithSimd};
-use segmentation::engine::{BORDER, Border, Feature, Filter, LANES, Planes, Shape, blocks, convolve};
 
 /// Derivative with respect to the packed filter: sums over all pixels of source times `gradient`, the derivative with respect to the
 /// output before the rectifier. The borders of the sources must be filled.

@@ -1,6 +1,6 @@
 //! Derivatives of max pooling and upsampling.
 
-use segmentation::engine::{LANES, Planes};
+use kernels::images::{LANES, Planes};
 
 /// Derivative with respect to the image: that of the result, at the first maximum of each window.
 pub fn max_pool_gradient(image: &Planes, pooled: &Planes, gradient: &Planes, [rows, columns]: [usize; 2]) -> Planes {

@@ -5,7 +5,7 @@ use crate::TrainingError;
 use crate::curves::Curves;
 use crate::network::{Network, values};
 use candle_core::{Device, Tensor};
-use segmentation::network::Weights;
+use segmentation::network::{WeightTensor, Weights};
 use segmentation::{ModelFile, encode_model};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -40,7 +40,7 @@ impl<N: Network> Trainer<N> {
                 }
             }
         }
-        for (name, (shape, values)) in &self.best.tensors {
+        for (name, WeightTensor { shape, values }) in &self.best.tensors {
             tensors.insert(format!("best.{name}"), Tensor::from_slice(values, shape.as_slice(), &Device::Cpu)?);
         }
         let state = State {
@@ -92,8 +92,9 @@ impl<N: Network> Trainer<N> {
             }
         }
         let mut best = Weights::default();
-        for (name, (shape, _)) in &self.best.tensors {
-            best.tensors.insert(name.clone(), (shape.clone(), file.tensor(&format!("best.{name}"), shape)?));
+        for (name, WeightTensor { shape, .. }) in &self.best.tensors {
+            let values = file.tensor(&format!("best.{name}"), shape)?;
+            best.tensors.insert(name.clone(), WeightTensor { shape: shape.clone(), values });
         }
         (self.best, self.curves, self.adam.steps, self.adam.means) = (best, state.curves, state.steps, means);
         Ok(())

@@ -17,7 +17,7 @@ fn variables(outputs: usize, seed: u64) -> Variables {
 
 /// Weights and bias of an output.
 fn output(weights: &Weights, row: usize) -> (&[f32], f32) {
-    let [values, biases] = TENSORS.map(|name| &weights.tensors[name].1);
+    let [values, biases] = TENSORS.map(|name| &weights.tensors[name].values);
     (&values[row * WIDTH..(row + 1) * WIDTH], biases[row])
 }
 
@@ -26,12 +26,12 @@ fn begin(of_start: &[&str], own: &[&str], folds: [usize; 2]) -> (usize, Weights,
     let (of_start, own) = (names(of_start), names(own));
     let mut start = variables(folds[0] * of_start.len(), 1).weights().expect("weights");
     let biases = start.tensors.get_mut(TENSORS[1]).expect("biases");
-    biases.1.iter_mut().enumerate().for_each(|(row, bias)| *bias = row as f32);
+    biases.values.iter_mut().enumerate().for_each(|(row, bias)| *bias = row as f32);
     let variables = variables(folds[1] * own.len(), 2);
     let random = variables.weights().expect("weights");
     let mut matched = start.clone();
     let layer = |classes, fold| ClassLayer { tensors: TENSORS, classes, fold };
-    let n_shared = match_classes((&mut matched, layer(&of_start, folds[0])), (&random, layer(&own, folds[1])));
+    let n_shared = match_classes(&mut matched, layer(&of_start, folds[0]), &random, layer(&own, folds[1]));
     variables.begin_with(&matched).expect("fits");
     (n_shared, start, random, variables.weights().expect("weights"))
 }

@@ -1,8 +1,8 @@
 //! Derivatives of single operations, by adjointness: <A x, g> = <x, A' g> for a linear map A. It holds up to rounding and covers
 //! every entry at once.
 
+use kernels::images::{Border, Filter, Planes, Shape, convolve, max_pool, upsample};
 use random::Random;
-use segmentation::engine::{Border, Filter, Planes, Shape, convolve, max_pool, upsample};
 use training::derivatives::{
     input_gradient, max_pool_gradient, transposed_filters, upsample_gradient, weight_gradient,
 };

@@ -1,8 +1,8 @@
 //! Derivatives by the operations of candle are those of the kernels.
 
 use candle_core::Device;
+use kernels::images::{Border, Planes};
 use random::Random;
-use segmentation::engine::{Border, Planes};
 use segmentation::network::NetworkSpec;
 use training::{Criterion, Example, Hierarchy, ImageNetwork, Loss, Network, SparseView, UNKNOWN, Variables};
 

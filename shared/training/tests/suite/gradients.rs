@@ -1,9 +1,9 @@
 //! Derivatives of whole networks, against central differences of a reference in f64.
 
 use crate::reference::{self, Image, Values, values_of};
+use kernels::images::{Border, LANES, Planes};
 use random::Random;
 use rayon::prelude::*;
-use segmentation::engine::{Border, LANES, Planes};
 use segmentation::network::NetworkSpec;
 use std::collections::BTreeMap;
 use training::{Differential, Variables};

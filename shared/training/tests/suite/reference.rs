@@ -1,7 +1,7 @@
 //! A reference of the networks in f64: the variables, the standardization of filters, and all layers, by their definitions.
 
+use kernels::images::Border;
 use segmentation::SegmentationError;
-use segmentation::engine::Border;
 use segmentation::network::{Executor, Layer, NetworkSpec};
 use std::collections::BTreeMap;
 use training::Variables;

@@ -3,8 +3,8 @@
 
 use crate::gradients::{MAX_ERROR, relative_error};
 use crate::reference::{Image, Values, numbers, run_to_features};
+use kernels::images::{Border, Planes};
 use random::Random;
-use segmentation::engine::{Border, Planes};
 use segmentation::network::NetworkSpec;
 use training::{
     BevHead, BevLabels, Criterion, Derivatives, Example, ImageNetwork, Loss, NO_CELL, Network, SparseView, UNKNOWN,

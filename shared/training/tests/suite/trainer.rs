@@ -1,7 +1,7 @@
 //! The training loop: it learns, is reproducible, and resumes exactly.
 
+use kernels::images::{Border, LANES, Planes};
 use random::Random;
-use segmentation::engine::{Border, LANES, Planes};
 use segmentation::network::NetworkSpec;
 use training::{
     BevHead, BevLabels, Dataset, Example, Hierarchy, ImageNetwork, Loss, NO_CELL, SparseView, TrainSettings, Trainer,

@@ -1,7 +1,7 @@
 //! Variables, their weights, and the agreement of training with inference.
 
+use kernels::images::{Border, Planes};
 use random::Random;
-use segmentation::engine::{Border, Planes};
 use segmentation::network::{Inference, NetworkSpec};
 use training::{Differential, Variables};
 
@@ -45,7 +45,7 @@ fn layers_of_another_network_initialize_matching_layers() {
     assert_eq!(variables.begin_with(&weights).expect("fits"), 5);
     let taken = variables.weights().expect("weights");
     let nearly = |name: &str| {
-        let pairs = taken.tensors[name].1.iter().zip(&weights.tensors[name].1);
+        let pairs = taken.tensors[name].values.iter().zip(&weights.tensors[name].values);
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 1e-5
     };
     assert!(nearly("down.1.1.weight") && !nearly("up.0.1.weight"));
@@ -56,10 +56,10 @@ fn variables_from_weights_give_the_same_weights() {
     let spec = &specs()[0];
     let weights = Variables::random(spec, 11).expect("variables").weights().expect("weights");
     let again = Variables::from_weights(spec, &weights).expect("fits").weights().expect("weights");
-    for (name, (shape, values)) in &weights.tensors {
-        let (again_shape, again_values) = &again.tensors[name];
-        assert_eq!(shape, again_shape);
-        for (a, b) in values.iter().zip(again_values) {
+    for (name, tensor) in &weights.tensors {
+        let again = &again.tensors[name];
+        assert_eq!(tensor.shape, again.shape);
+        for (a, b) in tensor.values.iter().zip(&again.values) {
             assert!((a - b).abs() < 1e-5, "{name}: {a} {b}");
         }
     }

@@ -9,7 +9,7 @@ use run::assignment::{Assignment, Description, PortDescription, TopicChannels};
 use run::health::{Activity, Doubt, Health, Traffic};
 use run::summary::{StageSummary, Summary};
 use run::wiring::{WiredStage, WiredTopic, Wiring};
-use segmentation::network::{NetworkSpec, Weights};
+use segmentation::network::{NetworkSpec, TensorShape, WeightTensor, Weights};
 use segmentation::spherical::{Features, GroundUse, N_FEATURES, Settings};
 use stage::{Received, StateBytes};
 use std::collections::BTreeMap;
@@ -118,7 +118,10 @@ pub fn spherical_models() -> Vec<Vec<u8>> {
     let dz = NetworkSpec::SphericalDz { inputs: N_FEATURES, outputs: 3, widths: vec![2] };
     let header = |network: NetworkSpec| {
         let tensors = network.layers().into_iter().flat_map(|layer| layer.tensors());
-        let zeros = |(name, shape): (String, Vec<usize>)| (name, (shape.clone(), vec![0.0; shape.iter().product()]));
+        let zeros = |TensorShape { name, shape }: TensorShape| {
+            let values = vec![0.0; shape.iter().product()];
+            (name, WeightTensor { shape, values })
+        };
         let weights = Weights { tensors: tensors.map(zeros).collect() };
         let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
         let settings = Settings {

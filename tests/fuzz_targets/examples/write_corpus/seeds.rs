@@ -68,7 +68,7 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("launch_file", vec![LAUNCH.as_bytes().to_vec()]),
         ("drive_manifest", vec![DRIVE.as_bytes().to_vec()]),
         ("mcap", vec![mcap()]),
-        ("model", vec![segmentation::ground::Parameters::default().to_bytes().expect("encodes")]),
+        ("model", vec![segmentation::ground_quasi_flat::encode(&ground::Parameters::default()).expect("encodes")]),
         ("state", states()),
         ("control", CONTROL.map(|text| text.as_bytes().to_vec()).to_vec()),
         ("ros1_bag", vec![ros::ros1_bag("none"), ros::ros1_bag("bz2"), ros::ros1_bag("lz4")]),

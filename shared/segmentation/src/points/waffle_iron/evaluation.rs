@@ -4,9 +4,9 @@
 
 use super::{NONE, WaffleIron, WaffleIronPlan};
 use crate::SegmentationError;
-use crate::points::ops::{Layer, add_residual_layers, concatenate, linear, neighbor_maximum, normalized_means};
 use crate::points::pass::{Pass, zeros};
 use candle_core::Tensor;
+use kernels::points::{Layer, add_residual_layers, concatenate, linear, neighbor_maximum, normalized_means};
 
 impl WaffleIron {
     /// The channels of each point after all blocks.

@@ -2,9 +2,9 @@
 
 use super::{NONE, Plane, RELU, WaffleIron, WaffleIronPlan};
 use crate::SegmentationError;
-use crate::points::ops::{Lists, add_activated, concatenate, linear, maximum, weighted_sum};
 use crate::points::pass::Pass;
 use candle_core::Tensor;
+use kernels::points::{Lists, add_activated, concatenate, linear, maximum, weighted_sum};
 use std::sync::Arc;
 
 impl WaffleIron {

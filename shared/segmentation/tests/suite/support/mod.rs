@@ -1,7 +1,8 @@
 //! Labeled clouds and models for the tests.
 
+use ground::Parameters;
 use messages::{ClassId, ClassRow, SubmapHeader, SubmapPoint};
-use segmentation::ground::Parameters;
+use segmentation::ground_quasi_flat::encode;
 use segmentation::{ModelInput, Segmenter};
 use std::path::PathBuf;
 
@@ -74,7 +75,7 @@ pub fn shipped_model() -> PathBuf {
 pub fn model_of(parameters: &Parameters) -> Box<dyn Segmenter> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("model.safetensors");
-    std::fs::write(&path, parameters.to_bytes().expect("encodes")).expect("writes");
+    std::fs::write(&path, encode(parameters).expect("encodes")).expect("writes");
     segmentation::load(&path, &segmentation::Options::default()).expect("loads")
 }
 

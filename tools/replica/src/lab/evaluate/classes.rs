@@ -21,7 +21,7 @@ use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use models::Models;
 use report::ClassReport;
-use segmentation::spherical::IntensityUse;
+use segmentation::intensity::IntensityUse;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tally::Tally;

@@ -3,8 +3,8 @@
 use super::recipe::Recipe;
 use super::sweep_dataset::SweepDataset;
 use super::{Calibration, SharedRecipe, TrainingRecipe};
+use kernels::images::Border;
 use segmentation::ComputeDevice;
-use segmentation::engine::Border;
 use segmentation::network::{CLASS_LAYER, Weights};
 use segmentation::spherical::{Settings, SphericalModel};
 use std::path::Path;
@@ -33,8 +33,10 @@ impl TrainingRecipe for Recipe {
             let (model, mut weights) = SphericalModel::load(&start)?;
             let tensors = &["weight", "bias"].map(|kind| format!("{CLASS_LAYER}.{kind}"));
             let n_classes = match_classes(
-                (&mut weights, class_layer(tensors, model.settings())),
-                (&variables.weights()?, class_layer(tensors, &settings)),
+                &mut weights,
+                class_layer(tensors, model.settings()),
+                &variables.weights()?,
+                class_layer(tensors, &settings),
             );
             let (n_taken, n_layers) = (variables.begin_with(&weights)?, settings.network.layers().len());
             anyhow::ensure!(

@@ -2,7 +2,7 @@
 
 use super::recipe::RecordingSource;
 use messages::SubmapPoint;
-use segmentation::spherical::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse};
+use segmentation::intensity::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse, SubmapIntensities};
 
 /// Whose intensities labeled points have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ impl IntensityScale {
     pub fn map(self, points: &[SubmapPoint], heights_m: &[f32]) -> IntensityMap {
         match self {
             Self::Own => IntensityMap::Unchanged,
-            Self::Foreign(trained) => IntensityMap::of(IntensityUse::Normalized, points, heights_m, trained).0,
+            Self::Foreign(trained) => SubmapIntensities::find(IntensityUse::Normalized, points, heights_m, trained).map,
         }
     }
 }

@@ -5,7 +5,6 @@ use super::removed_classes::RemovedClasses;
 use super::sources::Labeled;
 use geometry::NO_POINT;
 use messages::{ClassId, ClassRow};
-use segmentation::ground::Ground;
 use segmentation::spherical::{GroundUse, ImageSource, PolarImage, RangeSweep, Settings};
 use training::UNKNOWN;
 
@@ -22,7 +21,7 @@ pub fn images_of(
     removed_classes: &RemovedClasses,
     scale: IntensityScale,
 ) -> Vec<LabeledImage> {
-    let ground = Ground::of(cloud);
+    let ground = cloud.ground();
     let heights_m = ground.heights(cloud.points);
     let removed = (settings.ground == GroundUse::Removed).then(|| {
         let is_ground = |row: &ClassRow| row.class_id != ClassId::Unlabeled as u8;
@@ -32,7 +31,7 @@ pub fn images_of(
     let output = output_of_class(settings);
     let intensities = scale.map(cloud.points, &heights_m);
     let of_sweep = |mut sweep: RangeSweep| {
-        intensities.apply(&mut sweep.polar);
+        sweep.polar.apply_intensities(&intensities);
         let class = |&shown: &u32| match shown {
             NO_POINT => UNKNOWN,
             point => output[usize::from(classes[sweep.points.start + point as usize])],

@@ -13,13 +13,11 @@ use super::submap_file::SubmapFile;
 use anyhow::ensure;
 use messages::ClassId;
 use random::Random;
-use segmentation::points::{
-    Augmentation, CellCloud, ClassifiedCells, PointSettings, TrainingSpheres, classes_of_cells,
-};
-use segmentation::spherical::{GroundHistogram, GroundIntensities};
-use segmentation::{ModelInput, ground};
+use segmentation::ModelInput;
+use segmentation::intensity::{GroundHistogram, GroundIntensities};
+use segmentation::points::{CellCloud, PointSettings};
 use std::path::Path;
-use training::{Dataset, PointExample, UNKNOWN};
+use training::{Augmentation, ClassifiedCells, Dataset, PointExample, TrainingSpheres, UNKNOWN, classes_of_cells};
 
 /// Spheres of submaps. Memory: the simulated drives of one step, or one submap.
 pub struct PointDataset {
@@ -105,7 +103,7 @@ fn cells_of(
     settings: &PointSettings,
     scale: IntensityScale,
 ) -> anyhow::Result<(ClassifiedCells, GroundHistogram)> {
-    let of_all_m = ground::heights(whole);
+    let of_all_m = whole.ground().heights(whole.points);
     let (points, heights_m) = (removed_classes.kept(whole.points, classes), removed_classes.kept(&of_all_m, classes));
     let colors = whole.colors.map(|colors| removed_classes.kept(colors, classes));
     let kept_classes = removed_classes.kept(classes, classes);

@@ -2,12 +2,10 @@
 
 use super::recipe::{Data, check_data_and_training};
 use anyhow::ensure;
-use segmentation::points::{
-    Augmentation, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, SquareSettings,
-};
+use segmentation::points::{PointFeature, PointNetworkSpec, PointSettings, SphereSettings, SquareSettings};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use training::TrainSettings;
+use training::{Augmentation, TrainSettings};
 
 /// Kinds of networks on points.
 pub const KINDS: [&str; 4] = ["kpconv", "pointnet", "pointnet2", "waffle_iron"];

@@ -33,10 +33,8 @@ impl TrainingRecipe for PointRecipe {
         if let Some(start) = &self.model.start {
             let start = folder.join(start);
             let (model, mut weights) = PointModel::load(&start)?;
-            let n_classes = match_classes(
-                (&mut weights, class_layer(model.settings())),
-                (&network.weights()?, class_layer(&settings)),
-            );
+            let n_classes =
+                match_classes(&mut weights, class_layer(model.settings()), &network.weights()?, class_layer(&settings));
             let (n_taken, n_tensors) = network.begin_with(&weights)?;
             anyhow::ensure!(n_taken > 0, "{}: no tensor matches one of the recipe in name and shape", start.display());
             eprintln!(

@@ -2,11 +2,12 @@
 
 use anyhow::Context;
 use neighbors::SpatialIndex;
-use segmentation::points::{CellCloud, ClassifiedCells};
+use segmentation::points::CellCloud;
 use std::fs::File;
 use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
+use training::ClassifiedCells;
 
 /// Bytes of a point: position, height and intensity as `f32`, color, and class.
 const POINT_BYTES: usize = 24;

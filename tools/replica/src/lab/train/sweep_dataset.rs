@@ -13,11 +13,12 @@ use super::removed_classes::RemovedClasses;
 use super::sources::{Labeled, simulate};
 use super::sweep_file::SweepFile;
 use anyhow::ensure;
+use kernels::images::Planes;
 use messages::ClassId;
 use random::Random;
-use segmentation::engine::Planes;
+use segmentation::intensity::{GroundHistogram, GroundIntensities};
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{GroundHistogram, GroundIntensities, PolarImage, Settings, features};
+use segmentation::spherical::{PolarImage, Settings, features};
 use std::path::Path;
 use training::{Dataset, Example, NO_CELL, SparseView, UNKNOWN};
 

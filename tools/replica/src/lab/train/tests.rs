@@ -8,7 +8,7 @@ use super::test_recordings::{submaps, write_recording};
 use super::{RecipeArgs, TrainingData, TrainingRecipe, train_recipe};
 use messages::{ColorRow, SpectraHeader, UNSEEN};
 use segmentation::ComputeDevice;
-use segmentation::network::Weights;
+use segmentation::network::{WeightTensor, Weights};
 use segmentation::spherical::SphericalModel;
 use std::path::{Path, PathBuf};
 use training::{Dataset, Network, UNKNOWN};
@@ -195,7 +195,7 @@ fn training_with_colors_gives_a_model_that_reads_colors() {
 
 /// Weights of an output of the last layer.
 fn row(weights: &Weights, row: usize) -> &[f32] {
-    let (shape, values) = &weights.tensors["classes.weight"];
+    let WeightTensor { shape, values } = &weights.tensors["classes.weight"];
     &values[row * shape[1]..(row + 1) * shape[1]]
 }
 
@@ -241,7 +241,7 @@ fn model_is_a_mean_of_the_weights_before_and_after_training() {
     let is_near = |found: &Weights, share: f32| {
         let expected = after.mixed_with(&start, share);
         let mut pairs =
-            found.tensors.iter().flat_map(|(name, (_, values))| values.iter().zip(&expected.tensors[name].1));
+            found.tensors.iter().flat_map(|(name, of)| of.values.iter().zip(&expected.tensors[name].values));
         pairs.all(|(a, b)| (a - b).abs() < 1e-6)
     };
     let mean = weights("mean", "start = 'start/model.safetensors'\nstart_share = 0.25");

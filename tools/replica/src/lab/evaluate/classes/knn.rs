@@ -4,8 +4,9 @@ use crate::lab::train::TrainingData;
 use crate::lab::train::recipe::{Range, Recipe};
 use crate::lab::train::sweep_dataset::SweepDataset;
 use anyhow::Context;
-use segmentation::spherical::{Neighbors, Settings, SphericalModel};
+use segmentation::spherical::{Settings, SphericalModel};
 use std::path::Path;
+use training::NearestExamples;
 
 /// Examples per class and folded column: at most 9700 for the 19 classes of the shipped model. A sweep then takes about a second.
 const PER_CLASS: usize = 128;
@@ -27,9 +28,9 @@ pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalMod
     let (first, last) = (seeds.first, seeds.last.min(seeds.first + of_recipe.data.towns.len() as u64 - 1));
     let mut dataset = SweepDataset::new(&of_recipe, &std::env::temp_dir())?;
     dataset.add_towns(&of_recipe.data, Range { first, last }, &mut |_, _| ())?;
-    let neighbors = Neighbors::draw(&settings, &weights, &dataset, PER_CLASS, k)?;
-    eprintln!("{} examples of drives {first} to {last}", neighbors.len());
-    Ok(model.with_neighbors(neighbors, &weights)?)
+    let examples = NearestExamples::draw(&settings, &weights, &dataset, PER_CLASS, k)?;
+    eprintln!("{} examples of drives {first} to {last}", examples.len());
+    Ok(model.with_classifier(Box::new(examples), &weights)?)
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! The models that are evaluated.
 
 use super::{Args, Refine, knn};
-use segmentation::spherical::{IntensityUse, Refinement};
-use segmentation::{Options, Segmenter, UnknownBelow, ground};
+use segmentation::intensity::IntensityUse;
+use segmentation::{Options, Refinement, Segmenter, UnknownBelow, ground_quasi_flat};
 use std::path::Path;
 
 /// A model, and the same model with other uses of the intensities.
@@ -17,7 +17,7 @@ impl Models {
     /// Reads the model files. Other uses of the intensities are for real sweeps only.
     pub fn load(path: &Path, args: &Args) -> anyhow::Result<Self> {
         let asked = load(path, args, &args.intensity)?;
-        let reads_intensities = asked.card().architecture != ground::ARCHITECTURE;
+        let reads_intensities = asked.card().architecture != ground_quasi_flat::ARCHITECTURE;
         let mut other_uses = Vec::new();
         // A model with examples would have to draw them again.
         if args.semantickitti.is_some() && args.knn.is_none() && reads_intensities {

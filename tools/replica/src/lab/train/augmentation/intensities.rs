@@ -1,7 +1,8 @@
 //! Intensities as another sensor would report them.
 
 use random::Random;
-use segmentation::spherical::{GroundByRing, GroundIntensities, PolarImage};
+use segmentation::intensity::{GroundByRing, GroundIntensities};
+use segmentation::spherical::PolarImage;
 
 /// Share of the sweeps with intensities that are those of another sensor.
 const FOREIGN: f32 = 0.5;

@@ -1,0 +1,5 @@
+//! Kernels against their definitions.
+
+mod convolution;
+mod point_gradients;
+mod tensors;

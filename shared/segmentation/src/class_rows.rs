@@ -1,0 +1,22 @@
+//! Rows of the topic `class` from decisions.
+
+use messages::{ClassId, ClassRow};
+
+/// Writes the row of each point. Returns the number of unlabeled ones.
+pub(crate) fn write_rows(rows: impl Iterator<Item = ClassRow>, classes: &mut [ClassRow]) -> usize {
+    let mut n_unlabeled = 0;
+    for (class, row) in classes.iter_mut().zip(rows) {
+        *class = row;
+        n_unlabeled += usize::from(row.class_id == ClassId::Unlabeled as u8);
+    }
+    n_unlabeled
+}
+
+/// The row of a point from its class and the probability of that, 0 to 1; without them, unlabeled.
+pub(crate) fn class_row(decision: Option<(ClassId, f32)>) -> ClassRow {
+    let row = |(class, probability): (ClassId, f32)| ClassRow {
+        class_id: class as u8,
+        score: (probability * 255.0).round() as u8,
+    };
+    decision.map_or(ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }, row)
+}

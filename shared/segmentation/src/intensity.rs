@@ -1,0 +1,196 @@
+//! Intensities of other sensors on the scale of the training.
+//!
+//! Sensors report the strength of a return on scales of their own: the median of roads is 11 of 255 for some, 66 for others. The
+//! ground is in every street, and its intensities have similar shares of asphalt, paint and grass; so they show the scale.
+
+mod ground_histogram;
+mod map;
+mod ring_gains;
+
+pub use ground_histogram::{GroundHistogram, GroundIntensities};
+pub use map::IntensityMap;
+pub use ring_gains::GroundByRing;
+
+use ground_histogram::N;
+use messages::SubmapPoint;
+
+/// About so many points of a submap are examined: a pass over all would read the whole submap once more.
+const SAMPLE: usize = 100_000;
+/// Factor from the median of the ground in the training up to which intensities are on its scale, in both directions. The ground of one
+/// sensor is twice as bright under a tilted mounting as under an upright one. In simulated towns, intensities as recorded are better up
+/// to a gain of 2, and normalized ones from 3 on.
+const TOLERANCE: f32 = 3.0;
+
+/// What a model takes from the intensities.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum IntensityUse {
+    /// As recorded if they are on the scale of the training, else brought to it.
+    #[default]
+    Auto,
+    /// Brought to the scale of the training, ring by ring.
+    Normalized,
+    /// As recorded.
+    Raw,
+    /// Nothing.
+    Off,
+}
+
+impl IntensityUse {
+    /// The words of the settings.
+    pub const WORDS: [&str; 4] = ["auto", "normalized", "raw", "off"];
+
+    /// The use of a word; `None` if there is no such word.
+    pub fn from_word(word: &str) -> Option<Self> {
+        let uses = [Self::Auto, Self::Normalized, Self::Raw, Self::Off];
+        Self::WORDS.iter().zip(uses).find(|(known, _)| **known == word).map(|(_, known)| known)
+    }
+}
+
+/// Quantiles of the ground in simulated towns, for models without their own: points of the HDL-32E of the survey rig, urban, suburban,
+/// rural and tunnel, seeds 9001 and 9002. `replica train` prints and stores those of its data.
+const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
+
+/// The intensities of a submap for a model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SubmapIntensities {
+    /// What becomes of each intensity.
+    pub map: IntensityMap,
+    /// The medians of the ground, if they show that the intensities are on another scale than those of the training.
+    pub foreign: Option<ForeignIntensity>,
+}
+
+/// Median intensities of the ground on different scales.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ForeignIntensity {
+    /// In the submap.
+    pub found: u8,
+    /// In the training.
+    pub trained: u8,
+}
+
+impl SubmapIntensities {
+    /// Finds the scale of the intensities of a submap from its ground. `heights_m` are the heights of the points above the ground.
+    /// Without intensities of the training, the ones of simulated towns are taken.
+    pub fn find(
+        intensity_use: IntensityUse,
+        points: &[SubmapPoint],
+        heights_m: &[f32],
+        trained: Option<GroundIntensities>,
+    ) -> Self {
+        const UNKNOWN: SubmapIntensities = SubmapIntensities { map: IntensityMap::Unknown, foreign: None };
+        let trained = trained.unwrap_or(SIMULATED);
+        // An odd step: points are ordered by firings of 2^n rings, and all rings are to be counted.
+        let step = (points.len() / SAMPLE) | 1;
+        let sample = points.iter().zip(heights_m).step_by(step);
+        let ground =
+            GroundByRing::of(sample.map(|(point, height_m)| (usize::from(point.ring), point.intensity, *height_m)));
+        let found = ground.quantiles();
+        if intensity_use != IntensityUse::Raw && ground.is_constant() {
+            return UNKNOWN;
+        }
+        let foreign = found.filter(|found| !is_on_scale(*found, trained));
+        let is_normalized = match intensity_use {
+            IntensityUse::Off => return UNKNOWN,
+            IntensityUse::Auto => foreign.is_some(),
+            IntensityUse::Normalized => true,
+            IntensityUse::Raw => false,
+        };
+        let map = if is_normalized { ground.normalizing(trained) } else { None };
+        let map = map.unwrap_or(IntensityMap::Unchanged);
+        let medians = |found: GroundIntensities| ForeignIntensity { found: found[N / 2], trained: trained[N / 2] };
+        Self { map, foreign: foreign.map(medians) }
+    }
+}
+
+/// Whether a median could be that of a training drive.
+fn is_on_scale(found: GroundIntensities, trained: GroundIntensities) -> bool {
+    let [found, trained] = [found, trained].map(|quantiles| f32::from(quantiles[N / 2]));
+    found <= trained * TOLERANCE && found * TOLERANCE >= trained
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRAINED: GroundIntensities = [6, 10, 12, 14, 30];
+
+    /// Points of a street: two thirds ground with the intensities of the training, one third walls of intensity 200, times a gain.
+    fn street(gain: f32) -> (Vec<SubmapPoint>, Vec<f32>) {
+        let ground = |i: usize| match i % 20 {
+            0 => 5.0,
+            1..5 => 8.0,
+            5..10 => 11.0,
+            10..15 => 13.0,
+            15..19 => 20.0,
+            _ => 60.0,
+        };
+        let of_point = |i: usize| if i % 3 == 2 { (200.0, 2.0) } else { (ground(i / 3), 0.01) };
+        let point = |(intensity, height_m): (f32, f32)| {
+            (SubmapPoint { intensity: (gain * intensity).round() as u8, ..SubmapPoint::default() }, height_m)
+        };
+        (0..9000).map(of_point).map(point).unzip()
+    }
+
+    const UNCHANGED: SubmapIntensities = SubmapIntensities { map: IntensityMap::Unchanged, foreign: None };
+    const UNKNOWN: SubmapIntensities = SubmapIntensities { map: IntensityMap::Unknown, foreign: None };
+
+    fn foreign(found: u8) -> Option<ForeignIntensity> {
+        Some(ForeignIntensity { found, trained: 12 })
+    }
+
+    fn find(intensity_use: IntensityUse, gain: f32) -> SubmapIntensities {
+        let (points, heights_m) = street(gain);
+        SubmapIntensities::find(intensity_use, &points, &heights_m, Some(TRAINED))
+    }
+
+    #[test]
+    fn intensities_on_the_scale_of_the_training_stay() {
+        for gain in [0.6, 1.0, 1.8] {
+            assert_eq!(find(IntensityUse::Auto, gain), UNCHANGED, "gain {gain}");
+        }
+    }
+
+    #[test]
+    fn intensities_on_another_scale_are_reported_and_normalized() {
+        for (gain, median) in [(0.2, 3), (4.0, 52), (5.0, 65)] {
+            let auto = find(IntensityUse::Auto, gain);
+            assert_eq!(auto.foreign, foreign(median), "gain {gain}");
+            assert_eq!(auto, find(IntensityUse::Normalized, gain), "gain {gain}");
+            assert_eq!(auto.map.of_intensity(0, median), 12, "gain {gain}");
+        }
+        assert_eq!(find(IntensityUse::Raw, 5.0), SubmapIntensities { foreign: foreign(65), ..UNCHANGED });
+        for gain in [1.0, 5.0] {
+            assert_eq!(find(IntensityUse::Off, gain), UNKNOWN);
+        }
+    }
+
+    #[test]
+    fn normalized_intensities_of_the_ground_are_those_of_the_training() {
+        let SubmapIntensities { map, .. } = find(IntensityUse::Normalized, 3.0);
+        assert_eq!([0, 33, 39, 255].map(|intensity| map.of_intensity(0, intensity)), [0, 10, 12, 255]);
+        assert!((0..=255).map(|intensity| map.of_intensity(0, intensity)).is_sorted());
+    }
+
+    #[test]
+    fn equal_intensities_of_the_ground_are_no_intensities() {
+        let (mut points, heights_m) = street(1.0);
+        for point in &mut points {
+            point.intensity = 76;
+        }
+        for intensity_use in [IntensityUse::Auto, IntensityUse::Normalized, IntensityUse::Off] {
+            let map = SubmapIntensities::find(intensity_use, &points, &heights_m, Some(TRAINED));
+            assert_eq!(map, UNKNOWN);
+        }
+        let raw = SubmapIntensities::find(IntensityUse::Raw, &points, &heights_m, Some(TRAINED));
+        assert_eq!(raw, SubmapIntensities { foreign: foreign(76), ..UNCHANGED });
+    }
+
+    #[test]
+    fn scale_of_little_ground_or_of_zeros_is_not_known() {
+        let (points, heights_m) = street(5.0);
+        let few = SubmapIntensities::find(IntensityUse::Auto, &points[..2000], &heights_m[..2000], Some(TRAINED));
+        assert_eq!(few, UNCHANGED);
+        let zeros = vec![SubmapPoint::default(); 9000];
+        assert_eq!(SubmapIntensities::find(IntensityUse::Auto, &zeros, &heights_m, Some(TRAINED)), UNCHANGED);
+    }
+}

@@ -1,0 +1,59 @@
+//! Intensities of the ground: counts and quantiles.
+
+/// Shares of the ground points whose intensities are compared.
+const SHARES: [f32; N] = [0.05, 0.25, 0.5, 0.75, 0.95];
+pub(super) const N: usize = 5;
+
+/// Intensities of the ground below which 5, 25, 50, 75 and 95 % of its points lie.
+pub type GroundIntensities = [u8; N];
+
+/// Points within this distance of the ground are taken for the ground, m.
+const GROUND_M: f32 = 0.15;
+/// Ground points below which the scale is not known.
+const MIN_POINTS: u64 = 2000;
+
+/// Counts the intensities of ground points.
+#[derive(Clone, Debug)]
+pub struct GroundHistogram([u64; 256]);
+
+impl Default for GroundHistogram {
+    fn default() -> Self {
+        Self([0; 256])
+    }
+}
+
+impl GroundHistogram {
+    /// Adds points with their heights above the ground, m.
+    pub fn add(&mut self, points: impl Iterator<Item = (u8, f32)>) {
+        for (intensity, _) in points.filter(|(_, height_m)| height_m.abs() < GROUND_M) {
+            self.0[usize::from(intensity)] += 1;
+        }
+    }
+    /// Adds points of one intensity.
+    pub(super) fn add_counts(&mut self, intensity: u8, n: u64) {
+        self.0[usize::from(intensity)] += n;
+    }
+    /// Numbers of points by intensity.
+    pub(super) fn counts(&self) -> &[u64; 256] {
+        &self.0
+    }
+    /// Adds the counts of another histogram.
+    pub fn join(&mut self, other: &Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(sum, n)| *sum += n);
+    }
+    /// `None` if there are too few points, or all have intensity 0.
+    pub fn quantiles(&self) -> Option<GroundIntensities> {
+        let total: u64 = self.0.iter().sum();
+        if total < MIN_POINTS || self.0[0] == total {
+            return None;
+        }
+        Some(SHARES.map(|share| {
+            let (wanted, mut sum) = ((f64::from(share) * total as f64) as u64, 0);
+            let reached = |n: &u64| {
+                sum += n;
+                sum > wanted
+            };
+            self.0.iter().position(reached).unwrap_or(255) as u8
+        }))
+    }
+}

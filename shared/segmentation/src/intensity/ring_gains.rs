@@ -1,0 +1,136 @@
+//! Gains of the rings of a LiDAR: the lasers of a unit respond differently, in some models by a factor of two.
+
+use super::ground_histogram::{GroundHistogram, GroundIntensities, N};
+use super::map::IntensityMap;
+
+/// Ground points of a ring below which its gain is not known.
+const MIN_POINTS: u64 = 100;
+/// Largest factor between the ground of a ring and that of all rings. It covers range and incidence, too.
+const LARGEST: f32 = 4.0;
+
+/// The intensities of the ground, ring by ring. Rings of the same number of several LiDARs count as one.
+#[derive(Clone, Debug, Default)]
+pub struct GroundByRing(Vec<GroundHistogram>);
+
+impl GroundByRing {
+    /// Counts points: ring, intensity, height above the ground in m.
+    pub fn of(points: impl Iterator<Item = (usize, u8, f32)>) -> Self {
+        let mut rings = Vec::new();
+        for (ring, intensity, height_m) in points {
+            if rings.len() <= ring {
+                rings.resize_with(ring + 1, GroundHistogram::default);
+            }
+            rings[ring].add(std::iter::once((intensity, height_m)));
+        }
+        Self(rings)
+    }
+
+    /// Quantiles of all rings; `None` if there are too few points, or all have intensity 0.
+    pub fn quantiles(&self) -> Option<GroundIntensities> {
+        let mut all = GroundHistogram::default();
+        self.0.iter().for_each(|ring| all.join(ring));
+        all.quantiles()
+    }
+
+    /// Whether nearly the whole ground has one intensity: a constant in the place of intensities.
+    pub(super) fn is_constant(&self) -> bool {
+        self.quantiles().is_some_and(|found| found[0] == found[N - 1])
+    }
+
+    /// Factor of each ring to the median of all.
+    fn factors(&self) -> Option<Vec<f32>> {
+        let median_of_all = f32::from(self.quantiles()?[N / 2]);
+        let factor = |ring: &GroundHistogram| match median(ring) {
+            Some(median) if median > 0.0 && median_of_all > 0.0 => {
+                (median_of_all / median).clamp(1.0 / LARGEST, LARGEST)
+            }
+            _ => 1.0,
+        };
+        Some(self.0.iter().map(factor).collect())
+    }
+
+    /// Brings all rings to the same median, and their intensities to the scale of the training: linear between the quantiles; above the
+    /// last, the rest of both scales. A constant says nothing. `None` if the ground is not known.
+    pub fn normalizing(&self, trained: GroundIntensities) -> Option<IntensityMap> {
+        let factors = self.factors()?;
+        if self.is_constant() {
+            return Some(IntensityMap::Unknown);
+        }
+        let mut balanced = GroundHistogram::default();
+        for (ring, factor) in self.0.iter().zip(&factors) {
+            for (intensity, n) in (0_u8..=255).zip(ring.counts()) {
+                balanced.add_counts((factor * f32::from(intensity)).round().min(255.0) as u8, *n);
+            }
+        }
+        let value = between(balanced.quantiles()?, trained);
+        let map = |factor: &f32| std::array::from_fn(|intensity| value((factor * intensity as f32).min(255.0)));
+        Some(IntensityMap::ByRing(factors.iter().map(map).collect()))
+    }
+}
+
+/// Median of the ground of a ring.
+fn median(ring: &GroundHistogram) -> Option<f32> {
+    let total: u64 = ring.counts().iter().sum();
+    let mut sum = 0;
+    let reached = |n: &u64| {
+        sum += n;
+        2 * sum > total
+    };
+    ring.counts().iter().position(reached).filter(|_| total >= MIN_POINTS).map(|intensity| intensity as f32)
+}
+
+/// The value of the training for an intensity, linear between quantiles of the ground.
+fn between(found: GroundIntensities, trained: GroundIntensities) -> impl Fn(f32) -> u8 {
+    let mut knots = vec![(0.0_f32, 0.0_f32)];
+    for (number, (from, to)) in found.into_iter().zip(trained).enumerate() {
+        let (from, to) = (f32::from(from), f32::from(to));
+        match knots.last_mut() {
+            // Equal quantiles of a coarse scale are one knot, the one nearest to the median.
+            Some(last) if from <= last.0 && from > 0.0 && number <= N / 2 => last.1 = to,
+            Some(last) if from <= last.0 => {}
+            _ => knots.push((from, to)),
+        }
+    }
+    if knots.last().is_some_and(|last| last.0 < 255.0) {
+        knots.push((255.0, 255.0));
+    }
+    move |intensity| {
+        let after = knots.iter().position(|knot| knot.0 >= intensity).unwrap_or(knots.len() - 1).max(1);
+        let ((x0, y0), (x1, y1)) = (knots[after - 1], knots[after]);
+        (y0 + (y1 - y0) * (intensity - x0) / (x1 - x0)).round() as u8
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRAINED: GroundIntensities = [6, 10, 12, 14, 30];
+
+    #[test]
+    fn median_of_a_coarse_scale_is_that_of_the_training() {
+        let value = between([1, 1, 1, 2, 2], TRAINED);
+        assert_eq!([0.0, 1.0, 2.0].map(value), [0, 12, 14]);
+        assert_eq!([0.0, 1.0].map(between([0, 0, 0, 1, 1], TRAINED)), [0, 14]);
+    }
+
+    #[test]
+    fn rings_of_other_gains_get_the_same_ground() {
+        let of_ring = |ring: usize| [10_u8, 18, 20, 22, 40].map(|intensity| (ring, intensity * (1 + ring as u8), 0.0));
+        let points = (0..4).flat_map(|ring| of_ring(ring).into_iter().cycle().take(1000));
+        let ground = GroundByRing::of(points.chain([(9, 7, 3.0), (5, 200, 0.0)]));
+        let map = ground.normalizing(TRAINED).expect("ground");
+        for ring in 0..4 {
+            let median = 20 * (1 + ring as u8);
+            assert!(map.of_intensity(ring, median).abs_diff(12) <= 1, "ring {ring}");
+            assert!(map.of_intensity(ring, 2 * median) >= 25, "paint of ring {ring}");
+        }
+        // Without ground, rings keep their gain; rings that were not counted are like the last one.
+        let high = map.of_intensity(9, 50);
+        assert!(high == map.of_intensity(5, 50) && high == map.of_intensity(200, 50));
+        let equal = GroundByRing::of((0..5000).map(|_| (0, 76, 0.0)));
+        assert_eq!(equal.normalizing(TRAINED), Some(IntensityMap::Unknown));
+        let few = GroundByRing::of((0..1999).map(|_| (0, 10, 0.0)));
+        assert!(few.normalizing(TRAINED).is_none());
+    }
+}

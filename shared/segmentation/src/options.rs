@@ -1,0 +1,32 @@
+//! Options of a run that are not part of the model.
+
+use crate::compute_device::ComputeDevice;
+use crate::intensity::IntensityUse;
+use crate::refinement::Refinement;
+
+/// Options of a run that are not part of the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// One of so many sweeps goes through the network; 1 for all. Models that do not use sweeps ignore it.
+    pub every: usize,
+    /// Sweeps that go through the network together, at least 1. The classes do not depend on it.
+    pub batch: usize,
+    /// What the network runs on.
+    pub device: ComputeDevice,
+    /// What is taken from the intensities.
+    pub intensity: IntensityUse,
+    /// Corrections of the classes.
+    pub refinement: Refinement,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            every: 1,
+            batch: 1,
+            device: ComputeDevice::Cpu,
+            intensity: IntensityUse::default(),
+            refinement: Refinement::default(),
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Labeled inputs of networks.
+
+use kernels::images::Planes;
+use random::Random;
+
+/// Class of a pixel or point without a label: it is ignored by losses and scores.
+pub const UNKNOWN: u8 = u8::MAX;
+
+/// A labeled input of a network on images.
+pub struct Example {
+    /// The input. One of its columns holds `fold` columns of the labels.
+    pub input: Planes,
+    /// Class by row and column, [`UNKNOWN`] without a label; `fold` times as many columns as the input.
+    pub truth: Vec<u8>,
+    /// For training with consistency under dropped beams.
+    pub sparse_view: Option<SparseView>,
+    /// For training with a head on the bird's-eye view.
+    pub bev: Option<BevLabels>,
+}
+
+impl Example {
+    /// An example without a sparse view and labels of cells.
+    pub fn new(input: Planes, truth: Vec<u8>) -> Self {
+        Self { input, truth, sparse_view: None, bev: None }
+    }
+}
+
+/// The sweep of an example with fewer rings and points.
+pub struct SparseView {
+    /// The input, as in [`Example::input`]; it may have fewer rows.
+    pub input: Planes,
+    /// Pixels that show the same point: of this view, and of the example.
+    pub pixels: Vec<[u32; 2]>,
+}
+
+/// The sweep of an example seen from above: a square grid.
+pub struct BevLabels {
+    /// Cells of a row, and rows.
+    pub side: usize,
+    /// Cell of each pixel of the example, [`NO_CELL`] for pixels without a point or beyond the grid.
+    pub cells: Vec<u32>,
+    /// Class of each cell, row by row, [`UNKNOWN`] without a labeled point.
+    pub truth: Vec<u8>,
+}
+
+/// Cell of a pixel that is in no cell of the grid.
+pub const NO_CELL: u32 = u32::MAX;
+
+/// A labeled input of a network on points.
+pub struct PointExample {
+    /// Positions relative to the center of a sphere, m.
+    pub positions: Vec<[f32; 3]>,
+    /// Features, one point after the other.
+    pub features: Vec<f32>,
+    /// Class by point, [`UNKNOWN`] without a label.
+    pub truth: Vec<u8>,
+}
+
+/// Examples: images of equal size, or spheres of points.
+pub trait Dataset<E = Example>: Sync {
+    /// Number of examples.
+    fn len(&self) -> usize;
+    /// Whether there are no examples.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// One example, augmented with the random numbers if given.
+    fn example(&self, index: usize, random: Option<&mut Random>) -> E;
+}
