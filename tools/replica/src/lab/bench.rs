@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long)]
     profile: bool,
     /// Folder for the reports
-    #[arg(long, default_value = "benches/runs", value_name = "DIR")]
+    #[arg(long, default_value = "lab/runs", value_name = "DIR")]
     out: PathBuf,
     /// Override a setting of the launch file (may be repeated)
     #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]

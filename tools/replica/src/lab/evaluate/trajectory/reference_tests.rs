@@ -35,7 +35,7 @@ fn write_both(folder: &Path) -> [String; 2] {
 }
 
 /// Numbers of `evo_ape tum … -a`, `evo_rpe tum … -d 1 -u f`, `evo_rpe … -d 10 -u m` (evo 1.38.1) and of the development kit's
-/// formula on the same two trajectories: `benches/peers/trajectory.py --frozen` prints them.
+/// formula on the same two trajectories: `lab/peers/trajectory.py --frozen` prints them.
 #[test]
 fn scores_equal_those_of_evo_and_of_the_kitti_kit() {
     let folder = tempfile::tempdir().expect("a folder");

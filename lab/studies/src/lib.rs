@@ -1,0 +1,1 @@
+//! Programs that measure or picture one library, stage or run: one example for each study.
