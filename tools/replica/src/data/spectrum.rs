@@ -1,13 +1,14 @@
 //! `replica spectrum`: statistics and diagnosis of reflectances (thesis section 4.3.1).
 
 pub mod channel;
+pub mod charts;
 pub mod diagnosis;
-pub mod figures;
+mod figures;
 mod input;
 mod lines;
 mod materials;
 mod moments;
-pub mod reference;
+mod reference;
 mod report;
 mod simulated_exposures;
 pub mod source;

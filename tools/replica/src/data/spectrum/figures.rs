@@ -1,6 +1,7 @@
 //! Figures like figures 4.1 to 4.13 of the thesis.
 
 use super::channel::Channel;
+use super::charts::{axis_around, distribution, histogram, histogram_line, histograms, line, nm, wavelengths};
 use super::moments::moments;
 use super::reference;
 use super::source::{RegionValues, Source};
@@ -9,9 +10,6 @@ use anyhow::Context;
 use chart::{Axis, COLORS, Chart, Series};
 use formats::envi::LibrarySpectrum;
 use std::path::Path;
-
-/// Number of intervals of a histogram.
-const N_INTERVALS: usize = 100;
 
 /// Most spectra of single cells in one figure: more cannot be distinguished.
 const MAX_CELLS: usize = 200;
@@ -41,8 +39,9 @@ impl Figures<'_> {
             let path = folder.join(name);
             std::fs::write(&path, chart.svg()).with_context(|| path.display().to_string())
         };
-        write("histogram.svg", &self.histogram())?;
-        write("distribution.svg", &self.distribution())?;
+        let quantity = self.stretched_quantity();
+        write("histogram.svg", &histogram(self.sources, self.stretched, quantity))?;
+        write("distribution.svg", &distribution(self.sources, self.stretched, quantity))?;
         if let Some(stretch) = self.stretch {
             write("expanded.svg", &self.expanded(stretch))?;
         }
@@ -64,15 +63,6 @@ impl Figures<'_> {
         if self.stretch.is_some() { "stretched value (not a reflectance)" } else { self.quantity }
     }
 
-    /// Figures 4.3, 4.6, 4.11 and 4.13.
-    pub fn histogram(&self) -> Chart {
-        let channels = (0..).zip(self.sources).zip(self.stretched);
-        let lines = channels.flat_map(|((group, source), channels)| {
-            channels.iter().map(move |channel| histogram_line(group, &source.name, channel))
-        });
-        histograms("Histograms, one line for each channel", self.stretched_quantity(), lines.collect())
-    }
-
     /// Figures 4.7 and 4.8.
     fn expanded(&self, stretch: Stretch) -> Chart {
         let all = |channels: &[Channel], group: usize, name: &'static str| -> Vec<Series> {
@@ -83,28 +73,6 @@ impl Figures<'_> {
             both.flat_map(|(source, after)| [all(&source.channels, 0, "before"), all(after, 1, "after")].concat());
         let title = format!("Histograms by channel before and after they were {}", stretch.description());
         histograms(&title, "reflectance before; stretched value after (not a reflectance)", lines.collect())
-    }
-
-    /// Figure 4.4.
-    pub fn distribution(&self) -> Chart {
-        let wavelengths = self.wavelengths();
-        let mut lines = Vec::new();
-        for ((group, source), channels) in (0..).zip(self.sources).zip(self.stretched) {
-            let values = |value: fn(&Channel) -> Option<f64>| {
-                let points = channels.iter().filter_map(|channel| Some([nm(channel), value(channel)?]));
-                line(group, &source.name, points.collect())
-            };
-            lines.extend([values(Channel::min), values(Channel::mean), values(Channel::max)]);
-            // The bars of several inputs are drawn beside each other.
-            let aside = (wavelengths.range[1] - wavelengths.range[0]) * 0.006 * group as f64;
-            let bar = |channel: &Channel| {
-                let (mean, deviation, at) = (channel.mean()?, channel.deviation()?, nm(channel) + aside);
-                Some(line(group, &source.name, vec![[at, mean - deviation], [at, mean + deviation]]))
-            };
-            lines.extend(channels.iter().filter_map(bar));
-        }
-        let y = axis_around(self.stretched_quantity(), &lines);
-        Chart::new("Minimum, mean and maximum; bars: standard deviation", wavelengths, y, lines)
     }
 
     /// Figures 4.5, 4.10 and 4.12.
@@ -127,7 +95,7 @@ impl Figures<'_> {
                 .unwrap_or_default(),
         );
         let title = "Signature of the region; bars: standard deviation";
-        Chart::new(title, self.wavelengths(), axis_around(self.quantity, &lines), lines)
+        Chart::new(title, wavelengths(self.sources), axis_around(self.quantity, &lines), lines)
     }
 
     /// Figures 4.1 and 4.2: the spectra of the cells, and reference spectra.
@@ -141,7 +109,7 @@ impl Figures<'_> {
         let mut lines: Vec<Series> = (0..n_cells).step_by(n_cells.div_ceil(MAX_CELLS).max(1)).map(of_cell).collect();
         lines.extend(self.nearest_references(source, 1, COLORS.len() - 1));
         let y = axis_around(self.quantity, &lines);
-        Chart::new("Spectra of the region's cells, and reference spectra", self.wavelengths(), y, lines)
+        Chart::new("Spectra of the region's cells, and reference spectra", wavelengths(self.sources), y, lines)
     }
 
     /// Figure 4.9: the mean of the region, unchanged and stretched in both ways.
@@ -164,12 +132,12 @@ impl Figures<'_> {
             }
         }
         let y = Axis::new(format!("{}; clipped: stretched value, not a reflectance", self.quantity), [0.0, 1.0]);
-        Chart::new("Signature of the region before and after clipping", self.wavelengths(), y, lines)
+        Chart::new("Signature of the region before and after clipping", wavelengths(self.sources), y, lines)
     }
 
     /// The `n` reference spectra nearest to the region of the input, in colors from `group` on.
     fn nearest_references(&self, source: &Source, group: usize, n: usize) -> Vec<Series> {
-        let [low, high] = self.wavelengths().range;
+        let [low, high] = wavelengths(self.sources).range;
         let nearest = reference::nearest(source, self.references).into_iter().take(n);
         let found = nearest.filter_map(|found| self.references.iter().find(|known| known.name == found.name));
         let series = |(group, known): (usize, &LibrarySpectrum)| {
@@ -182,36 +150,4 @@ impl Figures<'_> {
         };
         (group..).zip(found).map(series).collect()
     }
-
-    /// An axis over the bands of all inputs, with a margin.
-    fn wavelengths(&self) -> Axis {
-        let all = || self.sources.iter().flat_map(|source| &source.channels).map(nm);
-        let [low, high] = [all().fold(f64::INFINITY, f64::min) - 5.0, all().fold(0.0, f64::max) + 5.0];
-        Axis::new("wavelength, nm", [low, high])
-    }
-}
-
-fn nm(channel: &Channel) -> f64 {
-    f64::from(channel.wavelength_nm)
-}
-
-fn line(group: usize, name: &str, points: Vec<[f64; 2]>) -> Series {
-    Series::thin_line(name, COLORS[group % COLORS.len()], points)
-}
-
-fn histogram_line(group: usize, name: &str, channel: &Channel) -> Series {
-    let shares = channel.histogram(N_INTERVALS);
-    let middle = |i: usize| (i as f64 + 0.5) / N_INTERVALS as f64;
-    line(group, name, shares.iter().enumerate().map(|(i, share)| [middle(i), share * 100.0]).collect())
-}
-
-fn histograms(title: &str, quantity: &str, lines: Vec<Series>) -> Chart {
-    let top = lines.iter().flat_map(Series::points).map(|point| point[1]).fold(1.0, f64::max);
-    Chart::new(title, Axis::new(quantity, [0.0, 1.0]), Axis::new("% of pixels per 0.01", [0.0, top]), lines)
-}
-
-/// An axis from 0, or from the most negative value, to above the largest value.
-fn axis_around(label: &str, lines: &[Series]) -> Axis {
-    let values = || lines.iter().flat_map(Series::points).map(|point| point[1]).filter(|value| value.is_finite());
-    Axis::new(label, [values().fold(0.0, f64::min), values().fold(0.1, f64::max) * 1.02])
 }
