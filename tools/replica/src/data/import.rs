@@ -3,8 +3,8 @@
 
 mod ladybug;
 
-use crate::terminal::say;
 use anyhow::{bail, ensure};
+use command_line::say;
 use formats::lidar::Model;
 use import::{Kind, Options, RosOptions};
 use std::path::PathBuf;

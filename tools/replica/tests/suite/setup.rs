@@ -8,7 +8,7 @@ use std::process::Command;
 fn completions_of_each_shell_name_every_command() {
     for shell in ["bash", "zsh", "fish"] {
         let script = succeeded(&replica(&["completions", shell]));
-        for command in ["inspect", "evaluate", "completions"] {
+        for command in ["inspect", "deliver", "completions"] {
             assert!(script.contains(command), "{shell}: {command}");
         }
     }
@@ -33,8 +33,8 @@ fn manual_pages_are_those_of_all_commands_and_reproducible() {
         let read = |pages: &std::path::Path| std::fs::read(pages.join(&name)).expect("a page");
         assert!(read(&first) == read(&second), "{name:?}");
     }
-    let page = std::fs::read_to_string(first.join("replica-evaluate-map.1")).expect("a page");
-    assert!(page.contains("radius\\-m"), "{page}");
+    let page = std::fs::read_to_string(first.join("replica-rig-check.1")).expect("a page");
+    assert!(page.contains("json"), "{page}");
 }
 
 #[test]

@@ -14,9 +14,9 @@ mod receiver;
 pub mod stream;
 pub mod text;
 
-use crate::answer::Answer;
-use crate::exit_code;
 use anyhow::Context;
+use command_line::answer::Answer;
+use command_line::exit_code;
 use facts::DriveFacts;
 use formats::drive::{Drive, MANIFEST_FILE};
 use formats::nmea::Fix;

@@ -1,12 +1,12 @@
 //! Reflectances of the points by band, and their diagnosis.
 
 use super::finished_run::FinishedRun;
-use crate::data::spectrum::channel::Channel;
-use crate::data::spectrum::charts::{distribution, histogram};
-use crate::data::spectrum::diagnosis::diagnose;
-use crate::data::spectrum::source::{RawCounts, Source};
 use formats::drive::Drive;
 use formats::ply::PlyRows;
+use pictures::bands::channel::Channel;
+use pictures::bands::charts::{distribution, histogram};
+use pictures::bands::diagnosis::diagnose;
+use pictures::bands::source::{RawCounts, Source};
 use serde::Serialize;
 use spectral::FrameCounts;
 

@@ -2,8 +2,8 @@
 
 use super::other_lidar::{self, OtherLidar};
 use super::questions::{Answers, ask, position};
-use crate::answer::Answer;
 use anyhow::{Context, bail, ensure};
+use command_line::answer::Answer;
 use formats::drive::MANIFEST_FILE;
 use formats::lidar::Model;
 use formats::manifest::LidarEntry;
