@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Maps that several odometries' poses give of the same sweeps, by `replica evaluate map`, and its measures once more in numpy and
+"""Maps that several odometries' poses give of the same sweeps, by `replica-lab evaluate map`, and its measures once more in numpy and
 scipy.
 
   python3 -m venv venv && venv/bin/pip install numpy scipy
-  cargo build --release -p replica
+  cargo build --release -p replica_lab
   venv/bin/python lab/peers/map_quality.py FOLDER truth=FOLDER/poses.txt ours=FOLDER/odometry/ours.txt ...
 
 FOLDER is what lab/peers/odometry.py reads (its poses.txt and odometry/*.txt are poses at the last shot of each sweep, KITTI).
@@ -102,7 +102,7 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--max-range", type=float, default=30.0)
-    parser.add_argument("--replica", default="target/release/replica")
+    parser.add_argument("--replica-lab", default="target/release/replica-lab")
     parser.add_argument("--out", help="keeps the clouds, and pictures of them from above")
     parser.add_argument("--no-numpy", action="store_true")
     args = parser.parse_args()
@@ -121,7 +121,7 @@ def main():
         clouds[name] = cloud(args.folder, Rotation.from_matrix(whole[0]), whole[1], args.first + 1, args.count - 1, args.max_range)
         write_ply(f"{out}/{name}.ply", clouds[name])
     write_ply(f"{out}/right.ply", cloud(args.folder, *truth, args.first + 1, args.count - 1, args.max_range))
-    command = [args.replica, "evaluate", "map", *(f"{out}/{name}.ply" for name in clouds), "--truth", f"{out}/right.ply",
+    command = [args.replica_lab, "evaluate", "map", *(f"{out}/{name}.ply" for name in clouds), "--truth", f"{out}/right.ply",
                "--out", f"{out}/report"]
     subprocess.run(command, check=True)
     if args.no_numpy:
@@ -129,7 +129,7 @@ def main():
     pieces = {name: piece(points) for name, points in clouds.items()}
     for name, points in pieces.items():
         write_ply(f"{out}/{name}_piece.ply", points)
-    command = [args.replica, "evaluate", "map", *(f"{out}/{name}_piece.ply" for name in pieces), "--samples", "1000000000",
+    command = [args.replica_lab, "evaluate", "map", *(f"{out}/{name}_piece.ply" for name in pieces), "--samples", "1000000000",
                "--out", f"{out}/report_of_pieces"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     worst = 0.0

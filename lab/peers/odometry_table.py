@@ -2,7 +2,7 @@
 """REPLICA's odometry and others on the same sweeps of simulated and real drives: one markdown table, and all numbers as JSON.
 
   python3 -m venv venv && venv/bin/pip install kiss-icp==1.3.0 small_gicp==1.0.1 genz-icp==0.3.2 rko_lio==0.4.0 numpy scipy pillow
-  cargo build --release -p studies --examples && cargo build --release -p replica
+  cargo build --release -p studies --examples && cargo build --release -p replica_lab
   venv/bin/python lab/peers/odometry_table.py                        everything
   venv/bin/python lab/peers/odometry_table.py --seconds 12           short drives, to try it
   venv/bin/python lab/peers/odometry_table.py --drives durlacher,muehlburger_0_340 --methods replica --no-map
@@ -15,7 +15,7 @@ a LiDAR with errors. They are kept in
 
 drift        translation and rotation over segments of 100, 200, ... 800 m (KITTI), or of 1/4, 1/2, 3/4 of a path below 100 m
 1 s          error of the motion over ten sweeps, root mean square
-wall         median thickness of facades in a map of the last 100 sweeps (`replica evaluate map`, range 30 m)
+wall         median thickness of facades in a map of the last 100 sweeps (`replica-lab evaluate map`, range 30 m)
 CPU          ms a sweep, all threads, without reading
 answered     share of the sweeps that were matched (others: a pose was returned)
 end, ypr     end point and angles, in the frame of the first pose; for drives without ground truth
@@ -64,7 +64,7 @@ def run(name, folder, methods, args):
         if not has_truth:
             row |= without_truth(name, folder, files, read_kitti(path))
     if args.map:
-        for method, thickness in wall_thickness(folder, {m: r["poses"] for m, r in rows.items() if "poses" in r}, args.replica).items():
+        for method, thickness in wall_thickness(folder, {m: r["poses"] for m, r in rows.items() if "poses" in r}, args.replica_lab).items():
             rows[method]["wall_cm"] = thickness
     return rows
 
@@ -80,10 +80,10 @@ def without_truth(name, folder, files, poses):
     return row
 
 
-def wall_thickness(folder, poses_by_method, replica, count=100):
+def wall_thickness(folder, poses_by_method, replica_lab, count=100):
     """Median thickness of facades, cm."""
     import map_quality
-    if not os.path.exists(replica) or not poses_by_method:
+    if not os.path.exists(replica_lab) or not poses_by_method:
         return {}
     truth_path = folder / "poses.txt"
     with tempfile.TemporaryDirectory() as out:
@@ -100,7 +100,7 @@ def wall_thickness(folder, poses_by_method, replica, count=100):
                 rotations = map_quality.Rotation.from_matrix(matrices)
             points = map_quality.cloud(folder, rotations, positions, first + 1, n - first, 30.0)
             map_quality.write_ply(f"{out}/{method}.ply", points)
-        command = [replica, "evaluate", "map", *(f"{out}/{m}.ply" for m in poses_by_method), "--out", f"{out}/report"]
+        command = [replica_lab, "evaluate", "map", *(f"{out}/{m}.ply" for m in poses_by_method), "--out", f"{out}/report"]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         report = json.loads(pathlib.Path(f"{out}/report/map.json").read_text())
         return {m: 100 * found["facade_thickness_m"]["median"] for m, found in zip(poses_by_method, report) if found.get("facade_thickness_m")}
@@ -141,7 +141,7 @@ def main():
     parser.add_argument("--seed", type=int, default=501, help="of the default simulated drives")
     parser.add_argument("--odometry", default=str(drives.ROOT / "target/release/examples/odometry"), help="REPLICA's program to score")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="passed to it")
-    parser.add_argument("--replica", default=str(drives.ROOT / "target/release/replica"), help="for the thickness of walls")
+    parser.add_argument("--replica-lab", default=str(drives.ROOT / "target/release/replica-lab"), help="for the thickness of walls")
     parser.add_argument("--no-map", dest="map", action="store_false", help="without the thickness of walls")
     parser.add_argument("--again", action="store_true", help="run other programs again on drives of which --out has their results")
     parser.add_argument("--cache", type=pathlib.Path, default=drives.cache)

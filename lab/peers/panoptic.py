@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""`replica evaluate instances` beside panopticapi, the reference of panoptic quality, on the same labels of random clouds.
+"""`replica-lab evaluate instances` beside panopticapi, the reference of panoptic quality, on the same labels of random clouds.
 
   pip install numpy pillow git+https://github.com/cocodataset/panopticapi    # or PYTHONPATH=<its checkout>
-  cargo build --release -p replica
+  cargo build --release -p replica_lab
   lab/peers/panoptic.py
 
 A cloud is an image of one row for panopticapi: a segment for each thing, one for all of a class of stuff, and one marked
@@ -90,7 +90,7 @@ def main():
             paths = [folder / name for name in ("truth.ply", "found.ply")]
             write(paths[0], *truth)
             write(paths[1], *found)
-            command = [ROOT / "target/release/replica", "evaluate", "instances", *paths, "--min-points", "1"]
+            command = [ROOT / "target/release/replica-lab", "evaluate", "instances", *paths, "--min-points", "1"]
             lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[2:]
             theirs = panoptic(folder, truth, found)
         for line, thing in zip(lines, THINGS, strict=True):

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Scores of `replica evaluate classes` beside scikit-learn, on random labels.
+"""Scores of `replica-lab evaluate classes` beside scikit-learn, on random labels.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install numpy scikit-learn
-    cargo build --release -p replica
+    cargo build --release -p replica_lab
     /tmp/venv/bin/python lab/peers/scores.py
 
 `scores.py frozen` needs no build and writes the figures of the unit test `scores_match_scikit_learn` in shared/scores.
@@ -40,7 +40,7 @@ def compare():
         files = [os.path.join(folder, name) for name in ["truth.label", "predicted.label"]]
         truth.tofile(files[0])
         (predicted | np.uint32(7 << 16)).tofile(files[1])
-        command = [f"{RELEASE}/replica", "evaluate", "classes", *files, "--format", "json"]
+        command = [f"{RELEASE}/replica-lab", "evaluate", "classes", *files, "--format", "json"]
         ours = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)[0]
     theirs = peer(truth, predicted, 23)
     same = lambda a, b: (a is None and np.isnan(b)) or (a is not None and abs(a - b) < 1e-12)

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Does `replica evaluate trajectory` say what evo and KITTI's development kit say of the same files?
+"""Does `replica-lab evaluate trajectory` say what evo and KITTI's development kit say of the same files?
 
   python3 -m venv venv && venv/bin/pip install evo==1.38.1 numpy
-  cargo build --release -p replica
-  venv/bin/python lab/peers/trajectory.py TRUTH ESTIMATE [options of replica evaluate trajectory, as --of lidar]
+  cargo build --release -p replica_lab
+  venv/bin/python lab/peers/trajectory.py TRUTH ESTIMATE [options of replica-lab evaluate trajectory, as --of lidar]
   venv/bin/python lab/peers/trajectory.py --frozen      the numbers of the test in the tool
 
 evo is asked for APE (translation, rotation angle) and RPE (1 pose, 10 m; consecutive intervals) with each alignment; the
@@ -60,13 +60,13 @@ def kit(gt, est, lengths=(100, 200, 300, 400, 500, 600, 700, 800), step=10):
     return errors
 
 
-def compare(files, options, replica):
+def compare(files, options, replica_lab):
     truth, estimate = (file_interface.read_tum_trajectory_file(f) for f in files)
     worst = 0.0
     # The last one's segments are compared: without a scale.
     for align in ("sim3", "first", "se3", "none"):
         with tempfile.TemporaryDirectory() as out:
-            subprocess.run([replica, "evaluate", "trajectory", *files, "--align", align, "--out", out, *options],
+            subprocess.run([replica_lab, "evaluate", "trajectory", *files, "--align", align, "--out", out, *options],
                            check=True, stdout=subprocess.DEVNULL)
             ours = json.load(open(os.path.join(out, "evaluation.json")))
         print(f"\naligned: {align}\n{'':28}" + "".join(f"{name:>26}" for name in NAMES))
@@ -103,7 +103,7 @@ def pose(t, w):
 
 
 def frozen():
-    """the trajectories of tools/replica/src/lab/evaluate/trajectory/reference_tests.rs"""
+    """the trajectories of tools/replica_lab/src/evaluate/trajectory/reference_tests.rs"""
     elsewhere, gt, est = pose([100, -20, 3], [0, 0, 0.7]), [], []
     for i in range(300):
         s = i * 1.2
@@ -124,17 +124,17 @@ def frozen():
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*")
-    parser.add_argument("--replica", default="target/release/replica")
+    parser.add_argument("--replica-lab", default="target/release/replica-lab")
     parser.add_argument("--frozen", action="store_true")
     args, options = parser.parse_known_args()
     if args.frozen:
         return frozen()
     truth, estimate = args.files
     with tempfile.TemporaryDirectory() as pairs:
-        subprocess.run([args.replica, "evaluate", "trajectory", truth, estimate, "--align", "none", "--write", "tum", "--out", pairs,
+        subprocess.run([args.replica_lab, "evaluate", "trajectory", truth, estimate, "--align", "none", "--write", "tum", "--out", pairs,
                         *options], check=True, stdout=subprocess.DEVNULL)
         files = [os.path.join(pairs, name) for name in ("truth.txt", "estimate.txt")]
-        sys.exit(0 if compare(files, [], args.replica) else 1)
+        sys.exit(0 if compare(files, [], args.replica_lab) else 1)
 
 
 if __name__ == "__main__":

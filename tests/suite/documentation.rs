@@ -142,16 +142,17 @@ fn options_of_the_commands_in_the_documentation_exist() {
             let words: Vec<&str> = line.split_whitespace().map(|word| word.trim_matches(['[', ']', '\''])).collect();
             let Some((program, arguments)) = words.split_first() else { continue };
             let program = program.rsplit('/').next().unwrap_or_default();
-            if !["replica", "replica-launch"].contains(&program) {
+            if !["replica", "replica-lab", "replica-launch"].contains(&program) {
                 continue;
             }
-            // `replica evaluate map`: the options of both.
-            let n_words = if program == "replica" { 2 } else { 0 };
+            // `replica-lab evaluate map`: the options of both.
+            let n_words = if program == "replica-launch" { 0 } else { 2 };
             let selected: Vec<&str> = arguments
                 .iter()
                 .copied()
                 .take(n_words)
-                .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase()))
+                .take_while(|word| word.starts_with(|c: char| c.is_ascii_lowercase()))
+                .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase() || c == '-'))
                 .collect();
             let texts: Vec<String> = (0..=selected.len()).filter_map(|n| help(program, &selected[..n])).collect();
             let options = arguments.iter().filter(|word| word.starts_with("--") && word.len() > 2);

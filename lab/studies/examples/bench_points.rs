@@ -105,7 +105,7 @@ fn network(path: &Path) {
 }
 
 fn main() {
-    // As `replica train` has it.
+    // As `replica-lab train` has it.
     allocator::restart_with_kept_memory(allocator::Keep::Large);
     let files: Vec<_> = std::env::args_os().skip(1).collect();
     for file in &files {

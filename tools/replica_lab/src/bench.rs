@@ -1,4 +1,4 @@
-//! `replica bench`: measures cost and throughput of a pipeline, with shared memory and with copied messages.
+//! `replica-lab bench`: measures cost and throughput of a pipeline, with shared memory and with copied messages.
 
 mod configuration;
 mod machine;

@@ -1,5 +1,6 @@
 //! The command line: one flat list of subcommands, shown in four groups.
 
+use crate::materials::fit;
 use crate::{bench, cube, evaluate, fuse, spectrum, train};
 use allocator::{Keep, restart_with_kept_memory};
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -25,6 +26,7 @@ enum Cli {
 enum Models {
     Train(train::Args),
     Fuse(fuse::Args),
+    FitMaterials(fit::Args),
 }
 
 #[derive(Subcommand)]
@@ -65,6 +67,7 @@ impl Parsed {
                 train::run(args)
             }
             Cli::Models(Models::Fuse(args)) => fuse::run(args),
+            Cli::Models(Models::FitMaterials(args)) => fit::run(args),
             Cli::Scores(Scores::Evaluate(args)) => evaluate::run(args),
             Cli::Scores(Scores::Bench(args)) => bench::run(args),
             Cli::Reflectances(Reflectances::Cube(args)) => cube::run(args),

@@ -1,4 +1,4 @@
-//! `replica cube`: converts raw mosaics to ENVI cubes, with or without a drive.
+//! `replica-lab cube`: converts raw mosaics to ENVI cubes, with or without a drive.
 
 mod camera_setup;
 

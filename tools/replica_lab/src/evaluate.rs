@@ -1,4 +1,4 @@
-//! `replica evaluate`: compares results with ground truth.
+//! `replica-lab evaluate`: compares results with ground truth.
 
 mod classes;
 mod instances;

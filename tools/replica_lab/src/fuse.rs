@@ -1,4 +1,4 @@
-//! `replica fuse`: two models as one file.
+//! `replica-lab fuse`: two models as one file.
 
 mod prior_recipe;
 

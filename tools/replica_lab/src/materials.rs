@@ -1,7 +1,7 @@
-//! What `replica train materials` and `replica evaluate materials` share: measured spectra of simulated drives with their true material.
+//! What `replica-lab fit-materials` and `replica-lab evaluate materials` share: measured spectra of simulated drives with their true material.
 
+pub mod fit;
 mod library;
 mod town_spectra;
-pub mod train;
 
 pub use town_spectra::{TownArgs, TownSpectra, is_held_out};

@@ -1,4 +1,4 @@
-//! `replica spectrum`: statistics and diagnosis of reflectances (thesis section 4.3.1).
+//! `replica-lab spectrum`: statistics and diagnosis of reflectances (thesis section 4.3.1).
 
 mod figures;
 mod input;

@@ -1,4 +1,4 @@
-//! `replica train`: trains a model from a recipe.
+//! `replica-lab train`: trains a model from a recipe.
 
 mod augmentation;
 mod bev_labels;
@@ -24,9 +24,7 @@ mod test_recordings;
 #[cfg(test)]
 mod tests;
 
-use super::materials;
 use anyhow::Context;
-use command_line::usage_error::UsageError;
 use formats::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;
@@ -93,28 +91,10 @@ pub trait TrainingData {
 
 /// Train a model that gives points their classes.
 ///
-/// The stage infer loads the model. Training that was interrupted continues from its checkpoint when it is started again. The
-/// subcommand trains the model of the materials. For a recipe with the name of the subcommand, write ./materials.
+/// The stage infer loads the model. Training that was interrupted continues from its checkpoint when it is started again.
 #[derive(Debug, clap::Args)]
-#[command(
-    args_conflicts_with_subcommands = true,
-    subcommand_negates_reqs = true,
-    after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage"
-)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
-    #[command(subcommand)]
-    model: Option<Trained>,
-    #[command(flatten)]
-    of_recipe: Option<RecipeArgs>,
-}
-
-#[derive(Debug, clap::Subcommand)]
-enum Trained {
-    Materials(materials::train::Args),
-}
-
-#[derive(Debug, clap::Args)]
-struct RecipeArgs {
     /// Recipe (TOML)
     recipe: PathBuf,
     /// Folder for the model, the learning curves and the checkpoint; created if absent
@@ -133,22 +113,13 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// Runs the command. One line per epoch goes to stdout.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let args = match (&args.model, &args.of_recipe) {
-        (Some(Trained::Materials(args)), _) => return materials::train::run(args),
-        (None, Some(args)) => args,
-        (None, None) => return Err(UsageError("train needs RECIPE and --out DIR, or a subcommand".to_owned()).into()),
-    };
-    train_recipe(args)
-}
-
-fn train_recipe(args: &RecipeArgs) -> anyhow::Result<ExitCode> {
     match AnyRecipe::load(&args.recipe)? {
         AnyRecipe::Images(recipe) => train(&recipe, args),
         AnyRecipe::Points(recipe) => train(&recipe, args),
     }
 }
 
-fn train<R: TrainingRecipe>(recipe: &R, args: &RecipeArgs) -> anyhow::Result<ExitCode> {
+fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let device = ComputeDevice::from_word(&args.device).unwrap_or_default();
     let mut trainer = trainer(recipe, &args.recipe, device)?;
@@ -214,7 +185,7 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &RecipeArgs) -> anyhow::Result<Exi
 /// The data that is trained on, or that for validation. It lies in a file in the folder of the model.
 fn dataset<R: TrainingRecipe>(
     recipe: &R,
-    args: &RecipeArgs,
+    args: &Args,
     seeds: Option<Range>,
     validation: bool,
     bar: &ProgressBar,

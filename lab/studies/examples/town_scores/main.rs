@@ -9,7 +9,7 @@
 //!
 //! Folder of the drives, kinds of towns, length of a drive in s, seeds, then a model or a folder of recordings. Drives that are not
 //! there are simulated as `TOWN_SEED_SECONDS`, with the lidar alone. The recording of a drive is `TOWN_SEED_SECONDS.mcap` with the
-//! topics submap and class; `true` replaces its classes by the true ones. The scores are those of `replica evaluate instances` over
+//! topics submap and class; `true` replaces its classes by the true ones. The scores are those of `replica-lab evaluate instances` over
 //! all submaps of a drive together, so an object that changes its number at a border is missed and made up; then over all drives.
 
 mod recorded;

@@ -55,7 +55,7 @@ impl IntensityUse {
 pub struct GroundHistogram([u64; 256]);
 
 /// Quantiles of the ground in simulated towns, for models without their own: points of the HDL-32E of the survey rig, urban, suburban,
-/// rural and tunnel, seeds 9001 and 9002. `replica train` prints and stores those of its data.
+/// rural and tunnel, seeds 9001 and 9002. `replica-lab train` prints and stores those of its data.
 const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
 
 impl Default for GroundHistogram {

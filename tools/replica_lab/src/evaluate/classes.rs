@@ -1,4 +1,4 @@
-//! `replica evaluate classes`: scores the classes of label files, or of a model on simulated towns or SemanticKITTI.
+//! `replica-lab evaluate classes`: scores the classes of label files, or of a model on simulated towns or SemanticKITTI.
 
 mod coverage;
 mod error_picture;

@@ -1,4 +1,4 @@
-//! `replica evaluate instances`: scores the instances of all clouds of a run together. An object that changes its id from one
+//! `replica-lab evaluate instances`: scores the instances of all clouds of a run together. An object that changes its id from one
 //! submap to the next counts as a miss and a false positive.
 
 use crate::true_points::TruePoints;

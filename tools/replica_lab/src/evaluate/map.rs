@@ -1,4 +1,4 @@
-//! `replica evaluate map`: sharpness of clouds, and distance to a true cloud.
+//! `replica-lab evaluate map`: sharpness of clouds, and distance to a true cloud.
 
 mod map_points;
 mod report;

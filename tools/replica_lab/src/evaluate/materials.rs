@@ -1,4 +1,4 @@
-//! `replica evaluate materials`: scores materials on simulated towns, and what they add to the classes.
+//! `replica-lab evaluate materials`: scores materials on simulated towns, and what they add to the classes.
 
 mod fused_classes;
 mod report;
@@ -19,7 +19,7 @@ use tally::Tally;
 ///
 /// The points are those that the mosaic cameras see. Prints all methods with and without smoothing; precision, recall and IoU of each
 /// material, in sun and shade; accuracy by distance; the vegetation index; and with --model the classes of a network alone and corrected
-/// by the spectra. Use seeds that `replica train materials` has not used.
+/// by the spectra. Use seeds that `replica-lab fit-materials` has not used.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {

@@ -1,4 +1,4 @@
-//! `replica evaluate projections`: information that range images lose (thesis figures 6.5 and 6.7).
+//! `replica-lab evaluate projections`: information that range images lose (thesis figures 6.5 and 6.7).
 
 use super::classes::semantic_kitti::{self, LabelledSweep};
 use anyhow::Context;

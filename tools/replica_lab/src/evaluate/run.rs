@@ -1,4 +1,4 @@
-//! `replica evaluate OUT --truth DRIVE`: scores the finished clouds and the trajectory of a run against the recorded truth of its
+//! `replica-lab evaluate OUT --truth DRIVE`: scores the finished clouds and the trajectory of a run against the recorded truth of its
 //! drive, or its clouds against the labels of an imported recording.
 
 mod deviations;

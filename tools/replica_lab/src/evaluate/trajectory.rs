@@ -1,4 +1,4 @@
-//! `replica evaluate trajectory`: absolute and relative errors as defined by evo, errors over segments as defined by KITTI.
+//! `replica-lab evaluate trajectory`: absolute and relative errors as defined by evo, errors over segments as defined by KITTI.
 
 mod error_charts;
 mod pose_input;

@@ -29,9 +29,9 @@ pub struct PriorRecipe {
 struct Group {
     towns: Vec<String>,
     seeds: Range,
-    /// As in `replica evaluate classes --sensor`.
+    /// As in `replica-lab evaluate classes --sensor`.
     sensors: Vec<String>,
-    /// As in `replica evaluate classes --intensity`.
+    /// As in `replica-lab evaluate classes --intensity`.
     intensity: String,
     seconds: f64,
     submaps: usize,

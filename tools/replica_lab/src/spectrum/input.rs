@@ -43,7 +43,7 @@ fn read_tiff(path: &Path, selection: &InputSelection<'_>) -> anyhow::Result<Sour
     let image = Tiff::parse(&std::fs::read(path).with_context(about)?).with_context(about)?;
     let n_bands = image.n_bands as usize;
     if n_bands == 1 {
-        bail!("{}: is a raw mosaic\nhint: convert it with `replica cube`", path.display());
+        bail!("{}: is a raw mosaic\nhint: convert it with `replica-lab cube`", path.display());
     }
     let wavelengths_nm: Vec<f32> = match selection.sensor {
         Some(sensor) if sensor.bands.len() == n_bands => {

@@ -1,4 +1,4 @@
-//! `replica spectrum lines`: Graph-based Color Lines of color images and cubes (thesis, chapter 3).
+//! `replica-lab spectrum lines`: Graph-based Color Lines of color images and cubes (thesis, chapter 3).
 
 mod frame;
 mod picture;

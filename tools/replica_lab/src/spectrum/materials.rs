@@ -1,4 +1,4 @@
-//! `replica spectrum materials`: materials and vegetation index of each pixel of a cube.
+//! `replica-lab spectrum materials`: materials and vegetation index of each pixel of a cube.
 
 mod picture;
 mod relative;

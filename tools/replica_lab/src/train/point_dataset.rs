@@ -201,7 +201,7 @@ impl Dataset<PointExample> for PointDataset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::{RecipeArgs, train_recipe};
+    use crate::train::{Args, run};
     use messages::{SubmapHeader, SubmapPoint};
     use std::path::PathBuf;
 
@@ -303,8 +303,7 @@ mod tests {
         std::fs::write(&recipe, recipe_text(data, "2")).expect("writes");
         let out = |name: &str| folder.path().join(name);
         let train = |out: PathBuf, stop_after: Option<usize>| {
-            train_recipe(&RecipeArgs { recipe: recipe.clone(), out, stop_after, device: "cpu".to_owned() })
-                .expect("trains");
+            run(&Args { recipe: recipe.clone(), out, stop_after, device: "cpu".to_owned() }).expect("trains");
         };
         train(out("whole"), None);
         train(out("cut"), Some(1));

@@ -74,7 +74,7 @@ pub struct Data {
     /// Kinds of town, used in turn.
     #[serde(default)]
     pub towns: Vec<String>,
-    /// Names of LiDARs and mountings of the simulated drives, used in turn with each kind of town, as in `replica evaluate classes --sensor`;
+    /// Names of LiDARs and mountings of the simulated drives, used in turn with each kind of town, as in `replica-lab evaluate classes --sensor`;
     /// without names, each drive has a random LiDAR.
     #[serde(default)]
     pub sensors: Vec<String>,

@@ -5,7 +5,7 @@ use super::point_dataset::PointDataset;
 use super::recipe::{AnyRecipe, Recipe, RecordingSource};
 use super::sweep_dataset::SweepDataset;
 use super::test_recordings::{submaps, write_recording};
-use super::{RecipeArgs, TrainingData, TrainingRecipe, train_recipe};
+use super::{Args, TrainingData, TrainingRecipe, run};
 use messages::{ColorRow, SpectraHeader, UNSEEN};
 use segmentation::ComputeDevice;
 use segmentation::network::Weights;
@@ -47,7 +47,7 @@ fn train(folder: &Path, name: &str, text: &str) -> PathBuf {
     let recipe = folder.join(format!("{name}.toml"));
     std::fs::write(&recipe, text).expect("writes");
     let out = folder.join(name);
-    train_recipe(&RecipeArgs { recipe, out: out.clone(), stop_after: None, device: "cpu".to_owned() }).expect("trains");
+    run(&Args { recipe, out: out.clone(), stop_after: None, device: "cpu".to_owned() }).expect("trains");
     out.join("model.safetensors")
 }
 

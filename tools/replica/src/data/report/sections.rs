@@ -178,7 +178,7 @@ fn reflectances(page: &mut Page, facts: &Facts, material: &Material) {
     for chart in charts {
         page.drawing(chart, "");
     }
-    page.remark("Of the points that a mosaic camera saw. `replica spectrum DRIVE` shows those of its images.");
+    page.remark("Of the points that a mosaic camera saw. `replica-lab spectrum DRIVE` shows those of its images.");
 }
 
 fn classes(page: &mut Page, facts: &Facts) {

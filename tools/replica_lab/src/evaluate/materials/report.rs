@@ -1,4 +1,4 @@
-//! The tables of `replica evaluate materials`.
+//! The tables of `replica-lab evaluate materials`.
 
 use super::fused_classes::{FusedClasses, THRESHOLDS};
 use super::tally::{RANGES_M, SCORES, Tally};

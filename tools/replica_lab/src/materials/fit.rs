@@ -1,4 +1,4 @@
-//! `replica train materials`: makes the model of the materials.
+//! `replica-lab fit-materials`: makes the model of the materials.
 
 use super::{TownArgs, is_held_out, library};
 use anyhow::Context;
@@ -9,10 +9,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use town::Material;
 
-/// Train the model that gives points their materials.
+/// Fit the model that gives points their materials.
 ///
-/// Measures the spectra of simulated drives and adds the spectra of libraries. Every third surface of the towns is left out; `replica
-/// evaluate materials` scores those, too. The model is compiled into the program, from models/materials.json.
+/// Measures the spectra of simulated drives and adds the spectra of libraries. Every third surface of the towns is left out; `replica-lab
+/// evaluate materials` also scores those. The model is compiled into the program, from models/materials.json.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
