@@ -29,7 +29,6 @@ mod supervision;
 mod swap;
 mod swap_segmenter;
 mod terminal;
-mod transports;
 mod two_lidars;
 mod two_machines;
 mod view;

@@ -1,4 +1,4 @@
-//! `replica-lab bench`: measures cost and throughput of a pipeline, with shared memory and with copied messages.
+//! `replica-lab bench`: measures cost and throughput of a pipeline.
 
 mod configuration;
 mod machine;
@@ -11,7 +11,6 @@ use anyhow::{Context, bail};
 use command_line::answer::Answer;
 use command_line::exit_code;
 use configuration::Configuration;
-use ipc::Transport;
 use machine::Machine;
 use measured_run::{Failure, measure};
 use report::Report;
@@ -21,8 +20,8 @@ use std::process::ExitCode;
 
 /// Measure throughput, CPU, memory and latencies of a pipeline.
 ///
-/// Runs a launch file several times, and compares shared memory with a transport that copies messages. The report goes to
-/// stdout and into the files DATE-COMMIT.md and DATE-COMMIT.json in the folder of --out.
+/// Runs a launch file several times, and compares numbers of cores. The report goes to stdout and into the files DATE-COMMIT.md and
+/// DATE-COMMIT.json in the folder of --out.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the runs processed different data, 78 invalid configuration"
@@ -40,9 +39,6 @@ pub struct Args {
     /// Print the table of the stages for every configuration instead of only for the first
     #[arg(long)]
     stages: bool,
-    /// Do not measure the copying transport
-    #[arg(long)]
-    no_copying: bool,
     /// Add a run under perf: the ten largest costs of each stage
     #[arg(long)]
     profile: bool,
@@ -110,10 +106,7 @@ fn configurations(args: &Args, available: usize) -> anyhow::Result<Vec<Configura
     if let Some(wrong) = cores.iter().find(|n| !(1..=available).contains(*n)) {
         bail!("--cores {wrong}: must be 1 to {available}, the cores of this machine");
     }
-    let transports: &[Transport] =
-        if args.no_copying { &[Transport::Shared] } else { &[Transport::Shared, Transport::Copying] };
-    let of = |cores: usize| transports.iter().map(move |transport| Configuration { cores, transport: *transport });
-    Ok(cores.into_iter().flat_map(of).collect())
+    Ok(cores.into_iter().map(|cores| Configuration { cores }).collect())
 }
 
 fn write(report: &Report, args: &Args) -> anyhow::Result<(PathBuf, PathBuf)> {

@@ -1,6 +1,5 @@
 //! Configurations that are measured.
 
-use ipc::Transport;
 use serde::Serialize;
 use std::fmt;
 
@@ -9,22 +8,10 @@ use std::fmt;
 pub struct Configuration {
     /// Number of cores for all processes of the run.
     pub cores: usize,
-    /// See [`Transport`].
-    pub transport: Transport,
-}
-
-impl Configuration {
-    /// The value of `run.transport`.
-    pub fn transport_name(&self) -> &'static str {
-        match self.transport {
-            Transport::Shared => "shared",
-            Transport::Copying => "copying",
-        }
-    }
 }
 
 impl fmt::Display for Configuration {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, {} core{}", self.transport_name(), self.cores, if self.cores == 1 { "" } else { "s" })
+        write!(f, "{} core{}", self.cores, if self.cores == 1 { "" } else { "s" })
     }
 }

@@ -37,7 +37,6 @@ pub fn measure(
     for setting in overrides {
         command.args(["--set", setting]);
     }
-    command.args(["--set", &format!("run.transport={}", configuration.transport_name())]);
     // Each run starts in an empty folder, so that no run reads or replaces files of another.
     let folder = output.join("results");
     if folder.exists() {

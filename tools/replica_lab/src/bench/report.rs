@@ -4,7 +4,6 @@ use super::machine::Machine;
 use super::profile::{self, ProcessProfile};
 use super::series::{Series, Spread};
 use formats::calendar::date_from_days;
-use ipc::Transport;
 use run::summary::{StageSummary, Summary};
 use serde::Serialize;
 use std::fmt::Write;
@@ -36,15 +35,14 @@ const NOTES: &str = "\
 - *CPU* is user and system time of all stages, from their start to their end. The time of the supervisor is separate and \
 counts from the start of the run.\n\
 - *Transport CPU* is the CPU time of the stages' own threads in loaning, publishing, waiting for and receiving messages and \
-ticks, including the kernel. It does not contain page faults in a step. With the copying transport it does not contain the \
-threads that read the sockets; compare the total CPU instead.\n\
+ticks, including the kernel. It does not contain page faults in a step.\n\
 - *Age* is the time from the start of a tick in the source to its end in the stage: at the last stage, the end-to-end latency. \
 Offline, the source runs ahead as far as the queues allow, so age mostly measures the length of the queues.\n\
 - *Peak RSS* counts shared memory in every process that touched it, so the sum is larger than the memory of the run.\n\
 - *Private* memory is that which no other process shares, at its largest heartbeat. *Read* and *written* are bytes by calls, of \
 files and sockets.\n\
 - *Waiting* is time in which the stage's own thread did no step, in the last run: reasons of at least 0.1 s.\n\
-- *Handed over* counts the bytes of rows once per consumer. The copying transport copies twice: into the kernel and out of it.\n";
+- *Handed over* counts the bytes of rows once per consumer, all by reference.\n";
 
 impl Report {
     /// A report with the date of today.
@@ -94,7 +92,7 @@ impl Report {
         )
     }
 
-    /// Compares the transports on the same cores, and the numbers of cores with the same transport.
+    /// Compares the numbers of cores.
     fn comparison(&self) -> String {
         let mut text = String::new();
         let mut line = |what: &str, a: &Series, b: &Series| {
@@ -112,9 +110,7 @@ impl Report {
         for a in &self.series {
             for b in &self.series {
                 let (x, y) = (a.configuration, b.configuration);
-                let copied = x.cores == y.cores && x.transport == Transport::Shared && y.transport != x.transport;
-                let scaled = x.cores < y.cores && x.transport == y.transport;
-                if copied || scaled {
+                if x.cores < y.cores {
                     line(&format!("{y} / {x}"), a, b);
                 }
             }
@@ -133,10 +129,6 @@ fn end_to_end(series: &Series) -> String {
         let Spread { median, min, max } = series.spread(value);
         let _ = writeln!(text, "| {name} | {median:.digits$} | {min:.digits$} | {max:.digits$} |");
     };
-    let shared = series.configuration.transport == Transport::Shared;
-    let moved = |run: &Summary, by_reference: bool| {
-        if shared == by_reference { run.bytes_handed_over() as f64 * 1e-6 } else { 0.0 }
-    };
     row("wall s", 2, &|run| run.total.wall_s);
     row("times real time", 2, &|run| run.total.times_real_time);
     row("M points/s", 3, &|run| run.total.points_per_s * 1e-6);
@@ -145,8 +137,7 @@ fn end_to_end(series: &Series) -> String {
     row("transport CPU s", 3, &Summary::transport_cpu_s);
     row("transport share of CPU, %", 2, &|run| 100.0 * run.transport_cpu_s() / run.total.cpu_s);
     row("supervisor, % of a core", 2, &|run| 100.0 * run.total.supervisor_cpu_s / run.total.wall_s);
-    row("MB handed over by reference", 0, &|run| moved(run, true));
-    row("MB handed over by copy", 0, &|run| moved(run, false));
+    row("MB handed over by reference", 0, &|run| run.bytes_handed_over() as f64 * 1e-6);
     row("messages handed over", 0, &|run| run.messages_handed_over() as f64);
     row("peak shared memory, MB", 0, &|run| run.total.peak_shared_memory_bytes as f64 * 1e-6);
     row("peak RSS, sum of stages, MB", 0, &|run| run.peak_rss_bytes() as f64 * 1e-6);

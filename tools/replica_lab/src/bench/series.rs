@@ -45,16 +45,15 @@ impl Series {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ipc::Transport;
     use run::summary::Total;
 
     #[test]
     fn spread_has_median_and_range_of_the_runs() {
         let run = |cpu_s: f64| Summary { total: Total { cpu_s, ..Total::default() }, ..Summary::default() };
-        let mut series = Series::of(Configuration { cores: 2, transport: Transport::Copying });
+        let mut series = Series::of(Configuration { cores: 2 });
         assert_eq!(series.median(|run| run.total.cpu_s), 0.0);
         series.runs = [5.0, 1.0, 3.0].map(run).to_vec();
         assert_eq!(series.spread(|run| run.total.cpu_s), Spread { median: 3.0, min: 1.0, max: 5.0 });
-        assert_eq!(series.configuration.to_string(), "copying, 2 cores");
+        assert_eq!(series.configuration.to_string(), "2 cores");
     }
 }
