@@ -24,7 +24,7 @@ fn root() -> PathBuf {
 fn pages() -> Vec<PathBuf> {
     let root = root();
     let beside_code =
-        ["benches", "lab/experiments", "lab/peers", "fuzz", "models", "shared/simulation/rigs", "tools/viewer"]
+        ["benches", "lab", "lab/experiments", "lab/peers", "fuzz", "models", "shared/simulation/rigs", "tools/viewer"]
             .map(|folder| root.join(folder).join("README.md"));
     let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|page| root.join(page)).into();
     pages.extend(beside_code);

@@ -1,6 +1,19 @@
-//! Claims of the thesis, repeated on own data. Results: `lab/experiments/README.md`.
+//! Experiments: claims of the thesis, repeated on own data. One command for each table: `cargo run --release -p experiments -- TABLE`
+//! trains what is not finished and prints the table; `--help` lists all tables. Results and conclusions: `lab/experiments/README.md`.
 //!
-//! `cargo run --release -p experiments -- mnist-binary` trains what is not finished and prints the table; `--help` lists all tables.
+//! | idea | module |
+//! |---|---|
+//! | a table as a grid of trainings; running it, alone or as one of several jobs | `experiment`, `task` |
+//! | a training, and what it leaves | `one_training`, `outcome`, `recipe` |
+//! | results on disk, published ones first | `store` |
+//! | losses and height slices (chapter 5) | `loss_table`, `mnist`, `height_slices`, `power_jaccard_minimum` |
+//! | streets (chapter 6): perspectives, transfer, color | `streets` |
+//! | color lines (chapter 3) | `color_lines` |
+//!
+//! What an experiment must never do: change a model or a default of the product by itself, or read held-out seeds for a choice. A
+//! training that was interrupted continues, and finished ones are not repeated: the same table gives the same bytes on one machine.
+//!
+//! Where to begin reading: `Table` below lists the tables, `experiment::run` runs one.
 
 mod color_lines;
 mod experiment;

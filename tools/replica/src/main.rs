@@ -1,4 +1,19 @@
-//! `replica`: the command line tool beside `replica-launch`. Data goes to stdout, diagnostics go to stderr.
+//! `replica`: the operator's command line next to `replica-launch`.
+//!
+//! It controls runs (`status`, `echo`, `record`, `swap`, `batch`, ...), handles data (`import`, `inspect`, `rig`, `deliver`, `view`,
+//! `report`, ...) and checks the machine (`doctor`). Training, scores and analysis are in `replica-lab`.
+//!
+//! | module | commands |
+//! |---|---|
+//! | `control` | observe, record, replay or change a run |
+//! | `data` | drives, clouds, recordings and finished runs as files |
+//! | `setup` | this machine, shells, new stages |
+//!
+//! What it must never do: change the result of a run by observing it, link a network or a trainer (a plain `cargo build` stays small),
+//! or print anything but the answer to stdout; diagnostics go to stderr.
+//!
+//! Where to begin reading: `cli` has the list of commands; a command is a file with its `Args` and a function `run`. Output, arguments,
+//! exit codes and Ctrl-C are in the library `command_line`, pictures of clouds in `pictures`.
 
 mod byte_values;
 mod cli;
