@@ -2,7 +2,7 @@
 """Cost of stages in Python beside the same stages in Rust: CPU time for each submap of a recording, reading it included, on one thread
 (THREADS sets others). Without PyTorch, its row is missing.
 
-  cargo build --release && pip install ./tools/python onnx onnxruntime safetensors torch
+  cargo build --release -p height_segmenter && pip install ./tools/python onnx onnxruntime safetensors torch
   python3 lab/peers/python_stage.py SUBMAPS.mcap
 
 The step that does nothing has what Python, numpy and the reading of the recording cost by themselves.
