@@ -17,6 +17,22 @@ fn completions_of_each_shell_name_every_command() {
 }
 
 #[test]
+fn command_of_the_laboratory_is_refused_with_the_name_of_its_program() {
+    for command in ["train", "fuse", "evaluate", "bench", "spectrum", "cube"] {
+        let output = replica(&[command, "a", "--out", "b"]);
+        assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
+        let said = printed(&output);
+        assert!(
+            said.contains(&format!("error: the command `{command}` is in replica-lab\nhint: replica-lab {command}")),
+            "{said}"
+        );
+    }
+    let output = replica(&["trian"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(!printed(&output).contains("replica-lab"), "{}", printed(&output));
+}
+
+#[test]
 fn manual_pages_are_those_of_all_commands_and_reproducible() {
     let folder = tempfile::tempdir().expect("a folder");
     let [first, second] = ["first", "second"].map(|name| folder.path().join(name));

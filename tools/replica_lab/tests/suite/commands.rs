@@ -1,6 +1,7 @@
 //! The command line itself: completions and manual pages.
 
-use crate::support::{replica_lab, succeeded, text};
+use crate::support::{printed, replica_lab, succeeded, text};
+use std::process::Command;
 
 #[test]
 fn completions_of_each_shell_name_every_command() {
@@ -10,6 +11,16 @@ fn completions_of_each_shell_name_every_command() {
             assert!(script.contains(command), "{shell}: {command}");
         }
     }
+}
+
+#[test]
+fn recipe_may_have_any_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut train = Command::new(env!("CARGO_BIN_EXE_replica-lab"));
+    let output =
+        train.args(["train", "materials", "--out", "out"]).current_dir(folder.path()).output().expect("starts");
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+    assert!(printed(&output).contains("error: materials:"), "{}", printed(&output));
 }
 
 #[test]
