@@ -1,4 +1,4 @@
-"""Drives for odometry_table.py as folders of sweeps (layout: lab/studies/examples/folder/mod.rs), in a cache.
+"""Drives for odometry_table.py as folders of sweeps (layout: lab/studies/src/sweep_folder.rs), in a cache.
 
 Real ones are converted from $REPLICA_DATA (default: ../shared/data beside the checkout). Simulated ones are made by the example
 `sweeps_of_drive` and made again if the simulator has changed since (git trees of its crates).

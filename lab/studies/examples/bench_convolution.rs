@@ -1,6 +1,6 @@
 //! Speed of the convolution kernels on one thread, beside candle's own:
 //! `RAYON_NUM_THREADS=1 cargo run --release -p studies --example bench_convolution`.
-//! One line of tab-separated values for each shape, so that `lab/peers/convolution.py` can put others beside them.
+//! One line of tab-separated values for each shape, so that `lab/peers/segmentation.py` can put others beside them.
 
 use candle_core::{Device, Tensor};
 use segmentation::engine::{Border, Filter, Planes, Shape, convolve};

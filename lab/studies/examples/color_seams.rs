@@ -9,11 +9,6 @@
 //! caused by the choice if both exposures see both points, otherwise by occlusion. Points that do not contribute to the gains show
 //! how differently two exposures depict the same surface.
 
-#[path = "color_truth/lab.rs"]
-mod lab;
-#[path = "common/recorded.rs"]
-mod recorded;
-
 use coloring::{
     AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, ExposureGains, PointBuffers, PointColor,
     PosedExposure, ProjectionCamera, Sampler, SubmapPoints, color_into, overlaps, visibility_maps,
@@ -21,10 +16,11 @@ use coloring::{
 use formats::drive::Drive;
 use geometry::Stamp;
 use messages::{ColorRow, SubmapPoint};
-use recorded::Recorded;
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
+use studies::color_difference::difference;
+use studies::recorded::Recorded;
 
 /// Defaults of the stage.
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
@@ -180,7 +176,7 @@ fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_
 }
 
 fn difference(a: ColorRow, b: ColorRow) -> f64 {
-    lab::difference([a.r, a.g, a.b], [b.r, b.g, b.b])
+    difference([a.r, a.g, a.b], [b.r, b.g, b.b])
 }
 
 fn mean(values: &[f64]) -> f64 {

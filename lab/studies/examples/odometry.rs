@@ -1,4 +1,4 @@
-//! Runs the odometry on a folder of sweeps (layout: `folder/mod.rs`), for comparison with other implementations:
+//! Runs the odometry on a folder of sweeps (layout: `studies::sweep_folder`), for comparison with other implementations:
 //! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--algorithm imls] [--motion imu,gnss] [--untimed none] [--verbose]`.
 //!
 //! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--untimed none` takes sweeps
@@ -8,9 +8,6 @@
 //! Writes `world_from_lidar` at the last shot of each sweep, or without point times in its middle, in KITTI format. Prints the CPU time of all threads per sweep for range
 //! image, features, registration and deskewed cloud, without reading.
 
-mod folder;
-
-use folder::{SweepFolder, kitti_line};
 use geometry::Pose;
 use nalgebra::Vector6;
 use registration::{
@@ -19,6 +16,7 @@ use registration::{
 };
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
+use studies::sweep_folder::{SweepFolder, kitti_line};
 
 /// Longest time of a revolution of sensors without point times, s.
 const UNTIMED_TURN_S: f64 = 0.1;

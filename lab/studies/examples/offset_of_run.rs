@@ -4,17 +4,14 @@
 //! RECORDING contains the topics submap, trajectory and image. `turn` rotates every camera of the rig about its own axes, degrees;
 //! `delay` makes the stamps of all images earlier, ms. The expected result is the opposite rotation, and that delay.
 
-#[path = "common/recorded.rs"]
-mod recorded;
-
 use camera_alignment::report::camera_line;
 use camera_alignment::{AlignmentExposure, OffsetMonitor, profiles_by_camera};
 use coloring::{ColorImage, PointBuffers, ProjectionCamera, SubmapPoints, visibility_maps};
 use formats::drive::Drive;
 use geometry::{RigCamera, Stamp, UnitQuaternion, Vector3};
-use recorded::Recorded;
 use std::error::Error;
 use std::path::Path;
+use studies::recorded::Recorded;
 
 /// Time before and after an exposure at which its pose is evaluated, ns.
 const SHIFT_NANOS: i64 = 20_000_000;

@@ -1,12 +1,9 @@
-//! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `folder/mod.rs`):
+//! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `studies::sweep_folder`):
 //! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]` for a simulated drive with the
 //! LiDAR only (urban, suburban, rural, field, tunnel, motorway; rig l3d2, survey, nuscenes, kitti or a file), with `--traffic dense`
 //! for a queue, with `--lidar-errors poor` (or typical) for a unit with errors. The simulated drive itself is deleted.
 
-mod folder;
-
 use anyhow::Context;
-use folder::kitti_line;
 use formats::drive::{Drive, SweepInfo};
 use formats::lidar::SweepPoint;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
@@ -16,6 +13,7 @@ use simulation::{DriveSettings, DriveSpec, Simulation};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use studies::sweep_folder::kitti_line;
 
 const USAGE: &str = "usage: sweeps_of_drive DRIVE OUT, or sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG] \
                      [--traffic TRAFFIC] [--lidar-errors GRADE]";

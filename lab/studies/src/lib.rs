@@ -14,4 +14,9 @@
 //! Examples of *use* are not studies: they are documentation of a library, or in `examples/`.
 //!
 //! Where to begin reading: the page in `docs/experiments/` that shows the figures names the command; the tables of `lab/peers/README.md`
-//! do so for comparisons with other programs. The library part of the crate is empty: it exists so that this page has a place.
+//! do so for comparisons with other programs. The library has
+//! what several studies share: [`recorded`] messages of a run, a [`sweep_folder`] for other odometry programs, [`color_difference`].
+
+pub mod color_difference;
+pub mod recorded;
+pub mod sweep_folder;

@@ -6,9 +6,6 @@
 //! same town, seed and seconds with the vehicle of the thesis. Occlusion is reported with the flags of moving points that the run
 //! estimated, and with the true ones. Colors and spectra are reported for static points.
 
-mod lab;
-#[path = "../common/recorded.rs"]
-mod recorded;
 mod score;
 mod spectra;
 mod town;
@@ -21,13 +18,14 @@ use coloring::{
 use geometry::{Pose, RigCamera, Stamp};
 use messages::{ClassId, ColorRow, SubmapHeader, SubmapPoint};
 use rayon::prelude::*;
-use recorded::Recorded;
 use score::{Score, Table, print_classes, print_colors, print_occlusion, print_spectra};
 use simulation::sensors::camera::ColorCamera;
 use simulation::sensors::exposure::Exposure;
 use simulation::{DriveSpec, Simulation};
 use std::error::Error;
 use std::path::Path;
+use studies::color_difference::difference;
+use studies::recorded::Recorded;
 
 /// Defaults of the stage.
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
@@ -212,7 +210,7 @@ impl Part<'_> {
                 }
                 let color = rgb(images[exposure].sample(pixel));
                 let true_color = rgb(images[true_exposure].sample(true_pixel));
-                score.color_differences.push(lab::difference(color, true_color));
+                score.color_differences.push(difference(color, true_color));
             }
         }))
     }

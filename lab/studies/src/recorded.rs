@@ -10,9 +10,11 @@ use std::path::Path;
 /// All messages of a run, in order.
 #[derive(Default)]
 pub struct Recorded {
+    /// In the order of the run.
     pub submaps: Vec<Received<SubmapTopic>>,
+    /// In the order of the run.
     pub images: Vec<Received<ImageTopic>>,
-    #[allow(dead_code, reason = "not every example reads cubes")]
+    /// Empty if cubes were not asked for.
     pub cubes: Vec<Received<CubeTopic>>,
     /// `world_from_body` as the run estimated it.
     pub trajectory: Trajectory,

@@ -13,8 +13,6 @@
 //! places.txt            positions of inertial unit and antenna in the body, m, one a line
 //! ```
 
-#![allow(dead_code, reason = "each program uses its own part")]
-
 use anyhow::Context;
 use geometry::{Point3, Pose, Stamp};
 use registration::{GroundVelocity, InertialSample, SensorMounting, Sweep, TimedPoint};
@@ -31,6 +29,7 @@ pub struct SweepFolder {
 }
 
 impl SweepFolder {
+    /// Lists the sweeps of a folder. The points are read later.
     pub fn open(folder: &Path) -> anyhow::Result<Self> {
         let mut clouds = listing(&folder.join("velodyne"), "bin")?;
         if clouds.is_empty() {
@@ -45,9 +44,12 @@ impl SweepFolder {
         let mounting = poses(&folder.join("mounting.txt")).ok().and_then(|poses| poses.first().copied());
         Ok(Self { folder: folder.to_owned(), clouds, stamps, mounting: mounting.unwrap_or_else(Pose::identity) })
     }
+    /// Number of sweeps, at least 1.
+    #[allow(clippy::len_without_is_empty, reason = "a folder without sweeps is refused")]
     pub fn len(&self) -> usize {
         self.clouds.len()
     }
+    /// First shot of a sweep.
     pub fn stamp(&self, number: usize) -> Stamp {
         self.stamps[number]
     }
