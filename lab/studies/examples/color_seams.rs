@@ -19,7 +19,7 @@ use messages::{ColorRow, SubmapPoint};
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
-use studies::color_difference::difference;
+use studies::color_difference;
 use studies::recorded::Recorded;
 
 /// Defaults of the stage.
@@ -176,7 +176,7 @@ fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_
 }
 
 fn difference(a: ColorRow, b: ColorRow) -> f64 {
-    difference([a.r, a.g, a.b], [b.r, b.g, b.b])
+    color_difference::difference([a.r, a.g, a.b], [b.r, b.g, b.b])
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -4,7 +4,7 @@ mod figures;
 mod input;
 mod lines;
 mod materials;
-mod reference;
+pub mod reference;
 mod report;
 mod simulated_exposures;
 mod stretch;

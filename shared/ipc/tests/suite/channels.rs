@@ -126,7 +126,7 @@ fn live_inputs_of_colorize_wait_three_seconds_without_loss() {
 }
 
 #[test]
-fn publisher_of_another_layout_or_version_is_refused() {
+fn ends_of_another_layout_or_version_are_refused() {
     let domain = TestDomain::new("layout");
     let pair = pair(&domain.0);
     let node = domain.0.node("stranger").expect("node");
@@ -138,6 +138,9 @@ fn publisher_of_another_layout_or_version_is_refused() {
     assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
     // The channel agrees with this type, but the attributes of the service do not.
     assert!(matches!(Publisher::<messages::ClassTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    let wake = "consumer.wake";
+    assert!(matches!(Subscriber::<messages::SweepTopic>::open(&node, &channel, wake), Err(IpcError::Transport { .. })));
+    assert!(matches!(Subscriber::<messages::ClassTopic>::open(&node, &channel, wake), Err(IpcError::Transport { .. })));
     drop(pair);
 }
 

@@ -12,6 +12,7 @@ pub struct BandImage {
     pub size: [usize; 2],
     /// Center wavelength of each band, nm.
     pub wavelengths_nm: Vec<f32>,
+    /// Band after band, each row after row.
     pub values: Vec<f32>,
     /// By cell, bit b: band b is valid. Empty if all values are valid.
     pub masks: Vec<u32>,

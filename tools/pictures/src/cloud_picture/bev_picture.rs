@@ -20,7 +20,9 @@ const MAX_CELLS: usize = 1 << 24;
 pub struct BevRequest {
     /// Column of the PLY files.
     pub feature: String,
+    /// What a cell shows of its points.
     pub statistic: BevStatistic,
+    /// Side of a cell, 0.01 to 100 m.
     pub cell_m: f64,
 }
 

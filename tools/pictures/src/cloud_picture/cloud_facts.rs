@@ -7,6 +7,7 @@ use std::fmt::Write;
 /// Statistics of a set of clouds. `None` if the clouds do not have the column.
 #[derive(Serialize)]
 pub struct CloudFacts {
+    /// Of all clouds.
     pub points: usize,
     /// Smallest and largest x y z, m.
     pub bounds_m: Option<[[f64; 3]; 2]>,
@@ -16,12 +17,14 @@ pub struct CloudFacts {
     pub path_m: Option<f64>,
     /// Points that a camera saw.
     pub colored_points: Option<usize>,
+    /// Different instances.
     pub instances: Option<usize>,
     /// The most frequent one first.
     pub classes: Vec<Count>,
     /// The most frequent one first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub materials: Vec<Count>,
+    /// By file name.
     pub clouds: Vec<Count>,
 }
 

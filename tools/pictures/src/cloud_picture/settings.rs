@@ -78,7 +78,9 @@ pub enum Background {
 /// Width and height, px.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PictureSize {
+    /// Columns.
     pub width: usize,
+    /// Rows.
     pub height: usize,
 }
 
@@ -103,7 +105,9 @@ impl FromStr for PictureSize {
 pub struct PictureSettings {
     /// `None`: color if there is any, else class, else height.
     pub color_by: Option<ColorBy>,
+    /// Size of the picture.
     pub size: PictureSize,
+    /// From where the clouds are seen.
     pub viewpoint: Viewpoint,
     /// The top view of a share of the path is of the whole path.
     pub at: At,
@@ -111,6 +115,7 @@ pub struct PictureSettings {
     pub radius_m: f64,
     /// Wavelength of [`ColorBy::Band`], nm.
     pub band_nm: f64,
+    /// Color where no point is.
     pub background: Background,
     /// Without legend, scale bar, north arrow and path.
     pub is_plain: bool,
