@@ -1,6 +1,6 @@
 // Writes the statistics of glibc's allocator of each stage every 5 s to the folder ALLOCATOR_STATISTICS:
 //   cc -O2 -shared -fPIC -o /tmp/statistics.so benches/allocator_statistics.c
-//   ALLOCATOR_STATISTICS=/tmp/out LD_PRELOAD=/tmp/statistics.so cargo bench --bench drive_soak
+//   ALLOCATOR_STATISTICS=/tmp/out LD_PRELOAD=/tmp/statistics.so cargo bench -p replica-tests --bench drive_soak
 // A line: time (s), bytes of arenas, bytes mapped for single blocks, bytes in use in arenas, bytes free in arenas, RssAnon (bytes).
 // The live heap is the sum of the second and the third number of bytes.
 // At its end, each stage writes how often it has allocated (malloc, calloc, realloc, aligned) and how many bytes to STAGE.PID.calls.

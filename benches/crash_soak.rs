@@ -1,5 +1,5 @@
 //! Kills of the real pipeline, as many as wanted: the promise of `crash_recovery::killed_processes_do_not_change_the_clouds`.
-//! `cargo build --release && cargo bench --bench crash_soak -- --kills 200 --seed 1 [--drive FOLDER] [--swaps | --record |
+//! `cargo build --release && cargo bench -p replica-tests --bench crash_soak -- --kills 200 --seed 1 [--drive FOLDER] [--swaps | --record |
 //! --power-loss]`
 //!
 //! `--swaps` replaces stages by themselves all the while, which does not change the result, and counts the kills during a swap.

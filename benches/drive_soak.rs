@@ -1,6 +1,6 @@
 //! Memory of each stage over an hour of drive: a simulated drive whose LiDAR capture is repeated, without GNSS and IMU. At each
 //! repetition the vehicle jumps back, so odometry and loop closures never settle.
-//! `cargo build --release && cargo bench --bench drive_soak -- [--seconds 60] [--repeat 60] [--places 100] [--all]`
+//! `cargo build --release && cargo bench -p replica-tests --bench drive_soak -- [--seconds 60] [--repeat 60] [--places 100] [--all]`
 //!
 //! With `--all`, images are repeated too, as links, and all stages run. Clouds are not written: those of an hour fill 90 GB. The
 //! folder of the drive, 2.4 MB per second, is removed at the end.

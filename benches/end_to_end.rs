@@ -1,5 +1,5 @@
 //! The whole pipeline on the sample drive, several times: speed, CPU seconds by stage, memory. The drive is simulated if it
-//! does not exist. `cargo build --release && cargo bench --bench end_to_end [-- RUNS]`
+//! does not exist. `cargo build --release && cargo bench -p replica-tests --bench end_to_end [-- RUNS]`
 
 use serde_json::Value;
 use std::path::Path;

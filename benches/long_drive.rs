@@ -1,7 +1,7 @@
 //! A long drive with loops: 10 km of laps of 1.5 km through the simulated town, by LiDAR, inertial unit and GNSS receiver. Memory
 //! must not grow, and drift and place are compared with the ground truth. The drive is simulated if it does not exist
 //! (`target/long_drive`, 5 MB a second).
-//! `cargo build --release && cargo bench --bench long_drive [-- SECONDS SEED]`
+//! `cargo build --release && cargo build --release -p replica_lab && cargo bench -p replica-tests --bench long_drive [-- SECONDS SEED]`
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -122,15 +122,15 @@ struct Scores {
 impl Scores {
     fn of(root: &Path, drive: &Path, output: &Path, align: &str) -> Self {
         let report = output.join("evaluation");
-        let status = Command::new(root.join("target/release/replica"))
+        let status = Command::new(root.join("target/release/replica-lab"))
             .args(["evaluate", "trajectory"])
             .args([drive, output])
             .args(["--align", align, "--out"])
             .arg(&report)
             .stdout(std::process::Stdio::null())
             .status()
-            .expect("built by `cargo build --release`");
-        assert!(status.success(), "replica evaluate: {status}");
+            .expect("built by `cargo build --release -p replica_lab`");
+        assert!(status.success(), "replica-lab evaluate: {status}");
         let text = std::fs::read(report.join("evaluation.json")).expect("written");
         let scores: Value = serde_json::from_slice(&text).expect("JSON");
         let segments = scores["segments"].as_array().cloned().unwrap_or_default();

@@ -1,6 +1,6 @@
 //! Searches for leaks: a million messages through the pipeline of tests/misbehaving while descriptors, memory and shared memory
 //! are sampled; then 200 runs that are killed at seeded moments, after which nothing may be left behind.
-//! `cargo build --release -p launch -p misbehaving && cargo bench --bench soak [-- MESSAGES KILLS SEED]`
+//! `cargo build --release -p launch -p misbehaving && cargo bench -p replica-tests --bench soak [-- MESSAGES KILLS SEED]`
 
 use replica_tests::{Launch, Random, Running, domain_of, leftovers, wait_for};
 use rustix::process::{Pid, Signal, kill_process};

@@ -1,6 +1,6 @@
 //! Cost and latency of supervision: CPU time of the supervisor, the time from a stage's exit or hang to its report, and the time
 //! from a kill until the run has passed the lost barrier. With the pipeline of tests/misbehaving.
-//! `cargo build --release -p launch -p misbehaving && cargo bench --bench supervision [-- ROUNDS]`
+//! `cargo build --release -p launch -p misbehaving && cargo bench -p replica-tests --bench supervision [-- ROUNDS]`
 
 use replica_tests::{Launch, Running, binary, wait_for};
 use rustix::process::{Pid, Signal, kill_process};

@@ -3,7 +3,7 @@
 mod promises;
 
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 
@@ -123,6 +123,31 @@ fn algorithms_are_independent_of_transport() {
     }
 }
 
+/// A plain `cargo build` builds supervisor, stages and `replica`.
+#[test]
+fn product_needs_no_crate_of_the_laboratory() {
+    let manifest = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).expect("text");
+    assert!(manifest.contains(r#"default-members = ["services/*", "tools/replica"]"#));
+    let packages = packages();
+    let is_product = |folder: &str| folder.starts_with("services/") || folder == "tools/replica";
+    let product = packages.iter().filter(|(_, (folder, _))| is_product(folder));
+    let (mut todo, mut needed): (Vec<&str>, BTreeSet<&str>) =
+        (product.map(|(name, _)| name.as_str()).collect(), BTreeSet::new());
+    while let Some(name) = todo.pop() {
+        if let Some((_, dependencies)) = packages.get(name)
+            && needed.insert(name)
+        {
+            todo.extend(dependencies.iter().map(String::as_str));
+        }
+    }
+    assert!(needed.contains("stage") && needed.contains("replica"), "{needed:?}");
+    for name in needed {
+        let (folder, _) = &packages[name];
+        let is_laboratory = folder.starts_with("lab/") || ["replica_lab", "training", "town_sweeps"].contains(&name);
+        assert!(!is_laboratory, "the product must not use {name}");
+    }
+}
+
 #[test]
 fn foreign_stage_needs_only_the_stage_crate() {
     let packages = packages();
@@ -133,7 +158,8 @@ fn foreign_stage_needs_only_the_stage_crate() {
 #[test]
 fn unsafe_code_stands_in_one_file_of_ipc() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut folders = ["services", "shared", "tools", "tests", "examples"].map(|name| root.join(name)).to_vec();
+    let mut folders =
+        ["services", "shared", "tools", "tests", "examples", "lab", "benches"].map(|name| root.join(name)).to_vec();
     let mut allowed = Vec::new();
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).expect("readable").flatten() {

@@ -62,7 +62,7 @@ fn files_of(path: &[&str]) -> Vec<PathBuf> {
     if *crate_or_module == "architecture" {
         files.extend(["tests/architecture.rs", "tests/promises.rs"].map(|file| root().join(file)));
     }
-    for folder in ["shared", "services", "tools", "."] {
+    for folder in ["shared", "services", "tools", "lab", "."] {
         source_files(&root().join(folder).join(crate_or_module), &mut files);
     }
     // A module is a file or a folder.

@@ -24,7 +24,7 @@ fn root() -> PathBuf {
 fn pages() -> Vec<PathBuf> {
     let root = root();
     let beside_code =
-        ["benches", "benches/peers", "experiments", "fuzz", "models", "shared/simulation/rigs", "tools/viewer"]
+        ["benches", "lab", "lab/experiments", "lab/peers", "fuzz", "models", "shared/simulation/rigs", "tools/viewer"]
             .map(|folder| root.join(folder).join("README.md"));
     let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|page| root.join(page)).into();
     pages.extend(beside_code);
@@ -142,16 +142,17 @@ fn options_of_the_commands_in_the_documentation_exist() {
             let words: Vec<&str> = line.split_whitespace().map(|word| word.trim_matches(['[', ']', '\''])).collect();
             let Some((program, arguments)) = words.split_first() else { continue };
             let program = program.rsplit('/').next().unwrap_or_default();
-            if !["replica", "replica-launch"].contains(&program) {
+            if !["replica", "replica-lab", "replica-launch"].contains(&program) {
                 continue;
             }
-            // `replica evaluate map`: the options of both.
-            let n_words = if program == "replica" { 2 } else { 0 };
+            // `replica-lab evaluate map`: the options of both.
+            let n_words = if program == "replica-launch" { 0 } else { 2 };
             let selected: Vec<&str> = arguments
                 .iter()
                 .copied()
                 .take(n_words)
-                .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase()))
+                .take_while(|word| word.starts_with(|c: char| c.is_ascii_lowercase()))
+                .take_while(|word| word.chars().all(|c| c.is_ascii_lowercase() || c == '-'))
                 .collect();
             let texts: Vec<String> = (0..=selected.len()).filter_map(|n| help(program, &selected[..n])).collect();
             let options = arguments.iter().filter(|word| word.starts_with("--") && word.len() > 2);

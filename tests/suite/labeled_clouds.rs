@@ -12,6 +12,10 @@ fn replica(arguments: &[&str]) -> Output {
     Command::new(binary("replica")).args(arguments).output().expect("starts")
 }
 
+fn replica_lab(arguments: &[&str]) -> Output {
+    Command::new(binary("replica-lab")).args(arguments).output().expect("starts")
+}
+
 fn succeeded(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(0), "{}", output_text(output));
     String::from_utf8_lossy(&output.stdout).into_owned()
@@ -78,7 +82,7 @@ fn scored(recording: &Path, out: &Path, topics: &str) -> Value {
     assert!(output_text(&output).contains("which no stage publishes here"), "{}", output_text(&output));
     let scores = out.join("scores");
     let arguments = ["evaluate", text(out), "--truth", text(recording), "--out", text(&scores)];
-    succeeded(&replica(&arguments));
+    succeeded(&replica_lab(&arguments));
     serde_json::from_slice(&std::fs::read(scores.join("scores.json")).expect("was written")).expect("is JSON")
 }
 
@@ -114,8 +118,8 @@ fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     std::fs::remove_file(&cloud).expect("removed");
     succeeded(&replica(&["import", text(folder.path()), text(&other), "--kind", "paris-carla-3d"]));
     let arguments = ["evaluate", text(&recording), "--truth", text(&other)];
-    assert_eq!(replica(&arguments).status.code(), Some(1), "a recording is not the output of a run");
+    assert_eq!(replica_lab(&arguments).status.code(), Some(1), "a recording is not the output of a run");
     let found = folder.path().join("found");
     let arguments = ["evaluate", text(&found), "--truth", text(&cloud)];
-    assert_eq!(replica(&arguments).status.code(), Some(1), "a cloud is no recording");
+    assert_eq!(replica_lab(&arguments).status.code(), Some(1), "a cloud is no recording");
 }

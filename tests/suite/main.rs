@@ -1,6 +1,6 @@
 //! Promises about the processes of REPLICA, a module for each topic. `docs/promises.md` lists every promise with its test.
 //!
-//! The programs must be built: `cargo build --release`, then `cargo test --release -p replica-tests`. Many tests wait most of
+//! The programs must be built: `cargo build --release --workspace`, then `cargo test --release -p replica-tests`. Many tests wait most of
 //! their time, so more threads than cores pay off: `-- --test-threads 6`.
 
 mod batch;
@@ -29,7 +29,6 @@ mod supervision;
 mod swap;
 mod swap_segmenter;
 mod terminal;
-mod transports;
 mod two_lidars;
 mod two_machines;
 mod view;

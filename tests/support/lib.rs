@@ -40,7 +40,7 @@ use std::time::{Duration, Instant};
 /// Far more than anything here takes on a busy machine; a test that waits for this long has failed.
 const TIMEOUT: Duration = Duration::from_mins(3);
 
-/// A program of the workspace. `cargo build` and `cargo test --workspace` put it beside the tests.
+/// A program of the workspace. `cargo test --workspace` puts it next to the tests.
 pub fn binary(name: &str) -> PathBuf {
     let tests = std::env::current_exe().expect("a test has a path");
     let folder = tests.parent().and_then(Path::parent).expect("tests lie in target/<profile>/deps");

@@ -9,9 +9,9 @@ use coloring::{
 };
 use formats::ply::{Header, Kind, PlyWriter};
 use geometry::{CameraModel, Isometry3, Pinhole, RigCamera, Stamp, UnitQuaternion};
+use kernels::images::{Border, Planes};
 use lidar::velodyne::{BLOCKS_PER_PACKET, RawBlock, RawReturn, encode_data_packet};
 use lidar::{Lidar, Model, PacketDecoder};
-use kernels::images::{Border, Planes};
 use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use morphology::Connectivity;
 use ndarray::Array2;

@@ -1,6 +1,7 @@
 //! The true classes of a simulated drive, in place of infer: an upper bound for the results of the stages after it.
 //!
 //! ```sh
+//! cargo build --release -p truth_segmenter
 //! replica-launch launch.toml --set infer.program=target/release/truth-segmenter
 //! ```
 //!

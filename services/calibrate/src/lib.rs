@@ -54,7 +54,7 @@ stage::settings! {
         pub color_lines_gaussians: u32 = 60 => stage::within(1, 4096);
         /// Frames of a camera that share a model, made of the first of them. 1: a model of each frame.
         pub color_lines_frames: u32 = 10 => stage::within(1, 1_000_000);
-        /// Models of `replica spectrum lines` (`model.json`) that divide all frames: one for each mosaic camera of the stage, in the order of
+        /// Models of `replica-lab spectrum lines` (`model.json`) that divide all frames: one for each mosaic camera of the stage, in the order of
         /// drive.toml. Empty: models are made of the frames. A relative path is relative to the folder of launch.toml.
         pub color_lines_models: Vec<String> = Vec::new() => stage::any();
         /// Live: folder with the dark and white frames of the mosaic cameras, in the layout of a drive folder (`hs02/dark`, `hs02/white`);

@@ -43,13 +43,13 @@ stage::settings! {
         /// the ground ring by ring, `off` nothing, `auto` as recorded, but normalized where the scale is another.
         pub intensity: String = "auto".to_owned() => stage::one_of(&IntensityUse::WORDS);
         /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
-        /// `cargo build --release -p infer -p replica --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
+        /// `cargo build --release -p infer -p replica_lab --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
         pub device: String = "cpu".to_owned() => stage::one_of(&["cpu", "cuda"]);
         /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
         /// threads and gives the same classes; larger values need more memory.
         pub batch: u32 = 1 => stage::within(1, 64);
         /// Score below which a point gets the class `unlabeled`, 0 to 1. It keeps its score. The counter `unknown_points` has the number
-        /// of these points. 0 keeps every class. `replica evaluate classes` prints how many points a threshold keeps, and how many of
+        /// of these points. 0 keeps every class. `replica-lab evaluate classes` prints how many points a threshold keeps, and how many of
         /// those are correct.
         pub unknown_below: f64 = 0.0 => stage::within(0.0, 1.0);
         /// Terrain and unpaved ground become vegetation where the ground is rough: low vegetation is as low, but rougher.

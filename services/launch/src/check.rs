@@ -12,7 +12,6 @@ use crate::programs;
 use crate::resources::lacks_shared_memory;
 use crate::run_folder::last_domain;
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
-use ipc::Transport;
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};
 use run::{CheckRequest, Context, Mode};
@@ -46,14 +45,13 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     for (stage, problem) in dataflow::connect(&mut stages, mode) {
         problems.add(&stage, problem);
     }
-    dataflow::set_transport(&mut stages, run.transport());
     if stages.is_empty() && problems.is_empty() {
         problems.add_without_place("names no stage: there is nothing to run");
     }
     for text in limits::lacks(&stages) {
         problems.add_without_place(text);
     }
-    check_recording(&run, mode, selection, &stages, &mut problems);
+    check_recording(mode, selection, &stages, &mut problems);
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
     let drive = rig.unwrap_or(drive);
     let context = Context { drive, output, launch_folder: folder, mode, connected, missing };
@@ -161,28 +159,16 @@ fn select(
 }
 
 /// What cannot be recorded without gaps is refused.
-fn check_recording(run: &Run, mode: Mode, selection: &Selection, stages: &[PlannedStage], problems: &mut Problems) {
+fn check_recording(mode: Mode, selection: &Selection, stages: &[PlannedStage], problems: &mut Problems) {
     for topic in &selection.recorded {
         if !stages.iter().any(|stage| stage.outputs.iter().any(|output| output.topic == *topic)) {
             problems.add_without_place(format!("--topics: no stage of this run produces topic {topic}"));
         }
     }
-    let (is_live, is_copying) = (mode == Mode::Live, run.transport() == Transport::Copying);
-    let is_recorded = !selection.recorded.is_empty();
-    for (is_refused, rule) in [
-        (
-            is_live && is_recorded,
+    if mode == Mode::Live && !selection.recorded.is_empty() {
+        problems.add_without_place(
             "--record: a live run drops messages, a recording must not; acquire records the sensors of a live run",
-        ),
-        (
-            is_live && is_copying,
-            "run.transport: a live run needs \"shared\", because only shared memory can drop the oldest message",
-        ),
-        (is_copying && is_recorded, "--record: copied topics cannot be observed; set run.transport = \"shared\""),
-    ] {
-        if is_refused {
-            problems.add_without_place(rule);
-        }
+        );
     }
 }
 

@@ -1,4 +1,4 @@
-//! `run/costs.csv`: work and cost of each stage over time, a line a second. `replica evaluate trajectory RUN --out DIR` draws
+//! `run/costs.csv`: work and cost of each stage over time, a line a second. `replica-lab evaluate trajectory RUN --out DIR` draws
 //! time per sweep and memory over the drive from it.
 
 use run::health::Health;

@@ -1,7 +1,6 @@
 //! The tables and keys of launch.toml that the supervisor reads itself.
 
 use crate::remap::{PlainNames, Remap};
-use ipc::Transport;
 use run::toml::Spanned;
 use run::toml::de::DeValue;
 use run::{Field, Remote, SettingError, Settings, any, one_of, within, zero_or_within};
@@ -22,8 +21,6 @@ run::settings! {
         pub rig: String = String::new() => any();
         /// `offline`: lossless and deterministic, from the drive. `live`: from the sensors, newest data first.
         pub mode: String = "offline".to_owned() => one_of(&["offline", "live"]);
-        /// Transport of messages: shared memory, or, for comparison only, copies through sockets. The results are the same.
-        pub transport: String = "shared".to_owned() => one_of(&["shared", "copying"]);
         /// Drive time between barriers, s: the most that is repeated after a crash. 0: 20 offline, 5 live.
         pub barrier_s: f64 = 0.0 => zero_or_within(0.1, 3600.0);
         /// Consecutive restarts without progress before the run is given up. Each new barrier that all stages complete resets
@@ -49,11 +46,6 @@ impl Run {
             0.0 => 20.0,
             seconds => seconds,
         }
-    }
-
-    /// The key `transport`.
-    pub fn transport(&self) -> Transport {
-        if self.transport == "copying" { Transport::Copying } else { Transport::Shared }
     }
 }
 

@@ -1,6 +1,19 @@
 //! SVG charts: lines, bars and dots over two axes, one chart or several on a sheet. Equal data gives equal bytes.
 //!
+//! | idea | item |
+//! |---|---|
+//! | a chart: title, two axes, series | [`Chart`] |
+//! | a series and how its points are drawn | [`Series`], [`Mark`] |
+//! | a range with round ticks | [`Axis`] |
+//! | rows of bars with names | [`bars()`] |
+//! | several charts in one file | [`sheet`] |
+//!
 //! Written here, not taken from a plotting crate: 400 lines without fonts or rasterizer give reproducible bytes.
+//!
+//! What it must never do: read the clock, a font or a file, depend on the order of a hash map, or compute statistics: callers bring
+//! the numbers. Colors stay distinguishable with any kind of color vision ([`COLORS`]).
+//!
+//! Where to begin reading: [`Chart::svg`].
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -139,7 +139,7 @@ impl Model {
         self.regions.first().map_or(0, |region| region.spectrum.len())
     }
 
-    /// From the text of a `model.json` of `replica spectrum lines`.
+    /// From the text of a `model.json` of `replica-lab spectrum lines`.
     ///
     /// # Errors
     /// If it is not a model, or its parts contradict each other.

@@ -1,5 +1,5 @@
 //! SLIC superpixels (Achanta et al., TPAMI 2012): the baseline of regions. Labels equal those of scikit-image's `slic`
-//! (`benches/peers/color_lines.py`).
+//! (`lab/peers/color_lines.py`).
 
 /// Passes over the image.
 const MAX_PASSES: usize = 10;

@@ -6,7 +6,7 @@ use registration::Registered;
 use serde::{Deserialize, Serialize};
 
 /// Variances that grow with the path length, m^2 and rad^2 per m: 2 cm over 20 m, and 1.6 mrad (0.09 degrees) by the LiDAR
-/// alone, as on simulated and real streets (0.2 degrees over 100 m, see `benches/peers/README.md`).
+/// alone, as on simulated and real streets (0.2 degrees over 100 m, see `lab/peers/README.md`).
 const TRANSLATION_VARIANCE: f64 = 2e-5;
 const ROTATION_VARIANCE: f64 = 1.3e-7;
 /// With gyroscopes 0.3 to 0.4 mrad are measured over the 18 m from submap to submap of drives 11 and 12

@@ -13,17 +13,6 @@ use serde::{Deserialize, Serialize};
 /// A port factory of messages.
 pub(crate) type MessageService = publish_subscribe::PortFactory<Iox, [CacheLine], WireEnvelope>;
 
-/// How the messages of a channel travel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Transport {
-    /// In shared memory: written once, read in place.
-    #[default]
-    Shared,
-    /// Through a socket to each consumer, into memory of its own. For comparison only.
-    Copying,
-}
-
 /// Observers of a topic at a time ([`crate::Observer`]): three terminals.
 pub(crate) const MAX_OBSERVERS: usize = 3;
 
@@ -56,9 +45,6 @@ pub struct Channel {
     pub producer: String,
     /// Wakes of the consumers, notified when there is a message to take.
     pub consumers: Vec<String>,
-    /// How the messages travel.
-    #[serde(default)]
-    pub transport: Transport,
 }
 
 impl Channel {
@@ -76,16 +62,12 @@ impl Channel {
             borrowed: T::BORROWED,
             producer: producer.to_owned(),
             consumers: consumers.to_vec(),
-            transport: Transport::Shared,
         }
     }
 
     /// Shared memory that the producer and each consumer map, bytes: slots of the largest message for all that may be in flight,
     /// held and loaned at a time. Unwritten slots use no memory, but address space.
     pub fn mapped_bytes(&self) -> u64 {
-        if self.transport == Transport::Copying {
-            return 0;
-        }
         let n_readers = (self.consumers.len() + MAX_OBSERVERS) as u64;
         let n_slots = n_readers * (2 * self.queue + self.borrowed) as u64 + MAX_LOANS as u64;
         let header = self.header_bytes.next_multiple_of(LINE) as u64;
@@ -148,11 +130,6 @@ impl Channel {
         let ours = format!("this program has version {}, layout {:016x}", message.version, message.layout);
         let theirs = format!("the run version {}, layout {:016x}", self.version, self.layout);
         Err(IpcError::transport(format!("opening topic {}", self.name), format_args!("{ours}; {theirs}")))
-    }
-
-    /// A loan of another transport.
-    pub(crate) fn foreign_loan(&self, seq: u64) -> IpcError {
-        IpcError::transport(format!("publishing {} {seq}", self.name), "a loan of another transport")
     }
 
     /// Opens the service of the messages. Needs no type.

@@ -4,8 +4,7 @@
 //! ([`ServiceHandles`]); stages open them. No message is lost, by credits: a consumer acknowledges what it has taken, a
 //! producer sends only what fits the slowest consumer's queue, and both sleep on a [`Wake`] in between.
 //!
-//! The same publishers and subscribers can send through sockets and copy instead ([`Transport::Copying`]), to measure what
-//! copying costs.
+//! What copying would cost: `benches/transport.rs`.
 
 mod attached;
 mod channel;
@@ -17,22 +16,19 @@ mod message_subscriber;
 mod message_type;
 mod observer;
 mod opaque;
-mod open_transport;
 mod own_memory;
 mod ownership;
 mod publisher;
 mod service_handles;
 mod shared_memory;
 mod slot;
-mod socket;
 mod subscriber;
-mod transport;
 mod untyped_publisher;
 mod untyped_subscriber;
 mod wake;
 
 pub use attached::Attached;
-pub use channel::{Channel, Transport};
+pub use channel::Channel;
 pub use domain::{Domain, Node};
 pub use error::{IpcError, LoanFull};
 pub use latest::{LatestPublisher, LatestSubscriber};

@@ -1,9 +1,7 @@
-//! What a transport knows of a message type: its sizes. With these as values instead of a type parameter, transports and
-//! credits are compiled once, in this crate, and not again in every program.
+//! What is known of a message type: its sizes. With these as values instead of a type parameter, shared memory and credits are compiled once, in this crate, and not again in every program.
 
-use crate::own_memory::{AnyOwnMessage, OwnMessage};
 use crate::slot::{LINE, header_lines};
-use messages::{Envelope, Message};
+use messages::Message;
 
 /// A type of messages, as values.
 #[derive(Clone, Copy)]
@@ -13,8 +11,6 @@ pub(crate) struct MessageType {
     pub(crate) row_bytes: usize,
     pub(crate) max_rows: usize,
     header_lines: usize,
-    /// A message of this type with zeroed header and rows, in memory of this process.
-    pub(crate) zeroed: fn(Envelope) -> Box<dyn AnyOwnMessage>,
 }
 
 impl MessageType {
@@ -25,7 +21,6 @@ impl MessageType {
             row_bytes: size_of::<T::Row>(),
             max_rows: T::MAX_ROWS,
             header_lines: header_lines::<T>(),
-            zeroed: |envelope| Box::new(OwnMessage::<T>::zeroed(envelope)),
         }
     }
 

@@ -1,8 +1,7 @@
-//! A message in memory of this process: of a test, a saved state or a socket.
+//! A message in memory of this process: of a test or a saved state.
 
-use messages::pod::{bytes_from_rows_mut, zeroed_rows};
+use messages::pod::zeroed_rows;
 use messages::{Envelope, Message};
-use std::any::Any;
 
 /// A message under construction.
 pub(crate) struct OwnLoan<T: Message> {
@@ -45,31 +44,4 @@ pub(crate) struct OwnMessage<T: Message> {
     pub(crate) envelope: Envelope,
     pub(crate) header: Box<T::Header>,
     pub(crate) rows: Vec<T::Row>,
-}
-
-impl<T: Message> OwnMessage<T> {
-    pub(crate) fn zeroed(envelope: Envelope) -> Self {
-        Self { envelope, header: Box::default(), rows: zeroed_rows(envelope.len as usize) }
-    }
-}
-
-/// An [`OwnMessage`] of a type that only its receiver knows.
-pub(crate) trait AnyOwnMessage: Send {
-    fn envelope(&self) -> &Envelope;
-    /// Header and rows.
-    fn bytes_mut(&mut self) -> [&mut [u8]; 2];
-    fn into_any(self: Box<Self>) -> Box<dyn Any>;
-}
-
-impl<T: Message> AnyOwnMessage for OwnMessage<T> {
-    fn envelope(&self) -> &Envelope {
-        &self.envelope
-    }
-    fn bytes_mut(&mut self) -> [&mut [u8]; 2] {
-        let header = std::slice::from_mut(&mut *self.header);
-        [bytes_from_rows_mut(header), bytes_from_rows_mut(&mut self.rows)]
-    }
-    fn into_any(self: Box<Self>) -> Box<dyn Any> {
-        self
-    }
 }

@@ -1,11 +1,10 @@
 //! The producing end of a channel, by type.
 
-use crate::message::{LoanMemory, ReceivedMemory};
+use crate::message::LoanMemory;
 use crate::message_type::MessageType;
 use crate::slot::SharedLoan;
-use crate::transport::Written;
 use crate::untyped_publisher::UntypedPublisher;
-use crate::{Channel, IpcError, Loan, Node, Received};
+use crate::{Channel, IpcError, Loan, Node};
 use messages::{Envelope, Message};
 use std::marker::PhantomData;
 
@@ -27,12 +26,10 @@ impl<T: Message> Publisher<T> {
         self.untyped.connect()
     }
 
-    /// Memory for a message of at most `capacity` rows.
+    /// Shared memory for a message of at most `capacity` rows.
     pub fn loan(&self, capacity: usize) -> Result<Loan<T>, IpcError> {
-        Ok(match self.untyped.slot(capacity)? {
-            Some(slot) => Loan(LoanMemory::Shared(SharedLoan::new(slot, capacity))),
-            None => Loan::in_own_memory(capacity),
-        })
+        let slot = self.untyped.slot(capacity)?;
+        Ok(Loan(LoanMemory::Shared(SharedLoan::new(slot, capacity))))
     }
 
     /// Whether every consumer has room for `n` more messages.
@@ -50,13 +47,13 @@ impl<T: Message> Publisher<T> {
         self.untyped.urge();
     }
 
-    /// Sends. The caller has seen [`Publisher::has_room`] since the last message, and calls [`Node::wake_all`] before it sleeps.
+    /// Sends a loan of [`Publisher::loan`]; a loan in memory of this process is refused. The caller has seen [`Publisher::has_room`] since the last message, and calls [`Node::wake_all`] before it sleeps.
     pub fn send(&mut self, loan: Loan<T>, envelope: Envelope) -> Result<(), IpcError> {
         match loan.0 {
-            LoanMemory::Shared(loan) => self.untyped.send(Written::Slot(loan.finish(envelope)), &envelope),
-            LoanMemory::Own(loan) => {
-                let message = Received(ReceivedMemory::Own(loan.finish(envelope)));
-                self.untyped.send(Written::Parts(message.parts()), &envelope)
+            LoanMemory::Shared(loan) => self.untyped.send(loan.finish(envelope), &envelope),
+            LoanMemory::Own(_) => {
+                let what = format!("publishing {} {}", T::TOPIC, envelope.seq);
+                Err(IpcError::transport(what, "the loan is not in shared memory"))
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::channel::{MAX_OBSERVERS, MessageService, attribute};
 use crate::domain::service_name;
 use crate::latest::{LatestService, builder};
 use crate::opaque::Opaque;
-use crate::{Channel, Iox, IpcError, Node, Transport};
+use crate::{Channel, Iox, IpcError, Node};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::event;
 
@@ -27,10 +27,7 @@ impl ServiceHandles {
 
     /// Creates a topic's service and its acknowledgements.
     pub fn create_channel(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
-        // The producer creates a socket itself.
-        if channel.transport == Transport::Shared {
-            self.create_messages(node, channel)?;
-        }
+        self.create_messages(node, channel)?;
         for index in 0..channel.consumers.len() {
             self.create_latest(node, &channel.acknowledgement(index))?;
         }

@@ -4,8 +4,7 @@ use crate::channel::{MAX_LOANS, MessageService};
 use crate::message_subscriber::MessageSubscriber;
 use crate::message_type::MessageType;
 use crate::opaque::Opaque;
-use crate::slot::{CacheLine, Slot, WireEnvelope};
-use crate::transport::{Arrived, Incoming, Outgoing, Written};
+use crate::slot::{CacheLine, FilledSlot, ReceivedSlot, Slot, WireEnvelope};
 use crate::{Channel, Iox, IpcError, Node};
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{DegradationAction, LoanError, ReceiveError, publisher};
@@ -22,6 +21,7 @@ pub(crate) struct SharedOutgoing {
 
 impl SharedOutgoing {
     pub(crate) fn open(node: &Node, channel: &Channel, message: MessageType) -> Result<Self, IpcError> {
+        channel.check_type(&message)?;
         let service = channel.open(node)?;
         let publisher = service
             .publisher_builder()
@@ -39,10 +39,9 @@ impl SharedOutgoing {
             .map_err(|cause| IpcError::transport(format!("publisher of {}", channel.name), cause))?;
         Ok(Self { channel: channel.clone(), message, service, publisher })
     }
-}
 
-impl Outgoing for SharedOutgoing {
-    fn connect(&self) -> Result<bool, IpcError> {
+    /// Connects to the consumers that have come; whether all are connected.
+    pub(crate) fn connect(&self) -> Result<bool, IpcError> {
         // Observers are subscribers too; the acknowledgements show whether all consumers are there.
         let all_there = self.service.dynamic_config().number_of_subscribers() >= self.channel.consumers.len();
         self.publisher
@@ -51,7 +50,8 @@ impl Outgoing for SharedOutgoing {
         Ok(all_there)
     }
 
-    fn slot(&self, capacity: usize) -> Result<Option<Slot>, IpcError> {
+    /// Shared memory for a message of at most `capacity` rows.
+    pub(crate) fn slot(&self, capacity: usize) -> Result<Slot, IpcError> {
         let sample = self.publisher.loan_slice_uninit(self.message.lines_for(capacity)).map_err(|cause| {
             let what = format!("loan of {capacity} rows ({} bytes each)", self.message.row_bytes);
             match cause {
@@ -61,17 +61,13 @@ impl Outgoing for SharedOutgoing {
                 other => IpcError::transport(what, other),
             }
         })?;
-        Ok(Some(Slot::new(sample)))
+        Ok(Slot::new(sample))
     }
 
-    fn send(&self, message: Written<'_>, envelope: &Envelope) -> Result<usize, IpcError> {
-        let Written::Slot(slot) = message else { return Err(self.channel.foreign_loan(envelope.seq)) };
+    /// Sends to all; the number of consumers and observers that the message reached.
+    pub(crate) fn send(&self, slot: FilledSlot, envelope: &Envelope) -> Result<usize, IpcError> {
         let sent = slot.into_sample().send();
         sent.map_err(|cause| IpcError::transport(format!("publishing {} {}", self.channel.name, envelope.seq), cause))
-    }
-
-    fn needs_notification(&self) -> bool {
-        true
     }
 }
 
@@ -84,17 +80,18 @@ pub(crate) struct SharedIncoming {
 
 impl SharedIncoming {
     pub(crate) fn open(node: &Node, channel: &Channel, message: MessageType) -> Result<Self, IpcError> {
+        channel.check_type(&message)?;
         let subscriber = MessageSubscriber::open(node, channel, "subscriber")?;
         Ok(Self { channel: channel.clone(), message, subscriber })
     }
-}
 
-impl Incoming for SharedIncoming {
-    fn connect(&self) -> Result<bool, IpcError> {
+    /// Connects to the producer; whether it is there.
+    pub(crate) fn connect(&self) -> Result<bool, IpcError> {
         self.subscriber.connect(&self.channel)
     }
 
-    fn receive(&self) -> Result<Option<Arrived>, IpcError> {
+    /// The next message, if there is one. It fits its slot.
+    pub(crate) fn receive(&self) -> Result<Option<ReceivedSlot>, IpcError> {
         let channel = &self.channel;
         let slot = self.subscriber.receive().map_err(|cause| match cause {
             ReceiveError::ExceedsMaxBorrows => {
@@ -111,6 +108,6 @@ impl Incoming for SharedIncoming {
             let service = channel.name.clone();
             return Err(IpcError::Torn { service, bytes: size_of_val(lines), len, row_bytes: self.message.row_bytes });
         }
-        Ok(Some(Arrived::Slot(slot)))
+        Ok(Some(slot))
     }
 }

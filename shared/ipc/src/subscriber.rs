@@ -2,8 +2,6 @@
 
 use crate::message::ReceivedMemory;
 use crate::message_type::MessageType;
-use crate::own_memory::OwnMessage;
-use crate::transport::Arrived;
 use crate::untyped_subscriber::UntypedSubscriber;
 use crate::{Channel, IpcError, Node, Received};
 use messages::Message;
@@ -30,12 +28,6 @@ impl<T: Message> Subscriber<T> {
     /// The next message, if there is one. Its slot is free again when it is dropped. The caller calls [`Node::wake_all`] before it
     /// sleeps: the producer may wait for room.
     pub fn receive(&mut self) -> Result<Option<Received<T>>, IpcError> {
-        Ok(self.untyped.receive()?.map(|arrived| match arrived {
-            Arrived::Slot(slot) => Received(ReceivedMemory::Shared(slot)),
-            Arrived::Own(message) => {
-                let message = message.into_any().downcast::<OwnMessage<T>>();
-                Received(ReceivedMemory::Own(*message.expect("`MessageType::of::<T>` made it")))
-            }
-        }))
+        Ok(self.untyped.receive()?.map(|slot| Received(ReceivedMemory::Shared(slot))))
     }
 }

@@ -1,9 +1,8 @@
 //! The producing end of a channel, without its type: compiled once here, not again for each type in every program.
 
 use crate::message_type::MessageType;
-use crate::open_transport::outgoing;
-use crate::slot::Slot;
-use crate::transport::{Outgoing, Written};
+use crate::shared_memory::SharedOutgoing;
+use crate::slot::{FilledSlot, Slot};
 use crate::wake::SharedWaker;
 use crate::{Channel, IpcError, LatestSubscriber, NOTHING_TAKEN, Node};
 use messages::Envelope;
@@ -13,7 +12,7 @@ use std::rc::Rc;
 pub(crate) struct UntypedPublisher {
     channel: Channel,
     max_rows: usize,
-    transport: Box<dyn Outgoing>,
+    memory: SharedOutgoing,
     consumers: Vec<Consumer>,
     observer: LosslessObserver,
     sent: u64,
@@ -29,8 +28,7 @@ struct Consumer {
     /// Seq after the last message that it took; `None` until it has taken one.
     taken: Option<u64>,
     acknowledgement: LatestSubscriber,
-    /// `None` if the consumer's end of the transport wakes it.
-    waker: Option<Rc<SharedWaker>>,
+    waker: Rc<SharedWaker>,
 }
 
 /// The lossless observer of the topic, if there is one.
@@ -81,7 +79,7 @@ impl LosslessObserver {
 
 impl UntypedPublisher {
     pub(crate) fn open(node: &Node, channel: &Channel, message: MessageType) -> Result<Self, IpcError> {
-        let transport = outgoing(node, channel, message)?;
+        let memory = SharedOutgoing::open(node, channel, message)?;
         let consumers = channel
             .consumers
             .iter()
@@ -90,7 +88,7 @@ impl UntypedPublisher {
                 Ok(Consumer {
                     taken: None,
                     acknowledgement: LatestSubscriber::open(node, &channel.acknowledgement(index))?,
-                    waker: transport.needs_notification().then(|| node.shared_waker(wake)).transpose()?,
+                    waker: node.shared_waker(wake)?,
                 })
             })
             .collect::<Result<_, IpcError>>()?;
@@ -100,7 +98,7 @@ impl UntypedPublisher {
         Ok(Self {
             channel,
             max_rows: message.max_rows,
-            transport,
+            memory,
             consumers,
             observer,
             sent: 0,
@@ -111,7 +109,7 @@ impl UntypedPublisher {
     }
 
     pub(crate) fn connect(&self) -> Result<bool, IpcError> {
-        let all_there = self.transport.connect()?;
+        let all_there = self.memory.connect()?;
         for consumer in &self.consumers {
             if !consumer.acknowledgement.connect()? {
                 return Ok(false);
@@ -120,13 +118,13 @@ impl UntypedPublisher {
         Ok(all_there)
     }
 
-    /// See [`Outgoing::slot`].
-    pub(crate) fn slot(&self, capacity: usize) -> Result<Option<Slot>, IpcError> {
+    /// See [`SharedOutgoing::slot`].
+    pub(crate) fn slot(&self, capacity: usize) -> Result<Slot, IpcError> {
         if capacity > self.max_rows {
             let what = format!("loan of {capacity} rows on {}", self.channel.name);
             return Err(IpcError::transport(what, format!("a message has at most {}", self.max_rows)));
         }
-        self.transport.slot(capacity)
+        self.memory.slot(capacity)
     }
 
     /// Whether every consumer has room for `n` more messages.
@@ -173,13 +171,13 @@ impl UntypedPublisher {
 
     /// See [`crate::Publisher::urge`].
     pub(crate) fn urge(&self) {
-        for waker in self.consumers.iter().filter_map(|consumer| consumer.waker.as_ref()) {
-            waker.urge();
+        for consumer in &self.consumers {
+            consumer.waker.urge();
         }
     }
 
-    pub(crate) fn send(&mut self, message: Written<'_>, envelope: &Envelope) -> Result<(), IpcError> {
-        let reached = self.transport.send(message, envelope)?;
+    pub(crate) fn send(&mut self, slot: FilledSlot, envelope: &Envelope) -> Result<(), IpcError> {
+        let reached = self.memory.send(slot, envelope)?;
         self.sent += 1;
         self.n_free = self.n_free.saturating_sub(1);
         self.next_seq = envelope.seq + 1;
@@ -190,8 +188,8 @@ impl UntypedPublisher {
             let service = self.channel.name.clone();
             return Err(IpcError::Lost { service, seq: envelope.seq, reached, expected });
         }
-        for waker in self.consumers.iter().filter_map(|consumer| consumer.waker.as_ref()) {
-            waker.request();
+        for consumer in &self.consumers {
+            consumer.waker.request();
         }
         Ok(())
     }

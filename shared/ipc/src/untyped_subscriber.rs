@@ -1,15 +1,15 @@
 //! The consuming end of a channel, without its type: compiled once here, not again for each type in every program.
 
 use crate::message_type::MessageType;
-use crate::open_transport::incoming;
-use crate::transport::{Arrived, Incoming};
+use crate::shared_memory::SharedIncoming;
+use crate::slot::ReceivedSlot;
 use crate::wake::SharedWaker;
 use crate::{Channel, IpcError, LatestPublisher, Node};
 use std::rc::Rc;
 
 /// Receives messages and acknowledges them.
 pub(crate) struct UntypedSubscriber {
-    transport: Box<dyn Incoming>,
+    memory: SharedIncoming,
     acknowledgement: LatestPublisher,
     producer: Rc<SharedWaker>,
     /// Messages that it takes before the producer is urged to fill their places.
@@ -24,7 +24,7 @@ impl UntypedSubscriber {
             IpcError::transport(format!("topic {}", channel.name), format!("{consumer} is not among its consumers"))
         })?;
         Ok(Self {
-            transport: incoming(node, channel, message, index)?,
+            memory: SharedIncoming::open(node, channel, message)?,
             acknowledgement: LatestPublisher::open(node, &channel.acknowledgement(index))?,
             producer: node.shared_waker(&channel.producer)?,
             // A producer that waits for room then has several messages to make, and not one for each wake.
@@ -34,11 +34,11 @@ impl UntypedSubscriber {
     }
 
     pub(crate) fn connect(&self) -> Result<bool, IpcError> {
-        Ok(self.transport.connect()? && self.acknowledgement.has_reader())
+        Ok(self.memory.connect()? && self.acknowledgement.has_reader())
     }
 
-    pub(crate) fn receive(&mut self) -> Result<Option<Arrived>, IpcError> {
-        let received = self.transport.receive()?;
+    pub(crate) fn receive(&mut self) -> Result<Option<ReceivedSlot>, IpcError> {
+        let received = self.memory.receive()?;
         if let Some(received) = &received {
             let taken = received.envelope().seq + 1;
             self.acknowledgement.publish(&taken.to_le_bytes())?;

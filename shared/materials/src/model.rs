@@ -4,7 +4,7 @@ use crate::gaussian::place;
 use messages::MaterialId;
 use serde::{Deserialize, Serialize};
 
-/// The model of the project: fitted by `replica train materials`, which names its sources.
+/// The model of the project: fitted by `replica-lab fit-materials`, which names its sources.
 const BUILT_IN: &str = include_str!("../../../models/materials.json");
 
 /// Most bands of a model: as many as a spectrum can have.

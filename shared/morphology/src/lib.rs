@@ -5,7 +5,7 @@
 //! image. Labels increase from 1 in raster order of the first pixels of the components, 0 is no component, so equal images have equal
 //! labels.
 //!
-//! Written here: no crate has these operators for `f32` heights with union-find and vectorized rows (`benches/peers/morphology.py`
+//! Written here: no crate has these operators for `f32` heights with union-find and vectorized rows (`lab/peers/morphology.py`
 //! compares times and results with scikit-image, OpenCV and others).
 //!
 //! | file | operator | cost per pixel |

@@ -1,6 +1,15 @@
 //! Pages of reports as HTML: one column, light and dark as the reader's system asks, fit for print, without scripts.
 //!
-//! Every text is escaped here. Pictures are embedded ([`data_uri`]) or name files beside the page.
+//! [`Page`] grows from top to bottom: sections, paragraphs, findings with a [`Level`], tables ([`Table`]), charts and pictures. The
+//! reports of `replica report` and `replica inspect DRIVE` are such pages.
+//!
+//! Every text is escaped here, so that a name in a drive cannot become markup. Pictures are embedded ([`data_uri`]) or name files next
+//! to the page.
+//!
+//! What it must never do: fetch anything from the network, contain a script, or know what a run is. It reads and writes no file, and
+//! equal input gives equal bytes.
+//!
+//! Where to begin reading: [`Page`] and its methods, in the order in which a page is written; `style.css` is the whole design.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

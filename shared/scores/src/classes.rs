@@ -222,7 +222,7 @@ mod tests {
         assert_eq!((Confusion::new(3).mean_iou(), Confusion::new(3).overall_accuracy()), (None, None));
     }
 
-    /// Values of `benches/peers/scores.py frozen` (scikit-learn 1.9.1) on the same labels: class 6 is only predicted, class 7
+    /// Values of `lab/peers/scores.py frozen` (scikit-learn 1.9.1) on the same labels: class 6 is only predicted, class 7
     /// is neither labeled nor predicted.
     #[test]
     fn scores_match_scikit_learn() {

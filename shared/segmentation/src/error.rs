@@ -147,7 +147,7 @@ pub enum SegmentationError {
     },
     /// The device is a GPU, and the program cannot use one.
     #[error(
-        "device \"cuda\": this program was built without CUDA; build it with `cargo build --release -p infer -p replica --features cuda`, \
+        "device \"cuda\": this program was built without CUDA; build it with `cargo build --release -p infer -p replica_lab --features cuda`, \
          which needs the CUDA toolkit with nvcc, or set device = \"cpu\""
     )]
     BuiltWithoutCuda,

@@ -47,7 +47,7 @@ impl IntensityUse {
 }
 
 /// Quantiles of the ground in simulated towns, for models without their own: points of the HDL-32E of the survey rig, urban, suburban,
-/// rural and tunnel, seeds 9001 and 9002. `replica train` prints and stores those of its data.
+/// rural and tunnel, seeds 9001 and 9002. `replica-lab train` prints and stores those of its data.
 const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
 
 /// The intensities of a submap for a model.

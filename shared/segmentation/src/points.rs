@@ -8,7 +8,7 @@
 //! | [`KpConv`] | `kpconv` | kernel point convolutions on grids that get coarser |
 //! | [`WaffleIron`] | `waffle_iron` | 2D convolutions on three coordinate planes |
 //!
-//! Weights have the names and shapes of the `PyTorch` code of the publications. `benches/peers/point_networks.py` has the same networks
+//! Weights have the names and shapes of the `PyTorch` code of the publications. `lab/peers/point_networks.py` has the same networks
 //! in `PyTorch`; the tests compare outputs, gradients and running statistics with it.
 
 mod batch;

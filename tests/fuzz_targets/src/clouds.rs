@@ -50,7 +50,7 @@ pub(crate) fn nuscenes(bytes: &[u8]) {
     }
 }
 
-/// As `replica evaluate` reads `SemanticKITTI`.
+/// As `replica-lab evaluate` reads `SemanticKITTI`.
 pub(crate) fn npy(bytes: &[u8]) {
     let checked = formats::npy::check_header(bytes);
     accepted(&checked);

@@ -1,11 +1,13 @@
-//! The command line: one flat list of subcommands, shown in four groups.
+//! The command line: one flat list of subcommands, shown in three groups.
 
-use crate::{control, data, lab, setup};
-use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
-use std::fmt::Write;
+use crate::{control, data, setup};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Command, CommandFactory, FromArgMatches, Parser};
+use command_line::groups::{Group, with_groups};
+use command_line::usage_error::UsageError;
 use std::process::ExitCode;
 
-/// Records, inspects and evaluates what `replica-launch` runs.
+/// Controls, inspects and delivers what `replica-launch` runs.
 #[derive(Parser)]
 #[command(name = "replica", version = env!("REPLICA_VERSION"))]
 enum Cli {
@@ -14,32 +16,32 @@ enum Cli {
     #[command(flatten)]
     Data(data::Command),
     #[command(flatten)]
-    Lab(lab::Command),
-    #[command(flatten)]
     Setup(setup::Command),
 }
 
 /// A parsed command line.
 pub struct Parsed(Cli);
 
-const HELP_TEMPLATE: &str = "{about}\n\n{usage-heading} {usage}{after-help}\n\nOptions:\n{options}";
+/// Commands of `replica-lab`.
+const LABORATORY: [&str; 6] = ["train", "fuse", "evaluate", "bench", "spectrum", "cube"];
 
-const EXIT_CODES: &str = "\
-Exit codes:
-  0   done
-  1   failed
-  2   wrong usage
-  3   done, but incomplete or different: the command's help says when
-  78  invalid configuration
+/// Parses the arguments of the process. An error names the program of a command of the laboratory; other wrong arguments end the
+/// process with exit code 2.
+pub fn parse() -> Result<Parsed, UsageError> {
+    let parsed = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    parsed.map(Parsed).map_err(|error| match laboratory_command(&error) {
+        Some(name) => UsageError(format!("the command `{name}` is in replica-lab\nhint: replica-lab {name} --help")),
+        None => error.exit(),
+    })
+}
 
-`replica COMMAND --help` describes one command.";
-
-/// Parses the arguments of the process. Wrong arguments end the process with exit code 2.
-pub fn parse() -> Parsed {
-    match Cli::from_arg_matches(&command().get_matches()) {
-        Ok(cli) => Parsed(cli),
-        Err(error) => error.exit(),
-    }
+/// The command of `replica-lab` that was taken for one of this program.
+fn laboratory_command(error: &clap::Error) -> Option<&'static str> {
+    let given = match (error.kind(), error.get(ContextKind::InvalidSubcommand)) {
+        (ErrorKind::InvalidSubcommand, Some(ContextValue::String(given))) => given,
+        _ => return None,
+    };
+    LABORATORY.into_iter().find(|name| name == given)
 }
 
 impl Parsed {
@@ -48,81 +50,44 @@ impl Parsed {
         match self.0 {
             Cli::Control(command) => command.run(),
             Cli::Data(command) => command.run(),
-            Cli::Lab(command) => command.run(),
             Cli::Setup(command) => command.run(),
         }
     }
 }
 
-/// The subcommands of one audience.
-struct Group {
-    heading: &'static str,
-    command: Command,
-}
-
-fn groups() -> [Group; 4] {
-    let group = |heading, command| Group { heading, command };
+fn groups() -> [Group; 3] {
     [
-        group("Run control", control::Command::augment_subcommands(Command::new("control"))),
-        group("Data", data::Command::augment_subcommands(Command::new("data"))),
-        group("Lab", lab::Command::augment_subcommands(Command::new("lab"))),
-        group("Setup", setup::Command::augment_subcommands(Command::new("setup"))),
+        Group::of::<control::Command>("Run control"),
+        Group::of::<data::Command>("Data"),
+        Group::of::<setup::Command>("Setup"),
     ]
 }
 
-/// The whole command line. Its help shows the groups: clap has one heading for all subcommands.
+/// The whole command line.
 pub fn command() -> Command {
-    Cli::command().help_template(HELP_TEMPLATE).after_help(grouped_subcommands())
-}
-
-fn grouped_subcommands() -> String {
-    let mut text = String::new();
-    for Group { heading, command } in groups() {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "{heading}:");
-        for subcommand in command.get_subcommands() {
-            let about = subcommand.get_about().map(ToString::to_string).unwrap_or_default();
-            let _ = writeln!(text, "  {:<11}  {about}", subcommand.get_name());
-        }
-        text.push('\n');
-    }
-    text + EXIT_CODES
+    with_groups(Cli::command(), &groups())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use command_line::groups::assert_consistent;
 
     #[test]
-    fn every_subcommand_is_in_exactly_one_group() {
-        let command = command();
-        let mut all: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
-        let groups = groups();
-        let names_of = |group| Command::get_subcommands(group).map(Command::get_name);
-        let mut grouped: Vec<&str> = groups.iter().flat_map(|group| names_of(&group.command)).collect();
-        all.sort_unstable();
-        grouped.sort_unstable();
-        assert_eq!(grouped, all);
-        assert_eq!(all.len(), 32);
-        grouped.dedup();
-        assert_eq!(grouped, all, "a subcommand is in two groups");
+    fn help_lists_every_subcommand_in_one_group() {
+        assert_consistent(&command(), &groups());
+        assert_eq!(command().get_subcommands().count(), 26);
     }
 
     #[test]
-    fn help_lists_each_subcommand_once_with_its_summary() {
-        let mut command = command();
-        let help = command.render_help().to_string();
-        // clap adds `help` itself.
-        for subcommand in command.get_subcommands().filter(|subcommand| subcommand.get_name() != "help") {
-            let entry = format!("\n  {:<11}  ", subcommand.get_name());
-            assert_eq!(help.matches(&entry).count(), 1, "{}:\n{help}", subcommand.get_name());
-            let about = subcommand.get_about().map(ToString::to_string).unwrap_or_default();
-            assert!((1..=66).contains(&about.len()), "{}: {about:?}", subcommand.get_name());
+    fn only_commands_of_the_laboratory_are_named_as_such() {
+        let named = |name: &str| {
+            command().try_get_matches_from(["replica", name, "--out", "x"]).map_err(|e| laboratory_command(&e))
+        };
+        for name in LABORATORY {
+            assert_eq!(named(name).err(), Some(Some(name)));
         }
-    }
-
-    #[test]
-    fn definition_of_every_argument_is_consistent() {
-        command().debug_assert();
+        assert_eq!(named("trian").err(), Some(None));
+        assert_eq!(named("inspect").err(), Some(None), "a command of this program with wrong arguments");
     }
 }

@@ -14,7 +14,7 @@ mod stop;
 mod swap;
 mod topics;
 
-use crate::terminal::ignore_broken_pipe;
+use command_line::terminal::ignore_broken_pipe;
 use std::process::ExitCode;
 
 /// The subcommands.

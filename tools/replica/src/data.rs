@@ -2,17 +2,15 @@
 
 mod compare;
 mod convert;
-mod cube;
 mod deliver;
 mod grab;
 mod import;
 mod inspect;
+mod instances;
 mod report;
 mod rig;
 mod send;
-mod sensor_calibration;
 mod simulate;
-pub mod spectrum;
 mod view;
 
 use allocator::{Keep, restart_with_kept_memory};
@@ -28,9 +26,8 @@ pub enum Command {
     Report(report::Args),
     View(view::Args),
     Compare(compare::Args),
+    Instances(instances::Args),
     Deliver(deliver::Args),
-    Cube(cube::Args),
-    Spectrum(spectrum::Args),
     Send(send::Args),
     Grab(grab::Args),
     /// Simulate a drive through a procedural town.
@@ -48,12 +45,11 @@ impl Command {
             Command::Report(args) => report::run(args),
             Command::View(args) => view::run(args),
             Command::Compare(args) => compare::run(args),
+            Command::Instances(args) => instances::run(args),
             Command::Deliver(args) => {
                 restart_with_kept_memory(Keep::Large);
                 deliver::run(args)
             }
-            Command::Cube(args) => cube::run(args),
-            Command::Spectrum(args) => spectrum::run(args),
             Command::Send(args) => send::run(args),
             Command::Grab(args) => grab::run(args),
             Command::Simulate(args) => simulate::run(args),

@@ -1,28 +1,29 @@
-//! `replica`: the command line tool beside `replica-launch`. Data goes to stdout, diagnostics go to stderr.
+//! `replica`: the operator's command line next to `replica-launch`.
+//!
+//! It controls runs (`status`, `echo`, `record`, `swap`, `batch`, ...), handles data (`import`, `inspect`, `rig`, `deliver`, `view`,
+//! `report`, ...) and checks the machine (`doctor`). Training, scores and analysis are in `replica-lab`.
+//!
+//! | module | commands |
+//! |---|---|
+//! | `control` | observe, record, replay or change a run |
+//! | `data` | drives, clouds, recordings and finished runs as files |
+//! | `setup` | this machine, shells, new stages |
+//!
+//! What it must never do: change the result of a run by observing it, link a network or a trainer (a plain `cargo build` stays small),
+//! or print anything but the answer to stdout; diagnostics go to stderr.
+//!
+//! Where to begin reading: `cli` has the list of commands; a command is a file with its `Args` and a function `run`. Output, arguments,
+//! exit codes and Ctrl-C are in the library `command_line`, pictures of clouds in `pictures`.
 
-mod answer;
-mod argument;
 mod byte_values;
-mod class_color;
 mod cli;
-mod cloud_files;
-mod cloud_picture;
 mod control;
 mod data;
-mod error_text;
-mod exit_code;
-mod lab;
-mod material_color;
 mod setup;
-mod terminal;
-mod usage_error;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let command = cli::parse();
-    command.run().unwrap_or_else(|error| {
-        eprintln!("error: {}", error_text::error_text(&error));
-        exit_code::of_error(&error)
-    })
+    let done = cli::parse().map_err(anyhow::Error::from).and_then(cli::Parsed::run);
+    command_line::exit_code::of_result(done)
 }

@@ -1,17 +1,24 @@
 //! Setup: commands that check this machine, install the command line and begin a stage.
 
-mod completions;
 mod doctor;
-mod man;
 mod new_stage;
 
+use crate::cli;
+use command_line::{completions, man};
 use std::process::ExitCode;
 
 /// The subcommands.
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     Doctor(doctor::Args),
+    /// Print the completions of a shell.
+    ///
+    /// bash: replica completions bash > ~/.local/share/bash-completion/completions/replica; `replica-launch --completions SHELL` prints
+    /// those of replica-launch.
     Completions(completions::Args),
+    /// Write manual pages: one for each command.
+    ///
+    /// Read one with `man DIR/replica-inspect.1`. `replica-launch --man DIR` writes that of replica-launch.
     Man(man::Args),
     NewStage(new_stage::Args),
 }
@@ -21,8 +28,8 @@ impl Command {
     pub fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
             Command::Doctor(args) => doctor::run(args),
-            Command::Completions(args) => completions::run(args),
-            Command::Man(args) => man::run(args),
+            Command::Completions(args) => completions::run(args, cli::command()),
+            Command::Man(args) => man::run(args, cli::command()),
             Command::NewStage(args) => new_stage::run(args),
         }
     }

@@ -222,7 +222,10 @@ fn device_that_is_not_built_in_is_refused_by_check() {
     } else {
         assert_eq!(problems.len(), 1, "{problems:?}");
         assert_eq!(problems[0].key, "device");
-        assert!(problems[0].text.contains("cargo build --release -p infer -p replica --features cuda"), "{problems:?}");
+        assert!(
+            problems[0].text.contains("cargo build --release -p infer -p replica_lab --features cuda"),
+            "{problems:?}"
+        );
         assert!(Infer::new(&settings, &at_root()).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! The dataflow of a run: topics get their producers and consumers, stages their order.
 
 use crate::plan::PlannedStage;
-use ipc::{Channel, Transport};
+use ipc::Channel;
 use messages::TickTopic;
 use run::assignment::{PortDescription, TopicChannels, wake_name};
 use run::{Mode, Problem};
@@ -125,17 +125,9 @@ fn channels<'a>(
             borrowed: port.borrowed,
             producer,
             consumers,
-            transport: Transport::Shared,
         },
         topic: port.topic.clone(),
         port: port.topic.clone(),
-    }
-}
-
-/// Sets how messages and ticks are transported.
-pub fn set_transport(stages: &mut [PlannedStage], transport: Transport) {
-    for topic in stages.iter_mut().flat_map(|stage| stage.inputs.iter_mut().chain(&mut stage.outputs)) {
-        (topic.messages.transport, topic.ticks.transport) = (transport, transport);
     }
 }
 

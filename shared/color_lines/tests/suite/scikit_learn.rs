@@ -1,4 +1,4 @@
-//! scikit-learn from the same start is the reference (`benches/peers/color_lines.py freeze`).
+//! scikit-learn from the same start is the reference (`lab/peers/color_lines.py freeze`).
 
 use color_lines::{Gaussian, Points, mixture};
 

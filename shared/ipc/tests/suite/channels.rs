@@ -1,14 +1,13 @@
 //! Channels: messages are read in place, in order and without loss, by the processes of one run only.
 
-use crate::support::{Pair, TestDomain, live_pair, pair, pair_over, send, sweep_channel};
+use crate::support::{Pair, TestDomain, live_pair, pair, send};
 use ipc::{
     Channel, Domain, IpcError, LatestPublisher, LatestSubscriber, Publisher, Received, ServiceHandles, Subscriber,
-    Transport,
 };
 use messages::{ClassRow, CubeTopic, Envelope, ImageTopic, Message, SweepPoint, TrajectoryTopic};
 use std::time::Duration;
 
-/// The next message; through a socket it arrives after a moment.
+/// The next message.
 fn receive(pair: &mut Pair) -> Received<messages::SweepTopic> {
     for _ in 0..100 {
         if let Some(received) = pair.subscriber.receive().expect("no error") {
@@ -53,30 +52,28 @@ fn rows_in_shared_memory_are_read_in_place() {
 
 #[test]
 fn full_queue_stops_producer_without_loss() {
-    for (name, transport) in [("credit", Transport::Shared), ("creditcopy", Transport::Copying)] {
-        let domain = TestDomain::new(name);
-        let mut pair = pair_over(&domain.0, transport);
-        let mut sent = 0;
-        while pair.publisher.has_room(1).expect("no error") {
-            send(&mut pair.publisher, sent, 10 + sent as usize);
-            sent += 1;
+    let domain = TestDomain::new("credit");
+    let mut pair = pair(&domain.0);
+    let mut sent = 0;
+    while pair.publisher.has_room(1).expect("no error") {
+        send(&mut pair.publisher, sent, 10 + sent as usize);
+        sent += 1;
+    }
+    assert_eq!(sent as usize, messages::SweepTopic::QUEUE);
+    let mut held = Vec::new();
+    // Sizes grow, so slots are reallocated while older messages are still held.
+    for expected in 0..200 {
+        let received = receive(&mut pair);
+        assert_eq!(received.envelope().seq, expected);
+        assert_eq!(received.header().n_rings, 32);
+        assert_eq!(received.rows().last().map(|row| row.x), Some((expected * 1000 + 9 + expected) as f32));
+        held.push(received);
+        if held.len() > messages::SweepTopic::BORROWED {
+            held.remove(0);
         }
-        assert_eq!(sent as usize, messages::SweepTopic::QUEUE);
-        let mut held = Vec::new();
-        // Sizes grow, so slots are reallocated while older messages are still held.
-        for expected in 0..200 {
-            let received = receive(&mut pair);
-            assert_eq!(received.envelope().seq, expected);
-            assert_eq!(received.header().n_rings, 32);
-            assert_eq!(received.rows().last().map(|row| row.x), Some((expected * 1000 + 9 + expected) as f32));
-            held.push(received);
-            if held.len() > messages::SweepTopic::BORROWED {
-                held.remove(0);
-            }
-            assert!(pair.publisher.has_room(1).expect("no error"));
-            send(&mut pair.publisher, sent, 10 + sent as usize);
-            sent += 1;
-        }
+        assert!(pair.publisher.has_room(1).expect("no error"));
+        send(&mut pair.publisher, sent, 10 + sent as usize);
+        sent += 1;
     }
 }
 
@@ -128,40 +125,8 @@ fn live_inputs_of_colorize_wait_three_seconds_without_loss() {
     assert_eq!(mebibytes, [33, 70, 0]);
 }
 
-/// The messages are far larger than the socket's buffer. The producer sends all, because a queue's length is read ahead.
 #[test]
-fn copying_producer_does_not_wait_for_idle_consumer() {
-    let domain = TestDomain::new("ahead");
-    let mut pair = pair_over(&domain.0, Transport::Copying);
-    for seq in 0..messages::SweepTopic::QUEUE as u64 {
-        send(&mut pair.publisher, seq, 500_000);
-    }
-    assert!(!pair.publisher.has_room(1).expect("no error"));
-    for expected in 0..messages::SweepTopic::QUEUE as u64 {
-        let received = receive(&mut pair);
-        assert_eq!(received.envelope().seq, expected);
-        assert_eq!(received.rows()[499_999].x, (expected * 1000 + 499_999) as f32);
-        assert!(mapping_of(received.rows().as_ptr().addr()).contains(" 0 "), "the rows are the consumer's own");
-    }
-    assert!(pair.publisher.has_room(1).expect("no error"));
-}
-
-#[test]
-fn copying_consumer_of_another_layout_is_refused() {
-    let domain = TestDomain::new("hello");
-    let pair = pair_over(&domain.0, Transport::Copying);
-    let node = domain.0.node("stranger").expect("node");
-    let channel = Channel { layout: messages::SubmapTopic::LAYOUT, ..sweep_channel(Transport::Copying) };
-    assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
-    drop(pair.subscriber);
-    assert!(Subscriber::<messages::SweepTopic>::open(&node, &channel, "consumer.wake").is_err());
-    let stranger = Subscriber::<messages::SubmapTopic>::open(&node, &channel, "consumer.wake").expect("opened");
-    stranger.connect().expect("connects");
-    assert!(matches!(pair.publisher.connect(), Err(IpcError::Transport { .. })));
-}
-
-#[test]
-fn publisher_of_another_layout_or_version_is_refused() {
+fn ends_of_another_layout_or_version_are_refused() {
     let domain = TestDomain::new("layout");
     let pair = pair(&domain.0);
     let node = domain.0.node("stranger").expect("node");
@@ -173,6 +138,9 @@ fn publisher_of_another_layout_or_version_is_refused() {
     assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
     // The channel agrees with this type, but the attributes of the service do not.
     assert!(matches!(Publisher::<messages::ClassTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    let wake = "consumer.wake";
+    assert!(matches!(Subscriber::<messages::SweepTopic>::open(&node, &channel, wake), Err(IpcError::Transport { .. })));
+    assert!(matches!(Subscriber::<messages::ClassTopic>::open(&node, &channel, wake), Err(IpcError::Transport { .. })));
     drop(pair);
 }
 

@@ -1,4 +1,4 @@
-//! Results of scikit-image for a part of a photograph are the reference (`benches/peers/morphology.py freeze`). All pixel types must
+//! Results of scikit-image for a part of a photograph are the reference (`lab/peers/morphology.py freeze`). All pixel types must
 //! give equal results, because flat operators depend only on the order of values.
 
 use morphology::{

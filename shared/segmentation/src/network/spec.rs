@@ -81,12 +81,4 @@ impl NetworkSpec {
             Self::SphericalDz { widths, .. } => spherical_dz::run(executor, &layers, widths.len(), &input),
         }
     }
-    /// Number of weights and biases.
-    pub fn n_parameters(&self) -> usize {
-        let of_layer = |layer: &Layer| {
-            let n_in: usize = layer.shape.in_channels.iter().sum();
-            layer.shape.out_channels * (n_in * layer.shape.kernel[0] * layer.shape.kernel[1] + 1)
-        };
-        self.layers().iter().map(of_layer).sum()
-    }
 }

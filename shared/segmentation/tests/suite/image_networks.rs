@@ -120,7 +120,7 @@ fn gpu_without_cuda_is_refused_with_the_command_that_builds_it() {
     match ComputeDevice::Cuda.open() {
         Err(SegmentationError::BuiltWithoutCuda) => {
             let text = SegmentationError::BuiltWithoutCuda.to_string();
-            assert!(text.contains("cargo build --release -p infer -p replica --features cuda"), "{text}");
+            assert!(text.contains("cargo build --release -p infer -p replica_lab --features cuda"), "{text}");
         }
         other => assert!(candle_core::utils::cuda_is_available(), "{other:?}"),
     }

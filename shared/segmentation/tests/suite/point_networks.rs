@@ -1,4 +1,4 @@
-//! Networks on points with weights from `PyTorch`: `benches/peers/point_networks.py write` wrote the files of `data/points`, with a
+//! Networks on points with weights from `PyTorch`: `lab/peers/point_networks.py write` wrote the files of `data/points`, with a
 //! batch, outputs, gradients and running statistics of torch in f64.
 
 use candle_core::{Device, Tensor, Var};

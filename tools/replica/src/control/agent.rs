@@ -1,7 +1,7 @@
 //! `replica agent`: runs stages for runs on other hosts.
 
-use crate::terminal::say;
 use anyhow::Context;
+use command_line::say;
 use link::Key;
 use link::agent::Agent;
 use run::exit;

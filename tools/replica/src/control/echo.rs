@@ -3,8 +3,8 @@
 mod message_text;
 
 use super::attach::{RunArgument, TopicEvent, TopicReader};
-use crate::terminal::StopFlag;
-use crate::usage_error::UsageError;
+use command_line::terminal::StopFlag;
+use command_line::usage_error::UsageError;
 use ipc::ObserverMode;
 use message_text::{Format, MessageText};
 use run::exit;

@@ -1,8 +1,8 @@
 //! `replica hz`: rate and intervals of the messages of a topic.
 
 use super::attach::{RunArgument, TopicEvent, TopicReader};
-use crate::answer::Answer;
-use crate::terminal::StopFlag;
+use command_line::answer::Answer;
+use command_line::terminal::StopFlag;
 use ipc::{Observed, ObserverMode};
 use run::exit;
 use serde::Serialize;

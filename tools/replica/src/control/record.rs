@@ -4,9 +4,9 @@ mod attachment;
 mod progress;
 
 use super::attach::{Run, RunArgument, channels};
-use crate::terminal::StopFlag;
-use crate::usage_error::UsageError;
 use attachment::{Attachment, CompleteTick};
+use command_line::terminal::StopFlag;
+use command_line::usage_error::UsageError;
 use ipc::{Attached, IpcError, ObserverMode};
 use messages::{Message, PlacementTopic};
 use progress::Progress;

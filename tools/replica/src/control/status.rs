@@ -3,8 +3,8 @@
 use super::attach::{Run, RunArgument};
 use super::columns::{Column, Table};
 use super::metrics::{ConsumerMetrics, Heartbeats, RunMetrics, StageMetrics, TopicMetrics};
-use crate::argument::InvalidValue;
-use crate::terminal::StopFlag;
+use command_line::argument::InvalidValue;
+use command_line::terminal::StopFlag;
 use run::exit;
 use run::health::{Activity, Latency};
 use run::terminal::{Screen, Style};

@@ -1,8 +1,8 @@
 //! `replica stop`: ends a running pipeline.
 
 use super::attach::RunArgument;
-use crate::terminal::say;
 use anyhow::bail;
+use command_line::say;
 use run::control::{Answer, Request};
 use std::process::ExitCode;
 

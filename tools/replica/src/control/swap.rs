@@ -1,8 +1,8 @@
 //! `replica swap`: replaces a stage of a running pipeline by another program or other settings.
 
 use super::attach::RunArgument;
-use crate::terminal::say;
 use anyhow::bail;
+use command_line::say;
 use run::control::{Answer, Request, SwapRequest};
 use std::path::PathBuf;
 use std::process::ExitCode;

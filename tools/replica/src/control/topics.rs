@@ -3,7 +3,7 @@
 use super::attach::{Run, RunArgument};
 use super::metrics::{Heartbeats, TopicMetrics, topics};
 use super::status::{millions, or_dash};
-use crate::terminal::StopFlag;
+use command_line::terminal::StopFlag;
 use run::exit;
 use std::fmt::Write as _;
 use std::io::Write as _;

@@ -4,12 +4,12 @@ mod classes;
 mod fields;
 mod message_reader;
 
-use crate::answer::Answer;
-use crate::argument::InvalidValue;
-use crate::exit_code;
-use crate::usage_error::UsageError;
 use anyhow::Context;
 use classes::ClassComparison;
+use command_line::answer::Answer;
+use command_line::argument::InvalidValue;
+use command_line::exit_code;
+use command_line::usage_error::UsageError;
 use fields::{Differences, FieldRule};
 use message_reader::MessageReader;
 use recording::{RecordedTopic, RecordingReader};

@@ -1,10 +1,10 @@
 //! `replica convert`: converts a packet capture to one point cloud per revolution.
 
-use crate::argument::InvalidValue;
-use crate::exit_code;
-use crate::terminal::say;
 use anyhow::Context;
 use clap::ValueEnum;
+use command_line::argument::InvalidValue;
+use command_line::exit_code;
+use command_line::say;
 use files::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use formats::ply::{Header, Kind, PlyWriter};
 use lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};

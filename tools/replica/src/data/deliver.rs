@@ -4,11 +4,10 @@ mod delivered;
 mod facts;
 pub mod frame;
 
-use crate::answer::Answer;
-use crate::argument::InvalidValue;
-use crate::class_color::class_color;
-use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
+use command_line::answer::Answer;
+use command_line::argument::InvalidValue;
+use command_line::usage_error::UsageError;
 use deliverables::check_points::{CheckPoint, load_check_points, write_check_points};
 use deliverables::objects::write_objects;
 use deliverables::{
@@ -19,6 +18,7 @@ use delivered::{Delivered, Folder, Others};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use pictures::class_color::class_color;
 use run::summary::Summary;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};

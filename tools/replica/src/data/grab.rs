@@ -1,8 +1,8 @@
 //! `replica grab`: writes the images of a stream as files that are named by their stamps.
 
-use crate::exit_code;
-use crate::terminal::StopFlag;
 use anyhow::Context;
+use command_line::exit_code;
+use command_line::terminal::StopFlag;
 use files::atomic_file::AtomicFile;
 use formats::multipart::MultipartReader;
 use formats::pgm::{Pgm, pgm_from_samples};

@@ -3,8 +3,8 @@
 
 mod ladybug;
 
-use crate::terminal::say;
 use anyhow::{bail, ensure};
+use command_line::say;
 use import::{Kind, Options, RosOptions};
 use lidar::Model;
 use std::path::PathBuf;

@@ -6,18 +6,18 @@ mod offset;
 mod recording;
 
 use super::report::StageDoubt;
-use crate::answer::Answer;
-use crate::argument::positive;
-use crate::cloud_files::cloud_files;
-use crate::cloud_picture::{
+use anyhow::Context;
+use command_line::answer::Answer;
+use command_line::argument::positive;
+use command_line::exit_code;
+use command_line::usage_error::UsageError;
+use delivery::GeoreferenceFile;
+use drive::Reading;
+use pictures::cloud_files::cloud_files;
+use pictures::cloud_picture::{
     At, Background, BevRequest, CloudFacts, ColorBy, DEFAULT_BAND_NM, DEFAULT_RADIUS_M, PictureSettings, PictureSize,
     Viewpoint, render, render_bev, summarize,
 };
-use crate::exit_code;
-use crate::usage_error::UsageError;
-use anyhow::Context;
-use delivery::GeoreferenceFile;
-use drive::Reading;
 use recording::RecordingFacts;
 use run::summary::Summary;
 use serde::Serialize;
@@ -164,8 +164,8 @@ impl ResultFacts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::argument::Cli;
     use clap::Parser;
+    use command_line::argument::Cli;
     use formats::ply::{Header, Kind, PlyWriter};
 
     /// A road of 40 m along x with a car on it.

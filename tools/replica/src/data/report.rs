@@ -25,8 +25,8 @@ mod uncertain;
 mod verdict;
 mod view_drawing;
 
-use crate::answer::Answer;
 use anyhow::Context;
+use command_line::answer::Answer;
 use comparison::{ComparedRun, Comparison};
 pub use facts::StageDoubt;
 use facts::{Facts, Input, ObjectFacts, Points, Settings, StageCosts};

@@ -32,10 +32,10 @@ struct PartOfDrive {
     /// Drive folder
     drive: PathBuf,
     /// Begin, s after the first sweep
-    #[arg(long, default_value_t = 0.0, value_parser = crate::argument::not_negative)]
+    #[arg(long, default_value_t = 0.0, value_parser = command_line::argument::not_negative)]
     start: f64,
     /// Longest part that is read, s
-    #[arg(long, default_value_t = 60.0, value_parser = crate::argument::positive)]
+    #[arg(long, default_value_t = 60.0, value_parser = command_line::argument::positive)]
     seconds: f64,
     /// How the LiDAR turns if its points have no times: the setting `untimed_turn` of `slam_aggregate`
     #[arg(long, default_value = "none", value_parser = ["none", "clockwise", "counterclockwise"])]

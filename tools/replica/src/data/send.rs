@@ -4,10 +4,10 @@ mod images;
 mod lines;
 mod others;
 
-use crate::argument::InvalidValue;
-use crate::terminal::StopFlag;
-use crate::terminal::say;
 use anyhow::{Context, ensure};
+use command_line::argument::InvalidValue;
+use command_line::say;
+use command_line::terminal::StopFlag;
 use drive::Drive;
 use geometry::Stamp;
 use images::{ImageWriter, prepare_folders};
@@ -367,8 +367,8 @@ impl Player<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::argument::Cli;
     use clap::Parser;
+    use command_line::argument::Cli;
     use lidar::pcap::Writer;
 
     /// Ten packets, 1 ms apart. The first byte is their number; every fourth is neither a data nor a position packet.

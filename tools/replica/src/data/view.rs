@@ -18,12 +18,13 @@ mod scene;
 use super::deliver::frame::utm_or_local;
 use super::deliver::{COPC_FILE, create_empty, progress_bar};
 use super::report::finished_run::FinishedRun;
-use crate::argument::not_negative;
-use crate::terminal::{StopFlag, say};
-use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
 use cached_cloud::CachedCloud;
 use camera_images::CameraImages;
+use command_line::argument::not_negative;
+use command_line::say;
+use command_line::terminal::StopFlag;
+use command_line::usage_error::UsageError;
 use deliverables::RunFolder;
 use file_server::{Content, Server, Site};
 use live_site::LiveSite;
@@ -188,8 +189,8 @@ fn add_scene(scene: &Scene, site: &mut Site) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::argument::Cli;
     use clap::Parser;
+    use command_line::argument::Cli;
 
     #[test]
     fn page_is_served_to_this_computer_alone_by_default() {

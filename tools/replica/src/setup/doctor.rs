@@ -15,9 +15,9 @@ mod machine;
 mod programs;
 mod space;
 
-use crate::answer::Answer;
-use crate::exit_code;
 use check::{Check, State};
+use command_line::answer::Answer;
+use command_line::exit_code;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;

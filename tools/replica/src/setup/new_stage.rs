@@ -1,7 +1,7 @@
 //! `replica new-stage`: a folder with a stage to start from.
 
-use crate::usage_error::UsageError;
 use anyhow::{Context, bail};
+use command_line::usage_error::UsageError;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -1,18 +1,14 @@
 //! The commands of `replica`, run as processes.
 
-mod color_lines;
 mod commands;
 mod compare;
-mod cube;
 mod deliver;
-mod evaluate_classes;
-mod evaluate_run;
+#[allow(dead_code, reason = "the tests of replica-lab read more of it")]
 mod finished_run;
-mod fuse;
 mod inspect_drive;
 mod instances;
 mod json;
+mod returns;
 mod setup;
-mod spectrum;
 mod support;
 mod view;

@@ -8,12 +8,28 @@ use std::process::Command;
 fn completions_of_each_shell_name_every_command() {
     for shell in ["bash", "zsh", "fish"] {
         let script = succeeded(&replica(&["completions", shell]));
-        for command in ["inspect", "evaluate", "completions"] {
+        for command in ["inspect", "deliver", "completions"] {
             assert!(script.contains(command), "{shell}: {command}");
         }
     }
     let output = replica(&["completions", "cmd"]);
     assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
+}
+
+#[test]
+fn command_of_the_laboratory_is_refused_with_the_name_of_its_program() {
+    for command in ["train", "fuse", "evaluate", "bench", "spectrum", "cube"] {
+        let output = replica(&[command, "a", "--out", "b"]);
+        assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
+        let said = printed(&output);
+        assert!(
+            said.contains(&format!("error: the command `{command}` is in replica-lab\nhint: replica-lab {command}")),
+            "{said}"
+        );
+    }
+    let output = replica(&["trian"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(!printed(&output).contains("replica-lab"), "{}", printed(&output));
 }
 
 #[test]
@@ -33,8 +49,8 @@ fn manual_pages_are_those_of_all_commands_and_reproducible() {
         let read = |pages: &std::path::Path| std::fs::read(pages.join(&name)).expect("a page");
         assert!(read(&first) == read(&second), "{name:?}");
     }
-    let page = std::fs::read_to_string(first.join("replica-evaluate-map.1")).expect("a page");
-    assert!(page.contains("radius\\-m"), "{page}");
+    let page = std::fs::read_to_string(first.join("replica-rig-check.1")).expect("a page");
+    assert!(page.contains("json"), "{page}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A domain, a channel and its two ends.
 
-use ipc::{Channel, Domain, Node, Publisher, ServiceHandles, Subscriber, Transport, Wake};
+use ipc::{Channel, Domain, Node, Publisher, ServiceHandles, Subscriber, Wake};
 use messages::{Envelope, Message, SweepHeader, SweepTopic};
 
 /// A domain whose files are removed, also when its test fails.
@@ -29,20 +29,12 @@ pub struct Pair<T: Message = SweepTopic> {
     pub nodes: Vec<Node>,
 }
 
-pub fn sweep_channel(transport: Transport) -> Channel {
-    Channel { transport, ..channel_of::<SweepTopic>() }
-}
-
 fn channel_of<T: Message>() -> Channel {
     Channel::of::<T>(T::TOPIC, "producer.wake", &["consumer.wake".to_owned()])
 }
 
 pub fn pair(domain: &Domain) -> Pair {
-    pair_over(domain, Transport::Shared)
-}
-
-pub fn pair_over(domain: &Domain, transport: Transport) -> Pair {
-    pair_of(domain, sweep_channel(transport))
+    pair_of(domain, channel_of::<SweepTopic>())
 }
 
 /// As of a live run: the producer never waits.

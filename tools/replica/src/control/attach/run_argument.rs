@@ -1,8 +1,8 @@
 //! The option `--run`, and the search for runs that are alive.
 
 use super::run_handle::Run;
-use crate::usage_error::UsageError;
 use anyhow::bail;
+use command_line::usage_error::UsageError;
 use run::process::open_files;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! A run that the command line names.
 
-use crate::usage_error::UsageError;
+use command_line::usage_error::UsageError;
 use run::observed_run::ObservedRun;
 use run::wiring::WiredTopic;
 use std::ops::{Deref, DerefMut};

@@ -1,7 +1,7 @@
 //! Receives the messages of one topic, through restarts of the run.
 
 use super::run_handle::Run;
-use crate::terminal::StopFlag;
+use command_line::terminal::StopFlag;
 use ipc::{Attached, Observed, Observer, ObserverMode};
 use run::observed_run::channels;
 use std::time::{Duration, Instant};

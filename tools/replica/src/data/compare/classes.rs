@@ -1,11 +1,11 @@
 //! Classes of two segmenters, point by point: two columns of the clouds of a run, or the same column of two runs.
 
 use super::Args;
-use crate::cloud_files::cloud_files;
-use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
+use command_line::usage_error::UsageError;
 use formats::ply::Vertices;
 use messages::{ClassTopic, Message, class_name};
+use pictures::cloud_files::cloud_files;
 use scores::Confusion;
 use serde::Serialize;
 use std::fmt::Write;

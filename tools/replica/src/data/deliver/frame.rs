@@ -1,9 +1,9 @@
 //! Which coordinates are written, and whether the run determines them.
 
 use super::Args;
-use crate::argument::InvalidValue;
-use crate::usage_error::UsageError;
 use anyhow::{bail, ensure};
+use command_line::argument::InvalidValue;
+use command_line::usage_error::UsageError;
 use deliverables::crs::Crs;
 use deliverables::{Georeference, RunFolder, TargetFrame};
 use formats::gtx::GeoidGrid;

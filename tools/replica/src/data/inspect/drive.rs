@@ -14,10 +14,10 @@ mod receiver;
 pub mod stream;
 pub mod text;
 
-use crate::answer::Answer;
-use crate::exit_code;
 use ::lidar::nmea::Fix;
 use anyhow::Context;
+use command_line::answer::Answer;
+use command_line::exit_code;
 use drive::{Drive, MANIFEST_FILE};
 use facts::DriveFacts;
 use geometry::Stamp;

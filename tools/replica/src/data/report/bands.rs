@@ -1,12 +1,12 @@
 //! Reflectances of the points by band, and their diagnosis.
 
 use super::finished_run::FinishedRun;
-use crate::data::spectrum::channel::Channel;
-use crate::data::spectrum::diagnosis::diagnose;
-use crate::data::spectrum::figures::Figures;
-use crate::data::spectrum::source::{RawCounts, Source};
 use drive::Drive;
 use formats::ply::PlyRows;
+use pictures::bands::channel::Channel;
+use pictures::bands::charts::{distribution, histogram};
+use pictures::bands::diagnosis::diagnose;
+use pictures::bands::source::{RawCounts, Source};
 use serde::Serialize;
 use spectral::FrameCounts;
 
@@ -84,15 +84,8 @@ impl Bands {
 
     /// Histograms, and mean and deviation over the wavelength.
     pub fn charts(&self) -> [String; 2] {
-        let stretched: Vec<Vec<Channel>> = self.sources.iter().map(|source| source.channels.clone()).collect();
-        let figures = Figures {
-            sources: &self.sources,
-            stretched: &stretched,
-            stretch: None,
-            references: &[],
-            quantity: "reflectance",
-        };
-        [figures.histogram().svg(), figures.distribution().svg()]
+        let channels: Vec<Vec<Channel>> = self.sources.iter().map(|source| source.channels.clone()).collect();
+        [histogram, distribution].map(|chart| chart(&self.sources, &channels, "reflectance").svg())
     }
 }
 

@@ -1,11 +1,11 @@
 //! One pass over an even part of the points of a run: top views, objects, colors by camera, covered area.
 
 use super::finished_run::FinishedRun;
-use crate::cloud_picture::{Background, Camera, Canvas, CloudSummary, ColorBy, LoadedCloud, Palette, PictureSize};
 use deliverables::objects::{ObjectSummary, Objects};
 use formats::ply::{PlyRows, Vertices};
 use geometry::BevGrid;
 use image::RgbImage;
+use pictures::cloud_picture::{Background, Camera, Canvas, CloudSummary, ColorBy, LoadedCloud, Palette, PictureSize};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,8 +1,8 @@
 //! A sweep as a range image.
 
 use super::moment::MomentPoint;
-use crate::cloud_picture::{ramp, share};
 use image::{Rgb, RgbImage};
+use pictures::cloud_picture::{ramp, share};
 use std::collections::BTreeMap;
 
 /// Columns of the image, px: half a degree each. Sensors that turn fast have few more.

@@ -6,13 +6,13 @@ use super::material::Material;
 use super::uncertain::CameraShare;
 use super::view_drawing;
 use super::{costs, overlays, range_picture, uncertain};
-use crate::class_color::class_color;
 use crate::data::inspect::drive::page::add_sensors;
 use crate::data::inspect::drive::pictures::png;
-use crate::lab::evaluate::trajectory::cost_chart::CostHistory;
 use chart::{BarRow, bars};
 use messages::{ClassId, class_name};
 use page::{Level, Page, Table, grouped};
+use pictures::class_color::class_color;
+use pictures::cost_history::CostHistory;
 
 /// Objects in the table.
 const MAX_OBJECTS: usize = 25;
@@ -178,7 +178,7 @@ fn reflectances(page: &mut Page, facts: &Facts, material: &Material) {
     for chart in charts {
         page.drawing(chart, "");
     }
-    page.remark("Of the points that a mosaic camera saw. `replica spectrum DRIVE` shows those of its images.");
+    page.remark("Of the points that a mosaic camera saw. `replica-lab spectrum DRIVE` shows those of its images.");
 }
 
 fn classes(page: &mut Page, facts: &Facts) {

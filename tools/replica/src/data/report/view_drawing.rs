@@ -1,7 +1,7 @@
 //! A top view with scale bar and north arrow.
 
-use crate::cloud_picture::round_length;
 use image::RgbImage;
+use pictures::cloud_picture::round_length;
 use std::fmt::Write;
 
 /// Longest scale bar, px.

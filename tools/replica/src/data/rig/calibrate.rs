@@ -1,8 +1,8 @@
 //! `replica rig calibrate`: refines a rig by its drive.
 
 use super::PartOfDrive;
-use crate::answer::Answer;
 use anyhow::{Context, ensure};
+use command_line::answer::Answer;
 use drive::{Drive, MANIFEST_FILE};
 use rig::refine::{Change, Refined};
 use rig::survey::Survey;

@@ -1,8 +1,8 @@
 //! `replica rig check`: whether a rig fits the data of its drive.
 
 use super::PartOfDrive;
-use crate::answer::Answer;
-use crate::exit_code;
+use command_line::answer::Answer;
+use command_line::exit_code;
 use drive::Drive;
 use rig::check::{Report, Verdict};
 use rig::picture;

@@ -2,8 +2,8 @@
 
 use super::other_lidar::{self, OtherLidar};
 use super::questions::{Answers, ask, position};
-use crate::answer::Answer;
 use anyhow::{Context, bail, ensure};
+use command_line::answer::Answer;
 use drive::MANIFEST_FILE;
 use drive::manifest::LidarEntry;
 use geometry::{Pose, Translation3, UnitQuaternion};

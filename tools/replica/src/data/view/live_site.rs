@@ -3,8 +3,8 @@
 use super::live_run::{LiveRun, LiveState, Phase};
 use super::scene::Scene;
 use super::{add_scene, page_files, title};
-use crate::terminal::StopFlag;
 use anyhow::Context;
+use command_line::terminal::StopFlag;
 use file_server::{Content, Server, Site};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,12 +1,12 @@
 //! `scene.json`: what the page shows beside the points. Coordinates are those of the points.
 
-use crate::class_color::class_color;
 use crate::data::deliver::frame::ChosenFrame;
-use crate::material_color::material_color;
 use deliverables::crs::CrsError;
 use deliverables::objects::ObjectSummary;
 use deliverables::{RunFolder, TargetFrame};
 use messages::{ClassId, MaterialId};
+use pictures::class_color::class_color;
+use pictures::material_color::material_color;
 use serde::{Deserialize, Serialize};
 
 /// Vertices of the path: a screen has fewer pixels in a row.

@@ -40,7 +40,10 @@ pub fn add(drive: &Drive, path: &Path, report: &mut DriveReport) {
     }
     if let Some(truth) = &manifest.truth {
         let labels = if truth.labels.is_some() { "trajectory and labels" } else { "trajectory" };
-        lines.push(format!("ground truth: {labels}; after the run: replica evaluate OUT --truth {}", path.display()));
+        lines.push(format!(
+            "ground truth: {labels}; after the run: replica-lab evaluate OUT --truth {}",
+            path.display()
+        ));
     }
     report.section("Processing", lines);
 }

@@ -1,0 +1,22 @@
+//! Studies: programs that measure or picture one library, stage or run. Each is an example of this crate:
+//! `cargo run --release -p studies --example NAME -- ARGUMENTS`; the first lines of its file say what it prints.
+//!
+//! | studies | subject |
+//! |---|---|
+//! | `bench_*`, `*_bench`, `operators`, `throughput`, `live_load` | time and memory of kernels, networks, readers, the link |
+//! | `odometry`, `sweeps_of_drive`, `place_drives` | odometry next to other programs; placement of drives |
+//! | `color_truth`, `color_seams`, `offset_of_run` | colors, spectra and offsets of a run against its simulated town |
+//! | `town_scores` | instances, and what each setting is worth |
+//! | `compare_sweeps`, `gnss_error`, `town_map`, `camera_pictures`, `catalogue`, `material_spectra` | the simulator next to reality; its pictures |
+//! | `write_ground_model` | writes `models/ground.safetensors` |
+//!
+//! What a study must never do: be needed by a program or a test. What a program needs goes to a library; what must hold goes to a test.
+//! Examples of *use* are not studies: they are documentation of a library, or in `examples/`.
+//!
+//! Where to begin reading: the page in `docs/experiments/` that shows the figures names the command; the tables of `lab/peers/README.md`
+//! do so for comparisons with other programs. The library has
+//! what several studies share: [`recorded`] messages of a run, a [`sweep_folder`] for other odometry programs, [`color_difference`].
+
+pub mod color_difference;
+pub mod recorded;
+pub mod sweep_folder;

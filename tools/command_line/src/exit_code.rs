@@ -1,0 +1,22 @@
+//! Exit codes of the commands. The help of each program lists them.
+
+use crate::error_text::error_text;
+use crate::usage_error::UsageError;
+use std::process::ExitCode;
+
+/// The result is incomplete, or what was compared differs; the help of each command says which.
+pub const INCOMPLETE: u8 = run::exit::INCOMPLETE;
+
+/// The exit code of a command that failed.
+fn of_error(error: &anyhow::Error) -> ExitCode {
+    // clap checks arguments that are wrong for every run. Arguments that are wrong for this run get the same exit code.
+    if error.is::<UsageError>() { ExitCode::from(run::exit::USAGE) } else { ExitCode::FAILURE }
+}
+
+/// The exit code of a command that has ended. Prints its error to stderr.
+pub fn of_result(done: anyhow::Result<ExitCode>) -> ExitCode {
+    done.unwrap_or_else(|error| {
+        eprintln!("error: {}", error_text(&error));
+        of_error(&error)
+    })
+}

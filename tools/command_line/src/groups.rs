@@ -1,0 +1,76 @@
+//! Help that shows the subcommands in groups: clap has one heading for all of them.
+
+use clap::{Command, Subcommand};
+use std::fmt::Write;
+
+const HELP_TEMPLATE: &str = "{about}\n\n{usage-heading} {usage}{after-help}\n\nOptions:\n{options}";
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0   done
+  1   failed
+  2   wrong usage
+  3   done, but incomplete or different: the command's help says when
+  78  invalid configuration";
+
+/// The subcommands of one audience.
+pub struct Group {
+    heading: &'static str,
+    command: Command,
+}
+
+impl Group {
+    /// The subcommands of `S` under a heading.
+    pub fn of<S: Subcommand>(heading: &'static str) -> Self {
+        Self { heading, command: S::augment_subcommands(Command::new("group")) }
+    }
+}
+
+/// The command line of a program whose help lists its subcommands by group, then the exit codes.
+pub fn with_groups(command: Command, groups: &[Group]) -> Command {
+    let after_help = format!(
+        "{}{EXIT_CODES}\n\n`{} COMMAND --help` describes one command.",
+        grouped_subcommands(groups),
+        command.get_name()
+    );
+    command.help_template(HELP_TEMPLATE).after_help(after_help)
+}
+
+fn grouped_subcommands(groups: &[Group]) -> String {
+    let width = groups.iter().flat_map(names).map(str::len).max().unwrap_or(0);
+    let mut text = String::new();
+    for group in groups {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{}:", group.heading);
+        for subcommand in group.command.get_subcommands() {
+            let about = subcommand.get_about().map(ToString::to_string).unwrap_or_default();
+            let _ = writeln!(text, "  {:<width$}  {about}", subcommand.get_name());
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn names(group: &Group) -> impl Iterator<Item = &str> {
+    group.command.get_subcommands().map(Command::get_name)
+}
+
+/// For tests of a program: panics if a subcommand is in no group or in several, if its summary is not one short line, or if the
+/// definition of an argument contradicts another one.
+pub fn assert_consistent(command: &Command, groups: &[Group]) {
+    let mut all: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
+    let mut grouped: Vec<&str> = groups.iter().flat_map(names).collect();
+    all.sort_unstable();
+    grouped.sort_unstable();
+    assert_eq!(grouped, all);
+    grouped.dedup();
+    assert_eq!(grouped, all, "a subcommand is in two groups");
+    let help = command.clone().render_help().to_string();
+    for subcommand in command.get_subcommands() {
+        let entries = help.lines().filter(|line| line.split_whitespace().next() == Some(subcommand.get_name()));
+        assert_eq!(entries.count(), 1, "{}:\n{help}", subcommand.get_name());
+        let about = subcommand.get_about().map(ToString::to_string).unwrap_or_default();
+        assert!((1..=66).contains(&about.len()), "{}: {about:?}", subcommand.get_name());
+    }
+    command.clone().debug_assert();
+}

@@ -1,0 +1,136 @@
+//! What a picture shows, and how.
+
+use clap::ValueEnum;
+use std::str::FromStr;
+
+/// The attribute that a point's color shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ColorBy {
+    /// Color from the cameras.
+    Color,
+    /// Class, in CARLA's colors.
+    Class,
+    /// Intensity of the return.
+    Intensity,
+    /// Material; points without spectrum are gray.
+    Material,
+    /// Height.
+    Height,
+    /// Instance; points without one are gray.
+    Instance,
+    /// Moving objects (column `dynamic`).
+    Moving,
+    /// Score of the class, 0 to 1.
+    Score,
+    /// Time of the return.
+    Time,
+    /// A color for each cloud.
+    Submap,
+    /// Reflectance of the band of --band-nm; points without spectrum are gray.
+    Band,
+    /// Stated standard deviation of the horizontal position of the submap.
+    Sigma,
+}
+
+/// Where the camera is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum At {
+    /// Along the path, 0 to 1.
+    Share(f64),
+    /// At a place: x and y in the frame of the clouds, m.
+    Place([f64; 2]),
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("must be a share of the path, 0 to 1, or a place X,Y in m")]
+pub struct InvalidAt;
+
+impl FromStr for At {
+    type Err = InvalidAt;
+
+    fn from_str(text: &str) -> Result<Self, InvalidAt> {
+        let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or(InvalidAt);
+        match text.split_once(',') {
+            Some((x, y)) => Ok(Self::Place([number(x)?, number(y)?])),
+            None => number(text).ok().filter(|share| (0.0..=1.0).contains(share)).map(Self::Share).ok_or(InvalidAt),
+        }
+    }
+}
+
+/// The position of the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Viewpoint {
+    /// Orthographic from above; north is up.
+    Top,
+    /// Perspective from behind and above the vehicle.
+    Street,
+}
+
+/// What is behind the points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Background {
+    /// Dark blue.
+    Dark,
+    /// White.
+    White,
+}
+
+/// Width and height, px.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PictureSize {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("must be WIDTHxHEIGHT, each 16 to 8192")]
+pub struct InvalidSize;
+
+impl FromStr for PictureSize {
+    type Err = InvalidSize;
+
+    fn from_str(text: &str) -> Result<Self, InvalidSize> {
+        // 8192 x 8192 needs 2 GB while it is rendered.
+        let side = |text: &str| text.parse().ok().filter(|side| (16..=8192).contains(side));
+        text.split_once('x')
+            .and_then(|(width, height)| Some(Self { width: side(width)?, height: side(height)? }))
+            .ok_or(InvalidSize)
+    }
+}
+
+/// How a picture is made.
+#[derive(Clone, Copy, Debug)]
+pub struct PictureSettings {
+    /// `None`: color if there is any, else class, else height.
+    pub color_by: Option<ColorBy>,
+    /// Size of the picture.
+    pub size: PictureSize,
+    /// From where the clouds are seen.
+    pub viewpoint: Viewpoint,
+    /// The top view of a share of the path is of the whole path.
+    pub at: At,
+    /// What a view of a place shows around it, m.
+    pub radius_m: f64,
+    /// Wavelength of [`ColorBy::Band`], nm.
+    pub band_nm: f64,
+    /// Color where no point is.
+    pub background: Background,
+    /// Without legend, scale bar, north arrow and path.
+    pub is_plain: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn place_and_share_are_told_apart() {
+        assert_eq!("0.35".parse::<At>().expect("a share"), At::Share(0.35));
+        assert_eq!("12.5,-3".parse::<At>().expect("a place"), At::Place([12.5, -3.0]));
+        for wrong in ["1.5", "a", "1,b", "1,2,3", "nan", "inf,0"] {
+            assert!(wrong.parse::<At>().is_err(), "{wrong}");
+        }
+    }
+}

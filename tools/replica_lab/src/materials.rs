@@ -1,0 +1,7 @@
+//! What `replica-lab fit-materials` and `replica-lab evaluate materials` share: measured spectra of simulated drives with their true material.
+
+pub mod fit;
+mod library;
+mod town_spectra;
+
+pub use town_spectra::{TownArgs, TownSpectra, is_held_out};

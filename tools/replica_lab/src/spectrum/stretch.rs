@@ -1,0 +1,60 @@
+//! Contrast stretching of channels (thesis section 4.3.1). The results are not reflectances.
+
+use pictures::bands::channel::Channel;
+
+/// The interval of a channel's values that is stretched to 0..1. Values outside are clipped to it.
+#[derive(Clone, Copy, Debug)]
+pub enum Stretch {
+    /// "Clip by threshold": from the smallest value to this one, if that is below the largest.
+    UpTo(f64),
+    /// "Clip by percentage": this percentage of the values, those closest to the channel's mean.
+    AroundMean(f64),
+}
+
+impl Stretch {
+    /// What is done to the values.
+    pub fn description(self) -> String {
+        match self {
+            Stretch::UpTo(threshold) => format!("clipped at {threshold}"),
+            Stretch::AroundMean(percent) => {
+                format!("clipped by channel to the {percent} % of pixels closest to the mean")
+            }
+        }
+    }
+
+    /// Stretches a channel, and in the same way other values of it (those of a region).
+    pub fn apply(self, channel: &Channel, values: &[f32]) -> (Channel, Vec<f64>) {
+        let (Some(min), Some(max)) = (channel.min(), channel.max()) else {
+            return (channel.clone(), Vec::new());
+        };
+        let [low, high] = match self {
+            Stretch::UpTo(threshold) => [min, threshold.min(max)],
+            Stretch::AroundMean(percent) => channel.around_mean(percent / 100.0),
+        };
+        // A channel with a single value is mapped to the middle.
+        let stretch = |value: f64| if high > low { ((value - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
+        (channel.mapped(stretch), values.iter().map(|value| stretch(f64::from(*value))).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretched_channel_fills_0_to_1() {
+        let values = [0.0, 0.1, 0.1, 0.2, 0.6];
+        let mut channel = Channel::new(500.0);
+        for value in values {
+            channel.add(value);
+        }
+        let (clipped, same) = Stretch::UpTo(0.2).apply(&channel, &values);
+        assert!((clipped.share(0.49, 0.51) - 0.4).abs() < 1e-9, "0.1 is in the middle of 0 to 0.2");
+        assert!((clipped.share(0.99, 1.01) - 0.4).abs() < 1e-9, "0.2 and 0.6 are at the end");
+        let expected = [0.0, 0.5, 0.5, 1.0, 1.0];
+        assert!(same.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{same:?}");
+        // The mean is 0.2; its closest four values are 0 to 0.2, and 0.6 is clipped.
+        let (clipped, _) = Stretch::AroundMean(80.0).apply(&channel, &[]);
+        assert!((clipped.share(0.99, 1.01) - 0.4).abs() < 1e-9 && clipped.share(-0.01, 0.01) == 0.2);
+    }
+}

@@ -1,0 +1,266 @@
+//! `replica-lab train`: trains a model from a recipe.
+
+mod augmentation;
+mod bev_labels;
+mod camera_columns;
+mod camera_dropout;
+mod ideal_columns;
+mod images;
+mod intensity_scale;
+mod labeled_image;
+mod point_dataset;
+mod point_recipe;
+mod points;
+pub mod recipe;
+mod recorded_sweeps;
+mod removed_classes;
+mod sources;
+mod submap_file;
+mod submap_join;
+pub mod sweep_dataset;
+mod sweep_file;
+#[cfg(test)]
+mod test_recordings;
+#[cfg(test)]
+mod tests;
+
+use anyhow::Context;
+use files::atomic_file::write_atomic;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use messages::ClassId;
+use recipe::{AnyRecipe, Data, Range, RecordingSource};
+use segmentation::ComputeDevice;
+use segmentation::intensity::GroundIntensities;
+use segmentation::network::Weights;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use training::{Dataset, Hierarchy, Network, TrainSettings, Trainer};
+
+/// What a training needs of its recipe, for a network on images or on points.
+trait TrainingRecipe {
+    type Network: Network;
+    type Data: TrainingData + Dataset<<Self::Network as Network>::Example>;
+
+    /// What both kinds of recipe have.
+    fn shared(&self) -> SharedRecipe<'_>;
+    /// The network before the first step, trained on a device. Paths are relative to `folder`, that of the recipe.
+    fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<Self::Network>;
+    /// A data set without examples, with a file in `folder`.
+    fn empty_data(&self, folder: &Path, validation: bool) -> anyhow::Result<Self::Data>;
+    /// The bytes of the model file.
+    fn model(&self, weights: &Weights, calibration: Calibration) -> anyhow::Result<Vec<u8>>;
+}
+
+/// Tables and settings of all recipes.
+struct SharedRecipe<'a> {
+    data: &'a Data,
+    train: &'a TrainSettings,
+    /// Divisor of the logits; without it, that which fits the validation data.
+    temperature: Option<f32>,
+    /// Name prefixes of variables that are not trained.
+    frozen: &'a [String],
+    /// Share of the weights before training in the model file.
+    start_share: f32,
+    /// Names of the classes.
+    classes: &'a [String],
+}
+
+/// What a model file has beside settings of the recipe and weights.
+#[derive(Clone, Copy)]
+struct Calibration {
+    temperature: f32,
+    ground_intensities: Option<GroundIntensities>,
+}
+
+/// Labeled examples of the sources of a recipe.
+pub trait TrainingData {
+    /// Simulates drives. Calls `progress` with the number of finished drives and of all drives.
+    fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()>;
+    /// Reads a recording; paths are relative to `folder`.
+    fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()>;
+    /// Ends the sources.
+    fn finish(&mut self) {}
+    /// The size in words.
+    fn size(&self) -> String;
+    /// Number of pixels or points of each class of the recipe.
+    fn counts(&self) -> &[u64];
+    /// Quantiles of the intensities of the ground.
+    fn ground_intensities(&self) -> Option<GroundIntensities>;
+}
+
+/// Train a model that gives points their classes.
+///
+/// The stage infer loads the model. Training that was interrupted continues from its checkpoint when it is started again.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+pub struct Args {
+    /// Recipe (TOML)
+    recipe: PathBuf,
+    /// Folder for the model, the learning curves and the checkpoint; created if absent
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Stop after this number of epochs in total [default: as in the recipe]
+    #[arg(long, value_name = "N")]
+    stop_after: Option<usize>,
+    /// Where a network on images is trained; cuda is the first NVIDIA GPU
+    #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = ["cpu", "cuda"])]
+    device: String,
+}
+
+/// Name of the checkpoint file.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+
+/// Runs the command. One line per epoch goes to stdout.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    match AnyRecipe::load(&args.recipe)? {
+        AnyRecipe::Images(recipe) => train(&recipe, args),
+        AnyRecipe::Points(recipe) => train(&recipe, args),
+    }
+}
+
+fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode> {
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    let device = ComputeDevice::from_word(&args.device).unwrap_or_default();
+    let mut trainer = trainer(recipe, &args.recipe, device)?;
+    let start = trainer.best().clone();
+    let uncalibrated = Calibration { temperature: 1.0, ground_intensities: None };
+    let checkpoint = args.out.join(CHECKPOINT);
+    if checkpoint.exists() {
+        trainer.resume(&checkpoint)?;
+        eprintln!("resuming after epoch {} from {}", trainer.curves().epochs.len(), checkpoint.display());
+    }
+    let is_done = |trainer: &Trainer<R::Network>| {
+        trainer.is_done() || args.stop_after.is_some_and(|n| trainer.curves().epochs.len() >= n)
+    };
+    let bar = progress_bar();
+    let (data, validation) = if is_done(&trainer) {
+        (None, None)
+    } else {
+        let data = dataset(recipe, args, recipe.shared().data.seeds, false, &bar)?;
+        (Some(data), Some(dataset(recipe, args, recipe.shared().data.validation_seeds, true, &bar)?))
+    };
+    if let (Some(data), Some(validation)) = (&data, &validation) {
+        print_class_counts(recipe, data)?;
+        while !is_done(&trainer) {
+            let number = trainer.curves().epochs.len();
+            bar.set_message(format!("epoch {number}"));
+            bar.reset();
+            trainer.epoch(data, validation, &mut |done, all| set(&bar, done, all))?;
+            write_state(recipe, &trainer, (trainer.best(), uncalibrated), &args.out)?;
+            let last = trainer.curves().epochs[number];
+            bar.suspend(|| {
+                writeln!(
+                    std::io::stdout(),
+                    "epoch {number}: loss {:.4}, validation loss {:.4}, mIoU {:.2} %, accuracy {:.2} %",
+                    last.loss,
+                    last.validation_loss,
+                    100.0 * last.mean_iou,
+                    100.0 * last.accuracy
+                )
+            })?;
+        }
+    }
+    bar.finish_and_clear();
+    if let Some(validation) = &validation {
+        let weights = trainer.best().mixed_with(&start, recipe.shared().start_share);
+        let temperature = match recipe.shared().temperature {
+            Some(temperature) => temperature,
+            None => trainer.with_weights(&weights)?.temperature(validation)?,
+        };
+        let ground_intensities = data.as_ref().and_then(TrainingData::ground_intensities);
+        write_state(recipe, &trainer, (&weights, Calibration { temperature, ground_intensities }), &args.out)?;
+    }
+    if let Some((epoch, mean_iou)) = trainer.curves().best() {
+        writeln!(
+            std::io::stdout(),
+            "best: epoch {epoch}, mIoU {:.2} %: {}",
+            100.0 * mean_iou,
+            model_path(&args.out).display()
+        )?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The data that is trained on, or that for validation. It lies in a file in the folder of the model.
+fn dataset<R: TrainingRecipe>(
+    recipe: &R,
+    args: &Args,
+    seeds: Option<Range>,
+    validation: bool,
+    bar: &ProgressBar,
+) -> anyhow::Result<R::Data> {
+    let mut data = recipe.empty_data(&args.out, validation)?;
+    if let Some(seeds) = seeds {
+        bar.set_message("simulating sweeps");
+        data.add_towns(recipe.shared().data, seeds, &mut |done, all| set(bar, done, all))?;
+    }
+    for source in recipe.shared().data.recordings.iter().filter(|source| source.validation == validation) {
+        bar.set_message(format!("reading {}", source.file.display()));
+        data.add_recording(source, folder_of(&args.recipe))?;
+    }
+    data.finish();
+    Ok(data)
+}
+
+fn folder_of(recipe: &Path) -> &Path {
+    recipe.parent().unwrap_or(Path::new(""))
+}
+
+fn trainer<R: TrainingRecipe>(recipe: &R, path: &Path, device: ComputeDevice) -> anyhow::Result<Trainer<R::Network>> {
+    let network = recipe.network(folder_of(path), device)?;
+    let classes: Vec<ClassId> = recipe.shared().classes.iter().filter_map(|name| ClassId::from_name(name)).collect();
+    let tree = Hierarchy::of_classes(&classes);
+    let mut trainer = Trainer::of_network(recipe.shared().train.clone(), network, classes.len(), tree)?;
+    trainer.freeze(recipe.shared().frozen.to_vec());
+    Ok(trainer)
+}
+
+fn print_class_counts<R: TrainingRecipe>(recipe: &R, data: &R::Data) -> anyhow::Result<()> {
+    let counts = data.counts();
+    let total = counts.iter().sum::<u64>().max(1);
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{}", data.size())?;
+    for (name, n) in recipe.shared().classes.iter().zip(counts) {
+        writeln!(out, "{name:>14} {:7.3} %", 100.0 * *n as f64 / total as f64)?;
+    }
+    if let Some(quantiles) = data.ground_intensities() {
+        writeln!(out, "intensities of the ground at 5, 25, 50, 75, 95 %: {quantiles:?}")?;
+    }
+    Ok(())
+}
+
+fn model_path(out: &Path) -> PathBuf {
+    out.join("model.safetensors")
+}
+
+/// Writes the model, the curves and, last, the checkpoint. Each file is complete or absent, also after a power loss.
+fn write_state<R: TrainingRecipe>(
+    recipe: &R,
+    trainer: &Trainer<R::Network>,
+    (weights, calibration): (&Weights, Calibration),
+    out: &Path,
+) -> anyhow::Result<()> {
+    let write = |path: &Path, bytes: &[u8]| write_atomic(path, bytes).with_context(|| path.display().to_string());
+    write(&model_path(out), &recipe.model(weights, calibration)?)?;
+    write(&out.join("curves.csv"), trainer.curves().csv().as_bytes())?;
+    write(&out.join("curves.svg"), trainer.curves().svg().as_bytes())?;
+    write(&out.join(CHECKPOINT), &trainer.checkpoint()?)
+}
+
+fn set(bar: &ProgressBar, done: usize, all: usize) {
+    bar.set_length(all as u64);
+    bar.set_position(done as u64);
+}
+
+fn progress_bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr());
+    // The template is a constant. If it were wrong, the bar would only look plain.
+    match ProgressStyle::with_template("{msg} [{wide_bar}] {pos}/{len} {eta} left") {
+        Ok(style) => bar.with_style(style.progress_chars("=> ")),
+        Err(_) => bar,
+    }
+}
