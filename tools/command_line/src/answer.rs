@@ -15,6 +15,7 @@ pub struct Answer {
 
 impl Answer {
     /// As JSON also if another option asks for it.
+    #[must_use]
     pub fn or(self, json: bool) -> Self {
         Self { json: self.json || json }
     }

@@ -37,9 +37,10 @@ pub fn parse() -> Result<Parsed, UsageError> {
 
 /// The command of `replica-lab` that was taken for one of this program.
 fn laboratory_command(error: &clap::Error) -> Option<&'static str> {
-    let given = match (error.kind(), error.get(ContextKind::InvalidSubcommand)) {
-        (ErrorKind::InvalidSubcommand, Some(ContextValue::String(given))) => given,
-        _ => return None,
+    let (ErrorKind::InvalidSubcommand, Some(ContextValue::String(given))) =
+        (error.kind(), error.get(ContextKind::InvalidSubcommand))
+    else {
+        return None;
     };
     LABORATORY.into_iter().find(|name| name == given)
 }

@@ -37,8 +37,8 @@ enum Scores {
 
 #[derive(Subcommand)]
 enum Reflectances {
-    Cube(cube::Args),
-    Spectrum(spectrum::Args),
+    Cube(Box<cube::Args>),
+    Spectrum(Box<spectrum::Args>),
 }
 
 #[derive(Subcommand)]

@@ -126,6 +126,7 @@ impl Channel {
     }
 
     /// The channel with all values mapped, exact to one bin.
+    #[must_use]
     pub fn mapped(&self, change: impl Fn(f64) -> f64) -> Self {
         let mut mapped = Self { n_invalid: self.n_invalid, ..Self::new(self.wavelength_nm) };
         for (middle, n) in self.filled() {

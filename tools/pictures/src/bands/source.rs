@@ -101,6 +101,7 @@ impl Source {
     }
 
     /// Sorts the channels by wavelength.
+    #[must_use]
     pub fn sorted(mut self) -> Self {
         let mut order: Vec<usize> = (0..self.channels.len()).collect();
         order.sort_by(|a, b| self.channels[*a].wavelength_nm.total_cmp(&self.channels[*b].wavelength_nm));

@@ -64,6 +64,11 @@ impl LoadedCloud {
     pub fn len(&self) -> usize {
         self.axes[0].len()
     }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
     /// x y z, m.
     pub fn position(&self, point_idx: usize) -> [f64; 3] {
         self.axes.each_ref().map(|axis| axis[point_idx])
