@@ -2,15 +2,16 @@
 
 use crate::remap::{PlainNames, Remap};
 use ipc::Transport;
-use run::toml::Spanned;
-use run::toml::de::DeValue;
-use run::{Field, Remote, SettingError, Settings, any, one_of, within, zero_or_within};
+use run::Remote;
 use serde::Serialize;
 use serde::de::IntoDeserializer;
+use settings::toml::Spanned;
+use settings::toml::de::DeValue;
+use settings::{Field, SettingError, Settings, any, one_of, within, zero_or_within};
 use simulation::{DriveSettings, SettingField, SimulatedDrive};
 use std::path::Path;
 
-run::settings! {
+settings::settings! {
     /// `[run]`: input, output and supervision of the run.
     pub struct Run {
         /// Folder of the drive.
@@ -90,7 +91,7 @@ impl Settings for Simulate {
     }
 }
 
-run::settings! {
+settings::settings! {
     /// Keys of a stage's table that the supervisor reads.
     pub struct StageTable {
         /// `HOST:PORT` of the `replica agent` that runs the stage on another host; empty: this host.
@@ -128,8 +129,8 @@ impl StageTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use run::parse_table;
-    use run::toml::de::DeTable;
+    use settings::parse_table;
+    use settings::toml::de::DeTable;
 
     fn run_table(text: &str) -> Result<Run, Vec<String>> {
         let table = DeTable::parse(text).expect("TOML");

@@ -3,9 +3,10 @@
 use crate::manifest::Simulate;
 use run::assignment::Description;
 use run::process::{ProgramMissing, named_program, own_folder, sibling, stage_command};
-use run::{CheckRequest, DescribeRequest, Problem, nearest_key};
+use run::{CheckRequest, DescribeRequest};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use settings::{Problem, nearest_key};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};

@@ -17,7 +17,7 @@ use crate::swap_record::{SwapRecord, Trial, changes};
 use compatibility::incompatibilities;
 use run::control::{Answer, SwapRequest, Swapped};
 use run::health::{Activity, Health};
-use run::nearest_key;
+use settings::nearest_key;
 use std::collections::BTreeMap;
 use std::thread::JoinHandle;
 

@@ -1,10 +1,11 @@
 //! What the supervisor gives a stage at its start, and its commands while the stage runs.
 
 use crate::health::Traffic;
-use crate::{Context, Field, Remote};
+use crate::{Context, Remote};
 use ipc::Channel;
 use messages::ByteTable;
 use serde::{Deserialize, Serialize};
+use settings::Field;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

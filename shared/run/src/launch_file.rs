@@ -1,8 +1,8 @@
 //! Reads launch.toml. Every problem can be shown with its line.
 
-use crate::{Problem, nearest_key};
 use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use formats::toml_nesting::check_nesting;
+use settings::{Problem, nearest_key};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -269,16 +269,16 @@ mod tests {
 
     #[test]
     fn first_unknown_keys_of_a_table_are_reported_and_the_others_are_counted() {
-        crate::settings! {
+        settings::settings! {
             /// Settings of the test.
             pub struct Small {
                 /// A size, m.
-                pub size_m: f64 = 1.0 => crate::at_least(0.0);
+                pub size_m: f64 = 1.0 => settings::at_least(0.0);
             }
         }
         let text = (0..50_000).map(|k| format!("size_{k} = 1\n")).collect::<Vec<_>>().concat();
         let table = DeTable::parse(&text).expect("parses");
-        let (_, problems) = crate::parse_table::<Small>(table.get_ref());
+        let (_, problems) = settings::parse_table::<Small>(table.get_ref());
         assert_eq!(problems.len(), 21);
         assert_eq!(problems[20].text, "49980 more unknown keys");
     }

@@ -40,7 +40,7 @@ pub struct DescribeRequest {
     pub remote: Option<Remote>,
 }
 
-/// Argument of `--check`; the answer is a list of [`Problem`](crate::Problem).
+/// Argument of `--check`; the answer is a list of [`Problem`](settings::Problem).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CheckRequest {
     /// The launch file.

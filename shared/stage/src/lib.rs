@@ -37,9 +37,9 @@ pub use outputs::Outputs;
 pub use port::Port;
 pub use program::{ConfiguredStage, Program, RunningStage};
 pub use run::space;
-pub use run::{
-    Context, Field, Mode, Problem, Rule, Settings, StateError, any, at_least, each_one_of, exit, find_file, one_of,
-    parse_table, settings, toml, within,
+pub use run::{Context, Mode, StateError, exit, find_file};
+pub use settings::{
+    Field, Problem, Rule, Settings, any, at_least, each_one_of, one_of, parse_table, settings, toml, within,
 };
 pub use state::{Bytes, decode_state, encode_state};
 pub use state_bytes::{StateBytes, decode_head, next_message};

@@ -1,8 +1,8 @@
 //! What a class of Python says about its stage, as JSON: names and settings.
 
-use run::{nearest_key, read_value};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value};
+use settings::{nearest_key, read_value};
 use stage::toml::Spanned;
 use stage::toml::de::{DeTable, DeValue};
 use stage::{Field, Problem, Rule};

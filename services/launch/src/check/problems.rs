@@ -1,8 +1,7 @@
 //! Collects the problems of a launch file.
 
-use run::Problem;
 use run::launch_file::LaunchFile;
-use run::{Settings, nearest_key, parse_table};
+use settings::{Problem, Settings, nearest_key, parse_table};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,8 @@
 //! Settings of a stage: declared once, with type, default, rule and meaning; checked with every problem at once.
 
+#[doc(hidden)]
+pub use {serde, toml};
+
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::fmt::{Debug, Display};
 use std::ops::Range;
@@ -242,17 +245,17 @@ pub fn nearest_key<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Stri
 /// Declares a stage's settings. Each line: meaning as a doc comment, key, type, default, rule.
 ///
 /// ```
-/// run::settings! {
+/// settings::settings! {
 ///     /// Settings of the example.
 ///     pub struct Settings {
 ///         /// Length of a submap along the path, m.
-///         pub submap_m: f64 = 20.0 => run::within(1.0, 1000.0);
+///         pub submap_m: f64 = 20.0 => settings::within(1.0, 1000.0);
 ///         /// What to write.
-///         pub formats: Vec<String> = vec!["ply".to_owned()] => run::each_one_of(&["ply", "las"]);
+///         pub formats: Vec<String> = vec!["ply".to_owned()] => settings::each_one_of(&["ply", "las"]);
 ///     }
 /// }
 /// let table = toml::de::DeTable::parse("submap_m = 2000.0\nformat = []").unwrap();
-/// let (_, problems) = run::parse_table::<Settings>(table.get_ref());
+/// let (_, problems) = settings::parse_table::<Settings>(table.get_ref());
 /// assert_eq!(problems.len(), 2);
 /// ```
 #[macro_export]
