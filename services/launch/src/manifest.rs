@@ -2,14 +2,19 @@
 
 use crate::remap::{PlainNames, Remap};
 use ipc::Transport;
-use run::Remote;
-use serde::Serialize;
-use serde::de::IntoDeserializer;
-use settings::toml::Spanned;
-use settings::toml::de::DeValue;
-use settings::{Field, SettingError, Settings, any, one_of, within, zero_or_within};
-use simulation::{DriveSettings, SettingField, SimulatedDrive};
+use run::{Mode, Remote};
+use settings::{any, one_word, within, zero_or_within};
 use std::path::Path;
+
+settings::words! {
+    /// The key `transport` of `[run]`.
+    pub enum TransportWord {
+        /// In shared memory.
+        Shared = "shared",
+        /// Through sockets, for comparison only.
+        Copying = "copying",
+    }
+}
 
 settings::settings! {
     /// `[run]`: input, output and supervision of the run.
@@ -22,9 +27,9 @@ settings::settings! {
         /// simulated; without any, the LiDAR is taken as upright at the origin of the body frame.
         pub rig: String = String::new() => any();
         /// `offline`: lossless and deterministic, from the drive. `live`: from the sensors, newest data first.
-        pub mode: String = "offline".to_owned() => one_of(&["offline", "live"]);
+        pub mode: Mode = Mode::Offline => one_word();
         /// Transport of messages: shared memory, or, for comparison only, copies through sockets. The results are the same.
-        pub transport: String = "shared".to_owned() => one_of(&["shared", "copying"]);
+        pub transport: TransportWord = TransportWord::Shared => one_word();
         /// Drive time between barriers, s: the most that is repeated after a crash. 0: 20 offline, 5 live.
         pub barrier_s: f64 = 0.0 => zero_or_within(0.1, 3600.0);
         /// Consecutive restarts without progress before the run is given up. Each new barrier that all stages complete resets
@@ -46,7 +51,7 @@ impl Run {
     /// few seconds, rarer barriers cost less disk. Live, a restarted stage lacks what came since its last barrier.
     pub fn barrier_s(&self) -> f64 {
         match self.barrier_s {
-            0.0 if self.mode == "live" => 5.0,
+            0.0 if self.mode == Mode::Live => 5.0,
             0.0 => 20.0,
             seconds => seconds,
         }
@@ -54,40 +59,10 @@ impl Run {
 
     /// The key `transport`.
     pub fn transport(&self) -> Transport {
-        if self.transport == "copying" { Transport::Copying } else { Transport::Shared }
-    }
-}
-
-/// `[simulate]`: the drive that `replica simulate` makes if the drive of `[run]` does not exist.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Simulate(DriveSettings);
-
-impl Simulate {
-    /// In what a simulated drive differs from this table; empty if the drive has no mark of the simulation.
-    pub fn differences(&self, drive: &Path) -> Vec<String> {
-        SimulatedDrive::read(drive).map(|simulated| simulated.differences(&self.0)).unwrap_or_default()
-    }
-
-    /// Arguments of `replica`, without the folder to make.
-    pub fn arguments(&self) -> Vec<String> {
-        self.0.arguments()
-    }
-}
-
-impl Settings for Simulate {
-    fn fields() -> Vec<Field> {
-        let field = |SettingField { key, kind, default, rule, meaning }| Field {
-            key: String::from(key),
-            kind: String::from(kind),
-            default,
-            rule,
-            meaning: String::from(meaning),
-        };
-        DriveSettings::fields().into_iter().map(field).collect()
-    }
-    fn set(&mut self, key: &str, value: Spanned<DeValue<'_>>) -> Option<Result<(), SettingError>> {
-        let result = self.0.set(key, value.into_deserializer())?;
-        Some(result.map_err(|error| SettingError::Other(error.text())))
+        match self.transport {
+            TransportWord::Shared => Transport::Shared,
+            TransportWord::Copying => Transport::Copying,
+        }
     }
 }
 

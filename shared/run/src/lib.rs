@@ -20,6 +20,7 @@
 //! Authors of stages use the crate `stage`, which re-exports what they need.
 
 pub mod assignment;
+mod change;
 pub mod checksum;
 pub mod context;
 pub mod control;
@@ -38,9 +39,12 @@ pub mod summary;
 pub mod terminal;
 pub mod wiring;
 
+pub use change::{Change, ChangeError};
 pub use context::{Context, Mode, find_file};
 pub use file_identity::{FileIdentity, files_of_settings};
 pub use packed::Piece;
-pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
+pub use program::{
+    CheckRequest, DescribeDriveRequest, DescribeRequest, DriveDescription, LOG_FORMAT, SUPERVISOR_KEYS, exit,
+};
 pub use remote::Remote;
 pub use state_file::{StateError, saved_bytes, verify_state};

@@ -39,7 +39,8 @@ pub use program::{ConfiguredStage, Program, RunningStage};
 pub use run::space;
 pub use run::{Context, Mode, StateError, exit, find_file};
 pub use settings::{
-    Field, Problem, Rule, Settings, any, at_least, each_one_of, one_of, parse_table, settings, toml, within,
+    Field, Problem, Rule, Settings, Word, any, at_least, list_of_words, one_word, parse_table, settings, toml, within,
+    words,
 };
 pub use state::{Bytes, decode_state, encode_state};
 pub use state_bytes::{StateBytes, decode_head, next_message};

@@ -32,6 +32,11 @@ impl<'a> Problems<'a> {
         self.file.tables().iter().any(|(table, _)| table == name)
     }
 
+    /// Where a table stands in the file.
+    pub fn place_of(&self, name: &str) -> Option<Range<usize>> {
+        self.file.tables().into_iter().find(|(table, _)| table == name).and_then(|(_, span)| span)
+    }
+
     /// The table of the file that looks most like `name`, or all of them, as a hint.
     pub fn nearest_table(&self, name: &str) -> String {
         let tables = self.file.tables();

@@ -25,6 +25,7 @@ mod test_recordings;
 mod tests;
 
 use super::materials;
+use crate::argument::words;
 use crate::usage_error::UsageError;
 use anyhow::Context;
 use formats::atomic_file::write_atomic;
@@ -124,8 +125,8 @@ struct RecipeArgs {
     #[arg(long, value_name = "N")]
     stop_after: Option<usize>,
     /// Where a network on images is trained; cuda is the first NVIDIA GPU
-    #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = ["cpu", "cuda"])]
-    device: String,
+    #[arg(long, value_name = "DEVICE", default_value_t = ComputeDevice::Cpu, value_parser = words::<ComputeDevice>())]
+    device: ComputeDevice,
 }
 
 /// Name of the checkpoint file.
@@ -150,8 +151,7 @@ fn train_recipe(args: &RecipeArgs) -> anyhow::Result<ExitCode> {
 
 fn train<R: TrainingRecipe>(recipe: &R, args: &RecipeArgs) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let device = ComputeDevice::from_word(&args.device).unwrap_or_default();
-    let mut trainer = trainer(recipe, &args.recipe, device)?;
+    let mut trainer = trainer(recipe, &args.recipe, args.device)?;
     let start = trainer.best().clone();
     let uncalibrated = Calibration { temperature: 1.0, ground_intensities: None };
     let checkpoint = args.out.join(CHECKPOINT);

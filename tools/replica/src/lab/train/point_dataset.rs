@@ -303,8 +303,13 @@ mod tests {
         std::fs::write(&recipe, recipe_text(data, "2")).expect("writes");
         let out = |name: &str| folder.path().join(name);
         let train = |out: PathBuf, stop_after: Option<usize>| {
-            train_recipe(&RecipeArgs { recipe: recipe.clone(), out, stop_after, device: "cpu".to_owned() })
-                .expect("trains");
+            train_recipe(&RecipeArgs {
+                recipe: recipe.clone(),
+                out,
+                stop_after,
+                device: segmentation::ComputeDevice::Cpu,
+            })
+            .expect("trains");
         };
         train(out("whole"), None);
         train(out("cut"), Some(1));
