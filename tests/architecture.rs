@@ -8,13 +8,14 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 41] = [
+const SHARED: [&str; 42] = [
     "wide_loops",
     "allocator",
     "chart",
     "page",
     "file_server",
     "random",
+    "settings",
     "geometry",
     "messages",
     "files",

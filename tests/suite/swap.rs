@@ -73,7 +73,10 @@ fn swapped_setting_applies_from_its_barrier_without_loss() {
     assert_eq!(running.wait(), Some(3));
     let swaps: Vec<(u64, String)> = swaps_of(&launch).iter().map(ticks_and_changes).collect();
     let changes: Vec<&str> = swaps.iter().map(|(_, changes)| changes.as_str()).collect();
-    assert_eq!(changes, [r#"["relay.salt=2"]"#, r#"["!relay.salt"]"#, r#"["relay back to the launch file"]"#]);
+    assert_eq!(
+        changes,
+        [r#"["--set relay.salt=2"]"#, r#"["--unset relay.salt"]"#, r#"["relay back to the launch file"]"#]
+    );
     let [first, second, third] = [swaps[0].0, swaps[1].0, swaps[2].0];
     assert_made_by(&launch, &[(0, "salt = 1"), (first, "salt = 2"), (second, ""), (third, "salt = 1")]);
 }

@@ -34,9 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [capture, out, options @ ..] = args.as_slice() else {
         return Err("which CAPTURE, and which folder OUT?".into());
     };
-    let town = options
-        .first()
-        .map_or(Ok(Town::Urban), |name| Town::ALL.into_iter().find(|town| town.name() == name).ok_or("no such town"))?;
+    let town = options.first().map_or(Ok(Town::Urban), |name| name.parse())?;
     let seed = options.get(1).map_or(Ok(1), |seed| seed.parse())?;
     let out = PathBuf::from(out);
     std::fs::create_dir_all(&out)?;

@@ -22,13 +22,13 @@ fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--simulate", town, seed, seconds, out, options @ ..] => {
-            let (seed, seconds) = (seed.parse()?, seconds.parse()?);
-            let mut settings = DriveSettings { town: (*town).to_owned(), seed, seconds, ..DriveSettings::default() };
+            let (town, seed, seconds) = (town.parse()?, seed.parse()?, seconds.parse()?);
+            let mut settings = DriveSettings { town, seed, seconds, ..DriveSettings::default() };
             for option in options.chunks(2) {
                 match option {
                     ["--rig", rig] => (*rig).clone_into(&mut settings.rig),
-                    ["--traffic", traffic] => (*traffic).clone_into(&mut settings.traffic),
-                    ["--lidar-errors", grade] => (*grade).clone_into(&mut settings.lidar_errors),
+                    ["--traffic", traffic] => settings.traffic = traffic.parse()?,
+                    ["--lidar-errors", grade] => settings.lidar_errors = grade.parse()?,
                     _ => anyhow::bail!("{USAGE}"),
                 }
             }

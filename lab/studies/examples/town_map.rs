@@ -21,7 +21,7 @@ fn main() {
         eprintln!("usage: town_map urban|suburban|rural|field|tunnel|motorway SEED SECONDS FOLDER");
         std::process::exit(2);
     };
-    let town = Town::ALL.into_iter().find(|kind| kind.name() == town).expect("a kind of town");
+    let town: Town = town.parse().expect("a kind of town");
     let spec = DriveSpec {
         town,
         ..DriveSpec::urban(seed.parse().expect("a seed"), seconds.parse().expect("seconds")).sparse(9)
@@ -29,13 +29,13 @@ fn main() {
     let simulation = Simulation::new(&spec).expect("a town");
     println!(
         "{} {seed}: {} primitives, {} movers",
-        town.name(),
+        town,
         simulation.scene.n_primitives(),
         simulation.scene.movers().len()
     );
     print_rates(&simulation);
     let image = map(&simulation);
-    let path = Path::new(folder).join(format!("map_{}_{seed}.png", town.name()));
+    let path = Path::new(folder).join(format!("map_{town}_{seed}.png"));
     image.save(&path).expect("a picture");
     println!("{}", path.display());
 }

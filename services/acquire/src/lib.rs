@@ -18,6 +18,21 @@ mod sweep;
 
 pub use acquire::Acquire;
 
+use lidar::Model;
+use stage::Rule;
+
+/// Empty, or a model of LiDAR by its name.
+struct EmptyOrModel;
+
+impl Rule<String> for EmptyOrModel {
+    fn allows(&self, name: &String) -> bool {
+        name.is_empty() || Model::from_name(name).is_some()
+    }
+    fn text(&self) -> String {
+        format!("must be one of , {}", Model::names())
+    }
+}
+
 stage::settings! {
     /// Settings of acquire.
     pub struct Settings {
@@ -56,10 +71,7 @@ stage::settings! {
         pub position_listen: String = "127.0.0.1:8308".to_owned() => stage::any();
         /// Live: model of the LiDAR; empty = the model of the rig or, without a rig, the model in the packets. The packets of an `ouster`
         /// need a calibration file, which the rig names; those of an `rs32` need one or its device packets at `position_listen` (port 7788).
-        pub model: String = String::new() => stage::one_of(&[
-            "", "hdl32e", "vlp16", "vlp32c", "hdl64e", "pandar40p", "pandarxt32", "pandarqt64", "ouster", "rs16", "rs32", "mid360",
-            "avia",
-        ]);
+        pub model: String = String::new() => EmptyOrModel;
         /// Live: folder that a grabber fills with images, in the layout of a drive folder: `camera/<k>/<stamp in ns>.jpg`, `hs02/<stamp>.pgm`,
         /// `hs02/dark`, `hs02/white`; the folders are those of the rig, and are made where they are absent. Empty = no cameras. A relative
         /// path is relative to the folder of launch.toml.

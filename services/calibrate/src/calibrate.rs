@@ -1,8 +1,8 @@
 //! The stage.
 
-use crate::Settings;
 use crate::models::read_models;
 use crate::references::{CubeCamera, CubeCameraError};
+use crate::{ColorLines, Settings};
 use color_lines::{CubeRegions, CubeSettings, Start};
 use drive::CameraRig;
 use drive::manifest::MosaicEntry;
@@ -10,7 +10,7 @@ use files::problems::FileError;
 use formats::sensor_calibration::SensorCalibration;
 use messages::{CubeTopic, MosaicHeader, MosaicTopic, pod::cast_slice_mut};
 use rayon::prelude::*;
-use spectral::{Demosaicing, median_3x3};
+use spectral::median_3x3;
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_state,
     encode_state,
@@ -92,8 +92,12 @@ fn cube_settings(settings: &Settings) -> Option<CubeSettings> {
         ..color_lines::Settings::default()
     };
     let frames_per_model = if settings.color_lines_models.is_empty() { settings.color_lines_frames } else { u32::MAX };
-    let simplifies = settings.color_lines == "simplified";
-    (settings.color_lines != "off").then_some(CubeSettings { model, frames_per_model, simplifies })
+    let simplifies = match settings.color_lines {
+        ColorLines::Off => return None,
+        ColorLines::Regions => false,
+        ColorLines::Simplified => true,
+    };
+    Some(CubeSettings { model, frames_per_model, simplifies })
 }
 
 /// The cameras of the recorded drive or of the live vehicle.
@@ -128,7 +132,7 @@ fn cameras(
             return None;
         }
         let sensor = sensor.as_ref().filter(|_| settings.correction);
-        Some(CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic)))
+        Some(CubeCamera::read(&folder, index, entry, sensor, settings.demosaic.demosaicing()))
     };
     // In parallel, because the run begins when all stages are ready.
     rig.mosaics().par_iter().zip(rig.sensors()).enumerate().map(read).collect()

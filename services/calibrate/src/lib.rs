@@ -34,6 +34,20 @@ mod references;
 
 pub use calibrate::Calibrate;
 
+use spectral::Resolution;
+
+stage::words! {
+    /// Regions of cubes by color lines.
+    pub enum ColorLines {
+        /// Without regions.
+        Off = "off",
+        /// Every cell has the number of its region.
+        Regions = "regions",
+        /// Reflectances are those of the region, too.
+        Simplified = "simplified",
+    }
+}
+
 stage::settings! {
     /// Settings of calibrate.
     pub struct Settings {
@@ -44,12 +58,12 @@ stage::settings! {
         pub correction: bool = true => stage::any();
         /// Resolution of the cubes: `bin` makes one cell per pattern cell; `wb`, `id`, `iid` and `ppid` demosaic to one cell per pixel
         /// (`spectral::demosaic`), with 16 or 25 times the memory and about 20 times the time.
-        pub demosaic: String = "bin".to_owned() => stage::one_of(&["bin", "wb", "id", "iid", "ppid"]);
+        pub demosaic: Resolution = Resolution::Bin => stage::one_word();
         /// Replace every value by the median of the valid values in its 3x3 neighborhood.
         pub median: bool = false => stage::any();
         /// Regions of equal spectra by Graph-based Color Lines: `off`; `regions` gives every cell the number of its region; `simplified`
         /// replaces its reflectances by the mean of the region, too. Cells without a valid value in all bands keep theirs and have no region.
-        pub color_lines: String = "off".to_owned() => stage::one_of(&["off", "regions", "simplified"]);
+        pub color_lines: ColorLines = ColorLines::Off => stage::one_word();
         /// Most Gaussians, and therefore regions, of a model.
         pub color_lines_gaussians: u32 = 60 => stage::within(1, 4096);
         /// Frames of a camera that share a model, made of the first of them. 1: a model of each frame.

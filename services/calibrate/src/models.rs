@@ -1,7 +1,7 @@
 //! Models of color lines from files, one for each camera.
 
-use crate::Settings;
 use crate::references::{CubeCamera, CubeCameraError};
+use crate::{ColorLines, Settings};
 use color_lines::{ColorLinesError, CubeRegions, Model};
 use files::text_file::{TextFileError, read_text};
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ pub fn read_models(
     if names.is_empty() {
         return Ok(CubeRegions::default());
     }
-    if settings.color_lines == "off" {
+    if settings.color_lines == ColorLines::Off {
         return Err(ModelsError::Off);
     }
     let own: Vec<_> = (0..).zip(cameras).filter_map(|(index, camera)| Some((index, camera.as_ref()?))).collect();

@@ -1,5 +1,6 @@
 //! The end of the run: which results are doubtful, and which are refused.
 
+use crate::settings::Frame;
 use crate::{Export, PlacedDrive};
 use delivery::{Deviations, MedianAndLargest};
 use stage::{Outputs, StepError};
@@ -71,7 +72,7 @@ impl Export {
     pub(crate) fn check_utm(&self) -> Result<(), StepError> {
         let reason = match &self.placed {
             Some(PlacedDrive { world, .. }) => world.lacks_utm(),
-            None => (self.settings.frame == "utm").then(|| "no placement arrived".to_owned()),
+            None => (self.settings.frame == Frame::Utm).then(|| "no placement arrived".to_owned()),
         };
         let Some(reason) = reason else { return Ok(()) };
         Err(StepError::configuration(format!(

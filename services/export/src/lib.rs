@@ -22,13 +22,12 @@ mod doubts;
 mod settings;
 mod space;
 
-pub use settings::Settings;
+pub use settings::{CloudFormat, Coordinates, Frame, Settings, TrajectoryFormat};
 
 use delivery::{
     CloudEntry, DeliveryError, Folder, FrameChoice, GEOREFERENCE, INDEX, Index, ReceivedSubmap, World, corrected,
     move_clouds, write_submap,
 };
-use formats::ply::Kind;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use messages::{
@@ -114,9 +113,9 @@ impl Stage for Export {
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         // Northings have millions of metres, where f32 resolves half a metre.
-        let is_coarse = settings.frame == "utm" && settings.coordinates != "double";
+        let is_coarse = settings.frame == Frame::Utm && settings.coordinates == Coordinates::Float;
         let text = "must not be \"utm\" unless coordinates is \"double\": float resolves only half a metre there";
-        let is_unplaced = settings.frame == "utm" && !context.is_connected::<PlacementTopic>();
+        let is_unplaced = settings.frame == Frame::Utm && !context.is_connected::<PlacementTopic>();
         let no_placement = "must not be \"utm\": no stage publishes placement, which moves the clouds to the world";
         let problems = [is_coarse.then_some(text), is_unplaced.then_some(no_placement)];
         let problems = problems.into_iter().flatten().map(|text| Problem::of_key("frame", text));
@@ -187,10 +186,10 @@ impl Stage for Export {
         let trajectory = world.map(|world| corrected(&self.trajectory, world.submaps()));
         let trajectory = trajectory.as_ref().unwrap_or(&self.trajectory);
         for format in &self.settings.trajectory {
-            let (name, text) = match format.as_str() {
-                "kitti" => ("trajectory_kitti.txt", kitti_from_trajectory(trajectory)),
-                "csv" => ("trajectory.csv", csv_from_trajectory(trajectory)),
-                _ => ("trajectory.txt", tum_from_trajectory(trajectory)),
+            let (name, text) = match format {
+                TrajectoryFormat::Tum => ("trajectory.txt", tum_from_trajectory(trajectory)),
+                TrajectoryFormat::Kitti => ("trajectory_kitti.txt", kitti_from_trajectory(trajectory)),
+                TrajectoryFormat::Csv => ("trajectory.csv", csv_from_trajectory(trajectory)),
             };
             self.folder.write_text(name, &text).map_err(step_error)?;
         }
@@ -264,16 +263,18 @@ impl Export {
 
     /// Uses the placement unless the clouds remain in the frame of the odometry.
     fn set_placement(&mut self, placement: Received<PlacementTopic>) -> Result<(), StepError> {
-        self.placed = if self.settings.frame == "odom" {
-            None
-        } else {
-            let choice = FrameChoice {
-                wants_utm: self.settings.frame == "utm",
-                max_heading_deviation_deg: self.settings.max_heading_deviation_deg,
-            };
-            let world = World::new(placement.header(), placement.rows(), choice).map_err(step_error)?;
-            Some(PlacedDrive { placement, world })
+        let wants_utm = match self.settings.frame {
+            Frame::Odom => {
+                self.placed = None;
+                return Ok(());
+            }
+            Frame::World => false,
+            Frame::Utm => true,
         };
+        let max_heading_deviation_deg = self.settings.max_heading_deviation_deg;
+        let choice = FrameChoice { wants_utm, max_heading_deviation_deg };
+        let world = World::new(placement.header(), placement.rows(), choice).map_err(step_error)?;
+        self.placed = Some(PlacedDrive { placement, world });
         Ok(())
     }
 
@@ -339,7 +340,7 @@ impl Export {
             spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
             lost: &joined.lost,
         };
-        let coordinates = if self.settings.coordinates == "double" { Kind::Double } else { Kind::Float };
+        let coordinates = self.settings.coordinates.kind();
         let world = self.placed.as_ref().map(|placed| &placed.world);
         let entry = write_submap(&submap, coordinates, &self.folder, world).map_err(step_error)?;
         outputs.count("clouds", 1);

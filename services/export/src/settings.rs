@@ -1,6 +1,7 @@
 //! Settings of export.
 
-use stage::Rule;
+use formats::ply::Kind;
+use stage::{Rule, list_of_words, one_word};
 
 /// Topics of classes by their names, each once, so that no column has the name of another one.
 struct ClassTopics;
@@ -15,23 +16,75 @@ impl Rule<Vec<String>> for ClassTopics {
     }
 }
 
+stage::words! {
+    /// File formats of clouds.
+    pub enum CloudFormat {
+        /// PLY, binary, one file for each submap.
+        Ply = "ply",
+    }
+}
+
+stage::words! {
+    /// Frames of the clouds.
+    pub enum Frame {
+        /// Local east-north-up if the drive has GNSS, corrected at the end of the drive.
+        World = "world",
+        /// Frame of the odometry, never corrected.
+        Odom = "odom",
+        /// Easting and northing.
+        Utm = "utm",
+    }
+}
+
+stage::words! {
+    /// Types of the coordinates in clouds.
+    pub enum Coordinates {
+        /// 32 bits: 1 mm up to 8 km from the origin.
+        Float = "float",
+        /// 64 bits.
+        Double = "double",
+    }
+}
+
+impl Coordinates {
+    /// The type in a cloud.
+    pub(crate) fn kind(self) -> Kind {
+        match self {
+            Self::Float => Kind::Float,
+            Self::Double => Kind::Double,
+        }
+    }
+}
+
+stage::words! {
+    /// File formats of the trajectory.
+    pub enum TrajectoryFormat {
+        /// `trajectory.txt`: stamp, position, quaternion.
+        Tum = "tum",
+        /// `trajectory_kitti.txt`: matrices of three rows.
+        Kitti = "kitti",
+        /// `trajectory.csv`, with a head.
+        Csv = "csv",
+    }
+}
+
 stage::settings! {
     /// Settings of export.
     pub struct Settings {
         /// File formats of the clouds.
-        pub formats: Vec<String> = vec!["ply".to_owned()] => stage::each_one_of(&["ply"]);
+        pub formats: Vec<CloudFormat> = vec![CloudFormat::Ply] => list_of_words();
         /// Frame of the clouds: world (local east-north-up if the drive has GNSS, corrected at the end of the drive), odom
         /// (frame of the odometry, never corrected), utm (easting and northing; needs coordinates = "double").
-        pub frame: String = "world".to_owned() => stage::one_of(&["world", "odom", "utm"]);
+        pub frame: Frame = Frame::World => one_word();
         /// Type of the coordinates in clouds. float resolves 1 mm up to 8 km from the origin.
-        pub coordinates: String = "float".to_owned() => stage::one_of(&["float", "double"]);
+        pub coordinates: Coordinates = Coordinates::Float => one_word();
         /// Topics of further segmenters, such as `class_b`: each becomes the columns `class_b` and `class_b_score` of the clouds. Names
         /// begin with `class_`.
         pub further_classes: Vec<String> = Vec::new() => ClassTopics;
         /// Whether a separate cloud with the spectra is written for each submap.
         pub spectra: bool = true => stage::any();
         /// File formats of the trajectory.
-        pub trajectory: Vec<String> = vec!["tum".to_owned()] => stage::each_one_of(&["tum", "kitti", "csv"]);
+        pub trajectory: Vec<TrajectoryFormat> = vec![TrajectoryFormat::Tum] => list_of_words();
         /// Standard deviation of the horizontal position of a submap above which a georeferenced result is doubtful, m. A receiver
         /// under the open sky errs by 1 to 3 m; 5 m are the width of a lane and a half.
         pub max_position_deviation_m: f64 = 5.0 => stage::within(0.001, 1e6);

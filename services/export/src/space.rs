@@ -3,7 +3,6 @@
 use crate::Settings;
 use delivery::{CloudFields, space_need};
 use drive::Drive;
-use formats::ply::Kind;
 use messages::{ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, RegionTopic, SpectraTopic};
 use stage::space::{bytes_of_files, free_bytes, size_text};
 use stage::{Context, Mode, Problem};
@@ -18,7 +17,7 @@ pub(crate) fn lacks(settings: &Settings, context: &Context) -> Option<Problem> {
     }
     let further: Vec<&str> = settings.further_classes.iter().map(String::as_str).collect();
     let fields = CloudFields {
-        coordinates: if settings.coordinates == "double" { Kind::Double } else { Kind::Float },
+        coordinates: settings.coordinates.kind(),
         has_lidars: false,
         has_instance: context.is_connected::<InstanceTopic>(),
         has_class: context.is_connected::<ClassTopic>(),

@@ -41,10 +41,10 @@ stage::settings! {
         pub every: u32 = 1 => stage::within(1, 16);
         /// What the model takes from the intensities: `raw` as recorded, `normalized` brought to the scale of the training by those of
         /// the ground ring by ring, `off` nothing, `auto` as recorded, but normalized where the scale is another.
-        pub intensity: String = "auto".to_owned() => stage::one_of(&IntensityUse::WORDS);
+        pub intensity: IntensityUse = IntensityUse::Auto => stage::one_word();
         /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
         /// `cargo build --release -p infer -p replica_lab --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
-        pub device: String = "cpu".to_owned() => stage::one_of(&["cpu", "cuda"]);
+        pub device: ComputeDevice = ComputeDevice::Cpu => stage::one_word();
         /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
         /// threads and gives the same classes; larger values need more memory.
         pub batch: u32 = 1 => stage::within(1, 64);
@@ -159,8 +159,8 @@ fn options(settings: &Settings) -> Options {
     Options {
         every: settings.every as usize,
         batch: settings.batch as usize,
-        device: ComputeDevice::from_word(&settings.device).unwrap_or_default(),
-        intensity: IntensityUse::from_word(&settings.intensity).unwrap_or_default(),
+        device: settings.device,
+        intensity: settings.intensity,
         refinement: Refinement { rough_ground: settings.rough_ground, ..Refinement::NONE },
     }
 }

@@ -6,7 +6,7 @@ mod source_selection;
 mod stages;
 
 use crate::limits;
-use crate::manifest::{Run, Simulate};
+use crate::manifest::Run;
 use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
 use crate::resources::lacks_shared_memory;
@@ -14,33 +14,33 @@ use crate::run_folder::last_domain;
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};
-use run::{CheckRequest, Context, Mode};
+use run::{Change, CheckRequest, Context, DescribeDriveRequest, DriveDescription, Mode};
 use std::path::{Path, PathBuf};
 
 /// Reads and checks the launch file and everything that it names. Problems come rendered, in the order of the file.
-pub fn plan(path: &Path, overrides: &[String], selection: &Selection) -> Result<Plan, Vec<String>> {
+pub fn plan(path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Vec<String>> {
     let path = std::path::absolute(path).map_err(|error| vec![format!("{}: {error}", path.display())])?;
-    plan_as(&path, &path, overrides, selection)
+    plan_as(&path, &path, changes, selection)
 }
 
 /// As [`plan`]: reads `copy` as if it were the launch file at `path`. Both are absolute.
-pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selection) -> Result<Plan, Vec<String>> {
-    let file = LaunchFile::load(copy, overrides).map_err(|problems| {
+pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Vec<String>> {
+    let file = LaunchFile::load(copy, changes).map_err(|problems| {
         let text = read_text(copy, MAX_SETTINGS_BYTES).unwrap_or_default();
         problems.iter().map(|problem| render(copy, &text, problem)).collect::<Vec<_>>()
     })?;
     let mut problems = Problems::new(&file);
     let mut run: Run = problems.table("run", |_| true);
-    let simulate: Simulate = problems.table("simulate", |_| true);
     let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
-    let mode = if run.mode == "live" { Mode::Live } else { Mode::Offline };
+    let mode = run.mode;
     let rig = rig(&mut run, mode, &folder, &mut problems);
-    let (drive, is_simulated) = drive(&run, &simulate, mode, &folder, &mut problems);
+    let simulated = simulated_drive(&mut problems, copy, changes, &folder.join(&run.drive));
+    let (drive, is_simulated) = drive(&run, &simulated.differences, mode, &folder, &mut problems);
     let output = problems.path("output", &run.output, &folder);
     if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
         problems.add_without_place(text);
     }
-    let mut stages = stages::read(&mut problems, &folder, copy, overrides, selection, &run);
+    let mut stages = stages::read(&mut problems, &folder, copy, changes, selection, &run);
     let (remark, missing) = select(&mut stages, selection, &mut problems);
     for (stage, problem) in dataflow::connect(&mut stages, mode) {
         problems.add(&stage, problem);
@@ -55,16 +55,16 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
     let drive = rig.unwrap_or(drive);
     let context = Context { drive, output, launch_folder: folder, mode, connected, missing };
-    check_settings(&stages, copy, overrides, &context, &mut problems);
+    check_settings(&stages, copy, changes, &context, &mut problems);
     let problems = problems.into_rendered();
     if !problems.is_empty() {
         return Err(problems);
     }
     Ok(Plan {
         launch_file: path.to_owned(),
-        overrides: overrides.to_vec(),
+        changes: changes.to_vec(),
         run,
-        simulate: is_simulated.then_some(simulate),
+        simulate: is_simulated.then_some(simulated.arguments),
         context,
         stages,
         selection: selection.clone(),
@@ -72,9 +72,28 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     })
 }
 
-/// The folder of the drive, and whether it must be simulated first. Live, the drive only says where the sensors are mounted,
-/// and may be left out.
-fn drive(run: &Run, simulate: &Simulate, mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
+/// What the simulator says about `[simulate]`; nothing if the file has no such table. Problems of the table are added.
+fn simulated_drive(problems: &mut Problems, copy: &Path, changes: &[Change], drive: &Path) -> DriveDescription {
+    if !problems.has_table("simulate") {
+        return DriveDescription::default();
+    }
+    let request =
+        DescribeDriveRequest { launch_file: copy.to_owned(), changes: changes.to_vec(), drive: drive.to_owned() };
+    match programs::describe_drive(&request) {
+        Ok(mut description) => {
+            problems.add_located(std::mem::take(&mut description.problems));
+            description
+        }
+        Err(error) => {
+            problems.add_at("simulate", problems.place_of("simulate"), error.to_string());
+            DriveDescription::default()
+        }
+    }
+}
+
+/// The folder of the drive, and whether it must be simulated first. `differences`: of a simulated drive from `[simulate]`. Live, the
+/// drive only says where the sensors are mounted, and may be left out.
+fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
     let is_live = mode == Mode::Live;
     let drive = if is_live { folder.join(&run.drive) } else { problems.path("drive", &run.drive, folder) };
     if run.drive.is_empty() {
@@ -100,14 +119,12 @@ fn drive(run: &Run, simulate: &Simulate, mode: Mode, folder: &Path, problems: &m
         false => {
             format!("{} does not exist, and the launch file has no [simulate] to simulate it", drive.display())
         }
-        true => match simulate.differences(&drive) {
-            differences if may_simulate && is_written && !differences.is_empty() => format!(
-                "{} was simulated with {}; remove it to simulate it again, or name another drive",
-                drive.display(),
-                differences.join(", ")
-            ),
-            _ => return (drive, false),
-        },
+        true if may_simulate && is_written && !differences.is_empty() => format!(
+            "{} was simulated with {}; remove it to simulate it again, or name another drive",
+            drive.display(),
+            differences.join(", ")
+        ),
+        true => return (drive, false),
     };
     problems.add("run", problems.of_value("run", "drive", text));
     (drive, false)
@@ -176,14 +193,14 @@ fn check_recording(mode: Mode, selection: &Selection, stages: &[PlannedStage], p
 fn check_settings(
     stages: &[PlannedStage],
     copy: &Path,
-    overrides: &[String],
+    changes: &[Change],
     context: &Context,
     problems: &mut Problems,
 ) {
     let checked = programs::ask_all(stages, |stage| {
         let request = CheckRequest {
             launch_file: copy.to_owned(),
-            overrides: overrides.to_vec(),
+            changes: changes.to_vec(),
             table: stage.name.clone(),
             context: stage.table.remap.context(context),
             remote: stage.remote.clone(),

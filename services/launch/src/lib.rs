@@ -39,7 +39,7 @@ mod swap_record;
 use clap::{CommandFactory, Parser};
 use log::LogFormat;
 use plan::{Plan, Selection};
-use run::exit;
+use run::{Change, exit};
 use run_folder::EarlierResults;
 use shell_files::ShellFiles;
 use std::io::{ErrorKind, Write};
@@ -60,12 +60,12 @@ struct Arguments {
     #[arg(default_value = "launch.toml")]
     launch_file: PathBuf,
     /// Replace a setting, e.g. --set run.drive=drives/monday (may be repeated)
-    #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
-    overrides: Vec<String>,
+    #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = Change::set)]
+    set: Vec<Change>,
     /// Leave out a key of the launch file, so that its default holds, e.g. --unset infer.model (may be repeated); --set may set
     /// it again
-    #[arg(long, value_name = "TABLE.KEY")]
-    unset: Vec<String>,
+    #[arg(long, value_name = "TABLE.KEY", value_parser = Change::unset)]
+    unset: Vec<Change>,
     /// The table of the run's source, e.g. replay. It replaces the stages that produce its topics. Stages that then lack an
     /// input, or whose topics no stage reads any more, are left out
     #[arg(long, value_name = "TABLE")]
@@ -107,9 +107,9 @@ struct Arguments {
 }
 
 impl Arguments {
-    /// What changes the launch file, as [`run::launch_file::LaunchFile::load`] takes it.
-    fn changes(&self) -> Vec<String> {
-        self.unset.iter().map(|key| format!("!{key}")).chain(self.overrides.iter().cloned()).collect()
+    /// What changes the launch file, in the order in which it applies.
+    fn changes(&self) -> Vec<Change> {
+        [&self.unset[..], &self.set].concat()
     }
 }
 

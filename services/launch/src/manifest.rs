@@ -1,15 +1,11 @@
 //! The tables and keys of launch.toml that the supervisor reads itself.
 
 use crate::remap::{PlainNames, Remap};
-use run::toml::Spanned;
-use run::toml::de::DeValue;
-use run::{Field, Remote, SettingError, Settings, any, one_of, within, zero_or_within};
-use serde::Serialize;
-use serde::de::IntoDeserializer;
-use simulation::{DriveSettings, SettingField, SimulatedDrive};
+use run::{Mode, Remote};
+use settings::{any, one_word, within, zero_or_within};
 use std::path::Path;
 
-run::settings! {
+settings::settings! {
     /// `[run]`: input, output and supervision of the run.
     pub struct Run {
         /// Folder of the drive.
@@ -20,7 +16,7 @@ run::settings! {
         /// simulated; without any, the LiDAR is taken as upright at the origin of the body frame.
         pub rig: String = String::new() => any();
         /// `offline`: lossless and deterministic, from the drive. `live`: from the sensors, newest data first.
-        pub mode: String = "offline".to_owned() => one_of(&["offline", "live"]);
+        pub mode: Mode = Mode::Offline => one_word();
         /// Drive time between barriers, s: the most that is repeated after a crash. 0: 20 offline, 5 live.
         pub barrier_s: f64 = 0.0 => zero_or_within(0.1, 3600.0);
         /// Consecutive restarts without progress before the run is given up. Each new barrier that all stages complete resets
@@ -42,47 +38,14 @@ impl Run {
     /// few seconds, rarer barriers cost less disk. Live, a restarted stage lacks what came since its last barrier.
     pub fn barrier_s(&self) -> f64 {
         match self.barrier_s {
-            0.0 if self.mode == "live" => 5.0,
+            0.0 if self.mode == Mode::Live => 5.0,
             0.0 => 20.0,
             seconds => seconds,
         }
     }
 }
 
-/// `[simulate]`: the drive that `replica simulate` makes if the drive of `[run]` does not exist.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Simulate(DriveSettings);
-
-impl Simulate {
-    /// In what a simulated drive differs from this table; empty if the drive has no mark of the simulation.
-    pub fn differences(&self, drive: &Path) -> Vec<String> {
-        SimulatedDrive::read(drive).map(|simulated| simulated.differences(&self.0)).unwrap_or_default()
-    }
-
-    /// Arguments of `replica`, without the folder to make.
-    pub fn arguments(&self) -> Vec<String> {
-        self.0.arguments()
-    }
-}
-
-impl Settings for Simulate {
-    fn fields() -> Vec<Field> {
-        let field = |SettingField { key, kind, default, rule, meaning }| Field {
-            key: String::from(key),
-            kind: String::from(kind),
-            default,
-            rule,
-            meaning: String::from(meaning),
-        };
-        DriveSettings::fields().into_iter().map(field).collect()
-    }
-    fn set(&mut self, key: &str, value: Spanned<DeValue<'_>>) -> Option<Result<(), SettingError>> {
-        let result = self.0.set(key, value.into_deserializer())?;
-        Some(result.map_err(|error| SettingError::Other(error.text())))
-    }
-}
-
-run::settings! {
+settings::settings! {
     /// Keys of a stage's table that the supervisor reads.
     pub struct StageTable {
         /// `HOST:PORT` of the `replica agent` that runs the stage on another host; empty: this host.
@@ -120,8 +83,8 @@ impl StageTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use run::parse_table;
-    use run::toml::de::DeTable;
+    use settings::parse_table;
+    use settings::toml::de::DeTable;
 
     fn run_table(text: &str) -> Result<Run, Vec<String>> {
         let table = DeTable::parse(text).expect("TOML");

@@ -1,10 +1,10 @@
 //! A checked launch file: everything that a run needs to know.
 
-use crate::manifest::{Run, Simulate, StageTable};
+use crate::manifest::{Run, StageTable};
 use ipc::Domain;
 use run::assignment::{Description, TopicChannels};
 use run::wiring::{WiredStage, WiredTopic, Wiring};
-use run::{Context, Remote};
+use run::{Change, Context, Remote};
 use std::path::PathBuf;
 
 /// Which of the launch file's stages run, and what is recorded.
@@ -22,12 +22,12 @@ pub struct Selection {
 pub struct Plan {
     /// The launch file, absolute.
     pub launch_file: PathBuf,
-    /// `--set` of the command line.
-    pub overrides: Vec<String>,
+    /// Changes of the command line and of completed swaps.
+    pub changes: Vec<Change>,
     /// `[run]`.
     pub run: Run,
-    /// `[simulate]`, if the drive must be simulated.
-    pub simulate: Option<Simulate>,
+    /// Arguments of `replica` that simulate the drive, if it must be simulated.
+    pub simulate: Option<Vec<String>>,
     /// Handed to every stage.
     pub context: Context,
     /// The stages in dataflow order.

@@ -1,11 +1,11 @@
 //! The stages' programs: where they are, how they describe themselves, and what is wrong with their settings.
 
-use crate::manifest::Simulate;
 use run::assignment::Description;
 use run::process::{ProgramMissing, named_program, own_folder, sibling, stage_command};
-use run::{CheckRequest, DescribeRequest, Problem, nearest_key};
+use run::{CheckRequest, DescribeDriveRequest, DescribeRequest, DriveDescription};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use settings::{Problem, nearest_key};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
@@ -74,7 +74,7 @@ pub enum ProgramError {
         stderr: String,
     },
     /// The answer cannot be read.
-    #[error("{program} {question}: invalid answer; is it a stage of this version? {source}")]
+    #[error("{program} {question}: invalid answer; is it of this version? {source}")]
     Answer {
         /// The program.
         program: PathBuf,
@@ -111,12 +111,20 @@ fn known_stages() -> Vec<String> {
 
 /// Topics and settings of a program, with the settings of its table.
 pub fn describe(program: &Path, python: &str, request: &DescribeRequest) -> Result<Description, ProgramError> {
-    ask(program, python, "--describe", request)
+    ask(program, stage_command(program, python, 0), "--describe", request)
 }
 
 /// The problems of a program's table.
 pub fn check(program: &Path, python: &str, request: &CheckRequest) -> Result<Vec<Problem>, ProgramError> {
-    ask(program, python, "--check", request)
+    ask(program, stage_command(program, python, 0), "--check", request)
+}
+
+/// The table `[simulate]` of a launch file, as the `replica` beside this program understands it.
+pub fn describe_drive(request: &DescribeDriveRequest) -> Result<DriveDescription, ProgramError> {
+    let program = sibling("replica")?;
+    let mut command = Command::new(&program);
+    command.arg("simulate");
+    ask(&program, command, "--describe", request)
 }
 
 /// Asks many programs at the same time, because each takes some ms to start. The answers have the order of the questions.
@@ -135,16 +143,16 @@ pub fn ask_all<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) 
     })
 }
 
+/// Starts the command with the question and reads its answer.
 fn ask<T: DeserializeOwned>(
     program: &Path,
-    python: &str,
+    mut command: Command,
     question: &str,
     request: &impl Serialize,
 ) -> Result<T, ProgramError> {
     let (program_path, question_text) = (|| program.to_owned(), || question.to_owned());
     let failed = |source| ProgramError::Read { program: program_path(), question: question_text(), source };
     let invalid = |source| ProgramError::Answer { program: program_path(), question: question_text(), source };
-    let mut command = stage_command(program, python, 0);
     let started = PathBuf::from(command.get_program());
     let mut child = command
         .args([question, &serde_json::to_string(request).map_err(invalid)?])
@@ -187,11 +195,11 @@ fn read_in_background(pipe: Option<impl Read + Send + 'static>) -> std::io::Resu
     })
 }
 
-/// Simulates the drive with the `replica` beside this program. The path of a rig file is relative to `folder`.
-pub fn simulate(simulate: &Simulate, folder: &Path, drive: &Path) -> Result<(), ProgramError> {
+/// Simulates the drive with the `replica` beside this program and the arguments of its description. The path of a rig file is relative to `folder`.
+pub fn simulate(arguments: &[String], folder: &Path, drive: &Path) -> Result<(), ProgramError> {
     let program = sibling("replica")?;
     let status = Command::new(&program)
-        .args(simulate.arguments())
+        .args(arguments)
         .current_dir(folder)
         .arg("--out")
         .arg(drive)

@@ -1,9 +1,10 @@
 //! The key `remap` of a stage's table: the topics of a run that the program's own topics stand for. So two stages run one
 //! program, each with topics of its own.
 
+use run::Context;
 use run::assignment::{Description, PortDescription};
-use run::{Context, Rule};
 use serde::{Deserialize, Serialize};
+use settings::Rule;
 use std::collections::BTreeMap;
 
 /// The program's names of topics, each with its names in the run.
@@ -103,7 +104,7 @@ mod tests {
     use messages::{ByteTable, TickTopic};
     use run::Mode;
     use run::assignment::CONTRACT_VERSION;
-    use run::toml::from_str;
+    use settings::toml::from_str;
 
     fn port(topic: &str) -> PortDescription {
         let table = ByteTable { topic: topic.into(), ..ByteTable::of::<TickTopic>() };

@@ -265,7 +265,7 @@ impl RunFolder {
             supervisor: std::process::id(),
             context: stage.table.remap.context(&plan.context),
             launch_file: self.launch_copy(),
-            overrides: plan.overrides.clone(),
+            changes: plan.changes.clone(),
             inputs: stage.inputs.clone(),
             outputs: stage.outputs.clone(),
             barrier_s: plan.run.barrier_s(),
@@ -343,7 +343,7 @@ struct Begun {
 fn settings(plan: &Plan) -> serde_json::Value {
     serde_json::json!({
         "launch_file": plan.launch_file,
-        "overrides": plan.overrides,
+        "changes": plan.changes,
         "run": plan.run,
         "context": plan.context,
         "stages": plan.stages.iter().map(|s| serde_json::json!({

@@ -13,11 +13,12 @@ use crate::identity::Files;
 use crate::plan::Plan;
 use crate::run_folder::RunFolderError;
 use crate::stage_process::StageProcess;
-use crate::swap_record::{SwapRecord, Trial, changes};
+use crate::swap_record::{SwapRecord, Trial};
 use compatibility::incompatibilities;
+use run::Change;
 use run::control::{Answer, SwapRequest, Swapped};
 use run::health::{Activity, Health};
-use run::nearest_key;
+use settings::nearest_key;
 use std::collections::BTreeMap;
 use std::thread::JoinHandle;
 
@@ -95,20 +96,23 @@ impl Swaps {
             let hint = nearest_key(&request.stage, names).replace("unknown key", "no such stage in this run");
             return Err(SwapRefusal::UnknownStage { stage: request.stage, hint });
         }
-        let overrides = self.overrides_with(plan, &self.record.overrides_with(&request));
+        if let Some(change) = request.changes.iter().find(|change| change.table() != request.stage) {
+            return Err(SwapRefusal::OtherTable { stage: request.stage, change: change.clone() });
+        }
+        let changes = self.changes_with(plan, &self.record.changes_with(&request));
         let (copy, launch_file) = (run.folder.launch_copy(), plan.launch_file.clone());
         let selection = plan.selection.clone();
         let thread = std::thread::Builder::new().name("check".to_owned());
-        let checking = thread.spawn(move || check::plan_as(&copy, &launch_file, &overrides, &selection));
+        let checking = thread.spawn(move || check::plan_as(&copy, &launch_file, &changes, &selection));
         let phase = Phase::Checking(checking.map_err(SwapRefusal::Thread)?);
         self.under_way = Some(Swap { client, request, phase });
         Ok(())
     }
 
-    /// The overrides of the command line, followed by `swapped` instead of those of completed swaps.
-    fn overrides_with(&self, plan: &Plan, swapped: &[String]) -> Vec<String> {
-        let n_of_command_line = plan.overrides.len().saturating_sub(self.record.overrides.len());
-        [&plan.overrides[..n_of_command_line], swapped].concat()
+    /// The changes of the command line, followed by `swapped` instead of those of completed swaps.
+    fn changes_with(&self, plan: &Plan, swapped: &[Change]) -> Vec<Change> {
+        let n_of_command_line = plan.changes.len().saturating_sub(self.record.changes.len());
+        [&plan.changes[..n_of_command_line], swapped].concat()
     }
 
     /// Whether the pipeline waits for a swap, so that polling faster shortens its pause.
@@ -204,14 +208,14 @@ impl Swaps {
             ticks: source.ticks,
             drive_time,
             drive_s: drive_time.saturating_sub(source.drive_begin.unwrap_or(drive_time)) as f64 * 1e-9,
-            changes: back.into_iter().chain(changes(&request)).collect(),
+            changes: back.into_iter().chain(request.changes.iter().map(Change::to_string)).collect(),
             state_bytes: run.folder.states().bytes(barrier, &request.stage),
             seconds_without_output: None,
             undone: None,
         };
         // Written before any process starts: a later supervisor must know that states behind the barrier are on trial.
         let files = Files::of(&plan, &run.files).map_err(RunFolderError::from)?;
-        self.record.trial = Some(Trial { barrier, overrides: self.record.overrides_with(&request), files });
+        self.record.trial = Some(Trial { barrier, changes: self.record.changes_with(&request), files });
         run.folder.write_swaps(&self.record)?;
         // States before the barrier are of the old plan: the run must not fall back to them with the new one.
         run.folder.states().remove_before(barrier);
@@ -281,12 +285,12 @@ impl Swaps {
             run.folder.states().remove_after(Some(trial.barrier))?;
             run.folder.write_swaps(&self.record)?;
         }
-        if self.record.overrides.is_empty() {
+        if self.record.changes.is_empty() {
             return Ok(());
         }
-        let overrides = [&run.plan.overrides[..], &self.record.overrides].concat();
+        let changes = [&run.plan.changes[..], &self.record.changes].concat();
         let (copy, selection) = (run.folder.launch_copy(), run.plan.selection.clone());
-        let plan = check::plan_as(&copy, &run.plan.launch_file, &overrides, &selection)
+        let plan = check::plan_as(&copy, &run.plan.launch_file, &changes, &selection)
             .map_err(|problems| SwapError::NoLongerValid(problems.join("\n")))?;
         let context = std::mem::replace(&mut run.plan, plan).context;
         run.plan.context = context;

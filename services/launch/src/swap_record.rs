@@ -1,14 +1,15 @@
 //! `run/swaps.json`: the swaps of a run. A resumed run continues with the completed ones.
 
 use crate::identity::Files;
+use run::Change;
 use run::control::{SwapRequest, Swapped};
 use serde::{Deserialize, Serialize};
 
 /// All swaps of a run.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SwapRecord {
-    /// Settings of completed swaps, in the form of `--set`.
-    pub overrides: Vec<String>,
+    /// Changes of completed swaps.
+    pub changes: Vec<Change>,
     /// A swap that is not completed. If the run ends, it continues at the swap's barrier with the old settings.
     #[serde(rename = "trying")]
     pub trial: Option<Trial>,
@@ -24,21 +25,18 @@ pub struct SwapRecord {
 pub struct Trial {
     /// Where the stage is replaced.
     pub barrier: u64,
-    /// [`SwapRecord::overrides`] once it is completed.
-    pub overrides: Vec<String>,
+    /// [`SwapRecord::changes`] once it is completed.
+    pub changes: Vec<Change>,
     /// [`SwapRecord::files`] once it is completed.
     pub files: Files,
 }
 
 impl SwapRecord {
-    /// [`SwapRecord::overrides`] after a swap.
-    pub fn overrides_with(&self, request: &SwapRequest) -> Vec<String> {
-        let own = format!("{}.", request.stage);
-        let is_own = |text: &String| text.strip_prefix('!').unwrap_or(text).starts_with(&own);
-        let mut overrides: Vec<String> =
-            self.overrides.iter().filter(|text| !(request.back && is_own(text))).cloned().collect();
-        overrides.extend(changes(request));
-        overrides
+    /// [`SwapRecord::changes`] after a swap.
+    pub fn changes_with(&self, request: &SwapRequest) -> Vec<Change> {
+        let is_undone = |change: &Change| request.back && change.table() == request.stage;
+        let kept = self.changes.iter().filter(|change| !is_undone(change)).cloned();
+        kept.chain(request.changes.iter().cloned()).collect()
     }
 
     /// The swap on trial is completed or undone.
@@ -46,19 +44,11 @@ impl SwapRecord {
         if let Some(trial) = self.trial.take()
             && swapped.undone.is_none()
         {
-            self.overrides = trial.overrides;
+            self.changes = trial.changes;
             self.files = Some(trial.files);
         }
         self.swaps.push(swapped);
     }
-}
-
-/// The changes of the request, in the form of `--set`.
-pub fn changes(request: &SwapRequest) -> Vec<String> {
-    let SwapRequest { stage, program, unset, set, .. } = request;
-    let unset = unset.iter().map(|key| format!("!{stage}.{key}"));
-    let program = program.iter().map(|program| format!("{stage}.program={}", program.display()));
-    unset.chain(program).chain(set.iter().map(|text| format!("{stage}.{text}"))).collect()
 }
 
 #[cfg(test)]
@@ -66,24 +56,26 @@ mod tests {
     use super::*;
 
     fn request(stage: &str, back: bool, set: &[&str]) -> SwapRequest {
-        let set = set.iter().map(|text| (*text).to_owned()).collect();
-        SwapRequest { stage: stage.to_owned(), back, set, ..SwapRequest::default() }
+        let changes = set.iter().map(|text| Change::set(text).expect("valid")).collect();
+        SwapRequest { stage: stage.to_owned(), back, changes }
     }
 
     #[test]
     fn back_removes_the_swaps_of_one_stage() {
         let mut record = SwapRecord::default();
-        let unset = vec!["model".to_owned()];
-        let program = Some("/p".into());
-        record.overrides = record.overrides_with(&SwapRequest { unset, program, ..request("infer", false, &[]) });
-        assert_eq!(record.overrides, ["!infer.model", "infer.program=/p"]);
-        record.overrides = record.overrides_with(&request("infer_2", false, &["a=1"]));
-        assert_eq!(record.overrides_with(&request("infer", true, &["b=2"])), ["infer_2.a=1", "infer.b=2"]);
+        let unset = Change::unset("infer.model").expect("valid");
+        record.changes = record.changes_with(&SwapRequest { changes: vec![unset], ..request("infer", false, &[]) });
+        record.changes = record.changes_with(&request("infer_2", false, &["infer_2.a=1"]));
+        let texts = |changes: &[Change]| changes.iter().map(Change::to_string).collect::<Vec<_>>();
+        assert_eq!(texts(&record.changes), ["--unset infer.model", "--set infer_2.a=1"]);
+        let after = record.changes_with(&request("infer", true, &["infer.b=2"]));
+        assert_eq!(texts(&after), ["--set infer_2.a=1", "--set infer.b=2"]);
     }
 
     #[test]
     fn undone_swap_changes_no_settings() {
-        let trial = Some(Trial { barrier: 3, overrides: vec!["a.b=1".to_owned()], files: Files::default() });
+        let trial =
+            Some(Trial { barrier: 3, changes: vec![Change::set("a.b=1").expect("valid")], files: Files::default() });
         let swapped = Swapped {
             stage: "a".to_owned(),
             barrier: 3,
@@ -98,8 +90,8 @@ mod tests {
         let mut record = SwapRecord { trial, ..SwapRecord::default() };
         let mut completed = record.clone();
         record.complete(swapped.clone());
-        assert_eq!((record.overrides.len(), record.trial.is_none(), record.swaps.len()), (0, true, 1));
+        assert_eq!((record.changes.len(), record.trial.is_none(), record.swaps.len()), (0, true, 1));
         completed.complete(Swapped { undone: None, ..swapped });
-        assert_eq!(completed.overrides, ["a.b=1"]);
+        assert_eq!(completed.changes, [Change::set("a.b=1").expect("valid")]);
     }
 }

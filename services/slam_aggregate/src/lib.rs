@@ -21,5 +21,5 @@ mod saved;
 mod settings;
 mod slam;
 
-pub use settings::Settings;
+pub use settings::{Correction, MotionSensor, OdometryAlgorithm, Settings, UntimedTurn};
 pub use slam::SlamAggregate;

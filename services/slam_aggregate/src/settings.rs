@@ -8,6 +8,53 @@ use registration::{
     Algorithm, ImlsSettings, InertialCheck, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection,
     Sweep,
 };
+use stage::{Word, list_of_words, one_word};
+
+stage::words! {
+    /// Point times of sweeps that have none.
+    pub enum UntimedTurn {
+        /// Rigid sweeps until they show which of the other three it is.
+        Auto = "auto",
+        /// Rigid sweeps.
+        None = "none",
+        /// Times of a sensor that spins evenly, clockwise seen from above.
+        Clockwise = "clockwise",
+        /// Times of a sensor that spins evenly, counterclockwise seen from above.
+        Counterclockwise = "counterclockwise",
+    }
+}
+
+stage::words! {
+    /// Sensors that predict the motion between sweeps.
+    pub enum MotionSensor {
+        /// Inertial samples.
+        Imu = "imu",
+        /// GNSS velocities.
+        Gnss = "gnss",
+    }
+}
+
+stage::words! {
+    /// Measurements that correct the poses of the submaps.
+    pub enum Correction {
+        /// GNSS fixes.
+        Gnss = "gnss",
+        /// Gravity by the inertial unit.
+        Imu = "imu",
+        /// Loop closures.
+        Loops = "loops",
+    }
+}
+
+stage::words! {
+    /// Algorithms of the odometry.
+    pub enum OdometryAlgorithm {
+        /// [`Algorithm::ScanToMap`].
+        ScanToMap = "scan_to_map",
+        /// [`Algorithm::Imls`].
+        Imls = "imls",
+    }
+}
 
 stage::settings! {
     /// Settings of slam_aggregate.
@@ -40,12 +87,12 @@ stage::settings! {
         /// Point times of sweeps that have none. "clockwise" and "counterclockwise" (seen from above): times of a sensor that spins evenly
         /// from rear to rear. "none": the sweeps are rigid, as they are after deskewing. "auto": rigid until the sweeps show which of
         /// the three it is. The stamp of such a sweep is the middle of its revolution, when the sensor faces ahead.
-        pub untimed_turn: String = "auto".to_owned() => stage::one_of(&["auto", "none", "clockwise", "counterclockwise"]);
+        pub untimed_turn: UntimedTurn = UntimedTurn::Auto => one_word();
         /// Time of one revolution of such a sensor, s; with "auto" at most the time between two sweeps.
         pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
         /// Sensors used to predict the motion between sweeps: inertial samples, GNSS velocities. Along degenerate directions the
         /// prediction is used as is. Without sensors the previous motion continues.
-        pub motion: Vec<String> = ["imu", "gnss"].map(str::to_owned).to_vec() => stage::each_one_of(&["imu", "gnss"]);
+        pub motion: Vec<MotionSensor> = MotionSensor::ALL.to_vec() => list_of_words();
         /// Compare the inertial unit with the motion of the LiDAR: wrong units, axes and times are corrected, and a unit that does not
         /// fit is not used. false uses the samples as they are.
         pub check_imu: bool = true => stage::any();
@@ -55,7 +102,7 @@ stage::settings! {
         pub imu_probation: bool = false => stage::any();
         /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
         /// Without any the odometry is the result.
-        pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
+        pub correct: Vec<Correction> = Correction::ALL.to_vec() => list_of_words();
         /// Time of the drive in which the own motion may be contested by vehicles that move along, s; beyond it, the result is
         /// doubtful. Stretches are a second or longer.
         pub max_contested_s: f64 = 0.0 => stage::within(0.0, 1e6);
@@ -76,7 +123,7 @@ stage::settings! {
         /// Algorithm of the odometry. "scan_to_map": thinned map, estimated motion during the sweep, all sensors of `motion`.
         /// "imls": IMLS-SLAM as published (Deschaud, ICRA 2018), by the LiDAR alone, for comparison; it takes about ten times the
         /// computing time, and 72 MB in each saved state.
-        pub odometry: String = "scan_to_map".to_owned() => stage::one_of(&["scan_to_map", "imls"]);
+        pub odometry: OdometryAlgorithm = OdometryAlgorithm::ScanToMap => one_word();
         /// IMLS-SLAM: samples of each of the nine observability lists. The paper's s is 100.
         pub imls_samples: u32 = 100 => stage::within(10, 10_000);
         /// IMLS-SLAM: width of the Gaussian weights of the surface, m. The paper's h is 0.06; it must not be below the spacing of
@@ -95,13 +142,13 @@ stage::settings! {
 
 impl Settings {
     /// Whether a sensor predicts the motion.
-    pub(crate) fn predicts_by(&self, name: &str) -> bool {
-        self.motion.iter().any(|sensor| sensor == name)
+    pub(crate) fn predicts_by(&self, sensor: MotionSensor) -> bool {
+        self.motion.contains(&sensor)
     }
 
     pub(crate) fn inertial_unit(&self, mounting: &SensorMounting) -> InertialUnit {
         let check = self.check_imu.then(|| InertialCheck::new(mounting.imu_in_body, self.imu_probation));
-        InertialUnit::new(check, self.predicts_by("imu"))
+        InertialUnit::new(check, self.predicts_by(MotionSensor::Imu))
     }
 
     /// The points of a sweep that go into the submap.
@@ -111,25 +158,25 @@ impl Settings {
 
     /// How a sensor without point times spins, and the time of its revolution, ns. `found`: by the odometry.
     pub(crate) fn untimed_turn(&self, found: Option<(SpinDirection, u32)>) -> Option<(SpinDirection, u32)> {
-        let spin = match self.untimed_turn.as_str() {
-            "clockwise" => SpinDirection::Clockwise,
-            "counterclockwise" => SpinDirection::Counterclockwise,
+        let spin = match self.untimed_turn {
+            UntimedTurn::Clockwise => SpinDirection::Clockwise,
+            UntimedTurn::Counterclockwise => SpinDirection::Counterclockwise,
             // With "none" the odometry does not seek it.
-            _ => return found,
+            UntimedTurn::Auto | UntimedTurn::None => return found,
         };
         Some((spin, (self.untimed_turn_s * 1e9) as u32))
     }
 
     pub(crate) fn algorithm(&self) -> Algorithm {
-        match self.odometry.as_str() {
-            "imls" => Algorithm::Imls(ImlsSettings {
+        match self.odometry {
+            OdometryAlgorithm::Imls => Algorithm::Imls(ImlsSettings {
                 per_list: self.imls_samples as usize,
                 h_m: self.imls_h_m,
                 radius_m: self.imls_radius_m,
                 rounds: self.imls_rounds,
                 sweeps: self.imls_sweeps,
             }),
-            _ => Algorithm::ScanToMap,
+            OdometryAlgorithm::ScanToMap => Algorithm::ScanToMap,
         }
     }
 
@@ -138,7 +185,7 @@ impl Settings {
         let mut odometry = odometry.with_map_spacing(self.map_spacing_m);
         odometry.features.min_range_m = odometry.features.min_range_m.max(self.min_range_m as f32);
         odometry.features.max_range_m = self.max_range_m as f32;
-        odometry.untimed_turn_s = (self.untimed_turn == "auto").then_some(self.untimed_turn_s);
+        odometry.untimed_turn_s = (self.untimed_turn == UntimedTurn::Auto).then_some(self.untimed_turn_s);
         odometry.map.batches = self.map_sweeps;
         odometry.map.max_points = self.map_points_max as usize;
         if let Sampling::Even { max_features, .. } = &mut odometry.matching.sampling {
@@ -149,13 +196,13 @@ impl Settings {
 
     /// Without a manifest, antenna and inertial unit are at the body's origin.
     pub(crate) fn georeference(&self, manifest: Option<&Manifest>) -> GeoreferenceSettings {
-        let uses = |name: &str| self.correct.iter().any(|measurement| measurement == name);
+        let uses = |measurement: Correction| self.correct.contains(&measurement);
         let gnss = manifest.and_then(|manifest| manifest.gnss.as_ref());
         let imu = manifest.and_then(|manifest| manifest.imu.as_ref());
         GeoreferenceSettings {
-            gnss: uses("gnss"),
-            imu: uses("imu"),
-            loops: uses("loops"),
+            gnss: uses(Correction::Gnss),
+            imu: uses(Correction::Imu),
+            loops: uses(Correction::Loops),
             unsmooth_fixes: self.unsmooth_fixes,
             max_keyframes: self.loop_places_max as usize,
             antenna_in_body: gnss.map_or_else(Point3::origin, |gnss| gnss.antenna_in_body.into()),

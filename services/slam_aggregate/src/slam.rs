@@ -1,9 +1,9 @@
 //! The stage.
 
-use crate::Settings;
 use crate::incoming::{PreparedTick, Tick, prepared, raw};
 use crate::open_submap::LoanedSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
+use crate::{MotionSensor, Settings};
 use drive::manifest::Manifest;
 use drive::{Drive, LiveRig};
 use geometry::{Isometry3, Pose};
@@ -183,7 +183,7 @@ impl Stage for SlamAggregate {
             let n_valid = self.georeferencer.add_gnss(message.rows(), &self.georeference);
             outputs.count("fixes", n_valid as u64);
             outputs.count("fixes_without_position", (message.rows().len() - n_valid) as u64);
-            if self.settings.predicts_by("gnss") {
+            if self.settings.predicts_by(MotionSensor::Gnss) {
                 let velocities = message.rows().iter().filter_map(GroundVelocity::of_fix);
                 velocities.for_each(|velocity| self.odometry.add_gnss(velocity));
             }

@@ -1,15 +1,16 @@
 //! What the supervisor gives a stage at its start, and its commands while the stage runs.
 
 use crate::health::Traffic;
-use crate::{Context, Field, Remote};
+use crate::{Change, Context, Remote};
 use ipc::Channel;
 use messages::ByteTable;
 use serde::{Deserialize, Serialize};
+use settings::Field;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Raised when the supervisor and stages of different ages could misunderstand each other.
-pub const CONTRACT_VERSION: u32 = 5;
+pub const CONTRACT_VERSION: u32 = 6;
 
 /// Answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,8 +75,8 @@ pub struct Assignment {
     pub context: Context,
     /// The launch file.
     pub launch_file: PathBuf,
-    /// `--set` of the command line and the changes of swaps.
-    pub overrides: Vec<String>,
+    /// Changes of the command line and of swaps.
+    pub changes: Vec<Change>,
     /// Topics that it reads and that have a producer.
     pub inputs: Vec<TopicChannels>,
     /// Topics that it writes.

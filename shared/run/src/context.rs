@@ -50,14 +50,14 @@ fn find_in(launch_folder: &Path, programs: &Path, named: &Path) -> PathBuf {
     }
 }
 
-/// Lossless or newest first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Mode {
-    /// Lossless and deterministic: a fast stage waits for a slow one.
-    Offline,
-    /// Bounded latency: the oldest unprocessed message is dropped and counted.
-    Live,
+settings::words! {
+    /// Lossless or newest first.
+    pub enum Mode {
+        /// Lossless and deterministic: a fast stage waits for a slow one.
+        Offline = "offline",
+        /// Bounded latency: the oldest unprocessed message is dropped and counted.
+        Live = "live",
+    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 //! One request per connection, one JSON text per line. The supervisor sends [`Answer::Working`] at least once a second until
 //! its final answer. The client may disconnect; the supervisor completes the request.
 
+use crate::Change;
 use crate::wiring::{Wiring, WiringError};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Write};
@@ -40,12 +41,8 @@ pub struct SwapRequest {
     pub stage: String,
     /// Undo earlier swaps of this stage first: the changes below apply to the launch file alone.
     pub back: bool,
-    /// Another program, absolute.
-    pub program: Option<PathBuf>,
-    /// Keys that are removed, as if launch.toml did not have them.
-    pub unset: Vec<String>,
-    /// `key=value`, as after `--set`.
-    pub set: Vec<String>,
+    /// Changes of its table, in their order. Another program is the key `program`, an absolute path.
+    pub changes: Vec<Change>,
 }
 
 /// An answer of the supervisor.
@@ -75,7 +72,7 @@ pub struct Swapped {
     pub drive_time: i64,
     /// The same, from the first tick on, s.
     pub drive_s: f64,
-    /// What changed: `infer.model=…`, `!infer.model` for a removed key.
+    /// What changed, for people: `--set infer.model=…`, `--unset infer.model`.
     pub changes: Vec<String>,
     /// Saved state that the new program loaded, bytes; an empty state is not loaded.
     pub state_bytes: u64,

@@ -2,8 +2,9 @@
 
 use crate::checksum::Checksum;
 use crate::launch_file::LaunchFile;
-use crate::{Field, SUPERVISOR_KEYS, find_file};
+use crate::{SUPERVISOR_KEYS, find_file};
 use serde::{Deserialize, Serialize};
+use settings::Field;
 use std::collections::BTreeSet;
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read};

@@ -1,8 +1,9 @@
 //! Reads launch.toml. Every problem can be shown with its line.
 
-use crate::{Problem, nearest_key};
+use crate::Change;
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use files::toml_nesting::check_nesting;
+use settings::{Problem, nearest_key};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -14,28 +15,28 @@ const MAX_ERRORS: usize = 20;
 /// Tables of a launch file: one for each stage and three of the run. The largest pipeline has a tenth.
 const MAX_TABLES: usize = 256;
 
-/// A parsed launch.toml with the overrides of the command line applied to it.
+/// A parsed launch.toml with the changes of the command line applied to it.
 #[derive(Debug)]
 pub struct LaunchFile {
     path: PathBuf,
     text: &'static str,
     root: DeTable<'static>,
-    /// Without the overrides.
+    /// Without the changes of the command line.
     written: DeTable<'static>,
-    overridden: Vec<String>,
+    /// Keys that the command line changes, `table.key`.
+    changed: Vec<String>,
 }
 
 impl LaunchFile {
-    /// Reads the file; `overrides` are `table.key=value`, the value as TOML or as bare text, or `!table.key`, which removes
-    /// the key. All problems are reported, not only the first.
-    pub fn load(path: &Path, overrides: &[String]) -> Result<Self, Vec<Problem>> {
+    /// Reads the file and applies the changes of the command line in their order. All problems are reported, not only the first.
+    pub fn load(path: &Path, changes: &[Change]) -> Result<Self, Vec<Problem>> {
         let text = read_text(path, MAX_SETTINGS_BYTES)
             .map_err(|error| vec![Problem::of_key("", format!("cannot be read: {error}"))])?;
-        Self::parse(path, text, overrides)
+        Self::parse(path, text, changes)
     }
 
     /// [`LaunchFile::load`] of a text.
-    pub fn parse(path: &Path, text: String, overrides: &[String]) -> Result<Self, Vec<Problem>> {
+    pub fn parse(path: &Path, text: String, changes: &[Change]) -> Result<Self, Vec<Problem>> {
         if let Err(error) = check_nesting(&text) {
             let problem = Problem { key: String::new(), span: Some(error.at..error.at + 1), text: error.to_string() };
             return Err(vec![problem]);
@@ -58,15 +59,14 @@ impl LaunchFile {
             problems.push(Problem::of_key("", text));
         }
         let written = root.clone();
-        let mut overridden = Vec::new();
-        for text in overrides {
-            match apply(&mut root, text) {
-                Ok(key) => overridden.push(key),
-                Err(rule) => problems.push(Problem::of_key("", override_problem(text, &rule))),
+        for change in changes {
+            if let Err(error) = apply(&mut root, change) {
+                problems.push(Problem::of_key("", format!("{change}: {error}")));
             }
         }
         if problems.is_empty() {
-            Ok(Self { path: path.to_owned(), text, root, written, overridden })
+            let changed = changes.iter().map(Change::path).collect();
+            Ok(Self { path: path.to_owned(), text, root, written, changed })
         } else {
             Err(problems)
         }
@@ -95,12 +95,12 @@ impl LaunchFile {
         }
     }
 
-    /// Whether the file itself, without the overrides, has this table.
+    /// Whether the file itself, without the changes of the command line, has this table.
     pub fn is_written(&self, table: &str) -> bool {
         self.written.keys().any(|key| key.get_ref() == table)
     }
 
-    /// The text that the file itself, without the overrides, gives a key.
+    /// The text that the file itself, without the changes of the command line, gives a key.
     pub fn written_text(&self, table: &str, key: &str) -> Option<&str> {
         let named = |(name, value): (&Spanned<_>, _)| (name.get_ref() == key).then_some(value);
         let (_, table) = self.written.iter().find(|(name, _)| name.get_ref() == table)?;
@@ -111,7 +111,7 @@ impl LaunchFile {
     /// Completes a problem of `table`: full key, and no place in the file for values of the command line.
     pub fn located(&self, table: &str, mut problem: Problem) -> Problem {
         problem.key = if problem.key.is_empty() { table.to_owned() } else { format!("{table}.{}", problem.key) };
-        if self.overridden.contains(&problem.key) {
+        if self.changed.contains(&problem.key) {
             problem.span = None;
             problem.text = format!("{} (from --set)", problem.text);
         }
@@ -147,57 +147,40 @@ pub fn render(path: &Path, text: &str, problem: &Problem) -> String {
     )
 }
 
-/// The problem of an override, with the option of the command line that it comes from.
-fn override_problem(text: &str, rule: &OverrideError) -> String {
-    match text.strip_prefix('!') {
-        Some(key) => format!("--unset {key}: {rule}"),
-        None => format!("--set {text}: {rule}"),
-    }
-}
-
-/// An override that cannot be applied.
+/// A change that cannot be applied.
 #[derive(Debug, thiserror::Error)]
-enum OverrideError {
-    #[error("must have the form table.key=value")]
-    Form,
-    #[error("must have the form table.key")]
-    RemovalForm,
+enum ApplyError {
     #[error("the launch file does not set {path}{hint}")]
     Absent { path: String, hint: String },
-    #[error("{key} is not a table")]
-    NotATable { key: String },
+    #[error("{table} is not a table")]
+    NotATable { table: String },
 }
 
-/// Sets `table.key=value` in the tables, or removes `!table.key` from them; returns `table.key`.
-fn apply(root: &mut DeTable<'static>, text: &str) -> Result<String, OverrideError> {
-    if let Some(path) = text.strip_prefix('!') {
-        let (name, left_out) = path.trim().split_once('.').ok_or(OverrideError::RemovalForm)?;
-        let table = root.iter_mut().find(|(key, _)| key.get_ref() == name).map(|(_, value)| value.get_mut());
-        let found = if let Some(DeValue::Table(table)) = table { table.remove(left_out) } else { None };
-        let path = path.trim().to_owned();
-        return if found.is_some() {
-            Ok(path)
-        } else {
-            Err(OverrideError::Absent { hint: nearest_set(root, &path), path })
-        };
-    }
-    let (path, value) = text.split_once('=').ok_or(OverrideError::Form)?;
-    let (table, key) = path.trim().split_once('.').ok_or(OverrideError::Form)?;
-    let nowhere = || Spanned::new(0..0, Cow::Owned(String::new()));
-    let named = |name: &str| {
-        let mut key = nowhere();
-        *key.get_mut() = Cow::Owned(name.to_owned());
-        key
-    };
-    let value = toml_value(value.trim());
-    let slot = root.entry(named(table)).or_insert_with(|| Spanned::new(0..0, DeValue::Table(DeTable::new())));
-    match slot.get_mut() {
-        DeValue::Table(table) => {
-            table.insert(named(key), value);
-            Ok(path.trim().to_owned())
+fn apply(root: &mut DeTable<'static>, change: &Change) -> Result<(), ApplyError> {
+    match change {
+        Change::Set { table, key, value } => {
+            let slot =
+                root.entry(placeless(table)).or_insert_with(|| Spanned::new(0..0, DeValue::Table(DeTable::new())));
+            let DeValue::Table(keys) = slot.get_mut() else {
+                return Err(ApplyError::NotATable { table: table.clone() });
+            };
+            keys.insert(placeless(key), toml_value(value));
         }
-        _ => Err(OverrideError::NotATable { key: table.to_owned() }),
+        Change::Unset { table, key } => {
+            let found = root.iter_mut().find(|(name, _)| name.get_ref() == table).map(|(_, value)| value.get_mut());
+            let removed = if let Some(DeValue::Table(keys)) = found { keys.remove(key.as_str()) } else { None };
+            if removed.is_none() {
+                let path = change.path();
+                return Err(ApplyError::Absent { hint: nearest_set(root, &path), path });
+            }
+        }
     }
+    Ok(())
+}
+
+/// A key without a place in the file.
+fn placeless(name: &str) -> Spanned<Cow<'static, str>> {
+    Spanned::new(0..0, Cow::Owned(name.to_owned()))
 }
 
 /// The key that is set and looks most like `path`, as a hint; empty if none does.
@@ -228,6 +211,14 @@ fn toml_value(text: &str) -> Spanned<DeValue<'static>> {
 mod tests {
     use super::*;
 
+    fn set(text: &str) -> Change {
+        Change::set(text).expect("valid")
+    }
+
+    fn unset(text: &str) -> Change {
+        Change::unset(text).expect("valid")
+    }
+
     const TEXT: &str = "[run]\ndrive = \"a\"\n\n[infer]\nmodell = 3\n";
 
     #[test]
@@ -249,7 +240,7 @@ mod tests {
             shown.starts_with("launch.toml:2:501: more than 100 arrays and inline tables are open"),
             "{shown:.200}"
         );
-        let value = format!("run.drive={}", "{[]x=".repeat(100_000));
+        let value = set(&format!("run.drive={}", "{[]x=".repeat(100_000)));
         let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &[value]).expect("is a text");
         assert!(file.table("run").is_ok());
     }
@@ -269,24 +260,24 @@ mod tests {
 
     #[test]
     fn first_unknown_keys_of_a_table_are_reported_and_the_others_are_counted() {
-        crate::settings! {
+        settings::settings! {
             /// Settings of the test.
             pub struct Small {
                 /// A size, m.
-                pub size_m: f64 = 1.0 => crate::at_least(0.0);
+                pub size_m: f64 = 1.0 => settings::at_least(0.0);
             }
         }
         let text = (0..50_000).map(|k| format!("size_{k} = 1\n")).collect::<Vec<_>>().concat();
         let table = DeTable::parse(&text).expect("parses");
-        let (_, problems) = crate::parse_table::<Small>(table.get_ref());
+        let (_, problems) = settings::parse_table::<Small>(table.get_ref());
         assert_eq!(problems.len(), 21);
         assert_eq!(problems[20].text, "49980 more unknown keys");
     }
 
     #[test]
-    fn override_replaces_value_and_needs_no_quotes() {
-        let overrides = ["run.drive=/data/drive 7".to_owned(), "infer.modell=4".to_owned(), "new.key=true".to_owned()];
-        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &overrides).expect("parses");
+    fn changed_value_needs_no_quotes() {
+        let changes = ["run.drive=/data/drive 7", "infer.modell=4", "new.key=true"].map(set);
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &changes).expect("parses");
         let value = |table: &str| file.table(table).expect("a table").into_iter().next().expect("one").1.into_inner();
         assert_eq!(value("run").as_str(), Some("/data/drive 7"));
         assert_eq!(value("infer").as_integer().map(|i| i.as_str().to_owned()), Some("4".to_owned()));
@@ -296,9 +287,9 @@ mod tests {
     }
 
     #[test]
-    fn written_values_are_those_of_the_file_without_overrides() {
-        let overrides = ["run.drive=b".to_owned(), "simulate.seed=4".to_owned()];
-        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &overrides).expect("parses");
+    fn written_values_are_those_of_the_file_without_changes() {
+        let changes = ["run.drive=b", "simulate.seed=4"].map(set);
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &changes).expect("parses");
         assert_eq!(file.written_text("run", "drive"), Some("a"));
         assert_eq!((file.written_text("run", "output"), file.written_text("infer", "modell")), (None, None));
         assert!(file.is_written("run") && !file.is_written("simulate"));
@@ -306,22 +297,23 @@ mod tests {
 
     #[test]
     fn removal_of_key_requires_the_key() {
-        let parse = |overrides: &[&str]| {
-            let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
-            LaunchFile::parse(Path::new("l"), TEXT.to_owned(), &overrides)
-        };
-        assert!(parse(&["!infer.modell"]).expect("parses").table("infer").expect("a table").is_empty());
-        let set_again = parse(&["!infer.modell", "infer.modell=4"]).expect("parses");
+        let parse = |changes: &[Change]| LaunchFile::parse(Path::new("l"), TEXT.to_owned(), changes);
+        let removed = unset("infer.modell");
+        assert!(parse(&[removed.clone()]).expect("parses").table("infer").expect("a table").is_empty());
+        let set_again = parse(&[removed, set("infer.modell=4")]).expect("parses");
         assert_eq!(set_again.table("infer").expect("a table").len(), 1);
-        for absent in ["!infer.mode", "!instance.modell", "!infer"] {
-            assert_eq!(parse(&[absent]).expect_err("there is none").len(), 1, "{absent}");
+        for absent in ["infer.mode", "instance.modell"] {
+            let problems = parse(&[unset(absent)]).expect_err("there is none");
+            assert_eq!(problems.len(), 1, "{absent}");
+            assert!(problems[0].text.starts_with(&format!("--unset {absent}: the launch file does not set {absent}")));
         }
     }
 
     #[test]
     fn syntax_errors_are_all_reported() {
-        let problems = LaunchFile::parse(Path::new("l"), "[run]\na = \nb = = 3\n".to_owned(), &["nonsense".to_owned()])
-            .expect_err("faulty");
+        let changes = [unset("run.c")];
+        let problems =
+            LaunchFile::parse(Path::new("l"), "[run]\na = \nb = = 3\n".to_owned(), &changes).expect_err("faulty");
         assert!(problems.len() >= 3, "{problems:?}");
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`launch_file`], [`mod@settings`] | launch.toml and its tables |
+//! | [`launch_file`] | launch.toml and its tables |
 //! | [`program`] | command line and exit codes of every program |
 //! | [`assignment`] | what the supervisor hands to a stage, and its commands |
 //! | [`remote`] | where a stage runs that is on another host |
@@ -20,6 +20,7 @@
 //! Authors of stages use the crate `stage`, which re-exports what they need.
 
 pub mod assignment;
+mod change;
 pub mod checksum;
 pub mod context;
 pub mod control;
@@ -32,25 +33,18 @@ mod packed;
 pub mod process;
 pub mod program;
 pub mod remote;
-pub mod settings;
 pub mod space;
 pub mod state_file;
 pub mod summary;
 pub mod terminal;
 pub mod wiring;
 
+pub use change::{Change, ChangeError};
 pub use context::{Context, Mode, find_file};
 pub use file_identity::{FileIdentity, files_of_settings};
 pub use packed::Piece;
-pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
-pub use remote::Remote;
-pub use settings::{
-    Field, Problem, Rule, SettingError, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
-    zero_or_within,
+pub use program::{
+    CheckRequest, DescribeDriveRequest, DescribeRequest, DriveDescription, LOG_FORMAT, SUPERVISOR_KEYS, exit,
 };
+pub use remote::Remote;
 pub use state_file::{StateError, saved_bytes, verify_state};
-
-#[doc(hidden)]
-pub use settings::{default_text, read_value};
-#[doc(hidden)]
-pub use {serde, toml};

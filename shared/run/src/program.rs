@@ -1,7 +1,8 @@
 //! Command line and exit codes that the programs of the project share.
 
-use crate::{Context, Remote};
+use crate::{Change, Context, Remote};
 use serde::{Deserialize, Serialize};
+use settings::{Field, Problem};
 use std::path::PathBuf;
 
 /// Keys of a stage's table that the supervisor reads and the stage does not.
@@ -31,8 +32,8 @@ pub mod exit {
 pub struct DescribeRequest {
     /// The launch file.
     pub launch_file: PathBuf,
-    /// `--set` of the command line.
-    pub overrides: Vec<String>,
+    /// Changes of the command line.
+    pub changes: Vec<Change>,
     /// The stage's table.
     pub table: String,
     /// Its host, if it is another one.
@@ -40,13 +41,13 @@ pub struct DescribeRequest {
     pub remote: Option<Remote>,
 }
 
-/// Argument of `--check`; the answer is a list of [`Problem`](crate::Problem).
+/// Argument of `--check`; the answer is a list of [`Problem`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CheckRequest {
     /// The launch file.
     pub launch_file: PathBuf,
-    /// `--set` of the command line.
-    pub overrides: Vec<String>,
+    /// Changes of the command line.
+    pub changes: Vec<Change>,
     /// The stage's table.
     pub table: String,
     /// Where the run will happen.
@@ -54,4 +55,28 @@ pub struct CheckRequest {
     /// Its host, if it is another one.
     #[serde(default)]
     pub remote: Option<Remote>,
+}
+
+/// Argument of `replica simulate --describe`; the answer is a [`DriveDescription`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DescribeDriveRequest {
+    /// The launch file.
+    pub launch_file: PathBuf,
+    /// Changes of the command line.
+    pub changes: Vec<Change>,
+    /// The drive of `[run]`, which need not exist.
+    pub drive: PathBuf,
+}
+
+/// The table `[simulate]` of a launch file, as `replica simulate` understands it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DriveDescription {
+    /// All settings of the table.
+    pub settings: Vec<Field>,
+    /// Problems of the table, with their places.
+    pub problems: Vec<Problem>,
+    /// In what the drive differs from the table. Empty if it does not exist or was not simulated.
+    pub differences: Vec<String>,
+    /// Arguments of `replica` that simulate the drive, without the folder to make.
+    pub arguments: Vec<String>,
 }

@@ -3,25 +3,19 @@
 use crate::SegmentationError;
 use candle_core::Device;
 
-/// What networks run on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ComputeDevice {
-    /// The kernels of [`kernels::images`] on all threads of the CPU.
-    #[default]
-    Cpu,
-    /// The operations of candle on the first NVIDIA GPU, in a build with the feature `cuda`.
-    Cuda,
+settings::words! {
+    /// What networks run on.
+    #[derive(Default)]
+    pub enum ComputeDevice {
+        /// The kernels of [`kernels::images`] on all threads of the CPU.
+        #[default]
+        Cpu = "cpu",
+        /// The operations of candle on the first NVIDIA GPU, in a build with the feature `cuda`.
+        Cuda = "cuda",
+    }
 }
 
 impl ComputeDevice {
-    /// The device of a word of the settings; `None` if there is no such word.
-    pub fn from_word(word: &str) -> Option<Self> {
-        match word {
-            "cpu" => Some(Self::Cpu),
-            "cuda" => Some(Self::Cuda),
-            _ => None,
-        }
-    }
     /// The device of candle whose operations run the networks; `None` for the kernels.
     ///
     /// # Errors

@@ -21,28 +21,19 @@ const SAMPLE: usize = 100_000;
 /// to a gain of 2, and normalized ones from 3 on.
 const TOLERANCE: f32 = 3.0;
 
-/// What a model takes from the intensities.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum IntensityUse {
-    /// As recorded if they are on the scale of the training, else brought to it.
-    #[default]
-    Auto,
-    /// Brought to the scale of the training, ring by ring.
-    Normalized,
-    /// As recorded.
-    Raw,
-    /// Nothing.
-    Off,
-}
-
-impl IntensityUse {
-    /// The words of the settings.
-    pub const WORDS: [&str; 4] = ["auto", "normalized", "raw", "off"];
-
-    /// The use of a word; `None` if there is no such word.
-    pub fn from_word(word: &str) -> Option<Self> {
-        let uses = [Self::Auto, Self::Normalized, Self::Raw, Self::Off];
-        Self::WORDS.iter().zip(uses).find(|(known, _)| **known == word).map(|(_, known)| known)
+settings::words! {
+    /// What a model takes from the intensities.
+    #[derive(Default)]
+    pub enum IntensityUse {
+        /// As recorded if they are on the scale of the training, else brought to it.
+        #[default]
+        Auto = "auto",
+        /// Brought to the scale of the training, ring by ring.
+        Normalized = "normalized",
+        /// As recorded.
+        Raw = "raw",
+        /// Nothing.
+        Off = "off",
     }
 }
 

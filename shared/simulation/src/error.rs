@@ -1,6 +1,6 @@
 //! Errors of simulating a drive.
 
-use crate::limits::SettingError;
+use crate::limits::OutOfLimits;
 use std::path::{Path, PathBuf};
 
 /// Why a drive was not written.
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub enum SimulationError {
     /// A setting outside its range.
     #[error(transparent)]
-    Setting(#[from] SettingError),
+    Setting(#[from] OutOfLimits),
     /// The output folder exists.
     #[error("{}: exists already; drives are never overwritten, choose another folder or remove it", .0.display())]
     Exists(PathBuf),

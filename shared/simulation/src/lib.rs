@@ -15,6 +15,7 @@
 //! Frames and units follow `docs/reference/conventions.md`; the world is local east-north-up around [`sensors::gnss::ORIGIN`].
 
 mod drive;
+mod drive_settings;
 mod error;
 pub mod illuminants;
 pub mod light;
@@ -22,16 +23,16 @@ pub mod limits;
 pub mod motion;
 pub mod rig;
 pub mod sensors;
-mod settings;
 mod simulation;
 mod spec;
 pub mod truth;
 
 pub use drive::{SimulatedDrive, write_drive, write_simulation};
+pub use drive_settings::DriveSettings;
 pub use error::SimulationError;
-pub use limits::SettingError;
+pub use limits::OutOfLimits;
 pub use rig::{CalibrationError, RigSpec};
-pub use settings::{DriveSettings, SettingField};
+pub use sensors::lidar::LidarGrade;
 pub use simulation::Simulation;
 pub use spec::{DriveReport, DriveSpec};
 pub use town::{Town, Traffic};

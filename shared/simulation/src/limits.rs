@@ -1,8 +1,8 @@
 //! Allowed ranges of the settings of a drive.
 
-use std::fmt;
+use settings::Rule;
 
-/// A range of numbers, both ends included.
+/// A range of numbers, both ends included. NaN is outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     low: f64,
@@ -20,51 +20,30 @@ pub const CALIBRATION_ERROR_CM: Limits = Limits { low: 0.0, high: 100.0 };
 /// Exposure of the mosaic cameras, ms.
 pub const MOSAIC_EXPOSURE_MS: Limits = Limits { low: 0.1, high: 1000.0 };
 
-/// Why a value of a setting is refused.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SettingError {
-    /// The value breaks the rule of the setting.
-    #[error("{key}: value {value} {rule}")]
-    Rule {
-        /// The setting.
-        key: &'static str,
-        /// The value found.
-        value: String,
-        /// The rule, "must be ...".
-        rule: String,
-    },
-    /// The value has another type.
-    #[error("{key}: {problem}")]
-    Type {
-        /// The setting.
-        key: &'static str,
-        /// The value found and the type expected.
-        problem: String,
-    },
-}
-
-impl SettingError {
-    /// The message without the key, for callers that show the key themselves.
-    pub fn text(&self) -> String {
-        match self {
-            Self::Rule { value, rule, .. } => format!("value {value} {rule}"),
-            Self::Type { problem, .. } => problem.clone(),
-        }
-    }
+/// A value of a [`DriveSpec`](crate::DriveSpec) outside of its limits.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{key}: value {value} {rule}")]
+pub struct OutOfLimits {
+    /// The setting.
+    pub key: &'static str,
+    /// The value found.
+    pub value: f64,
+    /// The rule, "must be ...".
+    pub rule: String,
 }
 
 impl Limits {
-    /// Returns the value if it is within the range. NaN is outside.
-    pub fn check(&self, key: &'static str, value: f64) -> Result<f64, SettingError> {
-        if value >= self.low && value <= self.high {
-            return Ok(value);
-        }
-        Err(SettingError::Rule { key, value: value.to_string(), rule: self.to_string() })
+    /// Checks the value of `key`.
+    pub(crate) fn check(&self, key: &'static str, value: f64) -> Result<(), OutOfLimits> {
+        if self.allows(&value) { Ok(()) } else { Err(OutOfLimits { key, value, rule: self.text() }) }
     }
 }
 
-impl fmt::Display for Limits {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "must be between {} and {}", self.low, self.high)
+impl Rule<f64> for Limits {
+    fn allows(&self, value: &f64) -> bool {
+        settings::within(self.low, self.high).allows(value)
+    }
+    fn text(&self) -> String {
+        settings::within(self.low, self.high).text()
     }
 }

@@ -36,15 +36,31 @@ pub enum Demosaicing {
     PpiDifference,
 }
 
-impl Demosaicing {
-    /// By its name in settings and commands: `wb`, `id`, `iid` (two estimates) or `ppid`.
-    pub fn named(name: &str) -> Option<Self> {
-        match name {
-            "wb" => Some(Self::WeightedBilinear),
-            "id" => Some(Self::IntensityDifference),
-            "iid" => Some(Self::IterativeIntensityDifference(2)),
-            "ppid" => Some(Self::PpiDifference),
-            _ => None,
+settings::words! {
+    /// Resolution of cubes, as settings and commands name it.
+    pub enum Resolution {
+        /// One cell per pattern cell.
+        Bin = "bin",
+        /// One cell per pixel by [`Demosaicing::WeightedBilinear`].
+        Wb = "wb",
+        /// One cell per pixel by [`Demosaicing::IntensityDifference`].
+        Id = "id",
+        /// One cell per pixel by [`Demosaicing::IterativeIntensityDifference`] with two estimates.
+        Iid = "iid",
+        /// One cell per pixel by [`Demosaicing::PpiDifference`].
+        Ppid = "ppid",
+    }
+}
+
+impl Resolution {
+    /// The method that gives a cell per pixel; `None` for a cell per pattern cell.
+    pub fn demosaicing(self) -> Option<Demosaicing> {
+        match self {
+            Self::Bin => None,
+            Self::Wb => Some(Demosaicing::WeightedBilinear),
+            Self::Id => Some(Demosaicing::IntensityDifference),
+            Self::Iid => Some(Demosaicing::IterativeIntensityDifference(2)),
+            Self::Ppid => Some(Demosaicing::PpiDifference),
         }
     }
 }

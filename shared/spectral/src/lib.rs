@@ -27,7 +27,7 @@ mod reference;
 pub use calibration::{Calibration, FrameCounts, WhitePanel, WhiteTarget};
 pub use camera::{Camera, CameraError};
 pub use correction::Correction;
-pub use demosaic::{Demosaicer, Demosaicing};
+pub use demosaic::{Demosaicer, Demosaicing, Resolution};
 pub use error::SpectralError;
 pub use full_resolution::FullResolution;
 pub use limits::MAX_PATTERN;

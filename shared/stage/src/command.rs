@@ -61,7 +61,7 @@ fn description(program: &dyn Program) -> Description {
 
 /// Problems of the launch file are reported by `--check`: here the defaults apply.
 fn describe(program: &dyn Program, request: &DescribeRequest) -> u8 {
-    let file = LaunchFile::load(&request.launch_file, &request.overrides).ok();
+    let file = LaunchFile::load(&request.launch_file, &request.changes).ok();
     let folder = request.launch_file.parent().unwrap_or(Path::new("/"));
     match describe_table(program, file.as_ref(), &request.table, folder) {
         Ok(description) => print_json(&description),
@@ -89,7 +89,7 @@ pub(crate) fn describe_table(
 }
 
 fn check(program: &dyn Program, request: &CheckRequest) -> Vec<Problem> {
-    match LaunchFile::load(&request.launch_file, &request.overrides) {
+    match LaunchFile::load(&request.launch_file, &request.changes) {
         Ok(file) => check_table(program, &file, &request.table, &request.context),
         Err(problems) => problems,
     }
@@ -125,7 +125,7 @@ fn run_assignment(program: &dyn Program, path: &Path) -> u8 {
             return exit::CONFIGURATION;
         }
     };
-    let launch_file = match LaunchFile::load(&assignment.launch_file, &assignment.overrides) {
+    let launch_file = match LaunchFile::load(&assignment.launch_file, &assignment.changes) {
         Ok(launch_file) => launch_file,
         Err(problems) => {
             for problem in problems {

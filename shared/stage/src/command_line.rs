@@ -4,6 +4,7 @@ use crate::program::Program;
 use crate::{Port, exit};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use run::Change;
 use serde::Serialize;
 use std::ffi::OsString;
 use std::fmt::Write;
@@ -37,7 +38,7 @@ pub(crate) enum Action {
 #[derive(Args)]
 pub(crate) struct RunArguments {
     /// File of the supervisor
-    #[arg(conflicts_with_all = ["recording", "record", "launch", "overrides", "drive", "output", "json"])]
+    #[arg(conflicts_with_all = ["recording", "record", "launch", "set", "unset", "drive", "output", "json"])]
     pub(crate) assignment: Option<PathBuf>,
     /// For a run on another host, whose connection is the standard input; ends with the process AGENT
     #[arg(long, value_name = "AGENT", hide = true, conflicts_with = "assignment")]
@@ -57,9 +58,12 @@ pub(crate) struct AloneArguments {
     /// Launch file with the settings; defaults without
     #[arg(long, value_name = "launch.toml")]
     pub(crate) launch: Option<PathBuf>,
-    /// Override a key of the launch file; !TABLE.KEY removes it
-    #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
-    pub(crate) overrides: Vec<String>,
+    /// Set a key of the launch file (may be repeated)
+    #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = Change::set)]
+    pub(crate) set: Vec<Change>,
+    /// Leave out a key of the launch file, so that its default holds (may be repeated); --set may set it again
+    #[arg(long, value_name = "TABLE.KEY", value_parser = Change::unset)]
+    pub(crate) unset: Vec<Change>,
     /// Drive that a source reads
     #[arg(long, value_name = "FOLDER")]
     pub(crate) drive: Option<PathBuf>,

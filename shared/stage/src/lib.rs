@@ -37,9 +37,10 @@ pub use outputs::Outputs;
 pub use port::Port;
 pub use program::{ConfiguredStage, Program, RunningStage};
 pub use run::space;
-pub use run::{
-    Context, Field, Mode, Problem, Rule, Settings, StateError, any, at_least, each_one_of, exit, find_file, one_of,
-    parse_table, settings, toml, within,
+pub use run::{Context, Mode, StateError, exit, find_file};
+pub use settings::{
+    Field, Problem, Rule, Settings, Word, any, at_least, list_of_words, one_word, parse_table, settings, toml, within,
+    words,
 };
 pub use state::{Bytes, decode_state, encode_state};
 pub use state_bytes::{StateBytes, decode_head, next_message};

@@ -24,7 +24,7 @@ pub enum TownSweepsError {
         seconds: f64,
     },
     /// No kind of town has this name.
-    #[error("unknown kind of town {name:?}, must be one of {}", Town::ALL.map(Town::name).join(", "))]
+    #[error("unknown kind of town {name:?}, must be one of {}", settings::words_of::<Town>())]
     UnknownTown {
         /// The name.
         name: String,

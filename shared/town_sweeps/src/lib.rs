@@ -22,6 +22,5 @@ use simulation::Town;
 
 /// The kind of town of this name.
 pub fn town_from_name(name: &str) -> Result<Town, TownSweepsError> {
-    let town = Town::ALL.into_iter().find(|town| town.name() == name);
-    town.ok_or_else(|| TownSweepsError::UnknownTown { name: name.to_owned() })
+    name.parse().map_err(|_| TownSweepsError::UnknownTown { name: name.to_owned() })
 }

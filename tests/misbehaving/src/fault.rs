@@ -10,25 +10,78 @@ use std::time::{Duration, Instant};
 /// Far more than saving takes on a busy machine.
 const MAX_WAIT: Duration = Duration::from_mins(3);
 
+stage::words! {
+    /// What goes wrong.
+    pub enum FaultKind {
+        /// Nothing.
+        None = "none",
+        /// A step fails.
+        Error = "error",
+        /// The process ends with code 0.
+        Exit = "exit",
+        /// Panic.
+        Panic = "panic",
+        /// The whole process is stopped.
+        Hang = "hang",
+        /// A step never ends, not even on SIGTERM.
+        Stall = "stall",
+        /// The step does not end before the file `once` exists.
+        Waits = "waits",
+        /// SIGKILL.
+        Killed = "killed",
+        /// SIGBUS.
+        BusError = "bus_error",
+        /// An allocation that nothing can satisfy.
+        ExhaustsMemory = "exhausts_memory",
+        /// Takes what is free in /dev/shm, then writes into a loan: only in a mount namespace.
+        FillsSharedMemory = "fills_shared_memory",
+        /// Keeps every loan.
+        LeaksLoans = "leaks_loans",
+        /// More messages in a tick than the queue takes.
+        FloodsTopic = "floods_topic",
+        /// As `hang`, before it is ready.
+        HangsAtStart = "hangs_at_start",
+        /// As `stall`, before it is ready.
+        StallsAtStart = "stalls_at_start",
+        /// It is not ready before the file `once` exists.
+        WaitsAtStart = "waits_at_start",
+        /// It cannot be constructed.
+        FailsAtStart = "fails_at_start",
+        /// It cannot load any state.
+        LoadsNoState = "loads_no_state",
+        /// Its states refer to a file that does not exist.
+        ReliesOnNothing = "relies_on_nothing",
+    }
+}
+
+impl FaultKind {
+    /// Whether it goes wrong in a step, when it is due: not by waiting for the test, and not at the start.
+    fn is_in_a_step(self) -> bool {
+        match self {
+            Self::None
+            | Self::Waits
+            | Self::HangsAtStart
+            | Self::StallsAtStart
+            | Self::WaitsAtStart
+            | Self::FailsAtStart
+            | Self::LoadsNoState
+            | Self::ReliesOnNothing => false,
+            Self::Error
+            | Self::Exit
+            | Self::Panic
+            | Self::Hang
+            | Self::Stall
+            | Self::Killed
+            | Self::BusError
+            | Self::ExhaustsMemory
+            | Self::FillsSharedMemory
+            | Self::LeaksLoans
+            | Self::FloodsTopic => true,
+        }
+    }
+}
+
 /// The fault that the settings select.
-///
-/// | fault | what happens |
-/// |---|---|
-/// | `error` | a step fails |
-/// | `exit` | the process ends with code 0 |
-/// | `panic` | panic |
-/// | `hang` | the whole process is stopped |
-/// | `stall` | a step never ends, not even on SIGTERM |
-/// | `killed`, `bus_error` | SIGKILL, SIGBUS |
-/// | `exhausts_memory` | an allocation that nothing can satisfy |
-/// | `fills_shared_memory` | takes what is free in /dev/shm, then writes into a loan: only in a mount namespace |
-/// | `leaks_loans` | keeps every loan |
-/// | `floods_topic` | more messages in a tick than the queue takes |
-/// | `hangs_at_start`, `stalls_at_start` | as `hang` and `stall`, before it is ready |
-/// | `fails_at_start` | it cannot be constructed |
-/// | `loads_no_state` | it cannot load any state |
-/// | `relies_on_nothing` | its states refer to a file that does not exist |
-/// | `waits`, `waits_at_start` | the step does not end, or it is not ready, before the file `once` exists |
 pub struct Fault {
     settings: Settings,
     output: PathBuf,
@@ -41,72 +94,75 @@ impl Fault {
 
     /// While the stage is constructed.
     pub fn strike_at_start(&self) -> Result<(), StepError> {
-        match self.settings.fault.as_str() {
-            "waits_at_start" => {
+        match self.settings.fault {
+            FaultKind::WaitsAtStart => {
                 self.await_gate();
                 Ok(())
             }
-            "hangs_at_start" if self.is_due(0)? => stop(),
-            "stalls_at_start" if self.is_due(0)? => stall(),
-            "fails_at_start" if self.is_due(0)? => Err(StepError::data("configured to fail at the start")),
+            FaultKind::HangsAtStart if self.is_due(0)? => stop(),
+            FaultKind::StallsAtStart if self.is_due(0)? => stall(),
+            FaultKind::FailsAtStart if self.is_due(0)? => Err(StepError::data("configured to fail at the start")),
             _ => Ok(()),
         }
     }
 
     /// While a state is loaded.
     pub fn strike_at_load(&self) -> Result<(), StepError> {
-        let refuses = self.settings.fault == "loads_no_state";
+        let refuses = self.settings.fault == FaultKind::LoadsNoState;
         if refuses { Err(StepError::data("configured to load no state")) } else { Ok(()) }
     }
 
     /// Files that a state refers to.
     pub fn relied_on(&self) -> Option<PathBuf> {
-        (self.settings.fault == "relies_on_nothing").then(|| self.output.join("not_there.ply"))
+        (self.settings.fault == FaultKind::ReliesOnNothing).then(|| self.output.join("not_there.ply"))
     }
 
     /// Before the step of a tick.
     pub fn strike(&self, tick: u64, kept: &mut Vec<Loan<ClassTopic>>, outputs: &mut Outputs) -> Result<(), StepError> {
-        let fault = self.settings.fault.as_str();
-        if fault == "waits" {
-            if tick == self.settings.at_tick {
-                self.await_gate();
-            }
-            return Ok(());
+        let fault = self.settings.fault;
+        if fault == FaultKind::Waits && tick == self.settings.at_tick {
+            self.await_gate();
         }
-        if fault == "none"
-            || fault.ends_with("_at_start")
-            || ["loads_no_state", "relies_on_nothing"].contains(&fault)
-            || !self.is_due(tick)?
-        {
+        if !fault.is_in_a_step() || !self.is_due(tick)? {
             return Ok(());
         }
         self.await_barrier(tick);
         match fault {
-            "error" => Err(StepError::data(format!("configured to fail in tick {tick}"))),
-            "exit" => std::process::exit(0),
-            "panic" => panic!("configured to panic in tick {tick}"),
-            "hang" => stop(),
-            "killed" => send(Signal::KILL),
+            FaultKind::Error => Err(StepError::data(format!("configured to fail in tick {tick}"))),
+            FaultKind::Exit => std::process::exit(0),
+            FaultKind::Panic => panic!("configured to panic in tick {tick}"),
+            FaultKind::Hang => stop(),
+            FaultKind::Killed => send(Signal::KILL),
             // Rust's own handler takes the first signal for an access to the stack's guard page, and ignores the second.
-            "bus_error" => kill_process(getpid(), Signal::BUS).map_err(StepError::io).and_then(|()| send(Signal::BUS)),
-            "exhausts_memory" => {
+            FaultKind::BusError => {
+                kill_process(getpid(), Signal::BUS).map_err(StepError::io).and_then(|()| send(Signal::BUS))
+            }
+            FaultKind::ExhaustsMemory => {
                 let block = std::hint::black_box(Vec::<u8>::with_capacity(isize::MAX as usize));
                 Err(StepError::data(format!("there were {} bytes", block.capacity())))
             }
-            "fills_shared_memory" => {
+            FaultKind::FillsSharedMemory => {
                 fill("/dev/shm/filler")?;
                 let mut loan = outputs.loan::<ClassTopic>(ClassTopic::MAX_ROWS)?;
                 loan.grow(ClassTopic::MAX_ROWS)?;
                 Err(StepError::data("there was shared memory left"))
             }
-            "leaks_loans" => loop {
+            FaultKind::LeaksLoans => loop {
                 kept.push(outputs.loan::<ClassTopic>(1)?);
             },
-            "floods_topic" => (0..=ClassTopic::QUEUE).try_for_each(|_| {
+            FaultKind::FloodsTopic => (0..=ClassTopic::QUEUE).try_for_each(|_| {
                 let loan = outputs.loan::<ClassTopic>(0)?;
                 outputs.publish(loan, 0)
             }),
-            _ => stall(),
+            FaultKind::Stall => stall(),
+            FaultKind::None
+            | FaultKind::Waits
+            | FaultKind::HangsAtStart
+            | FaultKind::StallsAtStart
+            | FaultKind::WaitsAtStart
+            | FaultKind::FailsAtStart
+            | FaultKind::LoadsNoState
+            | FaultKind::ReliesOnNothing => Ok(()),
         }
     }
 

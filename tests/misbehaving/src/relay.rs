@@ -1,21 +1,17 @@
 //! Turns sweeps into columns, and fails as its settings say.
 
-use crate::fault::Fault;
+use crate::fault::{Fault, FaultKind};
 use crate::mapping::is_shared_memory;
 use stage::messages::{ClassRow, ClassTopic, SweepTopic};
 use stage::{
-    Context, Flow, Inputs, Loan, Outputs, Port, Stage, StateBytes, StepError, any, decode_state, encode_state, one_of,
+    Context, Flow, Inputs, Loan, Outputs, Port, Stage, StateBytes, StepError, any, decode_state, encode_state, one_word,
 };
 
 stage::settings! {
     /// Settings of the relay.
     pub struct Settings {
         /// What goes wrong, see `fault.rs`.
-        pub fault: String = "none".to_owned() => one_of(&[
-            "none", "error", "exit", "panic", "hang", "stall", "waits", "killed", "bus_error", "exhausts_memory",
-            "fills_shared_memory", "leaks_loans", "floods_topic", "hangs_at_start", "stalls_at_start", "waits_at_start",
-            "fails_at_start", "loads_no_state", "relies_on_nothing",
-        ]);
+        pub fault: FaultKind = FaultKind::None => one_word();
         /// Tick in which it goes wrong.
         pub at_tick: u64 = 0 => any();
         /// Goes into every row: another salt, other rows.

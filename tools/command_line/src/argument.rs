@@ -1,11 +1,19 @@
 //! Parsers of argument values.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use settings::{UnknownWord, Word};
 use std::str::FromStr;
 
 /// A value that breaks the rule of its argument.
 #[derive(Debug, thiserror::Error)]
 #[error("must be {0}")]
 pub struct InvalidValue(pub &'static str);
+
+/// The words of an enum, with their meanings.
+pub fn words<W: Word + FromStr<Err = UnknownWord> + Send + Sync>() -> impl TypedValueParser<Value = W> {
+    let words = W::ALL.iter().map(|word| PossibleValue::new(word.word()).help(word.meaning()));
+    PossibleValuesParser::new(words).try_map(|word| word.parse::<W>())
+}
 
 /// A number that is not infinite.
 pub fn finite(text: &str) -> Result<f64, InvalidValue> {

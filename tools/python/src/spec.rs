@@ -1,8 +1,9 @@
 //! What a class of Python says about its stage, as JSON: names and settings.
 
-use run::{nearest_key, read_value};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value};
+use settings::nearest_key;
+use settings::run_time_words::{each_one_of, one_of};
 use stage::toml::Spanned;
 use stage::toml::de::{DeTable, DeValue};
 use stage::{Field, Problem, Rule};
@@ -83,14 +84,14 @@ impl Setting {
 
     fn of_text(&self) -> Box<dyn Rule<String>> {
         match self.words() {
-            Some(words) => Box::new(stage::one_of(words)),
+            Some(words) => Box::new(one_of(words)),
             None => any(),
         }
     }
 
     fn of_texts(&self) -> Box<dyn Rule<Vec<String>>> {
         match self.words() {
-            Some(words) => Box::new(stage::each_one_of(words)),
+            Some(words) => Box::new(each_one_of(words)),
             None => any(),
         }
     }
@@ -107,7 +108,7 @@ fn any<T: 'static>() -> Box<dyn Rule<T>> {
 }
 
 fn json<T: DeserializeOwned + Serialize>(value: Spanned<DeValue<'_>>, rule: &dyn Rule<T>) -> Result<Value, String> {
-    let value = read_value(value, rule).map_err(|error| error.to_string())?;
+    let value = rule.read(value).map_err(|error| error.to_string())?;
     serde_json::to_value(value).map_err(|error| error.to_string())
 }
 

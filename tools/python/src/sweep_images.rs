@@ -26,9 +26,8 @@ impl SweepImages {
     #[new]
     #[allow(clippy::needless_pass_by_value, reason = "Python has no paths to borrow")]
     fn load(model: PathBuf, every: usize, intensity: &str, rough_ground: bool) -> PyResult<Self> {
-        let words = IntensityUse::WORDS.join(", ");
-        let intensity = IntensityUse::from_word(intensity)
-            .ok_or_else(|| PyValueError::new_err(format!("intensity = {intensity:?}; must be one of {words}")))?;
+        let intensity = intensity.parse::<IntensityUse>();
+        let intensity = intensity.map_err(|error| PyValueError::new_err(format!("intensity: {error}")))?;
         let refinement = Refinement { rough_ground, ..Refinement::NONE };
         let (images, card) = segmentation::spherical::SweepImages::load(&model).map_err(|error| exception(&error))?;
         let images = images.with_options(Options { every, intensity, refinement, ..Options::default() });

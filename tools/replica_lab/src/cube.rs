@@ -2,14 +2,14 @@
 
 mod camera_setup;
 
+use crate::argument::{InvalidValue, rectangle, words};
 use anyhow::{Context, bail};
 use camera_setup::CameraSetup;
-use clap::builder::PossibleValuesParser;
 use command_line::argument::{InvalidValue, rectangle};
 use command_line::say;
 use formats::envi::{self, Header, Image};
 use formats::raw_mosaic::RawMosaic;
-use spectral::{Demosaicing, FullResolution, median_3x3};
+use spectral::{FullResolution, Resolution, median_3x3};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -60,8 +60,8 @@ pub struct Args {
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=16))]
     bit_depth: Option<u32>,
     /// Demosaicing: bin gives one cell per cell of the pattern; the others give one cell per pixel, 16 or 25 times the bytes
-    #[arg(long, default_value = "bin", value_parser = PossibleValuesParser::new(["bin", "wb", "id", "iid", "ppid"]))]
-    demosaic: String,
+    #[arg(long, default_value_t = Resolution::Bin, value_parser = words::<Resolution>())]
+    demosaic: Resolution,
     /// No spectral correction: bands as measured by the filters
     #[arg(long)]
     uncorrected: bool,
@@ -111,7 +111,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 fn write_cube(frame: &RawMosaic, setup: &CameraSetup, out: &Path, args: &Args) -> anyhow::Result<()> {
     let camera = &setup.camera;
     let (pattern, cells) = (camera.mosaic().pattern(), camera.mosaic().cells());
-    let method = Demosaicing::named(&args.demosaic);
+    let method = args.demosaic.demosaicing();
     let size = if method.is_some() { cells.map(|side| side * pattern) } else { cells };
     let n_cells = size[0] as usize * size[1] as usize;
     let n_bands = camera.wavelengths_nm().len();

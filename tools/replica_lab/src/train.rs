@@ -24,6 +24,7 @@ mod test_recordings;
 #[cfg(test)]
 mod tests;
 
+use crate::argument::words;
 use anyhow::Context;
 use files::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -104,8 +105,8 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     stop_after: Option<usize>,
     /// Where a network on images is trained; cuda is the first NVIDIA GPU
-    #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = ["cpu", "cuda"])]
-    device: String,
+    #[arg(long, value_name = "DEVICE", default_value_t = ComputeDevice::Cpu, value_parser = words::<ComputeDevice>())]
+    device: ComputeDevice,
 }
 
 /// Name of the checkpoint file.
@@ -121,8 +122,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let device = ComputeDevice::from_word(&args.device).unwrap_or_default();
-    let mut trainer = trainer(recipe, &args.recipe, device)?;
+    let mut trainer = trainer(recipe, &args.recipe, args.device)?;
     let start = trainer.best().clone();
     let uncalibrated = Calibration { temperature: 1.0, ground_intensities: None };
     let checkpoint = args.out.join(CHECKPOINT);

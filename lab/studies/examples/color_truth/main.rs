@@ -43,8 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: [--keep-sky] TOWN SEED SECONDS RECORDING …".into());
     };
     let steps = ColorSteps { level_exposures: true, reject_sky: !keeps_sky };
-    let kind = (simulation::Town::ALL.into_iter().find(|town| town.name() == town_name))
-        .ok_or_else(|| format!("{town_name} is not a town"))?;
+    let kind: simulation::Town = town_name.parse()?;
     let (mut found, mut known) = (Table::default(), Table::default());
     let mut spectral: Vec<(String, Table)> = Vec::new();
     for drive in drives.chunks(3) {

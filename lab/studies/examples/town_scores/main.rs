@@ -46,8 +46,7 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let variants = variants();
     for town in towns.split(',') {
-        let kind = Town::ALL.into_iter().find(|kind| kind.name() == town);
-        let kind = kind.unwrap_or_else(|| panic!("{town:?} is no kind of town"));
+        let kind: Town = town.parse().unwrap_or_else(|_| panic!("{town:?} is no kind of town"));
         let mut pooled: Vec<Vec<InstanceScores>> = vec![Vec::new(); variants.len()];
         let mut bound: Vec<InstanceScores> = Vec::new();
         for &seed in &seeds {

@@ -1,7 +1,7 @@
 //! Regions of equal spectra, divided by models of the frames and by model files.
 
 use crate::mosaics::{SATURATION, STAMP, T_RAW, WIDTH, drive_with_references, frame, header};
-use calibrate::{Calibrate, Settings};
+use calibrate::{Calibrate, ColorLines, Settings};
 use color_lines::{Image, Model, Start};
 use drive::manifest::MosaicEntry;
 use messages::{CubeTopic, CubeView, MosaicTopic};
@@ -30,13 +30,9 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
     let context = context(folder.path());
     let mut frame = two_surfaces(&manifest.mosaics[0]);
     frame[(2 * WIDTH + 1) as usize] = SATURATION;
-    let cubes_of = |color_lines: &str, frames: u32, is_restarted: bool| {
-        let settings = Settings {
-            color_lines: color_lines.to_owned(),
-            color_lines_gaussians: 2,
-            color_lines_frames: frames,
-            ..Settings::default()
-        };
+    let cubes_of = |color_lines: ColorLines, frames: u32, is_restarted: bool| {
+        let settings =
+            Settings { color_lines, color_lines_gaussians: 2, color_lines_frames: frames, ..Settings::default() };
         let mut bench = Bench::<Calibrate>::new(&settings, &context).expect("starts");
         let mut cubes = Vec::new();
         for _ in 0..3 {
@@ -53,7 +49,7 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
     };
     let rows = |cubes: &[Received<CubeTopic>]| cubes.iter().map(|cube| cube.rows().to_vec()).collect::<Vec<_>>();
 
-    let (off, on) = (cubes_of("off", 2, false), cubes_of("regions", 2, false));
+    let (off, on) = (cubes_of(ColorLines::Off, 2, false), cubes_of(ColorLines::Regions, 2, false));
     let measured = |cube: &Received<CubeTopic>| {
         let header = cube.header();
         cube.rows()[..(header.width * header.height * (header.n_bands + 1)) as usize].to_vec()
@@ -76,7 +72,7 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
     let all = [numbers(0), numbers(1), numbers(4), numbers(5)].concat();
     assert_eq!(all.iter().copied().collect::<BTreeSet<u32>>(), (1..=8).collect(), "{all:?}");
 
-    let simplified = cubes_of("simplified", 2, false);
+    let simplified = cubes_of(ColorLines::Simplified, 2, false);
     for (simplified, on) in simplified.iter().zip(&on) {
         assert_eq!(regions(simplified), regions(on));
         let view = |cube| CubeView::new(on.header(), cube).expect("fits");
@@ -88,7 +84,7 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
             assert!(cells.filter(|(_, region)| *region == regions(on)[1]).all(|((a, _), _)| *a == first));
         }
     }
-    assert_eq!(rows(&cubes_of("simplified", 2, true)), rows(&simplified), "a restart changes nothing");
+    assert_eq!(rows(&cubes_of(ColorLines::Simplified, 2, true)), rows(&simplified), "a restart changes nothing");
 }
 
 #[test]
@@ -111,14 +107,14 @@ fn model_files_divide_all_frames_and_others_are_refused_with_place_and_rule() {
     for (entry, name) in manifest.mosaics.iter().zip(["a.json", "b.json"]) {
         write(name, serde_json::to_string(&model_of(entry)).expect("encodes"));
     }
-    let of = |color_lines: &str, models: &[&str]| Settings {
-        color_lines: color_lines.to_owned(),
+    let of = |color_lines: ColorLines, models: &[&str]| Settings {
+        color_lines,
         color_lines_frames: 1,
         color_lines_models: models.iter().map(|name| (*name).to_owned()).collect(),
         ..Settings::default()
     };
 
-    let settings = of("regions", &["a.json", "b.json"]);
+    let settings = of(ColorLines::Regions, &["a.json", "b.json"]);
     let mut bench = Bench::<Calibrate>::new(&settings, &context).expect("starts");
     let mut cubes = Vec::new();
     for _ in 0..2 {
@@ -137,11 +133,15 @@ fn model_files_divide_all_frames_and_others_are_refused_with_place_and_rule() {
     assert!(Calibrate::check(&settings, &context).is_empty());
     write("broken.json", "{}".to_owned());
     for (color_lines, models, words) in [
-        ("off", ["a.json", "b.json"].as_slice(), "needs color_lines"),
-        ("regions", &["a.json"], "names 1 files; the stage has 2 mosaic cameras"),
-        ("regions", &["b.json", "a.json"], "b.json: the model has 16 bands; the cubes of mosaic camera 0 have 25"),
-        ("regions", &["a.json", "absent.json"], "absent.json: "),
-        ("regions", &["a.json", "broken.json"], "broken.json: model: missing field"),
+        (ColorLines::Off, ["a.json", "b.json"].as_slice(), "needs color_lines"),
+        (ColorLines::Regions, &["a.json"], "names 1 files; the stage has 2 mosaic cameras"),
+        (
+            ColorLines::Regions,
+            &["b.json", "a.json"],
+            "b.json: the model has 16 bands; the cubes of mosaic camera 0 have 25",
+        ),
+        (ColorLines::Regions, &["a.json", "absent.json"], "absent.json: "),
+        (ColorLines::Regions, &["a.json", "broken.json"], "broken.json: model: missing field"),
     ] {
         let settings = of(color_lines, models);
         let problems = Calibrate::check(&settings, &context);

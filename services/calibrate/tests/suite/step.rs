@@ -8,6 +8,7 @@ use calibrate::{Calibrate, Settings};
 use drive::manifest::{Manifest, MosaicEntry, WhitePanelEntry};
 use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
 use messages::{CubeTopic, CubeView, MosaicHeader, MosaicTopic};
+use spectral::Resolution;
 use stage::testing::{Bench, context};
 use stage::{Context, Mode, Received, Stage};
 use std::path::Path;
@@ -310,8 +311,8 @@ fn manifest_that_contradicts_the_calibration_file_is_rejected() {
 #[test]
 fn demosaiced_cubes_have_a_cell_per_pixel_and_masks_around_invalid_samples() {
     let (manifest, folder) = drive_with_references();
-    for demosaic in ["wb", "id", "iid", "ppid"] {
-        let settings = Settings { demosaic: demosaic.to_owned(), ..Settings::default() };
+    for demosaic in [Resolution::Wb, Resolution::Id, Resolution::Iid, Resolution::Ppid] {
+        let settings = Settings { demosaic, ..Settings::default() };
         let mut bench = Bench::<Calibrate>::new(&settings, &context(folder.path())).expect("starts");
         let mut saturated = scene(1, &manifest.mosaics[1]);
         // Band 5 of the second cell in the second row.

@@ -2,7 +2,7 @@
 
 use crate::support::{Street, received};
 use delivery::Index;
-use export::{Export, Settings};
+use export::{Coordinates, Export, Frame, Settings};
 use formats::ply::Vertices;
 use messages::{
     ColorTopic, FRAME_EAST_NORTH_UP, FRAME_LOCAL, InstanceTopic, PlacementHeader, PlacementRow, PlacementTopic,
@@ -45,7 +45,7 @@ fn driven(folder: &Path, settings: &Settings, frame: u32, sigma_m: [f32; 3], hea
 }
 
 fn utm() -> Settings {
-    Settings { frame: "utm".to_owned(), coordinates: "double".to_owned(), ..Settings::default() }
+    Settings { frame: Frame::Utm, coordinates: Coordinates::Double, ..Settings::default() }
 }
 
 fn georeference(folder: &Path) -> serde_json::Value {

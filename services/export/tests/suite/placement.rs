@@ -2,7 +2,7 @@
 
 use crate::support::{Street, files};
 use delivery::Index;
-use export::{Export, Settings};
+use export::{Coordinates, Export, Frame, Settings};
 use formats::ply::Vertices;
 use geometry::{Isometry3, Point3, Pose, Stamp, Vector3};
 use messages::{FRAME_EAST_NORTH_UP, PlacementHeader, PlacementRow, PlacementTopic};
@@ -69,15 +69,15 @@ fn xyz(cloud: &Vertices, names: [&str; 3], point: usize) -> Point3<f64> {
     names.map(|name| cloud.f64s(name).expect(name)[point]).into()
 }
 
-fn double(frame: &str) -> Settings {
-    Settings { coordinates: "double".to_owned(), frame: frame.to_owned(), ..Settings::default() }
+fn double(frame: Frame) -> Settings {
+    Settings { coordinates: Coordinates::Double, frame, ..Settings::default() }
 }
 
 #[test]
 fn placement_moves_points_trajectory_and_index() {
     let folder = tempfile::tempdir().expect("a folder");
     let street = Street::new(1, 3000);
-    driven(&double("world"), folder.path(), &street).finish().expect("finishes");
+    driven(&double(Frame::World), folder.path(), &street).finish().expect("finishes");
     let index = index(folder.path());
     assert!(index.frame.starts_with("local east-north-up around 48.846222 2.346414 104.6"), "{}", index.frame);
     for (seq, entry) in (0..N).zip(&index.clouds) {
@@ -182,9 +182,9 @@ fn cloud_written_in_the_final_frame_equals_moved_cloud() {
 fn utm_coordinates_equal_proj() {
     let folder = tempfile::tempdir().expect("a folder");
     let street = Street::new(3, 500);
-    driven(&double("utm"), folder.path(), &street).finish().expect("finishes");
+    driven(&double(Frame::Utm), folder.path(), &street).finish().expect("finishes");
     let local = tempfile::tempdir().expect("a folder");
-    driven(&double("world"), local.path(), &street).finish().expect("finishes");
+    driven(&double(Frame::World), local.path(), &street).finish().expect("finishes");
     let file = "clouds/submap_0002.ply";
     let on_map = Vertices::load(&folder.path().join(file)).expect("reads");
     let in_world = Vertices::load(&local.path().join(file)).expect("reads");
@@ -205,17 +205,17 @@ fn utm_coordinates_equal_proj() {
         assert!((found.z - 104.6 - p.z).abs() < 0.01);
     }
     let context = context(folder.path());
-    let float = Settings { frame: "utm".to_owned(), ..Settings::default() };
+    let float = Settings { frame: Frame::Utm, ..Settings::default() };
     let problems = Export::check(&float, &context);
     assert!(problems.len() == 1 && problems[0].text.contains("half a metre"), "{problems:?}");
-    assert!(Export::check(&double("utm"), &context).is_empty());
+    assert!(Export::check(&double(Frame::Utm), &context).is_empty());
 }
 
 #[test]
 fn odom_frame_keeps_clouds_unmoved() {
     let street = Street::new(4, 500);
     let kept = tempfile::tempdir().expect("a folder");
-    driven(&double("odom"), kept.path(), &street).finish().expect("finishes");
+    driven(&double(Frame::Odom), kept.path(), &street).finish().expect("finishes");
     assert!(!kept.path().join("georeference.json").exists());
     assert_eq!(index(kept.path()).frame, "odometry, m");
     let cloud = Vertices::load(&kept.path().join("clouds/submap_0001.ply")).expect("reads");

@@ -2,13 +2,13 @@
 
 use crate::support::{Street, files, received};
 use delivery::Index;
-use export::{Export, Settings};
+use export::{Coordinates, Export, Settings, TrajectoryFormat};
 use formats::ply::Vertices;
 use messages::{
     ClassHeader, ClassRow, ClassTopic, ColorTopic, InstanceTopic, SpectraTopic, SubmapTopic, TrajectoryTopic,
 };
 use stage::testing::{Bench, context};
-use stage::{Context, Mode, StepError};
+use stage::{Context, Mode, StepError, Word};
 use std::path::Path;
 
 const OPTIONAL: [&str; 4] = ["color", "spectra", "class", "instance"];
@@ -314,8 +314,7 @@ fn index_describes_the_clouds() {
 #[test]
 fn poses_are_written_to_the_trajectory_files() {
     let folder = tempfile::tempdir().expect("a folder");
-    let all = ["tum", "kitti", "csv"].map(str::to_owned).to_vec();
-    let all = Settings { trajectory: all, ..Settings::default() };
+    let all = Settings { trajectory: TrajectoryFormat::ALL.to_vec(), ..Settings::default() };
     let mut bench = Bench::<Export>::new(&all, &context(folder.path())).expect("starts");
     let street = Street::new(8, 100);
     run(&mut bench, &street, 0..3);
@@ -348,7 +347,7 @@ fn submap_without_points_gives_an_empty_cloud() {
 #[test]
 fn double_coordinates_are_exact() {
     let folder = tempfile::tempdir().expect("a folder");
-    let double = Settings { coordinates: "double".to_owned(), ..Settings::default() };
+    let double = Settings { coordinates: Coordinates::Double, ..Settings::default() };
     let mut bench = Bench::<Export>::new(&double, &context(folder.path())).expect("starts");
     let street = Street::new(10, 100);
     run(&mut bench, &street, 0..1);

@@ -6,12 +6,12 @@ use messages::{
     SubmapHeader, SubmapPoint, SubmapTopic, UNSEEN,
 };
 use random::Random;
-use segmentation::Fusion;
 use segmentation::network::{NetworkSpec, TensorShape, WeightTensor, Weights};
 use segmentation::points::{
     Parameters, PlaneConvolution, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, WaffleIron,
 };
-use segmentation::spherical::{Feature, Features, GroundUse};
+use segmentation::spherical::{Feature, Features, GroundUse, IntensityUse};
+use segmentation::{ComputeDevice, Fusion};
 use stage::testing::{Bench, context};
 use stage::{Context, Stage};
 use std::collections::BTreeMap;
@@ -215,7 +215,7 @@ fn points_with_score_below_setting_are_unlabeled_and_counted() {
 /// This build has no CUDA, unless its features say so.
 #[test]
 fn device_that_is_not_built_in_is_refused_by_check() {
-    let settings = Settings { device: "cuda".to_owned(), ..Settings::default() };
+    let settings = Settings { device: ComputeDevice::Cuda, ..Settings::default() };
     let problems = Infer::check(&settings, &at_root());
     if cfg!(feature = "cuda") {
         assert!(problems.iter().all(|problem| problem.text.contains("GPU")), "{problems:?}");
@@ -337,8 +337,8 @@ fn submaps_too_wide_for_the_model_are_doubted() {
 #[test]
 fn intensities_on_another_scale_are_doubted_and_normalized() {
     let (header, points, _) = street_sweep();
-    let classes = |intensity: u8, setting: &str| {
-        let settings = Settings { intensity: setting.to_owned(), ..Settings::default() };
+    let classes = |intensity: u8, setting: IntensityUse| {
+        let settings = Settings { intensity: setting, ..Settings::default() };
         let mut bench = Bench::<Infer>::new(&settings, &at_root()).expect("the model loads");
         let mut points = points.clone();
         for (i, point) in points.iter_mut().enumerate() {
@@ -349,14 +349,14 @@ fn intensities_on_another_scale_are_doubted_and_normalized() {
         bench.finish().expect("an end");
         (bench.take::<ClassTopic>()[0].rows().to_vec(), bench.doubt("foreign_intensities"))
     };
-    let (without, _) = classes(0, "raw");
-    assert!(classes(66, "off") == (without.clone(), None));
-    let (raw, doubt) = classes(66, "raw");
+    let (without, _) = classes(0, IntensityUse::Raw);
+    assert!(classes(66, IntensityUse::Off) == (without.clone(), None));
+    let (raw, doubt) = classes(66, IntensityUse::Raw);
     assert!(raw != without && doubt == Some(1.0));
-    let (normalized, doubt) = classes(66, "auto");
+    let (normalized, doubt) = classes(66, IntensityUse::Auto);
     assert!(normalized != without && normalized != raw && doubt == Some(1.0));
-    assert!(classes(66, "normalized") == (normalized, Some(1.0)));
-    let (on_scale, doubt) = classes(12, "auto");
+    assert!(classes(66, IntensityUse::Normalized) == (normalized, Some(1.0)));
+    let (on_scale, doubt) = classes(12, IntensityUse::Auto);
     assert!(on_scale != without && doubt.is_none());
 }
 
@@ -457,7 +457,7 @@ fn model_on_points_gives_every_point_a_class_and_counts_points_with_nan() {
 #[test]
 fn model_on_points_on_a_gpu_is_refused_by_check() {
     let (_folder, settings) = point_model();
-    let settings = Settings { device: "cuda".to_owned(), ..settings };
+    let settings = Settings { device: ComputeDevice::Cuda, ..settings };
     assert!(!Infer::check(&settings, &at_root()).is_empty());
     assert!(Infer::new(&settings, &at_root()).is_err());
 }

@@ -3,8 +3,9 @@
 use crate::plan::PlannedStage;
 use ipc::Channel;
 use messages::TickTopic;
+use run::Mode;
 use run::assignment::{PortDescription, TopicChannels, wake_name};
-use run::{Mode, Problem};
+use settings::Problem;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

@@ -1,8 +1,7 @@
 //! Collects the problems of a launch file.
 
-use run::Problem;
 use run::launch_file::LaunchFile;
-use run::{Settings, nearest_key, parse_table};
+use settings::{Problem, Settings, nearest_key, parse_table};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +30,11 @@ impl<'a> Problems<'a> {
     /// Whether the file has the table.
     pub fn has_table(&self, name: &str) -> bool {
         self.file.tables().iter().any(|(table, _)| table == name)
+    }
+
+    /// Where a table stands in the file.
+    pub fn place_of(&self, name: &str) -> Option<Range<usize>> {
+        self.file.tables().into_iter().find(|(table, _)| table == name).and_then(|(_, span)| span)
     }
 
     /// The table of the file that looks most like `name`, or all of them, as a hint.

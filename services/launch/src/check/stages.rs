@@ -6,7 +6,7 @@ use crate::plan::{PlannedStage, Selection};
 use crate::programs::{self, ProgramError};
 use run::assignment::{CONTRACT_VERSION, Description};
 use run::process::{interpreter, sibling};
-use run::{DescribeRequest, Remote, SUPERVISOR_KEYS, files_of_settings};
+use run::{Change, DescribeRequest, Remote, SUPERVISOR_KEYS, files_of_settings};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub fn read(
     problems: &mut Problems,
     folder: &Path,
     launch_file: &Path,
-    overrides: &[String],
+    changes: &[Change],
     selection: &Selection,
     run: &Run,
 ) -> Vec<PlannedStage> {
@@ -33,7 +33,7 @@ pub fn read(
     let described = programs::ask_all(&tables, |table| {
         let request = DescribeRequest {
             launch_file: launch_file.to_owned(),
-            overrides: overrides.to_vec(),
+            changes: changes.to_vec(),
             table: table.name.clone(),
             remote: table.remote.clone(),
         };

@@ -2,6 +2,7 @@
 
 use crate::manifest::Run;
 use crate::plan::PlannedStage;
+use run::Mode;
 use std::collections::BTreeMap;
 
 /// The rules of a run, from its launch file.
@@ -26,7 +27,7 @@ impl Policy {
     pub fn new(run: &Run, stages: &[PlannedStage]) -> Self {
         let own = stages.iter().filter(|stage| stage.table.stall_s > 0.0);
         Self {
-            is_live: run.mode == "live",
+            is_live: run.mode == Mode::Live,
             hang_s: run.hang_s,
             stall_s: run.stall_s,
             stage_stall_s: own.map(|stage| (stage.name.clone(), stage.table.stall_s)).collect(),

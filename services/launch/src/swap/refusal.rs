@@ -1,5 +1,7 @@
 //! Why a swap is refused before anything is checked.
 
+use run::Change;
+
 /// The reasons. Nothing was changed.
 #[derive(Debug, thiserror::Error)]
 pub enum SwapRefusal {
@@ -25,6 +27,14 @@ pub enum SwapRefusal {
         stage: String,
         /// The closest names.
         hint: String,
+    },
+    /// A change of another table.
+    #[error("{change}: a swap of [{stage}] changes only this table")]
+    OtherTable {
+        /// Table of the stage.
+        stage: String,
+        /// The change.
+        change: Change,
     },
     /// The operating system gives no thread.
     #[error("the check cannot be started: {0}")]

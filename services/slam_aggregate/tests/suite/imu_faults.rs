@@ -4,7 +4,7 @@ use crate::street::{RawSweep, STREET, raw, send};
 use crate::world::body_from_lidar;
 use geometry::{UnitQuaternion, Vector3};
 use messages::{ImuRow, ImuTopic, NoHeader, PlacementTopic, TrajectoryTopic};
-use slam_aggregate::{Settings, SlamAggregate};
+use slam_aggregate::{Correction, Settings, SlamAggregate};
 use stage::testing::Bench;
 use std::sync::LazyLock;
 
@@ -75,7 +75,7 @@ fn drive(settings: &Settings, unit: Option<Unit<'_>>) -> Driven {
 
 /// Settings that use the inertial unit in all ways.
 fn settings() -> Settings {
-    Settings { submap_m: 15.0, correct: vec!["imu".to_owned()], ..Settings::default() }
+    Settings { submap_m: 15.0, correct: vec![Correction::Imu], ..Settings::default() }
 }
 
 /// The unit is not used before it agrees with the LiDAR.

@@ -5,7 +5,7 @@ use crate::street::{RawSweep, STREET, raw, send};
 use crate::world::body_from_lidar;
 use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, UnitQuaternion, Vector3};
 use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, GnssTopic, ImuRow, ImuTopic, NoHeader, PlacementTopic};
-use slam_aggregate::{Settings, SlamAggregate};
+use slam_aggregate::{Correction, Settings, SlamAggregate};
 use stage::Received;
 use stage::testing::Bench;
 use std::sync::OnceLock;
@@ -30,9 +30,8 @@ struct OtherSensors<'a> {
 
 const NONE: OtherSensors<'static> = OtherSensors { fixes: &|_| None, upright_from_street: None };
 
-fn settings(correct: &[&str]) -> Settings {
-    let correct = correct.iter().map(|name| (*name).to_owned()).collect();
-    Settings { submap_m: 8.0, correct, ..Settings::default() }
+fn settings(correct: &[Correction]) -> Settings {
+    Settings { submap_m: 8.0, correct: correct.to_vec(), ..Settings::default() }
 }
 
 fn feed(bench: &mut Bench<SlamAggregate>, number: usize, others: &OtherSensors<'_>) {
@@ -108,7 +107,7 @@ fn fixes_place_the_drive_on_the_earth_despite_reflections() {
         Some(fix(second, if is_reflected { Vector3::new(-9.0, 14.0, 20.0) } else { Vector3::zeros() }))
     };
     let others = OtherSensors { fixes: &fixes, upright_from_street: None };
-    let placement = run(&settings(&["gnss", "imu", "loops"]), &others);
+    let placement = run(&settings(&[Correction::Gnss, Correction::Imu, Correction::Loops]), &others);
     let header = placement.header();
     assert_eq!(header.frame, FRAME_EAST_NORTH_UP);
     assert!(header.n_fixes_refused >= 1 && header.n_fixes >= 5, "{header:?}");
@@ -140,7 +139,7 @@ fn placement_without_measurements_is_the_odometry() {
     let without = run(&settings(&[]), &OtherSensors { fixes: &|second| Some(fix(second, Vector3::zeros())), ..NONE });
     // A single fix has no spread and does not determine north.
     let rare = |second: f64| (second < 0.1).then(|| fix(second, Vector3::zeros()));
-    let short = run(&settings(&["gnss"]), &OtherSensors { fixes: &rare, ..NONE });
+    let short = run(&settings(&[Correction::Gnss]), &OtherSensors { fixes: &rare, ..NONE });
     for placement in [without, short] {
         assert_eq!(placement.header().frame, FRAME_LOCAL);
         for (second, world_from_submap, odom_from_submap) in poses(&placement) {
@@ -156,7 +155,7 @@ fn fix_doubts(settings: &Settings, fixes: &dyn Fn(f64) -> Option<GnssRow>) -> [O
 
 #[test]
 fn good_fixes_are_not_doubted_and_their_deviations_are_noted() {
-    let settings = settings(&["gnss"]);
+    let settings = settings(&[Correction::Gnss]);
     let good = |second: f64| Some(fix(second, Vector3::zeros()));
     assert_eq!(fix_doubts(&settings, &good), [None; 2]);
     let bench = finished(&settings, &OtherSensors { fixes: &good, ..NONE });
@@ -170,7 +169,7 @@ fn good_fixes_are_not_doubted_and_their_deviations_are_noted() {
 
 #[test]
 fn fixes_that_do_not_place_the_drive_are_doubted() {
-    let settings = settings(&["gnss"]);
+    let settings = settings(&[Correction::Gnss]);
     let invalid = |second: f64| Some(GnssRow { quality: 0, ..fix(second, Vector3::zeros()) });
     assert_eq!(fix_doubts(&settings, &invalid), [Some(0.0), None]);
     let only_at_start = |second: f64| (second < 1.2).then(|| fix(second, Vector3::zeros()));
@@ -203,7 +202,7 @@ fn receiver_delay_doubt(settings: &Settings, late_nanos: i64) -> Option<f64> {
 
 #[test]
 fn stamps_more_than_a_second_late_or_early_are_doubted_with_the_least_delay() {
-    let settings = settings(&["gnss"]);
+    let settings = settings(&[Correction::Gnss]);
     // Delays of up to one second are tried.
     for late_nanos in [1_200_000_000, -1_200_000_000] {
         assert_eq!(receiver_delay_doubt(&settings, late_nanos), Some(1.0), "{late_nanos} ns");
@@ -215,7 +214,7 @@ fn stamps_more_than_a_second_late_or_early_are_doubted_with_the_least_delay() {
 #[test]
 fn delays_that_are_corrected_are_not_doubted() {
     for late_nanos in [0, 200_000_000, -350_000_000] {
-        assert_eq!(receiver_delay_doubt(&settings(&["gnss"]), late_nanos), None, "{late_nanos} ns");
+        assert_eq!(receiver_delay_doubt(&settings(&[Correction::Gnss]), late_nanos), None, "{late_nanos} ns");
     }
 }
 
@@ -231,7 +230,7 @@ fn drive_with_receiver_and_without_any_fix_is_doubted() {
     let doubt = |is_connected: bool| {
         let mut context = stage::testing::context(folder.path());
         context.connected.retain(|topic| is_connected || topic != "gnss");
-        let mut bench = Bench::<SlamAggregate>::new(&settings(&["gnss"]), &context).unwrap();
+        let mut bench = Bench::<SlamAggregate>::new(&settings(&[Correction::Gnss]), &context).unwrap();
         (0..3).for_each(|number| feed(&mut bench, number, &NONE));
         bench.finish().unwrap();
         bench.doubt("no_usable_fix")
@@ -246,7 +245,7 @@ fn gravity_corrects_a_tilted_start() {
     let upright_from_street = Isometry3::rotation(Vector3::new(0.03, -0.05, 0.0));
     let others = OtherSensors { upright_from_street: Some(upright_from_street), ..NONE };
     // Submaps of a second and a half.
-    let placement = run(&Settings { submap_m: 16.0, ..settings(&["imu"]) }, &others);
+    let placement = run(&Settings { submap_m: 16.0, ..settings(&[Correction::Imu]) }, &others);
     assert!(placement.header().n_uprights >= 2, "{:?}", placement.header());
     assert_eq!(placement.header().frame, FRAME_LOCAL);
     for (second, world_from_submap, odom_from_submap) in poses(&placement) {
@@ -264,7 +263,7 @@ fn gravity_corrects_a_tilted_start() {
 fn placement_after_restarts_has_the_same_bytes() {
     let fixes = |second: f64| Some(fix(second, Vector3::zeros()));
     let others = OtherSensors { fixes: &fixes, upright_from_street: Some(Isometry3::identity()) };
-    let settings = settings(&["gnss", "imu", "loops"]);
+    let settings = settings(&[Correction::Gnss, Correction::Imu, Correction::Loops]);
     let folder = tempfile::tempdir().unwrap();
     drive_folder(folder.path());
     let context = stage::testing::context(folder.path());

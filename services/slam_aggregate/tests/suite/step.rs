@@ -8,9 +8,9 @@ use messages::{
     GnssRow, GnssTopic, ImuTopic, NoHeader, POINT_INCIDENCE_UNKNOWN, SubmapSweep, SubmapTopic, SweepHeader, SweepPoint,
     SweepTopic, TrajectoryTopic,
 };
-use slam_aggregate::{Settings, SlamAggregate};
+use slam_aggregate::{MotionSensor, OdometryAlgorithm, Settings, SlamAggregate};
 use stage::testing::{Bench, context};
-use stage::{Received, Stage};
+use stage::{Received, Stage, Word};
 use std::path::Path;
 
 fn bench(settings: &Settings) -> Bench<SlamAggregate> {
@@ -218,7 +218,7 @@ fn submaps_and_poses_after_restarts_have_the_same_bytes() {
 #[test]
 fn imls_submaps_and_poses_after_restarts_have_the_same_bytes() {
     let raws: Vec<RawSweep> = (0..9).map(raw).collect();
-    let settings = Settings { submap_m: 3.5, odometry: "imls".to_owned(), imls_sweeps: 4, ..Settings::default() };
+    let settings = Settings { submap_m: 3.5, odometry: OdometryAlgorithm::Imls, imls_sweeps: 4, ..Settings::default() };
     let uninterrupted = bytes_with_restarts(&settings, &raws, &[]);
     assert_eq!((uninterrupted.0.len(), uninterrupted.1.len()), (3, 8));
     let default = bytes_with_restarts(&Settings { submap_m: 3.5, ..Settings::default() }, &raws, &[]);
@@ -255,7 +255,7 @@ fn state_saved_with_another_odometry_is_refused() {
     let context = context(folder.path());
     let mut bench = Bench::<SlamAggregate>::new(&Settings::default(), &context).unwrap();
     feed_with_sensors(&mut bench, &raw(0));
-    let imls = Settings { odometry: "imls".to_owned(), ..Settings::default() };
+    let imls = Settings { odometry: OdometryAlgorithm::Imls, ..Settings::default() };
     let error = bench.restarted(&imls, &context).err().unwrap().to_string();
     assert!(error.contains("another odometry"), "{error}");
 }
@@ -266,9 +266,8 @@ fn report_on_bridged_sweeps_names_the_predicting_sensors() {
     for raw in &mut raws[4..8] {
         raw.rows.clear();
     }
-    let notes = |motion: &[&str]| {
-        let motion = motion.iter().map(|name| (*name).to_owned()).collect();
-        let mut bench = bench(&Settings { motion, ..Settings::default() });
+    let notes = |motion: &[MotionSensor]| {
+        let mut bench = bench(&Settings { motion: motion.to_vec(), ..Settings::default() });
         for raw in &raws {
             feed_with_sensors(&mut bench, raw);
         }
@@ -276,7 +275,7 @@ fn report_on_bridged_sweeps_names_the_predicting_sensors() {
         assert_eq!(bench.counter("sweeps_bridged"), 4);
         bench.notes().join("; ")
     };
-    let (both, none) = (notes(&["imu", "gnss"]), notes(&[]));
+    let (both, none) = (notes(MotionSensor::ALL), notes(&[]));
     assert!(both.contains("predicted by inertial samples (4 sweeps) and GNSS velocities (4)"), "{both}");
     assert!(none.contains("predicted by constant motion"), "{none}");
 }

@@ -3,7 +3,7 @@
 use drive::Drive;
 use geometry::Pose;
 use messages::{SweepHeader, SweepPoint, SweepTopic, TrajectoryTopic};
-use simulation::{DriveSettings, DriveSpec, write_drive};
+use simulation::{DriveSettings, DriveSpec, Town, Traffic, write_drive};
 use slam_aggregate::{Settings, SlamAggregate};
 use stage::testing::Bench;
 
@@ -11,8 +11,8 @@ use stage::testing::Bench;
 const SECONDS: f64 = 6.0;
 
 /// The stage after a drive in a town, and its way and the true one, m.
-fn driven(traffic: &str) -> (Bench<SlamAggregate>, [f64; 2]) {
-    let (rig, traffic) = (String::from("nuscenes"), traffic.to_owned());
+fn driven(traffic: Traffic) -> (Bench<SlamAggregate>, [f64; 2]) {
+    let rig = String::from("nuscenes");
     driven_as(&DriveSettings { seed: 811, seconds: SECONDS, rig, traffic, ..DriveSettings::default() })
 }
 
@@ -59,7 +59,7 @@ fn row(point: &lidar::SweepPoint) -> SweepPoint {
 
 #[test]
 fn queue_that_is_taken_for_the_world_is_a_doubt() {
-    let (bench, [found_m, true_m]) = driven("dense");
+    let (bench, [found_m, true_m]) = driven(Traffic::Dense);
     assert!(found_m < 0.5 * true_m, "{found_m} m of {true_m} m: with a better odometry this drive needs no doubt");
     let seconds = bench.doubt("motion_contested").unwrap();
     assert!((1.0..=SECONDS).contains(&seconds), "{seconds} s");
@@ -67,7 +67,7 @@ fn queue_that_is_taken_for_the_world_is_a_doubt() {
 
 #[test]
 fn drive_in_sparse_traffic_is_no_doubt() {
-    let (bench, [found_m, true_m]) = driven("normal");
+    let (bench, [found_m, true_m]) = driven(Traffic::Normal);
     assert!((found_m - true_m).abs() < 0.1, "{found_m} m of {true_m} m");
     assert_eq!([bench.doubt("motion_contested"), bench.doubt("path_lost")], [None; 2]);
 }
@@ -75,7 +75,7 @@ fn drive_in_sparse_traffic_is_no_doubt() {
 /// Nothing but the road is near, and the LiDAR, tilted as on the L3D2 vehicle, does not see ahead: the vehicle seems to stand.
 #[test]
 fn way_that_is_lost_on_a_bare_road_is_a_doubt() {
-    let town = String::from("field");
+    let town = Town::Field;
     let (bench, [found_m, true_m]) =
         driven_as(&DriveSettings { town, seed: 823, seconds: SECONDS, ..DriveSettings::default() });
     assert!(found_m < 0.5 * true_m, "{found_m} m of {true_m} m: with a better odometry this drive needs no doubt");

@@ -4,7 +4,7 @@ use drive::Drive;
 use registration::{
     GroundVelocity, InertialSample, Odometry, OdometrySettings, Registered, SensorMounting, Sweep, TimedPoint,
 };
-use simulation::{DriveSettings, DriveSpec, write_drive};
+use simulation::{DriveSettings, DriveSpec, Traffic, write_drive};
 
 fn timed(point: &lidar::SweepPoint) -> TimedPoint {
     TimedPoint { position: [point.x, point.y, point.z], offset_nanos: point.offset_nanos, ring: point.ring }
@@ -50,7 +50,7 @@ fn driven(drive: &Drive) -> Registered {
 /// By the match alone it moves by 0.3 m, as the queue does.
 #[test]
 fn inertial_unit_and_receiver_keep_the_own_motion_in_a_queue() {
-    let (rig, traffic) = ("nuscenes".to_owned(), "dense".to_owned());
+    let (rig, traffic) = ("nuscenes".to_owned(), Traffic::Dense);
     let spec = DriveSettings { seed: 811, seconds: 7.0, rig, traffic, ..DriveSettings::default() }.spec().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive");

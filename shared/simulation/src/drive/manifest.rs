@@ -21,7 +21,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         origin: [ORIGIN.latitude_deg, ORIGIN.longitude_deg, ORIGIN.altitude_m],
         antenna_in_body: gnss.antenna_in_body,
     });
-    let name = format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds);
+    let name = format!("simulated {} drive, seed {}, {} s", spec.town, spec.seed, spec.seconds);
     let lidar = LidarEntry {
         name: rig.lidar_name.clone(),
         ..LidarEntry::of_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into())

@@ -1,10 +1,11 @@
 //! `simulated.toml`: the mark of a simulated drive, with what it was simulated from.
 
-use crate::sensors::lidar::{GRADES, LidarErrors};
-use crate::settings::DriveSettings;
+use crate::drive_settings::DriveSettings;
+use crate::sensors::lidar::{LidarErrors, LidarGrade};
 use crate::spec::DriveSpec;
 use files::text_file::read_toml;
 use serde::{Deserialize, Serialize};
+use settings::Word;
 use std::path::Path;
 use town::Traffic;
 
@@ -38,17 +39,16 @@ impl SimulatedDrive {
     pub fn differences(&self, settings: &DriveSettings) -> Vec<String> {
         let Self { town, seed, seconds, lidar_unit, traffic } = self;
         let normal = |value: &Option<String>, default: &str| value.clone().unwrap_or_else(|| default.to_owned());
-        let wanted_unit = if settings.lidar_errors == GRADES[0].0 {
-            GRADES[0].0.to_owned()
-        } else {
-            unit_name(&settings.lidar_errors, settings.unit_seed)
+        let wanted_unit = match settings.lidar_errors {
+            LidarGrade::None => LidarGrade::None.to_string(),
+            grade => unit_name(grade.word(), settings.unit_seed),
         };
         let values = [
-            ("town", format!("{town:?}"), format!("{:?}", settings.town)),
+            ("town", format!("{town:?}"), format!("{:?}", settings.town.word())),
             ("seed", seed.to_string(), settings.seed.to_string()),
             ("seconds", seconds.to_string(), settings.seconds.to_string()),
-            ("lidar_errors", normal(lidar_unit, GRADES[0].0), wanted_unit),
-            ("traffic", normal(traffic, Traffic::Normal.name()), settings.traffic.clone()),
+            ("lidar_errors", normal(lidar_unit, LidarGrade::None.word()), wanted_unit),
+            ("traffic", normal(traffic, Traffic::Normal.word()), settings.traffic.to_string()),
         ];
         let different = values.into_iter().filter(|(_, drive, wanted)| drive != wanted);
         different.map(|(key, drive, wanted)| format!("{key} = {drive}, not {wanted}")).collect()
@@ -58,14 +58,15 @@ impl SimulatedDrive {
 impl From<&DriveSpec> for SimulatedDrive {
     fn from(spec: &DriveSpec) -> Self {
         let LidarErrors { unit_seed, .. } = spec.lidar_errors;
-        let is_of = |grade: &LidarErrors| LidarErrors { unit_seed, ..*grade } == spec.lidar_errors;
-        let grade = GRADES.iter().find(|(_, grade)| is_of(grade)).map_or("custom", |(name, _)| *name);
+        let is_of = |grade: LidarGrade| LidarErrors { unit_seed, ..grade.errors() } == spec.lidar_errors;
+        let grade = LidarGrade::ALL.iter().copied().find(|grade| is_of(*grade));
+        let name = grade.map_or("custom", LidarGrade::word);
         Self {
-            town: spec.town.name().to_owned(),
+            town: spec.town.to_string(),
             seed: spec.seed,
             seconds: spec.seconds,
-            lidar_unit: (grade != GRADES[0].0).then(|| unit_name(grade, unit_seed)),
-            traffic: (spec.traffic != Traffic::Normal).then(|| spec.traffic.name().to_owned()),
+            lidar_unit: (grade != Some(LidarGrade::None)).then(|| unit_name(name, unit_seed)),
+            traffic: (spec.traffic != Traffic::Normal).then(|| spec.traffic.to_string()),
         }
     }
 }
@@ -77,6 +78,7 @@ fn unit_name(grade: &str, unit_seed: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use town::Town;
 
     #[test]
     fn mark_names_the_settings_that_differ() {
@@ -88,9 +90,9 @@ mod tests {
         assert_eq!(SimulatedDrive::read(folder.path()), Some(mark.clone()));
         let same = DriveSettings { seed: 3, seconds: 4.0, ..DriveSettings::default() };
         assert_eq!(mark.differences(&same), Vec::<String>::new());
-        let other = DriveSettings { seed: 7, town: "rural".to_owned(), ..same.clone() };
+        let other = DriveSettings { seed: 7, town: Town::Rural, ..same.clone() };
         assert_eq!(mark.differences(&other), ["town = \"urban\", not \"rural\"", "seed = 3, not 7"]);
-        let dense = DriveSettings { traffic: "dense".to_owned(), lidar_errors: "poor".to_owned(), ..same };
+        let dense = DriveSettings { traffic: Traffic::Dense, lidar_errors: LidarGrade::Poor, ..same };
         let texts = ["lidar_errors = none, not poor, unit 1", "traffic = normal, not dense"];
         assert_eq!(mark.differences(&dense), texts);
         let marked = SimulatedDrive::from(&dense.spec().expect("valid"));

@@ -60,9 +60,10 @@ pub(super) fn configure(
         std::path::absolute(path).map_err(|cause| vec![ConfigurationError::Path { path: path.to_owned(), cause }])
     };
     let launch = arguments.launch.as_deref().map(absolute).transpose()?;
+    let changes = [&arguments.unset[..], &arguments.set].concat();
     let file = match &launch {
-        Some(path) => LaunchFile::load(path, &arguments.overrides),
-        None => LaunchFile::parse(Path::new("command line"), String::new(), &arguments.overrides),
+        Some(path) => LaunchFile::load(path, &changes),
+        None => LaunchFile::parse(Path::new("command line"), String::new(), &changes),
     };
     let file = file.map_err(|problems| {
         let texts = problems.iter().map(|problem| format!("{} {}", problem.key, problem.text));

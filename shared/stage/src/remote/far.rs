@@ -171,7 +171,7 @@ impl<'a> Far<'a> {
 
     fn launch_file(&self, launch: &LaunchText) -> Result<LaunchFile, StepError> {
         let path = self.folder.join("launch.toml");
-        LaunchFile::parse(&path, launch.text.clone(), &launch.overrides).map_err(|problems| {
+        LaunchFile::parse(&path, launch.text.clone(), &launch.changes).map_err(|problems| {
             let texts: Vec<String> = problems.into_iter().map(|problem| problem.text).collect();
             StepError::configuration(texts.join("; "))
         })

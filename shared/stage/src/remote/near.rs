@@ -7,7 +7,7 @@ use crate::command_line::print_json;
 use crate::{Port, Problem, StepError, exit, run_program};
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use run::assignment::{Assignment, Description};
-use run::{CheckRequest, DescribeRequest, FileIdentity, Remote};
+use run::{Change, CheckRequest, DescribeRequest, FileIdentity, Remote};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::os::unix::fs::PermissionsExt;
@@ -62,15 +62,15 @@ pub(super) fn remote_of(remote: Option<&Remote>) -> Result<&Remote, StepError> {
 }
 
 impl LaunchText {
-    pub(super) fn read(file: &Path, overrides: &[String], table: &str) -> Result<Self, StepError> {
+    pub(super) fn read(file: &Path, changes: &[Change], table: &str) -> Result<Self, StepError> {
         let text = read_text(file, MAX_SETTINGS_BYTES).map_err(|error| StepError::io(error).at(file.display()))?;
-        Ok(Self { text, overrides: overrides.to_vec(), table: table.to_owned() })
+        Ok(Self { text, changes: changes.to_vec(), table: table.to_owned() })
     }
 }
 
 fn describe(request: &DescribeRequest, connect: Connect) -> Result<Description, StepError> {
     let remote = remote_of(request.remote.as_ref())?;
-    let launch = LaunchText::read(&request.launch_file, &request.overrides, &request.table)?;
+    let launch = LaunchText::read(&request.launch_file, &request.changes, &request.table)?;
     let mut far = Far::new(remote, connect(remote, &request.table, None)?);
     check_description(far.describe(&launch)?, &remote.host)
 }
@@ -100,7 +100,7 @@ pub(super) fn port(topic: &str) -> Result<Port, StepError> {
 
 fn check(request: &CheckRequest, connect: Connect) -> Result<Vec<Problem>, StepError> {
     let remote = remote_of(request.remote.as_ref())?;
-    let launch = LaunchText::read(&request.launch_file, &request.overrides, &request.table)?;
+    let launch = LaunchText::read(&request.launch_file, &request.changes, &request.table)?;
     let mut far = Far::new(remote, connect(remote, &request.table, None)?);
     let description = far.describe(&launch)?;
     let mut problems = match far.ask(&Request::Check(launch, request.context.clone()), [])? {

@@ -31,7 +31,7 @@ struct ConfiguredRemote {
 
 impl RemoteProgram {
     pub(super) fn of(assignment: &Assignment, connect: Connect) -> Result<Self, StepError> {
-        let Assignment { stage, domain, launch_file, overrides, .. } = assignment;
+        let Assignment { stage, domain, launch_file, changes, .. } = assignment;
         // In the stage's own names; several topics of the run may be merged in one of them.
         let ports = |topics: &[TopicChannels]| {
             let names: BTreeSet<&str> = topics.iter().map(|topic| topic.port.as_str()).collect();
@@ -39,7 +39,7 @@ impl RemoteProgram {
         };
         let configured = ConfiguredRemote {
             session: format!("{domain}/{stage}"),
-            launch: LaunchText::read(launch_file, overrides, stage)?,
+            launch: LaunchText::read(launch_file, changes, stage)?,
             remote: remote_of(assignment.remote.as_ref())?.clone(),
             inputs: ports(&assignment.inputs)?,
             outputs: ports(&assignment.outputs)?,

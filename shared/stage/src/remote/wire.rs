@@ -2,6 +2,7 @@
 //! has. The version of the link covers them ([`link::channel::VERSION`](../../../link/channel/constant.VERSION.html)).
 
 use crate::{Context, Outputs, Problem, StepError};
+use run::Change;
 use run::assignment::Description;
 use run::health::Doubt;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -15,7 +16,7 @@ const MAX_HEAD_BYTES: u32 = 16 << 20;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct LaunchText {
     pub(super) text: String,
-    pub(super) overrides: Vec<String>,
+    pub(super) changes: Vec<Change>,
     /// Of the stage.
     pub(super) table: String,
 }

@@ -52,7 +52,7 @@ fn channels() -> TopicChannels {
 
 pub fn run_texts() -> Vec<Vec<u8>> {
     let assignment = r#"{"stage":"infer","domain":"d","supervisor":7,"context":{"drive":"/d","output":"/o","launch_folder":"/l",
-        "mode":"offline","connected":["class"],"missing":[]},"launch_file":"/l/launch.toml","overrides":["a=1"],"inputs":[],"outputs":[],
+        "mode":"offline","connected":["class"],"missing":[]},"launch_file":"/l/launch.toml","changes":[{"set":{"table":"infer","key":"model","value":"m"}}],"inputs":[],"outputs":[],
         "barrier_s":5.0,"states":"/o/states","resume":3,"restart":{"epoch":1,"ticks":2,"inputs":{},"outputs":{}}}"#;
     let assignment = serde_json::from_str::<Assignment>(assignment).expect("is an assignment");
     let assignment = Assignment { inputs: vec![channels()], ..assignment };

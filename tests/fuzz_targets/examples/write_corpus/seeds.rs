@@ -122,7 +122,7 @@ const DRIVE: &str = "version = 1\nname = \"x\"\n[lidar]\nmodel = \"hdl64e\"\nfor
     [gnss]\nfile = \"gnss.nmea\"\norigin = [48.8, 2.3, 100.0]\nantenna_in_body = [0, 0, 2]\n[imu]\nfile = \"imu.csv\"\n";
 const CONTROL: [&str; 4] = [
     r#"{"stop":{"now":false}}"#,
-    r#"{"swap":{"stage":"infer","back":false,"program":"/bin/x","unset":["model"],"set":["threads=4"]}}"#,
+    r#"{"swap":{"stage":"infer","back":false,"changes":[{"unset":{"table":"infer","key":"model"}},{"set":{"table":"infer","key":"threads","value":"4"}}]}}"#,
     r#"{"working":"draining"}"#,
     r#"{"refused":["a reason","another"]}"#,
 ];

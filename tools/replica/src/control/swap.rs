@@ -1,8 +1,9 @@
 //! `replica swap`: replaces a stage of a running pipeline by another program or other settings.
 
 use super::attach::RunArgument;
-use anyhow::bail;
+use anyhow::{Context, bail};
 use command_line::say;
+use run::Change;
 use run::control::{Answer, Request, SwapRequest};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -35,14 +36,8 @@ pub struct Args {
 
 /// Runs the command. The result goes to stdout, the progress to stderr.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let program = args.program.as_ref().map(std::path::absolute).transpose()?;
-    let request = Request::Swap(SwapRequest {
-        stage: args.stage.clone(),
-        back: args.back,
-        program,
-        unset: args.unset.clone(),
-        set: args.set.clone(),
-    });
+    let request = SwapRequest { stage: args.stage.clone(), back: args.back, changes: changes(args)? };
+    let request = Request::Swap(request);
     match args.run.find_alive()?.ask(&request)? {
         Answer::Swapped(swapped) if swapped.undone.is_none() => {
             say!("{swapped}")?;
@@ -53,4 +48,22 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Answer::Ended(outcome) => bail!("the run ended ({outcome}) before the swap"),
         Answer::Working(_) => bail!("the supervisor closed the connection without an answer"),
     }
+}
+
+/// What the options change in the table of the stage.
+fn changes(args: &Args) -> anyhow::Result<Vec<Change>> {
+    let table = || args.stage.clone();
+    let unset = args.unset.iter().map(|key| Change::Unset { table: table(), key: key.clone() });
+    let mut changes: Vec<Change> = unset.collect();
+    if let Some(program) = &args.program {
+        let value = std::path::absolute(program)?.display().to_string();
+        changes.push(Change::Set { table: table(), key: "program".to_owned(), value });
+    }
+    for text in &args.set {
+        let (key, value) =
+            text.split_once('=').with_context(|| format!("--set {text}: must have the form KEY=VALUE"))?;
+        let (key, value) = (key.trim().to_owned(), value.trim().to_owned());
+        changes.push(Change::Set { table: table(), key, value });
+    }
+    Ok(changes)
 }

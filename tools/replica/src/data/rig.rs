@@ -6,6 +6,7 @@ mod new;
 mod other_lidar;
 mod questions;
 
+use crate::argument::words;
 use clap::Subcommand;
 use registration::SpinDirection;
 use rig::survey::SurveySettings;
@@ -38,16 +39,28 @@ struct PartOfDrive {
     #[arg(long, default_value_t = 60.0, value_parser = command_line::argument::positive)]
     seconds: f64,
     /// How the LiDAR turns if its points have no times: the setting `untimed_turn` of `slam_aggregate`
-    #[arg(long, default_value = "none", value_parser = ["none", "clockwise", "counterclockwise"])]
-    untimed_turn: String,
+    #[arg(long, default_value_t = UntimedTurn::None, value_parser = words::<UntimedTurn>())]
+    untimed_turn: UntimedTurn,
+}
+
+settings::words! {
+    /// Sense in which a LiDAR turns whose points have no times.
+    enum UntimedTurn {
+        /// The sweeps are rigid.
+        None = "none",
+        /// Seen from above.
+        Clockwise = "clockwise",
+        /// Seen from above.
+        Counterclockwise = "counterclockwise",
+    }
 }
 
 impl PartOfDrive {
     fn settings(&self) -> SurveySettings {
-        let untimed_turn = match self.untimed_turn.as_str() {
-            "clockwise" => Some(SpinDirection::Clockwise),
-            "counterclockwise" => Some(SpinDirection::Counterclockwise),
-            _ => None,
+        let untimed_turn = match self.untimed_turn {
+            UntimedTurn::None => None,
+            UntimedTurn::Clockwise => Some(SpinDirection::Clockwise),
+            UntimedTurn::Counterclockwise => Some(SpinDirection::Counterclockwise),
         };
         SurveySettings { start_s: self.start, seconds: self.seconds, untimed_turn }
     }

@@ -1,20 +1,22 @@
 //! `replica simulate`: a drive through a procedural town, with ground truth.
 
+mod describe;
+
+use crate::argument::words;
 use anyhow::Context;
-use clap::builder::{PossibleValue, PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::de::IntoDeserializer;
-use serde::de::value::Error as ValueError;
-use simulation::{DriveReport, DriveSettings, SettingError, Town, write_drive};
+use settings::{Field, Settings, parse_table};
+use simulation::{DriveReport, DriveSettings, LidarGrade, Town, Traffic, write_drive};
 use std::io::{IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use toml::de::DeTable;
 
 /// Simulates a drive: writes a drive folder with the recordings of all sensors of a vehicle and the ground truth.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    #[arg(long, help = meaning("town"), value_parser = town_names(), default_value_t = DriveSettings::default().town)]
-    town: String,
+    #[arg(long, help = meaning("town"), value_parser = words::<Town>(), default_value_t = DriveSettings::default().town)]
+    town: Town,
     #[arg(long, help = help("seed"), default_value_t = DriveSettings::default().seed)]
     seed: u64,
     #[arg(
@@ -36,20 +38,20 @@ pub struct Args {
     calibration_error: CalibrationErrors,
     #[arg(
         long,
-        help = help("lidar_errors"),
-        value_parser = |text: &str| name("lidar_errors", text),
+        help = meaning("lidar_errors"),
+        value_parser = words::<LidarGrade>(),
         default_value_t = DriveSettings::default().lidar_errors,
     )]
-    lidar_errors: String,
+    lidar_errors: LidarGrade,
     #[arg(long, help = help("unit_seed"), default_value_t = DriveSettings::default().unit_seed)]
     unit_seed: u64,
     #[arg(
         long,
-        help = help("traffic"),
-        value_parser = |text: &str| name("traffic", text),
+        help = meaning("traffic"),
+        value_parser = words::<Traffic>(),
         default_value_t = DriveSettings::default().traffic,
     )]
-    traffic: String,
+    traffic: Traffic,
     #[arg(
         long,
         help = help("mosaic_exposure_ms"),
@@ -60,8 +62,11 @@ pub struct Args {
     #[arg(long, help = help("truth_visibility"))]
     truth_visibility: bool,
     /// Output folder; it must not exist. A drive takes about 12 MB per second.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "describe")]
+    out: Option<PathBuf>,
+    /// Print the settings of [simulate] as JSON, simulate nothing; with REQUEST, also the problems of a launch file's table
+    #[arg(long, value_name = "REQUEST", num_args = 0..=1, default_missing_value = describe::NO_REQUEST)]
+    describe: Option<String>,
 }
 
 /// Standard deviations of the mounting errors.
@@ -73,16 +78,25 @@ struct CalibrationErrors {
 
 /// Runs the command. The report goes to stdout, the progress to stderr if that is a terminal.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    match (&args.describe, &args.out) {
+        (Some(request), _) => describe::run(request),
+        (None, Some(out)) => simulate(args, out),
+        // The command line requires one of them.
+        (None, None) => anyhow::bail!("--out is missing"),
+    }
+}
+
+fn simulate(args: &Args, out: &Path) -> anyhow::Result<ExitCode> {
     let settings = DriveSettings {
-        town: args.town.clone(),
+        town: args.town,
         seed: args.seed,
         seconds: args.seconds,
         rig: args.rig.clone(),
         calibration_error_deg: args.calibration_error.deg,
         calibration_error_cm: args.calibration_error.cm,
-        lidar_errors: args.lidar_errors.clone(),
+        lidar_errors: args.lidar_errors,
         unit_seed: args.unit_seed,
-        traffic: args.traffic.clone(),
+        traffic: args.traffic,
         mosaic_exposure_ms: args.mosaic_exposure_ms,
         truth_visibility: args.truth_visibility,
     };
@@ -94,49 +108,37 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     };
     let bar = progress_bar();
-    let result = write_drive(&spec, &args.out, &mut |share| bar.set_position((share * STEPS as f64) as u64));
+    let result = write_drive(&spec, out, &mut |share| bar.set_position((share * STEPS as f64) as u64));
     bar.finish_and_clear();
     let report = result.context("simulate")?;
-    print(&report, args).context("stdout")?;
+    print(&report, out).context("stdout")?;
     Ok(ExitCode::SUCCESS)
 }
 
+fn field(key: &str) -> Option<Field> {
+    DriveSettings::fields().into_iter().find(|field| field.key == key)
+}
+
 /// Meaning of a setting.
-fn meaning(key: &str) -> &'static str {
-    DriveSettings::fields().into_iter().find(|field| field.key == key).map_or("", |field| field.meaning)
+fn meaning(key: &str) -> String {
+    field(key).map_or_else(String::new, |field| field.meaning)
 }
 
 /// Meaning and rule of a setting.
 fn help(key: &str) -> String {
-    let rule = DriveSettings::fields().into_iter().find(|field| field.key == key).map(|field| field.rule);
-    match rule {
-        Some(rule) if !rule.is_empty() => format!("{} The value {rule}.", meaning(key)),
-        _ => meaning(key).to_owned(),
+    match field(key) {
+        Some(field) if !field.rule.is_empty() => format!("{} The value {}.", field.meaning, field.rule),
+        _ => meaning(key),
     }
-}
-
-fn town_names() -> PossibleValuesParser {
-    PossibleValuesParser::new(Town::ALL.map(|town| PossibleValue::new(town.name()).help(town.description())))
 }
 
 /// Parses a number and checks it by the rule of the setting `key`.
 fn number(key: &str, text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
-    checked(key, DriveSettings::default().set(key, IntoDeserializer::<ValueError>::into_deserializer(value)))?;
-    Ok(value)
-}
-
-/// Checks a name by the rule of the setting `key`.
-fn name(key: &str, text: &str) -> Result<String, String> {
-    checked(key, DriveSettings::default().set(key, IntoDeserializer::<ValueError>::into_deserializer(text)))?;
-    Ok(text.to_owned())
-}
-
-fn checked(key: &str, result: Option<Result<(), SettingError>>) -> Result<(), String> {
-    match result {
-        Some(result) => result.map_err(|error| SettingError::text(&error)),
-        None => Err(format!("{key} is not a setting")),
-    }
+    let table = format!("{key} = {value:?}");
+    let table = DeTable::parse(&table).map_err(|_| "must be a number".to_owned())?;
+    let (_, problems) = parse_table::<DriveSettings>(table.get_ref());
+    problems.into_iter().next().map_or(Ok(value), |problem| Err(problem.text))
 }
 
 /// Parses `DEG,CM`.
@@ -163,12 +165,12 @@ fn progress_bar() -> ProgressBar {
     }
 }
 
-fn print(report: &DriveReport, args: &Args) -> std::io::Result<()> {
+fn print(report: &DriveReport, folder: &Path) -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
         "{}: {} sweeps, {} returns, {} images, {} mosaics",
-        args.out.display(),
+        folder.display(),
         report.n_sweeps,
         report.n_returns,
         report.n_images,

@@ -18,6 +18,7 @@ mod space;
 use check::{Check, State};
 use command_line::answer::Answer;
 use command_line::exit_code;
+use run::Change;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -33,8 +34,8 @@ pub struct Args {
     #[arg(value_name = "LAUNCH_FILE")]
     launch_file: Option<PathBuf>,
     /// Override a setting of the launch file (may be repeated)
-    #[arg(long = "set", value_name = "TABLE.KEY=VALUE", requires = "launch_file")]
-    overrides: Vec<String>,
+    #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = Change::set, requires = "launch_file")]
+    set: Vec<Change>,
     /// Folder for results whose disk is checked [default: the output of the launch file, or the current folder]
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -52,7 +53,7 @@ struct Findings {
 
 /// Prints the checks.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let planned = args.launch_file.as_deref().and_then(|file| programs::PlannedRun::read(file, &args.overrides));
+    let planned = args.launch_file.as_deref().and_then(|file| programs::PlannedRun::read(file, &args.set));
     let output = args.output.clone().or(planned.as_ref().map(|run| run.output.clone())).unwrap_or(".".into());
     let mut checks = Vec::from(machine::checks());
     checks.extend(space::shared_memory());
@@ -60,7 +61,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     checks.extend(limits::checks());
     checks.extend(clock::checks());
     checks.extend(programs::installed());
-    checks.extend(args.launch_file.as_deref().map(|file| programs::launch_file(file, &args.overrides)));
+    checks.extend(args.launch_file.as_deref().map(|file| programs::launch_file(file, &args.set)));
     let state = checks.iter().map(|check| check.state).max().unwrap_or(State::Ok);
     let findings = Findings { state, checks };
     args.answer.print(&findings, || findings.table())?;

@@ -14,6 +14,7 @@ mod source;
 mod tally;
 mod towns;
 
+use crate::argument::{self, words};
 use anyhow::Context;
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
@@ -22,6 +23,7 @@ use command_line::argument;
 use models::Models;
 use report::ClassReport;
 use segmentation::intensity::IntensityUse;
+use settings::Word;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tally::Tally;
@@ -67,8 +69,8 @@ pub struct Args {
     #[arg(long, default_value_t = 1)]
     every: usize,
     /// What the model takes from the intensities
-    #[arg(long, value_name = "USE", default_value = "auto", value_parser = PossibleValuesParser::new(IntensityUse::WORDS))]
-    intensity: String,
+    #[arg(long, value_name = "USE", default_value_t = IntensityUse::Auto, value_parser = words::<IntensityUse>())]
+    intensity: IntensityUse,
     /// Multiply the intensities of the simulated sweeps, as another sensor would
     #[arg(long, requires = "seeds", default_value_t = 1.0)]
     gain: f32,
@@ -156,7 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         !sources.is_empty(),
         "nothing to score\nhint: give TRUTH and PREDICTION, or --model FILE --seeds 901"
     );
-    let report = ClassReport::new(sources, &args.intensity);
+    let report = ClassReport::new(sources, args.intensity.word());
     let text = match args.format {
         Format::Markdown => report.markdown(),
         Format::Csv => report.csv(),

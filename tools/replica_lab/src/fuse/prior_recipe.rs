@@ -32,7 +32,7 @@ struct Group {
     /// As in `replica-lab evaluate classes --sensor`.
     sensors: Vec<String>,
     /// As in `replica-lab evaluate classes --intensity`.
-    intensity: String,
+    intensity: IntensityUse,
     seconds: f64,
     submaps: usize,
     sweeps: usize,
@@ -58,8 +58,7 @@ impl PriorRecipe {
         let mut classes = Vec::new();
         let mut groups = Vec::new();
         for group in &self.group {
-            let intensity = IntensityUse::from_word(&group.intensity).unwrap_or_default();
-            let options = Options { intensity, refinement: Refinement::NONE, ..Options::default() };
+            let options = Options { intensity: group.intensity, refinement: Refinement::NONE, ..Options::default() };
             let fused = Fused::of_models(first, second, fusion, &options)?;
             groups.push(group.means(&fused)?);
             classes = fused.classes().to_vec();
@@ -75,11 +74,6 @@ impl Group {
         }
         named_mounts(&self.sensors)?;
         anyhow::ensure!(!self.towns.is_empty() && !self.sensors.is_empty(), "towns and sensors must not be empty");
-        let (word, words) = (&self.intensity, IntensityUse::WORDS.join(", "));
-        anyhow::ensure!(
-            IntensityUse::from_word(word).is_some(),
-            "unknown use of intensities {word:?}; known are {words}"
-        );
         let Range { first, last } = self.seeds;
         anyhow::ensure!(first <= last, "seeds: first = {first} is above last = {last}");
         anyhow::ensure!(self.submaps > 0 && self.sweeps > 0, "submaps and sweeps must be at least 1");
@@ -144,7 +138,7 @@ mod tests {
             ("'urban'", "'moon'", "moon"),
             ("'rig'", "'radar'", "unknown sensor \"radar\", must be one of rig, kitti"),
             ("['rig']", "[]", "towns and sensors must not be empty"),
-            ("'off'", "'of'", "unknown use of intensities \"of\"; known are auto, normalized, raw, off"),
+            ("'off'", "'of'", "value \"of\" must be one of auto, normalized, raw, off"),
             ("first = 1", "first = 3", "seeds: first = 3 is above last = 2"),
             ("submaps = 1", "submaps = 0", "submaps and sweeps must be at least 1"),
             ("sweeps = 1", "sweeps = 21", "21 sweeps do not fit in seconds = 2: each takes 0.1 s"),

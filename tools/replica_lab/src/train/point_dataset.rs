@@ -301,7 +301,8 @@ mod tests {
         std::fs::write(&recipe, recipe_text(data, "2")).expect("writes");
         let out = |name: &str| folder.path().join(name);
         let train = |out: PathBuf, stop_after: Option<usize>| {
-            run(&Args { recipe: recipe.clone(), out, stop_after, device: "cpu".to_owned() }).expect("trains");
+            run(&Args { recipe: recipe.clone(), out, stop_after, device: segmentation::ComputeDevice::Cpu })
+                .expect("trains");
         };
         train(out("whole"), None);
         train(out("cut"), Some(1));

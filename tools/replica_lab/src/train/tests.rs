@@ -47,7 +47,7 @@ fn train(folder: &Path, name: &str, text: &str) -> PathBuf {
     let recipe = folder.join(format!("{name}.toml"));
     std::fs::write(&recipe, text).expect("writes");
     let out = folder.join(name);
-    run(&Args { recipe, out: out.clone(), stop_after: None, device: "cpu".to_owned() }).expect("trains");
+    run(&Args { recipe, out: out.clone(), stop_after: None, device: ComputeDevice::Cpu }).expect("trains");
     out.join("model.safetensors")
 }
 

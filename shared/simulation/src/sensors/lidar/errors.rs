@@ -21,9 +21,29 @@ pub struct LidarErrors {
     pub common_gain: f64,
 }
 
-/// Grades of units, by name.
-pub const GRADES: [(&str, LidarErrors); 3] =
-    [("none", LidarErrors::NONE), ("typical", LidarErrors::TYPICAL), ("poor", LidarErrors::POOR)];
+settings::words! {
+    /// Grades of units.
+    pub enum LidarGrade {
+        /// A perfect unit.
+        None = "none",
+        /// A good unit: rings are off by up to 0.1 degrees and 2 cm.
+        Typical = "typical",
+        /// All rings are off by 0.1 to 0.2 degrees, each by up to 0.2 degrees more and 3 cm.
+        Poor = "poor",
+    }
+}
+
+impl LidarGrade {
+    /// Errors of a unit of this grade.
+    pub const fn errors(self) -> LidarErrors {
+        match self {
+            Self::None => LidarErrors::NONE,
+            Self::Typical => LidarErrors::TYPICAL,
+            Self::Poor => LidarErrors::POOR,
+        }
+    }
+}
+
 /// Errors lie within this number of standard deviations.
 const LARGEST_SIGMAS: f32 = 2.0;
 

@@ -22,7 +22,7 @@ mod pattern;
 mod receiver;
 mod returns;
 
-pub use errors::{GRADES, LidarErrors};
+pub use errors::{LidarErrors, LidarGrade};
 pub use model::LidarModel;
 pub use optics::Optics;
 pub use pattern::{Firing, Pattern, PatternLidar};

@@ -10,6 +10,7 @@ use crate::data::inspect::drive::DriveReport;
 use crate::data::inspect::drive::stream::Stream;
 use deliverables::objects::ObjectSummary;
 use delivery::GeoreferenceFile;
+use run::Change;
 use run::health::Doubt;
 use run::launch_file::LaunchFile;
 use run::summary::{Summary, Total};
@@ -210,10 +211,12 @@ pub struct Settings {
 impl Settings {
     pub fn of(run: &FinishedRun) -> Self {
         let begun = run.begun.as_ref();
-        let command = begun.map(|begun| {
-            let sets = begun.overrides.iter().map(|text| format!(" --set {}", quoted(text)));
+        let command = begun.and_then(|begun| {
+            let changes = begun.changes.as_ref()?;
+            let options = changes.iter().map(Change::option);
+            let options: String = options.map(|(option, value)| format!(" {option} {}", quoted(&value))).collect();
             let launch_file = quoted(&begun.launch_file.display().to_string());
-            format!("replica-launch {launch_file}{}{}", sets.collect::<String>(), selection(run, &begun.overrides))
+            Some(format!("replica-launch {launch_file}{options}{}", selection(run, changes)))
         });
         let files = begun.iter().flat_map(|begun| begun.files.values().flatten());
         Self {
@@ -225,12 +228,12 @@ impl Settings {
 }
 
 /// Options that select the stages of the run among the tables of its launch file.
-fn selection(run: &FinishedRun, overrides: &[String]) -> String {
+fn selection(run: &FinishedRun, changes: &[Change]) -> String {
     let is_stage = |table: &str| run.summary.stages.iter().any(|stage| stage.name == table);
     if is_stage("replay") {
         return " --source replay".to_owned();
     }
-    let Ok(file) = LaunchFile::load(&run.folder.join("run/launch.toml"), overrides) else { return String::new() };
+    let Ok(file) = LaunchFile::load(&run.folder.join("run/launch.toml"), changes) else { return String::new() };
     let tables = file.tables().into_iter().map(|(table, _)| table);
     let left_out = tables.filter(|table| !["run", "simulate", "replay"].contains(&table.as_str()) && !is_stage(table));
     let options: Vec<String> = left_out.map(|table| format!(" --without {}", quoted(&table))).collect();

@@ -6,6 +6,7 @@ use deliverables::load_trajectory;
 use delivery::{GeoreferenceFile, INDEX, Index};
 use geometry::Trajectory;
 use run::summary::Summary;
+use run::{Change, Mode};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
@@ -30,7 +31,8 @@ pub struct FinishedRun {
 #[derive(Debug, Deserialize)]
 pub struct Begun {
     pub launch_file: PathBuf,
-    pub overrides: Vec<String>,
+    /// Changes of the command line. `None` for a run of an earlier version.
+    pub changes: Option<Vec<Change>>,
     pub context: RunContext,
     /// Digests of programs and other files by stage.
     #[serde(default)]
@@ -41,8 +43,7 @@ pub struct Begun {
 #[derive(Debug, Deserialize)]
 pub struct RunContext {
     pub drive: PathBuf,
-    /// `offline` or `live`.
-    pub mode: String,
+    pub mode: Mode,
 }
 
 #[derive(Debug, Deserialize)]
@@ -67,7 +68,7 @@ impl FinishedRun {
 
     /// Whether it was a live run.
     pub fn is_live(&self) -> bool {
-        self.begun.as_ref().is_some_and(|begun| begun.context.mode == "live")
+        self.begun.as_ref().is_some_and(|begun| begun.context.mode == Mode::Live)
     }
 
     /// The drive folder that was processed, or that a live run has recorded.

@@ -3,6 +3,7 @@
 use super::check::{Check, State};
 use delivery::{CloudFields, SpaceNeed, space_need};
 use drive::Drive;
+use run::Change;
 use run::launch_file::LaunchFile;
 use run::process::{own_folder, sibling};
 use std::path::{Path, PathBuf};
@@ -20,9 +21,9 @@ pub struct PlannedRun {
 
 impl PlannedRun {
     /// `None` for a file that cannot be read or that names no output; `replica-launch --check` says why.
-    pub fn read(file: &Path, overrides: &[String]) -> Option<Self> {
+    pub fn read(file: &Path, changes: &[Change]) -> Option<Self> {
         let file = std::path::absolute(file).ok()?;
-        let run = LaunchFile::load(&file, overrides).ok()?.table("run").ok()?;
+        let run = LaunchFile::load(&file, changes).ok()?.table("run").ok()?;
         let path = |key: &str| {
             let (_, value) = run.iter().find(|(name, _)| name.get_ref() == key)?;
             Some(file.parent()?.join(value.get_ref().as_str()?))
@@ -66,14 +67,14 @@ fn version_of(program: &str) -> Option<String> {
 }
 
 /// What `replica-launch --check` says.
-pub fn launch_file(file: &Path, overrides: &[String]) -> Check {
+pub fn launch_file(file: &Path, changes: &[Change]) -> Check {
     let rule = format!("{SUPERVISOR} --check has no problems");
     let Ok(program) = sibling(SUPERVISOR) else {
         return Check::ok("launch file", format!("{SUPERVISOR} is absent"), rule)
             .or(State::Problem, || "see programs".to_owned());
     };
-    let sets = overrides.iter().flat_map(|text| ["--set", text]);
-    match Command::new(program).arg(file).arg("--check").args(sets).output() {
+    let options = changes.iter().map(Change::option).flat_map(|(option, value)| [option.to_owned(), value]);
+    match Command::new(program).arg(file).arg("--check").args(options).output() {
         Ok(output) if output.status.success() => {
             let text = String::from_utf8_lossy(&output.stdout).into_owned();
             Check::ok("launch file", text.lines().collect::<Vec<_>>().join("; "), rule)

@@ -3,6 +3,7 @@
 use super::{Args, Refine, knn};
 use segmentation::intensity::IntensityUse;
 use segmentation::{Options, Refinement, Segmenter, UnknownBelow, ground_quasi_flat};
+use settings::Word;
 use std::path::Path;
 
 /// A model, and the same model with other uses of the intensities.
@@ -16,20 +17,21 @@ pub struct Models {
 impl Models {
     /// Reads the model files. Other uses of the intensities are for real sweeps only.
     pub fn load(path: &Path, args: &Args) -> anyhow::Result<Self> {
-        let asked = load(path, args, &args.intensity)?;
+        let asked = load(path, args, args.intensity)?;
         let reads_intensities = asked.card().architecture != ground_quasi_flat::ARCHITECTURE;
         let mut other_uses = Vec::new();
         // A model with examples would have to draw them again.
         if args.semantickitti.is_some() && args.knn.is_none() && reads_intensities {
-            for word in ["raw", "off"].into_iter().filter(|word| *word != args.intensity) {
-                other_uses.push((word, load(path, args, word)?));
+            let others = [IntensityUse::Raw, IntensityUse::Off].into_iter();
+            for intensity in others.filter(|intensity| *intensity != args.intensity) {
+                other_uses.push((intensity.word(), load(path, args, intensity)?));
             }
         }
         Ok(Self { asked, other_uses })
     }
 }
 
-fn load(path: &Path, args: &Args, intensity: &str) -> anyhow::Result<Box<dyn Segmenter>> {
+fn load(path: &Path, args: &Args, intensity: IntensityUse) -> anyhow::Result<Box<dyn Segmenter>> {
     let refine = |correction: Refine| args.refine.contains(&correction);
     let refinement = Refinement {
         poles: refine(Refine::Poles),
@@ -37,7 +39,6 @@ fn load(path: &Path, args: &Args, intensity: &str) -> anyhow::Result<Box<dyn Seg
         buildings: refine(Refine::Buildings),
         rough_ground: refine(Refine::RoughGround),
     };
-    let intensity = IntensityUse::from_word(intensity).unwrap_or_default();
     let options = Options { every: args.every, intensity, refinement, ..Options::default() };
     let model: Box<dyn Segmenter> = match (args.knn, &args.examples) {
         (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
