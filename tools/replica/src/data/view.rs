@@ -24,7 +24,6 @@ use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
 use cached_cloud::CachedCloud;
 use camera_images::CameraImages;
-use deliverables::RunFolder;
 use file_server::{Content, Server, Site};
 use live_site::LiveSite;
 use run::summary::Summary;
@@ -35,6 +34,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
+use surveying::RunFolder;
 
 /// The port if it is free and none is given.
 const PORT: u16 = 8099;

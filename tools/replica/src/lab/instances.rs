@@ -3,14 +3,14 @@
 use crate::answer::Answer;
 use crate::cloud_files::cloud_files;
 use anyhow::Context as _;
-use deliverables::Georeference;
-use deliverables::objects::{ObjectSummary, Objects, geojson, table};
 use delivery::GEOREFERENCE;
 use formats::ply::Vertices;
 use geometry::OrientedRectangle;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use surveying::Georeference;
+use surveying::objects::{ObjectSummary, Objects, geojson, table};
 
 /// List the objects in the clouds of a run as CSV or GeoJSON.
 ///

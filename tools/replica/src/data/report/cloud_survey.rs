@@ -2,13 +2,13 @@
 
 use super::finished_run::FinishedRun;
 use crate::cloud_picture::{Background, Camera, Canvas, CloudSummary, ColorBy, LoadedCloud, Palette, PictureSize};
-use deliverables::objects::{ObjectSummary, Objects};
 use formats::ply::{PlyRows, Vertices};
 use geometry::BevGrid;
 use image::RgbImage;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use surveying::objects::{ObjectSummary, Objects};
 
 /// Points of the pictures: about as many as their pixels. Bounds time and memory of the report.
 const MAX_POINTS: u64 = 700_000;

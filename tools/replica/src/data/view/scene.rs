@@ -3,11 +3,11 @@
 use crate::class_color::class_color;
 use crate::data::deliver::frame::ChosenFrame;
 use crate::material_color::material_color;
-use deliverables::crs::CrsError;
-use deliverables::objects::ObjectSummary;
-use deliverables::{RunFolder, TargetFrame};
 use messages::{ClassId, MaterialId};
 use serde::{Deserialize, Serialize};
+use surveying::crs::CrsError;
+use surveying::objects::ObjectSummary;
+use surveying::{RunFolder, TargetFrame};
 
 /// Vertices of the path: a screen has fewer pixels in a row.
 const MAX_VERTICES: usize = 20_000;

@@ -1,12 +1,12 @@
 //! Path, objects, clouds for CloudCompare, sweeps for training.
 
 use crate::support::{BEGIN_S, street, utm, write_run};
-use deliverables::objects::write_objects;
-use deliverables::{RunFolder, TargetFrame, write_cloudcompare, write_semantic_kitti, write_trajectory};
 use formats::kitti::{labels_from_bytes, points_from_bin};
 use formats::ply::{Kind, Vertices};
 use formats::trajectory::{poses_from_kitti, trajectory_from_tum};
 use std::path::{Path, PathBuf};
+use surveying::objects::write_objects;
+use surveying::{RunFolder, TargetFrame, write_cloudcompare, write_semantic_kitti, write_trajectory};
 
 /// A run of two clouds and a folder for deliveries.
 fn prepare(folder: &Path) -> (PathBuf, PathBuf) {

@@ -1,4 +1,4 @@
-//! Deliverables: a finished run in the formats that surveyors and other programs read (`docs/reference/deliverables.md`).
+//! Surveying: a finished run in the formats that surveyors and other programs read (`docs/reference/deliverables.md`).
 //!
 //! | idea | module |
 //! |---|---|

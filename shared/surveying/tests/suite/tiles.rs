@@ -1,14 +1,14 @@
 //! Points in tiles.
 
 use crate::support::{BEGIN_S, LasContent, gps_time_s, options, street, time_s, utm, write_run};
-use deliverables::{LeftOut, RunFolder, TargetFrame, Tiling, write_tiles};
 use std::path::Path;
+use surveying::{LeftOut, RunFolder, TargetFrame, Tiling, write_tiles};
 
 const LAZ_20_M: Tiling = Tiling { side_m: 20, is_compressed: true };
 /// From Unix time to adjusted standard GPS time, with 18 leap seconds.
 const ADJUSTED_S: f64 = 315_964_800.0 + 1e9 - 18.0;
 
-fn deliver(run: &Path, out: &Path, tiling: Tiling) -> (Vec<deliverables::PointFile>, LeftOut) {
+fn deliver(run: &Path, out: &Path, tiling: Tiling) -> (Vec<surveying::PointFile>, LeftOut) {
     let run = RunFolder::open(run).expect("opens");
     let frame = utm(run.georeference.as_ref().expect("is placed"));
     std::fs::create_dir_all(out).expect("made");

@@ -1,9 +1,9 @@
 //! Residuals of a cloud with known errors.
 
 use crate::support::{utm, write_run};
-use deliverables::RunFolder;
-use deliverables::check_points::{load_check_points, write_check_points};
 use std::fmt::Write as _;
+use surveying::RunFolder;
+use surveying::check_points::{load_check_points, write_check_points};
 
 #[test]
 fn surface_of_the_cloud_gives_the_residual_of_the_height() {

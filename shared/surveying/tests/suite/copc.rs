@@ -1,8 +1,8 @@
 //! Points in an octree.
 
 use crate::support::{LasContent, options, street, utm, write_run};
-use deliverables::{RunFolder, Tiling, write_copc, write_tiles};
 use std::path::Path;
+use surveying::{RunFolder, Tiling, write_copc, write_tiles};
 
 fn deliver(run: &Path, out: &Path) -> LasContent {
     let run = RunFolder::open(run).expect("opens");

@@ -1,6 +1,5 @@
 //! Runs with known points, and readers of what was delivered.
 
-use deliverables::{CloudOptions, Georeference, TargetFrame};
 use delivery::{CloudEntry, Index};
 use formats::ply::{Header, Kind, PlyWriter, Row};
 use formats::trajectory::tum_from_trajectory;
@@ -8,6 +7,7 @@ use geometry::{Isometry3, Stamp, Trajectory};
 use laz::{LasZipDecompressor, LazVlr};
 use std::io::Cursor;
 use std::path::Path;
+use surveying::{CloudOptions, Georeference, TargetFrame};
 
 /// 2021-06-01T00:00:00Z, s.
 pub const BEGIN_S: i64 = 1_622_505_600;
@@ -106,7 +106,7 @@ pub fn options() -> CloudOptions {
 /// UTM of the place.
 pub fn utm(georeference: &Georeference) -> TargetFrame<'_> {
     let origin = georeference.local().expect("is placed").origin();
-    TargetFrame::projected(georeference, deliverables::crs::Crs::utm_of(&origin).expect("has a zone"), None)
+    TargetFrame::projected(georeference, surveying::crs::Crs::utm_of(&origin).expect("has a zone"), None)
         .expect("a frame")
 }
 

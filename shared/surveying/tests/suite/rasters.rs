@@ -1,8 +1,8 @@
 //! Views from above, read by the bytes of TIFF.
 
 use crate::support::{options, utm, write_run};
-use deliverables::{RasterOptions, RunFolder, write_rasters};
 use std::path::Path;
+use surveying::{RasterOptions, RunFolder, write_rasters};
 
 /// One level of an image.
 struct Level {

@@ -1,11 +1,11 @@
-//! Why deliverables cannot be written.
+//! Why files of a delivery cannot be written.
 
 use crate::crs::CrsError;
 use formats::ply::PlyError;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why deliverables cannot be written.
+/// Why files of a delivery cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum DeliverError {
     /// A file or a folder.
