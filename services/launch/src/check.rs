@@ -65,7 +65,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     Ok(Plan {
         launch_file: path.to_owned(),
         overrides: overrides.to_vec(),
-        run,
+        settings: run,
         simulate: is_simulated.then_some(simulate),
         context,
         stages,

@@ -24,8 +24,8 @@ pub struct Plan {
     pub launch_file: PathBuf,
     /// `--set` of the command line.
     pub overrides: Vec<String>,
-    /// `[run]`.
-    pub run: Run,
+    /// Settings of the table `[run]`.
+    pub settings: Run,
     /// `[simulate]`, if the drive must be simulated.
     pub simulate: Option<Simulate>,
     /// Handed to every stage.
