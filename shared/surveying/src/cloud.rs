@@ -3,13 +3,15 @@
 mod columns;
 mod spectra;
 
-pub(crate) use columns::Columns;
+pub(crate) use columns::{Columns, extra_fields};
 pub(crate) use spectra::{Spectra, band_names};
 
 use crate::error::DeliverError;
 use crate::run_folder::RunFolder;
 use delivery::CloudEntry;
 use formats::ply::PlyRows;
+use messages::columns::Column;
+use std::collections::BTreeSet;
 
 /// Points of a block: 16 MB of rows.
 pub(crate) const BLOCK_POINTS: usize = 1 << 18;
@@ -37,36 +39,31 @@ pub struct CloudPoint {
     pub instance: u32,
     /// Class id; 0 without classes.
     pub class: u8,
-    /// Probability of the class in units of 1 / 255.
-    pub score: u8,
     /// sRGB; black without color.
     pub rgb: [u8; 3],
-    /// 255 = no color.
-    pub camera: u8,
-    /// Material id; 0 without materials.
-    pub material: u8,
-    /// Probability of the material in units of 1 / 255.
-    pub material_score: u8,
-    /// Number of the region; 0 = none.
-    pub region: u32,
 }
 
-/// Columns that at least one cloud of a run has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[expect(clippy::struct_excessive_bools, reason = "a flag for each column")]
-pub struct Present {
-    /// Classes with scores.
-    pub class: bool,
-    /// Instances.
-    pub instance: bool,
-    /// Colors with cameras.
-    pub color: bool,
-    /// Several LiDARs.
-    pub lidar: bool,
-    /// Materials with scores.
-    pub material: bool,
-    /// Regions of cubes.
-    pub region: bool,
+/// Columns of a cloud, or of at least one cloud of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Present {
+    table: &'static [Column],
+    names: BTreeSet<&'static str>,
+}
+
+impl Present {
+    pub(crate) fn of(table: &'static [Column], names: impl IntoIterator<Item = &'static str>) -> Self {
+        Self { table, names: names.into_iter().collect() }
+    }
+
+    /// All columns that there may be.
+    pub(crate) fn table(&self) -> &'static [Column] {
+        self.table
+    }
+
+    /// Whether there is the column of this name.
+    pub(crate) fn has(&self, column: &str) -> bool {
+        self.names.contains(column)
+    }
 }
 
 /// An open cloud.
@@ -85,7 +82,7 @@ impl<'a> Cloud<'a> {
         }
         let path = run.cloud(entry);
         let rows = PlyRows::open(&path)?;
-        let columns = Columns::of(rows.header()).map_err(|rule| DeliverError::content(&path, rule))?;
+        let columns = Columns::of(rows.header(), run.columns).map_err(|rule| DeliverError::content(&path, rule))?;
         Ok(Some(Self { entry, rows, columns }))
     }
 
@@ -121,15 +118,7 @@ pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), Deliver
     Ok((clouds, n_left_out))
 }
 
-/// What the clouds have.
-pub(crate) fn present(clouds: &[Cloud<'_>]) -> Present {
-    let any = |has: fn(&Present) -> bool| clouds.iter().any(|cloud| has(&cloud.columns.present()));
-    Present {
-        class: any(|present| present.class),
-        instance: any(|present| present.instance),
-        color: any(|present| present.color),
-        lidar: any(|present| present.lidar),
-        material: any(|present| present.material),
-        region: any(|present| present.region),
-    }
+/// What at least one of the clouds has.
+pub(crate) fn present(run: &RunFolder, clouds: &[Cloud<'_>]) -> Present {
+    Present::of(run.columns, clouds.iter().flat_map(|cloud| cloud.columns.present().names))
 }

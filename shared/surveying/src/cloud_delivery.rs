@@ -3,7 +3,7 @@
 use crate::cloud::{self, Cloud, Columns, Spectra};
 use crate::crs::CrsError;
 use crate::error::DeliverError;
-use crate::las::{HeaderFacts, RecordLayout, SCALE_M, Vlr};
+use crate::las::{HeaderFacts, RecordLayout, RecordSource, SCALE_M, Vlr};
 use crate::path_heading::PathHeading;
 use crate::run_folder::RunFolder;
 use crate::spool::Spool;
@@ -59,7 +59,7 @@ impl<'a> CloudDelivery<'a> {
         let (clouds, without_place) = cloud::open_all(run)?;
         let bands = if options.has_bands { cloud::band_names(run)? } else { Vec::new() };
         let offset_m = offset(&clouds, frame)?;
-        let layout = RecordLayout::new(cloud::present(&clouds), &bands, offset_m);
+        let layout = RecordLayout::new(&cloud::present(run, &clouds), &bands, offset_m);
         let facts = HeaderFacts {
             system: options.system.clone(),
             software: options.software.clone(),
@@ -142,12 +142,13 @@ impl Encoder<'_> {
         let Self { delivery, cloud, .. } = self;
         let (row_size, n_bytes) = (cloud.columns.row_size(), delivery.layout.n_bytes());
         // 0 is no source.
-        let source = u16::try_from(cloud.entry.seq + 1).unwrap_or(u16::MAX);
+        let submap = u16::try_from(cloud.entry.seq + 1).unwrap_or(u16::MAX);
         let n = rows.len() / row_size;
         let (mut records, mut keys) = (vec![0; n * n_bytes], Vec::with_capacity(n));
         let (mut converter, mut near) = (delivery.frame.converter(), 0);
         for i in scan_line_order(&cloud.columns, rows) {
-            let point = cloud.columns.point(&rows[i * row_size..][..row_size]);
+            let row = &rows[i * row_size..][..row_size];
+            let point = cloud.columns.point(row);
             if point.xyz.iter().any(|value| !value.is_finite()) {
                 continue;
             }
@@ -155,7 +156,9 @@ impl Encoder<'_> {
             let forward = self.heading.at(point.time_s, &mut near);
             let spectrum = if delivery.bands.is_empty() { None } else { self.spectra.of(first + i) };
             let record = &mut records[keys.len() * n_bytes..][..n_bytes];
-            delivery.layout.encode(&point, stored, source, forward, spectrum, record);
+            let columns = &cloud.columns;
+            let source = RecordSource { point: &point, columns, row, stored, submap, forward, spectrum };
+            delivery.layout.encode(&source, record);
             keys.push(key_of(stored));
         }
         records.truncate(keys.len() * n_bytes);

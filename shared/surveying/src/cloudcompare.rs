@@ -1,12 +1,13 @@
 //! PLY as CloudCompare reads it: it keeps fields named `scalar_…` of type float. Times are relative, because a float resolves two minutes
 //! at today's Unix times.
 
-use crate::cloud::{self, Cloud, Spectra};
+use crate::cloud::{self, Cloud, Present, Spectra, extra_fields};
 use crate::error::DeliverError;
 use crate::run_folder::RunFolder;
 use crate::target_frame::TargetFrame;
 use formats::ply::{Header, Kind, PlyWriter, Property, Row};
 use geometry::Stamp;
+use messages::columns::{Column, ColumnField, Presence};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -41,25 +42,18 @@ fn write_cloud(
         .info(format!("frame {}", frame.description()))
         .info(format!("scalar_time s since {begin} s after 1970-01-01T00:00:00Z"));
     let mut add = |name: &str, kind: Kind| header.properties.push(Property::new(name, kind));
-    if present.color {
+    let has_color = present.has("color");
+    if has_color {
         for name in ["red", "green", "blue"] {
             add(name, Kind::UChar);
         }
     }
-    let scalars = [
-        ("scalar_intensity", true),
-        ("scalar_time", true),
-        ("scalar_frame", true),
-        ("scalar_laser", true),
-        ("scalar_moving", true),
-        ("scalar_lidar", present.lidar),
-        ("scalar_instance", present.instance),
-        ("scalar_class", present.class),
-        ("scalar_score", present.class),
-        ("scalar_camera", present.color),
-    ];
-    for (name, _) in scalars.iter().filter(|(_, is_present)| *is_present) {
-        add(name, Kind::Float);
+    for name in ["intensity", "time", "frame", "laser", "moving"] {
+        add(&format!("scalar_{name}"), Kind::Float);
+    }
+    let fields = scalar_fields(&present);
+    for (_, field) in &fields {
+        add(&format!("scalar_{}", field.name), Kind::Float);
     }
     for band in bands {
         add(&format!("scalar_{band}"), Kind::Float);
@@ -72,26 +66,18 @@ fn write_cloud(
         let n = rows.len() / row_size;
         let xyz = converted(frame, cloud, rows)?;
         writer.write_each(n, |i, row: &mut Row<'_>| {
-            let point = cloud.columns.point(&rows[i * row_size..][..row_size]);
+            let cloud_row = &rows[i * row_size..][..row_size];
+            let point = cloud.columns.point(cloud_row);
             let [x, y, z] = xyz[i];
             row.f64(x).f64(y).f64(z);
-            if present.color {
+            if has_color {
                 let [red, green, blue] = point.rgb;
                 row.u8(red).u8(green).u8(blue);
             }
             row.f32(f32::from(point.intensity)).f32((point.time_s - begin_s) as f32).f32(point.frame as f32);
             row.f32(f32::from(point.ring)).f32(f32::from(u8::from(point.is_moving)));
-            if present.lidar {
-                row.f32(f32::from(point.lidar));
-            }
-            if present.instance {
-                row.f32(point.instance as f32);
-            }
-            if present.class {
-                row.f32(f32::from(point.class)).f32(f32::from(point.score) / 255.0);
-            }
-            if present.color {
-                row.f32(f32::from(point.camera));
+            for (place, _) in &fields {
+                row.f32(cloud.columns.extra(*place, cloud_row));
             }
             let spectrum = if bands.is_empty() { None } else { spectra.of(first + i) };
             for band in 0..bands.len() {
@@ -102,6 +88,17 @@ fn write_cloud(
     })?;
     writer.finish_unsynced()?;
     Ok(name)
+}
+
+/// The fields of the columns on topics of their own and of several LiDARs, in the order of the clouds of the run: their places in
+/// [`extra_fields`] and their entries in the table.
+fn scalar_fields(present: &Present) -> Vec<(usize, &'static ColumnField)> {
+    let fields = extra_fields(present.table()).into_iter().enumerate();
+    let is_scalar = |column: &Column| column.presence != Presence::Always && present.has(column.name);
+    let mut fields: Vec<_> = fields.filter(|(_, (column, _))| is_scalar(column)).collect();
+    // Fields of a column keep their order.
+    fields.sort_by_key(|(_, (column, _))| column.place);
+    fields.into_iter().map(|(place, (_, field))| (place, field)).collect()
 }
 
 /// Coordinates of the delivery. Points without finite coordinates keep them.

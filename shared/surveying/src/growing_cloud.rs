@@ -2,9 +2,10 @@
 
 use crate::cloud::Columns;
 use crate::error::DeliverError;
-use crate::las::{Extent, HEADER_BYTES, HeaderFacts, LasHeader, RecordLayout, Vlr, gps_time_of};
+use crate::las::{Extent, HEADER_BYTES, HeaderFacts, LasHeader, RecordLayout, RecordSource, Vlr, gps_time_of};
 use delivery::is_in_odometry;
 use formats::ply::PlyRows;
+use messages::columns::COLUMNS;
 use serde::Serialize;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -49,9 +50,9 @@ pub struct Part {
 impl GrowingCloud {
     /// Creates the file with the columns of the first cloud.
     pub fn create(path: &Path, first: &PlyRows, (system, software): (&str, &str)) -> Result<Self, DeliverError> {
-        let columns = Columns::of(first.header()).map_err(|rule| DeliverError::content(path, rule))?;
+        let columns = Columns::of(first.header(), COLUMNS).map_err(|rule| DeliverError::content(path, rule))?;
         // The frame of the odometry begins at 0.
-        let layout = RecordLayout::new(columns.present(), &[], [0.0; 3]);
+        let layout = RecordLayout::new(&columns.present(), &[], [0.0; 3]);
         let facts = HeaderFacts {
             system: system.to_owned(),
             software: software.to_owned(),
@@ -84,7 +85,7 @@ impl GrowingCloud {
         if !is_in_odometry(cloud.header()) {
             return Ok(None);
         }
-        let columns = Columns::of(cloud.header()).map_err(|rule| DeliverError::content(&self.path, rule))?;
+        let columns = Columns::of(cloud.header(), COLUMNS).map_err(|rule| DeliverError::content(&self.path, rule))?;
         let (rows, path) = sampled_rows(cloud, &columns)?;
         let (records, extent) = self.records(seq, &rows, &columns, &path);
         if extent.n_points == 0 {
@@ -105,7 +106,8 @@ impl GrowingCloud {
     /// Records of rows in the order of [`PASSES`].
     fn records(&self, seq: u64, rows: &[u8], columns: &Columns, path: &[[f64; 3]]) -> (Vec<u8>, Extent) {
         let n_bytes = self.facts.record_bytes;
-        let (source, forward) = (u16::try_from(seq + 1).unwrap_or(u16::MAX), direction(path));
+        let submap = u16::try_from(seq + 1).unwrap_or(u16::MAX);
+        let forward = direction(path);
         let rows: Vec<&[u8]> = rows.chunks_exact(columns.row_size()).collect();
         let mut records = Vec::with_capacity(rows.len() * n_bytes);
         for row in PASSES.iter().flat_map(|pass| rows.iter().skip(*pass).step_by(PASSES.len())) {
@@ -113,7 +115,8 @@ impl GrowingCloud {
             if let Some(stored) = self.layout.stored(point.xyz) {
                 let at = records.len();
                 records.resize(at + n_bytes, 0);
-                self.layout.encode(&point, stored, source, forward, None, &mut records[at..]);
+                let source = RecordSource { point: &point, columns, row, stored, submap, forward, spectrum: None };
+                self.layout.encode(&source, &mut records[at..]);
             }
         }
         let mut extent = Extent::default();

@@ -38,14 +38,14 @@ pub fn write_objects(run: &RunFolder, frame: &TargetFrame<'_>, out: &Path) -> Re
 /// The objects of a run, in the frame of its clouds. `None` if the clouds have no instances.
 pub fn objects_of(run: &RunFolder) -> Result<Option<Vec<ObjectSummary>>, DeliverError> {
     let (clouds, _) = cloud::open_all(run)?;
-    let present = cloud::present(&clouds);
-    if !present.instance || !present.class {
+    let present = cloud::present(run, &clouds);
+    if !present.has("instance") || !present.has("class") {
         return Ok(None);
     }
     let mut objects = Objects::default();
     for cloud in &clouds {
-        let has = cloud.columns.present();
-        if has.instance && has.class {
+        let present = cloud.columns.present();
+        if present.has("instance") && present.has("class") {
             objects.add(&Vertices::load(&run.cloud(cloud.entry))?)?;
         }
     }

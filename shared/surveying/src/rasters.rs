@@ -9,7 +9,7 @@ mod geotiff;
 
 use crate::cloud_delivery::{CloudDelivery, CloudOptions};
 use crate::error::DeliverError;
-use crate::las::{ExtraField, FORMAT_7_BYTES, color_of, position_of};
+use crate::las::{FORMAT_7_BYTES, color_of, position_of};
 use crate::run_folder::RunFolder;
 use crate::spool::Spool;
 use crate::target_frame::TargetFrame;
@@ -54,12 +54,11 @@ pub fn write_rasters(
     let fields = delivery.extra_offsets();
     let reader =
         CellReader { points: &points, fields, origin: [x0, y0], cell, record_bytes: delivery.facts.record_bytes };
-    let has = |field: ExtraField| fields.iter().any(|(found, at)| *found == field && at.is_some());
     let mut images = vec![("height.tif", Content::Height)];
-    if has(ExtraField::Class) {
+    if fields.class.is_some() {
         images.extend([("terrain.tif", Content::Terrain), ("class.tif", Content::Class(&class_colors))]);
     }
-    if has(ExtraField::Camera) {
+    if fields.camera.is_some() {
         images.push(("color.tif", Content::Color));
     }
     let tiles: BTreeSet<Tile> = points.keys().into_iter().map(|(tile, _)| tile).collect();
@@ -80,11 +79,18 @@ pub fn write_rasters(
     Ok(images.into_iter().map(|(name, _)| name).collect())
 }
 
+/// Offsets in a record of the fields that rasters need. `None` if records lack the field.
+#[derive(Clone, Copy)]
+struct FieldOffsets {
+    class: Option<usize>,
+    moving: Option<usize>,
+    camera: Option<usize>,
+}
+
 /// Reads the points of tiles as cells.
 struct CellReader<'a> {
     points: &'a Spool<Tile>,
-    /// Offsets of the class, of the moving flag and of the camera in a record.
-    fields: [(ExtraField, Option<usize>); 3],
+    fields: FieldOffsets,
     /// Coordinates of the stored 0, mm.
     origin: [i64; 2],
     cell: i64,
@@ -94,7 +100,7 @@ struct CellReader<'a> {
 impl CellReader<'_> {
     fn read(&self, tile: Tile) -> Result<Cells, DeliverError> {
         let mut cells = Cells::builder();
-        let [class, moving, camera] = self.fields.map(|(_, at)| at);
+        let FieldOffsets { class, moving, camera } = self.fields;
         let value = |record: &[u8], at: Option<usize>, absent: u8| at.map_or(absent, |at| record[at]);
         self.points.each_piece(&tile, POINTS_AT_A_TIME, |records| {
             for record in records.chunks_exact(self.record_bytes) {
@@ -169,9 +175,8 @@ impl Pyramid {
 }
 
 impl CloudDelivery<'_> {
-    /// Fields that rasters need, with their offsets in a record.
-    fn extra_offsets(&self) -> [(ExtraField, Option<usize>); 3] {
-        [ExtraField::Class, ExtraField::Moving, ExtraField::Camera]
-            .map(|field| (field, self.layout.extra.offset(field).map(|at| FORMAT_7_BYTES + at)))
+    fn extra_offsets(&self) -> FieldOffsets {
+        let offset = |name: &str| self.layout.extra.offset(name).map(|at| FORMAT_7_BYTES + at);
+        FieldOffsets { class: offset("class"), moving: offset("moving"), camera: offset("camera") }
     }
 }

@@ -8,6 +8,7 @@ use crate::error::DeliverError;
 use delivery::{CloudEntry, GEOREFERENCE, INDEX, Index};
 use formats::trajectory::TrajectoryFile;
 use geometry::Trajectory;
+use messages::columns::{COLUMNS, Column};
 use std::path::{Path, PathBuf};
 
 /// Files that may hold the trajectory with its times, the first that exists is read.
@@ -22,11 +23,18 @@ pub struct RunFolder {
     pub georeference: Option<Georeference>,
     /// `world_from_body` in the local frame.
     pub trajectory: Trajectory,
+    /// Columns that clouds may have.
+    pub(crate) columns: &'static [Column],
 }
 
 impl RunFolder {
-    /// Reads the folder.
+    /// Reads the folder of a run with the columns of [`COLUMNS`].
     pub fn open(path: &Path) -> Result<Self, DeliverError> {
+        Self::open_with(path, COLUMNS)
+    }
+
+    /// Reads the folder of a run whose clouds may have these columns.
+    pub fn open_with(path: &Path, columns: &'static [Column]) -> Result<Self, DeliverError> {
         let index_path = path.join(INDEX);
         let text = std::fs::read_to_string(&index_path).map_err(DeliverError::file(&index_path, "read"))?;
         let index: Index =
@@ -34,7 +42,7 @@ impl RunFolder {
         let georeference_path = path.join(GEOREFERENCE);
         let georeference = georeference_path.exists().then(|| Georeference::load(&georeference_path)).transpose()?;
         let trajectory = load_trajectory(path)?;
-        Ok(Self { path: path.to_owned(), index, georeference, trajectory })
+        Ok(Self { path: path.to_owned(), index, georeference, trajectory, columns })
     }
 
     /// The folder.

@@ -1,7 +1,8 @@
 //! Extra bytes of the records and their descriptions.
 
 use super::vlr::{Vlr, padded};
-use crate::cloud::Present;
+use crate::cloud::{Present, extra_fields};
+use messages::columns::{ColumnField, ExtraByte, FieldType};
 
 /// Reflectance of one step of a band: i16 covers -3.2767 to 3.2767.
 pub(crate) const REFLECTANCE_STEP: f64 = 1e-4;
@@ -9,19 +10,10 @@ pub(crate) const REFLECTANCE_STEP: f64 = 1e-4;
 pub(crate) const NO_REFLECTANCE: i16 = i16::MIN;
 
 /// What an extra field contains.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ExtraField {
-    Class,
-    Score,
-    Laser,
-    Moving,
-    Camera,
-    Lidar,
-    Material,
-    MaterialScore,
-    Instance,
-    Region,
-    Frame,
+    /// A field of the table of columns, and its place in [`extra_fields`].
+    Column(usize, &'static ColumnField),
     /// Reflectance of the band of this number.
     Band(usize),
 }
@@ -33,27 +25,22 @@ pub(crate) struct ExtraBytes {
     bands: Vec<String>,
 }
 
+/// Type, unit and value for no data in the description of a field.
+struct Description<'a> {
+    name: &'a str,
+    text: &'a str,
+    data_type: u8,
+    no_data: Option<[u8; 8]>,
+    scale: Option<f64>,
+}
+
 impl ExtraBytes {
     /// Fields for the columns that the clouds have. `bands` are the names of the bands to write.
-    pub(crate) fn new(present: Present, bands: &[String]) -> Self {
-        use ExtraField::{
-            Band, Camera, Class, Frame, Instance, Laser, Lidar, Material, MaterialScore, Moving, Region, Score,
-        };
-        let candidates = [
-            (Class, present.class),
-            (Score, present.class),
-            (Laser, true),
-            (Moving, true),
-            (Camera, present.color),
-            (Lidar, present.lidar),
-            (Material, present.material),
-            (MaterialScore, present.material),
-            (Instance, present.instance),
-            (Region, present.region),
-            (Frame, true),
-        ];
-        let fields = candidates.into_iter().filter_map(|(field, is_present)| is_present.then_some(field));
-        Self { fields: fields.chain((0..bands.len()).map(Band)).collect(), bands: bands.to_vec() }
+    pub(crate) fn new(present: &Present, bands: &[String]) -> Self {
+        let columns = extra_fields(present.table()).into_iter().enumerate();
+        let columns = columns.filter(|(_, (column, _))| present.has(column.name));
+        let columns = columns.map(|(place, (_, field))| ExtraField::Column(place, field));
+        Self { fields: columns.chain((0..bands.len()).map(ExtraField::Band)).collect(), bands: bands.to_vec() }
     }
 
     /// Bytes of all fields.
@@ -61,15 +48,16 @@ impl ExtraBytes {
         self.fields.iter().map(|field| field.n_bytes()).sum()
     }
 
-    /// Bytes before a field. `None` if records lack it.
-    pub(crate) fn offset(&self, field: ExtraField) -> Option<usize> {
-        let k = self.fields.iter().position(|other| *other == field)?;
+    /// Bytes before the field of a column. `None` if records lack it.
+    pub(crate) fn offset(&self, name: &str) -> Option<usize> {
+        let has_name = |field: &ExtraField| matches!(field, ExtraField::Column(_, column) if column.name == name);
+        let k = self.fields.iter().position(has_name)?;
         Some(self.fields[..k].iter().map(|field| field.n_bytes()).sum())
     }
 
     /// The record that describes the fields.
     pub(crate) fn vlr(&self) -> Vlr {
-        let data = self.fields.iter().flat_map(|field| field.description(&self.bands)).collect();
+        let data = self.fields.iter().flat_map(|field| field.description(&self.bands).bytes()).collect();
         Vlr { user: "LASF_Spec", id: 4, description: "extra bytes", data }
     }
 }
@@ -77,45 +65,54 @@ impl ExtraBytes {
 impl ExtraField {
     const fn n_bytes(self) -> usize {
         match self {
-            Self::Instance | Self::Region | Self::Frame => 4,
+            Self::Column(_, field) => field.kind.n_bytes(),
             Self::Band(_) => 2,
-            _ => 1,
         }
     }
 
+    fn description(self, bands: &[String]) -> Description<'_> {
+        match self {
+            Self::Column(_, field) => {
+                let text = field.extra_byte.map_or("", |ExtraByte { description, .. }| description);
+                // Types: 1 = u8, 5 = u32, 9 = f32, 10 = f64.
+                let (data_type, scale) = match field.kind {
+                    FieldType::U8 => (1, None),
+                    FieldType::Share => (1, Some(1.0 / 255.0)),
+                    FieldType::U32 => (5, None),
+                    FieldType::F32 | FieldType::Coordinate => (9, None),
+                    FieldType::F64 => (10, None),
+                };
+                // Ids keep their number for none, which is a value like the others; only measured values are marked.
+                let no_data = field.none.filter(|_| data_type > 8).map(f64::to_le_bytes);
+                Description { name: field.name, text, data_type, no_data, scale }
+            }
+            Self::Band(band) => Description {
+                name: &bands[band],
+                text: "reflectance, 1 = white diffuser",
+                // i16.
+                data_type: 4,
+                no_data: Some(i64::from(NO_REFLECTANCE).to_le_bytes()),
+                scale: Some(REFLECTANCE_STEP),
+            },
+        }
+    }
+}
+
+impl Description<'_> {
     /// The 192 bytes of the specification's table 24.
-    fn description(self, bands: &[String]) -> Vec<u8> {
-        let (name, text): (&str, &str) = match self {
-            Self::Class => ("class", "class id, 0 = unlabeled"),
-            Self::Score => ("score", "probability of the class"),
-            Self::Laser => ("laser", "laser number, 0 = lowest"),
-            Self::Moving => ("moving", "1 = on a moving object"),
-            Self::Camera => ("camera", "camera of the color, 255 = none"),
-            Self::Lidar => ("lidar", "index of the LiDAR"),
-            Self::Material => ("material", "material id, 0 = unknown"),
-            Self::MaterialScore => ("material_score", "probability of the material"),
-            Self::Instance => ("instance", "number of the object, 0 = none"),
-            Self::Region => ("region", "region of equal spectra, 0 = none"),
-            Self::Frame => ("frame", "number of the sweep"),
-            Self::Band(band) => (&bands[band], "reflectance, 1 = white diffuser"),
-        };
-        // Types: 1 = u8, 4 = i16, 5 = u32. Options: bit 0 = value for no data, bit 3 = scale.
-        let (data_type, options, no_data, scale) = match self {
-            Self::Instance | Self::Region | Self::Frame => (5, 0, 0, 0.0),
-            Self::Band(_) => (4, 0b1001, i64::from(NO_REFLECTANCE), REFLECTANCE_STEP),
-            Self::Score | Self::MaterialScore => (1, 0b1000, 0, 1.0 / 255.0),
-            _ => (1, 0, 0, 0.0),
-        };
-        let mut bytes = vec![0, 0, data_type, options];
-        bytes.extend(padded::<32>(name));
+    fn bytes(self) -> Vec<u8> {
+        // Options: bit 0 = value for no data, bit 3 = scale.
+        let options = u8::from(self.no_data.is_some()) | u8::from(self.scale.is_some()) << 3;
+        let mut bytes = vec![0, 0, self.data_type, options];
+        bytes.extend(padded::<32>(self.name));
         bytes.extend([0; 4]);
-        bytes.extend(no_data.to_le_bytes());
+        bytes.extend(self.no_data.unwrap_or_default());
         // Two unused values of no data, then minima and maxima, which are not stated.
         bytes.extend([0; 16 + 24 + 24]);
-        bytes.extend(scale.to_le_bytes());
+        bytes.extend(self.scale.unwrap_or(0.0).to_le_bytes());
         // Unused scales, and offsets.
         bytes.extend([0; 16 + 24]);
-        bytes.extend(padded::<32>(text));
+        bytes.extend(padded::<32>(self.text));
         bytes
     }
 }
@@ -123,15 +120,19 @@ impl ExtraField {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use messages::columns::COLUMNS;
 
     #[test]
     fn description_has_the_layout_of_the_specification() {
         let bands = vec!["band_0623nm".to_owned()];
-        let extra = ExtraBytes::new(Present { class: true, ..Present::default() }, &bands);
+        let extra = ExtraBytes::new(&Present::of(COLUMNS, ["points", "class"]), &bands);
         assert_eq!(extra.fields.len(), 6);
         assert_eq!(extra.n_bytes(), 10);
         let Vlr { data, .. } = extra.vlr();
         assert_eq!(data.len(), 6 * 192);
+        let score = &data[192..];
+        assert_eq!((score[2], score[3]), (1, 8));
+        assert!(score[4..].starts_with(b"score\0"));
         let band = &data[5 * 192..];
         assert_eq!((band[2], band[3]), (4, 9));
         assert!(band[4..].starts_with(b"band_0623nm\0"));

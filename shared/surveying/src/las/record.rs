@@ -12,7 +12,7 @@
 use super::extra_bytes::{NO_REFLECTANCE, REFLECTANCE_STEP};
 use super::{ExtraBytes, ExtraField, FORMAT_7_BYTES};
 use crate::asprs::{NEVER_CLASSIFIED, asprs_table};
-use crate::cloud::{CloudPoint, Present};
+use crate::cloud::{CloudPoint, Columns, Present};
 use formats::gps_time::adjusted_gps_from_unix;
 
 /// Step of the coordinates, m.
@@ -39,6 +39,24 @@ pub(crate) struct RecordLayout {
     offset_m: [f64; 3],
 }
 
+/// What becomes a record.
+#[derive(Clone, Copy)]
+pub(crate) struct RecordSource<'a> {
+    pub(crate) point: &'a CloudPoint,
+    /// Columns of its cloud.
+    pub(crate) columns: &'a Columns,
+    /// Its row in the cloud.
+    pub(crate) row: &'a [u8],
+    /// Its coordinates, steps of [`SCALE_M`].
+    pub(crate) stored: [i32; 3],
+    /// Number of the submap + 1: 0 is no source.
+    pub(crate) submap: u16,
+    /// Direction of travel in the frame of the cloud.
+    pub(crate) forward: [f64; 2],
+    /// A reflectance for each band. `None` if no camera saw the point.
+    pub(crate) spectrum: Option<&'a [f32]>,
+}
+
 /// Stored coordinates of a record.
 #[inline]
 pub(crate) fn position_of(record: &[u8]) -> [i32; 3] {
@@ -58,9 +76,9 @@ pub(crate) fn color_of(record: &[u8]) -> [u8; 3] {
 }
 
 impl RecordLayout {
-    pub(crate) fn new(present: Present, bands: &[String], offset_m: [f64; 3]) -> Self {
+    pub(crate) fn new(present: &Present, bands: &[String], offset_m: [f64; 3]) -> Self {
         let extra = ExtraBytes::new(present, bands);
-        Self { extra, has_classes: present.class, asprs: asprs_table(), offset_m }
+        Self { extra, has_classes: present.has("class"), asprs: asprs_table(), offset_m }
     }
 
     /// Bytes of a record.
@@ -82,17 +100,10 @@ impl RecordLayout {
         Some(stored)
     }
 
-    /// Writes a record. `forward` is the direction of travel in the frame of the cloud; `spectrum` has a value for each band, or is absent.
+    /// Writes a record.
     #[inline]
-    pub(crate) fn encode(
-        &self,
-        point: &CloudPoint,
-        stored: [i32; 3],
-        source: u16,
-        forward: [f64; 2],
-        spectrum: Option<&[f32]>,
-        record: &mut [u8],
-    ) {
+    pub(crate) fn encode(&self, source: &RecordSource<'_>, record: &mut [u8]) {
+        let RecordSource { point, columns, row, stored, submap, forward, spectrum } = *source;
         let mut at = 0;
         let mut put = |bytes: &[u8]| {
             record[at..at + bytes.len()].copy_from_slice(bytes);
@@ -105,24 +116,14 @@ impl RecordLayout {
         let class = if self.has_classes { self.asprs[usize::from(point.class)] } else { NEVER_CLASSIFIED };
         put(&[ONE_OF_ONE, point.lidar.min(N_CHANNELS - 1) << 4, class, 0]);
         put(&scan_angle(point, forward).to_le_bytes());
-        put(&source.to_le_bytes());
+        put(&submap.to_le_bytes());
         put(&adjusted_gps_from_unix(point.time_s).to_le_bytes());
         for channel in point.rgb {
             put(&(u16::from(channel) * WIDE_COLOR).to_le_bytes());
         }
         for field in &self.extra.fields {
             match field {
-                ExtraField::Class => put(&[point.class]),
-                ExtraField::Score => put(&[point.score]),
-                ExtraField::Laser => put(&[point.ring]),
-                ExtraField::Moving => put(&[u8::from(point.is_moving)]),
-                ExtraField::Camera => put(&[point.camera]),
-                ExtraField::Material => put(&[point.material]),
-                ExtraField::MaterialScore => put(&[point.material_score]),
-                ExtraField::Lidar => put(&[point.lidar]),
-                ExtraField::Instance => put(&point.instance.to_le_bytes()),
-                ExtraField::Region => put(&point.region.to_le_bytes()),
-                ExtraField::Frame => put(&point.frame.to_le_bytes()),
+                ExtraField::Column(place, _) => columns.put_extra(*place, row, &mut put),
                 ExtraField::Band(band) => put(&reflectance(spectrum, *band).to_le_bytes()),
             }
         }
@@ -151,6 +152,8 @@ fn reflectance(spectrum: Option<&[f32]>, band: usize) -> i16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use formats::ply::{Header, Kind, Property};
+    use messages::columns::COLUMNS;
 
     fn point(off: [f64; 3]) -> CloudPoint {
         CloudPoint {
@@ -164,12 +167,7 @@ mod tests {
             lidar: 0,
             instance: 100_000,
             class: 10,
-            score: 128,
             rgb: [255, 1, 0],
-            camera: 3,
-            material: 9,
-            material_score: 200,
-            region: 70_000,
         }
     }
 
@@ -190,13 +188,44 @@ mod tests {
 
     #[test]
     fn record_has_wide_colors_gps_time_and_extra_bytes() {
-        let present = Present { class: true, instance: true, color: true, ..Present::default() };
-        let layout = RecordLayout::new(present, &["band_0700nm".to_owned()], [0.0; 3]);
         let point = point([1.0, 2.0, -3.0005]);
+        let floats = ["x", "y", "z", "x_lidar_position", "y_lidar_position", "z_lidar_position"];
+        let (header, row) = (Header::new(floats.map(|name| (name, Kind::Float))), vec![0; 24]);
+        let uchar = Kind::UChar;
+        let fields: [(&str, Kind, &[u8]); 12] = [
+            ("timestamp", Kind::Double, &point.time_s.to_le_bytes()),
+            ("index_frame", Kind::Int, &point.frame.to_le_bytes()),
+            ("intensity", uchar, &[point.intensity]),
+            ("ring", uchar, &[point.ring]),
+            ("dynamic", uchar, &[1]),
+            ("instance", Kind::Int, &point.instance.to_le_bytes()),
+            ("semantic", uchar, &[point.class]),
+            ("score", Kind::Float, &(128.0_f32 / 255.0).to_le_bytes()),
+            ("red", uchar, &point.rgb[..1]),
+            ("green", uchar, &point.rgb[1..2]),
+            ("blue", uchar, &point.rgb[2..]),
+            ("camera", uchar, &[3]),
+        ];
+        let (header, row) = fields.into_iter().fold((header, row), |(mut header, row), (name, kind, bytes)| {
+            header.properties.push(Property::new(name, kind));
+            (header, [&row[..], bytes].concat())
+        });
+        let columns = Columns::of(&header, COLUMNS).expect("is complete");
+        let layout = RecordLayout::new(&columns.present(), &["band_0700nm".to_owned()], [0.0; 3]);
         let stored = layout.stored(point.xyz).expect("fits");
         assert_eq!(stored, [101_000, 102_000, 97_000]);
         let mut record = vec![0; layout.n_bytes()];
-        layout.encode(&point, stored, 5, [1.0, 0.0], Some(&[0.25]), &mut record);
+        let spectrum = Some(&[0.25][..]);
+        let source = RecordSource {
+            point: &point,
+            columns: &columns,
+            row: &row,
+            stored,
+            submap: 5,
+            forward: [1.0, 0.0],
+            spectrum,
+        };
+        layout.encode(&source, &mut record);
         assert_eq!(record.len(), 36 + 5 + 4 + 4 + 2);
         assert_eq!(position_of(&record), stored);
         assert_eq!(record[12..18], [255, 255, 0x11, 0, 74, 0]);
