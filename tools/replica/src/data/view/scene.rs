@@ -3,6 +3,7 @@
 use crate::class_color::class_color;
 use crate::data::deliver::frame::ChosenFrame;
 use crate::material_color::material_color;
+use messages::columns::{COLUMNS, ColumnField};
 use messages::{ClassId, MaterialId};
 use serde::{Deserialize, Serialize};
 use surveying::crs::CrsError;
@@ -32,6 +33,8 @@ pub struct Scene {
     objects: Vec<SceneObject>,
     /// Reference spectra.
     materials: Vec<SceneMaterial>,
+    /// The fields of the points, as the table of columns declares them.
+    columns: Vec<&'static ColumnField>,
 }
 
 #[derive(Serialize)]
@@ -96,6 +99,7 @@ impl Scene {
             images: Vec::new(),
             objects: Vec::new(),
             materials: town::Material::ALL.iter().copied().map(SceneMaterial::of).collect(),
+            columns: COLUMNS.iter().flat_map(|column| column.fields).collect(),
         }
     }
 
