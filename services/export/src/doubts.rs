@@ -3,9 +3,9 @@
 use crate::settings::Frame;
 use crate::{Export, PlacedDrive};
 use delivery::{Deviations, MedianAndLargest};
-use stage::{Outputs, StepError};
+use stage::{ColumnTable, Outputs, StepError};
 
-impl Export {
+impl<C: ColumnTable> Export<C> {
     pub(crate) fn report_doubts(&self, outputs: &mut Outputs) {
         if let Some(deviations) = self.placed.as_ref().and_then(|placed| placed.world.deviations()) {
             self.doubt_poses(&deviations, outputs);
@@ -20,7 +20,7 @@ impl Export {
                 format!("{n_without} of {n_clouds} clouds have no placement: they stay in the frame of the odometry");
             outputs.doubt("clouds_without_place", n_without as f64 / n_clouds.max(1) as f64, text);
         }
-        let (n_lost, n_columns) = (outputs.counted("lost_columns"), n_clouds * self.n_columns);
+        let (n_lost, n_columns) = (outputs.counted("lost_columns"), n_clouds * self.columns.n_expected());
         let (share, limit) = (n_lost as f64 / n_columns.max(1) as f64, self.settings.max_lost_columns_share);
         if share > limit {
             let text = format!(

@@ -8,6 +8,16 @@
 //! | `trajectory.txt` | `world_from_body` at both ends of every sweep in TUM format (optionally `trajectory_kitti.txt`, `trajectory.csv`) |
 //! | `georeference.json` | the world frame: its origin on the Earth, UTM zone, and the measurements that placed the submaps |
 //!
+//! | idea | module |
+//! |---|---|
+//! | which columns are joined to a submap: the table of columns, and further classes | `columns` |
+//! | results that are doubtful, and results that are refused | `doubts` |
+//! | whether the clouds fit the disk | `space` |
+//! | the files themselves | crate `delivery` |
+//!
+//! `export` must never change a value, drop a point or name a column: it joins, orders and writes. Begin reading with
+//! `Export::step`, then `columns.rs`.
+//!
 //! `export` writes a cloud when its last expected column has arrived. The expected columns are fixed before the start
 //! (`Context::connected`), so files do not depend on timing. Clouds are synced to the disk before a state lists them. After a
 //! restart, clouds that the state does not list are removed and written again.
@@ -18,28 +28,29 @@
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod columns;
 mod doubts;
 mod settings;
 mod space;
 
 pub use settings::{CloudFormat, Coordinates, Frame, Settings, TrajectoryFormat};
 
+use columns::JoinedColumns;
 use delivery::{
     CloudEntry, DeliveryError, Folder, FrameChoice, GEOREFERENCE, INDEX, Index, ReceivedSubmap, World, corrected,
     move_clouds, write_submap,
 };
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
-use messages::{
-    ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, Message, PlacementTopic, RegionTopic, SpectraTopic,
-    StampedPose, SubmapTopic, TrajectoryTopic,
-};
+use messages::columns::Presence;
+use messages::{PlacementTopic, SpectraTopic, StampedPose, SubmapTopic, TrajectoryTopic};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stage::{
-    Bytes, Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes,
-    StepError, SubmapJoin, decode_head,
+    AllColumns, Bytes, ColumnTable, Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn,
+    Stage, StateBytes, StepError, SubmapJoin, decode_head,
 };
+use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 /// Increased when [`State`] changes.
@@ -47,16 +58,14 @@ const STATE_VERSION: u32 = 5;
 /// Clouds that are moved between two progress reports.
 const CLOUDS_AT_A_TIME: usize = 4;
 
-/// The sink of the pipeline.
-pub struct Export {
+/// The sink of the pipeline. `C` is the table of columns that it joins.
+pub struct Export<C: ColumnTable = AllColumns> {
     settings: Settings,
     folder: Folder,
     /// Topics without a publisher.
     absent: Vec<&'static str>,
-    /// Topics of further segmenters.
-    further_classes: Vec<&'static str>,
     /// Columns that each submap should have.
-    n_columns: usize,
+    columns: JoinedColumns,
     join: SubmapJoin,
     clouds: Vec<CloudEntry>,
     /// The first clouds, which are synced to the disk.
@@ -66,6 +75,7 @@ pub struct Export {
     placed: Option<PlacedDrive>,
     /// Whether the folder contains the clouds of `clouds` and no other files of export.
     is_folder_clean: bool,
+    table: PhantomData<C>,
 }
 
 /// The received placement, and the final frame that follows from it.
@@ -78,33 +88,26 @@ struct PlacedDrive {
 #[derive(Serialize, Deserialize)]
 struct State {
     clouds: Vec<CloudEntry>,
-    /// Submap, color, spectra, class, instance, material, further classes.
+    /// Submap, the columns in the order of the table, further classes.
     join: Vec<SavedColumn>,
     /// Poses of the trajectory.
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
     placement: Option<Bytes>,
 }
 
-impl Stage for Export {
+impl<C: ColumnTable> Stage for Export<C> {
     const NAME: &'static str = "export";
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![
-            Port::of::<SubmapTopic>(),
-            Port::of::<TrajectoryTopic>(),
-            Port::optional::<PlacementTopic>(),
-            Port::optional::<ColorTopic>(),
-            Port::optional::<SpectraTopic>(),
-            Port::optional::<ClassTopic>(),
-            Port::optional::<InstanceTopic>(),
-            Port::optional::<MaterialTopic>(),
-            Port::optional::<RegionTopic>(),
-        ]
+        let mut ports =
+            vec![Port::of::<SubmapTopic>(), Port::of::<TrajectoryTopic>(), Port::optional::<PlacementTopic>()];
+        ports.extend(C::ports().iter().map(|column| column.port.made_optional()));
+        ports
     }
 
     fn inputs_with(settings: &Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
-        Ok(Self::inputs().into_iter().chain(further_ports(settings)).collect())
+        Ok(Self::inputs().into_iter().chain(columns::further_ports(settings)).collect())
     }
 
     fn outputs() -> Vec<Port> {
@@ -119,44 +122,31 @@ impl Stage for Export {
         let no_placement = "must not be \"utm\": no stage publishes placement, which moves the clouds to the world";
         let problems = [is_coarse.then_some(text), is_unplaced.then_some(no_placement)];
         let problems = problems.into_iter().flatten().map(|text| Problem::of_key("frame", text));
-        problems.chain(space::lacks(settings, context)).collect()
+        problems.chain(space::lacks(settings, context, &JoinedColumns::new(C::ports(), settings, context))).collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let topics = Self::inputs();
+        let table = C::ports();
         let is_connected = |topic: &str| context.connected.iter().any(|connected| connected == topic);
-        let ports = Self::inputs();
-        let columns = [
-            context.is_connected::<ColorTopic>(),
-            context.is_connected::<SpectraTopic>() && settings.spectra,
-            context.is_connected::<ClassTopic>(),
-            context.is_connected::<InstanceTopic>(),
-            context.is_connected::<MaterialTopic>(),
-            context.is_connected::<RegionTopic>(),
-        ];
-        let [color, spectra, class, instance, material, region] = columns;
-        // These are off by default, so that their absence is not reported.
-        let is_optional = |topic: &str| [MaterialTopic::TOPIC, RegionTopic::TOPIC].contains(&topic);
-        let is_absent = |topic: &&'static str| !is_connected(topic) && !is_optional(topic);
-        let further_classes: Vec<&'static str> = further_ports(settings).iter().map(Port::topic).collect();
-        let join = SubmapJoin::new(context.mode)
-            .column::<ColorTopic>(color)
-            .column::<SpectraTopic>(spectra)
-            .column::<ClassTopic>(class)
-            .column::<InstanceTopic>(instance)
-            .column::<MaterialTopic>(material)
-            .column::<RegionTopic>(region);
+        // Columns that a setting adds are off by default, so that their absence is not reported.
+        let is_reported =
+            |topic: &str| columns::of_topic(&table, topic).is_none_or(|c| c.presence == Presence::Default);
+        let is_absent = |topic: &&'static str| !is_connected(topic) && is_reported(topic);
+        let absent = topics.iter().map(Port::topic).filter(is_absent).collect();
+        let columns = JoinedColumns::new(table, settings, context);
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
-            absent: ports.iter().map(Port::topic).filter(is_absent).collect(),
-            join: further_classes.iter().fold(join, |join, topic| join.column_named::<ClassTopic>(topic, true)),
-            n_columns: columns.iter().filter(|is_expected| **is_expected).count() + further_classes.len(),
-            further_classes,
+            absent,
+            join: columns.join(context.mode),
+            columns,
             clouds: Vec::new(),
             n_synced: 0,
             trajectory: geometry::Trajectory::default(),
             placed: None,
             is_folder_clean: false,
+            table: PhantomData,
         })
     }
 
@@ -237,7 +227,7 @@ impl Stage for Export {
     }
 }
 
-impl Export {
+impl<C: ColumnTable> Export<C> {
     /// Before the first tick of a new run: removes files of an earlier run from the folder.
     fn prepare(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         if self.is_folder_clean {
@@ -323,20 +313,12 @@ impl Export {
         if self.settings.formats.is_empty() {
             return Ok(());
         }
-        let mut further_classes = Vec::new();
-        for topic in &self.further_classes {
-            further_classes.extend(joined.rows_named::<ClassTopic>(topic)?.map(|classes| (*topic, classes)));
-        }
+        let columns = self.columns.received(joined)?;
         let submap = ReceivedSubmap {
             seq: joined.submap.seq(),
             header: joined.submap.header(),
             points: joined.submap.rows(),
-            color: joined.rows::<ColorTopic>()?,
-            class: joined.rows::<ClassTopic>()?,
-            instance: joined.rows::<InstanceTopic>()?,
-            material: joined.rows::<MaterialTopic>()?,
-            region: joined.rows::<RegionTopic>()?,
-            further_classes: &further_classes,
+            columns: &columns,
             spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
             lost: &joined.lost,
         };
@@ -350,11 +332,6 @@ impl Export {
         self.clouds.push(entry);
         Ok(())
     }
-}
-
-/// The topics of further segmenters.
-fn further_ports(settings: &Settings) -> Vec<Port> {
-    settings.further_classes.iter().map(|topic| Port::of::<ClassTopic>().named(topic)).collect()
 }
 
 fn step_error(error: DeliveryError) -> StepError {

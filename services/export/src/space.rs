@@ -1,9 +1,9 @@
 //! Whether the clouds of a recorded drive fit the disk: found out before a run of hours.
 
 use crate::Settings;
-use delivery::{CloudFields, space_need};
+use crate::columns::JoinedColumns;
+use delivery::space_need;
 use drive::Drive;
-use messages::{ClassTopic, ColorTopic, InstanceTopic, MaterialTopic, RegionTopic, SpectraTopic};
 use stage::space::{bytes_of_files, free_bytes, size_text};
 use stage::{Context, Mode, Problem};
 
@@ -11,23 +11,11 @@ use stage::{Context, Mode, Problem};
 const MIN_SHARE: f64 = 0.6;
 
 /// A problem if the clouds will not fit. A drive that cannot be read is reported by its source.
-pub(crate) fn lacks(settings: &Settings, context: &Context) -> Option<Problem> {
+pub(crate) fn lacks(settings: &Settings, context: &Context, columns: &JoinedColumns) -> Option<Problem> {
     if context.mode == Mode::Live || settings.formats.is_empty() {
         return None;
     }
-    let further: Vec<&str> = settings.further_classes.iter().map(String::as_str).collect();
-    let fields = CloudFields {
-        coordinates: settings.coordinates.kind(),
-        has_lidars: false,
-        has_instance: context.is_connected::<InstanceTopic>(),
-        has_class: context.is_connected::<ClassTopic>(),
-        has_color: context.is_connected::<ColorTopic>(),
-        has_material: context.is_connected::<MaterialTopic>(),
-        has_region: context.is_connected::<RegionTopic>(),
-        further_classes: &further,
-    };
-    let has_spectra = settings.spectra && context.is_connected::<SpectraTopic>();
-    let need = space_need(&Drive::open(&context.drive).ok()?, fields, has_spectra).ok()?;
+    let need = space_need(&Drive::open(&context.drive).ok()?, &columns.fields(settings), columns.has_spectra()).ok()?;
     // Clouds that are there are continued or replaced.
     let free = free_bytes(&context.output)? + bytes_of_files(&context.output.join("clouds"));
     let is_too_small = (free as f64) < MIN_SHARE * need.bytes as f64;

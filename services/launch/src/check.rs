@@ -63,7 +63,7 @@ pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selecti
     Ok(Plan {
         launch_file: path.to_owned(),
         changes: changes.to_vec(),
-        run,
+        settings: run,
         simulate: is_simulated.then_some(simulated.arguments),
         context,
         stages,

@@ -24,8 +24,8 @@ pub struct Plan {
     pub launch_file: PathBuf,
     /// Changes of the command line and of completed swaps.
     pub changes: Vec<Change>,
-    /// `[run]`.
-    pub run: Run,
+    /// Settings of the table `[run]`.
+    pub settings: Run,
     /// Arguments of `replica` that simulate the drive, if it must be simulated.
     pub simulate: Option<Vec<String>>,
     /// Handed to every stage.

@@ -268,7 +268,7 @@ impl RunFolder {
             changes: plan.changes.clone(),
             inputs: stage.inputs.clone(),
             outputs: stage.outputs.clone(),
-            barrier_s: plan.run.barrier_s(),
+            barrier_s: plan.settings.barrier_s(),
             states: self.states.folder().to_owned(),
             resume,
             restart,
@@ -344,7 +344,7 @@ fn settings(plan: &Plan) -> serde_json::Value {
     serde_json::json!({
         "launch_file": plan.launch_file,
         "changes": plan.changes,
-        "run": plan.run,
+        "run": plan.settings,
         "context": plan.context,
         "stages": plan.stages.iter().map(|s| serde_json::json!({
             "name": s.name, "program": s.program, "settings": s.description.settings,

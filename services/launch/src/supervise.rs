@@ -222,7 +222,7 @@ impl Supervisor {
         budget: RestartBudget,
     ) -> Result<RestartBudget, &'static str> {
         let lack = lacks_shared_memory(None);
-        let policy = Policy::new(&self.run.plan.run, &self.run.plan.stages);
+        let policy = Policy::new(&self.run.plan.settings, &self.run.plan.stages);
         let decision = decide(
             Observation::FailedAttempt {
                 fault: &fault,
@@ -256,7 +256,7 @@ impl Supervisor {
     }
 
     fn pause_before_restart(&mut self, delay: Duration, restart: u32, barrier: Option<u64>) {
-        let (allowed, delay_s) = (self.run.plan.run.restarts, delay.as_secs_f64());
+        let (allowed, delay_s) = (self.run.plan.settings.restarts, delay.as_secs_f64());
         tracing::warn!(
             kind = "restart",
             restart,
@@ -296,9 +296,9 @@ impl Supervisor {
         // The recorder learns from the summary that the run was cut short, so it ends only now.
         let is_recorded = self.observers.finish_recording(outcome);
         self.operator.control.end(outcome);
-        account::report(&summary, output);
+        account::log_summary(&summary, output);
         // "stopped": at once, as requested.
-        if self.run.plan.run.report && outcome != "stopped" {
+        if self.run.plan.settings.report && outcome != "stopped" {
             report::write(output);
         }
         Ok(match summary.exit_code(self.run.is_live()) {

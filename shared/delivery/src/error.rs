@@ -40,6 +40,20 @@ pub enum DeliveryError {
         /// The submap and its number.
         what: String,
     },
+    /// A column whose rows are not one for each point.
+    #[error("{column} of submap {seq}: {n_bytes} bytes are not {n_points} rows of {row_bytes} bytes")]
+    ColumnSize {
+        /// The column.
+        column: &'static str,
+        /// Number of the submap.
+        seq: u64,
+        /// Bytes of the rows.
+        n_bytes: usize,
+        /// Bytes of a row.
+        row_bytes: usize,
+        /// Points of the submap.
+        n_points: usize,
+    },
     /// Sizes of a spectra column that contradict each other or the submap.
     #[error(
         "spectra of submap {seq}: {n_words} words are not {n_indices} indices and {n_spectra} spectra of {n_bands} bands for \

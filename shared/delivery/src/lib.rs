@@ -1,8 +1,12 @@
-//! Turns submaps and their columns into the files of a result (`docs/explanation/georeferencing.md`).
+//! The files that a run writes while it runs: clouds of submaps, their index, the trajectory and the frame that they are in.
+//!
+//! `export` is a thin stage over this crate. A finished run in the formats of surveyors (LAS, COPC, GeoTIFF) is the task of the crate
+//! `surveying`, which reads these files.
 //!
 //! | idea | module |
 //! |---|---|
 //! | the files of one submap | `submap_files`: `submap_cloud` with `submap_geometry`, `spectra` |
+//! | properties and header lines of clouds from the table of columns | `cloud_columns` |
 //! | the final frame and the poses of the submaps in it | [`World`], `deviations` |
 //! | moving clouds and trajectory to the final frame | `place`, `coordinates`, `frame`, `corrected` |
 //! | the output folder: names, leftovers of earlier runs, index | [`Folder`], [`Index`] |
@@ -10,9 +14,18 @@
 //! | syncing clouds to the disk | `disk_sync` |
 //!
 //! The caller joins submaps and columns, decides when a cloud is written and reports doubts.
+//!
+//! This crate must never wait for messages, know a stage, or name a column that the table
+//! ([`messages::columns`]) declares, except where the index counts its values. It must not change a cloud in place: a cloud is
+//! written to a copy that replaces it when complete, so that a run that is killed at any time continues. The same submaps give the
+//! same bytes for any number of threads.
+//!
+//! Begin reading with `submap_files.rs` (how a cloud is written), then `place.rs` (how it is moved to the final frame;
+//! `docs/explanation/georeferencing.md` says why).
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod cloud_columns;
 mod coordinates;
 mod corrected;
 mod deviations;
@@ -30,6 +43,7 @@ mod submap_files;
 mod submap_geometry;
 mod world;
 
+pub use cloud_columns::{CloudColumn, CloudFields, ply_kind};
 pub use corrected::corrected;
 pub use deviations::{Deviations, MedianAndLargest};
 pub use disk_sync::{sync, sync_in_background};
@@ -40,6 +54,6 @@ pub use georeference::{GeoreferenceFile, Uses, UtmOrigin};
 pub use index::{CloudEntry, Index, SpectraEntry};
 pub use place::move_clouds;
 pub use space::{SpaceNeed, space_need};
-pub use submap_cloud::{CloudFields, ReceivedSubmap};
+pub use submap_cloud::{ReceivedColumn, ReceivedSubmap};
 pub use submap_files::write_submap;
 pub use world::{FrameChoice, PlacedSubmap, World};

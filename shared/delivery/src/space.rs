@@ -1,6 +1,6 @@
 //! Space that the clouds of a recorded drive will take, estimated from its first sweeps before a run.
 
-use crate::submap_cloud::{CloudFields, header_of};
+use crate::cloud_columns::{CloudFields, header_of, point_columns};
 use drive::{Drive, SweepSource};
 use lidar::SweepError;
 
@@ -22,13 +22,14 @@ pub struct SpaceNeed {
 
 /// Clouds with these fields, and with spectra if `has_spectra` and the drive has mosaic cameras. Drives whose surroundings change, from
 /// a street to a field, differ from the estimate by up to a half.
-pub fn space_need(drive: &Drive, fields: CloudFields<'_>, has_spectra: bool) -> Result<SpaceNeed, SweepError> {
+pub fn space_need(drive: &Drive, fields: &CloudFields<'_>, has_spectra: bool) -> Result<SpaceNeed, SweepError> {
     let mut points = 0.0;
     for lidar in drive.lidars() {
         points += estimated_points(&mut SweepSource::open(lidar)?)?;
     }
     let has_lidars = drive.lidars().count() > 1;
-    let row_bytes = header_of(CloudFields { has_lidars, ..fields }).row_size() as f64;
+    let columns = point_columns(has_lidars).chain(fields.columns.iter().copied());
+    let row_bytes = header_of(fields.coordinates, columns).row_size() as f64;
     // Position, number of the point, and the bands of all cameras.
     let n_bands: usize = drive.expected_bands().iter().map(Vec::len).sum();
     let spectrum_bytes = if has_spectra && n_bands > 0 { 4 * (4 + n_bands) } else { 0 };

@@ -1,15 +1,14 @@
 //! The cloud of a submap: the fields of Paris-CARLA-3D, then additional fields.
 
+use crate::cloud_columns::{CloudColumn, header_of, point_columns, sort_by_place};
 use crate::error::DeliveryError;
-use crate::frame::odometry_line;
 use crate::submap_geometry::SubmapGeometry;
 use formats::ply::{Header, Kind, Row};
-use messages::{
-    CLASS_TABLE_VERSION, ClassId, ClassRow, ColorRow, MATERIAL_TABLE_VERSION, MaterialId, MaterialRow, POINT_DYNAMIC,
-    POINT_INCIDENCE_UNKNOWN, SpectraHeader, SubmapHeader, SubmapPoint, UNSEEN,
-};
+use messages::columns::{Column, ColumnField, FieldType};
+use messages::pod::{bytes_from_rows, rows_in_bytes};
+use messages::{Message, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SpectraHeader, SubmapHeader, SubmapPoint};
 
-/// A submap and its columns, as received. Columns of points have a row for each point.
+/// A submap and its columns, as received.
 #[derive(Clone, Copy)]
 pub struct ReceivedSubmap<'a> {
     /// Number of the submap.
@@ -18,176 +17,95 @@ pub struct ReceivedSubmap<'a> {
     pub header: &'a SubmapHeader,
     /// Points of the submap.
     pub points: &'a [SubmapPoint],
-    /// Colors, if there is such a column.
-    pub color: Option<&'a [ColorRow]>,
-    /// Classes, if there is such a column.
-    pub class: Option<&'a [ClassRow]>,
-    /// Instances, if there is such a column.
-    pub instance: Option<&'a [u32]>,
-    /// Materials, if there is such a column.
-    pub material: Option<&'a [MaterialRow]>,
-    /// Regions, if there is such a column.
-    pub region: Option<&'a [u32]>,
-    /// Topics of further segmenters with their classes.
-    pub further_classes: &'a [(&'a str, &'a [ClassRow])],
+    /// The columns that have arrived, in any order, except spectra.
+    pub columns: &'a [ReceivedColumn<'a>],
     /// Header and words of the spectra, if there is such a column.
     pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
     /// Topics of the columns that were lost.
     pub lost: &'a [&'static str],
 }
 
-/// What the points of a cloud have beside position, time, angles and intensity.
-#[derive(Clone, Copy, Debug)]
-#[expect(clippy::struct_excessive_bools, reason = "a flag for each column")]
-pub struct CloudFields<'a> {
-    /// Type of coordinates.
-    pub coordinates: Kind,
-    /// Whether the points are those of several LiDARs.
-    pub has_lidars: bool,
-    /// Whether there are instances.
-    pub has_instance: bool,
-    /// Whether there are classes.
-    pub has_class: bool,
-    /// Whether there are colors.
-    pub has_color: bool,
-    /// Whether there are materials.
-    pub has_material: bool,
-    /// Whether there are regions.
-    pub has_region: bool,
-    /// Topics of further segmenters.
-    pub further_classes: &'a [&'a str],
+/// A column as received: a row for each point.
+#[derive(Clone, Copy)]
+pub struct ReceivedColumn<'a> {
+    /// Its entry in the table, and its name.
+    pub column: CloudColumn<'a>,
+    /// Bytes of its rows.
+    pub rows: &'a [u8],
 }
 
-impl CloudFields<'_> {
-    /// Those of a run with all stages and their defaults.
-    pub const ALL: Self = Self {
-        coordinates: Kind::Float,
-        has_lidars: false,
-        has_instance: true,
-        has_class: true,
-        has_color: true,
-        has_material: false,
-        has_region: false,
-        further_classes: &[],
-    };
+impl<'a> ReceivedColumn<'a> {
+    /// A column under its own name.
+    pub fn of<T: Message>(column: &'a Column, rows: &'a [T::Row]) -> Self {
+        Self { column: CloudColumn::of(column), rows: bytes_from_rows(rows) }
+    }
 }
 
-/// The header of a cloud.
-pub(crate) fn header_of(fields: CloudFields<'_>) -> Header {
-    let mut header = Header::new([
-        ("x", fields.coordinates),
-        ("y", fields.coordinates),
-        ("z", fields.coordinates),
-        ("x_lidar_position", fields.coordinates),
-        ("y_lidar_position", fields.coordinates),
-        ("z_lidar_position", fields.coordinates),
-        ("cos_angle_lidar_surface", Kind::Float),
-        ("timestamp", Kind::Double),
-        ("index_frame", Kind::Int),
-        ("intensity", Kind::UChar),
-        ("ring", Kind::UChar),
-        ("azimuth_deg", Kind::Float),
-        ("elevation_deg", Kind::Float),
-        ("dynamic", Kind::UChar),
-    ])
-    .info(odometry_line())
-    .info("timestamp s since 1970-01-01T00:00:00Z")
-    .info("cos_angle_lidar_surface -1 where unknown");
-    let mut add = |more: &[(&str, Kind)], info: String| {
-        header.properties.extend(Header::new(more.iter().copied()).properties);
-        header.infos.push(info);
-    };
-    if fields.has_lidars {
-        add(&[("lidar", Kind::UChar)], "lidar index in drive.toml".to_owned());
+impl<'a> ReceivedSubmap<'a> {
+    /// The rows of the column of `T`, if it has arrived.
+    pub(crate) fn rows<T: Message>(&self) -> Option<&'a [T::Row]> {
+        let is_of_topic =
+            |column: &&ReceivedColumn<'_>| column.column.renamed.is_none() && column.column.column.topic == T::TOPIC;
+        rows_in_bytes(self.columns.iter().find(is_of_topic)?.rows)
     }
-    if fields.has_instance {
-        add(&[("instance", Kind::Int)], "instance 0 where none".to_owned());
-    }
-    if fields.has_class {
-        let names: Vec<&str> = ClassId::ALL.iter().map(|class| class.name()).collect();
-        let table = format!("semantic table {CLASS_TABLE_VERSION}: {}", names.join(" "));
-        add(&[("semantic", Kind::UChar), ("score", Kind::Float)], table);
-    }
-    if fields.has_color {
-        let colors = [("red", Kind::UChar), ("green", Kind::UChar), ("blue", Kind::UChar), ("camera", Kind::UChar)];
-        add(&colors, format!("camera {UNSEEN} where none saw the point"));
-    }
-    if fields.has_material {
-        let names: Vec<&str> = MaterialId::ALL.iter().map(|material| material.name()).collect();
-        let table = format!("material table {MATERIAL_TABLE_VERSION}: {}", names.join(" "));
-        add(&[("material", Kind::UChar), ("material_score", Kind::Float)], table);
-    }
-    if fields.has_region {
-        add(&[("region", Kind::Int)], "region 0 where none".to_owned());
-    }
-    for topic in fields.further_classes {
-        let score = format!("{topic}_score");
-        add(&[(*topic, Kind::UChar), (&score, Kind::Float)], format!("{topic} of the table of semantic"));
-    }
-    header
 }
 
-/// A checked submap with its columns, as slices of equal length.
+/// A checked submap with its columns.
 pub(crate) struct SubmapColumns<'a> {
     pub(crate) seq: u64,
     pub(crate) points: &'a [SubmapPoint],
     pub(crate) geometry: SubmapGeometry,
-    pub(crate) color: Option<&'a [ColorRow]>,
-    pub(crate) class: Option<&'a [ClassRow]>,
-    pub(crate) instance: Option<&'a [u32]>,
-    pub(crate) material: Option<&'a [MaterialRow]>,
-    pub(crate) region: Option<&'a [u32]>,
-    /// Topics of further segmenters with their classes.
-    further_classes: &'a [(&'a str, &'a [ClassRow])],
     /// Type of coordinates in files.
     pub(crate) coordinates: Kind,
     /// Whether the points are those of several LiDARs.
     has_lidars: bool,
+    /// Received columns in the order of the rows.
+    columns: Vec<CloudColumn<'a>>,
+    /// Their fields in the order of the rows.
+    fields: Vec<ReceivedField<'a>>,
+}
+
+/// A field of a received column.
+struct ReceivedField<'a> {
+    rows: &'a [u8],
+    row_bytes: usize,
+    /// Bytes before the field in a row.
+    offset: usize,
+    kind: FieldType,
 }
 
 impl<'a> SubmapColumns<'a> {
-    /// Checks the submap, its instances and its regions.
+    /// Checks the submap and its columns.
     pub(crate) fn new(received: &ReceivedSubmap<'a>, coordinates: Kind) -> Result<Self, DeliveryError> {
-        let ReceivedSubmap { seq, header, points, color, class, instance, material, region, further_classes, .. } =
-            *received;
+        let ReceivedSubmap { seq, header, points, .. } = *received;
         let geometry = SubmapGeometry::new(seq, header, points)?;
-        for (name, ids) in [("instance", instance), ("region", region)] {
-            let largest = ids.and_then(|ids| ids.iter().copied().max());
-            if let Some(id) = largest.filter(|id| i32::try_from(*id).is_err()) {
-                return Err(DeliveryError::ExceedsInt { what: format!("{name} of submap {seq}: id {id}") });
+        let mut columns = received.columns.to_vec();
+        sort_by_place(&mut columns, |column| column.column);
+        let mut fields = Vec::new();
+        for &ReceivedColumn { column, rows } in &columns {
+            let row_bytes = (column.column.layout)().row_bytes;
+            if rows.len() != points.len() * row_bytes {
+                let (column, n_bytes, n_points) = (column.column.name, rows.len(), points.len());
+                return Err(DeliveryError::ColumnSize { column, seq, n_bytes, row_bytes, n_points });
+            }
+            for field in column.column.fields {
+                let offset = column.column.offset_in_row(field);
+                let received = ReceivedField { rows, row_bytes, offset, kind: field.kind };
+                received.check(field, seq, points.len())?;
+                fields.push(received);
             }
         }
-        let has_lidars = header.n_lidars > 1;
-        Ok(Self {
-            seq,
-            points,
-            geometry,
-            color,
-            class,
-            instance,
-            material,
-            region,
-            further_classes,
-            coordinates,
-            has_lidars,
-        })
+        let columns = columns.iter().map(|column| column.column).collect();
+        Ok(Self { seq, points, geometry, coordinates, has_lidars: header.n_lidars > 1, columns, fields })
     }
 
     pub(crate) fn header(&self) -> Header {
-        let further: Vec<&str> = self.further_classes.iter().map(|(topic, _)| *topic).collect();
-        let fields = CloudFields {
-            coordinates: self.coordinates,
-            has_lidars: self.has_lidars,
-            has_instance: self.instance.is_some(),
-            has_class: self.class.is_some(),
-            has_color: self.color.is_some(),
-            has_material: self.material.is_some(),
-            has_region: self.region.is_some(),
-            further_classes: &further,
-        };
-        header_of(fields).comment(format!("REPLICA submap {}", self.seq))
+        let columns = point_columns(self.has_lidars).chain(self.columns.iter().copied());
+        header_of(self.coordinates, columns).comment(format!("REPLICA submap {}", self.seq))
     }
 
+    /// Appends the fields of point `i`: those of the columns `points` and `lidar` of the table, which come with the submap and need its
+    /// poses, then those of the other columns.
     #[inline]
     pub(crate) fn encode(&self, i: usize, row: &mut Row<'_>) {
         let point = &self.points[i];
@@ -206,23 +124,8 @@ impl<'a> SubmapColumns<'a> {
         if self.has_lidars {
             row.u8(sweep.lidar);
         }
-        if let Some(instance) = self.instance {
-            row.i32(instance[i] as i32);
-        }
-        if let Some(class) = self.class {
-            row.u8(class[i].class_id).f32(f32::from(class[i].score) / 255.0);
-        }
-        if let Some(color) = self.color {
-            row.u8(color[i].r).u8(color[i].g).u8(color[i].b).u8(color[i].camera);
-        }
-        if let Some(material) = self.material {
-            row.u8(material[i].material_id).f32(f32::from(material[i].score) / 255.0);
-        }
-        if let Some(region) = self.region {
-            row.i32(region[i] as i32);
-        }
-        for (_, classes) in self.further_classes {
-            row.u8(classes[i].class_id).f32(f32::from(classes[i].score) / 255.0);
+        for field in &self.fields {
+            field.encode(i, row);
         }
     }
 
@@ -234,5 +137,38 @@ impl<'a> SubmapColumns<'a> {
             Kind::Double => row.f64(x).f64(y).f64(z),
             _ => row.f32(x as f32).f32(y as f32).f32(z as f32),
         };
+    }
+}
+
+impl ReceivedField<'_> {
+    /// Appends the value of point `i`.
+    #[inline]
+    fn encode(&self, i: usize, row: &mut Row<'_>) {
+        let at = i * self.row_bytes + self.offset;
+        match self.kind {
+            FieldType::U8 => row.u8(self.rows[at]),
+            FieldType::Share => row.f32(f32::from(self.rows[at]) / 255.0),
+            FieldType::U32 => row.i32(i32::from_le_bytes(self.bytes(at))),
+            FieldType::F32 | FieldType::Coordinate => row.f32(f32::from_le_bytes(self.bytes(at))),
+            FieldType::F64 => row.f64(f64::from_le_bytes(self.bytes(at))),
+        };
+    }
+
+    /// Checks that numbers fit the type `int` of PLY.
+    fn check(&self, field: &ColumnField, seq: u64, n_points: usize) -> Result<(), DeliveryError> {
+        if self.kind != FieldType::U32 {
+            return Ok(());
+        }
+        let ids = (0..n_points).map(|i| u32::from_le_bytes(self.bytes(i * self.row_bytes + self.offset)));
+        match ids.max().filter(|id| i32::try_from(*id).is_err()) {
+            Some(id) => Err(DeliveryError::ExceedsInt { what: format!("{} of submap {seq}: id {id}", field.name) }),
+            None => Ok(()),
+        }
+    }
+
+    /// `N` bytes of the rows, whose number [`SubmapColumns::new`] has checked.
+    #[inline]
+    fn bytes<const N: usize>(&self, at: usize) -> [u8; N] {
+        self.rows[at..at + N].try_into().expect("N bytes")
     }
 }

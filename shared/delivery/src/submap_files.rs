@@ -8,7 +8,7 @@ use crate::spectra;
 use crate::submap_cloud::{ReceivedSubmap, SubmapColumns};
 use crate::world::World;
 use formats::ply::{Kind, Row};
-use messages::{ClassRow, ColorRow, UNSEEN, class_name};
+use messages::{ClassRow, ClassTopic, ColorRow, ColorTopic, InstanceTopic, UNSEEN, class_name};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -40,9 +40,9 @@ pub fn write_submap(
         rotation: header.odom_from_submap.rotation,
         sigma_m: None,
         sigma_rad: None,
-        n_colored: columns.color.map(n_colored),
-        classes: columns.class.map(class_counts),
-        n_instances: columns.instance.map(n_instances),
+        n_colored: submap.rows::<ColorTopic>().map(n_colored),
+        classes: submap.rows::<ClassTopic>().map(class_counts),
+        n_instances: submap.rows::<InstanceTopic>().map(n_instances),
         spectra: None,
         lost: submap.lost.iter().map(|topic| (*topic).to_owned()).collect(),
     };

@@ -1,13 +1,29 @@
-//! The messages of all topics: one file per topic, each with the byte table of its row and header.
+//! The messages of all topics, and the table of the columns of a submap.
 //!
 //! A message is an [`Envelope`], a fixed header and a slice of rows, all plain `repr(C)` data that is written once into
-//! shared memory and read in place. Frames, units and axes follow `docs/reference/conventions.md`.
+//! shared memory and read in place. Each topic has a file with the byte table of its header and row. Frames, units and axes
+//! follow `docs/reference/conventions.md`.
+//!
+//! | idea | module |
+//! |---|---|
+//! | what a topic is; the first bytes of each message | [`Message`], [`Envelope`] |
+//! | types that are nothing but their bytes; their layout for other languages | [`pod`], [`ByteTable`] |
+//! | sensors: sweeps, images, mosaics, fixes, inertial samples | [`SweepTopic`], [`ImageTopic`], [`GnssTopic`] |
+//! | points of a stretch of street; their final pose; path of the vehicle | [`SubmapTopic`], [`PlacementTopic`], [`TrajectoryTopic`] |
+//! | numbers of each point, and how they look in files | [`columns`] |
+//! | names of classes and materials | [`ClassId`], [`MaterialId`] |
+//! | steps of the source | [`TickTopic`] |
+//!
+//! This crate must never compute with messages, open files or know who sends them: it says what bytes mean. A change of a layout
+//! changes [`Message::LAYOUT`], a change of meaning must raise [`Message::VERSION`]; programs that differ in either do not connect.
+//!
+//! Begin reading with `envelope.rs`, then `submap.rs`, then `columns.rs`.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod byte_table;
 mod class_table;
-mod columns;
+pub mod columns;
 mod cube;
 mod envelope;
 mod finite;

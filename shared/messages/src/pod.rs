@@ -134,6 +134,11 @@ pub fn rows_from_bytes<T: Pod>(bytes: &[u8]) -> Option<Vec<T>> {
     Some(rows)
 }
 
+/// `bytes` read in place as rows. `None` if the length is no multiple of the row's size, or the bytes are not aligned for it.
+pub fn rows_in_bytes<T: Pod>(bytes: &[u8]) -> Option<&[T]> {
+    bytemuck::try_cast_slice(bytes).ok()
+}
+
 /// The same memory read as rows of another type of the same size and alignment, e.g. `u32` words as `f32`.
 pub fn cast_slice<T: Pod, U: Pod>(rows: &[T]) -> &[U] {
     const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };

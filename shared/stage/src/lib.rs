@@ -5,6 +5,7 @@
 //! signals, drain and exit code. See `docs/guide/own_stage.md` for a stage from first line to last.
 
 mod alone;
+mod columns;
 mod command;
 mod command_line;
 mod contract;
@@ -26,6 +27,7 @@ mod submap_join;
 pub mod testing;
 pub mod untyped;
 
+pub use columns::{AllColumns, ColumnPort, ColumnTable};
 pub use command::{run, run_program};
 pub use contract::{Flow, Stage};
 pub use error::StepError;

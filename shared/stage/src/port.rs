@@ -4,11 +4,12 @@ use crate::inputs::push_bytes;
 use crate::memory_output::{memory_output, remote_output};
 use crate::outputs::AnyOutput;
 use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_output};
-use crate::untyped::{self, LoanMaker, UntypedMessage};
-use crate::{Inputs, Outputs, StepError};
+use crate::submap_join::{self, WaitingMaker};
+use crate::untyped::{self, FirstMaker, LoanMaker, UntypedMessage};
+use crate::{ColumnPort, Inputs, Outputs, StepError};
 use messages::{
-    ByteTable, ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic,
-    Message, MosaicTopic, PlacementTopic, RegionTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
+    ByteTable, CubeTopic, GnssTopic, ImageTopic, ImuTopic, Message, MosaicTopic, PlacementTopic, SubmapTopic,
+    SweepTopic, TrajectoryTopic,
 };
 use run::assignment::PortDescription;
 
@@ -33,6 +34,8 @@ pub(crate) struct PortMakers {
     pub(crate) shared_input: SharedInputMaker,
     pub(crate) push_bytes: fn(&mut Inputs, &'static str, &[u8]) -> Result<(), StepError>,
     pub(crate) byte_table: fn() -> ByteTable,
+    pub(crate) first: FirstMaker,
+    pub(crate) waiting: WaitingMaker,
     pub(crate) take: fn(&mut Inputs, &str) -> Vec<Box<dyn UntypedMessage>>,
     pub(crate) publish_bytes: fn(&mut Outputs, &str, &[u8]) -> Result<(), StepError>,
     pub(crate) loan: LoanMaker,
@@ -55,6 +58,8 @@ impl Port {
                 shared_input: shared_input::<T>,
                 push_bytes: push_bytes::<T>,
                 byte_table: ByteTable::of::<T>,
+                first: untyped::first::<T>,
+                waiting: submap_join::waiting::<T>,
                 take: untyped::take::<T>,
                 publish_bytes: untyped::publish_bytes::<T>,
                 loan: untyped::loan::<T>,
@@ -67,9 +72,9 @@ impl Port {
         Self::of::<T>().made_optional()
     }
 
-    /// The project's topics, for programs that know them at run time.
+    /// The project's topics, for programs that know them at run time: columns at the end.
     pub fn all() -> Vec<Self> {
-        vec![
+        let mut ports = vec![
             Self::of::<SweepTopic>(),
             Self::of::<ImageTopic>(),
             Self::of::<MosaicTopic>(),
@@ -79,13 +84,9 @@ impl Port {
             Self::of::<SubmapTopic>(),
             Self::of::<TrajectoryTopic>(),
             Self::of::<PlacementTopic>(),
-            Self::of::<ColorTopic>(),
-            Self::of::<SpectraTopic>(),
-            Self::of::<MaterialTopic>(),
-            Self::of::<RegionTopic>(),
-            Self::of::<ClassTopic>(),
-            Self::of::<InstanceTopic>(),
-        ]
+        ];
+        ports.extend(ColumnPort::all().iter().map(|column| column.port));
+        ports
     }
 
     /// The project's topic of this name.

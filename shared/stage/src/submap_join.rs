@@ -21,9 +21,17 @@ mod waiting;
 
 pub use waiting::SavedColumn;
 
-use crate::{Inputs, Mode, Received, StateBytes, StepError};
+use crate::untyped::UntypedMessage;
+use crate::{Inputs, Mode, Port, Received, StateBytes, StepError};
 use messages::{Message, SubmapTopic};
 use waiting::{Waiting, WaitingColumn};
+
+/// [`waiting`] of a type.
+pub(crate) type WaitingMaker = fn(&'static str, bool) -> Box<dyn WaitingColumn>;
+
+pub(crate) fn waiting<T: Message>(port: &'static str, is_expected: bool) -> Box<dyn WaitingColumn> {
+    Box::new(Waiting::<T>::new(port, is_expected))
+}
 
 /// Submaps that wait for columns, and columns that wait for their submap.
 pub struct SubmapJoin {
@@ -55,9 +63,26 @@ impl JoinedSubmap {
     /// As [`JoinedSubmap::rows`], of a [port with another name](crate::Port::named).
     pub fn rows_named<T: Message>(&self, port: &str) -> Result<Option<&[T::Row]>, StepError> {
         let Some(column) = self.columns.first::<T>(port) else { return Ok(None) };
-        let (seq, n_points, n_rows) = (self.submap.seq(), self.submap.rows().len(), column.rows().len());
+        self.check_length(port, column.rows().len())?;
+        Ok(Some(column.rows()))
+    }
+
+    /// As [`JoinedSubmap::rows`], as bytes, of a port that is known at run time.
+    pub fn row_bytes(&self, port: &Port) -> Result<Option<&[u8]>, StepError> {
+        let Some(column) = self.untyped(port) else { return Ok(None) };
+        self.check_length(port.topic(), column.envelope().len as usize)?;
+        Ok(Some(column.rows()))
+    }
+
+    /// As [`JoinedSubmap::column`], of a port that is known at run time.
+    pub fn untyped(&self, port: &Port) -> Option<&dyn UntypedMessage> {
+        (port.make.first)(&self.columns, port.topic())
+    }
+
+    fn check_length(&self, port: &str, n_rows: usize) -> Result<(), StepError> {
+        let (seq, n_points) = (self.submap.seq(), self.submap.rows().len());
         if n_rows == n_points {
-            return Ok(Some(column.rows()));
+            return Ok(());
         }
         Err(StepError::data(format!("{port} column of submap {seq} has {n_rows} rows for {n_points} points")))
     }
@@ -78,7 +103,14 @@ impl SubmapJoin {
     /// As [`SubmapJoin::column`], of a [port with another name](crate::Port::named).
     #[must_use]
     pub fn column_named<T: Message>(mut self, port: &'static str, is_expected: bool) -> Self {
-        self.columns.push(Box::new(Waiting::<T>::new(port, is_expected)));
+        self.columns.push(waiting::<T>(port, is_expected));
+        self
+    }
+
+    /// As [`SubmapJoin::column`], of a port that is known at run time.
+    #[must_use]
+    pub fn column_of(mut self, port: &Port, is_expected: bool) -> Self {
+        self.columns.push((port.make.waiting)(port.topic(), is_expected));
         self
     }
 

@@ -6,15 +6,14 @@ use messages::{Envelope, Message};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A context whose three folders are `folder`, offline, every topic connected.
+/// A context whose three folders are `folder`, offline, with every topic connected: [`Port::all`].
 pub fn context(folder: &Path) -> Context {
-    let topics = "sweep image mosaic gnss imu cube trajectory placement submap color spectra class instance";
     Context {
         drive: folder.into(),
         output: folder.into(),
         launch_folder: folder.into(),
         mode: Mode::Offline,
-        connected: topics.split(' ').map(str::to_owned).collect(),
+        connected: Port::all().iter().map(|port| port.topic().to_owned()).collect(),
         missing: Vec::new(),
     }
 }

@@ -72,6 +72,13 @@ impl Outputs {
     }
 }
 
+/// [`first`] of a type.
+pub(crate) type FirstMaker = for<'a> fn(&'a Inputs, &str) -> Option<&'a dyn UntypedMessage>;
+
+pub(crate) fn first<'a, T: Message>(inputs: &'a Inputs, port: &str) -> Option<&'a dyn UntypedMessage> {
+    inputs.first::<T>(port).map(|message| message as &dyn UntypedMessage)
+}
+
 /// [`loan`] of a type.
 pub(crate) type LoanMaker = fn(&mut Outputs, usize) -> Result<Box<dyn UntypedLoan>, StepError>;
 

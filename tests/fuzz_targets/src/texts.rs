@@ -1,13 +1,13 @@
 //! Trajectories, lens calibrations, check points and grids of geoids.
 
 use crate::accepted::accepted;
-use deliverables::check_points::check_points_from_csv;
 use formats::gtx::GeoidGrid;
 use formats::ladybug::LadybugCalibration;
 use formats::trajectory::{
     TrajectoryError, poses_from_kitti, times_from_kitti, trajectory_from_csv, trajectory_from_tum,
 };
 use geometry::Trajectory;
+use surveying::check_points::check_points_from_csv;
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()

@@ -5,6 +5,7 @@ mod camera;
 mod canvas;
 mod cloud_facts;
 mod cloud_summary;
+mod color_by;
 mod loaded_cloud;
 mod overlay;
 mod palette;
@@ -17,10 +18,11 @@ pub use camera::Camera;
 pub use canvas::Canvas;
 pub use cloud_facts::CloudFacts;
 pub use cloud_summary::CloudSummary;
+pub use color_by::{ColorBy, ColorByParser};
 pub use loaded_cloud::LoadedCloud;
 pub use overlay::round_length;
 pub use palette::{Palette, ramp, share};
-pub use settings::{At, Background, ColorBy, PictureSettings, PictureSize, Viewpoint};
+pub use settings::{At, Background, PictureSettings, PictureSize, Viewpoint};
 
 use crate::cloud_files::cloud_files;
 use anyhow::{Context, bail, ensure};
@@ -32,17 +34,21 @@ pub const DEFAULT_RADIUS_M: f64 = 15.0;
 /// Red, which most mosaic cameras have, nm.
 pub const DEFAULT_BAND_NM: f64 = 650.0;
 
-/// Statistics of all points of these files, with the reflectances of a band if one is asked for.
-pub fn summarize(files: &[PathBuf], band_nm: Option<f64>) -> anyhow::Result<CloudSummary> {
+/// Statistics of all points of these files, with the values that a coloring needs.
+pub fn summarize(files: &[PathBuf], by: Option<&ColorBy>, band_nm: f64) -> anyhow::Result<CloudSummary> {
     let mut summary = CloudSummary::default();
     for file in files {
-        summary.add(file, &load(file, band_nm)?);
+        summary.add(file, &load(file, by, band_nm)?);
     }
     Ok(summary)
 }
 
-fn load(file: &Path, band_nm: Option<f64>) -> anyhow::Result<LoadedCloud> {
-    band_nm.map_or_else(|| LoadedCloud::load(file), |band_nm| LoadedCloud::load_with_band(file, band_nm))
+fn load(file: &Path, by: Option<&ColorBy>, band_nm: f64) -> anyhow::Result<LoadedCloud> {
+    match by {
+        Some(ColorBy::Band) => LoadedCloud::load_with_band(file, band_nm),
+        Some(ColorBy::Field(field)) => LoadedCloud::load_with_field(file, field),
+        _ => LoadedCloud::load(file),
+    }
 }
 
 /// Renders the points of these files, which `summary` describes, into a PNG.
@@ -52,17 +58,16 @@ pub fn render(
     settings: &PictureSettings,
     picture: &Path,
 ) -> anyhow::Result<()> {
-    let color_by = settings.color_by.unwrap_or_else(|| summary.default_coloring());
-    if let Some(what) = summary.lacks(color_by) {
+    let color_by = settings.color_by.clone().unwrap_or_else(|| summary.default_coloring());
+    if let Some(what) = summary.lacks(&color_by) {
         bail!("the clouds have no {what}");
     }
     let size = settings.size;
     let camera = camera(summary, settings)?;
-    let palette = Palette::new(color_by, summary);
+    let palette = Palette::new(color_by.clone(), summary);
     let mut canvas = Canvas::new(size);
-    let band_nm = (color_by == ColorBy::Band).then_some(settings.band_nm);
     for (number, file) in files.iter().enumerate() {
-        let cloud = load(file, band_nm)?;
+        let cloud = load(file, Some(&color_by), settings.band_nm)?;
         for point_idx in 0..cloud.len() {
             canvas.splat(&camera, cloud.position(point_idx), [palette.color(&cloud, number, point_idx)]);
         }
@@ -119,5 +124,6 @@ pub fn render_top_view(path: &Path, picture: &Path) -> anyhow::Result<()> {
         is_plain: false,
     };
     let files = cloud_files(path)?;
-    render(&files, &summarize(&files, None)?, &settings, picture).with_context(|| path.display().to_string())
+    render(&files, &summarize(&files, None, DEFAULT_BAND_NM)?, &settings, picture)
+        .with_context(|| path.display().to_string())
 }

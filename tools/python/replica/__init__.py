@@ -22,6 +22,7 @@ A stage is a class with a method ``step``::
 ``[infer] program = "segmenter.py"`` in the launch file starts it.
 """
 
+from ._columns import COLUMNS, Column, Field
 from ._images import SubmapImages, SweepImages
 from ._join import SubmapJoin
 from ._messages import CLASS_NAMES, CLASS_TABLE_VERSION, Inputs, Loan, Message, Outputs
@@ -32,10 +33,13 @@ from ._stage import END, ConfigurationError, Context, Setting, Stage, run
 __all__ = [
     "CLASS_NAMES",
     "CLASS_TABLE_VERSION",
+    "COLUMNS",
     "Cloud",
+    "Column",
     "ConfigurationError",
     "Context",
     "END",
+    "Field",
     "Inputs",
     "Loan",
     "Message",

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from . import _native
+from ._columns import COLUMNS, Column
 from ._layouts import dtypes_of
 from ._messages import Message
 
@@ -30,6 +31,16 @@ class Cloud:
     info: tuple[str, ...]
     #: The points, a structured array in the mapped file, read-only.
     points: np.ndarray
+
+    def values(self, name: str, columns: tuple[Column, ...] = COLUMNS) -> np.ma.MaskedArray:
+        """A field of :data:`COLUMNS` by its name, such as ``class``, or any property of the file. Points without a value are masked."""
+        fields = (field for column in columns for field in column.fields if name in (field.name, field.property))
+        field = next(fields, None)
+        key = name if field is None else field.property
+        if key not in (self.points.dtype.names or ()):
+            raise ValueError(f"{self.path}: has no field of name {name}; it has {', '.join(self.points.dtype.names or ())}")
+        is_none = np.ma.nomask if field is None or field.none is None else self.points[key] == field.none
+        return np.ma.masked_array(self.points[key], is_none)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ mod sweep_images;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stage::Port;
+use stage::messages::columns::COLUMNS;
 use stage::messages::{CLASS_TABLE_VERSION, ClassId, pod};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -29,7 +30,7 @@ mod _native {
     #[pymodule_export]
     use super::sweep_images::{SubmapImages, SweepImages};
     #[pymodule_export]
-    use super::{classes, find_file, fingerprint, run, topics};
+    use super::{classes, columns, find_file, fingerprint, run, topics};
 }
 
 /// The `main` of a stage's program; the exit code. `spec` is JSON, `host` as in `_host.py`.
@@ -46,6 +47,12 @@ fn run(py: Python<'_>, host: Py<PyAny>, spec: &str, arguments: Vec<OsString>) ->
 fn topics() -> PyResult<String> {
     let tables: Vec<_> = Port::all().iter().map(Port::byte_table).collect();
     serde_json::to_string(&tables).map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+/// The table of columns, as JSON.
+#[pyfunction]
+fn columns() -> PyResult<String> {
+    serde_json::to_string(COLUMNS).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// Version of the class table, and its names by id.

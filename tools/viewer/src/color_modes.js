@@ -1,5 +1,7 @@
 // What the colors show.
 
+import { isBand } from './record.js'
+
 /** Modes by name: number in the shader, label, which field the file must have, and the default range of values. */
 export const MODES = {
   rgb: { number: 0, label: 'RGB', needs: 'color' },
@@ -15,8 +17,21 @@ export const MODES = {
   material: { number: 10, label: 'material', needs: 'material' },
 }
 
-/** Names of the modes that a cloud allows. */
-export const modesOf = (cloud) => Object.keys(MODES).filter((name) => !MODES[name].needs || cloud.has[MODES[name].needs])
+/** The modes that a cloud allows by name: those above, and one for each other field of the file, read as one band is. */
+export function modesOf(cloud, scene) {
+  const fixed = Object.entries(MODES).filter(([, { needs }]) => !needs || cloud.has[needs])
+  const others = cloud.layout.extra.filter(({ name }) => !isBand(name) && !(name in MODES))
+  return Object.fromEntries([...fixed, ...others.map(({ name }) => [name, fieldMode(name, scene)]).filter(([, mode]) => mode)])
+}
+
+/** A mode for a field: as the table of columns has it, else by a ramp of colors. Null for fields that are not shown. */
+function fieldMode(name, scene) {
+  const { shown = 'ramp', unit = '' } = scene.columns.find((column) => column.name === name) ?? {}
+  if (shown === 'no') return null
+  const label = unit === '' ? name : `${name}, ${unit}`
+  if (shown === 'ids' || shown === 'names') return { number: 11, label, field: name }
+  return { number: MODES.band.number, label, field: name, range: ({ fields }) => fields[name] }
+}
 
 /** Names of the classes of the ASPRS, for files without a field `class`. */
 const ASPRS = ['never classified', 'unclassified', 'ground', 'low vegetation', 'medium vegetation', 'high vegetation', 'building', 'low point', 'reserved', 'water', 'rail', 'road surface', 'reserved', 'wire guard', 'wire conductor', 'transmission tower', 'wire connector', 'bridge deck', 'high noise']

@@ -1,6 +1,7 @@
 // The choice of colors: mode, range, bands, hidden classes.
 
-import { MODES, classTable, materialTable, modesOf } from './color_modes.js'
+import { NO_BAND } from './attributes.js'
+import { classTable, materialTable, modesOf } from './color_modes.js'
 import { element, escaped, grouped, onInput } from './elements.js'
 
 /** Bands of natural colors that one camera can have, nm: few points are seen by two. */
@@ -14,11 +15,11 @@ export class Coloring {
   bands = []
   /** Called after each change. */
   onChange = () => {}
-  #ranges = {}
+  #ranges = { fields: {} }
   #legend = ''
 
   constructor(cloud, scene, nodes, uniforms) {
-    Object.assign(this, { cloud, nodes, uniforms, classes: classTable(cloud, scene), materials: materialTable(scene) })
+    Object.assign(this, { cloud, scene, nodes, uniforms, classes: classTable(cloud, scene), materials: materialTable(scene) })
     const materials = uniforms.materials.value
     this.materials.forEach(({ color }, id) => materials.image.data.set([...color, 255], 4 * id))
     materials.needsUpdate = true
@@ -60,6 +61,16 @@ export class Coloring {
     this.apply()
   }
 
+  /** Range in which most values of a field lie in the first node that was loaded with it. */
+  learnField(names, values) {
+    const [name] = names
+    if (name in this.#ranges.fields || this.modes[name]?.field !== name) return
+    const known = every(values, 3, 0).filter((value) => value !== NO_BAND)
+    if (known.length === 0) return
+    this.#ranges.fields[name] = middleOf(known)
+    this.apply()
+  }
+
   /** Covers the times of a cloud that has grown. */
   grow() {
     this.#learnTimes()
@@ -81,7 +92,7 @@ export class Coloring {
   }
 
   restore({ mode, hidden, bands, range }) {
-    if (modesOf(this.cloud).includes(mode)) this.mode = mode
+    if (mode in this.modes) this.mode = mode
     this.hidden = new Set(hidden ?? [])
     bands?.forEach((name, k) => { if (k < 3 && this.cloud.bands.some((band) => band.name === name)) this.bands[k] = name })
     this.range = range ?? null
@@ -91,7 +102,7 @@ export class Coloring {
   /** Makes shader and panel show the choice. */
   apply() {
     const { uniforms, mode } = this
-    const { number, range: rangeOf } = MODES[mode]
+    const { number, range: rangeOf, field } = this.modes[mode]
     element('mode').value = mode
     uniforms.mode.value = number
     const range = this.range ?? rangeOf?.(this.#ranges) ?? [0, 1]
@@ -109,7 +120,8 @@ export class Coloring {
       if (used[k]) element(`band${k}`).value = used[k]
     }
     // Bands stay loaded while other colors are shown.
-    if (used.length > 0) this.nodes.setBands(used)
+    const loaded = field ? [field] : used
+    if (loaded.length > 0) this.nodes.setBands(loaded)
     const data = uniforms.classes.value.image.data
     this.classes.forEach(({ color }, id) => data.set([...color, this.hidden.has(id) ? 0 : 255], 4 * id))
     uniforms.classes.value.needsUpdate = true
@@ -129,7 +141,9 @@ export class Coloring {
   }
 
   #listModes() {
-    element('mode').innerHTML = modesOf(this.cloud).map((name) => `<option value="${name}">${MODES[name].label}</option>`).join('')
+    this.modes = modesOf(this.cloud, this.scene)
+    const option = ([name, { label }]) => `<option value="${escaped(name)}">${escaped(label)}</option>`
+    element('mode').innerHTML = Object.entries(this.modes).map(option).join('')
   }
 
   #defaultMode() {

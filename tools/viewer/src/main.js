@@ -43,6 +43,7 @@ function show(cloud, scene) {
   const nodes = new PointNodes(cloud, workers, pointMaterial(uniforms, false), {
     onChange: () => view.redraw(),
     onFirst: (node, arrays) => coloring.learnRanges(node, arrays),
+    onBands: (names, values) => coloring.learnField(names, values),
   })
   view.scene.add(nodes.group)
   const coloring = new Coloring(cloud, scene, nodes, uniforms)

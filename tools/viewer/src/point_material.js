@@ -53,6 +53,7 @@ vec3 colorOf(vec4 classColor, float height) {
   if (mode == 6) return marks.z > 0.5 ? vec3(1.0, 0.35, 0.1) : NONE;
   if (mode == 7) return turbo(scaled(marks.y));
   if (mode == 10) return texelFetch(materials, ivec2(int(marks.w * 65535.0 + 0.5), 0), 0).rgb;
+  if (mode == 11) return bands.x <= 0.0 ? NONE : hashed(uint(bands.x));
   if (mode == 8) return bands.x == -1.0 ? NONE : turbo(scaled(bands.x));
   return any(equal(bands, vec3(-1.0))) ? NONE : clamp(vec3(scaled(bands.x), scaled(bands.y), scaled(bands.z)), 0.0, 1.0);
 }

@@ -29,9 +29,12 @@ export class PointNodes {
   #visits = 0
   #isStopped = false
 
-  /** `onChange`: something was loaded. `onFirst`: arrays of the first node, before they leave memory. */
-  constructor(cloud, workers, material, { onChange, onFirst }) {
-    Object.assign(this, { cloud, workers, material, onChange, onFirst })
+  /**
+   * `onChange`: something was loaded. `onFirst`: arrays of the first node, before they leave memory. `onBands`: names and values of
+   * bands, before they leave memory.
+   */
+  constructor(cloud, workers, material, { onChange, onFirst, onBands }) {
+    Object.assign(this, { cloud, workers, material, onChange, onFirst, onBands })
   }
 
   /** Loads nothing more: the file goes away. What is loading may fail. */
@@ -92,6 +95,7 @@ export class PointNodes {
       const { bands } = await this.workers.run('bands', { node: node.data, bands: names })
       // Others may have been chosen meanwhile, or the node dropped.
       if (names !== this.bands || node.state !== 'ready') return
+      this.onBands(names, bands)
       node.points.geometry.setAttribute('bands', uploaded(bands, 3))
       this.onChange()
     } catch (error) {
@@ -112,6 +116,7 @@ export class PointNodes {
       const center = node.center.map((value, axis) => value + this.cloud.origin[axis])
       const arrays = await this.workers.run('load', { node: node.data, center, bands })
       this.onFirst?.(node, arrays)
+      if (arrays.bands) this.onBands(bands, arrays.bands)
       this.onFirst = null
       this.#add(node, arrays)
       if (bands !== this.bands) this.#loadBands(node)

@@ -86,7 +86,8 @@ export function recordFields(layout, record) {
   return { position, fields: fields.concat(extra.map((field) => [field.name, fieldValue(field, view, 0)])) }
 }
 
-const isBand = (name) => /^band_\d+nm/.test(name)
+/** Whether a field is the reflectance of a band. */
+export const isBand = (name) => /^band_\d+nm/.test(name)
 
 /** Spectral bands by wavelength: name, wavelength in nm, field. */
 export function bandsOf(layout) {

@@ -1,13 +1,13 @@
 //! Results that should not be relied on: doubts at the end of the run, and UTM coordinates that are refused.
 
-use crate::support::{Street, received};
+use crate::support::{Street, context, received};
 use delivery::Index;
 use export::{Coordinates, Export, Frame, Settings};
 use formats::ply::Vertices;
 use messages::{
     ColorTopic, FRAME_EAST_NORTH_UP, FRAME_LOCAL, InstanceTopic, PlacementHeader, PlacementRow, PlacementTopic,
 };
-use stage::testing::{Bench, context};
+use stage::testing::Bench;
 use stage::{Context, Mode, Stage, StepError};
 use std::path::Path;
 
@@ -132,7 +132,7 @@ fn utm_without_placement_is_refused() {
     let error = bench.finish().expect_err("refused").to_string();
     assert!(error.contains("no placement arrived"), "{error}");
     context.connected.retain(|topic| topic != "placement");
-    let problems = Export::check(&utm(), &context);
+    let problems = <Export>::check(&utm(), &context);
     assert!(problems.len() == 1 && problems[0].text.contains("no stage publishes placement"), "{problems:?}");
 }
 

@@ -1,13 +1,13 @@
 //! Clouds and trajectory are moved to the final frame by the placement of the submaps.
 
-use crate::support::{Street, files};
+use crate::support::{Street, context, files};
 use delivery::Index;
 use export::{Coordinates, Export, Frame, Settings};
 use formats::ply::Vertices;
 use geometry::{Isometry3, Point3, Pose, Stamp, Vector3};
 use messages::{FRAME_EAST_NORTH_UP, PlacementHeader, PlacementRow, PlacementTopic};
 use stage::Stage;
-use stage::testing::{Bench, context};
+use stage::testing::Bench;
 use std::path::Path;
 
 const COLUMNS: [&str; 4] = ["color", "spectra", "class", "instance"];
@@ -206,9 +206,9 @@ fn utm_coordinates_equal_proj() {
     }
     let context = context(folder.path());
     let float = Settings { frame: Frame::Utm, ..Settings::default() };
-    let problems = Export::check(&float, &context);
+    let problems = <Export>::check(&float, &context);
     assert!(problems.len() == 1 && problems[0].text.contains("half a metre"), "{problems:?}");
-    assert!(Export::check(&double(Frame::Utm), &context).is_empty());
+    assert!(<Export>::check(&double(Frame::Utm), &context).is_empty());
 }
 
 #[test]

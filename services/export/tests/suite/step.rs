@@ -1,13 +1,13 @@
 //! Steps of the stage on the test bench.
 
-use crate::support::{Street, files, received};
+use crate::support::{Street, context, files, received};
 use delivery::Index;
 use export::{Coordinates, Export, Settings, TrajectoryFormat};
 use formats::ply::Vertices;
 use messages::{
     ClassHeader, ClassRow, ClassTopic, ColorTopic, InstanceTopic, SpectraTopic, SubmapTopic, TrajectoryTopic,
 };
-use stage::testing::{Bench, context};
+use stage::testing::Bench;
 use stage::{Context, Mode, StepError, Word};
 use std::path::Path;
 

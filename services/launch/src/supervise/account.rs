@@ -119,7 +119,7 @@ fn dropped(stages: &[StageSummary]) -> BTreeMap<String, u64> {
 }
 
 /// The last events of a run.
-pub fn report(summary: &Summary, output: &Path) {
+pub fn log_summary(summary: &Summary, output: &Path) {
     let Summary { outcome, total, .. } = summary;
     tracing::info!(
         kind = "done",

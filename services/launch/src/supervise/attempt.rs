@@ -72,7 +72,7 @@ impl Supervisor {
     }
 
     fn observe_to_end(&mut self, ipc: &Ipc, processes: &mut Processes) -> Result<Ending, SuperviseError> {
-        let policy = Policy::new(&self.run.plan.run, &self.run.plan.stages);
+        let policy = Policy::new(&self.run.plan.settings, &self.run.plan.stages);
         let mut polls = Polls::default();
         loop {
             if let Some(ending) = self.poll(ipc, processes, &policy, &mut polls)? {

@@ -22,7 +22,7 @@ pub struct SavedColumn {
 }
 
 /// [`Waiting`] of any topic.
-pub(super) trait WaitingColumn {
+pub(crate) trait WaitingColumn {
     /// Takes the tick's messages; those of a topic that is not expected are dropped. Live, numbers may be left out.
     fn take(&mut self, inputs: &mut Inputs, is_live: bool) -> Result<(), StepError>;
     /// Whether the message of submap `seq` has arrived or never will.

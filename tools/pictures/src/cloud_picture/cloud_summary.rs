@@ -1,8 +1,8 @@
 //! Statistics of a set of clouds.
 
 use super::cloud_facts::{CloudFacts, Count};
+use super::color_by::{self, ColorBy, ShownField};
 use super::loaded_cloud::LoadedCloud;
-use super::settings::ColorBy;
 use messages::{class_name, material_name};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -25,8 +25,8 @@ pub struct CloudSummary {
     /// Of the submaps.
     sigmas_m: Option<[f64; 2]>,
     bands: Vec<f64>,
-    has_moving: bool,
-    has_score: bool,
+    /// Values of the field that was asked for; `None` without it.
+    field: Option<Vec<f64>>,
     n_points: usize,
     n_colored: usize,
     has_color: bool,
@@ -52,8 +52,9 @@ impl CloudSummary {
         if let Some(ids) = cloud.instances() {
             self.instances.get_or_insert_default().extend(ids.iter().filter(|id| **id != 0));
         }
-        self.has_moving |= cloud.moving().is_some();
-        self.has_score |= cloud.scores().is_some();
+        if cloud.field().is_some() {
+            self.field.get_or_insert_default();
+        }
         cloud.times_s().unwrap_or_default().iter().for_each(|time_s| extend(&mut self.times_s, *time_s));
         cloud.sigma_m().into_iter().for_each(|sigma_m| extend(&mut self.sigmas_m, sigma_m));
         for i in (0..cloud.len()).step_by(cloud.len().div_ceil(SAMPLES).max(1)) {
@@ -76,6 +77,9 @@ impl CloudSummary {
         self.heights.push(cloud.position(i)[2]);
         if let Some(intensities) = cloud.intensities() {
             self.intensities.push(f64::from(intensities[i]));
+        }
+        if let (Some(values), Some(field)) = (&mut self.field, cloud.field()) {
+            values.push(field[i]);
         }
         // Few points have a spectrum, so that few samples do.
         self.bands.extend(cloud.band().map(|band| f64::from(band[i])).filter(|value| value.is_finite()));
@@ -114,6 +118,11 @@ impl CloudSummary {
     pub fn band_range(&self) -> [f64; 2] {
         percentiles(&self.bands)
     }
+    /// Values at the ends of the ramp of a field: 1st and 99th percentile of the points that have one, unless the field has a range.
+    pub fn field_range(&self, shown: &ShownField) -> [f64; 2] {
+        let values = || self.field.iter().flatten().copied().filter(|value| Some(*value) != shown.none);
+        shown.range.unwrap_or_else(|| percentiles(&values().collect::<Vec<_>>()))
+    }
     /// Classes of the points, the most frequent first.
     pub fn classes(&self) -> Vec<&'static str> {
         by_frequency(&self.classes)
@@ -127,15 +136,17 @@ impl CloudSummary {
         self.files.len()
     }
     /// What a coloring needs and the clouds do not have.
-    pub fn lacks(&self, by: ColorBy) -> Option<&'static str> {
+    pub fn lacks(&self, by: &ColorBy) -> Option<String> {
         let (has, what) = match by {
             ColorBy::Color => (self.has_color, "colors: red, green, blue"),
             ColorBy::Class => (!self.classes.is_empty(), "classes: semantic"),
             ColorBy::Material => (!self.materials.is_empty(), "materials: material"),
             ColorBy::Instance => (self.instances.is_some(), "instances: instance"),
             ColorBy::Intensity => (!self.intensities.is_empty(), "intensities: intensity"),
-            ColorBy::Moving => (self.has_moving, "flags of moving points: dynamic"),
-            ColorBy::Score => (self.has_score, "scores: score"),
+            ColorBy::Field(field) => {
+                let lack = format!("column `{}`; --by also takes {}", field.property, color_by::words().join(", "));
+                return self.field.is_none().then_some(lack);
+            }
             ColorBy::Time => (self.times_s.is_some(), "times: timestamp"),
             ColorBy::Band => (!self.bands.is_empty(), "spectra: files submap_N_spectra.ply beside them"),
             ColorBy::Sigma => {
@@ -143,7 +154,7 @@ impl CloudSummary {
             }
             ColorBy::Height | ColorBy::Submap => (true, ""),
         };
-        (!has).then_some(what)
+        (!has).then(|| what.to_owned())
     }
     /// The default coloring: the most informative one that the clouds have.
     pub fn default_coloring(&self) -> ColorBy {

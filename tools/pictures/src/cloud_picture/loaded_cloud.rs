@@ -1,5 +1,6 @@
 //! A PLY cloud in memory, with the columns that a table and a picture need.
 
+use super::color_by::ShownField;
 use super::spectra;
 use formats::ply::Vertices;
 use messages::UNSEEN;
@@ -17,13 +18,12 @@ pub struct LoadedCloud {
     instance: Option<Vec<i64>>,
     intensity: Option<Vec<f32>>,
     time_s: Option<Vec<f64>>,
-    /// Not 0: of a moving object.
-    moving: Option<Vec<u8>>,
-    score: Option<Vec<f32>>,
     /// Stated standard deviation of the horizontal position of the submap, m.
     sigma_m: Option<f64>,
     /// Reflectance of one band; NaN for points without.
     band: Option<Vec<f32>>,
+    /// Values of the field that was asked for.
+    field: Option<Vec<f64>>,
 }
 
 impl LoadedCloud {
@@ -37,6 +37,13 @@ impl LoadedCloud {
         let cloud = Self::load(path)?;
         let band = spectra::band(path, cloud.len(), band_nm)?;
         Ok(Self { band, ..cloud })
+    }
+
+    /// The same, with the values of a field, if the cloud has it.
+    pub fn load_with_field(path: &Path, field: &ShownField) -> anyhow::Result<Self> {
+        let vertices = Vertices::load(path)?;
+        let values = vertices.has(&field.property).then(|| vertices.f64s(&field.property)).transpose()?;
+        Ok(Self { field: values, ..Self::from_vertices(&vertices)? })
     }
 
     /// The columns of a cloud.
@@ -53,10 +60,9 @@ impl LoadedCloud {
             instance: named(["instance", "ins", "instance_id"]).map(|name| v.i64s(name)).transpose()?,
             intensity: named(["intensity", "reflectance", "scalar_Intensity"]).map(|name| v.f32s(name)).transpose()?,
             time_s: named(["timestamp", "GPS_time", "time"]).map(|name| v.f64s(name)).transpose()?,
-            moving: v.has("dynamic").then(|| v.u8s("dynamic")).transpose()?,
-            score: v.has("score").then(|| v.f32s("score")).transpose()?,
             sigma_m: sigma_m(v.infos()),
             band: None,
+            field: None,
         })
     }
 
@@ -101,13 +107,9 @@ impl LoadedCloud {
     pub fn intensities(&self) -> Option<&[f32]> {
         self.intensity.as_deref()
     }
-    /// Not 0 where a point is of a moving object.
-    pub fn moving(&self) -> Option<&[u8]> {
-        self.moving.as_deref()
-    }
-    /// Score of the class of each point.
-    pub fn scores(&self) -> Option<&[f32]> {
-        self.score.as_deref()
+    /// Value of each point of the field that was asked for; see [`LoadedCloud::load_with_field`].
+    pub fn field(&self) -> Option<&[f64]> {
+        self.field.as_deref()
     }
     /// Stated standard deviation of the horizontal position, m.
     pub fn sigma_m(&self) -> Option<f64> {

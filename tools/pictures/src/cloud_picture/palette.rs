@@ -1,10 +1,11 @@
 //! Colors of the points of a picture.
 
 use super::cloud_summary::CloudSummary;
+use super::color_by::{ColorBy, ShownField};
 use super::loaded_cloud::LoadedCloud;
-use super::settings::ColorBy;
 use crate::class_color::class_color;
 use crate::material_color::material_color;
+use messages::columns::Shown;
 use messages::{ClassId, MaterialId};
 
 /// Color of points that lack the attribute.
@@ -40,12 +41,13 @@ const MAX_NAMES: usize = 12;
 impl Palette {
     /// The ranges are those of all clouds, so that equal values get equal colors in each.
     pub fn new(by: ColorBy, summary: &CloudSummary) -> Self {
-        let range = match by {
+        let range = match &by {
             ColorBy::Height => summary.height_range(),
             ColorBy::Intensity => summary.intensity_range(),
             ColorBy::Time => summary.times_s(),
             ColorBy::Band => summary.band_range(),
             ColorBy::Sigma => summary.sigma_range_m(),
+            ColorBy::Field(field) => summary.field_range(field),
             _ => [0.0, 1.0],
         };
         Self { by, range, intensity_range: summary.intensity_range() }
@@ -57,7 +59,7 @@ impl Palette {
             Some(value) => ramp(share(value, self.range)),
             None => GRAY,
         };
-        match self.by {
+        match &self.by {
             ColorBy::Color => cloud.color(i).unwrap_or_else(|| self.uncolored(cloud, i)),
             ColorBy::Class => cloud.classes().map_or(GRAY, |classes| class_color(classes[i])),
             ColorBy::Material => match cloud.materials().map_or(0, |materials| materials[i]) {
@@ -66,22 +68,34 @@ impl Palette {
             },
             ColorBy::Instance => cloud.instances().map_or(GRAY, |ids| instance_color(ids[i])),
             ColorBy::Submap => instance_color(number as i64 + 1),
-            ColorBy::Moving => match cloud.moving() {
-                Some(moving) if moving[i] != 0 => MOVING,
-                _ => self.uncolored(cloud, i),
+            ColorBy::Field(field) => match cloud.field().map(|values| values[i]).filter(|v| Some(*v) != field.none) {
+                Some(value) => self.field_color(field, value, cloud, i),
+                None if field.shown == Shown::Ids => GRAY,
+                None => self.uncolored(cloud, i),
             },
             ColorBy::Height => scalar(Some(cloud.position(i)[2])),
             ColorBy::Intensity => match cloud.intensities() {
                 Some(intensities) => ramp(share(f64::from(intensities[i]), self.range).sqrt()),
                 None => GRAY,
             },
-            ColorBy::Score => scalar(cloud.scores().map(|scores| f64::from(scores[i]))),
             ColorBy::Time => scalar(cloud.times_s().map(|times| times[i])),
             ColorBy::Band => match cloud.band().map(|band| f64::from(band[i])).filter(|value| value.is_finite()) {
                 Some(value) => scalar(Some(value)),
                 None => self.uncolored(cloud, i),
             },
             ColorBy::Sigma => scalar(cloud.sigma_m()),
+        }
+    }
+
+    /// Color of point `i` by its value of a field.
+    fn field_color(&self, field: &ShownField, value: f64, cloud: &LoadedCloud, i: usize) -> [u8; 3] {
+        match field.shown {
+            Shown::Ids | Shown::Names => instance_color(value as i64),
+            Shown::Flag if value != 0.0 => MOVING,
+            Shown::Flag => self.uncolored(cloud, i),
+            _ if !value.is_finite() => GRAY,
+            Shown::RootRamp => ramp(share(value, self.range).sqrt()),
+            Shown::No | Shown::Color | Shown::Ramp => ramp(share(value, self.range)),
         }
     }
 
@@ -97,7 +111,7 @@ impl Palette {
         let [low, high] = self.range;
         let ramp = |title: &str, ends: [String; 2]| Legend::Ramp { title: title.to_owned(), ends };
         let metres = |decimals: usize| [low, high].map(|value| format!("{value:.decimals$}"));
-        match self.by {
+        match &self.by {
             ColorBy::Color => Legend::Names(vec![(GRAY, "gray: seen by no camera".to_owned())]),
             ColorBy::Class => {
                 let id = |name: &str| ClassId::ALL.iter().position(|class| class.name() == name);
@@ -118,13 +132,36 @@ impl Palette {
             ColorBy::Submap => {
                 Legend::Names(vec![(instance_color(1), format!("a color for each of {} clouds", summary.n_clouds()))])
             }
-            ColorBy::Moving => Legend::Names(vec![(MOVING, "moving".to_owned()), (GRAY, "not moving".to_owned())]),
+            ColorBy::Field(field) => self.field_legend(field),
             ColorBy::Height => ramp("height, m", metres(1)),
             ColorBy::Intensity => ramp("intensity (square root)", metres(0)),
-            ColorBy::Score => ramp("score", metres(1)),
             ColorBy::Time => ramp("time, s", ["0".to_owned(), format!("{:.1}", high - low)]),
             ColorBy::Band => ramp(&format!("reflectance near {band_nm:.0} nm; gray: none"), metres(2)),
             ColorBy::Sigma => ramp("deviation of the position, m", metres(2)),
+        }
+    }
+}
+
+impl Palette {
+    /// What the colors of a field mean.
+    fn field_legend(&self, field: &ShownField) -> Legend {
+        let name = &field.name;
+        match field.shown {
+            Shown::Flag => Legend::Names(vec![(MOVING, name.clone()), (GRAY, format!("not {name}"))]),
+            Shown::Names => {
+                let names = field.names.map(|ids| (ids.names)()).unwrap_or_default();
+                let named = (0..).zip(names).take(MAX_NAMES).map(|(id, name)| (instance_color(id), name.to_owned()));
+                Legend::Names(named.collect())
+            }
+            Shown::Ids => {
+                let first = (instance_color(1), format!("a color for each {name}"));
+                Legend::Names(vec![first, (GRAY, format!("no {name}"))])
+            }
+            Shown::No | Shown::Color | Shown::Ramp | Shown::RootRamp => {
+                let decimals = if self.range[1] - self.range[0] < 1.0 { 3 } else { 1 };
+                let title = if field.shown == Shown::RootRamp { format!("{name} (square root)") } else { name.clone() };
+                Legend::Ramp { title, ends: self.range.map(|value| format!("{value:.decimals$}")) }
+            }
         }
     }
 }

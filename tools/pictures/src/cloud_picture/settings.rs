@@ -1,36 +1,8 @@
 //! What a picture shows, and how.
 
+use super::color_by::ColorBy;
 use clap::ValueEnum;
 use std::str::FromStr;
-
-/// The attribute that a point's color shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ColorBy {
-    /// Color from the cameras.
-    Color,
-    /// Class, in CARLA's colors.
-    Class,
-    /// Intensity of the return.
-    Intensity,
-    /// Material; points without spectrum are gray.
-    Material,
-    /// Height.
-    Height,
-    /// Instance; points without one are gray.
-    Instance,
-    /// Moving objects (column `dynamic`).
-    Moving,
-    /// Score of the class, 0 to 1.
-    Score,
-    /// Time of the return.
-    Time,
-    /// A color for each cloud.
-    Submap,
-    /// Reflectance of the band of --band-nm; points without spectrum are gray.
-    Band,
-    /// Stated standard deviation of the horizontal position of the submap.
-    Sigma,
-}
 
 /// Where the camera is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,7 +73,7 @@ impl FromStr for PictureSize {
 }
 
 /// How a picture is made.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PictureSettings {
     /// `None`: color if there is any, else class, else height.
     pub color_by: Option<ColorBy>,

@@ -8,12 +8,6 @@ use anyhow::{Context, ensure};
 use command_line::answer::Answer;
 use command_line::argument::InvalidValue;
 use command_line::usage_error::UsageError;
-use deliverables::check_points::{CheckPoint, load_check_points, write_check_points};
-use deliverables::objects::write_objects;
-use deliverables::{
-    CloudOptions, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc, write_rasters,
-    write_semantic_kitti, write_tiles, write_trajectory,
-};
 use delivered::{Delivered, Folder, Others};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
@@ -23,6 +17,12 @@ use run::summary::Summary;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use surveying::check_points::{CheckPoint, load_check_points, write_check_points};
+use surveying::objects::write_objects;
+use surveying::{
+    CloudOptions, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc, write_rasters,
+    write_semantic_kitti, write_tiles, write_trajectory,
+};
 
 /// Largest side of a tile, m.
 const MAX_TILE_M: u32 = 100_000;

@@ -15,8 +15,8 @@ use delivery::GeoreferenceFile;
 use drive::Reading;
 use pictures::cloud_files::cloud_files;
 use pictures::cloud_picture::{
-    At, Background, BevRequest, CloudFacts, ColorBy, DEFAULT_BAND_NM, DEFAULT_RADIUS_M, PictureSettings, PictureSize,
-    Viewpoint, render, render_bev, summarize,
+    At, Background, BevRequest, CloudFacts, ColorBy, ColorByParser, DEFAULT_BAND_NM, DEFAULT_RADIUS_M, PictureSettings,
+    PictureSize, Viewpoint, render, render_bev, summarize,
 };
 use recording::RecordingFacts;
 use run::summary::Summary;
@@ -48,8 +48,9 @@ pub struct Args {
     /// Render a picture into this PNG
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
-    /// What the colors of the picture show [default: color if the cloud has it, else class, else height]
-    #[arg(long)]
+    /// What the colors of the picture show: one of these words, or the name of any other column of the clouds [default: color if the cloud
+    /// has it, else class, else height]
+    #[arg(long, value_name = "WORD", value_parser = ColorByParser)]
     by: Option<ColorBy>,
     /// Top-down image of a column: z:max, or intensity:mean:0.2 (m)
     #[arg(
@@ -109,8 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Err(UsageError(format!("{path}: {rule}")).into());
     }
     let files = cloud_files(&args.path)?;
-    let band_nm = (args.by == Some(ColorBy::Band)).then_some(args.band_nm);
-    let summary = summarize(&files, band_nm)?;
+    let summary = summarize(&files, args.by.as_ref(), args.band_nm)?;
     let result = ResultFacts::of(&args.path, summary.facts());
     args.answer.print(&result, || result.text())?;
     if let (Some(request), Some(picture)) = (&args.bev, &args.picture) {
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         eprint!("{line}");
     } else if let Some(picture) = &args.picture {
         let settings = PictureSettings {
-            color_by: args.by,
+            color_by: args.by.clone(),
             size: args.size,
             viewpoint: args.view,
             at: args.at,
@@ -192,7 +192,7 @@ mod tests {
         write_street(&folder.path().join("clouds/submap_0000_spectra.ply"));
         let files = cloud_files(folder.path()).expect("has clouds");
         assert_eq!(files.len(), 1, "files of spectra are not clouds");
-        let table = summarize(&files, None).expect("loads").facts().table("street");
+        let table = summarize(&files, None, DEFAULT_BAND_NM).expect("loads").facts().table("street");
         for line in ["1 clouds, 40 000 points", "path 39.", "instances 1", "road", "98.0 %", "vehicles", "2.0 %"] {
             assert!(table.contains(line), "{line:?} is not in\n{table}");
         }
@@ -229,7 +229,8 @@ mod tests {
         let error = |more: &[&str]| {
             format!("{:#}", run(&Cli::parse_from([&words[..4], more].concat()).args).expect_err("is refused"))
         };
-        assert!(error(&["--by", "score"]).contains("the clouds have no scores"));
+        assert!(error(&["--by", "score"]).contains("the clouds have no column `score`"));
+        assert!(error(&["--by", "taste"]).contains("the clouds have no column `taste`; --by also takes"));
         assert!(error(&["--by", "band"]).contains("the clouds have no spectra"));
         assert!(error(&["--at", "-90,2"]).contains("--at -90,2: the clouds reach from 0.0,-5.0 to 39.9,4.9"));
     }
@@ -264,7 +265,7 @@ mod tests {
         let path = folder.path().to_string_lossy();
         let error = run(&Cli::parse_from(["", &path]).args).expect_err("is empty").to_string();
         assert!(error.contains("no clouds (*.ply)"), "{error}");
-        for words in [["", &path, "--size", "16x9"], ["", &path, "--size", "1600"], ["", &path, "--by", "taste"]] {
+        for words in [["", &path, "--size", "16x9"], ["", &path, "--size", "1600"], ["", &path, "--by", "a taste"]] {
             assert!(Cli::<Args>::try_parse_from(words).is_err());
         }
         assert!(Cli::<Args>::try_parse_from(["", &path, "--at", "1.5"]).is_err(), "is outside of the path");

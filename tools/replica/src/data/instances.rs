@@ -2,8 +2,6 @@
 
 use anyhow::Context as _;
 use command_line::answer::Answer;
-use deliverables::Georeference;
-use deliverables::objects::{ObjectSummary, Objects, geojson, table};
 use delivery::GEOREFERENCE;
 use formats::ply::Vertices;
 use geometry::OrientedRectangle;
@@ -11,6 +9,8 @@ use pictures::cloud_files::cloud_files;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use surveying::Georeference;
+use surveying::objects::{ObjectSummary, Objects, geojson, table};
 
 /// List the objects in the clouds of a run as CSV or GeoJSON.
 ///

@@ -25,7 +25,6 @@ use command_line::argument::not_negative;
 use command_line::say;
 use command_line::terminal::StopFlag;
 use command_line::usage_error::UsageError;
-use deliverables::RunFolder;
 use file_server::{Content, Server, Site};
 use live_site::LiveSite;
 use run::summary::Summary;
@@ -36,6 +35,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
+use surveying::RunFolder;
 
 /// The port if it is free and none is given.
 const PORT: u16 = 8099;

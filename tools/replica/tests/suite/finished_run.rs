@@ -1,12 +1,16 @@
 //! The output folder of a run on a simulated drive: the clouds are written by `delivery`, with known classes, errors and poses.
 
-use delivery::{Folder, INDEX, Index, ReceivedSubmap, write_submap};
+use delivery::{Folder, INDEX, Index, ReceivedColumn, ReceivedSubmap, write_submap};
 use drive::{Drive, Shot, SweepInfo, TrueLabel, TrueLabels};
 use formats::ply::Kind;
 use formats::trajectory::tum_from_trajectory;
 use geometry::{Isometry3, Point3, Pose, Stamp, Trajectory, heading, interpolate};
 use lidar::SweepPoint;
-use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN, pose_numbers};
+use messages::columns::{COLUMNS, Column};
+use messages::{
+    ClassId, ClassRow, ClassTopic, ColorRow, ColorTopic, InstanceTopic, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN,
+    pose_numbers,
+};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -25,6 +29,11 @@ pub struct FinishedRun {
     pub by_class: BTreeMap<(u8, u8), u64>,
     /// Points of each true pedestrian, and those of them that keep an instance.
     pub pedestrians: BTreeMap<u16, [u64; 2]>,
+}
+
+/// A column of the table.
+fn column(name: &str) -> &'static Column {
+    COLUMNS.iter().find(|column| column.name == name).expect(name)
 }
 
 /// How a run is written.
@@ -192,13 +201,12 @@ impl Submap {
             seq,
             header: &self.header,
             points: &self.points,
-            color: Some(&colors),
-            class: Some(&classes),
-            instance: Some(&instances),
+            columns: &[
+                ReceivedColumn::of::<ColorTopic>(column("color"), &colors),
+                ReceivedColumn::of::<ClassTopic>(column("class"), &classes),
+                ReceivedColumn::of::<InstanceTopic>(column("instance"), &instances),
+            ],
             spectra: None,
-            further_classes: &[],
-            material: None,
-            region: None,
             lost: &[],
         };
         let mut entry = write_submap(&received, Kind::Float, folder, None).expect("writes");

@@ -1,6 +1,7 @@
 //! A generated street with known values.
 
 use export::Export;
+use messages::columns::{COLUMNS, Presence};
 use messages::{
     ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, Envelope, InstanceHeader, InstanceTopic,
     MaterialHeader, MaterialRow, MaterialTopic, Message, NO_SPECTRUM, NoHeader, PoseRow, RegionHeader, RegionTopic,
@@ -8,13 +9,23 @@ use messages::{
     pod::bytes_from_rows,
 };
 use random::Random;
-use stage::Received;
 use stage::testing::Bench;
+use stage::{Context, Received};
 use std::path::Path;
 
 const SWEEP_NANOS: u32 = 100_000_000;
 const START: i64 = 1_700_000_000_123_456_789;
 const BANDS: usize = 3;
+
+/// A context in which the topics are connected that the stages publish by default.
+pub fn context(folder: &Path) -> Context {
+    let mut context = stage::testing::context(folder);
+    let is_by_setting = |topic: &str| {
+        COLUMNS.iter().any(|column| column.topic == topic && matches!(column.presence, Presence::Setting(_)))
+    };
+    context.connected.retain(|topic| !is_by_setting(topic));
+    context
+}
 
 /// Submaps of a drive that turns left by half a radian with each of them.
 pub struct Street {

@@ -1,10 +1,10 @@
 //! What `replica deliver` answers.
 
 use super::facts::Facts;
-use deliverables::check_points::Accuracy;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use surveying::check_points::Accuracy;
 
 /// A delivery.
 #[derive(Serialize)]

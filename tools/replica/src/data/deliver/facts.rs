@@ -1,11 +1,11 @@
 //! `delivery.json`: what was delivered.
 
 use anyhow::Context;
-use deliverables::{LeftOut, PointFile, RunFolder, TargetFrame};
 use files::atomic_file::write_atomic;
 use geometry::Stamp;
 use serde::Serialize;
 use std::path::Path;
+use surveying::{LeftOut, PointFile, RunFolder, TargetFrame};
 
 /// Name of the file.
 const FILE: &str = "delivery.json";

@@ -4,11 +4,11 @@ use super::Args;
 use anyhow::{bail, ensure};
 use command_line::argument::InvalidValue;
 use command_line::usage_error::UsageError;
-use deliverables::crs::Crs;
-use deliverables::{Georeference, RunFolder, TargetFrame};
 use formats::gtx::GeoidGrid;
 use run::summary::Summary;
 use std::str::FromStr;
+use surveying::crs::Crs;
+use surveying::{Georeference, RunFolder, TargetFrame};
 
 /// Doubts of `export` about the place of the clouds.
 const PLACE_DOUBTS: [&str; 3] = ["heading_undetermined", "position_uncertain", "height_uncertain"];

@@ -1,7 +1,6 @@
 //! One pass over an even part of the points of a run: top views, objects, colors by camera, covered area.
 
 use super::finished_run::FinishedRun;
-use deliverables::objects::{ObjectSummary, Objects};
 use formats::ply::{PlyRows, Vertices};
 use geometry::BevGrid;
 use image::RgbImage;
@@ -9,6 +8,7 @@ use pictures::cloud_picture::{Background, Camera, Canvas, CloudSummary, ColorBy,
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use surveying::objects::{ObjectSummary, Objects};
 
 /// Points of the pictures: about as many as their pixels. Bounds time and memory of the report.
 const MAX_POINTS: u64 = 700_000;

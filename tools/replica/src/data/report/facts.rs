@@ -8,7 +8,6 @@ use super::uncertain::{CameraShare, Loss};
 use super::verdict::Verdict;
 use crate::data::inspect::drive::DriveReport;
 use crate::data::inspect::drive::stream::Stream;
-use deliverables::objects::ObjectSummary;
 use delivery::GeoreferenceFile;
 use run::Change;
 use run::health::Doubt;
@@ -17,6 +16,7 @@ use run::summary::{Summary, Total};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use surveying::objects::ObjectSummary;
 
 /// `report.json`.
 #[derive(Serialize)]

@@ -2,7 +2,6 @@
 
 use crate::data::inspect::georeference;
 use anyhow::Context;
-use deliverables::load_trajectory;
 use delivery::{GeoreferenceFile, INDEX, Index};
 use geometry::Trajectory;
 use run::summary::Summary;
@@ -11,6 +10,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use surveying::load_trajectory;
 
 /// A run that has ended. All but the summary may be absent.
 pub struct FinishedRun {

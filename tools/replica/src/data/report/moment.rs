@@ -1,12 +1,12 @@
 //! The points of a moment of the drive, read from the clouds of the run.
 
 use super::finished_run::FinishedRun;
-use deliverables::crs::CrsError;
-use deliverables::{Georeference, TargetFrame};
 use delivery::{CloudEntry, GEOREFERENCE};
 use formats::ply::{PlyError, PlyRows, Vertices};
 use geometry::{Point3, Stamp};
 use std::iter::once;
+use surveying::crs::CrsError;
+use surveying::{Georeference, TargetFrame};
 
 /// Points of several LiDARs come sweep by sweep: they are out of the order of time by less than this, s.
 const DISORDER_S: f64 = 0.2;

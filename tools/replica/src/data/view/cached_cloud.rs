@@ -4,13 +4,13 @@ use super::scene::SceneObject;
 use crate::data::deliver::frame::ChosenFrame;
 use crate::data::deliver::{COPC_FILE, SOFTWARE, SYSTEM, progress_bar};
 use anyhow::Context;
-use deliverables::objects::objects_of;
-use deliverables::{CloudOptions, RunFolder, write_copc};
 use files::atomic_file::write_atomic;
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
+use surveying::objects::objects_of;
+use surveying::{CloudOptions, RunFolder, write_copc};
 
 /// The folder in the output folder of the run.
 const FOLDER: &str = "view";

@@ -3,12 +3,12 @@
 use super::scene::SceneImage;
 use crate::data::report::finished_run::FinishedRun;
 use crate::data::report::overlays::overlay;
-use deliverables::TargetFrame;
-use deliverables::crs::CrsError;
 use drive::{Drive, Frame};
 use file_server::{Content, Site};
 use geometry::{Point3, Pose};
 use std::sync::Arc;
+use surveying::TargetFrame;
+use surveying::crs::CrsError;
 
 /// Width of a picture, px.
 const WIDTH: u32 = 1200;

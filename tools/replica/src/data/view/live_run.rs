@@ -2,7 +2,6 @@
 
 use crate::data::deliver::{SOFTWARE, SYSTEM};
 use anyhow::Context;
-use deliverables::{GrowingCloud, Part};
 use delivery::{CLOUDS, submap_of};
 use formats::ply::PlyRows;
 use run::summary::Summary;
@@ -13,6 +12,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
+use surveying::{GrowingCloud, Part};
 
 /// Written when a run begins. Older clouds are of an earlier run.
 const BEGIN: &str = "run/settings.json";

@@ -1,13 +1,14 @@
 //! `scene.json`: what the page shows beside the points. Coordinates are those of the points.
 
 use crate::data::deliver::frame::ChosenFrame;
-use deliverables::crs::CrsError;
-use deliverables::objects::ObjectSummary;
-use deliverables::{RunFolder, TargetFrame};
+use messages::columns::{COLUMNS, ColumnField};
 use messages::{ClassId, MaterialId};
 use pictures::class_color::class_color;
 use pictures::material_color::material_color;
 use serde::{Deserialize, Serialize};
+use surveying::crs::CrsError;
+use surveying::objects::ObjectSummary;
+use surveying::{RunFolder, TargetFrame};
 
 /// Vertices of the path: a screen has fewer pixels in a row.
 const MAX_VERTICES: usize = 20_000;
@@ -32,6 +33,8 @@ pub struct Scene {
     objects: Vec<SceneObject>,
     /// Reference spectra.
     materials: Vec<SceneMaterial>,
+    /// The fields of the points, as the table of columns declares them.
+    columns: Vec<&'static ColumnField>,
 }
 
 #[derive(Serialize)]
@@ -96,6 +99,7 @@ impl Scene {
             images: Vec::new(),
             objects: Vec::new(),
             materials: town::Material::ALL.iter().copied().map(SceneMaterial::of).collect(),
+            columns: COLUMNS.iter().flat_map(|column| column.fields).collect(),
         }
     }
 

@@ -33,7 +33,7 @@ impl PlannedRun {
 
     /// What clouds with all columns need; `None` if the drive cannot be read yet.
     pub fn space_need(&self) -> Option<SpaceNeed> {
-        space_need(&Drive::open(&self.drive).ok()?, CloudFields::ALL, true).ok()
+        space_need(&Drive::open(&self.drive).ok()?, &CloudFields::of_default_run(), true).ok()
     }
 }
 

@@ -5,6 +5,7 @@ use delivery::{CloudFields, SpaceNeed, space_need};
 use drive::Drive;
 use lidar::Model;
 use lidar::velodyne;
+use messages::{ColorTopic, Message};
 use run::space::size_text;
 use std::path::Path;
 
@@ -22,9 +23,12 @@ pub fn add(drive: &Drive, path: &Path, report: &mut DriveReport) {
     }
     let options = without.iter().map(|stage| format!(" --without {stage}")).collect::<Vec<_>>().concat();
     lines.push(format!("run: replica-launch launch.toml --set run.drive={}{options}", path.display()));
-    let fields = CloudFields { has_color: !manifest.cameras.is_empty(), ..CloudFields::ALL };
+    let mut fields = CloudFields::of_default_run();
+    if manifest.cameras.is_empty() {
+        fields.columns.retain(|column| column.column.topic != ColorTopic::TOPIC);
+    }
     // A drive without a readable sweep has said so above.
-    if let Ok(SpaceNeed { points, bytes }) = space_need(drive, fields, true) {
+    if let Ok(SpaceNeed { points, bytes }) = space_need(drive, &fields, true) {
         lines.push(format!("returns: about {:.1} million; clouds: about {}", points as f64 * 1e-6, size_text(bytes)));
     }
     let has_fixes = report.streams.iter().any(|stream| stream.name == "gnss" && stream.len() > 0);

@@ -1,0 +1,49 @@
+//! The columns of submaps as ports, for stages that treat all columns alike.
+
+use crate::Port;
+use messages::Message;
+use messages::columns::{Column, ColumnVisitor, visit_columns};
+
+/// A column and the port on which it comes.
+#[derive(Clone, Copy, Debug)]
+pub struct ColumnPort {
+    /// Its entry in the table.
+    pub column: &'static Column,
+    /// Its topic.
+    pub port: Port,
+}
+
+impl ColumnPort {
+    /// The column that comes on the topic of `T`.
+    pub fn of<T: Message>(column: &'static Column) -> Self {
+        Self { column, port: Port::of::<T>() }
+    }
+
+    /// The columns of [`COLUMNS`](messages::columns::COLUMNS) on topics of their own, in the order of the table.
+    pub fn all() -> Vec<Self> {
+        struct Ports(Vec<ColumnPort>);
+        impl ColumnVisitor for Ports {
+            fn visit<T: Message>(&mut self, column: &'static Column) {
+                self.0.push(ColumnPort::of::<T>(column));
+            }
+        }
+        let mut ports = Ports(Vec::new());
+        visit_columns(&mut ports);
+        ports.0
+    }
+}
+
+/// The table of a stage that joins all columns: its parameter, so that a test can add columns.
+pub trait ColumnTable: 'static {
+    /// The columns on topics of their own.
+    fn ports() -> Vec<ColumnPort>;
+}
+
+/// [`COLUMNS`](messages::columns::COLUMNS), the table of the pipeline.
+pub struct AllColumns;
+
+impl ColumnTable for AllColumns {
+    fn ports() -> Vec<ColumnPort> {
+        ColumnPort::all()
+    }
+}

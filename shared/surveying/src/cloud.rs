@@ -1,0 +1,124 @@
+//! The points of the clouds of a run, block by block.
+
+mod columns;
+mod spectra;
+
+pub(crate) use columns::{Columns, extra_fields};
+pub(crate) use spectra::{Spectra, band_names};
+
+use crate::error::DeliverError;
+use crate::run_folder::RunFolder;
+use delivery::CloudEntry;
+use formats::ply::PlyRows;
+use messages::columns::Column;
+use std::collections::BTreeSet;
+
+/// Points of a block: 16 MB of rows.
+pub(crate) const BLOCK_POINTS: usize = 1 << 18;
+
+/// One point of a cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CloudPoint {
+    /// Frame of the clouds, m.
+    pub xyz: [f64; 3],
+    /// The LiDAR at the shot, m.
+    pub lidar_xyz: [f64; 3],
+    /// Seconds since the Unix epoch.
+    pub time_s: f64,
+    /// Number of the sweep.
+    pub frame: u32,
+    /// As the device reports it.
+    pub intensity: u8,
+    /// Number of the laser.
+    pub ring: u8,
+    /// Whether it is on a moving object.
+    pub is_moving: bool,
+    /// Index of the LiDAR.
+    pub lidar: u8,
+    /// 0 = none.
+    pub instance: u32,
+    /// Class id; 0 without classes.
+    pub class: u8,
+    /// sRGB; black without color.
+    pub rgb: [u8; 3],
+}
+
+/// Columns of a cloud, or of at least one cloud of a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Present {
+    table: &'static [Column],
+    names: BTreeSet<&'static str>,
+}
+
+impl Present {
+    pub(crate) fn of(table: &'static [Column], names: impl IntoIterator<Item = &'static str>) -> Self {
+        Self { table, names: names.into_iter().collect() }
+    }
+
+    /// All columns that there may be.
+    pub(crate) fn table(&self) -> &'static [Column] {
+        self.table
+    }
+
+    /// Whether there is the column of this name.
+    pub(crate) fn has(&self, column: &str) -> bool {
+        self.names.contains(column)
+    }
+}
+
+/// An open cloud.
+pub(crate) struct Cloud<'a> {
+    /// Its entry in the index.
+    pub(crate) entry: &'a CloudEntry,
+    rows: PlyRows,
+    pub(crate) columns: Columns,
+}
+
+impl<'a> Cloud<'a> {
+    /// Opens a cloud. `None` if it is not in the frame of the run: live, a cloud without place stays in the frame of the odometry.
+    pub(crate) fn open(run: &RunFolder, entry: &'a CloudEntry) -> Result<Option<Self>, DeliverError> {
+        if run.georeference.is_some() && !entry.is_placed() {
+            return Ok(None);
+        }
+        let path = run.cloud(entry);
+        let rows = PlyRows::open(&path)?;
+        let columns = Columns::of(rows.header(), run.columns).map_err(|rule| DeliverError::content(&path, rule))?;
+        Ok(Some(Self { entry, rows, columns }))
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Passes the rows of each block, and the number of its first point, to `take`.
+    pub(crate) fn each_block(
+        &self,
+        mut take: impl FnMut(usize, &[u8]) -> Result<(), DeliverError>,
+    ) -> Result<(), DeliverError> {
+        let row_size = self.rows.header().row_size();
+        let mut block = Vec::new();
+        for first in (0..self.len()).step_by(BLOCK_POINTS) {
+            block.resize(BLOCK_POINTS.min(self.len() - first) * row_size, 0);
+            self.rows.read_into(first, &mut block)?;
+            take(first, &block)?;
+        }
+        Ok(())
+    }
+}
+
+/// All clouds that are in the frame of the run, and the number of points of the others.
+pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), DeliverError> {
+    let (mut clouds, mut n_left_out) = (Vec::new(), 0);
+    for entry in &run.index.clouds {
+        match Cloud::open(run, entry)? {
+            Some(cloud) => clouds.push(cloud),
+            None => n_left_out += entry.n_points,
+        }
+    }
+    Ok((clouds, n_left_out))
+}
+
+/// What at least one of the clouds has.
+pub(crate) fn present(run: &RunFolder, clouds: &[Cloud<'_>]) -> Present {
+    Present::of(run.columns, clouds.iter().flat_map(|cloud| cloud.columns.present().names))
+}

@@ -1,0 +1,185 @@
+//! The points of a run as LAS or LAZ: one pass over the clouds encodes records, a second one writes the files.
+
+use crate::cloud::{self, Cloud, Columns, Spectra};
+use crate::crs::CrsError;
+use crate::error::DeliverError;
+use crate::las::{HeaderFacts, RecordLayout, RecordSource, SCALE_M, Vlr};
+use crate::path_heading::PathHeading;
+use crate::run_folder::RunFolder;
+use crate::spool::Spool;
+use crate::target_frame::TargetFrame;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Points that a thread encodes at a time. Their indices fit 16 bits.
+const PART_POINTS: usize = 1 << 16;
+/// The offset of the coordinates is a multiple of this, m.
+const OFFSET_STEP_M: f64 = 1000.0;
+
+/// What the files of the points contain.
+#[derive(Clone, Debug)]
+pub struct CloudOptions {
+    /// Whether records have the reflectances of bands.
+    pub has_bands: bool,
+    /// `system identifier` of the headers: what recorded the points, up to 32 characters.
+    pub system: String,
+    /// `generating software` of the headers, up to 32 characters.
+    pub software: String,
+    /// What a reader of the file should know, such as that the coordinates are not those of the Earth. Empty = nothing.
+    pub note: String,
+}
+
+/// Points that the files lack.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Points of clouds that stayed in the frame of the odometry.
+    pub without_place: u64,
+    /// Points whose coordinates are NaN or infinite.
+    pub not_finite: u64,
+}
+
+/// Reads the clouds of a run as records.
+pub(crate) struct CloudDelivery<'a> {
+    run: &'a RunFolder,
+    frame: &'a TargetFrame<'a>,
+    clouds: Vec<Cloud<'a>>,
+    bands: Vec<String>,
+    pub(crate) layout: RecordLayout,
+    pub(crate) facts: HeaderFacts,
+    pub(crate) vlrs: Vec<Vlr>,
+    pub(crate) left_out: LeftOut,
+}
+
+impl<'a> CloudDelivery<'a> {
+    pub(crate) fn new(
+        run: &'a RunFolder,
+        frame: &'a TargetFrame<'a>,
+        options: &CloudOptions,
+    ) -> Result<Self, DeliverError> {
+        let (clouds, without_place) = cloud::open_all(run)?;
+        let bands = if options.has_bands { cloud::band_names(run)? } else { Vec::new() };
+        let offset_m = offset(&clouds, frame)?;
+        let layout = RecordLayout::new(&cloud::present(run, &clouds), &bands, offset_m);
+        let facts = HeaderFacts {
+            system: options.system.clone(),
+            software: options.software.clone(),
+            begin_nanos: run.begin_nanos().unwrap_or(0),
+            offset_m,
+            record_bytes: layout.n_bytes(),
+        };
+        let text = format!("{}\n{}", frame.description(), options.note);
+        let vlrs = frame.wkt().as_deref().map(Vlr::wkt).into_iter();
+        let vlrs = vlrs.chain([Vlr::text(text.trim_end()), layout.extra.vlr(), Vlr::class_names()]).collect();
+        let left_out = LeftOut { without_place, not_finite: 0 };
+        Ok(Self { run, frame, clouds, bands, layout, facts, vlrs, left_out })
+    }
+
+    /// Encodes all points into a spool in `folder`, by the key of their stored coordinates.
+    pub(crate) fn spool<K: Ord + Copy + Send>(
+        &mut self,
+        folder: &Path,
+        key_of: impl Fn([i32; 3]) -> K + Sync,
+        mut progress: impl FnMut(u64),
+    ) -> Result<Spool<K>, DeliverError> {
+        let heading = PathHeading::new(&self.run.trajectory, self.run.convergence());
+        let mut spool = Spool::create(folder, self.layout.n_bytes())?;
+        let mut not_finite = 0;
+        for cloud in &self.clouds {
+            let spectra = Spectra::load(self.run, cloud, &self.bands)?;
+            cloud.each_block(|first, rows| {
+                let encoder = Encoder { delivery: self, cloud, spectra: &spectra, heading: &heading };
+                let n_rows = rows.len() / cloud.columns.row_size();
+                not_finite += n_rows as u64;
+                for (records, keys) in encoder.block(first, rows, &key_of)? {
+                    not_finite -= keys.len() as u64;
+                    spool.add(&records, &keys)?;
+                }
+                progress(n_rows as u64);
+                Ok(())
+            })?;
+        }
+        self.left_out.not_finite = not_finite;
+        Ok(spool)
+    }
+}
+
+/// Corner of the coordinates: near the first cloud with points, so that stored coordinates are small.
+fn offset(clouds: &[Cloud<'_>], frame: &TargetFrame<'_>) -> Result<[f64; 3], CrsError> {
+    let Some([low, high]) = clouds.iter().find_map(|cloud| cloud.entry.bounds) else { return Ok([0.0; 3]) };
+    let middle = std::array::from_fn(|axis| f64::midpoint(low[axis], high[axis]));
+    if middle.iter().any(|value: &f64| !value.is_finite()) {
+        return Ok([0.0; 3]);
+    }
+    let [x, y, _] = frame.from_cloud(middle)?;
+    let floor = |value: f64| (value / OFFSET_STEP_M).floor() * OFFSET_STEP_M;
+    Ok([floor(x), floor(y), 0.0])
+}
+
+/// Encodes the blocks of a cloud.
+struct Encoder<'a> {
+    delivery: &'a CloudDelivery<'a>,
+    cloud: &'a Cloud<'a>,
+    spectra: &'a Spectra,
+    heading: &'a PathHeading,
+}
+
+/// Records, and the key of each.
+type Part<K> = (Vec<u8>, Vec<K>);
+
+impl Encoder<'_> {
+    /// Records and keys of the points with finite coordinates, part by part.
+    fn block<K: Send>(
+        &self,
+        first: usize,
+        rows: &[u8],
+        key_of: &(impl Fn([i32; 3]) -> K + Sync),
+    ) -> Result<Vec<Part<K>>, CrsError> {
+        let parts = rows.par_chunks(PART_POINTS * self.cloud.columns.row_size()).enumerate();
+        parts.map(|(part, rows)| self.part(first + part * PART_POINTS, rows, key_of)).collect()
+    }
+
+    fn part<K>(&self, first: usize, rows: &[u8], key_of: impl Fn([i32; 3]) -> K) -> Result<Part<K>, CrsError> {
+        let Self { delivery, cloud, .. } = self;
+        let (row_size, n_bytes) = (cloud.columns.row_size(), delivery.layout.n_bytes());
+        // 0 is no source.
+        let submap = u16::try_from(cloud.entry.seq + 1).unwrap_or(u16::MAX);
+        let n = rows.len() / row_size;
+        let (mut records, mut keys) = (vec![0; n * n_bytes], Vec::with_capacity(n));
+        let (mut converter, mut near) = (delivery.frame.converter(), 0);
+        for i in scan_line_order(&cloud.columns, rows) {
+            let row = &rows[i * row_size..][..row_size];
+            let point = cloud.columns.point(row);
+            if point.xyz.iter().any(|value| !value.is_finite()) {
+                continue;
+            }
+            let Some(stored) = delivery.layout.stored(converter.convert(point.xyz)?) else { continue };
+            let forward = self.heading.at(point.time_s, &mut near);
+            let spectrum = if delivery.bands.is_empty() { None } else { self.spectra.of(first + i) };
+            let record = &mut records[keys.len() * n_bytes..][..n_bytes];
+            let columns = &cloud.columns;
+            let source = RecordSource { point: &point, columns, row, stored, submap, forward, spectrum };
+            delivery.layout.encode(&source, record);
+            keys.push(key_of(stored));
+        }
+        records.truncate(keys.len() * n_bytes);
+        Ok((records, keys))
+    }
+}
+
+/// Row numbers of a part by sweep, LiDAR and laser, then as they are. Neighbors on a scan line differ little, which halves the size of LAZ:
+/// shots of all lasers in turn differ by meters.
+fn scan_line_order(columns: &Columns, rows: &[u8]) -> impl Iterator<Item = usize> {
+    let line = |row: &[u8]| {
+        let (frame, lidar, ring) = columns.scan_line(row);
+        u64::from(frame) << 32 | u64::from(lidar) << 24 | u64::from(ring) << 16
+    };
+    let mut order: Vec<u64> =
+        rows.chunks_exact(columns.row_size()).zip(0..).map(|(row, i): (_, u64)| line(row) | i).collect();
+    order.sort_unstable();
+    order.into_iter().map(|place| (place & 0xffff) as usize)
+}
+
+/// Coordinates in m of stored ones.
+pub(crate) fn metres(stored: [i32; 3], offset_m: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| f64::from(stored[axis]) * SCALE_M + offset_m[axis])
+}

@@ -1,0 +1,19 @@
+//! LAS and LAZ 1.4 files (ASPRS, LAS Specification 1.4 R15), point format 7.
+//!
+//! Compression is that of the crate laz. The crate las would bring chrono and uuid for a header of a page, and keeps points in a form of its
+//! own; records here are encoded once and copied from then on.
+
+mod extra_bytes;
+mod file;
+mod header;
+mod record;
+mod vlr;
+
+pub(crate) use extra_bytes::{ExtraBytes, ExtraField};
+pub(crate) use file::{Extent, LasFile, compressed_chunk, io_error, laz_vlr};
+pub(crate) use header::{HEADER_BYTES, HeaderFacts, LasHeader};
+pub(crate) use record::{RecordLayout, RecordSource, SCALE_M, color_of, gps_time_of, position_of};
+pub(crate) use vlr::{Vlr, evlr_bytes};
+
+/// Bytes of a record of point format 7 before the extra bytes.
+pub(crate) const FORMAT_7_BYTES: usize = 36;

@@ -1,0 +1,51 @@
+//! Surveying: a finished run in the formats that surveyors and other programs read (`docs/reference/deliverables.md`).
+//!
+//! | idea | module |
+//! |---|---|
+//! | what a run has written | [`RunFolder`], `cloud` |
+//! | coordinate reference systems, heights, local frame | `crs`, [`TargetFrame`] |
+//! | classes of the ASPRS | `asprs` |
+//! | bytes of LAS and LAZ | `las` |
+//! | points by tile or node, in bounded memory | `cloud_delivery`, `spool`, `tiles`, `copc` |
+//! | points of a run that is not finished | [`GrowingCloud`] |
+//! | path and objects | `trajectory`, [`objects`] |
+//! | terrain and top views | `rasters` |
+//! | accuracy at points that were measured independently | [`check_points`] |
+//! | clouds for CloudCompare, sweeps for training | `cloudcompare`, `semantic_kitti` |
+//!
+//! The same run and options give the same bytes, for any number of threads. Memory does not grow with the length of the drive: records
+//! wait in a temporary file in the folder of the delivery.
+
+mod asprs;
+pub mod check_points;
+mod cloud;
+mod cloud_delivery;
+mod cloudcompare;
+mod copc;
+pub mod crs;
+mod error;
+mod geojson;
+mod growing_cloud;
+mod las;
+pub mod objects;
+mod path_heading;
+mod rasters;
+mod run_folder;
+mod semantic_kitti;
+mod spool;
+mod target_frame;
+mod tiles;
+mod trajectory;
+
+pub use asprs::asprs_class;
+pub use cloud_delivery::{CloudOptions, LeftOut};
+pub use cloudcompare::write_cloudcompare;
+pub use copc::write_copc;
+pub use error::DeliverError;
+pub use growing_cloud::{GrowingCloud, Part};
+pub use rasters::{RasterOptions, write_rasters};
+pub use run_folder::{Georeference, RunFolder, load_trajectory};
+pub use semantic_kitti::write_semantic_kitti;
+pub use target_frame::TargetFrame;
+pub use tiles::{PointFile, Tiling, write_tiles};
+pub use trajectory::write_trajectory;

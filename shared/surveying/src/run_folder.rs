@@ -1,0 +1,98 @@
+//! The output folder of a finished run (`docs/reference/outputs.md`).
+
+mod georeference;
+
+pub use georeference::Georeference;
+
+use crate::error::DeliverError;
+use delivery::{CloudEntry, GEOREFERENCE, INDEX, Index};
+use formats::trajectory::TrajectoryFile;
+use geometry::Trajectory;
+use messages::columns::{COLUMNS, Column};
+use std::path::{Path, PathBuf};
+
+/// Files that may hold the trajectory with its times, the first that exists is read.
+const TRAJECTORIES: [&str; 2] = ["trajectory.txt", "trajectory.csv"];
+
+/// What a finished run has written, without the points.
+pub struct RunFolder {
+    path: PathBuf,
+    /// The clouds.
+    pub index: Index,
+    /// Where the clouds lie on the Earth. `None` for runs in the frame of the odometry.
+    pub georeference: Option<Georeference>,
+    /// `world_from_body` in the local frame.
+    pub trajectory: Trajectory,
+    /// Columns that clouds may have.
+    pub(crate) columns: &'static [Column],
+}
+
+impl RunFolder {
+    /// Reads the folder of a run with the columns of [`COLUMNS`].
+    pub fn open(path: &Path) -> Result<Self, DeliverError> {
+        Self::open_with(path, COLUMNS)
+    }
+
+    /// Reads the folder of a run whose clouds may have these columns.
+    pub fn open_with(path: &Path, columns: &'static [Column]) -> Result<Self, DeliverError> {
+        let index_path = path.join(INDEX);
+        let text = std::fs::read_to_string(&index_path).map_err(DeliverError::file(&index_path, "read"))?;
+        let index: Index =
+            serde_json::from_str(&text).map_err(|error| DeliverError::content(&index_path, error.to_string()))?;
+        let georeference_path = path.join(GEOREFERENCE);
+        let georeference = georeference_path.exists().then(|| Georeference::load(&georeference_path)).transpose()?;
+        let trajectory = load_trajectory(path)?;
+        Ok(Self { path: path.to_owned(), index, georeference, trajectory, columns })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+    /// Path of the cloud of a submap.
+    pub fn cloud(&self, entry: &CloudEntry) -> PathBuf {
+        self.path.join(&entry.file)
+    }
+    /// Angle from the y axis of the trajectory to that of the clouds, clockwise, rad.
+    pub(crate) fn convergence(&self) -> f64 {
+        self.georeference.as_ref().map_or(0.0, Georeference::convergence)
+    }
+    /// Time of the first shot, ns since the Unix epoch. `None` without clouds.
+    pub fn begin_nanos(&self) -> Option<i64> {
+        self.index.clouds.iter().map(|cloud| cloud.stamp_begin).min()
+    }
+}
+
+/// The trajectory of a run from the first of its files with times.
+pub fn load_trajectory(run: &Path) -> Result<Trajectory, DeliverError> {
+    let path = TRAJECTORIES.iter().map(|name| run.join(name)).find(|path| path.exists());
+    let rule = "has no trajectory.txt or trajectory.csv\nhint: run with [export] trajectory = [\"tum\"]";
+    let path = path.ok_or_else(|| DeliverError::content(run, rule))?;
+    match TrajectoryFile::load(&path, None) {
+        Ok(TrajectoryFile::Stamped(trajectory)) => Ok(trajectory),
+        Ok(TrajectoryFile::Numbered(_)) => Err(DeliverError::content(&path, "has poses without times")),
+        Err(error) => Err(DeliverError::content(&path, error.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory};
+    use geometry::{Isometry3, Stamp};
+
+    #[test]
+    fn trajectory_is_read_from_any_file_with_times() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut trajectory = Trajectory::default();
+        for i in 0..3 {
+            let pose = Isometry3::translation(f64::from(i), 0.5, 0.0);
+            trajectory.push(Stamp(1_000_000_000 * i64::from(i)), pose);
+        }
+        std::fs::write(folder.path().join("trajectory_kitti.txt"), kitti_from_trajectory(&trajectory)).expect("writes");
+        let error = load_trajectory(folder.path()).expect_err("the KITTI file has no times");
+        assert!(error.to_string().contains("has no trajectory.txt or trajectory.csv"), "{error}");
+        std::fs::write(folder.path().join("trajectory.csv"), csv_from_trajectory(&trajectory)).expect("writes");
+        assert_eq!(load_trajectory(folder.path()).expect("reads").poses(), trajectory.poses());
+    }
+}

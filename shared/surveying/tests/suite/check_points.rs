@@ -1,0 +1,51 @@
+//! Residuals of a cloud with known errors.
+
+use crate::support::{utm, write_run};
+use std::fmt::Write as _;
+use surveying::RunFolder;
+use surveying::check_points::{load_check_points, write_check_points};
+
+#[test]
+fn surface_of_the_cloud_gives_the_residual_of_the_height() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    std::fs::create_dir(&out).expect("made");
+    // A road that rises by 5 %, and a roof 3 m over it.
+    let road = |i: usize| {
+        let (x, y) = ((i % 200) as f64 * 0.1, (i / 200) as f64 * 0.1);
+        ([x, y, 0.05 * x + if i.is_multiple_of(3) { 3.0 } else { 0.0 }], 7)
+    };
+    write_run(&run, &[((0..8000).map(road).collect(), true)]);
+    let opened = RunFolder::open(&run).expect("opens");
+    let frame = utm(opened.georeference.as_ref().expect("is placed"));
+    // The cloud is 7 cm above the first, 3 cm below the second check point; the third is where no points are; the fourth was found.
+    let at = |x: f64, y: f64, off: f64| {
+        let [east, north, up] = frame.from_cloud([x, y, 0.05 * x]).expect("converts");
+        (east, north, up + off)
+    };
+    let (a, b, c, d) = (at(5.03, 1.02, -0.07), at(12.0, 2.0, 0.03), at(-50.0, 0.0, 0.0), at(15.0, 2.0, 0.0));
+    let file = folder.path().join("points.csv");
+    let mut text = "name,x,y,z,cloud_x,cloud_y,cloud_z\n".to_owned();
+    for (name, (x, y, z)) in [("A", a), ("B", b), ("C", c)] {
+        let _ = writeln!(text, "{name},{x},{y},{z},,,");
+    }
+    let _ = writeln!(text, "D,{0},{1},{2},{3},{1},{2}", d.0, d.1, d.2, d.0 + 0.04);
+    std::fs::write(&file, text).expect("writes");
+    let accuracy =
+        write_check_points(&opened, &frame, load_check_points(&file).expect("loads"), &out).expect("compares");
+    let table = std::fs::read_to_string(out.join("check_points.csv")).expect("was written");
+    let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    let number = |row: usize, column: usize| rows[row][column].parse::<f64>().expect("a number");
+    assert!((number(0, 6) - 0.07).abs() < 2e-3 && (number(1, 6) + 0.03).abs() < 2e-3, "{table}");
+    assert!(number(0, 7) > 30.0 && number(0, 8) < 2e-3, "{table}");
+    assert_eq!((rows[2][6], rows[2][7]), ("", "0"));
+    assert!((number(3, 4) - 0.04).abs() < 1e-6 && number(3, 5) == 0.0, "{table}");
+    assert_eq!(accuracy.axes.map(|axis| axis.n), [1, 1, 3]);
+    assert!((accuracy.ce90_m.expect("has one") - 0.04).abs() < 1e-6);
+    let summary = std::fs::read_to_string(out.join("check_points_summary.csv")).expect("was written");
+    assert!(summary.contains("rmse_x,1,0.0400") && summary.contains("le90,3,"), "{summary}");
+
+    std::fs::write(&file, "name,x,y\n").expect("writes");
+    let error = load_check_points(&file).expect_err("is refused").to_string();
+    assert!(error.contains("points.csv: line 1: no column `z`"), "{error}");
+}

@@ -1,0 +1,54 @@
+"""The columns of submaps: what each number of a point is."""
+
+import json
+from dataclasses import dataclass, fields
+
+from . import _native
+
+
+@dataclass(frozen=True)
+class Field:
+    """One number of every point."""
+
+    #: Name in LAS records, pictures and the viewer.
+    name: str
+    #: Name of the property in PLY clouds.
+    property: str
+    #: Name of the field in the rows of the topic; empty if the rows are plain numbers.
+    row_field: str
+    #: ``coordinate``, ``f64``, ``f32``, ``u32``, ``u8``, or ``share``: 0 to 255 on the topic, 0 to 1 in clouds.
+    kind: str
+    #: Empty if it has none.
+    unit: str
+    #: Value of points without one; ``None``: every point has one.
+    none: float | None
+    #: What it is.
+    description: str
+
+
+@dataclass(frozen=True)
+class Column:
+    """Fields that are present together, and the topic on which they come."""
+
+    name: str
+    topic: str
+    #: What it is.
+    description: str
+    fields: tuple[Field, ...]
+
+
+def columns_from_json(text: str) -> tuple[Column, ...]:
+    """The columns of a table that Rust has written."""
+
+    def field(values: dict) -> Field:
+        return Field(**{key.name: values[key.name] for key in fields(Field)})
+
+    def column(values: dict) -> Column:
+        members = tuple(field(member) for member in values["fields"])
+        return Column(values["name"], values["topic"], values["description"], members)
+
+    return tuple(column(values) for values in json.loads(text))
+
+
+#: All columns of the pipeline.
+COLUMNS = columns_from_json(_native.columns())
