@@ -2,7 +2,6 @@
 
 use crate::Settings;
 use delivery::{CloudColumn, CloudFields, ReceivedColumn};
-use formats::ply::Kind;
 use messages::columns::Column;
 use messages::{ClassTopic, Message, SpectraTopic};
 use stage::{ColumnPort, Context, JoinedSubmap, Mode, Port, StepError, SubmapJoin};
@@ -57,7 +56,7 @@ impl JoinedColumns {
 
     /// The fields of the clouds.
     pub(crate) fn fields(&self, settings: &Settings) -> CloudFields<'static> {
-        let coordinates = if settings.coordinates == "double" { Kind::Double } else { Kind::Float };
+        let coordinates = settings.coordinates.kind();
         CloudFields { coordinates, columns: self.in_clouds().map(|(_, column)| column).collect() }
     }
 

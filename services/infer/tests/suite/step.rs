@@ -6,11 +6,12 @@ use messages::{
     SubmapHeader, SubmapPoint, SubmapTopic, UNSEEN,
 };
 use random::Random;
+use segmentation::intensity::IntensityUse;
 use segmentation::network::{NetworkSpec, TensorShape, WeightTensor, Weights};
 use segmentation::points::{
     Parameters, PlaneConvolution, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, WaffleIron,
 };
-use segmentation::spherical::{Feature, Features, GroundUse, IntensityUse};
+use segmentation::spherical::{Feature, Features, GroundUse};
 use segmentation::{ComputeDevice, Fusion};
 use stage::testing::{Bench, context};
 use stage::{Context, Stage};
