@@ -2,7 +2,7 @@
 
 mod camera_setup;
 
-use crate::argument::{InvalidValue, rectangle, words};
+use command_line::argument::{InvalidValue, rectangle, words};
 use anyhow::{Context, bail};
 use camera_setup::CameraSetup;
 use command_line::argument::{InvalidValue, rectangle};

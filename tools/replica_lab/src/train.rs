@@ -24,7 +24,7 @@ mod test_recordings;
 #[cfg(test)]
 mod tests;
 
-use crate::argument::words;
+use command_line::argument::words;
 use anyhow::Context;
 use files::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

@@ -6,7 +6,7 @@ mod new;
 mod other_lidar;
 mod questions;
 
-use crate::argument::words;
+use command_line::argument::words;
 use clap::Subcommand;
 use registration::SpinDirection;
 use rig::survey::SurveySettings;

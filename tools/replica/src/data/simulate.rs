@@ -2,7 +2,7 @@
 
 mod describe;
 
-use crate::argument::words;
+use command_line::argument::words;
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use settings::{Field, Settings, parse_table};

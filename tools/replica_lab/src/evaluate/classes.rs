@@ -14,7 +14,7 @@ mod source;
 mod tally;
 mod towns;
 
-use crate::argument::{self, words};
+use command_line::argument::{self, words};
 use anyhow::Context;
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;

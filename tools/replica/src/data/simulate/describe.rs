@@ -1,6 +1,6 @@
 //! `replica simulate --describe`: the table `[simulate]` of a launch file, for the supervisor, which knows no simulator.
 
-use crate::terminal::say;
+use command_line::terminal::say;
 use anyhow::Context;
 use run::launch_file::LaunchFile;
 use run::{DescribeDriveRequest, DriveDescription};
