@@ -162,7 +162,7 @@ fn network() -> anyhow::Result<Round> {
     let (model, weights) = SphericalModel::load(&model_file("street.safetensors"))?;
     let settings = model.settings();
     let network = Inference::new(settings.network.clone(), &weights, Border::Circular)?;
-    let mut input = Planes::zeros(settings.network.channels().0, 32, settings.columns / settings.fold / 8);
+    let mut input = Planes::zeros(settings.network.inputs(), 32, settings.columns / settings.fold / 8);
     let mut random = Random::new(4);
     input.values_mut().fill_with(|| random.unit());
     let input = input.to_tensor()?;

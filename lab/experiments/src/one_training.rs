@@ -115,7 +115,7 @@ impl<N: Network> Trainings<'_, N> {
         };
         let outcome = Outcome {
             epochs: trainer.curves().epochs.len(),
-            best_epoch: trainer.curves().best().map_or(0, |(epoch, _)| epoch + 1),
+            best_epoch: trainer.curves().best().map_or(0, |best| best.epoch + 1),
             converged: end == End::Converged,
             scenes: sets.tests.iter().map(scene).collect::<anyhow::Result<_>>()?,
         };

@@ -90,7 +90,7 @@ fn network(path: &Path) {
     let n = positions.len();
     let lengths = values("test.lengths").iter().map(|length| *length as usize).collect();
     let batch = PointBatch::new(positions, lengths).expect("valid");
-    let features = Tensor::from_vec(values("test.features"), (n, spec.channels().0), &Device::Cpu).expect("rows");
+    let features = Tensor::from_vec(values("test.features"), (n, spec.inputs()), &Device::Cpu).expect("rows");
     let plan_us = fastest_us(3, || spec.plan(batch.clone(), 1).expect("valid"));
     let plan = spec.plan(batch, 1).expect("valid");
     let forward = fastest_us(7, || spec.run(&mut Pass::evaluation(&parameters), &plan, &features).expect("runs"));

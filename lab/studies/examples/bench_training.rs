@@ -70,7 +70,7 @@ fn main() -> Result<(), TrainingError> {
         let spec = NetworkSpec::Unet { inputs, outputs, widths: vec![32, 48, 64, 96], head: Some(64) };
         let variables = Variables::random(&spec, 1)?;
         let tree = Hierarchy::of_classes(&ClassId::ALL[1..=N_CLASSES]);
-        let mut trainer = Trainer::new(settings, variables, (N_CLASSES, FOLD), Border::Circular, tree)?;
+        let mut trainer = Trainer::new(settings, variables, N_CLASSES, FOLD, Border::Circular, tree)?;
         let (data, validation) = (Noise::new(BATCH * STEPS), Noise::new(1));
         let mut fastest = f64::INFINITY;
         for _ in 0..EPOCHS {

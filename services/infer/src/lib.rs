@@ -24,7 +24,7 @@ mod cameras;
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
 use segmentation::intensity::{ForeignIntensity, IntensityUse};
 use segmentation::spherical::AskedColumns;
-use segmentation::{ComputeDevice, ModelInput, Options, Refinement, Report, Segmenter, UnknownBelow};
+use segmentation::{ComputeDevice, ModelInput, Options, Refinement, Report, Segmenter, SpectraColumn, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,
@@ -110,7 +110,8 @@ impl Infer {
     /// As [`Self::label`]. Live, a lost column leaves its points without colors or spectra.
     fn label_joined(&self, joined: &JoinedSubmap, outputs: &mut Outputs) -> Result<(), StepError> {
         let submap = &joined.submap;
-        let spectra = joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows()));
+        let spectra = joined.column::<SpectraTopic>();
+        let spectra = spectra.map(|column| SpectraColumn { header: column.header(), rows: column.rows() });
         let colors = joined.rows::<ColorTopic>()?;
         for topic in &joined.lost {
             outputs.count(&format!("submaps_without_{topic}"), 1);

@@ -26,4 +26,4 @@ pub use convolution::convolve;
 pub use filter::Filter;
 pub use planes::{BORDER, Border, Feature, LANES, Planes, PlanesMut, PlanesRef, blocks};
 pub use resample::{max_pool, upsample};
-pub use shape::Shape;
+pub use shape::{FilterPosition, PlainFilter, Shape};

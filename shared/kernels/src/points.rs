@@ -26,7 +26,7 @@ pub use linear::linear;
 pub use lists::Lists;
 pub use maximum::maximum;
 pub use neighbor_maximum::neighbor_maximum;
-pub use normalize::{ColumnStatistics, Source, normalize};
+pub use normalize::{ColumnStatistics, Normalization, Source, normalize};
 pub use normalized_means::normalized_means;
 pub use plane::{PlaneShape, depth_wise_convolution, plane_convolution};
 pub use residual_layers::add_residual_layers;

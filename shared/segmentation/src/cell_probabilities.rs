@@ -1,6 +1,6 @@
 //! Probabilities of the classes in the cells of a submap.
 
-use crate::class_rows::class_row;
+use crate::class_rows::{UNLABELED, class_row};
 use messages::{ClassId, ClassRow};
 
 /// Cell of a point that is in no cell.
@@ -39,11 +39,9 @@ impl CellProbabilities {
     }
     /// Class and score of each point, in order. `classes` are those of the probabilities.
     pub(crate) fn decide(&self, classes: &[ClassId]) -> impl Iterator<Item = ClassRow> {
-        let of_cell = |row: &[f32]| class_row(best_of(row).map(|(class, probability)| (classes[class], probability)));
+        let of_cell = |row: &[f32]| row_of(best_of(row), classes);
         let of_cells: Vec<ClassRow> = self.of_cells.chunks_exact(self.n_classes).map(of_cell).collect();
-        self.cell_of_point
-            .iter()
-            .map(move |&cell| of_cells.get(cell as usize).copied().unwrap_or_else(|| class_row(None)))
+        self.cell_of_point.iter().map(move |&cell| of_cells.get(cell as usize).copied().unwrap_or(UNLABELED))
     }
 }
 
@@ -52,13 +50,29 @@ pub(crate) fn is_known(probabilities: &[f32]) -> bool {
     probabilities.iter().any(|probability| *probability > 0.0)
 }
 
-/// The best class and its probability, of equal ones the first; `None` if all are zero.
-pub(crate) fn best_of(probabilities: &[f32]) -> Option<(usize, f32)> {
-    let first = (0, *probabilities.first()?);
-    let larger = |best: (usize, f32), (class, &probability): (usize, &f32)| {
-        if probability > best.1 { (class, probability) } else { best }
-    };
-    Some(probabilities.iter().enumerate().fold(first, larger)).filter(|(_, probability)| *probability > 0.0)
+/// The most probable class of a point or cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BestClass {
+    /// Its number among the classes of the model.
+    pub class: usize,
+    /// 0 to 1.
+    pub probability: f32,
+}
+
+/// The best class, of equally probable ones the first; `None` if all probabilities are zero.
+pub(crate) fn best_of(probabilities: &[f32]) -> Option<BestClass> {
+    let mut best = BestClass { class: 0, probability: *probabilities.first()? };
+    for (class, &probability) in probabilities.iter().enumerate() {
+        if probability > best.probability {
+            best = BestClass { class, probability };
+        }
+    }
+    Some(best).filter(|best| best.probability > 0.0)
+}
+
+/// The row of a point with this class; without one, unlabeled.
+pub(crate) fn row_of(best: Option<BestClass>, classes: &[ClassId]) -> ClassRow {
+    best.map_or(UNLABELED, |BestClass { class, probability }| class_row(classes[class], probability))
 }
 
 #[cfg(test)]

@@ -12,11 +12,10 @@ pub(crate) fn write_rows(rows: impl Iterator<Item = ClassRow>, classes: &mut [Cl
     n_unlabeled
 }
 
-/// The row of a point from its class and the probability of that, 0 to 1; without them, unlabeled.
-pub(crate) fn class_row(decision: Option<(ClassId, f32)>) -> ClassRow {
-    let row = |(class, probability): (ClassId, f32)| ClassRow {
-        class_id: class as u8,
-        score: (probability * 255.0).round() as u8,
-    };
-    decision.map_or(ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }, row)
+/// The row of a point without a class.
+pub(crate) const UNLABELED: ClassRow = ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 };
+
+/// The row of a point from its class and the probability of the class, 0 to 1.
+pub(crate) fn class_row(class: ClassId, probability: f32) -> ClassRow {
+    ClassRow { class_id: class as u8, score: (probability * 255.0).round() as u8 }
 }

@@ -6,8 +6,8 @@
 //! below 1 raises the scores of the decided classes, and changes no class.
 
 use crate::CellProbabilities;
-use crate::cell_probabilities::best_of;
-use crate::class_rows::{class_row, write_rows};
+use crate::cell_probabilities::{BestClass, best_of, row_of};
+use crate::class_rows::write_rows;
 use crate::ground_quasi_flat;
 use crate::model_file::{CardText, ModelFile, encode_model};
 use crate::options::Options;
@@ -15,7 +15,7 @@ use crate::points::{self, PointModel};
 use crate::segmenter::CellSegmenter;
 use crate::settings_rules::{check_rules, temperature_rule};
 use crate::spherical::{self, GroundUse, SphericalModel};
-use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter, SubmapProbabilities};
 use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
 use serde::{Deserialize, Serialize};
@@ -196,8 +196,8 @@ impl Fused {
     /// If `step` is 0.
     pub fn means(&self, input: &ModelInput<'_>, step: usize) -> Result<Vec<f32>, SegmentationError> {
         input.check_columns()?;
-        let ([of_first, of_second], _) =
-            self.factors(input, &SubmapGround::find(input.header, input.points), self.shares)?;
+        let ground = SubmapGround::find(input.header, input.points);
+        let Factors { of_models: [of_first, of_second], .. } = self.factors(input, &ground, self.shares)?;
         let n_classes = self.classes().len();
         let mut means = Vec::with_capacity(input.points.len().div_ceil(step) * n_classes);
         for factors in of_first.of_points().zip(of_second.of_points()).map(<[_; 2]>::from).step_by(step) {
@@ -208,21 +208,29 @@ impl Fused {
         }
         Ok(means)
     }
-    /// What each model contributes to the products, its probabilities to the power of its exponent, and the report of the first.
+    /// What each model contributes to the products.
     fn factors(
         &self,
         input: &ModelInput<'_>,
         ground: &Arc<SubmapGround>,
         exponents: [f32; 2],
-    ) -> Result<([CellProbabilities; 2], Report), SegmentationError> {
+    ) -> Result<Factors, SegmentationError> {
         let [first, second] = &self.models;
-        let (of_first, report) = first.probabilities(input, ground)?;
-        let (of_second, _) = second.probabilities(input, ground)?;
+        let SubmapProbabilities { cells: of_first, report } = first.probabilities(input, ground)?;
+        let SubmapProbabilities { cells: of_second, .. } = second.probabilities(input, ground)?;
         // By cells, because many points share one.
-        let factors = [(of_first, exponents[0]), (of_second, exponents[1])]
-            .map(|(cells, exponent)| cells.map(|probability| (probability + LEAST).powf(exponent)));
-        Ok((factors, report))
+        let power = |exponent: f32| move |probability: f32| (probability + LEAST).powf(exponent);
+        let of_models = [of_first.map(power(exponents[0])), of_second.map(power(exponents[1]))];
+        Ok(Factors { of_models, report })
     }
+}
+
+/// What both models contribute to the products of a submap.
+struct Factors {
+    /// The probabilities of each model to the power of its exponent.
+    of_models: [CellProbabilities; 2],
+    /// The report of the first model.
+    report: Report,
 }
 
 /// Multiplies values of the classes by the factors at a point. A model that cannot classify it has none.
@@ -233,14 +241,14 @@ fn multiply(values: &mut [f32], factors: [Option<&[f32]>; 2]) {
 }
 
 /// The best class at a point and its share of the products of priors and factors.
-fn decide(priors: &[f32], factors: [Option<&[f32]>; 2]) -> Option<(usize, f32)> {
+fn decide(priors: &[f32], factors: [Option<&[f32]>; 2]) -> Option<BestClass> {
     factors.iter().flatten().next()?;
     let mut products = [1.0; ClassId::ALL.len()];
     let products = &mut products[..priors.len()];
     products.copy_from_slice(priors);
     multiply(products, factors);
     let total: f32 = products.iter().sum();
-    best_of(products).map(|(class, product)| (class, product / total))
+    best_of(products).map(|best| BestClass { probability: best.probability / total, ..best })
 }
 
 /// Whether both are the row of one cell.
@@ -262,10 +270,8 @@ impl Segmenter for Fused {
         let ground = SubmapGround::find(input.header, input.points);
         // So a temperature costs nothing: the factors are computed with some exponents anyway.
         let exponents = self.shares.map(|share| share / self.temperature);
-        let ([of_first, of_second], report) = self.factors(input, &ground, exponents)?;
-        let decided = |factors: [Option<&[f32]>; 2]| {
-            class_row(decide(&self.priors, factors).map(|(class, share)| (first.classes()[class], share)))
-        };
+        let Factors { of_models: [of_first, of_second], report } = self.factors(input, &ground, exponents)?;
+        let decided = |factors: [Option<&[f32]>; 2]| row_of(decide(&self.priors, factors), first.classes());
         // Points that follow each other often share their cells.
         let mut last = ([None, None], decided([None, None]));
         let rows = of_first.of_points().zip(of_second.of_points()).map(|(first, second)| {
@@ -290,11 +296,15 @@ mod tests {
     const ROAD_OR_POLE: [ClassId; 2] = [ClassId::Road, ClassId::Pole];
 
     /// Gives each point its own cell with probabilities of a list.
-    struct Fixed(ModelCard, Vec<ClassId>, [[f32; 2]; 4]);
+    struct Fixed {
+        card: ModelCard,
+        classes: Vec<ClassId>,
+        rows: [[f32; 2]; 4],
+    }
 
     impl Segmenter for Fixed {
         fn card(&self) -> &ModelCard {
-            &self.0
+            &self.card
         }
         fn segment(&self, _: &ModelInput<'_>, _: &mut [ClassRow]) -> Result<Report, SegmentationError> {
             unreachable!("fused models give probabilities")
@@ -303,7 +313,7 @@ mod tests {
 
     impl CellSegmenter for Fixed {
         fn classes(&self) -> &[ClassId] {
-            &self.1
+            &self.classes
         }
         fn refinement(&self) -> Refinement {
             Refinement::NONE
@@ -312,15 +322,15 @@ mod tests {
             &self,
             _: &ModelInput<'_>,
             _: &Arc<SubmapGround>,
-        ) -> Result<(CellProbabilities, Report), SegmentationError> {
-            let of_cells = self.2.concat();
-            Ok((CellProbabilities::new(2, of_cells, vec![0, 1, 2, 3]), Report { n_unseen: 9, ..Report::default() }))
+        ) -> Result<SubmapProbabilities, SegmentationError> {
+            let cells = CellProbabilities::new(2, self.rows.concat(), vec![0, 1, 2, 3]);
+            Ok(SubmapProbabilities { cells, report: Report { n_unseen: 9, ..Report::default() } })
         }
     }
 
     fn model(classes: [ClassId; 2], rows: [[f32; 2]; 4]) -> Box<dyn CellSegmenter> {
         let card = ModelCard { architecture: "fixed".to_owned(), version: 1, digest: 0 };
-        Box::new(Fixed(card, classes.to_vec(), rows))
+        Box::new(Fixed { card, classes: classes.to_vec(), rows })
     }
 
     fn fused(

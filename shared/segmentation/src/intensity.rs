@@ -125,8 +125,8 @@ mod tests {
     const UNCHANGED: SubmapIntensities = SubmapIntensities { map: IntensityMap::Unchanged, foreign: None };
     const UNKNOWN: SubmapIntensities = SubmapIntensities { map: IntensityMap::Unknown, foreign: None };
 
-    fn foreign(found: u8) -> Option<ForeignIntensity> {
-        Some(ForeignIntensity { found, trained: 12 })
+    fn foreign(found: u8) -> ForeignIntensity {
+        ForeignIntensity { found, trained: 12 }
     }
 
     fn find(intensity_use: IntensityUse, gain: f32) -> SubmapIntensities {
@@ -145,11 +145,11 @@ mod tests {
     fn intensities_on_another_scale_are_reported_and_normalized() {
         for (gain, median) in [(0.2, 3), (4.0, 52), (5.0, 65)] {
             let auto = find(IntensityUse::Auto, gain);
-            assert_eq!(auto.foreign, foreign(median), "gain {gain}");
+            assert_eq!(auto.foreign, Some(foreign(median)), "gain {gain}");
             assert_eq!(auto, find(IntensityUse::Normalized, gain), "gain {gain}");
             assert_eq!(auto.map.of_intensity(0, median), 12, "gain {gain}");
         }
-        assert_eq!(find(IntensityUse::Raw, 5.0), SubmapIntensities { foreign: foreign(65), ..UNCHANGED });
+        assert_eq!(find(IntensityUse::Raw, 5.0), SubmapIntensities { foreign: Some(foreign(65)), ..UNCHANGED });
         for gain in [1.0, 5.0] {
             assert_eq!(find(IntensityUse::Off, gain), UNKNOWN);
         }
@@ -173,7 +173,7 @@ mod tests {
             assert_eq!(map, UNKNOWN);
         }
         let raw = SubmapIntensities::find(IntensityUse::Raw, &points, &heights_m, Some(TRAINED));
-        assert_eq!(raw, SubmapIntensities { foreign: foreign(76), ..UNCHANGED });
+        assert_eq!(raw, SubmapIntensities { foreign: Some(foreign(76)), ..UNCHANGED });
     }
 
     #[test]

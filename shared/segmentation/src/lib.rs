@@ -56,5 +56,5 @@ pub use load::{asked_columns, load};
 pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};
 pub use options::Options;
 pub use refinement::Refinement;
-pub use segmenter::{CellSegmenter, ModelInput, Report, Segmenter};
+pub use segmenter::{CellSegmenter, ModelInput, Report, Segmenter, SpectraColumn, SubmapProbabilities};
 pub use unknown_below::UnknownBelow;

@@ -16,8 +16,24 @@ pub struct ModelInput<'a> {
     pub points: &'a [SubmapPoint],
     /// A color for every point, if the drive has cameras.
     pub colors: Option<&'a [ColorRow]>,
-    /// The spectra of the points, if the drive has hyperspectral cameras: header and rows of the topic.
-    pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
+    /// The spectra of the points, if the drive has hyperspectral cameras.
+    pub spectra: Option<SpectraColumn<'a>>,
+}
+
+/// A message of the topic `spectra`, in place.
+#[derive(Clone, Copy)]
+pub struct SpectraColumn<'a> {
+    /// Bands and counts.
+    pub header: &'a SpectraHeader,
+    /// Index of the spectrum of each point, then the spectra.
+    pub rows: &'a [u32],
+}
+
+impl<'a> SpectraColumn<'a> {
+    /// The spectra of the points; `None` if the number of rows does not fit the header.
+    pub(crate) fn view(&self) -> Option<SpectraView<'a>> {
+        SpectraView::new(self.header, self.rows)
+    }
 }
 
 /// Diagnostics of one submap.
@@ -56,7 +72,15 @@ pub trait CellSegmenter: Segmenter {
         &self,
         input: &ModelInput<'_>,
         ground: &Arc<SubmapGround>,
-    ) -> Result<(CellProbabilities, Report), SegmentationError>;
+    ) -> Result<SubmapProbabilities, SegmentationError>;
+}
+
+/// What a [`CellSegmenter`] knows of a submap.
+pub struct SubmapProbabilities {
+    /// Probabilities of the classes in cells of the submap.
+    pub cells: CellProbabilities,
+    /// Diagnostics, without unlabeled points.
+    pub report: Report,
 }
 
 impl<'a> ModelInput<'a> {
@@ -77,10 +101,14 @@ impl<'a> ModelInput<'a> {
     pub(crate) fn check_columns(&self) -> Result<(), SegmentationError> {
         self.colors.map_or(Ok(()), |colors| self.check_length("color column", colors.len()))?;
         let expected = self.points.len();
-        if let Some((header, rows)) = self.spectra {
-            let found = header.n_points as usize;
-            if found != expected || SpectraView::new(header, rows).is_none() {
-                return Err(SegmentationError::Length { column: "spectra column", found: rows.len(), expected });
+        if let Some(spectra) = self.spectra {
+            let found = spectra.header.n_points as usize;
+            if found != expected || spectra.view().is_none() {
+                return Err(SegmentationError::Length {
+                    column: "spectra column",
+                    found: spectra.rows.len(),
+                    expected,
+                });
             }
         }
         Ok(())

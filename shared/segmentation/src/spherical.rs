@@ -30,5 +30,5 @@ pub use polar_image::{PolarImage, PolarPixel};
 pub use range_sweep::{ImageSource, RangeSweep, range_sweeps};
 pub use settings::{ARCHITECTURE, GroundUse, Settings, VERSION};
 pub use softmax::{MAX_CLASSES, Vote};
-pub use submap_sweeps::{OwnedSubmap, SubmapSweeps};
+pub use submap_sweeps::{OwnedSpectra, OwnedSubmap, SubmapSweeps};
 pub use sweep_images::SweepImages;

@@ -1,8 +1,8 @@
 //! An auxiliary head that classifies the bird's-eye view, as in LiDOG (Saltori et al. 2023, "Walking your LiDOG"): features that tell what
 //! is where on a map depend less on the sensor. Only the training has it.
 
-use crate::criterion::{Criterion, known_rows};
-use crate::differential::{Differential, Recording};
+use crate::criterion::{Criterion, RowDerivatives, known_rows};
+use crate::differential::{Differential, InputDerivatives, Recording};
 use crate::pixels::Pixels;
 use crate::variables::Variables;
 use crate::{BevLabels, Example, NO_CELL, TrainingError, UNKNOWN};
@@ -74,14 +74,14 @@ impl BevHead {
         let truth: Vec<u8> = grids.iter().flat_map(|(_, labels)| labels.truth.iter().copied()).collect();
         let known = known_rows(&truth);
         let classes: Vec<u8> = known.iter().map(|&cell| truth[cell as usize]).collect();
-        let (loss, mut by_logits) = criterion.derive_rows(cells.gather(&outputs, &known), &classes)?;
+        let RowDerivatives { loss, mut by_logits } = criterion.derive_rows(cells.gather(&outputs, &known), &classes)?;
         for by in &mut by_logits {
             *by *= criterion.bev_head as f32;
         }
         let by_outputs = cells.scatter(&by_logits, &known, &outputs);
         let backward = |((run, by_output), &(example, labels)): ((&Recording, Planes), &(usize, &BevLabels))| {
-            let (by_filters, by_grid) = network.backward_to_input(run, by_output);
-            (by_filters, (example, by_features(&by_grid, features(example), labels, fold)))
+            let InputDerivatives { by_filters, by_input } = network.backward_to_input(run, by_output);
+            (by_filters, (example, by_features(&by_input, features(example), labels, fold)))
         };
         let derived = runs.par_iter().zip(by_outputs).zip(&grids).map(backward);
         let (by_filters, of_examples): (Vec<_>, Vec<_>) = derived.collect::<Vec<_>>().into_iter().unzip();

@@ -36,7 +36,7 @@ impl LabeledMeans {
         let logarithms: Vec<f32> = priors.iter().map(|prior| prior.ln()).collect();
         let mut confusion = Confusion::new(priors.len());
         for (row, truth) in self.points(priors.len()) {
-            confusion.add(usize::from(truth), best(row, &logarithms, None).0);
+            confusion.add(usize::from(truth), best(row, &logarithms, None).class);
         }
         confusion.mean_iou()
     }
@@ -54,7 +54,7 @@ impl LabeledMeans {
             .map(|(rows, truth)| {
                 let rows = rows.chunks_exact(n_classes).zip(truth);
                 rows.map(|(row, &truth)| {
-                    let (other, largest) = best(row, logarithms, Some(class));
+                    let Winner { class: other, sum: largest } = best(row, logarithms, Some(class));
                     let tenths = (10.0 * (largest - row[class])).ceil() - *TENTHS.start() as f32;
                     bin(tenths.clamp(0.0, N_STEPS as f32) as usize, usize::from(truth), other)
                 })
@@ -79,11 +79,22 @@ impl LabeledMeans {
     }
 }
 
-/// The class with the largest sum of the logarithms of mean and prior, but for one, and that sum.
-fn best(row: &[f32], logarithms: &[f32], but: Option<usize>) -> (usize, f32) {
-    let sums = row.iter().zip(logarithms).map(|(mean, prior)| mean + prior).enumerate();
-    let first = (0, f32::NEG_INFINITY);
-    sums.filter(|(class, _)| Some(*class) != but).fold(first, |best, next| if next.1 > best.1 { next } else { best })
+/// The class with the largest sum of the logarithms of mean and prior.
+struct Winner {
+    class: usize,
+    sum: f32,
+}
+
+/// The winner at a point, without one of the classes.
+fn best(row: &[f32], logarithms: &[f32], without: Option<usize>) -> Winner {
+    let mut best = Winner { class: 0, sum: f32::NEG_INFINITY };
+    for (class, (mean, prior)) in row.iter().zip(logarithms).enumerate() {
+        let sum = mean + prior;
+        if Some(class) != without && sum > best.sum {
+            best = Winner { class, sum };
+        }
+    }
+    best
 }
 
 /// The factor of each class, 1 to 20 in two decimals, with which the mean of the scores of all groups of points is largest (each the mean

@@ -5,6 +5,20 @@ use crate::{TrainingError, UNKNOWN};
 use candle_core::{Device, Tensor, Var};
 use random::Random;
 
+/// A loss and its derivatives with respect to the logits, on a device.
+pub(crate) struct LogitDerivatives {
+    /// One number.
+    pub(crate) loss: Tensor,
+    /// The shape of the logits.
+    pub(crate) by_logits: Tensor,
+}
+
+/// A loss and its derivatives with respect to the logits, row by row.
+pub(crate) struct RowDerivatives {
+    pub(crate) loss: f64,
+    pub(crate) by_logits: Vec<f32>,
+}
+
 /// The loss of logits, one row for each pixel or point.
 pub struct Criterion {
     pub(crate) loss: Loss,
@@ -70,17 +84,18 @@ impl Criterion {
         Ok((loss + (consistency(&full, &sparse)? * self.consistency)?)?)
     }
     /// The loss of [`Self::of_views`], one number, and its derivatives with respect to the logits.
-    pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<(Tensor, Tensor), TrainingError> {
+    pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<LogitDerivatives, TrainingError> {
         let logits = Var::from_tensor(logits)?;
         let loss = self.of_views(&logits, classes)?;
         let by_logits = loss.backward()?.remove(&logits).map_or_else(|| logits.zeros_like(), Ok)?;
-        Ok((loss, by_logits))
+        Ok(LogitDerivatives { loss, by_logits })
     }
     /// [`Self::derive`] of rows on the CPU.
-    pub(crate) fn derive_rows(&self, logits: Vec<f32>, classes: &[u8]) -> Result<(f64, Vec<f32>), TrainingError> {
+    pub(crate) fn derive_rows(&self, logits: Vec<f32>, classes: &[u8]) -> Result<RowDerivatives, TrainingError> {
         let logits = Tensor::from_vec(logits, ((), self.n_classes), &Device::Cpu)?;
-        let (loss, by_logits) = self.derive(&logits, classes)?;
-        Ok((f64::from(loss.to_scalar::<f32>()?), by_logits.flatten_all()?.to_vec1()?))
+        let LogitDerivatives { loss, by_logits } = self.derive(&logits, classes)?;
+        let loss = f64::from(loss.to_scalar::<f32>()?);
+        Ok(RowDerivatives { loss, by_logits: by_logits.flatten_all()?.to_vec1()? })
     }
 }
 

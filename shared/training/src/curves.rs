@@ -17,6 +17,15 @@ pub struct Epoch {
     pub accuracy: f64,
 }
 
+/// The epoch with the best validation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BestEpoch {
+    /// Its index.
+    pub epoch: usize,
+    /// Its mean IoU on the validation data, 0 to 1.
+    pub mean_iou: f64,
+}
+
 /// All epochs so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Curves {
@@ -25,10 +34,11 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// Index and mean IoU of the epoch with the best validation, the first of equals.
-    pub fn best(&self) -> Option<(usize, f64)> {
-        let with_index = self.epochs.iter().map(|epoch| epoch.mean_iou).enumerate();
-        with_index.rev().max_by(|a, b| a.1.total_cmp(&b.1))
+    /// The epoch with the best validation, the first of equals.
+    pub fn best(&self) -> Option<BestEpoch> {
+        let epochs = self.epochs.iter().enumerate();
+        let epochs = epochs.map(|(epoch, of)| BestEpoch { epoch, mean_iou: of.mean_iou });
+        epochs.rev().max_by(|a, b| a.mean_iou.total_cmp(&b.mean_iou))
     }
     /// One line per epoch.
     pub fn csv(&self) -> String {

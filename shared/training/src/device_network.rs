@@ -51,7 +51,7 @@ impl DeviceNetwork {
     /// # Errors
     /// If the images are of several sizes, or do not fit the network.
     pub fn run(&self, images: &[&Tensor], dropout: Option<&mut Random>) -> Result<Tensor, SegmentationError> {
-        let batch = batch(images, self.spec.channels().0, &self.device)?;
+        let batch = batch(images, self.spec.inputs(), &self.device)?;
         let mut run = Run { filters: self.filters.iter(), border: self.border, dropout };
         self.spec.run(&mut run, batch)
     }

@@ -3,16 +3,22 @@
 //! Few waits for the device: what the host needs comes in one tensor.
 
 use crate::TrainingError;
-use crate::criterion::Criterion;
+use crate::criterion::{Criterion, LogitDerivatives};
 use crate::device_network::DeviceNetwork;
-use crate::differential::OfLayer;
 use crate::pixels::Pixels;
 use crate::views::Views;
 use candle_core::{Tensor, Var};
-use kernels::images::Planes;
+use kernels::images::{PlainFilter, Planes};
 use random::Random;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+
+/// Loss of a batch and its derivatives.
+pub(crate) struct DeviceDerivatives {
+    pub(crate) loss: f64,
+    /// With respect to the filters of the layers.
+    pub(crate) of_layers: Vec<PlainFilter>,
+}
 
 /// A batch on a device.
 pub(crate) struct DevicePass<'a> {
@@ -42,11 +48,12 @@ impl<'a> DevicePass<'a> {
         criterion: &Criterion,
         views: &Views<'_>,
         mut random: Random,
-    ) -> Result<(f64, Vec<OfLayer>), TrainingError> {
+    ) -> Result<DeviceDerivatives, TrainingError> {
         let logits = self.run(Some(&mut random))?;
         let used_rows = self.rows_of(&views.used);
         let index = Tensor::new(used_rows.as_slice(), self.network.device())?;
-        let (loss, by_used) = criterion.derive(&logits.detach().index_select(&index, 0)?, &views.classes)?;
+        let LogitDerivatives { loss, by_logits: by_used } =
+            criterion.derive(&logits.detach().index_select(&index, 0)?, &views.classes)?;
         // The other rows take the zeros after the last. Adding rows at their places would be slow on a GPU.
         let n_rows = logits.dim(0)?;
         let mut sources = vec![used_rows.len() as u32; n_rows];
@@ -70,8 +77,11 @@ impl<'a> DevicePass<'a> {
             values = rest;
             taken.to_vec()
         };
-        let of_layer = |[weights, biases]: &[Var; 2]| (take(weights.elem_count()), take(biases.elem_count()));
-        Ok((loss, self.network.variables().iter().map(of_layer).collect()))
+        let of_layer = |[weights, biases]: &[Var; 2]| PlainFilter {
+            weights: take(weights.elem_count()),
+            biases: take(biases.elem_count()),
+        };
+        Ok(DeviceDerivatives { loss, of_layers: self.network.variables().iter().map(of_layer).collect() })
     }
     /// Logits of all pixels, one row for each: sizes of images outermost, then parts of a folded column, images, rows, columns.
     fn run(&self, mut dropout: Option<&mut Random>) -> Result<Tensor, TrainingError> {

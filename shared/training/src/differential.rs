@@ -1,13 +1,10 @@
 //! A network that records its run, for derivatives (reverse-mode differentiation).
 
 use crate::derivatives::{input_gradient, max_pool_gradient, transposed_filters, upsample_gradient, weight_gradient};
-use kernels::images::{Border, Feature, Filter, Planes, convolve, max_pool, upsample};
+use kernels::images::{Border, Feature, Filter, PlainFilter, Planes, convolve, max_pool, upsample};
 use random::Random;
 use segmentation::SegmentationError;
 use segmentation::network::{Executor, Layer, NetworkSpec, Weights};
-
-/// Derivatives with respect to the weights and the biases of a layer, in the order of `PyTorch`.
-pub type OfLayer = (Vec<f32>, Vec<f32>);
 
 /// A network with its transposed filters.
 pub struct Differential {
@@ -22,6 +19,14 @@ pub struct Differential {
 pub struct Recording {
     images: Vec<Planes>,
     steps: Vec<Step>,
+}
+
+/// Derivatives of a run down to its input.
+pub struct InputDerivatives {
+    /// With respect to the packed filters of all layers.
+    pub by_filters: Vec<Vec<Feature>>,
+    /// With respect to the input.
+    pub by_input: Planes,
 }
 
 enum Step {
@@ -91,13 +96,14 @@ impl Differential {
         self.backward_through(recording, &mut by_images, 1)
     }
     /// [`Self::backward`], and the derivative with respect to the input.
-    pub fn backward_to_input(&self, recording: &Recording, by_output: Planes) -> (Vec<Vec<Feature>>, Planes) {
+    pub fn backward_to_input(&self, recording: &Recording, by_output: Planes) -> InputDerivatives {
         let mut by_images = recording.derivatives(by_output);
         let by_filters = self.backward_through(recording, &mut by_images, 0);
-        (by_filters, by_images.swap_remove(0).expect("the output depends on the input"))
+        let by_input = by_images.swap_remove(0).expect("the output depends on the input");
+        InputDerivatives { by_filters, by_input }
     }
-    /// Derivatives with respect to the weights and biases of the layers, in the order of `PyTorch`: sums of those of several runs.
-    pub fn of_layers(&self, by_runs: Vec<Vec<Vec<Feature>>>) -> Vec<OfLayer> {
+    /// Derivatives with respect to the filters of the layers: sums over several runs.
+    pub fn of_layers(&self, by_runs: Vec<Vec<Vec<Feature>>>) -> Vec<PlainFilter> {
         let layers = self.spec.layers();
         layers.iter().zip(sum_of(by_runs)).map(|(layer, packed)| layer.shape.unpacked(&packed)).collect()
     }

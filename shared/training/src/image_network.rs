@@ -1,11 +1,11 @@
 //! Networks on images in training: runs and derivatives of the kernels of `kernels::images`.
 
 use crate::bev_head::{BevHead, OfGrids};
-use crate::criterion::{Criterion, known_rows};
+use crate::criterion::{Criterion, RowDerivatives, known_rows};
 use crate::device_network::DeviceNetwork;
-use crate::device_pass::DevicePass;
+use crate::device_pass::{DeviceDerivatives, DevicePass};
 use crate::differential::{Differential, Recording};
-use crate::network::{Derivatives, LabeledLogits, Network};
+use crate::network::{Derivatives, LabeledLogits, LabeledLogitsResult, Network};
 use crate::pixels::Pixels;
 use crate::variables::Variables;
 use crate::views::{Views, inputs, truth};
@@ -69,7 +69,7 @@ impl ImageNetwork {
             views.images.par_iter().zip(streams).map(of_image).collect::<Result<_, SegmentationError>>()?;
         let outputs: Vec<&Planes> = recordings.iter().map(Recording::output).collect();
         let (Views { pixels, used, classes, n_derived, .. }, n_classes) = (views, criterion.n_classes);
-        let (mut loss, by_logits) = criterion.derive_rows(pixels.gather(&outputs, used), classes)?;
+        let RowDerivatives { mut loss, by_logits } = criterion.derive_rows(pixels.gather(&outputs, used), classes)?;
         let by_outputs = pixels.scatter(&by_logits[..n_derived * n_classes], &used[..*n_derived], &outputs);
         let head = self.bev_head.as_ref().filter(|_| criterion.bev_head > 0.0);
         let of_grids = head.map(|head| head.derive(batch, &recordings, self.fold, criterion)).transpose()?.flatten();
@@ -130,11 +130,11 @@ impl Network for ImageNetwork {
             return self.derive_by_kernels(batch, &views, criterion, random).map(Some);
         };
         let network = DeviceNetwork::new(self.spec(), &self.weights()?, self.border, device)?;
-        let (loss, of_layers) =
+        let DeviceDerivatives { loss, of_layers } =
             DevicePass::new(&network, &views.images, &views.pixels).derive(criterion, &views, random)?;
         Ok(Some(Derivatives { loss, gradients: self.variables.gradients(of_layers)? }))
     }
-    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogits, TrainingError> {
+    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogitsResult, TrainingError> {
         let weights = self.weights()?;
         let on_device =
             self.device.as_ref().map(|device| DeviceNetwork::new(self.spec(), &weights, self.border, device));
@@ -150,7 +150,8 @@ impl Network for ImageNetwork {
             let images = inputs(batch);
             let pixels = Pixels::of(&images, n_classes, self.fold);
             if let Some(network) = &on_device {
-                return Ok(Some((DevicePass::new(network, &images, &pixels).logits(&known)?, classes)));
+                let logits = DevicePass::new(network, &images, &pixels).logits(&known)?;
+                return Ok(Some(LabeledLogits { logits, classes }));
             }
             let inputs = images.iter().map(|image| image.to_tensor()).collect::<Result<Vec<_>, _>>()?;
             let results = network.run_batch(&inputs.iter().collect::<Vec<_>>())?;
@@ -158,7 +159,7 @@ impl Network for ImageNetwork {
             let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
             let logits = pixels.gather(&outputs.iter().collect::<Vec<_>>(), &known);
             let logits = Tensor::from_vec(logits, (known.len(), n_classes), &Device::Cpu)?;
-            Ok(Some((logits, classes)))
+            Ok(Some(LabeledLogits { logits, classes }))
         })
     }
 }

@@ -16,8 +16,16 @@ pub struct Derivatives {
     pub gradients: BTreeMap<String, Vec<f32>>,
 }
 
-/// Logits of the labeled rows of a batch, and their classes; `None` if nothing is labeled.
-pub type LabeledLogits = Result<Option<(Tensor, Vec<u8>)>, TrainingError>;
+/// Logits of the labeled rows of a batch: pixels or points.
+pub struct LabeledLogits {
+    /// A row for each labeled pixel or point, a column for each class.
+    pub logits: Tensor,
+    /// The classes of the rows.
+    pub classes: Vec<u8>,
+}
+
+/// The logits of a batch; `None` if nothing is labeled.
+pub type LabeledLogitsResult = Result<Option<LabeledLogits>, TrainingError>;
 
 /// A network in training.
 pub trait Network: Sized + Sync {
@@ -52,7 +60,7 @@ pub trait Network: Sized + Sync {
         random: Random,
     ) -> Result<Option<Derivatives>, TrainingError>;
     /// A function for the logits of batches.
-    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Self::Example]) -> LabeledLogits, TrainingError>;
+    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Self::Example]) -> LabeledLogitsResult, TrainingError>;
 }
 
 /// Moves all values by a share of their difference to those of another network of the same architecture.

@@ -1,7 +1,7 @@
 //! Networks on points in training: candle differentiates the operations of `segmentation::points`.
 
-use crate::criterion::{Criterion, known_rows};
-use crate::network::{Derivatives, LabeledLogits, Network};
+use crate::criterion::{Criterion, RowDerivatives, known_rows};
+use crate::network::{Derivatives, LabeledLogits, LabeledLogitsResult, Network};
 use crate::{PointExample, TrainingError};
 use candle_core::{Device, Tensor, Var};
 use random::Random;
@@ -37,12 +37,16 @@ impl PointNetwork {
         let statistics = list.into_iter().filter(is_statistic).map(|parameter| parameter.name).collect();
         Ok(Self { spec: spec.clone(), parameters, statistics, has_fixed_statistics: false })
     }
-    /// Takes the parameters whose names and shapes occur in the weights. Returns their number and that of all parameters.
+    /// Takes the parameters whose names and shapes occur in the weights. Returns their number.
     ///
     /// # Errors
     /// If candle fails.
-    pub fn begin_with(&mut self, weights: &Weights) -> Result<(usize, usize), TrainingError> {
-        Ok((self.parameters.begin_with(weights)?, self.parameters.tensors().len()))
+    pub fn begin_with(&mut self, weights: &Weights) -> Result<usize, TrainingError> {
+        Ok(self.parameters.begin_with(weights)?)
+    }
+    /// Number of tensors of parameters.
+    pub fn n_tensors(&self) -> usize {
+        self.parameters.tensors().len()
     }
     /// The scores of a batch.
     fn run(&self, pass: &mut Pass<'_>, batch: &[&PointExample], seed: u64) -> Result<Tensor, TrainingError> {
@@ -50,18 +54,24 @@ impl PointNetwork {
         let lengths = batch.iter().map(|example| example.positions.len()).collect();
         let features: Vec<f32> = batch.iter().flat_map(|example| example.features.iter().copied()).collect();
         let plan = self.spec.plan(PointBatch::new(positions, lengths)?, seed)?;
-        let n_inputs = self.spec.channels().0;
+        let n_inputs = self.spec.inputs();
         let features = Tensor::from_vec(features, (plan.n_points(), n_inputs), &Device::Cpu)?;
         Ok(self.spec.run(pass, &plan, &features)?)
     }
 }
 
-/// The examples that a network can use, and the classes of their points.
-fn usable(batch: &[PointExample]) -> (Vec<&PointExample>, Vec<u8>) {
+/// The examples of a batch that a network can use.
+struct Usable<'a> {
+    examples: Vec<&'a PointExample>,
+    /// Classes of their points.
+    truth: Vec<u8>,
+}
+
+fn usable(batch: &[PointExample]) -> Usable<'_> {
     // A single point has no neighbors.
     let examples: Vec<&PointExample> = batch.iter().filter(|example| example.positions.len() > 1).collect();
     let truth = examples.iter().flat_map(|example| example.truth.iter().copied()).collect();
-    (examples, truth)
+    Usable { examples, truth }
 }
 
 /// Rows of a tensor.
@@ -106,7 +116,7 @@ impl Network for PointNetwork {
         criterion: &Criterion,
         mut random: Random,
     ) -> Result<Option<Derivatives>, TrainingError> {
-        let (examples, truth) = usable(batch);
+        let Usable { examples, truth } = usable(batch);
         let known = criterion.known_rows(&truth, &mut random);
         if known.is_empty() {
             return Ok(None);
@@ -122,7 +132,7 @@ impl Network for PointNetwork {
         let n_classes = criterion.n_classes;
         let logits = rows_of(&scores.flatten_all()?.to_vec1::<f32>()?, n_classes, &known);
         let classes: Vec<u8> = known.iter().map(|&point| truth[point as usize]).collect();
-        let (loss, by_logits) = criterion.derive_rows(logits, &classes)?;
+        let RowDerivatives { loss, by_logits } = criterion.derive_rows(logits, &classes)?;
         let mut by_scores = vec![0.0; truth.len() * n_classes];
         for (values, &point) in by_logits.chunks_exact(n_classes).zip(&known) {
             by_scores[point as usize * n_classes..][..n_classes].copy_from_slice(values);
@@ -145,9 +155,9 @@ impl Network for PointNetwork {
         self.parameters.update_statistics(&statistics, MOMENTUM)?;
         Ok(Some(Derivatives { loss, gradients }))
     }
-    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[PointExample]) -> LabeledLogits, TrainingError> {
+    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[PointExample]) -> LabeledLogitsResult, TrainingError> {
         Ok(move |batch: &[PointExample]| {
-            let (examples, truth) = usable(batch);
+            let Usable { examples, truth } = usable(batch);
             let known = known_rows(&truth);
             if known.is_empty() {
                 return Ok(None);
@@ -155,7 +165,8 @@ impl Network for PointNetwork {
             let scores = self.run(&mut Pass::evaluation(&self.parameters), &examples, 0)?;
             let logits = rows_of(&scores.flatten_all()?.to_vec1::<f32>()?, n_classes, &known);
             let logits = Tensor::from_vec(logits, (known.len(), n_classes), &Device::Cpu)?;
-            Ok(Some((logits, known.iter().map(|&point| truth[point as usize]).collect())))
+            let classes = known.iter().map(|&point| truth[point as usize]).collect();
+            Ok(Some(LabeledLogits { logits, classes }))
         })
     }
 }

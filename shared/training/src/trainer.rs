@@ -133,7 +133,8 @@ impl Trainer {
     pub fn new(
         settings: TrainSettings,
         variables: Variables,
-        (n_classes, fold): (usize, usize),
+        n_classes: usize,
+        fold: usize,
         border: Border,
         tree: Hierarchy,
     ) -> Result<Self, TrainingError> {
@@ -191,7 +192,7 @@ impl<N: Network> Trainer<N> {
     /// Whether all epochs are done, or validation has not improved within `patience`.
     pub fn is_done(&self) -> bool {
         let done = self.curves.epochs.len();
-        let since_best = self.curves.best().map_or(0, |(epoch, _)| done - 1 - epoch);
+        let since_best = self.curves.best().map_or(0, |best| done - 1 - best.epoch);
         done >= self.settings.epochs || since_best >= self.settings.patience
     }
     /// One pass over the training data and one over the validation data.
@@ -227,7 +228,7 @@ impl<N: Network> Trainer<N> {
         let [validation_loss, mean_iou, accuracy] =
             [validation_loss, confusion.mean_iou().unwrap_or(0.0), confusion.overall_accuracy().unwrap_or(0.0)]
                 .map(rounded);
-        let is_best = self.curves.best().is_none_or(|(_, best)| mean_iou > best);
+        let is_best = self.curves.best().is_none_or(|best| mean_iou > best.mean_iou);
         let loss = rounded(sum / batches.len().max(1) as f64);
         self.curves.epochs.push(Epoch { loss, validation_loss, mean_iou, accuracy });
         if is_best {

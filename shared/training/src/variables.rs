@@ -2,6 +2,7 @@
 
 use crate::TrainingError;
 use candle_core::{Device, Tensor, Var};
+use kernels::images::PlainFilter;
 use random::Random;
 use segmentation::network::{Layer, NetworkSpec, WeightTensor, Weights};
 use std::collections::BTreeMap;
@@ -143,14 +144,14 @@ impl Variables {
         }
         Ok(weights)
     }
-    /// Derivatives with respect to every variable from those with respect to weights and biases of the layers, in the order of
-    /// `PyTorch`.
+    /// Derivatives with respect to every variable from the derivatives with respect to the filters of the layers.
     ///
     /// # Errors
     /// If candle fails.
-    pub fn gradients(&self, of_layers: Vec<(Vec<f32>, Vec<f32>)>) -> Result<BTreeMap<String, Vec<f32>>, TrainingError> {
+    pub fn gradients(&self, of_layers: Vec<PlainFilter>) -> Result<BTreeMap<String, Vec<f32>>, TrainingError> {
         let mut gradients = BTreeMap::new();
-        for (layer, (mut by_weights, by_biases)) in self.spec.layers().iter().zip(of_layers) {
+        for (layer, of_layer) in self.spec.layers().iter().zip(of_layers) {
+            let PlainFilter { weights: mut by_weights, biases: by_biases } = of_layer;
             let [mut raw, gains] = self.raw_and_gains(layer)?;
             let fan_in = raw.len() / gains.len();
             let mut by_gains = Vec::with_capacity(gains.len());

@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyBytes};
 use segmentation::intensity::IntensityUse;
-use segmentation::spherical::{OwnedSubmap, SubmapSweeps};
+use segmentation::spherical::{OwnedSpectra, OwnedSubmap, SubmapSweeps};
 use segmentation::{Options, Refinement, SegmentationError};
 use stage::messages::pod::{Pod, bytes_from_rows, bytes_from_rows_mut, zeroed_rows};
 use std::path::PathBuf;
@@ -65,7 +65,7 @@ impl SweepImages {
             points: rows(py, &submap.1)?,
             colors: color.map(|color| rows(py, &color.1)).transpose()?,
             spectra: spectra
-                .map(|spectra| Ok::<_, PyErr>((header(py, &spectra.0)?, rows(py, &spectra.1)?)))
+                .map(|spectra| Ok::<_, PyErr>(OwnedSpectra { header: header(py, &spectra.0)?, rows: rows(py, &spectra.1)? }))
                 .transpose()?,
         };
         let sweeps = py.detach(|| SubmapSweeps::new(Arc::clone(&self.images), submap));

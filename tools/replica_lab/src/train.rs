@@ -36,7 +36,7 @@ use segmentation::network::Weights;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use training::{Dataset, Hierarchy, Network, TrainSettings, Trainer};
+use training::{BestEpoch, Dataset, Hierarchy, Network, TrainSettings, Trainer};
 
 /// What a training needs of its recipe, for a network on images or on points.
 trait TrainingRecipe {
@@ -171,7 +171,7 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
         let ground_intensities = data.as_ref().and_then(TrainingData::ground_intensities);
         write_state(recipe, &trainer, (&weights, Calibration { temperature, ground_intensities }), &args.out)?;
     }
-    if let Some((epoch, mean_iou)) = trainer.curves().best() {
+    if let Some(BestEpoch { epoch, mean_iou }) = trainer.curves().best() {
         writeln!(
             std::io::stdout(),
             "best: epoch {epoch}, mIoU {:.2} %: {}",

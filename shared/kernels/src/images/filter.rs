@@ -1,7 +1,7 @@
 //! Filters of convolutions.
 
 use super::planes::{Feature, LANES, blocks};
-use super::shape::Shape;
+use super::shape::{FilterPosition, PlainFilter, Shape};
 use super::winograd_filter;
 
 /// Weights and biases in the order in which the kernel reads them: output block, input block, row, column, input channel, each
@@ -39,22 +39,22 @@ impl Filter {
         for (i, &weight) in weights.iter().enumerate() {
             let (column, row) = (i % columns, i / columns % rows);
             let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
-            let (at, lane) = shape.weight_position(out, input, [row, column]);
-            packed[at][lane] = weight;
+            let position = shape.weight_position(out, input, [row, column]);
+            packed[position.row][position.lane] = weight;
         }
         for (out, &bias) in biases.iter().enumerate() {
-            let (at, lane) = shape.bias_position(out);
-            packed[at][lane] = bias;
+            let FilterPosition { row, lane } = shape.bias_position(out);
+            packed[row][lane] = bias;
         }
         Self::from_packed(shape, packed)
     }
     /// Weight `[out, in, row, column]`.
     pub fn weight(&self, out: usize, input: usize, tap: [usize; 2]) -> f32 {
-        let (row, lane) = self.shape.weight_position(out, input, tap);
+        let FilterPosition { row, lane } = self.shape.weight_position(out, input, tap);
         self.packed[row][lane]
     }
-    /// Weights in the order of `PyTorch`, `[out, in, row, column]`, and biases.
-    pub fn unpacked(&self) -> (Vec<f32>, Vec<f32>) {
+    /// The filter in the order of `PyTorch`.
+    pub fn unpacked(&self) -> PlainFilter {
         self.shape.unpacked(&self.packed)
     }
     #[inline(always)]

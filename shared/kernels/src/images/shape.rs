@@ -17,6 +17,24 @@ pub struct Shape {
     pub rectify: bool,
 }
 
+/// Place of a value in a packed filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilterPosition {
+    /// Row of 16 values.
+    pub row: usize,
+    /// Place in the row.
+    pub lane: usize,
+}
+
+/// A filter, or the derivative with respect to one, in the order of `PyTorch`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlainFilter {
+    /// `[out, in, row, column]`.
+    pub weights: Vec<f32>,
+    /// `[out]`.
+    pub biases: Vec<f32>,
+}
+
 impl Shape {
     /// Number of blocks of all sources.
     #[inline(always)]
@@ -32,8 +50,8 @@ impl Shape {
     pub fn packed_rows(&self) -> usize {
         blocks(self.out_channels) * (self.rows_per_block() + 1)
     }
-    /// Position of weight `[out, in, row, column]` (the order of `PyTorch`) in the packed filter: row and lane.
-    pub fn weight_position(&self, out: usize, input: usize, [row, column]: [usize; 2]) -> (usize, usize) {
+    /// Position of weight `[out, in, row, column]` (the order of `PyTorch`) in the packed filter.
+    pub fn weight_position(&self, out: usize, input: usize, [row, column]: [usize; 2]) -> FilterPosition {
         let (mut block, mut channel) = (0, input);
         for &channels in &self.in_channels {
             if channel < channels {
@@ -44,27 +62,31 @@ impl Shape {
         }
         let block = block + channel / LANES;
         let tap = ((out / LANES * self.in_blocks() + block) * self.kernel[0] + row) * self.kernel[1] + column;
-        (tap * LANES + channel % LANES, out % LANES)
+        FilterPosition { row: tap * LANES + channel % LANES, lane: out % LANES }
     }
-    /// Position of a bias in the packed filter: row and lane.
-    pub fn bias_position(&self, out: usize) -> (usize, usize) {
-        (blocks(self.out_channels) * self.rows_per_block() + out / LANES, out % LANES)
+    /// Position of a bias in the packed filter.
+    pub fn bias_position(&self, out: usize) -> FilterPosition {
+        let row = blocks(self.out_channels) * self.rows_per_block() + out / LANES;
+        FilterPosition { row, lane: out % LANES }
     }
-    /// Weights in the order of `PyTorch`, `[out, in, row, column]`, and biases from a packed filter.
-    pub fn unpacked(&self, packed: &[Feature]) -> (Vec<f32>, Vec<f32>) {
+    /// The filter in the order of `PyTorch` from a packed one.
+    pub fn unpacked(&self, packed: &[Feature]) -> PlainFilter {
         let n_in: usize = self.in_channels.iter().sum();
         let [rows, columns] = self.kernel;
         let weight = |i: usize| {
             let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
-            let (row, lane) = self.weight_position(out, input, [i / columns % rows, i % columns]);
+            let FilterPosition { row, lane } = self.weight_position(out, input, [i / columns % rows, i % columns]);
             packed[row][lane]
         };
         let bias = |out: usize| {
-            let (row, lane) = self.bias_position(out);
+            let FilterPosition { row, lane } = self.bias_position(out);
             packed[row][lane]
         };
         let n_weights = self.out_channels * n_in * rows * columns;
-        ((0..n_weights).map(weight).collect(), (0..self.out_channels).map(bias).collect())
+        PlainFilter {
+            weights: (0..n_weights).map(weight).collect(),
+            biases: (0..self.out_channels).map(bias).collect(),
+        }
     }
     /// Columns of the output.
     pub fn out_width(&self, width: usize) -> usize {

@@ -9,8 +9,17 @@ pub struct Lists {
     ends: Vec<u32>,
     items: Vec<u32>,
     n_rows: usize,
-    /// The outputs that use each row, and the places of the row in `items`.
-    transposed: OnceLock<Box<(Lists, Vec<u32>)>>,
+    /// The outputs that use each row.
+    transposed: OnceLock<Box<Transposed>>,
+}
+
+/// The outputs that use each row of an input.
+#[derive(Debug)]
+pub(super) struct Transposed {
+    /// For each row the lists that contain it, ascending.
+    pub lists: Lists,
+    /// The place of the row in the items of the list, for each item of `lists`.
+    pub places: Vec<u32>,
 }
 
 impl Lists {
@@ -72,15 +81,15 @@ impl Lists {
         &self.items[self.places(list)]
     }
     /// For each row the lists that contain it, ascending, and the places of the row in the items.
-    pub(super) fn transposed(&self) -> &(Self, Vec<u32>) {
+    pub(super) fn transposed(&self) -> &Transposed {
         self.transposed.get_or_init(|| Box::new(self.transpose()))
     }
     /// For each row the lists that contain it, ascending.
     #[must_use]
     pub fn inverse(&self) -> Self {
-        self.transpose().0
+        self.transpose().lists
     }
-    fn transpose(&self) -> (Self, Vec<u32>) {
+    fn transpose(&self) -> Transposed {
         let mut ends = vec![0_u32; self.n_rows];
         self.items.iter().for_each(|row| ends[*row as usize] += 1);
         let mut end = 0;
@@ -96,7 +105,8 @@ impl Lists {
                 *slot += 1;
             }
         }
-        (Self { ends, items: lists, n_rows: self.len(), transposed: OnceLock::new() }, places)
+        let lists = Self { ends, items: lists, n_rows: self.len(), transposed: OnceLock::new() };
+        Transposed { lists, places }
     }
 }
 
@@ -107,7 +117,7 @@ mod tests {
     #[test]
     fn transposed_lists_contain_each_pair_once() {
         let lists = Lists::new([vec![2, 0], vec![], vec![2], vec![3, 2]], 5);
-        let (transposed, places) = lists.transposed();
+        let Transposed { lists: transposed, places } = lists.transposed();
         let all: Vec<&[u32]> = (0..5).map(|row| transposed.of(row)).collect();
         assert_eq!(all, [&[0][..], &[], &[0, 2, 3], &[3], &[]]);
         assert_eq!(places, &[1, 0, 2, 4, 3]);

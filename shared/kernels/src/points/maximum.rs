@@ -59,7 +59,7 @@ impl CustomOp1 for Maximum {
     fn bwd(&self, rows: &Tensor, result: &Tensor, gradient: &Tensor) -> Result<Option<Tensor>> {
         let (n_rows, n_columns) = rows.dims2()?;
         let chosen = read(rows, |rows| read(result, |result| self.chosen(rows, result, n_columns)))??;
-        let (lists, _) = self.lists.transposed();
+        let lists = &self.lists.transposed().lists;
         let gradient = read(gradient, |gradient| {
             let mut out = vec![0.0; n_rows * n_columns];
             for_each_block(&mut out, n_columns, BLOCK, |first, out| {

@@ -73,15 +73,26 @@ impl ColumnStatistics {
     }
 }
 
+/// What rows are normalized by.
+#[derive(Clone, Copy, Debug)]
+pub struct Normalization<'a> {
+    /// Mean and variance of each column.
+    pub statistics: &'a ColumnStatistics,
+    /// Where they come from.
+    pub source: Source,
+    /// Added to variances.
+    pub epsilon: f64,
+}
+
 /// `activation((rows - mean) / sqrt(variance + epsilon) * weight + bias)` by column.
 pub fn normalize(
     rows: &Tensor,
-    (statistics, source): (&ColumnStatistics, Source),
-    epsilon: f64,
+    by: Normalization<'_>,
     weight: &Tensor,
     bias: &Tensor,
     activation: Activation,
 ) -> Result<Tensor> {
+    let Normalization { statistics, source, epsilon } = by;
     let inverse = |variance: &f64| (1.0 / (variance + epsilon).sqrt()) as f32;
     let op = Normalize {
         means: statistics.means.iter().map(|mean| *mean as f32).collect(),

@@ -80,7 +80,7 @@ impl<'a> KernelTaps<'a> {
     }
     /// Support points read queries: the gradient of the input.
     pub fn backward(at: &'a Neighborhood, kernel: &'a KernelPoints) -> Self {
-        Self { lists: &at.lists.transposed().0, rows: &at.support, items: &at.queries, sign: -1.0, kernel }
+        Self { lists: &at.lists.transposed().lists, rows: &at.support, items: &at.queries, sign: -1.0, kernel }
     }
 }
 

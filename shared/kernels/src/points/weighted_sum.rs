@@ -5,7 +5,7 @@
     reason = "loops over indices of slices of one length are what the compiler makes vectors of; calls in between are not"
 )]
 
-use super::lists::Lists;
+use super::lists::{Lists, Transposed};
 use super::rows::{for_each_block, values};
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor, bail};
 use std::sync::Arc;
@@ -38,7 +38,7 @@ impl CustomOp1 for WeightedSum {
         let (n_rows, n_columns) = layout.shape().dims2()?;
         let rows = values(rows, layout)?;
         let (lists, places) = if self.transposed {
-            let (lists, places) = self.lists.transposed();
+            let Transposed { lists, places } = self.lists.transposed();
             (lists, Some(places))
         } else {
             (&*self.lists, None)

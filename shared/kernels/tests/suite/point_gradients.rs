@@ -2,8 +2,9 @@
 
 use candle_core::{Device, Result, Tensor, Var};
 use kernels::points::{
-    Activation, ColumnStatistics, KernelPoints, Lists, Neighborhood, PlaneShape, Source, add_activated, concatenate,
-    depth_wise_convolution, kernel_point_convolution, linear, maximum, normalize, plane_convolution, weighted_sum,
+    Activation, ColumnStatistics, KernelPoints, Lists, Neighborhood, Normalization, PlaneShape, Source, add_activated,
+    concatenate, depth_wise_convolution, kernel_point_convolution, linear, maximum, normalize, plane_convolution,
+    weighted_sum,
 };
 use random::Random;
 use std::sync::Arc;
@@ -108,12 +109,13 @@ fn normalization_gradient_equals_finite_difference() {
     let inputs = [gauss(&mut random, &[6, 3]), gauss(&mut random, &[3]), gauss(&mut random, &[3])];
     let of_rows = |t: &[Tensor]| {
         let statistics = ColumnStatistics::of(&t[0])?;
-        normalize(&t[0], (&statistics, Source::Rows), 1e-5, &t[1], &t[2], Activation::NONE)
+        let by = Normalization { statistics: &statistics, source: Source::Rows, epsilon: 1e-5 };
+        normalize(&t[0], by, &t[1], &t[2], Activation::NONE)
     };
     assert_gradients(&inputs, 1e-2, 3e-3, of_rows);
     let constant = ColumnStatistics { n_rows: 0, means: vec![0.1, -0.2, 0.3], variances: vec![0.5, 2.0, 1.0] };
-    let of_constants =
-        |t: &[Tensor]| normalize(&t[0], (&constant, Source::Constant), 1e-5, &t[1], &t[2], Activation::NONE);
+    let by = Normalization { statistics: &constant, source: Source::Constant, epsilon: 1e-5 };
+    let of_constants = |t: &[Tensor]| normalize(&t[0], by, &t[1], &t[2], Activation::NONE);
     assert_gradients(&inputs, 0.5, 1e-4, of_constants);
 }
 

@@ -76,7 +76,7 @@ impl Inference {
         width: usize,
         write: impl Fn(&mut PlanesMut<'_>),
     ) -> Result<PooledImage<'_>, SegmentationError> {
-        self.input_pool.written([self.spec.channels().0, height, width], self.border, write)
+        self.input_pool.written([self.spec.inputs(), height, width], self.border, write)
     }
     /// Runs the network on an image whose border is filled.
     ///
@@ -112,14 +112,14 @@ impl Inference {
         inputs: &[&Tensor],
     ) -> Result<Vec<PooledImage<'_>>, SegmentationError> {
         let mut run = on_device::Run { filters: filters.iter(), border: self.border, dropout: None };
-        let batch = batch(inputs, self.spec.channels().0, device)?;
+        let batch = batch(inputs, self.spec.inputs(), device)?;
         let outputs = self.spec.run(&mut run, batch)?.to_device(&Device::Cpu)?.transpose(0, 1)?.contiguous()?;
         let to_blocks = ToBlocks { border: self.border };
         let output = |index| Ok(outputs.narrow(0, index, 1)?.apply_op1_no_bwd(&to_blocks)?.into());
         (0..inputs.len()).map(output).collect()
     }
     fn check(&self, input: &Tensor) -> Result<(), SegmentationError> {
-        let ([rows, columns], channels) = (self.spec.multiple_of(), self.spec.channels().0);
+        let ([rows, columns], channels) = (self.spec.multiple_of(), self.spec.inputs());
         let [height, width] = size_of_image(input)?;
         let fits = height.is_multiple_of(rows) && width.is_multiple_of(columns);
         if !fits || input.dims()[0] != blocks(channels) {

@@ -9,7 +9,7 @@ use super::layer::Layer;
 use crate::SegmentationError;
 use candle_core::{Device, Result, Tensor};
 use kernels::images::tensors::FromBlocks;
-use kernels::images::{Border, Filter, Shape};
+use kernels::images::{Border, Filter, PlainFilter, Shape};
 use random::Random;
 use rayon::prelude::*;
 
@@ -29,7 +29,7 @@ pub fn batch(images: &[&Tensor], channels: usize, device: &Device) -> Result<Ten
 /// # Errors
 /// If the device cannot hold them.
 pub fn tensors_of(filter: &Filter, device: &Device) -> Result<[Tensor; 2]> {
-    let (weights, biases) = filter.unpacked();
+    let PlainFilter { weights, biases } = filter.unpacked();
     let [rows, columns] = filter.shape.kernel;
     let n_out = filter.shape.out_channels;
     Ok([Tensor::from_vec(weights, (n_out, (), rows, columns), device)?, Tensor::from_vec(biases, n_out, device)?])

@@ -36,17 +36,27 @@ pub enum NetworkSpec {
 }
 
 impl NetworkSpec {
-    /// Channels of input, output and levels.
-    pub fn channels(&self) -> (usize, usize, &[usize]) {
+    /// Channels of the input.
+    pub fn inputs(&self) -> usize {
         match self {
-            Self::Unet { inputs, outputs, widths, .. } | Self::SphericalDz { inputs, outputs, widths } => {
-                (*inputs, *outputs, widths)
-            }
+            Self::Unet { inputs, .. } | Self::SphericalDz { inputs, .. } => *inputs,
+        }
+    }
+    /// Channels of the output.
+    pub fn outputs(&self) -> usize {
+        match self {
+            Self::Unet { outputs, .. } | Self::SphericalDz { outputs, .. } => *outputs,
+        }
+    }
+    /// Channels of each level, finest first.
+    pub fn widths(&self) -> &[usize] {
+        match self {
+            Self::Unet { widths, .. } | Self::SphericalDz { widths, .. } => widths,
         }
     }
     /// Divisors of the rows and columns of an image.
     pub fn multiple_of(&self) -> [usize; 2] {
-        let levels = self.channels().2.len();
+        let levels = self.widths().len();
         match self {
             Self::Unet { .. } => [1 << (levels - 1); 2],
             Self::SphericalDz { .. } => [1, 1 << levels],
@@ -54,7 +64,7 @@ impl NetworkSpec {
     }
     /// The first violated rule, if any.
     pub fn problem(&self) -> Option<String> {
-        let (inputs, outputs, widths) = self.channels();
+        let (inputs, outputs, widths) = (self.inputs(), self.outputs(), self.widths());
         // More channels would not run beside the other stages.
         let in_range = |n: usize| (1..=1024).contains(&n);
         let head = if let Self::Unet { head: Some(head), .. } = self { *head } else { 1 };

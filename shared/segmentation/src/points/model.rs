@@ -2,7 +2,7 @@
 
 use super::cells::{CellCloud, cell_of_each};
 use super::parameters::Parameters;
-use super::prediction::CloudPrediction;
+use super::prediction::{CloudPrediction, RegionInput};
 use super::settings::{PointSettings, VERSION};
 use crate::cell_probabilities::is_known;
 use crate::class_rows::write_rows;
@@ -12,7 +12,9 @@ use crate::network::Weights;
 use crate::options::Options;
 use crate::refinement::Refinement;
 use crate::segmenter::CellSegmenter;
-use crate::{CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use crate::{
+    CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter, SubmapProbabilities,
+};
 use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
 use neighbors::SpatialIndex;
@@ -75,10 +77,10 @@ impl PointModel {
             temperature: settings.temperature,
             seed: SEED,
         };
-        let mut probabilities = prediction.of_cloud(&cloud.positions, |center, points| {
-            let region = cloud.around(center, points);
-            let features = region.features(&settings.features);
-            (region.positions, features)
+        let mut probabilities = prediction.of_cloud(&cloud.positions, |region| {
+            let cells = cloud.around(region.center, &region.points);
+            let features = cells.features(&settings.features);
+            RegionInput { positions: cells.positions, features }
         })?;
         let n_classes = self.classes.len();
         let is_voted = |cell: &usize| is_known(&probabilities[cell * n_classes..][..n_classes]);
@@ -106,7 +108,7 @@ impl Segmenter for PointModel {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let ground = SubmapGround::find(input.header, input.points);
-        let (cells, report) = self.probabilities(input, &ground)?;
+        let SubmapProbabilities { cells, report } = self.probabilities(input, &ground)?;
         let n_unseen = write_rows(cells.decide(&self.classes), classes);
         self.options.refinement.of_points(input.points, &ground, &self.classes, classes);
         Ok(Report { n_unseen, ..report })
@@ -124,7 +126,7 @@ impl CellSegmenter for PointModel {
         &self,
         input: &ModelInput<'_>,
         ground: &Arc<SubmapGround>,
-    ) -> Result<(CellProbabilities, Report), SegmentationError> {
+    ) -> Result<SubmapProbabilities, SegmentationError> {
         let trained = self.settings.ground_intensities;
         let SubmapIntensities { map, foreign } =
             SubmapIntensities::find(self.options.intensity, input.points, &ground.heights_m, trained);
@@ -132,6 +134,7 @@ impl CellSegmenter for PointModel {
         let cell_of_point = cell_of_each(&grid, input.points.len());
         drop(grid);
         let cells = CellProbabilities::new(self.classes.len(), self.of_cells(&cloud)?, cell_of_point);
-        Ok((cells, Report { coarsened: 1, foreign_intensity: foreign, ..Report::default() }))
+        let report = Report { coarsened: 1, foreign_intensity: foreign, ..Report::default() };
+        Ok(SubmapProbabilities { cells, report })
     }
 }

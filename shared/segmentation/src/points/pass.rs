@@ -3,7 +3,7 @@
 use super::parameters::Parameters;
 use crate::SegmentationError;
 use candle_core::{Device, Tensor};
-use kernels::points::{Activation, ColumnStatistics, Source, linear, normalize};
+use kernels::points::{Activation, ColumnStatistics, Normalization, Source, linear, normalize};
 use random::Random;
 use std::collections::BTreeMap;
 
@@ -118,13 +118,15 @@ impl<'a> Pass<'a> {
             };
             let (means, variances) = (values("running_mean")?, values("running_var")?);
             let running = ColumnStatistics { n_rows: 0, means, variances };
-            return Ok(normalize(rows, (&running, Source::Constant), EPSILON, weight, bias, activation)?);
+            let by = Normalization { statistics: &running, source: Source::Constant, epsilon: EPSILON };
+            return Ok(normalize(rows, by, weight, bias, activation)?);
         }
         let statistics = ColumnStatistics::of(rows)?;
         if statistics.n_rows < 2 {
             return Err(SegmentationError::TooFewRows { name: name.to_owned() });
         }
-        let out = normalize(rows, (&statistics, Source::Rows), EPSILON, weight, bias, activation)?;
+        let by = Normalization { statistics: &statistics, source: Source::Rows, epsilon: EPSILON };
+        let out = normalize(rows, by, weight, bias, activation)?;
         self.statistics.insert(name.to_owned(), statistics);
         Ok(out)
     }

@@ -5,7 +5,7 @@ use super::parameters::Parameters;
 use super::pass::Pass;
 use super::spec::PointNetworkSpec;
 use super::spheres::{SphereSettings, sphere};
-use super::squares::{Square, SquareSettings};
+use super::squares::{Region, SquareSettings};
 use crate::SegmentationError;
 use kernels::points::tensor;
 use neighbors::SpatialIndex;
@@ -36,21 +36,27 @@ pub enum Regions {
 }
 
 impl Regions {
-    /// Center and points of each region. Each valid point is in at least one.
-    fn of<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Square> + 'a>, SegmentationError> {
+    /// The regions of a cloud. Each valid point is in at least one.
+    fn of<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Region> + 'a>, SegmentationError> {
         Ok(match self {
             Self::Spheres(spheres) => {
                 let index = SpatialIndex::new(positions);
                 let centers = spheres.centers(positions)?.into_iter();
-                Box::new(centers.map(move |center| (center, sphere(&index, center, spheres.radius_m))))
+                Box::new(centers.map(move |center| Region { center, points: sphere(&index, center, spheres.radius_m) }))
             }
             Self::Squares(squares) => Box::new(squares.squares(positions)?.into_iter()),
         })
     }
 }
 
-/// Positions of the points of a region relative to its center, m, and their features.
-pub type RegionRows = (Vec<[f32; 3]>, Vec<f32>);
+/// The input of a network for a region.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegionInput {
+    /// Positions of the points relative to the center of the region, m.
+    pub positions: Vec<[f32; 3]>,
+    /// Features, one point after the other.
+    pub features: Vec<f32>,
+}
 
 /// Regions, and points of them, that are predicted at a time at most. The memory of a prediction grows with them.
 const REGIONS_AT_A_TIME: usize = 8;
@@ -58,38 +64,39 @@ const POINTS_AT_A_TIME: usize = 1 << 17;
 
 impl CloudPrediction<'_> {
     /// Mean probability of each class at each point, over the regions that contain it. Points with coordinates that are not valid,
-    /// and points that are alone in their regions, get 0. `rows` gives the input of a region from its center and its points.
+    /// and points that are alone in their regions, get 0. `input` gives the input of a region.
     ///
     /// # Errors
     /// If settings, network or rows do not fit each other.
     pub fn of_cloud(
         &self,
         positions: &[[f32; 3]],
-        rows: impl Fn([f32; 3], &[u32]) -> RegionRows + Sync,
+        input: impl Fn(&Region) -> RegionInput + Sync,
     ) -> Result<Vec<f32>, SegmentationError> {
-        let mut votes = Votes::new(positions.len(), self.network.channels().1);
+        let mut votes = Votes::new(positions.len(), self.network.outputs());
         let mut regions = self.regions.of(positions)?.peekable();
         while regions.peek().is_some() {
             let (mut together, mut n_points) = (Vec::new(), 0);
-            while let Some((center, members)) =
+            while let Some(region) =
                 regions.next_if(|_| together.len() < REGIONS_AT_A_TIME && n_points < POINTS_AT_A_TIME)
             {
-                n_points += members.len();
+                n_points += region.points.len();
                 // A single point has no neighbors.
-                if members.len() > 1 {
-                    together.push((center, members));
+                if region.points.len() > 1 {
+                    together.push(region);
                 }
             }
-            let scores = |(center, members): &([f32; 3], Vec<u32>)| self.scores(rows(*center, members));
+            let scores = |region: &Region| self.scores(input(region));
             let scores: Vec<Vec<f32>> = together.par_iter().map(scores).collect::<Result<_, _>>()?;
-            for ((_, members), scores) in together.iter().zip(scores) {
-                votes.add(members, &scores);
+            for (region, scores) in together.iter().zip(scores) {
+                votes.add(&region.points, &scores);
             }
         }
         Ok(votes.means())
     }
-    fn scores(&self, (positions, features): RegionRows) -> Result<Vec<f32>, SegmentationError> {
-        let (n, inputs) = (positions.len(), self.network.channels().0);
+    fn scores(&self, input: RegionInput) -> Result<Vec<f32>, SegmentationError> {
+        let RegionInput { positions, features } = input;
+        let (n, inputs) = (positions.len(), self.network.inputs());
         if features.len() != n * inputs {
             let (found, expected) = (features.len() / inputs.max(1), n);
             return Err(SegmentationError::Length { column: "features", found, expected });

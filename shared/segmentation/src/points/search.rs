@@ -3,7 +3,7 @@
 use super::batch::ranges;
 use crate::SegmentationError;
 use kernels::points::Lists;
-use neighbors::{SpatialIndex, VoxelGrid};
+use neighbors::{Neighbor, SpatialIndex, VoxelGrid};
 
 /// Clouds of a batch at one resolution, with their indices.
 pub(super) struct Clouds {
@@ -25,13 +25,11 @@ impl Clouds {
     }
     /// The nearest points of this cloud within a radius of each query, nearest first, at most `k`.
     pub fn near(&self, queries: &Self, radius_m: f32, k: usize) -> Vec<Vec<u32>> {
-        self.nearest(queries, k, |squared| squared <= radius_m * radius_m)
-            .into_iter()
-            .map(|(points, _)| points)
-            .collect()
+        let within = self.nearest(queries, k, |squared| squared <= radius_m * radius_m);
+        within.iter().map(|of_query| of_query.iter().map(|neighbor| neighbor.index).collect()).collect()
     }
-    /// The `k` nearest points of this cloud around each query and their squared distances, m², nearest first.
-    pub fn nearest(&self, queries: &Self, k: usize, accept: impl Fn(f32) -> bool) -> Vec<(Vec<u32>, Vec<f32>)> {
+    /// The `k` nearest points of this cloud around each query whose squared distances, m², are accepted, nearest first.
+    pub fn nearest(&self, queries: &Self, k: usize, accept: impl Fn(f32) -> bool) -> Vec<Vec<Neighbor>> {
         let mut out = Vec::with_capacity(queries.positions.len());
         let mut start = 0;
         for (index, range) in self.indices.iter().zip(ranges(&queries.lengths)) {
@@ -39,7 +37,8 @@ impl Clouds {
             let found = index.nearest_of_each(&queries.positions[range], k);
             for query in 0..n_queries {
                 let accepted = found.of(query).iter().take_while(|neighbor| accept(neighbor.squared_m2));
-                out.push(accepted.map(|neighbor| (start + neighbor.index, neighbor.squared_m2)).unzip());
+                let in_batch = accepted.map(|neighbor| Neighbor { index: start + neighbor.index, ..*neighbor });
+                out.push(in_batch.collect());
             }
             start += index.n_cloud() as u32;
         }
@@ -86,14 +85,22 @@ impl Clouds {
     }
 }
 
-/// Lists of points for the 3 nearest coarse points of each fine one, and weights by inverse squared distance that sum to 1.
-pub(super) fn interpolation(fine: &Clouds, coarse: &Clouds) -> (Lists, Vec<f32>) {
+/// The 3 nearest coarse points of each fine one, with weights by inverse squared distance that sum to 1.
+pub(super) struct Interpolation {
+    pub nearest: Lists,
+    /// A weight for each item of the lists.
+    pub weights: Vec<f32>,
+}
+
+/// Finds what a fine cloud takes from a coarse one.
+pub(super) fn interpolation(fine: &Clouds, coarse: &Clouds) -> Interpolation {
     let found = coarse.nearest(fine, 3, |_| true);
-    let weights = found.iter().flat_map(|(_, squared)| {
-        let inverse: Vec<f32> = squared.iter().map(|squared| 1.0 / (squared + 1e-8)).collect();
+    let weights = found.iter().flat_map(|of_point| {
+        let inverse: Vec<f32> = of_point.iter().map(|neighbor| 1.0 / (neighbor.squared_m2 + 1e-8)).collect();
         let sum: f32 = inverse.iter().sum();
         inverse.into_iter().map(move |inverse| inverse / sum)
     });
     let weights = weights.collect();
-    (Lists::new(found.into_iter().map(|(points, _)| points), coarse.len()), weights)
+    let points = found.iter().map(|of_point| of_point.iter().map(|neighbor| neighbor.index));
+    Interpolation { nearest: Lists::new(points, coarse.len()), weights }
 }

@@ -69,7 +69,7 @@ impl PointSettings {
         if let Some(problem) = self.squares.and_then(|squares| squares.problem()) {
             return Err(wrong(format!("squares: {problem}")));
         }
-        let (inputs, outputs) = self.network.channels();
+        let (inputs, outputs) = (self.network.inputs(), self.network.outputs());
         let n_values = PointFeature::channels(&self.features);
         let (cell_m, radius_m) = (self.cell_m, self.spheres.radius_m);
         let rules = [

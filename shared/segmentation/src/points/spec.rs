@@ -50,19 +50,27 @@ impl PointPlan {
 }
 
 impl PointNetworkSpec {
-    /// Features of a point and classes.
-    pub fn channels(&self) -> (usize, usize) {
+    /// Features of a point.
+    pub fn inputs(&self) -> usize {
         match self {
-            Self::Pointnet(net) => (net.inputs, net.outputs),
-            Self::Pointnet2(net) => (net.inputs, net.outputs),
-            Self::Kpconv(net) => (net.inputs, net.outputs),
-            Self::WaffleIron(net) => (net.inputs, net.outputs),
+            Self::Pointnet(net) => net.inputs,
+            Self::Pointnet2(net) => net.inputs,
+            Self::Kpconv(net) => net.inputs,
+            Self::WaffleIron(net) => net.inputs,
+        }
+    }
+    /// Classes.
+    pub fn outputs(&self) -> usize {
+        match self {
+            Self::Pointnet(net) => net.outputs,
+            Self::Pointnet2(net) => net.outputs,
+            Self::Kpconv(net) => net.outputs,
+            Self::WaffleIron(net) => net.outputs,
         }
     }
     /// The first violated rule, if any.
     pub fn problem(&self) -> Option<String> {
-        let (inputs, outputs) = self.channels();
-        let mut channels = vec![inputs, outputs];
+        let mut channels = vec![self.inputs(), self.outputs()];
         let mut counts = Vec::new();
         let mut lengths_m = Vec::new();
         match self {
@@ -167,7 +175,7 @@ impl PointNetworkSpec {
     /// # Errors
     /// If features, plan or parameters are those of another network or batch.
     pub fn run(&self, pass: &mut Pass<'_>, plan: &PointPlan, features: &Tensor) -> Result<Tensor, SegmentationError> {
-        let expected = vec![plan.batch.positions().len(), self.channels().0];
+        let expected = vec![plan.batch.positions().len(), self.inputs()];
         if features.dims() != expected {
             let found = Some(features.dims().to_vec());
             return Err(SegmentationError::WeightShape { name: "features".to_owned(), found, expected });

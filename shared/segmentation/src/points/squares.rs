@@ -16,8 +16,14 @@ pub struct SquareSettings {
     pub margin_m: f32,
 }
 
-/// A square: its center, and the numbers of its points, ascending. It has points of any height.
-pub type Square = ([f32; 3], Vec<u32>);
+/// What a network sees of a cloud at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Region {
+    /// Positions are given to the network relative to it, m.
+    pub center: [f32; 3],
+    /// Numbers of its points.
+    pub points: Vec<u32>,
+}
 
 impl SquareSettings {
     /// The first violated rule, if any.
@@ -29,12 +35,12 @@ impl SquareSettings {
         let has_core = self.margin_m >= 0.0 && self.margin_m <= 0.4 * self.side_m;
         (!has_core).then(|| format!("margin_m = {}; must be 0 to 0.4 sides", self.margin_m))
     }
-    /// The squares of all points, in order of their places. The grid starts at 0, so equal places get equal squares in every cloud.
+    /// The squares of all points, in order of their places. The numbers of their points ascend, the points have any height. The grid starts at 0, so equal places get equal squares in every cloud.
     /// A quarter of the points of a square are below its center.
     ///
     /// # Errors
     /// If the settings are invalid.
-    pub fn squares(&self, points: &[[f32; 3]]) -> Result<Vec<Square>, SegmentationError> {
+    pub fn squares(&self, points: &[[f32; 3]]) -> Result<Vec<Region>, SegmentationError> {
         self.problem().map_or(Ok(()), |problem| Err(SegmentationError::Settings(problem)))?;
         let (side, margin) = (f64::from(self.side_m), f64::from(self.margin_m));
         let spacing = side - 2.0 * margin;
@@ -55,7 +61,7 @@ impl SquareSettings {
             let mut heights: Vec<f32> = members.iter().map(|point| points[*point as usize][2]).collect();
             let quarter = heights.len() / 4;
             let z = *heights.select_nth_unstable_by(quarter, f32::total_cmp).1;
-            ([x, y, z], members)
+            Region { center: [x, y, z], points: members }
         };
         Ok(members.into_iter().map(square).collect())
     }

@@ -1,7 +1,7 @@
 //! What the cameras measured at the points of a submap.
 
 use super::CameraBand;
-use crate::ModelInput;
+use crate::{ModelInput, SpectraColumn};
 use messages::{ColorRow, MAX_BANDS, SpectraView, UNSEEN};
 
 /// Distance at which a measured band counts no more for a wavelength, nm: more than the distance between the bands of a mosaic
@@ -28,7 +28,7 @@ impl<'a> CameraColumns<'a> {
     pub(super) fn new(input: &ModelInput<'a>, bands: &[CameraBand]) -> Self {
         let weights = |nm: u16| {
             let mut weights = Box::new([0.0; MAX_BANDS]);
-            if let Some((header, _)) = input.spectra {
+            if let Some(SpectraColumn { header, .. }) = input.spectra {
                 let n_bands = (header.n_bands as usize).min(MAX_BANDS);
                 for (weight, measured_nm) in weights.iter_mut().zip(&header.wavelengths_nm[..n_bands]) {
                     *weight = (1.0 - (measured_nm - f32::from(nm)).abs() / BAND_REACH_NM).max(0.0);
@@ -42,7 +42,7 @@ impl<'a> CameraColumns<'a> {
             CameraBand::Blue => Source::Color(2),
             CameraBand::Nm(nm) => Source::Spectra(weights(nm)),
         };
-        let spectra = input.spectra.and_then(|(header, rows)| SpectraView::new(header, rows));
+        let spectra = input.spectra.and_then(|spectra| spectra.view());
         Self { colors: input.colors, spectra, bands: bands.iter().map(source).collect() }
     }
     pub(super) fn is_empty(&self) -> bool {

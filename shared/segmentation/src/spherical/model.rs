@@ -1,7 +1,7 @@
 //! The model: a network between the images of a submap and the votes of its points.
 
 use super::features::write_features;
-use super::range_sweep::{ImageSource, PointRange, RangeSweep};
+use super::range_sweep::{ImageSource, RangeSweep, SweepPoints};
 use super::settings::Settings;
 use super::softmax::{NO_VOTE, Vote};
 use super::sweep_images::{Prepared, SweepImages, VoteBuffers};
@@ -11,7 +11,7 @@ use crate::network::{Inference, PooledImage, Weights};
 use crate::options::Options;
 use crate::refinement::Refinement;
 use crate::segmenter::CellSegmenter;
-use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError, Segmenter, SubmapProbabilities};
 use candle_core::Tensor;
 use ground::SubmapGround;
 use kernels::images::Border;
@@ -108,10 +108,10 @@ impl SphericalModel {
         &self,
         source: &ImageSource<'_>,
         prepared: &Prepared,
-        ranges: &[PointRange],
+        of_batch: &[SweepPoints],
         votes: &mut [&mut [Vote]],
     ) -> Result<(), SegmentationError> {
-        let sweeps: Vec<RangeSweep> = ranges.par_iter().map(|range| prepared.sweep(source, range)).collect();
+        let sweeps: Vec<RangeSweep> = of_batch.par_iter().map(|of| prepared.sweep(source, of)).collect();
         let inputs: Vec<PooledImage<'_>> =
             sweeps.par_iter().map(|sweep| self.input(&sweep.polar)).collect::<Result<_, _>>()?;
         let outputs = self.network.run_batch(&inputs.iter().map(|input| &**input).collect::<Vec<_>>())?;
@@ -122,12 +122,12 @@ impl SphericalModel {
     /// The shares of the classes in the votes of all sweeps.
     fn cells(&self, input: &ModelInput<'_>, prepared: &Prepared) -> Result<CellProbabilities, SegmentationError> {
         let source = self.images.source(input, prepared);
-        let (ranges, batch) = (&prepared.ranges, self.images.options().batch);
+        let (sweeps, batch) = (&prepared.sweeps, self.images.options().batch);
         let mut of_points = self.point_votes.take(input.points.len());
-        let mut of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
+        let mut of_sweeps = votes_of_sweeps(&mut of_points, sweeps.iter().map(|of| &of.points));
         // Sweeps on all threads, not rows of one sweep: this scales better.
-        let batches = ranges.par_chunks(batch).zip(of_sweeps.par_chunks_mut(batch));
-        batches.try_for_each(|(ranges, votes)| self.vote_together(&source, prepared, ranges, votes))?;
+        let batches = sweeps.par_chunks(batch).zip(of_sweeps.par_chunks_mut(batch));
+        batches.try_for_each(|(of_batch, votes)| self.vote_together(&source, prepared, of_batch, votes))?;
         let cells = self.images.cells(input, &of_points);
         self.point_votes.give_back(of_points);
         Ok(cells)
@@ -158,9 +158,9 @@ impl CellSegmenter for SphericalModel {
         &self,
         input: &ModelInput<'_>,
         ground: &Arc<SubmapGround>,
-    ) -> Result<(CellProbabilities, Report), SegmentationError> {
+    ) -> Result<SubmapProbabilities, SegmentationError> {
         let prepared = self.images.prepare(input, ground.clone());
-        Ok((self.cells(input, &prepared)?, prepared.report()))
+        Ok(SubmapProbabilities { cells: self.cells(input, &prepared)?, report: prepared.report() })
     }
 }
 

@@ -24,11 +24,17 @@ pub struct RangeSweep {
     pub polar: PolarImage,
 }
 
-/// A sweep and the indices of its points in the submap.
-pub type PointRange = (SubmapSweep, Range<usize>);
+/// A sweep of a submap.
+#[derive(Clone, Debug)]
+pub struct SweepPoints {
+    /// Its entry in the header.
+    pub sweep: SubmapSweep,
+    /// Indices of its points in the submap.
+    pub points: Range<usize>,
+}
 
-/// Indices of the points of each sweep, ascending. Sweeps whose points are not in the submap, or belong to a sweep before, are skipped.
-pub fn point_ranges(input: &ModelInput<'_>) -> Vec<PointRange> {
+/// The sweeps with their points, ascending. Sweeps whose points are not in the submap, or belong to a sweep before, are skipped.
+pub fn sweeps_with_points(input: &ModelInput<'_>) -> Vec<SweepPoints> {
     let n_sweeps = (input.header.n_sweeps as usize).min(MAX_SWEEPS_PER_SUBMAP);
     let mut end = 0;
     let range = |sweep: &SubmapSweep| {
@@ -36,7 +42,7 @@ pub fn point_ranges(input: &ModelInput<'_>) -> Vec<PointRange> {
         let range = first..first + sweep.n_points as usize;
         let is_next = range.start >= end && range.end <= input.points.len();
         end = if is_next { range.end } else { end };
-        is_next.then_some((*sweep, range))
+        is_next.then_some(SweepPoints { sweep: *sweep, points: range })
     };
     input.header.sweeps[..n_sweeps].iter().filter_map(range).collect()
 }
@@ -99,11 +105,11 @@ impl<'a> ImageSource<'a> {
     }
     /// The range images of all sweeps of the submap, in order.
     pub fn sweeps(&self) -> Vec<RangeSweep> {
-        point_ranges(self.input).into_iter().map(|(of, points)| self.sweep(&of, points)).collect()
+        sweeps_with_points(self.input).iter().map(|of| self.sweep(of)).collect()
     }
     /// The range image of one sweep.
-    pub(super) fn sweep(&self, sweep: &SubmapSweep, points: Range<usize>) -> RangeSweep {
-        range_sweep(self, sweep, points)
+    pub(super) fn sweep(&self, of: &SweepPoints) -> RangeSweep {
+        range_sweep(self, &of.sweep, of.points.clone())
     }
 }
 

@@ -90,7 +90,7 @@ impl Settings {
             return Err(wrong(problem));
         }
         let n_features = self.features.len();
-        let (inputs, outputs, _) = self.network.channels();
+        let (inputs, outputs) = (self.network.inputs(), self.network.outputs());
         let [rows, columns] = self.network.multiple_of();
         let rules = [
             ((64..=8192).contains(&self.columns), format!("columns = {}, must be 64 to 8192", self.columns)),

@@ -1,10 +1,10 @@
 //! A submap whose sweeps go through a network that the caller runs, in any library.
 
 use super::features::features;
-use super::range_sweep::{RangeSweep, rows_of};
+use super::range_sweep::{RangeSweep, SweepPoints, rows_of};
 use super::softmax::{NO_VOTE, Vote};
 use super::sweep_images::{Prepared, SweepImages};
-use crate::{ModelInput, Report, SegmentationError};
+use crate::{ModelInput, Report, SegmentationError, SpectraColumn};
 use ground::SubmapGround;
 use kernels::images::Planes;
 use messages::{ClassRow, ColorRow, SpectraHeader, SubmapHeader, SubmapPoint};
@@ -21,13 +21,22 @@ pub struct OwnedSubmap {
     pub points: Vec<SubmapPoint>,
     /// A color for every point.
     pub colors: Option<Vec<ColorRow>>,
-    /// The spectra of the points: header and rows of the topic.
-    pub spectra: Option<(Box<SpectraHeader>, Vec<u32>)>,
+    /// The spectra of the points.
+    pub spectra: Option<OwnedSpectra>,
+}
+
+/// A message of the topic `spectra`, with its own memory.
+pub struct OwnedSpectra {
+    /// Bands and counts.
+    pub header: Box<SpectraHeader>,
+    /// Index of the spectrum of each point, then the spectra.
+    pub rows: Vec<u32>,
 }
 
 impl OwnedSubmap {
     fn input(&self) -> ModelInput<'_> {
-        let spectra = self.spectra.as_ref().map(|(header, rows)| (&**header, rows.as_slice()));
+        let spectra =
+            self.spectra.as_ref().map(|spectra| SpectraColumn { header: &spectra.header, rows: &spectra.rows });
         ModelInput { colors: self.colors.as_deref(), spectra, ..ModelInput::new(&self.header, &self.points) }
     }
 }
@@ -63,8 +72,8 @@ impl SubmapSweeps {
     }
     /// Channels, rows and columns of the image of each sweep. LiDARs with different numbers of rings have different numbers of rows.
     pub fn sizes(&self) -> Vec<[usize; 3]> {
-        let size = |(sweep, _): &_| self.images.input_size(rows_of(&self.submap.header, sweep));
-        self.prepared.ranges.iter().map(size).collect()
+        let size = |of: &SweepPoints| self.images.input_size(rows_of(&self.submap.header, &of.sweep));
+        self.prepared.sweeps.iter().map(size).collect()
     }
     /// The images of these sweeps, one after another.
     ///
@@ -74,13 +83,13 @@ impl SubmapSweeps {
         let input = self.submap.input();
         let source = self.images.source(&input, &self.prepared);
         let settings = self.images.settings();
-        let image = |range| {
-            let sweep = self.prepared.sweep(&source, range);
+        let image = |of: &SweepPoints| {
+            let sweep = self.prepared.sweep(&source, of);
             let row_multiple = settings.network.multiple_of()[0];
             let image = features(&sweep.polar, &settings.features, settings.fold, row_multiple);
             (sweep, image.to_channels_first())
         };
-        let (shown, images): (Vec<_>, Vec<_>) = self.prepared.ranges[sweeps.clone()].par_iter().map(image).unzip();
+        let (shown, images): (Vec<_>, Vec<_>) = self.prepared.sweeps[sweeps.clone()].par_iter().map(image).unzip();
         self.pending.extend(sweeps.zip(shown));
         images.concat()
     }
@@ -93,9 +102,9 @@ impl SubmapSweeps {
     /// # Panics
     /// If there is no such sweep.
     pub fn vote(&mut self, sweep: usize, scores: &[f32]) -> Result<(), SegmentationError> {
-        let range = &self.prepared.ranges[sweep];
-        let channels = self.images.settings().network.channels().1;
-        let [_, height, width] = self.images.input_size(rows_of(&self.submap.header, &range.0));
+        let of = &self.prepared.sweeps[sweep];
+        let channels = self.images.settings().network.outputs();
+        let [_, height, width] = self.images.input_size(rows_of(&self.submap.header, &of.sweep));
         if scores.len() != channels * height * width {
             let expected = [channels, height, width];
             return Err(SegmentationError::Scores { sweep, found: scores.len(), expected });
@@ -104,9 +113,9 @@ impl SubmapSweeps {
         planes.write_channels_first(scores);
         let shown = self.pending.remove(&sweep).unwrap_or_else(|| {
             let input = self.submap.input();
-            self.prepared.sweep(&self.images.source(&input, &self.prepared), range)
+            self.prepared.sweep(&self.images.source(&input, &self.prepared), of)
         });
-        self.images.vote(&shown, &mut self.votes[range.1.clone()], |votes| {
+        self.images.vote(&shown, &mut self.votes[of.points.clone()], |votes| {
             self.images.softmax(&shown.polar, planes.view(), votes);
             Ok(())
         })

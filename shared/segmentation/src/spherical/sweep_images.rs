@@ -5,7 +5,7 @@
 use super::PolarImage;
 use super::back_projection::pixel_for;
 use super::image_refinement::refine_votes;
-use super::range_sweep::{ImageSource, PointRange, RangeSweep, point_ranges};
+use super::range_sweep::{ImageSource, RangeSweep, SweepPoints, sweeps_with_points};
 use super::settings::{GroundUse, Settings};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
@@ -33,11 +33,19 @@ pub struct SweepImages {
 /// What is found in a whole submap before its images are made.
 pub(super) struct Prepared {
     /// The sweeps that go through the network.
-    pub(super) ranges: Vec<PointRange>,
+    pub(super) sweeps: Vec<SweepPoints>,
     ground: Arc<SubmapGround>,
-    /// Classes of the ground, if the network does not see it, and the points that have one.
-    given: Option<(Vec<ClassRow>, Vec<bool>)>,
+    /// The ground, if the network does not see it.
+    removed: Option<RemovedGround>,
     intensities: SubmapIntensities,
+}
+
+/// The ground points of a submap that the network does not see.
+struct RemovedGround {
+    /// Class of each point by the ground model.
+    classes: Vec<ClassRow>,
+    /// Whether each point is ground.
+    is_ground: Vec<bool>,
 }
 
 impl SweepImages {
@@ -79,24 +87,24 @@ impl SweepImages {
     pub fn input_size(&self, rows: usize) -> [usize; 3] {
         let network = &self.settings.network;
         let rows = rows.next_multiple_of(network.multiple_of()[0]);
-        [network.channels().0, rows, self.settings.columns / self.settings.fold]
+        [network.inputs(), rows, self.settings.columns / self.settings.fold]
     }
     /// Finds the scale of the intensities, and the classes of the ground if the network does not see it.
     pub(super) fn prepare(&self, input: &ModelInput<'_>, ground: Arc<SubmapGround>) -> Prepared {
-        let given = (self.settings.ground == GroundUse::Removed).then(|| {
+        let removed = (self.settings.ground == GroundUse::Removed).then(|| {
             let classes = ground.ground.classes(&ground.heights_m);
-            let is_given = classes.iter().map(|row| row.class_id != ClassId::Unlabeled as u8).collect();
-            (classes, is_given)
+            let is_ground = classes.iter().map(|row| row.class_id != ClassId::Unlabeled as u8).collect();
+            RemovedGround { classes, is_ground }
         });
         let trained = self.settings.ground_intensities;
         let intensities = SubmapIntensities::find(self.options.intensity, input.points, &ground.heights_m, trained);
-        let ranges = point_ranges(input).into_iter().step_by(self.options.every).collect();
-        Prepared { ranges, ground, given, intensities }
+        let sweeps = sweeps_with_points(input).into_iter().step_by(self.options.every).collect();
+        Prepared { sweeps, ground, removed, intensities }
     }
     /// What the images of the submap show.
     pub(super) fn source<'a>(&self, input: &'a ModelInput<'a>, prepared: &'a Prepared) -> ImageSource<'a> {
         let source = ImageSource::new(input, self.settings.columns, &prepared.ground.heights_m);
-        let removed = prepared.given.as_ref().map(|(_, is_given)| is_given.as_slice());
+        let removed = prepared.removed.as_ref().map(|removed| removed.is_ground.as_slice());
         source.without(removed).with_camera(&self.settings.features.camera_bands())
     }
     /// Votes of the pixels of an image in raster order from the scores of the network. Those of pixels without a point are not
@@ -135,8 +143,8 @@ impl SweepImages {
         classes: &mut [ClassRow],
     ) -> Report {
         let given = |point: usize| {
-            let (rows, is_given) = prepared.given.as_ref()?;
-            is_given[point].then(|| rows[point])
+            let removed = prepared.removed.as_ref()?;
+            removed.is_ground[point].then(|| removed.classes[point])
         };
         let rows = cells.decide(&self.classes).enumerate().map(|(point, decided)| given(point).unwrap_or(decided));
         let n_unseen = write_rows(rows, classes);
@@ -151,8 +159,8 @@ impl Prepared {
         Report { coarsened: 1, foreign_intensity: self.intensities.foreign, ..Report::default() }
     }
     /// The range image of a sweep.
-    pub(super) fn sweep(&self, source: &ImageSource<'_>, (of, points): &PointRange) -> RangeSweep {
-        let mut sweep = source.sweep(of, points.clone());
+    pub(super) fn sweep(&self, source: &ImageSource<'_>, of: &SweepPoints) -> RangeSweep {
+        let mut sweep = source.sweep(of);
         sweep.polar.apply_intensities(&self.intensities.map);
         sweep
     }

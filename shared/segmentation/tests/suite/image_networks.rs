@@ -45,7 +45,7 @@ fn networks_on_operations_of_candle_give_outputs_of_kernels() {
         let features = Inference::of_features(spec.clone(), &weights, border).expect("fits");
         // The last image has another size: it cannot be in one tensor with the others.
         let images = [[8, 16], [8, 16], [8, 16], [16, 24]].map(|[height, width]| {
-            image([spec.channels().0, height, width], border, &mut random).to_tensor().expect("an image")
+            image([spec.inputs(), height, width], border, &mut random).to_tensor().expect("an image")
         });
         let images: Vec<&Tensor> = images.iter().collect();
         for network in [kernels, features] {
@@ -78,7 +78,7 @@ fn outputs_of_a_batch_are_those_of_single_images_for_any_number_of_threads() {
     for spec in specs() {
         let weights = weights(&spec, &mut random);
         let images: Vec<Tensor> = (0..5)
-            .map(|_| image([spec.channels().0, 8, 16], Border::Circular, &mut random).to_tensor().expect("an image"))
+            .map(|_| image([spec.inputs(), 8, 16], Border::Circular, &mut random).to_tensor().expect("an image"))
             .collect();
         let images: Vec<&Tensor> = images.iter().collect();
         let fresh = || Inference::new(spec.clone(), &weights, Border::Circular).expect("fits");

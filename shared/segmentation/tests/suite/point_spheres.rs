@@ -4,8 +4,8 @@ use candle_core::{Device, Tensor};
 use neighbors::{SpatialIndex, squared_distance};
 use random::Random;
 use segmentation::points::{
-    CloudPrediction, Parameters, Pass, PointBatch, PointNetworkSpec, Regions, SphereSettings, SquareSettings, Votes,
-    sphere,
+    CloudPrediction, Parameters, Pass, PointBatch, PointNetworkSpec, Region, RegionInput, Regions, SphereSettings,
+    SquareSettings, Votes, sphere,
 };
 
 /// A road of 60 x 8 m with facades of 12 m on both sides.
@@ -48,7 +48,7 @@ fn squares_cover_every_point_and_share_their_margins() {
     let settings = SquareSettings { side_m: 6.0, margin_m: 0.5 };
     let squares = settings.squares(&points).expect("valid");
     let mut n_squares_of = vec![0; points.len()];
-    for (center, members) in &squares {
+    for Region { center, points: members } in &squares {
         // Centers are those of squares of 5 m.
         assert!(center[..2].iter().all(|v| (v / 5.0 - 0.5).fract().abs() < 1e-6), "{center:?}");
         let reach =
@@ -101,12 +101,12 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     let settings = SphereSettings { radius_m: 10.0, overlap_m: 10.0 / 3.0 };
     let regions = Regions::Spheres(settings);
     let prediction = CloudPrediction { network: &spec, parameters: &parameters, regions, temperature: 1.0, seed: 0 };
-    let rows = |center: [f32; 3], members: &[u32]| {
-        let position = |p: &u32| std::array::from_fn(|axis| points[*p as usize][axis] - center[axis]);
-        let values = members.iter().flat_map(|p| features[4 * *p as usize..][..4].to_vec());
-        (members.iter().map(position).collect(), values.collect())
+    let input = |region: &Region| {
+        let position = |p: &u32| std::array::from_fn(|axis| points[*p as usize][axis] - region.center[axis]);
+        let values = region.points.iter().flat_map(|p| features[4 * *p as usize..][..4].to_vec());
+        RegionInput { positions: region.points.iter().map(position).collect(), features: values.collect() }
     };
-    let means = prediction.of_cloud(&points, rows).expect("runs");
+    let means = prediction.of_cloud(&points, input).expect("runs");
     assert_eq!(means.len(), 4500);
     assert!(means.chunks(3).all(|means| (means.iter().sum::<f32>() - 1.0).abs() < 1e-5));
 
@@ -130,8 +130,8 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     for class in 0..3 {
         assert!((means[3 * 77 + class] - sum[class] / n as f32).abs() < 1e-5);
     }
-    let short = |center: [f32; 3], members: &[u32]| (rows(center, members).0, vec![0.0]);
+    let short = |region: &Region| RegionInput { features: vec![0.0], ..input(region) };
     assert!(prediction.of_cloud(&points, short).is_err());
-    let flat = CloudPrediction { temperature: 1e6, ..prediction }.of_cloud(&points, rows).expect("runs");
+    let flat = CloudPrediction { temperature: 1e6, ..prediction }.of_cloud(&points, input).expect("runs");
     assert!(flat.iter().all(|probability| (probability - 1.0 / 3.0).abs() < 1e-3), "a large temperature");
 }

@@ -6,7 +6,7 @@
     reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
 )]
 
-use kernels::images::{BORDER, Border, Feature, Filter, LANES, Planes, Shape, blocks, convolve};
+use kernels::images::{BORDER, Border, Feature, Filter, FilterPosition, LANES, Planes, Shape, blocks, convolve};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Derivative with respect to the packed filter: sums over all pixels of source times `gradient`, the derivative with respect to the
@@ -150,7 +150,7 @@ pub fn transposed_filters(filter: &Filter) -> Vec<Filter> {
                     for column in 0..columns {
                         let weight = filter.weight(out, first_input + input, [row, column]);
                         let mirrored = [rows - 1 - row, columns - 1 - column];
-                        let (at, lane) = transposed.weight_position(input, out, mirrored);
+                        let FilterPosition { row: at, lane } = transposed.weight_position(input, out, mirrored);
                         packed[at][lane] = weight;
                     }
                 }

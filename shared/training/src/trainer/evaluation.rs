@@ -1,7 +1,7 @@
 //! Evaluation: loss, confusion matrix and calibration of the averaged variables.
 
 use super::Trainer;
-use crate::network::Network;
+use crate::network::{LabeledLogits, Network};
 use crate::{Dataset, TrainingError};
 use candle_core::{D, Tensor};
 use rayon::prelude::*;
@@ -75,7 +75,7 @@ impl<N: Network> Trainer<N> {
         let indexes: Vec<usize> = (0..data.len()).collect();
         for batch in indexes.chunks(self.settings.batch) {
             let examples: Vec<N::Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();
-            if let Some((logits, classes)) = logits_of(&examples)? {
+            if let Some(LabeledLogits { logits, classes }) = logits_of(&examples)? {
                 f(&logits, &classes)?;
             }
         }

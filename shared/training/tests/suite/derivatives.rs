@@ -1,7 +1,7 @@
 //! Derivatives of single operations, by adjointness: <A x, g> = <x, A' g> for a linear map A. It holds up to rounding and covers
 //! every entry at once.
 
-use kernels::images::{Border, Filter, Planes, Shape, convolve, max_pool, upsample};
+use kernels::images::{Border, Filter, PlainFilter, Planes, Shape, convolve, max_pool, upsample};
 use random::Random;
 use training::derivatives::{
     input_gradient, max_pool_gradient, transposed_filters, upsample_gradient, weight_gradient,
@@ -51,7 +51,7 @@ fn convolution_derivatives_are_adjoint_to_convolution() {
 
         let by_weights = weight_gradient(&shape, &borrowed, &gradient);
         assert_eq!(by_weights.len(), shape.packed_rows());
-        let (by_weights, by_biases) = shape.unpacked(&by_weights);
+        let PlainFilter { weights: by_weights, biases: by_biases } = shape.unpacked(&by_weights);
         let of_biases = dot(&by_biases, &biases);
         near(dot(&by_weights, &weights) + of_biases, total);
 

@@ -46,7 +46,7 @@ fn compare_derivatives(device: &Device) {
     for (spec, border) in specs.iter().flat_map(|spec| [Border::Circular, Border::Zero].map(|border| (spec, border))) {
         let sizes = [[8, 16], [16, 24], [8, 16]];
         let batch: Vec<Example> = sizes
-            .map(|[height, width]| example([spec.channels().0, height, width], border, &mut random))
+            .map(|[height, width]| example([spec.inputs(), height, width], border, &mut random))
             .into_iter()
             .collect();
         let network = || ImageNetwork::new(Variables::random(spec, 5).expect("variables"), FOLD, border);

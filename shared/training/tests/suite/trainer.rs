@@ -81,7 +81,7 @@ fn trainer(settings: TrainSettings) -> Trainer {
     let spec = NetworkSpec::Unet { inputs: 1, outputs: CLASSES, widths: vec![8, 8], head: None };
     let variables = Variables::random(&spec, settings.seed).expect("variables");
     let tree = Hierarchy::new(vec![0, 1, 1]);
-    Trainer::new(settings, variables, (CLASSES, 1), Border::Circular, tree).expect("a trainer")
+    Trainer::new(settings, variables, CLASSES, 1, Border::Circular, tree).expect("a trainer")
 }
 
 /// With both terms beside the loss, and a head on the bird's-eye view.

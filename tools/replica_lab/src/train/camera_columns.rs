@@ -1,9 +1,9 @@
 //! Colors and spectra: what the features of a recipe need, and what a source has.
 
 use messages::{ColorRow, SpectraHeader, SubmapHeader, SubmapPoint};
-use segmentation::ModelInput;
 use segmentation::points::PointFeature;
 use segmentation::spherical::{BAND_REACH_NM, CameraBand, Features};
+use segmentation::{ModelInput, SpectraColumn};
 
 /// The measurements of cameras that the features of a recipe need.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,7 +62,7 @@ pub struct CameraColumns {
 impl CameraColumns {
     /// The input of a model, as `infer` gives it.
     pub fn input<'a>(&'a self, header: &'a SubmapHeader, points: &'a [SubmapPoint]) -> ModelInput<'a> {
-        let spectra = self.spectra.as_ref().map(|(header, rows)| (&**header, rows.as_slice()));
+        let spectra = self.spectra.as_ref().map(|(header, rows)| SpectraColumn { header, rows });
         ModelInput { colors: self.colors.as_deref(), spectra, ..ModelInput::new(header, points) }
     }
 }

@@ -51,8 +51,15 @@ pub struct KpConvPlan {
 
 struct Level {
     own: Neighborhood,
-    /// Points of the next level among those of this one, and the nearest of the next level for each of this one.
-    coarser: Option<(Neighborhood, Arc<Lists>)>,
+    coarser: Option<Coarser>,
+}
+
+/// The relation of a level to the next one, which is coarser.
+struct Coarser {
+    /// Neighbors of the points of the next level among the points of this one.
+    pool: Neighborhood,
+    /// The nearest point of the next level for each point of this one.
+    nearest: Arc<Lists>,
 }
 
 /// A block of the encoder.
@@ -144,9 +151,10 @@ impl KpConv {
             }
             let coarse = fine.subsampled(2.0 * cell_m)?;
             let pool = near(&coarse, &Arc::new(coarse.positions.clone()), &positions);
-            let nearest = coarse.nearest(&fine, 1, |_| true).into_iter().map(|(points, _)| points);
+            let nearest = coarse.nearest(&fine, 1, |_| true);
+            let nearest = nearest.iter().map(|of_point| of_point.iter().map(|neighbor| neighbor.index));
             let nearest = Arc::new(Lists::new(nearest, coarse.len()));
-            levels.push(Level { own, coarser: Some((pool, nearest)) });
+            levels.push(Level { own, coarser: Some(Coarser { pool, nearest }) });
             fine = coarse;
         }
         let n = order.len();
@@ -176,7 +184,7 @@ impl KpConv {
         while let Some(skip) = skips.pop() {
             level -= 1;
             let name = format!("decoder_blocks.{}", 2 * (self.levels - 2 - level) + 1);
-            let Some((_, nearest)) = &plan.levels[level].coarser else { continue };
+            let Some(Coarser { nearest, .. }) = &plan.levels[level].coarser else { continue };
             x = concatenate(&weighted_sum(&x, nearest, None)?, &[&skip])?;
             x = unary(pass, &x, &name, LEAKY)?;
         }
@@ -195,7 +203,7 @@ impl KpConv {
     ) -> Result<Tensor, SegmentationError> {
         let Block { name, inputs, outputs, .. } = block;
         let at = match &level.coarser {
-            Some((pool, _)) if block.strided => pool,
+            Some(coarser) if block.strided => &coarser.pool,
             _ => &level.own,
         };
         let mut x = input.clone();

@@ -5,7 +5,7 @@ use crate::SegmentationError;
 use crate::points::batch::PointBatch;
 use crate::points::parameters::ParameterList;
 use crate::points::pass::Pass;
-use crate::points::search::{Clouds, interpolation};
+use crate::points::search::{Clouds, Interpolation, interpolation};
 use candle_core::Tensor;
 use kernels::points::{Activation, Lists, concatenate, maximum, tensor, weighted_sum};
 use serde::{Deserialize, Serialize};
@@ -113,7 +113,7 @@ impl PointNet2 {
             let coarse = fine.chosen(&fine.farthest(abstraction.centers, seed));
             let groups =
                 abstraction.scales.iter().map(|scale| scale.group(&fine, &coarse)).collect::<Result<_, _>>()?;
-            let (nearest, weights) = interpolation(&fine, &coarse);
+            let Interpolation { nearest, weights } = interpolation(&fine, &coarse);
             levels.push(Level { groups, nearest: Arc::new(nearest), weights: Arc::new(weights) });
             fine = coarse;
         }

@@ -38,7 +38,7 @@ pub fn augment_intensities(
     let ring = |index: usize| image.rows - 1 - index / columns;
     let ground = GroundByRing::of(pixels.map(|(index, pixel)| (ring(index), pixel.intensity, pixel.height_m)));
     match ground.normalizing(trained) {
-        Some(map) => map.apply(image),
+        Some(map) => image.apply_intensities(&map),
         None => image.has_intensity = false,
     }
 }
