@@ -299,7 +299,7 @@ mod tests {
     fn removal_of_key_requires_the_key() {
         let parse = |changes: &[Change]| LaunchFile::parse(Path::new("l"), TEXT.to_owned(), changes);
         let removed = unset("infer.modell");
-        assert!(parse(&[removed.clone()]).expect("parses").table("infer").expect("a table").is_empty());
+        assert!(parse(std::slice::from_ref(&removed)).expect("parses").table("infer").expect("a table").is_empty());
         let set_again = parse(&[removed, set("infer.modell=4")]).expect("parses");
         assert_eq!(set_again.table("infer").expect("a table").len(), 1);
         for absent in ["infer.mode", "instance.modell"] {

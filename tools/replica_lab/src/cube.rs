@@ -2,10 +2,9 @@
 
 mod camera_setup;
 
-use command_line::argument::{InvalidValue, rectangle, words};
 use anyhow::{Context, bail};
 use camera_setup::CameraSetup;
-use command_line::argument::{InvalidValue, rectangle};
+use command_line::argument::{InvalidValue, rectangle, words};
 use command_line::say;
 use formats::envi::{self, Header, Image};
 use formats::raw_mosaic::RawMosaic;

@@ -24,8 +24,8 @@ mod test_recordings;
 #[cfg(test)]
 mod tests;
 
-use command_line::argument::words;
 use anyhow::Context;
+use command_line::argument::words;
 use files::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;

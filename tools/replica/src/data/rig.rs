@@ -6,8 +6,8 @@ mod new;
 mod other_lidar;
 mod questions;
 
-use command_line::argument::words;
 use clap::Subcommand;
+use command_line::argument::words;
 use registration::SpinDirection;
 use rig::survey::SurveySettings;
 use std::path::PathBuf;

@@ -2,8 +2,8 @@
 
 mod describe;
 
-use command_line::argument::words;
 use anyhow::Context;
+use command_line::argument::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use settings::{Field, Settings, parse_table};
 use simulation::{DriveReport, DriveSettings, LidarGrade, Town, Traffic, write_drive};

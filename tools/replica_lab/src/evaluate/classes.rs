@@ -14,12 +14,11 @@ mod source;
 mod tally;
 mod towns;
 
-use command_line::argument::{self, words};
 use anyhow::Context;
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use command_line::answer::Answer;
-use command_line::argument;
+use command_line::argument::{self, words};
 use models::Models;
 use report::ClassReport;
 use segmentation::intensity::IntensityUse;

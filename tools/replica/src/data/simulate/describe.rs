@@ -1,7 +1,7 @@
 //! `replica simulate --describe`: the table `[simulate]` of a launch file, for the supervisor, which knows no simulator.
 
-use command_line::terminal::say;
 use anyhow::Context;
+use command_line::say;
 use run::launch_file::LaunchFile;
 use run::{DescribeDriveRequest, DriveDescription};
 use settings::{Settings, parse_table};
