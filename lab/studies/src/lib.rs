@@ -14,8 +14,8 @@
 //! Examples of *use* are not studies: they are documentation of a library, or in `examples/`.
 //!
 //! Where to begin reading: the page in `docs/experiments/` that shows the figures names the command; the tables of `lab/peers/README.md`
-//! do so for comparisons with other programs. The library has
-//! what several studies share: [`recorded`] messages of a run, a [`sweep_folder`] for other odometry programs, [`color_difference`].
+//! do so for comparisons with other programs. The library has what several studies share: [`recorded`] messages of a run, a
+//! [`sweep_folder`] for other odometry programs, [`color_difference`].
 
 pub mod color_difference;
 pub mod recorded;
