@@ -9,7 +9,7 @@ mod ring_gains;
 
 pub use ground_histogram::{GroundHistogram, GroundIntensities};
 pub use map::IntensityMap;
-pub use ring_gains::GroundByRing;
+pub use ring_gains::{GroundByRing, RingReturn};
 
 use ground_histogram::N;
 use messages::SubmapPoint;
@@ -73,8 +73,12 @@ impl SubmapIntensities {
         // An odd step: points are ordered by firings of 2^n rings, and all rings are to be counted.
         let step = (points.len() / SAMPLE) | 1;
         let sample = points.iter().zip(heights_m).step_by(step);
-        let ground =
-            GroundByRing::of(sample.map(|(point, height_m)| (usize::from(point.ring), point.intensity, *height_m)));
+        let ring_return = |(point, height_m): (&SubmapPoint, &f32)| RingReturn {
+            ring: usize::from(point.ring),
+            intensity: point.intensity,
+            height_m: *height_m,
+        };
+        let ground = GroundByRing::of(sample.map(ring_return));
         let found = ground.quantiles();
         if intensity_use != IntensityUse::Raw && ground.is_constant() {
             return UNKNOWN;

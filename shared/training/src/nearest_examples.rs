@@ -148,8 +148,14 @@ struct Bank {
     weights: Vec<f32>,
 }
 
-/// Similarity and index of an example.
-type Near = (f32, usize);
+/// An example near a pixel.
+#[derive(Clone, Copy)]
+struct Near {
+    /// Cosine similarity, times a factor of the pixel.
+    likeness: f32,
+    /// Index of the example.
+    example: usize,
+}
 
 impl Bank {
     fn new(by_class: &[Sample]) -> Self {
@@ -188,7 +194,7 @@ impl Bank {
     /// The vote of the nearest examples of a pixel.
     fn vote(&self, nearest: &[Near]) -> Vote {
         let mut sums = [0.0; MAX_CLASSES];
-        for &(_, example) in nearest {
+        for &Near { example, .. } in nearest {
             let class = usize::from(self.classes[example]);
             sums[class] += self.weights[class];
         }
@@ -200,11 +206,11 @@ impl Bank {
 /// Inserts the examples of a block that are among the `k` nearest so far.
 fn offer(nearest: &mut Vec<Near>, k: usize, likeness: &Feature, examples: Range<usize>) {
     for (&value, example) in likeness.iter().zip(examples) {
-        let least = if nearest.len() < k { f32::NEG_INFINITY } else { nearest[k - 1].0 };
+        let least = if nearest.len() < k { f32::NEG_INFINITY } else { nearest[k - 1].likeness };
         // NaN is similar to nothing.
         if value > least {
-            let place = nearest.partition_point(|near| near.0 >= value);
-            nearest.insert(place, (value, example));
+            let place = nearest.partition_point(|near| near.likeness >= value);
+            nearest.insert(place, Near { likeness: value, example });
             nearest.truncate(k);
         }
     }
@@ -260,7 +266,7 @@ mod tests {
                 let mut expected: Vec<usize> = (0..examples.len()).collect();
                 expected.sort_by_key(|example| (-likeness(example), *example));
                 expected.truncate(k);
-                assert_eq!(nearest.iter().map(|near| near.1).collect::<Vec<_>>(), expected);
+                assert_eq!(nearest.iter().map(|near| near.example).collect::<Vec<_>>(), expected);
             }
         }
     }
@@ -290,7 +296,7 @@ mod tests {
     fn vote_weight_is_root_of_represented_pixels() {
         let rare = class_of(vec![vec![1.0], vec![2.0]]);
         let bank = Bank::new(&[Sample { n_seen: 18, ..rare.clone() }, rare]);
-        let vote = bank.vote(&[(0.0, 0), (0.0, 2), (0.0, 3)]);
+        let vote = bank.vote(&[0, 2, 3].map(|example| Near { likeness: 0.0, example }));
         // One vote of 3 against two of 1.
         assert_eq!((vote[0], vote[1]), (153, 102));
     }

@@ -12,7 +12,9 @@ use simulation::{Simulation, Town};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use town_sweeps::{IdealCamera, Mount, TownDrive, TownSubmap};
-use training::{Augmentation, ClassifiedCells, Dataset, Hierarchy, PointExample, TrainingSpheres, classes_of_cells};
+use training::{
+    Augmentation, ClassifiedCells, Dataset, DrawnItem, Hierarchy, PointExample, TrainingSpheres, classes_of_cells,
+};
 
 /// Drives to learn from; as many submaps of each as of the others.
 const TRAIN: RangeInclusive<u64> = 501..=520;
@@ -144,7 +146,7 @@ impl Dataset<PointExample> for RandomSpheres {
     fn example(&self, index: usize, random: Option<&mut Random>) -> PointExample {
         let mut fixed = Random::of_stream(0, index as u64);
         let random = random.unwrap_or(&mut fixed);
-        let Some((class, number)) = self.spheres.draw(index, random) else {
+        let Some(DrawnItem { class, item: number }) = self.spheres.draw(index, random) else {
             return PointExample { positions: Vec::new(), features: Vec::new(), truth: Vec::new() };
         };
         let of = &self.clouds[number as usize];

@@ -98,7 +98,13 @@ pub fn depth_wise_convolution(
     cells.contiguous()?.apply_op3(&weight.contiguous()?, &bias.contiguous()?, DepthWise { shape, activation })
 }
 
-fn check(shape: PlaneShape, cells: &Layout, weight: &Layout, bias: &Layout, groups: bool) -> Result<(usize, usize)> {
+/// Channels of a convolution.
+struct Channels {
+    inputs: usize,
+    outputs: usize,
+}
+
+fn check(shape: PlaneShape, cells: &Layout, weight: &Layout, bias: &Layout, groups: bool) -> Result<Channels> {
     let ((n, n_in), (n_out, of_weight, 3, 3)) = (cells.shape().dims2()?, weight.shape().dims4()?) else {
         bail!("plane convolution: weight {:?}, expected 3 x 3", weight.shape());
     };
@@ -111,7 +117,7 @@ fn check(shape: PlaneShape, cells: &Layout, weight: &Layout, bias: &Layout, grou
             bias.shape()
         );
     }
-    Ok((n_in, n_out))
+    Ok(Channels { inputs: n_in, outputs: n_out })
 }
 
 struct Dense {
@@ -132,7 +138,8 @@ impl CustomOp3 for Dense {
         bias: &CpuStorage,
         bias_layout: &Layout,
     ) -> Result<(CpuStorage, Shape)> {
-        let (n_in, n_out) = check(self.shape, cells_layout, weight_layout, bias_layout, false)?;
+        let Channels { inputs: n_in, outputs: n_out } =
+            check(self.shape, cells_layout, weight_layout, bias_layout, false)?;
         let (cells, weight) = (values(cells, cells_layout)?, values(weight, weight_layout)?);
         let by_tap = |i: usize| weight[(i % n_out * n_in + i / n_out % n_in) * TAPS + i / n_out / n_in];
         let by_tap: Vec<f32> = (0..weight.len()).map(by_tap).collect();
@@ -194,7 +201,7 @@ impl CustomOp3 for DepthWise {
         bias: &CpuStorage,
         bias_layout: &Layout,
     ) -> Result<(CpuStorage, Shape)> {
-        let (n_channels, _) = check(self.shape, cells_layout, weight_layout, bias_layout, true)?;
+        let n_channels = check(self.shape, cells_layout, weight_layout, bias_layout, true)?.inputs;
         let (cells, weight) = (values(cells, cells_layout)?, values(weight, weight_layout)?);
         let by_tap = weight_by_tap(weight, n_channels, false);
         let bias = Some(values(bias, bias_layout)?);

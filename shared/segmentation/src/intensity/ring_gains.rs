@@ -12,11 +12,22 @@ const LARGEST: f32 = 4.0;
 #[derive(Clone, Debug, Default)]
 pub struct GroundByRing(Vec<GroundHistogram>);
 
+/// A return of a ring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RingReturn {
+    /// Number of the ring.
+    pub ring: usize,
+    /// Strength of the return.
+    pub intensity: u8,
+    /// Height above the ground, m.
+    pub height_m: f32,
+}
+
 impl GroundByRing {
-    /// Counts points: ring, intensity, height above the ground in m.
-    pub fn of(points: impl Iterator<Item = (usize, u8, f32)>) -> Self {
+    /// Counts the returns from the ground.
+    pub fn of(returns: impl Iterator<Item = RingReturn>) -> Self {
         let mut rings = Vec::new();
-        for (ring, intensity, height_m) in points {
+        for RingReturn { ring, intensity, height_m } in returns {
             if rings.len() <= ring {
                 rings.resize_with(ring + 1, GroundHistogram::default);
             }
@@ -116,10 +127,12 @@ mod tests {
 
     #[test]
     fn rings_of_other_gains_get_the_same_ground() {
-        let of_ring = |ring: usize| [10_u8, 18, 20, 22, 40].map(|intensity| (ring, intensity * (1 + ring as u8), 0.0));
+        let ground = |ring, intensity| RingReturn { ring, intensity, height_m: 0.0 };
+        let of_ring = |ring: usize| [10_u8, 18, 20, 22, 40].map(|intensity| ground(ring, intensity * (1 + ring as u8)));
         let points = (0..4).flat_map(|ring| of_ring(ring).into_iter().cycle().take(1000));
-        let ground = GroundByRing::of(points.chain([(9, 7, 3.0), (5, 200, 0.0)]));
-        let map = ground.normalizing(TRAINED).expect("ground");
+        let counted =
+            GroundByRing::of(points.chain([RingReturn { ring: 9, intensity: 7, height_m: 3.0 }, ground(5, 200)]));
+        let map = counted.normalizing(TRAINED).expect("ground");
         for ring in 0..4 {
             let median = 20 * (1 + ring as u8);
             assert!(map.of_intensity(ring, median).abs_diff(12) <= 1, "ring {ring}");
@@ -128,9 +141,9 @@ mod tests {
         // Without ground, rings keep their gain; rings that were not counted are like the last one.
         let high = map.of_intensity(9, 50);
         assert!(high == map.of_intensity(5, 50) && high == map.of_intensity(200, 50));
-        let equal = GroundByRing::of((0..5000).map(|_| (0, 76, 0.0)));
+        let equal = GroundByRing::of((0..5000).map(|_| ground(0, 76)));
         assert_eq!(equal.normalizing(TRAINED), Some(IntensityMap::Unknown));
-        let few = GroundByRing::of((0..1999).map(|_| (0, 10, 0.0)));
+        let few = GroundByRing::of((0..1999).map(|_| ground(0, 10)));
         assert!(few.normalizing(TRAINED).is_none());
     }
 }

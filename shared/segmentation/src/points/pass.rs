@@ -93,7 +93,7 @@ impl<'a> Pass<'a> {
         if self.is_training() {
             return self.norm(&linear(rows, &weight, &bias, Activation::NONE)?, norm, activation);
         }
-        let (weight, bias) = self.running(norm)?.after(&weight, &bias)?;
+        let LinearLayer { weight, bias } = self.running(norm)?.after(&weight, &bias)?;
         Ok(linear(rows, &weight, &bias, activation)?)
     }
     /// Batch normalization by the running statistics.
@@ -148,16 +148,24 @@ pub(super) struct RunningNorm {
     pub shift: Tensor,
 }
 
+/// The tensors of a linear layer.
+pub(super) struct LinearLayer {
+    /// `(out, in)`.
+    pub weight: Tensor,
+    /// `(out)`.
+    pub bias: Tensor,
+}
+
 impl RunningNorm {
-    /// Weight `(out, in)` and bias of a linear layer with the normalization after it.
-    pub fn after(&self, weight: &Tensor, bias: &Tensor) -> Result<(Tensor, Tensor), SegmentationError> {
+    /// A linear layer with the normalization after it.
+    pub fn after(&self, weight: &Tensor, bias: &Tensor) -> Result<LinearLayer, SegmentationError> {
         let bias = ((bias * &self.scale)? + &self.shift)?;
-        Ok((weight.broadcast_mul(&self.scale.unsqueeze(1)?)?, bias))
+        Ok(LinearLayer { weight: weight.broadcast_mul(&self.scale.unsqueeze(1)?)?, bias })
     }
-    /// Weight `(out, in)` and bias of a linear layer with the normalization before it.
-    pub fn before(&self, weight: &Tensor, bias: &Tensor) -> Result<(Tensor, Tensor), SegmentationError> {
+    /// A linear layer with the normalization before it.
+    pub fn before(&self, weight: &Tensor, bias: &Tensor) -> Result<LinearLayer, SegmentationError> {
         let bias = (weight.matmul(&self.shift.unsqueeze(1)?)?.flatten_all()? + bias)?;
-        Ok((weight.broadcast_mul(&self.scale.unsqueeze(0)?)?, bias))
+        Ok(LinearLayer { weight: weight.broadcast_mul(&self.scale.unsqueeze(0)?)?, bias })
     }
 }
 

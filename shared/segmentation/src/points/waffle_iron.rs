@@ -6,7 +6,7 @@ mod training;
 
 use super::batch::PointBatch;
 use super::parameters::{ParameterList, Start};
-use super::pass::Pass;
+use super::pass::{LinearLayer, Pass};
 use super::search::Clouds;
 use crate::SegmentationError;
 use candle_core::Tensor;
@@ -179,12 +179,12 @@ impl WaffleIron {
         }
         Ok(cells)
     }
-    /// Weight and bias of the second layer of a block at each point, with the scale of the residual.
-    fn scaled_layer(&self, pass: &Pass<'_>, block: usize) -> Result<(Tensor, Tensor), SegmentationError> {
+    /// The second layer of a block at each point, with the scale of the residual.
+    fn scaled_layer(&self, pass: &Pass<'_>, block: usize) -> Result<LinearLayer, SegmentationError> {
         let name = format!("waffleiron.channel_mix.{block}");
         let scale = pass.matrix(&format!("{name}.scale"))?;
         let weight = pass.matrix(&format!("{name}.mlp.2"))?.broadcast_mul(&scale)?;
         let bias = (pass.bias(&format!("{name}.mlp.2"), self.width)? * scale.flatten_all()?)?;
-        Ok((weight, bias))
+        Ok(LinearLayer { weight, bias })
     }
 }

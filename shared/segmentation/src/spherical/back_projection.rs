@@ -51,30 +51,38 @@ pub fn pixel_for(image: &RangeImage, point: usize) -> Option<u32> {
     if own == NO_POINT || image.is_shown(point) {
         return (own != NO_POINT).then_some(own);
     }
-    let best = neighbors(image, point).min_by(|a, b| a.0.total_cmp(&b.0));
-    Some(best.map_or(own, |(_, neighbor)| image.pixel_of_point[neighbor]))
+    let best = neighbors(image, point).min_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+    Some(best.map_or(own, |near| image.pixel_of_point[near.point]))
 }
 
-/// Distances and points in the window, without those beyond the cutoff.
-fn neighbors(image: &RangeImage, point: usize) -> impl Iterator<Item = (f32, usize)> {
+/// A point in the window.
+#[derive(Clone, Copy)]
+struct Near {
+    /// Difference of the ranges, smaller for nearer pixels.
+    distance_m: f32,
+    point: usize,
+}
+
+/// Points in the window, without those beyond the cutoff.
+fn neighbors(image: &RangeImage, point: usize) -> impl Iterator<Item = Near> {
     let range_m = image.range_m[point];
     image.window(point, REACH).filter_map(move |(neighbor, [dy, dx])| {
         let difference = (image.range_m[neighbor] - range_m).abs();
         let far = 1.0 - (-0.5 * (dy * dy + dx * dx) as f32).exp();
         // The nearest point of the own pixel counts as one pixel away.
         let far = if dy == 0 && dx == 0 { 1.0 - (-0.5_f32).exp() } else { far };
-        (difference <= CUTOFF_M).then_some((difference * far, neighbor))
+        (difference <= CUTOFF_M).then_some(Near { distance_m: difference * far, point: neighbor })
     })
 }
 
 fn nearest(image: &RangeImage, classes: &[u8], point: usize, k: usize) -> Option<u8> {
-    let mut near: Vec<(f32, usize)> = neighbors(image, point).collect();
-    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut near: Vec<Near> = neighbors(image, point).collect();
+    near.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.point.cmp(&b.point)));
     near.truncate(k);
-    let class_of = |neighbor: usize| classes[image.pixel_of_point[neighbor] as usize];
-    let votes = |class: u8| near.iter().filter(|(_, neighbor)| class_of(*neighbor) == class).count();
+    let class_of = |near: &Near| classes[image.pixel_of_point[near.point] as usize];
+    let votes = |class: u8| near.iter().filter(|near| class_of(near) == class).count();
     // The nearest neighbor wins a tie: `max_by_key` returns the last of equals, so the order is reversed.
-    near.iter().rev().map(|(_, neighbor)| class_of(*neighbor)).max_by_key(|&class| votes(class))
+    near.iter().rev().map(class_of).max_by_key(|&class| votes(class))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Training spheres: balance of classes, and weights of items.
 
 use random::Random;
-use training::TrainingSpheres;
+use training::{DrawnItem, TrainingSpheres};
 
 #[test]
 fn epoch_has_spheres_of_all_classes_equally_often() {
@@ -27,7 +27,7 @@ fn epoch_has_spheres_of_all_classes_equally_often() {
     let mut epoch_of = |spheres: &TrainingSpheres| -> Vec<u32> {
         let drawn = (0..100).filter_map(|sphere| spheres.draw(sphere, &mut random));
         drawn
-            .map(|(class, point)| {
+            .map(|DrawnItem { class, item: point }| {
                 assert_eq!(classes[point as usize], Some(class));
                 point
             })
@@ -51,7 +51,7 @@ fn items_of_a_class_are_drawn_by_their_weights() {
     let mut random = Random::new(1);
     let mut counts = [0; 3];
     for sphere in 0..4000 {
-        let (class, item) = spheres.draw(sphere, &mut random).expect("an item");
+        let DrawnItem { class, item } = spheres.draw(sphere, &mut random).expect("an item");
         assert_eq!(class, 2);
         counts[item as usize - 5] += 1;
     }

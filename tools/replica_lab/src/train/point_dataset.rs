@@ -17,7 +17,9 @@ use segmentation::ModelInput;
 use segmentation::intensity::{GroundHistogram, GroundIntensities};
 use segmentation::points::{CellCloud, PointSettings};
 use std::path::Path;
-use training::{Augmentation, ClassifiedCells, Dataset, PointExample, TrainingSpheres, UNKNOWN, classes_of_cells};
+use training::{
+    Augmentation, ClassifiedCells, Dataset, DrawnItem, PointExample, TrainingSpheres, UNKNOWN, classes_of_cells,
+};
 
 /// Spheres of submaps. Memory: the simulated drives of one step, or one submap.
 pub struct PointDataset {
@@ -78,7 +80,7 @@ impl PointDataset {
     }
 
     fn training_sphere(&self, index: usize, random: &mut Random) -> Option<ClassifiedCells> {
-        let (class, submap) = self.spheres.draw(index, random)?;
+        let DrawnItem { class, item: submap } = self.spheres.draw(index, random)?;
         let submap = self.file.submap(submap as usize).expect("the file is open, and of the length that was written");
         let center = submap.cloud.positions[*random.pick(&submap.points_of(class))];
         let mut sphere = submap.sphere(center, self.settings.spheres.radius_m);

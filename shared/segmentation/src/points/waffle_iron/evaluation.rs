@@ -4,7 +4,7 @@
 
 use super::{NONE, WaffleIron, WaffleIronPlan};
 use crate::SegmentationError;
-use crate::points::pass::{Pass, zeros};
+use crate::points::pass::{LinearLayer, Pass, zeros};
 use candle_core::Tensor;
 use kernels::points::{Layer, add_residual_layers, concatenate, linear, neighbor_maximum, normalized_means};
 
@@ -25,9 +25,10 @@ impl WaffleIron {
             let name = format!("waffleiron.channel_mix.{block}");
             let norm = pass.running(&format!("{name}.norm"))?;
             let weight = pass.matrix(&format!("{name}.mlp.0"))?;
-            let (weight, bias) = norm.before(&weight, &pass.bias(&format!("{name}.mlp.0"), self.width)?)?;
+            let LinearLayer { weight, bias } =
+                norm.before(&weight, &pass.bias(&format!("{name}.mlp.0"), self.width)?)?;
             let first = Layer::new(&weight, &bias)?;
-            let (weight, bias) = self.scaled_layer(pass, block)?;
+            let LinearLayer { weight, bias } = self.scaled_layer(pass, block)?;
             add_residual_layers(&x, &cells, &plane.cells, [&first, &Layer::new(&weight, &bias)?])?;
         }
         Ok(x)
@@ -41,8 +42,8 @@ impl WaffleIron {
         let x = pass.norm(features, "embed.norm", NONE)?;
         // The first layer of a difference is the difference of its products with both points.
         let norm = pass.running("embed.conv2.0")?;
-        let (weight, bias) = norm.before(&pass.matrix("embed.conv2.1")?, &zeros(self.width)?)?;
-        let (weight, bias) = pass.running("embed.conv2.2")?.after(&weight, &bias)?;
+        let LinearLayer { weight, bias } = norm.before(&pass.matrix("embed.conv2.1")?, &zeros(self.width)?)?;
+        let LinearLayer { weight, bias } = pass.running("embed.conv2.2")?.after(&weight, &bias)?;
         let products = linear(&x, &weight, &zeros(self.width)?, NONE)?;
         let layer = Layer::new(&pass.matrix("embed.conv2.4")?, &zeros(self.width)?)?;
         let of_neighbors = neighbor_maximum(&products, bias.to_vec1()?, &plan.neighbors, layer)?;

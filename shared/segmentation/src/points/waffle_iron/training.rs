@@ -2,7 +2,7 @@
 
 use super::{NONE, Plane, RELU, WaffleIron, WaffleIronPlan};
 use crate::SegmentationError;
-use crate::points::pass::Pass;
+use crate::points::pass::{LinearLayer, Pass};
 use candle_core::Tensor;
 use kernels::points::{Lists, add_activated, concatenate, linear, maximum, weighted_sum};
 use std::sync::Arc;
@@ -40,7 +40,7 @@ impl WaffleIron {
         let name = format!("waffleiron.channel_mix.{block}");
         let y = pass.norm(x, &format!("{name}.norm"), NONE)?;
         let y = pass.linear(&y, &format!("{name}.mlp.0"), RELU)?;
-        let (weight, bias) = self.scaled_layer(pass, block)?;
+        let LinearLayer { weight, bias } = self.scaled_layer(pass, block)?;
         Ok(add_activated(x, &linear(&y, &weight, &bias, NONE)?, NONE)?)
     }
 }

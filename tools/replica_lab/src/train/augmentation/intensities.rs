@@ -1,7 +1,7 @@
 //! Intensities as another sensor would report them.
 
 use random::Random;
-use segmentation::intensity::{GroundByRing, GroundIntensities};
+use segmentation::intensity::{GroundByRing, GroundIntensities, RingReturn};
 use segmentation::spherical::PolarImage;
 
 /// Share of the sweeps with intensities that are those of another sensor.
@@ -36,7 +36,12 @@ pub fn augment_intensities(
     let pixels = image.pixels.iter().enumerate().filter(|(_, pixel)| pixel.is_valid());
     // The lowest row is ring 0.
     let ring = |index: usize| image.rows - 1 - index / columns;
-    let ground = GroundByRing::of(pixels.map(|(index, pixel)| (ring(index), pixel.intensity, pixel.height_m)));
+    let returns = pixels.map(|(index, pixel)| RingReturn {
+        ring: ring(index),
+        intensity: pixel.intensity,
+        height_m: pixel.height_m,
+    });
+    let ground = GroundByRing::of(returns);
     match ground.normalizing(trained) {
         Some(map) => image.apply_intensities(&map),
         None => image.has_intensity = false,
