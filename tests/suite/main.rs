@@ -3,8 +3,10 @@
 //! The programs must be built: `cargo build --release --workspace`, then `cargo test --release -p replica-tests`. Many tests wait most of
 //! their time, so more threads than cores pay off: `-- --test-threads 6`.
 
+mod added_column;
 mod batch;
 mod changed_files;
+mod column_pages;
 mod crash_recovery;
 mod damaged_states;
 mod documentation;

@@ -15,7 +15,7 @@
 //! | whether the clouds fit the disk | `space` |
 //! | the files themselves | crate `delivery` |
 //!
-//! `export` must never change a value, drop a point or name a column: it joins, orders and writes. Begin reading with
+//! `export` must never change a value, drop a point or treat a column of points by its name: it joins, orders and writes. Begin reading with
 //! `Export::step`, then `columns.rs`.
 //!
 //! `export` writes a cloud when its last expected column has arrived. The expected columns are fixed before the start

@@ -10,7 +10,7 @@
 //! 1. Write its payload type: a file beside `region.rs`, with [`Message`](crate::Message) for the topic.
 //! 2. Write its entry in `table.rs`.
 //!
-//! Then `REPLICA_WRITE_DOCS=1 cargo test -p replica-tests --test suite documentation` writes it into the pages under `docs/reference`.
+//! Then `REPLICA_WRITE_DOCS=1 cargo test -p replica-tests --test suite column_pages` writes it into the pages under `docs/reference`.
 //! `tests/suite/added_column.rs` adds a column in this way and finds it in every kind of file.
 
 mod class;

@@ -1,10 +1,14 @@
 //! Surveying: a finished run in the formats that surveyors and other programs read (`docs/reference/deliverables.md`).
 //!
+//! `replica deliver` is a thin command over this crate. It reads what the crate `delivery` has written while the run was running: clouds,
+//! their index, the trajectory and the frame.
+//!
 //! | idea | module |
 //! |---|---|
 //! | what a run has written | [`RunFolder`], `cloud` |
 //! | coordinate reference systems, heights, local frame | `crs`, [`TargetFrame`] |
 //! | classes of the ASPRS | `asprs` |
+//! | columns of a cloud by the table of columns, values of a point | `cloud::columns` |
 //! | bytes of LAS and LAZ | `las` |
 //! | points by tile or node, in bounded memory | `cloud_delivery`, `spool`, `tiles`, `copc` |
 //! | points of a run that is not finished | [`GrowingCloud`] |
@@ -12,6 +16,11 @@
 //! | terrain and top views | `rasters` |
 //! | accuracy at points that were measured independently | [`check_points`] |
 //! | clouds for CloudCompare, sweeps for training | `cloudcompare`, `semantic_kitti` |
+//!
+//! This crate must never change the run that it reads, estimate or filter anything, or shift a datum: coordinates are converted, values are
+//! copied. It knows no column by name unless a format gives it a meaning: the class of a LAS record, the camera of a raster.
+//!
+//! Begin reading with `tiles.rs` and `cloud_delivery.rs` (how points become records), then `target_frame.rs` (in which coordinates).
 //!
 //! The same run and options give the same bytes, for any number of threads. Memory does not grow with the length of the drive: records
 //! wait in a temporary file in the folder of the delivery.

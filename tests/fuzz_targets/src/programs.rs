@@ -3,9 +3,10 @@
 use crate::accepted::accepted;
 use crate::scratch::{with_file, with_files};
 use drive::{SourcePosition, read_manifest};
+use messages::columns::{COLUMNS, Column, ColumnVisitor, visit_columns};
 use messages::{
-    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic, Message,
-    MosaicTopic, PlacementTopic, RegionTopic, SpectraTopic, SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
+    CubeTopic, GnssTopic, ImageTopic, ImuTopic, Message, MosaicTopic, PlacementTopic, SubmapTopic, SweepTopic,
+    TickTopic, TrajectoryTopic,
 };
 use recording::{RecordingReader, TickReader};
 use run::control::{Answer, MAX_REQUEST, Request};
@@ -138,24 +139,32 @@ pub(crate) fn saved_message(bytes: &[u8]) {
             let _ = (messages::check_header::<T>(message.header()), messages::check_rows::<T>(message.rows()));
         }
     }
+    /// Checks the column of a number in the table.
+    struct NthColumn<'a>(usize, &'a [u8]);
+    impl ColumnVisitor for NthColumn<'_> {
+        fn visit<T: Message>(&mut self, _: &'static Column) {
+            if self.0 == 0 {
+                check::<T>(self.1);
+            }
+            self.0 = self.0.wrapping_sub(1);
+        }
+    }
     let Some((topic, bytes)) = bytes.split_first() else { return };
-    match topic % 16 {
+    let n_columns = COLUMNS.iter().filter(|column| column.has_own_topic()).count();
+    // Saved inputs keep their topics: the first four columns lie between the others.
+    match usize::from(*topic) % (10 + n_columns) {
         0 => check::<SweepTopic>(bytes),
         1 => check::<TickTopic>(bytes),
         2 => check::<TrajectoryTopic>(bytes),
         3 => check::<PlacementTopic>(bytes),
         4 => check::<SubmapTopic>(bytes),
-        5 => check::<ColorTopic>(bytes),
-        6 => check::<SpectraTopic>(bytes),
-        7 => check::<ClassTopic>(bytes),
-        8 => check::<InstanceTopic>(bytes),
+        column @ 5..=8 => visit_columns(&mut NthColumn(column - 5, bytes)),
         9 => check::<CubeTopic>(bytes),
         10 => check::<GnssTopic>(bytes),
         11 => check::<ImuTopic>(bytes),
         12 => check::<ImageTopic>(bytes),
         13 => check::<MosaicTopic>(bytes),
-        14 => check::<MaterialTopic>(bytes),
-        _ => check::<RegionTopic>(bytes),
+        column => visit_columns(&mut NthColumn(column - 10, bytes)),
     }
 }
 
