@@ -27,7 +27,7 @@ mod stage_restarts;
 
 use crate::active_run::ActiveRun;
 use crate::control::Control;
-use crate::decision::{Decision, Fault, GiveUp, Observation, Policy, RestartBudget, decide};
+use crate::decision::{FailedAttempt, Fault, GiveUp, Policy, RestartBudget, RunDecision, restart_run};
 use crate::identity::Files;
 use crate::log::LogFormat;
 use crate::plan::Plan;
@@ -214,7 +214,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Waits for the restart of the run that [`decide`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.
+    /// Waits for the restart of the run that [`restart_run`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.
     fn restart_run(
         &mut self,
         fault: Fault,
@@ -223,19 +223,17 @@ impl Supervisor {
     ) -> Result<RestartBudget, &'static str> {
         let lack = lacks_shared_memory(None);
         let policy = Policy::new(&self.run.plan.run, &self.run.plan.stages);
-        let decision = decide(
-            Observation::FailedAttempt {
-                fault: &fault,
-                is_ending: self.operator.is_ending(),
-                barrier,
-                budget,
-                is_memory_low: lack.is_some(),
-            },
-            &policy,
-        );
+        let attempt = FailedAttempt {
+            fault: &fault,
+            is_ending: self.operator.is_ending(),
+            barrier,
+            budget,
+            is_memory_low: lack.is_some(),
+        };
+        let decision = restart_run(&attempt, &policy);
         self.account.faults.push(fault);
         match decision {
-            Decision::RestartRun { delay, budget } => {
+            RunDecision::Restart { delay, budget } => {
                 self.pause_before_restart(delay, budget.used, barrier);
                 if self.operator.is_ending() {
                     return Err("stopped");
@@ -243,15 +241,14 @@ impl Supervisor {
                 self.account.restarts += 1;
                 Ok(budget)
             }
-            Decision::GiveUp(GiveUp::EndRequested) => Err("failed"),
-            Decision::GiveUp(reason) => {
+            RunDecision::GiveUp(GiveUp::EndRequested) => Err("failed"),
+            RunDecision::GiveUp(reason) => {
                 if let Some(lack) = lack {
                     tracing::error!("{lack}");
                 }
                 tracing::error!(barrier, "giving up: {reason}; --resume would continue from {}", place(barrier));
                 Err("failed")
             }
-            other => unreachable!("no decision about a failed attempt: {other:?}"),
         }
     }
 
