@@ -7,7 +7,7 @@ use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
 use formats::drive::{Drive, LiveRig};
 use formats::manifest::Manifest;
 use geometry::{Isometry3, Pose};
-use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, InertialUnit, Placed};
+use georeference::{GeoreferenceSettings, Georeferencer, InertialUnit, Placed, fix_doubts};
 use messages::{
     GnssTopic, ImuTopic, PlacementTopic, StampedPose, SubmapPoint, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
@@ -224,22 +224,22 @@ impl Stage for SlamAggregate {
         self.stretches.finish().into_iter().for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
         self.inertial.summary().into_iter().for_each(|line| outputs.note(line));
-        self.inertial.doubt().into_iter().for_each(|text| outputs.doubt("imu_not_used", 1.0, text));
-        if let Some((seconds, text)) = self.stretches.contested(self.settings.max_contested_s) {
-            outputs.doubt("motion_contested", seconds, text);
+        self.inertial.doubt().into_iter().for_each(|doubt| outputs.report_doubt(&doubt));
+        if let Some(doubt) = self.stretches.contested(self.settings.max_contested_s) {
+            outputs.report_doubt(&doubt);
         }
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         // Fixes correct the path, and the doubts of export tell what is left.
         let has_fixes = placed.as_ref().is_some_and(|placed| placed.header.n_fixes > 0);
-        if let Some((metres, text)) = self.stretches.lost(self.settings.max_lost_m).filter(|_| !has_fixes) {
-            outputs.doubt("path_lost", metres, text);
+        if let Some(doubt) = self.stretches.lost(self.settings.max_lost_m).filter(|_| !has_fixes) {
+            outputs.report_doubt(&doubt);
         }
         if self.georeference.gnss {
             let counted = ["fixes", "fixes_without_position"].map(|name| outputs.counted(name));
             let min_used_share = self.settings.min_used_fixes_share;
-            for doubt in FixDoubt::find(counted, self.expects_fixes, placed.as_ref(), min_used_share) {
-                outputs.doubt(doubt.name(), doubt.size(), doubt.to_string());
+            for doubt in fix_doubts(counted, self.expects_fixes, placed.as_ref(), min_used_share) {
+                outputs.report_doubt(&doubt);
             }
         }
         placed.map_or(Ok(()), |placed| publish_placement(&placed, outputs))

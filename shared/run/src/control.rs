@@ -6,6 +6,7 @@
 //! One request per connection, one JSON text per line. The supervisor sends [`Answer::Working`] at least once a second until
 //! its final answer. The client may disconnect; the supervisor completes the request.
 
+use crate::outcome::Outcome;
 use crate::wiring::{Wiring, WiringError};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Write};
@@ -58,8 +59,8 @@ pub enum Answer {
     Refused(Vec<String>),
     /// The stage was replaced, or the attempt was undone ([`Swapped::undone`]).
     Swapped(Swapped),
-    /// How the run has ended: `done`, `drained`, `stopped` or `failed`.
-    Ended(String),
+    /// How the run has ended.
+    Ended(Outcome),
 }
 
 /// The result of a swap. Kept in the run folder and in summary.json.

@@ -3,7 +3,7 @@
 
 use crate::{Context, Outputs, Problem, StepError};
 use run::assignment::Description;
-use run::health::Doubt;
+use run::health::ReportedDoubt;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
 use std::io::{Error, ErrorKind, Read, Write};
@@ -104,7 +104,7 @@ impl Failure {
 pub(super) struct Report {
     counters: BTreeMap<String, u64>,
     notes: Vec<String>,
-    doubts: Vec<Doubt>,
+    doubts: Vec<ReportedDoubt>,
 }
 
 impl Report {
