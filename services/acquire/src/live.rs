@@ -7,7 +7,7 @@ use crate::publish::{
 };
 use crate::sweep;
 use acquisition::error::LiveError;
-use acquisition::live::{DueFrame, LiveLimits, LivePlan, LivePoll, LiveVehicle, OtherLimits};
+use acquisition::live::{AuxiliaryLimits, DueFrame, LiveLimits, LivePlan, LivePoll, LiveVehicle};
 use acquisition::recorded::Trigger;
 use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
@@ -184,7 +184,7 @@ fn plan<'a>(settings: &'a Settings, context: &'a Context) -> LivePlan<'a> {
         gnss: &settings.gnss,
         imu: &settings.imu,
         limits: LiveLimits { min_turn, quiet_s, max_undecoded_s, max_behind },
-        other_limits: OtherLimits { max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 },
+        other_limits: AuxiliaryLimits { max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 },
         trigger: Trigger::new(settings.trigger_hz, settings.trigger_m),
     }
 }

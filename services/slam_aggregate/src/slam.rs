@@ -12,7 +12,7 @@ use messages::{
     GnssTopic, ImuTopic, PlacementTopic, StampedPose, SubmapPoint, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    BodyPoses, GroundVelocity, OtherLidar, PreparedSweep, RawSweep, Registered, SelectedOdometry, SensorMounting,
+    BodyPoses, GroundVelocity, PreparedSweep, RawSweep, Registered, SecondaryLidar, SelectedOdometry, SensorMounting,
     Stretches, SweepRows, sweeps_by_tick,
 };
 use stage::{
@@ -27,7 +27,7 @@ pub struct SlamAggregate {
     georeference: GeoreferenceSettings,
     odometry: SelectedOdometry,
     /// The LiDARs after the first.
-    other_lidars: Vec<OtherLidar>,
+    other_lidars: Vec<SecondaryLidar>,
     /// The first tick, until the second arrives.
     waiting: Option<Tick>,
     open: Option<LoanedSubmap>,
@@ -164,7 +164,7 @@ impl Stage for SlamAggregate {
         };
         let rig = manifest.as_ref().map(Manifest::rig).transpose().map_err(StepError::data)?;
         let body_from_lidar = rig.as_ref().map_or_else(Isometry3::identity, |rig| rig.body_from_lidar);
-        let other = |body_from_other: &Pose| OtherLidar::new(&body_from_lidar, body_from_other);
+        let other = |body_from_other: &Pose| SecondaryLidar::new(&body_from_lidar, body_from_other);
         let other_lidars = rig.iter().flat_map(|rig| &rig.body_from_other_lidars).map(other).collect();
         let georeference = settings.georeference(manifest.as_ref());
         let has_receiver =

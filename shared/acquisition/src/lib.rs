@@ -13,6 +13,6 @@ pub mod counters;
 pub mod doubts;
 pub mod error;
 pub mod live;
-mod other_tally;
 pub mod recorded;
 pub mod rows;
+mod secondary_tally;

@@ -6,7 +6,7 @@
 //! | whether the rig fits the data, and what does not | [`check`] |
 //! | pictures of points over images and of sweeps over each other | [`picture`] |
 //! | rotations and elevations that fit the drive better | [`refine`] |
-//! | mounting of one LiDAR against another | `other_lidar` |
+//! | mounting of one LiDAR against another | `secondary_lidar` |
 //! | delay of a receiver | `receiver_delay` |
 //! | rotations as people write them | [`rotation`] |
 //! | calibrations of others | [`source`] |
@@ -14,11 +14,11 @@
 
 pub mod check;
 pub mod error;
-mod other_lidar;
 pub mod picture;
 mod receiver_delay;
 pub mod refine;
 pub mod rotation;
+mod secondary_lidar;
 pub mod source;
 pub mod survey;
 mod yaml;

@@ -6,8 +6,8 @@
 mod cameras;
 mod gnss;
 mod imu;
-mod other_lidars;
 mod rings;
+mod secondary_lidars;
 
 use crate::error::RigError;
 use crate::survey::{Survey, SurveySettings};
@@ -86,7 +86,7 @@ impl Refined {
         imu::refine(survey, &mut refined);
         gnss::refine(survey, &mut refined);
         rings::refine(drive, survey, &mut refined);
-        other_lidars::refine(drive, survey, settings, &mut refined)?;
+        secondary_lidars::refine(drive, survey, settings, &mut refined)?;
         Ok(refined)
     }
 

@@ -2,7 +2,7 @@
 
 use crate::live::{Sensor, TIMEOUT, live, settings, simulated};
 use crate::live_two_lidars::Sender;
-use crate::other_lidars::{N_REAR_PACKETS, rear_entry, rear_packets};
+use crate::secondary_lidars::{N_REAR_PACKETS, rear_entry, rear_packets};
 use crate::support::{BEGIN, SIZE, fix, sample, write_drive};
 use acquire::{Acquire, Settings};
 use formats::drive::{Drive, read_manifest};

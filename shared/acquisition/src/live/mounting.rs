@@ -14,18 +14,18 @@ pub struct Mounting {
     pub(super) lidar: Option<Lidar>,
     pub(super) rig: LiveRig,
     /// The LiDARs of the rig after the first.
-    pub(super) other_lidars: Vec<OtherMounting>,
+    pub(super) other_lidars: Vec<SecondaryMounting>,
     /// Entries of the recording's manifest for the sensors beside the LiDARs.
     pub(super) others: RecordedEntries,
 }
 
 /// A LiDAR of the rig after the first.
-pub(super) struct OtherMounting {
+pub(super) struct SecondaryMounting {
     pub(super) lidar: Lidar,
     pub(super) entry: LidarEntry,
 }
 
-impl OtherMounting {
+impl SecondaryMounting {
     /// Its name, which [`formats::drive::read_manifest`] has checked.
     pub(super) fn name(&self) -> &str {
         self.entry.name.as_deref().unwrap_or_default()
@@ -55,7 +55,7 @@ impl Mounting {
         };
         let lidar = lidar_of("lidar", &manifest.lidar)?;
         let other = |(index, entry): (usize, &LidarEntry)| {
-            Ok(OtherMounting { lidar: lidar_of(&format!("lidar[{}]", index + 1), entry)?, entry: entry.clone() })
+            Ok(SecondaryMounting { lidar: lidar_of(&format!("lidar[{}]", index + 1), entry)?, entry: entry.clone() })
         };
         let other_lidars = manifest.other_lidars.iter().enumerate().map(other).collect::<Result<_, LiveError>>()?;
         Ok(Self { lidar: Some(lidar), rig, other_lidars, others: RecordedEntries::default() })

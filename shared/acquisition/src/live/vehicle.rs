@@ -1,10 +1,10 @@
 //! All sensors of a live vehicle: what their settings mean, and what is reported of them.
 
+use super::auxiliary::{AuxiliaryLimits, AuxiliarySensors, AuxiliarySources};
 use super::mounting::Mounting;
-use super::other_lidar::OtherLidar;
-use super::others::{OtherLimits, OtherSensors, OtherSources};
 use super::receiver::{address, bind};
 use super::recording::{captures, folder_inside};
+use super::secondary_lidar::SecondaryLidar;
 use super::sensor::{Discarded, LiveLimits, LiveSensor};
 use crate::doubts::Doubts;
 use crate::error::LiveError;
@@ -40,7 +40,7 @@ pub struct LivePlan<'a> {
     /// Limits of the LiDAR.
     pub limits: LiveLimits,
     /// Limits of the other sensors.
-    pub other_limits: OtherLimits,
+    pub other_limits: AuxiliaryLimits,
     /// Which images are published.
     pub trigger: Trigger,
 }
@@ -50,9 +50,9 @@ pub struct LiveVehicle {
     /// The first LiDAR, whose sweeps are the ticks.
     pub lidar: LiveSensor,
     /// The LiDARs after the first.
-    pub other_lidars: Vec<OtherLidar>,
+    pub other_lidars: Vec<SecondaryLidar>,
     /// The sensors beside the LiDARs.
-    pub others: OtherSensors,
+    pub others: AuxiliarySensors,
     n_packets: u64,
 }
 
@@ -92,10 +92,10 @@ impl LivePlan<'_> {
         let mounting = self.mounting()?;
         let folder = folder_inside(self.output, self.recording)?;
         let sources = self.others().map_err(|mut errors| errors.swap_remove(0))?;
-        let others = OtherSensors::start(&sources, folder.clone(), self.other_limits, self.trigger)?;
+        let others = AuxiliarySensors::start(&sources, folder.clone(), self.other_limits, self.trigger)?;
         let other_lidars = mounting.other_lidars.iter().zip(&listens[1..]).enumerate();
         let other_lidars =
-            other_lidars.map(|(index, (other, address))| OtherLidar::start(*address, &folder, index + 1, other));
+            other_lidars.map(|(index, (other, address))| SecondaryLidar::start(*address, &folder, index + 1, other));
         let other_lidars = other_lidars.collect::<Result<_, _>>()?;
         let lidar = LiveSensor::start(addresses, folder, mounting.with_others(others.entries()), self.limits)?;
         Ok(LiveVehicle { lidar, other_lidars, others, n_packets: 0 })
@@ -113,8 +113,8 @@ impl LivePlan<'_> {
     }
 
     /// The error has at least one problem.
-    fn others(&self) -> Result<OtherSources, Vec<LiveError>> {
-        OtherSources::find(self.cameras.clone(), self.gnss, self.imu, self.drive)
+    fn others(&self) -> Result<AuxiliarySources, Vec<LiveError>> {
+        AuxiliarySources::find(self.cameras.clone(), self.gnss, self.imu, self.drive)
     }
 }
 
@@ -136,7 +136,7 @@ impl LiveVehicle {
     /// Ends the reception; what waits is recorded first.
     pub fn close(&mut self) {
         self.lidar.close();
-        self.other_lidars.iter_mut().for_each(OtherLidar::close);
+        self.other_lidars.iter_mut().for_each(SecondaryLidar::close);
         self.others.close();
     }
 
@@ -180,7 +180,7 @@ impl LiveVehicle {
             doubts.captures(&lidar, self.lidar.recorded_bytes());
             self.others.doubt(&lidar, log, !self.other_lidars.is_empty(), doubts);
             self.other_lidars.iter().for_each(|lidar| lidar.doubt(doubts));
-            let silent = self.other_lidars.iter().filter_map(OtherLidar::silence);
+            let silent = self.other_lidars.iter().filter_map(SecondaryLidar::silence);
             doubts.silent(&silent.chain(self.others.silent_sensors()).collect::<Vec<_>>());
         }
     }

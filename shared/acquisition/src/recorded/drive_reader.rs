@@ -3,7 +3,7 @@
 use super::events::Events;
 use super::inertial::Inertial;
 use super::odometer::Odometer;
-use super::other_lidars::{OtherLidars, OtherPosition};
+use super::secondary_lidars::{SecondaryLidars, SecondaryPosition};
 use super::trigger::Trigger;
 use crate::doubts::Doubts;
 use crate::error::{DriveError, NoSweepError};
@@ -38,7 +38,7 @@ pub struct DriveReader {
     part: Part,
     drive: Drive,
     source: SweepSource,
-    others: OtherLidars,
+    others: SecondaryLidars,
     images: Events<Frame>,
     mosaics: Events<Frame>,
     fixes: Events<Fix>,
@@ -66,7 +66,7 @@ struct Progress {
 #[derive(Serialize, Deserialize)]
 pub struct DrivePosition {
     source: SourcePosition,
-    others: Vec<OtherPosition>,
+    others: Vec<SecondaryPosition>,
     at: Progress,
     images: u64,
     mosaics: u64,
@@ -175,7 +175,7 @@ impl DriveReader {
     pub fn open(folder: &Path, part: Part, trigger: Trigger) -> Result<Self, DriveError> {
         let drive = Drive::open(folder)?;
         let mut source = drive.sweeps()?;
-        let others = OtherLidars::open(&drive, &mut source)?;
+        let others = SecondaryLidars::open(&drive, &mut source)?;
         let (fixes, log) = drive.fixes().map_err(DriveError::Log)?;
         let odometer = Odometer::new(&fixes);
         let (images, skipped_images) = trigger.thin_out(drive.camera_frames(), &odometer);

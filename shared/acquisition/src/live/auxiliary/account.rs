@@ -1,6 +1,6 @@
 //! What is reported of the sensors beside the LiDAR at the end of a run.
 
-use super::{LIDAR, OtherSensors};
+use super::{AuxiliarySensors, LIDAR};
 use crate::doubts::Doubts;
 use crate::live::clocks::ClockEstimate;
 use crate::live::images::CameraKind;
@@ -10,7 +10,7 @@ use formats::nmea::LogStats;
 /// A shorter run may lie between two fixes.
 const MIN_SENSOR_NANOS: i64 = 2_000_000_000;
 
-impl OtherSensors {
+impl AuxiliarySensors {
     /// Counts what no sweep takes.
     pub fn discard_rest(&mut self) {
         if let Some(frames) = &mut self.frames {
