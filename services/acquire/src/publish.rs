@@ -64,7 +64,7 @@ pub(crate) fn publish_sweep(
 }
 
 /// Publishes the points of another LiDAR that `read` passes on, if there are any. `read` returns header and stamp.
-pub(crate) fn publish_other(
+pub(crate) fn publish_secondary(
     read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<Option<(SweepHeader, i64)>, StepError>,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {

@@ -21,7 +21,7 @@ pub(crate) struct Saved<'a> {
     pub n_waiting: u32,
     pub submap: Option<SubmapHead>,
     pub poses: BodyPoses,
-    pub other_lidars: Cow<'a, [SecondaryLidar]>,
+    pub secondary_lidars: Cow<'a, [SecondaryLidar]>,
     // Borrowed while saving: they grow with the drive.
     pub stretches: Cow<'a, Stretches>,
     pub inertial: Cow<'a, InertialUnit>,

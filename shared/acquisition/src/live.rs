@@ -3,10 +3,10 @@
 //! | sensor | module |
 //! |---|---|
 //! | LiDAR: UDP packets | `sensor`, `receiver` |
-//! | LiDARs after the first | `secondary_lidar` |
+//! | secondary LiDARs | `secondary_lidar` |
 //! | cameras: folders that fill | `images` |
 //! | GNSS receiver and IMU: lines by UDP or a serial port | `lines` |
-//! | which of them belongs to which sweep | `auxiliary` |
+//! | auxiliary sensors: which of their data belongs to which sweep | `auxiliary` |
 //! | offset of their clocks | `clocks` |
 //!
 //! The receiving thread writes a capture. The decoder reads the growing capture with the code that reads recorded drives. So the

@@ -1,4 +1,4 @@
-//! What was published of a LiDAR after the first.
+//! What was published of a secondary LiDAR.
 
 use crate::doubts::Doubts;
 use crate::rows::slice_header;

@@ -1,5 +1,5 @@
 //! Refines a rig by its drive: rotations and delays of cameras and inertial unit, the delay of the receiver, elevations of the LiDAR's
-//! rings, and mountings of the LiDARs after the first.
+//! rings, and mountings of the secondary LiDARs.
 //!
 //! A value is replaced where the drive determines it and it differs by more than twice its standard deviation. All other values stay.
 

@@ -46,7 +46,7 @@ const DETERMINED: [f64; 2] = [0.1, 0.02];
 /// A feature is on its surface if it is so near, m.
 const ON_SURFACE_M: f64 = 0.1;
 
-/// The mounting of a LiDAR after the first, by the data.
+/// The mounting of a secondary LiDAR, by the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondaryMounting {
     /// `body_from_lidar` by the data.

@@ -22,7 +22,7 @@ use std::time::Instant;
 #[derive(Debug, Default, PartialEq)]
 struct Published {
     n_sweeps: usize,
-    /// Of the LiDAR after the first.
+    /// Of the secondary LiDAR.
     rear: Vec<(i64, Vec<u8>)>,
     images: Vec<(i64, u32, Vec<u8>)>,
     mosaics: Vec<(i64, u32, Vec<u8>)>,

@@ -1,4 +1,5 @@
-//! The sensors beside the LiDARs: received, recorded, and matched to sweeps by their stamps, as in a recorded drive.
+//! Auxiliary sensors, which are cameras, GNSS receiver and IMU: received, recorded, and matched to sweeps by their stamps, as in
+//! a recorded drive.
 
 mod account;
 mod frames;
@@ -132,7 +133,7 @@ impl AuxiliarySensors {
         }
     }
 
-    /// Adds the arrival of a packet of a LiDAR after the first.
+    /// Adds the arrival of a packet of a secondary LiDAR.
     pub fn add_arrival_of_lidar(&mut self, name: &str, arrival: Option<(Stamp, Stamp)>) {
         if let Some((stamp, arrived)) = arrival {
             self.clocks.add(&format!("{LIDAR} {name}"), stamp, arrived);

@@ -1,4 +1,4 @@
-//! The LiDARs on the network after the first: recorded like it, and decoded up to the end of each of its sweeps.
+//! The secondary LiDARs on the network: recorded like the first one, and decoded up to the end of each of its sweeps.
 
 use super::mounting::SecondaryMounting;
 use super::receiver::{Receiver, Sockets};
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 /// milliseconds.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// A LiDAR after the first, its recording, and the state of its decoder.
+/// A secondary LiDAR, its recording, and the state of its decoder.
 pub struct SecondaryLidar {
     name: String,
     /// Index in the rig.

@@ -1,4 +1,4 @@
-//! The LiDARs of a drive after the first: their returns during each of its sweeps.
+//! The secondary LiDARs of a drive: their returns during each sweep of the first LiDAR.
 
 use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
@@ -10,7 +10,7 @@ use formats::nmea::LogStats;
 use messages::SweepHeader;
 use serde::{Deserialize, Serialize};
 
-/// All LiDARs after the first.
+/// All secondary LiDARs.
 #[derive(Default)]
 pub(crate) struct SecondaryLidars(Vec<SecondaryLidar>);
 
@@ -30,7 +30,7 @@ enum Source {
     Absent(String),
 }
 
-/// Position of a LiDAR after the first; `None` without data.
+/// Position of a secondary LiDAR; `None` without data.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SecondaryPosition {
     source: Option<SourcePosition>,
@@ -38,7 +38,7 @@ pub(crate) struct SecondaryPosition {
 }
 
 impl SecondaryLidars {
-    /// Opens the recordings of all LiDARs after the first. `first` no longer counts their packets.
+    /// Opens the recordings of all secondary LiDARs. `first` no longer counts their packets.
     pub fn open(drive: &Drive, first: &mut SweepSource) -> Result<Self, DriveError> {
         let of_drive = drive.lidars().enumerate().skip(1);
         let mut lidars = of_drive

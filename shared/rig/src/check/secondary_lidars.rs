@@ -1,4 +1,4 @@
-//! The mountings of the LiDARs after the first, by the surfaces that both see.
+//! The mountings of the secondary LiDARs, by the surfaces that both see.
 
 use super::Verdict;
 use crate::error::RigError;

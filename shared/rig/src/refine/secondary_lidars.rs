@@ -1,4 +1,4 @@
-//! Mountings of the LiDARs after the first.
+//! Mountings of the secondary LiDARs.
 
 use super::{Change, Outcome, Refined, outcome};
 use crate::error::RigError;

@@ -5,7 +5,7 @@ use formats::manifest::LidarEntry;
 use geometry::{Pose, Translation3, UnitQuaternion};
 use rig::rotation;
 
-/// A LiDAR after the first: `NAME=MODEL@X,Y,Z` or `NAME=MODEL@X,Y,Z@ROTATION`.
+/// A secondary LiDAR: `NAME=MODEL@X,Y,Z` or `NAME=MODEL@X,Y,Z@ROTATION`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SecondaryLidar {
     name: String,

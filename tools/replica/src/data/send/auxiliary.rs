@@ -1,4 +1,4 @@
-//! What the sensors beside the LiDAR sent: images, NMEA sentences and IMU samples of a drive, in the order of time.
+//! What the auxiliary sensors of a drive sent: images, NMEA sentences and IMU samples of a drive, in the order of time.
 
 use super::Sent;
 use super::images::ImageWriter;
