@@ -77,6 +77,15 @@ pub enum Severity {
     Empty,
 }
 
+/// A row of the table.
+struct Row {
+    name: &'static str,
+    stage: Stage,
+    subject: Subject,
+    severity: Severity,
+    advice: &'static str,
+}
+
 /// Declares [`DoubtKind`]: variant, name, stage, subject, severity, what to do.
 macro_rules! kinds {
     ($($(#[$doc:meta])* $kind:ident $name:literal $stage:ident $subject:ident $severity:ident $advice:literal)*) => {
@@ -90,29 +99,17 @@ macro_rules! kinds {
             /// All kinds.
             pub const ALL: &[Self] = &[$(Self::$kind),*];
 
-            /// Name in `summary.json`, in snake case. A doubt about a secondary LiDAR has the name of the LiDAR behind it.
-            pub const fn name(self) -> &'static str {
-                match self { $(Self::$kind => $name,)* }
-            }
-
-            /// The stage that states it.
-            pub const fn stage(self) -> Stage {
-                match self { $(Self::$kind => Stage::$stage,)* }
-            }
-
-            /// The part of the result that it is about.
-            pub const fn subject(self) -> Subject {
-                match self { $(Self::$kind => Subject::$subject,)* }
-            }
-
-            /// What it means for who uses the result.
-            pub const fn severity(self) -> Severity {
-                match self { $(Self::$kind => Severity::$severity,)* }
-            }
-
-            /// What to do, as in `docs/reference/doubts.md`.
-            pub const fn advice(self) -> &'static str {
-                match self { $(Self::$kind => $advice,)* }
+            /// Its row of the table.
+            const fn row(self) -> Row {
+                match self {
+                    $(Self::$kind => Row {
+                        name: $name,
+                        stage: Stage::$stage,
+                        subject: Subject::$subject,
+                        severity: Severity::$severity,
+                        advice: $advice,
+                    },)*
+                }
             }
         }
     };
@@ -209,6 +206,31 @@ kinds! {
 }
 
 impl DoubtKind {
+    /// Name in `summary.json`, in snake case. A doubt about a secondary LiDAR has the name of the LiDAR behind it.
+    pub const fn name(self) -> &'static str {
+        self.row().name
+    }
+
+    /// The stage that states it.
+    pub const fn stage(self) -> Stage {
+        self.row().stage
+    }
+
+    /// The part of the result that it is about.
+    pub const fn subject(self) -> Subject {
+        self.row().subject
+    }
+
+    /// What it means for who uses the result.
+    pub const fn severity(self) -> Severity {
+        self.row().severity
+    }
+
+    /// What to do, as in `docs/reference/doubts.md`.
+    pub const fn advice(self) -> &'static str {
+        self.row().advice
+    }
+
     /// The kind of a doubt with this name in `summary.json`. `None`: a third-party stage states it. The name of a secondary LiDAR
     /// may follow.
     pub fn from_name(name: &str) -> Option<Self> {
