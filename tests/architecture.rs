@@ -7,51 +7,29 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 
-/// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 42] = [
-    "wide_loops",
-    "allocator",
-    "chart",
-    "page",
-    "file_server",
-    "random",
-    "settings",
-    "geometry",
-    "messages",
-    "files",
-    "formats",
-    "lidar",
-    "drive",
-    "recording",
-    "spectral",
-    "color_lines",
-    "morphology",
-    "neighbors",
-    "materials",
-    "registration",
-    "georeference",
-    "coloring",
-    "camera_alignment",
-    "scores",
-    "kernels",
-    "ground",
-    "segmentation",
-    "training",
-    "instance_segmentation",
-    "acquisition",
-    "delivery",
-    "surveying",
-    "import",
-    "rig",
-    "raytrace",
-    "town",
-    "simulation",
-    "town_sweeps",
-    "ipc",
-    "run",
-    "link",
-    "stage",
-];
+fn read(path: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).expect("readable")
+}
+
+/// The libraries in the order of `workspace.dependencies` in Cargo.toml: each may use only those before it.
+fn libraries() -> Vec<String> {
+    let manifest = read("Cargo.toml");
+    let (_, list) = manifest.split_once("[workspace.dependencies]\n").expect("a list");
+    // The project's own crates come first; a blank line ends them.
+    let own = list.split("\n\n").next().unwrap_or_default().lines();
+    let is_library = |line: &(&str, &str)| line.1.contains("path = \"shared/");
+    own.filter_map(|line| line.split_once(" = ")).filter(is_library).map(|(name, _)| name.to_owned()).collect()
+}
+
+#[test]
+fn page_lists_the_libraries_in_their_order() {
+    let page = read("ARCHITECTURE.md");
+    let (_, list) = page.split_once("**A crate uses only crates above it in this list.**").expect("a list");
+    let (_, rows) = list.split_once("| crate | content |\n|---|---|\n").expect("a table");
+    let cells = rows.lines().take_while(|line| line.starts_with("| ")).filter_map(|line| line.split('|').nth(1));
+    let listed: Vec<&str> = cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+    assert_eq!(listed, libraries());
+}
 
 /// Package name -> (folder under the root, names of its normal dependencies).
 fn packages() -> BTreeMap<String, (String, Vec<String>)> {
@@ -75,13 +53,16 @@ fn packages() -> BTreeMap<String, (String, Vec<String>)> {
 
 #[test]
 fn library_uses_only_earlier_ones() {
-    let packages = packages();
-    for (index, name) in SHARED.iter().enumerate() {
-        let (folder, dependencies) = &packages[*name];
+    let (packages, libraries) = (packages(), libraries());
+    assert!(libraries.len() >= 30, "{libraries:?}");
+    let in_folder = packages.values().filter(|(folder, _)| folder.starts_with("shared/")).count();
+    assert_eq!(libraries.len(), in_folder, "each library is listed once: {libraries:?}");
+    for (index, name) in libraries.iter().enumerate() {
+        let (folder, dependencies) = &packages[name];
         assert_eq!(*folder, format!("shared/{name}"), "folder and crate have one name");
         for dependency in dependencies {
             let ours = packages.contains_key(dependency);
-            assert!(!ours || SHARED[..index].contains(&dependency.as_str()), "{name} must not use {dependency}");
+            assert!(!ours || libraries[..index].contains(dependency), "{name} must not use {dependency}");
         }
     }
 }
@@ -116,8 +97,8 @@ fn only_ipc_uses_iceoryx2_and_only_networks_use_candle() {
 #[test]
 fn algorithms_are_independent_of_transport() {
     let packages = packages();
-    for name in SHARED.iter().filter(|name| !["ipc", "run", "link", "stage"].contains(name)) {
-        let (_, dependencies) = &packages[*name];
+    for name in libraries().iter().filter(|name| !["ipc", "run", "link", "stage"].contains(&name.as_str())) {
+        let (_, dependencies) = &packages[name];
         for forbidden in ["ipc", "run", "link", "stage", "tracing"] {
             assert!(!dependencies.iter().any(|d| d == forbidden), "{name} must not use {forbidden}");
         }
@@ -205,9 +186,9 @@ fn crates_behind_a_step_deny_clocks_files_and_environment() {
     ];
     // The sources read sensors and files; `remote` waits for another host; `launch` is no stage.
     let others = ["acquire", "replay", "remote", "launch"];
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let (root, libraries) = (Path::new(env!("CARGO_MANIFEST_DIR")), libraries());
     for (name, (folder, _)) in packages() {
-        let is_step_code = SHARED.contains(&name.as_str()) && !shells.contains(&name.as_str())
+        let is_step_code = libraries.contains(&name) && !shells.contains(&name.as_str())
             || folder.starts_with("services/") && !others.contains(&name.as_str());
         if is_step_code {
             let text = std::fs::read_to_string(root.join(&folder).join("src/lib.rs")).expect("a library");

@@ -116,8 +116,8 @@ fn main() -> anyhow::Result<()> {
     scores.print();
     consistency.print();
     stretches.finish().into_iter().for_each(|text| println!("note: {text}"));
-    for (_, text) in [stretches.contested(0.0), stretches.lost(MAX_LOST_M)].into_iter().flatten() {
-        println!("doubt: {text}");
+    for doubt in [stretches.contested(0.0), stretches.lost(MAX_LOST_M)].into_iter().flatten() {
+        println!("doubt: {doubt}");
     }
     Ok(())
 }

@@ -9,6 +9,10 @@
 //!
 //! A damaged image, cloud, packet or line is counted, reported once and skipped. It does not affect other data. If too large a
 //! share of a sensor's data is damaged or missing, the run ends with a doubt; without any sweep it fails.
+//!
+//! The stage must never hold decoding, clocks or limits of its own: those are in `acquisition`. It only binds settings and topics
+//! to a recorded drive or a live vehicle, and saves the position of the source. Begin with `acquire.rs`,
+//! which chooses between `recorded.rs` and `live.rs`; both publish by `publish.rs`.
 
 mod acquire;
 mod live;

@@ -3,11 +3,11 @@
 
 use crate::Settings;
 use crate::publish::{
-    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_other, publish_sweep, report, report_doubts,
+    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_secondary, publish_sweep, report, report_doubts,
 };
 use crate::sweep;
 use acquisition::error::LiveError;
-use acquisition::live::{DueFrame, LiveLimits, LivePlan, LivePoll, LiveVehicle, OtherLimits};
+use acquisition::live::{AuxiliaryLimits, DueFrame, LiveLimits, LivePlan, LivePoll, LiveVehicle};
 use acquisition::recorded::Trigger;
 use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
@@ -70,31 +70,31 @@ impl Live {
                 Advance::Published | Advance::Waiting | Advance::Ended => break Flow::Continue,
             }
         };
-        self.vehicle.others.write_clocks(false).map_err(step_error)?;
+        self.vehicle.auxiliary.write_clocks(false).map_err(step_error)?;
         report(self.vehicle.take_news(), outputs);
         Ok(flow)
     }
 
     /// Publishes fixes and inertial samples of the time up to the last sweep. `false` if there are none.
     fn publish_rows(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
-        let others = &mut self.vehicle.others;
-        let due = others.take_rows().map_err(step_error)?;
+        let auxiliary = &mut self.vehicle.auxiliary;
+        let due = auxiliary.take_rows().map_err(step_error)?;
         let n_rows = publish_fixes(&due.fixes, outputs)?;
-        others.add_fixes(due.fixes.len() as u64, n_rows);
+        auxiliary.add_fixes(due.fixes.len() as u64, n_rows);
         outputs.publish_rows::<ImuTopic>(&due.samples, |row| row.stamp)?;
         Ok(n_rows > 0 || !due.samples.is_empty())
     }
 
     /// Publishes the oldest image of the time up to the last sweep. `false` if there is none.
     fn publish_frame(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
-        let others = &mut self.vehicle.others;
-        let Some(due) = others.next_frame() else { return Ok(false) };
-        let (cameras, mosaics) = others.cameras();
+        let auxiliary = &mut self.vehicle.auxiliary;
+        let Some(due) = auxiliary.next_frame() else { return Ok(false) };
+        let (cameras, mosaics) = auxiliary.cameras();
         let error = match &due {
             DueFrame::Color(frame) => publish_image(frame, &cameras[frame.camera], outputs)?,
             DueFrame::Mosaic(frame) => publish_mosaic(frame, &mosaics[frame.camera], outputs)?,
         };
-        others.add_published(&due, error);
+        auxiliary.add_published(&due, error);
         Ok(true)
     }
 
@@ -116,7 +116,7 @@ impl Live {
         self.loan = None;
         self.vehicle.discard_rest().map_err(step_error)?;
         report(self.vehicle.take_news(), outputs);
-        self.vehicle.others.clock_notes().into_iter().for_each(|text| outputs.note(text));
+        self.vehicle.auxiliary.clock_notes().into_iter().for_each(|text| outputs.note(text));
         let mut doubts = no_doubts(&self.settings);
         self.vehicle.doubt(&mut doubts);
         report_doubts(doubts, outputs);
@@ -142,15 +142,15 @@ impl Live {
             match sweep::fill(&mut loan, |sink| vehicle.lidar.poll(sink).map_err(step_error))? {
                 LivePoll::Sweep(info, n_rings, fixes) => {
                     publish_sweep(loan, &info, n_rings, outputs)?;
-                    for lidar in &mut vehicle.other_lidars {
-                        publish_other(|sink| lidar.next_sweep(&info, sink).map_err(step_error), outputs)?;
+                    for lidar in &mut vehicle.secondary_lidars {
+                        publish_secondary(|sink| lidar.next_sweep(&info, sink).map_err(step_error), outputs)?;
                     }
                     vehicle.add_sweep(&info);
-                    let others = &mut vehicle.others;
-                    if !others.has_receiver() {
-                        others.add_packet_fixes(&fixes);
+                    let auxiliary = &mut vehicle.auxiliary;
+                    if !auxiliary.has_receiver() {
+                        auxiliary.add_packet_fixes(&fixes);
                         let n_rows = publish_fixes(&fixes, outputs)?;
-                        others.add_fixes(fixes.len() as u64, n_rows);
+                        auxiliary.add_fixes(fixes.len() as u64, n_rows);
                     }
                     outputs.set_drive_time(info.stamp.0);
                     return Ok(Advance::Published);
@@ -184,7 +184,7 @@ fn plan<'a>(settings: &'a Settings, context: &'a Context) -> LivePlan<'a> {
         gnss: &settings.gnss,
         imu: &settings.imu,
         limits: LiveLimits { min_turn, quiet_s, max_undecoded_s, max_behind },
-        other_limits: OtherLimits { max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 },
+        auxiliary_limits: AuxiliaryLimits { max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 },
         trigger: Trigger::new(settings.trigger_hz, settings.trigger_m),
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use crate::sweep;
-use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
+use acquisition::doubts::{DoubtLimits, Doubts};
 use acquisition::recorded::{CameraFileError, News, image_into, mosaic_into};
 use acquisition::rows::{gnss_row, sweep_header};
 use drive::manifest::{CameraEntry, MosaicEntry};
@@ -64,7 +64,7 @@ pub(crate) fn publish_sweep(
 }
 
 /// Publishes the points of another LiDAR that `read` passes on, if there are any. `read` returns header and stamp.
-pub(crate) fn publish_other(
+pub(crate) fn publish_secondary(
     read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<Option<(SweepHeader, i64)>, StepError>,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {
@@ -106,7 +106,7 @@ pub(crate) fn no_doubts(settings: &Settings) -> Doubts {
 
 /// Reports doubts at the end of the run.
 pub(crate) fn report_doubts(doubts: Doubts, outputs: &mut Outputs) {
-    for Doubt { name, size, text } in doubts.found() {
-        outputs.doubt(&name, size, text);
+    for doubt in doubts.found() {
+        outputs.report_doubt(&doubt);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use crate::publish::{
-    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_other, publish_sweep, report, report_doubts,
+    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_secondary, publish_sweep, report, report_doubts,
 };
 use crate::sweep;
 use acquisition::error::DriveError;
@@ -58,7 +58,7 @@ impl Recorded {
             self.begin(sweep.stamp.0, outputs);
         }
         publish_sweep(loan, &sweep, self.reader.drive().lidar().n_rings(), outputs)?;
-        self.publish_other_lidars(&sweep, outputs)?;
+        self.publish_secondary_lidars(&sweep, outputs)?;
         let end = sweep.stamp.0 + i64::from(sweep.duration_nanos);
         self.publish_others(end, outputs)?;
         outputs.set_drive_time(sweep.stamp.0);
@@ -80,10 +80,13 @@ impl Recorded {
     }
 
     /// Publishes the points of the other LiDARs during the sweep.
-    fn publish_other_lidars(&mut self, sweep: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
-        for index in 0..self.reader.n_other_lidars() {
+    fn publish_secondary_lidars(&mut self, sweep: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
+        for index in 0..self.reader.n_secondary_lidars() {
             let reader = &mut self.reader;
-            publish_other(|sink| reader.next_sweep_of_other(index, sweep, sink).map_err(StepError::data), outputs)?;
+            publish_secondary(
+                |sink| reader.next_sweep_of_secondary(index, sweep, sink).map_err(StepError::data),
+                outputs,
+            )?;
             // Counted before the state is saved, which has the counts.
             self.account.add_losses(&mut self.reader);
         }

@@ -21,6 +21,7 @@
 
 mod cameras;
 
+use doubts::Doubt;
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
 use segmentation::intensity::{ForeignIntensity, IntensityUse};
 use segmentation::spherical::AskedColumns;
@@ -122,36 +123,20 @@ impl Infer {
 
     fn report_doubts(&self, outputs: &mut Outputs) {
         let share = |n: u64, of: u64| n as f64 / of.max(1) as f64;
-        let (n_unseen, n_points) = (outputs.counted("points_unseen"), outputs.counted("points"));
-        let (unseen, limit) = (share(n_unseen, n_points), self.max_unseen_share);
+        let n_submaps = outputs.counted("submaps");
+        let (unseen, limit) =
+            (share(outputs.counted("points_unseen"), outputs.counted("points")), self.max_unseen_share);
         if unseen > limit {
-            let text = format!(
-                "the model could not classify {:.1} % of the points (limit {:.1} %): they are unlabeled; does it suit this LiDAR?",
-                100.0 * unseen,
-                100.0 * limit
-            );
-            outputs.doubt("points_unseen", unseen, text);
+            outputs.report_doubt(&Doubt::PointsUnseen { share: unseen, limit });
         }
-        let (n_coarsened, n_submaps) = (outputs.counted("submaps_coarsened"), outputs.counted("submaps"));
-        let (coarsened, limit) = (share(n_coarsened, n_submaps), self.max_coarsened_share);
-        if coarsened > limit {
-            let text = format!(
-                "{n_coarsened} of {n_submaps} submaps are too wide for the grid of the model (limit {:.0} %): its cells were \
-                 enlarged, so small objects may be missed; use shorter submaps",
-                100.0 * limit
-            );
-            outputs.doubt("submaps_coarsened", coarsened, text);
+        let (n_coarsened, limit) = (outputs.counted("submaps_coarsened"), self.max_coarsened_share);
+        if share(n_coarsened, n_submaps) > limit {
+            outputs.report_doubt(&Doubt::SubmapsCoarsened { n_coarsened, n_submaps, limit });
         }
-        let n_foreign = outputs.counted("submaps_foreign_intensity");
-        let (foreign, limit) = (share(n_foreign, n_submaps), self.max_foreign_intensity_share);
-        if foreign > limit {
-            let text = format!(
-                "the intensities of {n_foreign} of {n_submaps} submaps are on another scale than those of the training (limit {:.0} %): \
-                 {}; train with this sensor",
-                100.0 * limit,
-                self.intensity_use
-            );
-            outputs.doubt("foreign_intensities", foreign, text);
+        let (n_foreign, limit) = (outputs.counted("submaps_foreign_intensity"), self.max_foreign_intensity_share);
+        if share(n_foreign, n_submaps) > limit {
+            let treatment = self.intensity_use.to_string();
+            outputs.report_doubt(&Doubt::ForeignIntensities { n_foreign, n_submaps, limit, treatment });
         }
     }
 }

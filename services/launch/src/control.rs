@@ -1,6 +1,7 @@
 //! Requests from other terminals, such as `replica swap` and `replica stop`, and the answers to them. See [`run::control`].
 
 use ipc::Domain;
+use run::Outcome;
 use run::control::{Answer, MAX_REQUEST, Request, socket_of};
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
@@ -111,9 +112,9 @@ impl Control {
     }
 
     /// Tells all waiting clients that the run has ended.
-    pub fn end(&mut self, outcome: &str) {
+    pub fn end(&mut self, outcome: Outcome) {
         for (_, mut client) in std::mem::take(&mut self.clients) {
-            client.send(&Answer::Ended(outcome.to_owned()));
+            client.send(&Answer::Ended(outcome));
         }
     }
 }
@@ -219,7 +220,7 @@ mod tests {
             let Received::Request(request) = client.read_request() else { panic!("{text:?} is a request") };
             assert_eq!(request, Request::Stop { now: true });
             assert!(matches!(client.read_request(), Received::Incomplete), "one request, however often it is read");
-            assert!(client.send(&Answer::Ended("stopped".to_owned())));
+            assert!(client.send(&Answer::Ended(Outcome::Stopped)));
             drop(client);
             let mut answer = String::new();
             own.read_to_string(&mut answer).expect("an answer");

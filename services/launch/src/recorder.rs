@@ -1,8 +1,8 @@
 //! `replica record` beside the run.
 
 use crate::plan::Plan;
-use run::exit;
 use run::process::{ProgramMissing, sibling};
+use run::{Outcome, exit};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
@@ -35,7 +35,7 @@ pub enum RecorderError {
         /// The recording.
         file: PathBuf,
         /// How the run ended.
-        outcome: &'static str,
+        outcome: Outcome,
     },
     /// It ended with an error.
     #[error("the recording {file} failed: {status}")]
@@ -137,9 +137,9 @@ impl Recorder {
     }
 
     /// Waits until it has written everything.
-    pub fn finish(mut self, outcome: &'static str) -> Result<(), RecorderError> {
+    pub fn finish(mut self, outcome: Outcome) -> Result<(), RecorderError> {
         let Some(child) = &mut self.child else { return Ok(()) };
-        if matches!(outcome, "failed" | "stopped") {
+        if !outcome.is_in_order() {
             // The last tick never comes; the recorder writes what it has, as after Ctrl-C. It may have ended already.
             let _ = kill_process(Pid::from_child(child), Signal::TERM);
         }

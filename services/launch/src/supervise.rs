@@ -27,7 +27,7 @@ mod stage_restarts;
 
 use crate::active_run::ActiveRun;
 use crate::control::Control;
-use crate::decision::{Decision, Fault, GiveUp, Observation, Policy, RestartBudget, decide};
+use crate::decision::{FailedAttempt, Fault, GiveUp, Policy, RestartBudget, RunDecision, restart_run};
 use crate::identity::Files;
 use crate::log::LogFormat;
 use crate::plan::Plan;
@@ -41,7 +41,7 @@ pub use check_resume::check_resume;
 use error::SuperviseError;
 use observers::Observers;
 use operator::Operator;
-use run::{Mode, exit};
+use run::{Mode, Outcome, exit};
 use stage_restarts::StageRestarts;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -155,14 +155,14 @@ impl Supervisor {
             }
             match ending? {
                 Ending::Done => break self.outcome_of_finished_run(),
-                Ending::Stopped => break "stopped",
+                Ending::Stopped => break Outcome::Stopped,
                 Ending::Swap(barrier) => {
                     let health = &self.account.health;
                     from = self.swaps.exchange(barrier, health, &mut self.run, &mut self.operator.control)?;
                 }
                 Ending::Failed { fault, .. } if self.run.is_live() => {
                     self.account.faults.push(fault);
-                    break "failed";
+                    break Outcome::Failed;
                 }
                 Ending::Failed { fault, .. } => {
                     from = self.swaps.last_barrier(&self.run)?;
@@ -214,44 +214,41 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Waits for the restart of the run that [`decide`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.
+    /// Waits for the restart of the run that [`restart_run`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.
     fn restart_run(
         &mut self,
         fault: Fault,
         barrier: Option<u64>,
         budget: RestartBudget,
-    ) -> Result<RestartBudget, &'static str> {
+    ) -> Result<RestartBudget, Outcome> {
         let lack = lacks_shared_memory(None);
         let policy = Policy::new(&self.run.plan.settings, &self.run.plan.stages);
-        let decision = decide(
-            Observation::FailedAttempt {
-                fault: &fault,
-                is_ending: self.operator.is_ending(),
-                barrier,
-                budget,
-                is_memory_low: lack.is_some(),
-            },
-            &policy,
-        );
+        let attempt = FailedAttempt {
+            fault: &fault,
+            is_ending: self.operator.is_ending(),
+            barrier,
+            budget,
+            is_memory_low: lack.is_some(),
+        };
+        let decision = restart_run(&attempt, &policy);
         self.account.faults.push(fault);
         match decision {
-            Decision::RestartRun { delay, budget } => {
+            RunDecision::Restart { delay, budget } => {
                 self.pause_before_restart(delay, budget.used, barrier);
                 if self.operator.is_ending() {
-                    return Err("stopped");
+                    return Err(Outcome::Stopped);
                 }
                 self.account.restarts += 1;
                 Ok(budget)
             }
-            Decision::GiveUp(GiveUp::EndRequested) => Err("failed"),
-            Decision::GiveUp(reason) => {
+            RunDecision::GiveUp(GiveUp::EndRequested) => Err(Outcome::Failed),
+            RunDecision::GiveUp(reason) => {
                 if let Some(lack) = lack {
                     tracing::error!("{lack}");
                 }
                 tracing::error!(barrier, "giving up: {reason}; --resume would continue from {}", place(barrier));
-                Err("failed")
+                Err(Outcome::Failed)
             }
-            other => unreachable!("no decision about a failed attempt: {other:?}"),
         }
     }
 
@@ -274,14 +271,14 @@ impl Supervisor {
     }
 
     /// An offline source that was asked to end has left out the rest of its drive; a live one ends only on request.
-    fn outcome_of_finished_run(&self) -> &'static str {
+    fn outcome_of_finished_run(&self) -> Outcome {
         let source = self.run.plan.stages.first().and_then(|source| self.account.health.get(&source.name));
         let is_cut_short = source.is_some_and(|health| health.drained);
-        if is_cut_short && !self.run.is_live() { "drained" } else { "done" }
+        if is_cut_short && !self.run.is_live() { Outcome::Drained } else { Outcome::Done }
     }
 
     /// Writes the summary and ends the observers; the exit code.
-    fn finish(mut self, outcome: &'static str) -> Result<u8, SuperviseError> {
+    fn finish(mut self, outcome: Outcome) -> Result<u8, SuperviseError> {
         let wall_s = self.account.wall_s();
         self.observers.write_last(&self.account.health, &self.run.domain, self.account.restarts);
         self.swaps.close(&mut self.operator.control);
@@ -289,7 +286,7 @@ impl Supervisor {
         let summary = self.account.summary(&self.run.plan, outcome, swaps, wall_s);
         let output = &self.run.plan.context.output;
         summary.write(output)?;
-        if outcome == "done" {
+        if outcome == Outcome::Done {
             // Nothing is left to continue.
             self.run.folder.states().remove_before(u64::MAX);
         }
@@ -297,8 +294,8 @@ impl Supervisor {
         let is_recorded = self.observers.finish_recording(outcome);
         self.operator.control.end(outcome);
         account::log_summary(&summary, output);
-        // "stopped": at once, as requested.
-        if self.run.plan.settings.report && outcome != "stopped" {
+        // A stopped run ends at once, as requested.
+        if self.run.plan.settings.report && outcome != Outcome::Stopped {
             report::write(output);
         }
         Ok(match summary.exit_code(self.run.is_live()) {

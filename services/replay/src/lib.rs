@@ -2,6 +2,7 @@
 
 mod pace;
 
+use doubts::Doubt;
 use pace::Pace;
 use recording::{RecordedTick, RecordingError, RecordingReader, TickReader};
 use stage::messages::ByteTable;
@@ -116,12 +117,7 @@ impl Stage for Replay {
 
     fn step(&mut self, _inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         if !self.missing.is_empty() {
-            let text = format!(
-                "the replay does not give the results of its run: stages read {}, which no stage publishes here; record and \
-                 replay these topics too",
-                self.missing.join(", ")
-            );
-            outputs.doubt("topics_not_replayed", self.missing.len() as f64, text);
+            outputs.report_doubt(&Doubt::TopicsNotReplayed { topics: self.missing.clone() });
         }
         let tick = match self.next.take() {
             Some(tick) => tick,
@@ -175,8 +171,7 @@ impl Replay {
             Err(error @ RecordingError::Damaged { .. }) => return Err(StepError::configuration(error)),
             Err(error) => return Err(StepError::data(error)),
         };
-        let (name, percent) = ("recording_incomplete", 100.0 * self.progress);
-        outputs.doubt(name, self.progress, format!("{fault}; {percent:.0} % of the drive were replayed"));
+        outputs.report_doubt(&Doubt::RecordingIncomplete { fault, progress: self.progress });
         outputs.count("recordings_not_complete", 1);
         Ok(None)
     }

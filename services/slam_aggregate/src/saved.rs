@@ -3,7 +3,7 @@
 use crate::open_submap::LoanedSubmap;
 use georeference::{Georeferencer, InertialUnit};
 use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
-use registration::{BodyPoses, OpenSubmap, OtherLidar, SelectedState, Stretches, SubmapFrame};
+use registration::{BodyPoses, OpenSubmap, SecondaryLidar, SelectedState, Stretches, SubmapFrame};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 use std::borrow::Cow;
@@ -21,7 +21,7 @@ pub(crate) struct Saved<'a> {
     pub n_waiting: u32,
     pub submap: Option<SubmapHead>,
     pub poses: BodyPoses,
-    pub other_lidars: Cow<'a, [OtherLidar]>,
+    pub secondary_lidars: Cow<'a, [SecondaryLidar]>,
     // Borrowed while saving: they grow with the drive.
     pub stretches: Cow<'a, Stretches>,
     pub inertial: Cow<'a, InertialUnit>,

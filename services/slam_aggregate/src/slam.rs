@@ -7,12 +7,12 @@ use crate::{MotionSensor, Settings};
 use drive::manifest::Manifest;
 use drive::{Drive, LiveRig};
 use geometry::{Isometry3, Pose};
-use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, InertialUnit, Placed};
+use georeference::{GeoreferenceSettings, Georeferencer, InertialUnit, Placed, fix_doubts};
 use messages::{
     GnssTopic, ImuTopic, PlacementTopic, StampedPose, SubmapPoint, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    BodyPoses, GroundVelocity, OtherLidar, PreparedSweep, RawSweep, Registered, SelectedOdometry, SensorMounting,
+    BodyPoses, GroundVelocity, PreparedSweep, RawSweep, Registered, SecondaryLidar, SelectedOdometry, SensorMounting,
     Stretches, SweepRows, sweeps_by_tick,
 };
 use stage::{
@@ -26,8 +26,8 @@ pub struct SlamAggregate {
     mounting: SensorMounting,
     georeference: GeoreferenceSettings,
     odometry: SelectedOdometry,
-    /// The LiDARs after the first.
-    other_lidars: Vec<OtherLidar>,
+    /// The secondary LiDARs.
+    secondary_lidars: Vec<SecondaryLidar>,
     /// The first tick, until the second arrives.
     waiting: Option<Tick>,
     open: Option<LoanedSubmap>,
@@ -60,7 +60,7 @@ impl SlamAggregate {
             georeference,
             // The body frame at the first shot is odom.
             odometry: SelectedOdometry::new(settings.odometry(mounting), settings.algorithm(), body_from_lidar),
-            other_lidars: Vec::new(),
+            secondary_lidars: Vec::new(),
             waiting: None,
             open: None,
             saved_submap: None,
@@ -95,7 +95,7 @@ impl SlamAggregate {
             Some(open) => open,
             empty => {
                 let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
-                let open = empty.insert(LoanedSubmap::new(loan, &begin, 1 + self.other_lidars.len()));
+                let open = empty.insert(LoanedSubmap::new(loan, &begin, 1 + self.secondary_lidars.len()));
                 self.georeferencer.begin_submap(open.submap.frame.odom_from_submap, registered.stamp.0);
                 open
             }
@@ -107,7 +107,7 @@ impl SlamAggregate {
             match received.header().lidar {
                 0 => open.append(rows, registered, body)?,
                 lidar => {
-                    let lidar = self.other_lidars.get_mut(lidar as usize - 1).ok_or_else(|| {
+                    let lidar = self.secondary_lidars.get_mut(lidar as usize - 1).ok_or_else(|| {
                         StepError::data(format!("sweep {}: LiDAR {lidar} is not in drive.toml", received.seq()))
                     })?;
                     let followed = lidar.follow(sweep, registered);
@@ -164,13 +164,13 @@ impl Stage for SlamAggregate {
         };
         let rig = manifest.as_ref().map(Manifest::rig).transpose().map_err(StepError::data)?;
         let body_from_lidar = rig.as_ref().map_or_else(Isometry3::identity, |rig| rig.body_from_lidar);
-        let other = |body_from_other: &Pose| OtherLidar::new(&body_from_lidar, body_from_other);
-        let other_lidars = rig.iter().flat_map(|rig| &rig.body_from_other_lidars).map(other).collect();
+        let other = |body_from_other: &Pose| SecondaryLidar::new(&body_from_lidar, body_from_other);
+        let secondary_lidars = rig.iter().flat_map(|rig| &rig.body_from_other_lidars).map(other).collect();
         let georeference = settings.georeference(manifest.as_ref());
         let has_receiver =
             manifest.is_some_and(|manifest| manifest.gnss.is_some()) && context.is_connected::<GnssTopic>();
         let expects_fixes = has_receiver && georeference.gnss;
-        Ok(Self { other_lidars, expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) })
+        Ok(Self { secondary_lidars, expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -224,22 +224,22 @@ impl Stage for SlamAggregate {
         self.stretches.finish().into_iter().for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
         self.inertial.summary().into_iter().for_each(|line| outputs.note(line));
-        self.inertial.doubt().into_iter().for_each(|text| outputs.doubt("imu_not_used", 1.0, text));
-        if let Some((seconds, text)) = self.stretches.contested(self.settings.max_contested_s) {
-            outputs.doubt("motion_contested", seconds, text);
+        self.inertial.doubt().into_iter().for_each(|doubt| outputs.report_doubt(&doubt));
+        if let Some(doubt) = self.stretches.contested(self.settings.max_contested_s) {
+            outputs.report_doubt(&doubt);
         }
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         // Fixes correct the path, and the doubts of export tell what is left.
         let has_fixes = placed.as_ref().is_some_and(|placed| placed.header.n_fixes > 0);
-        if let Some((metres, text)) = self.stretches.lost(self.settings.max_lost_m).filter(|_| !has_fixes) {
-            outputs.doubt("path_lost", metres, text);
+        if let Some(doubt) = self.stretches.lost(self.settings.max_lost_m).filter(|_| !has_fixes) {
+            outputs.report_doubt(&doubt);
         }
         if self.georeference.gnss {
             let counted = ["fixes", "fixes_without_position"].map(|name| outputs.counted(name));
             let min_used_share = self.settings.min_used_fixes_share;
-            for doubt in FixDoubt::find(counted, self.expects_fixes, placed.as_ref(), min_used_share) {
-                outputs.doubt(doubt.name(), doubt.size(), doubt.to_string());
+            for doubt in fix_doubts(counted, self.expects_fixes, placed.as_ref(), min_used_share) {
+                outputs.report_doubt(&doubt);
             }
         }
         placed.map_or(Ok(()), |placed| publish_placement(&placed, outputs))
@@ -256,7 +256,7 @@ impl Stage for SlamAggregate {
             n_waiting: self.waiting.as_ref().map_or(0, |tick| tick.len() as u32),
             submap,
             poses: self.poses,
-            other_lidars: Cow::Borrowed(&self.other_lidars),
+            secondary_lidars: Cow::Borrowed(&self.secondary_lidars),
             stretches: Cow::Borrowed(&self.stretches),
             inertial: Cow::Borrowed(&self.inertial),
             georeferencer: Cow::Borrowed(&self.georeferencer),
@@ -275,7 +275,7 @@ impl Stage for SlamAggregate {
         self.waiting = Some(waiting).filter(|tick| !tick.is_empty());
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
-        (self.poses, self.other_lidars) = (saved.poses, saved.other_lidars.into_owned());
+        (self.poses, self.secondary_lidars) = (saved.poses, saved.secondary_lidars.into_owned());
         self.stretches = saved.stretches.into_owned();
         self.inertial = saved.inertial.into_owned();
         self.georeferencer = saved.georeferencer.into_owned();

@@ -3,38 +3,38 @@
 //! | sensor | module |
 //! |---|---|
 //! | LiDAR: UDP packets | `sensor`, `receiver` |
-//! | LiDARs after the first | `other_lidar` |
+//! | secondary LiDARs | `secondary_lidar` |
 //! | cameras: folders that fill | `images` |
 //! | GNSS receiver and IMU: lines by UDP or a serial port | `lines` |
-//! | which of them belongs to which sweep | `others` |
+//! | auxiliary sensors: which of their data belongs to which sweep | `auxiliary` |
 //! | offset of their clocks | `clocks` |
 //!
 //! The receiving thread writes a capture. The decoder reads the growing capture with the code that reads recorded drives. So the
 //! recording contains all received packets even if decoding fails, and a run on the recording gives the same sweeps.
 
+mod auxiliary;
 mod clocks;
 mod drops;
 mod images;
 mod line_address;
 mod lines;
 mod mounting;
-mod other_lidar;
-mod others;
 mod receiver;
 mod record_file;
 mod recorded_entries;
 mod recording;
+mod secondary_lidar;
 mod sensor;
 mod vehicle;
 
+pub use auxiliary::{AuxiliaryLimits, AuxiliarySensors, AuxiliarySources, DueFrame, DueRows};
 pub use clocks::{ClockEstimate, Clocks};
 pub use images::CameraKind;
 pub use line_address::{LineAddress, LineAddressError};
 pub use mounting::Mounting;
-pub use other_lidar::OtherLidar;
-pub use others::{DueFrame, DueRows, OtherLimits, OtherSensors, OtherSources};
 pub use recorded_entries::RecordedEntries;
 pub use recording::captures;
+pub use secondary_lidar::SecondaryLidar;
 pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor};
 pub use vehicle::{LivePlan, LiveVehicle};
 

@@ -6,7 +6,7 @@ mod drive_reader;
 mod events;
 mod inertial;
 mod odometer;
-mod other_lidars;
+mod secondary_lidars;
 mod trigger;
 
 pub use account::{DriveAccount, News, SavedDrive};

@@ -1,6 +1,7 @@
 //! The samples of the inertial unit: compared with the motion of the LiDAR, and passed on to those that use them.
 
 use crate::{GeoreferenceSettings, Georeferencer};
+use doubts::Doubt;
 use geometry::Pose;
 use messages::ImuRow;
 use registration::{InertialCheck, InertialSample, Registered, SelectedOdometry};
@@ -62,7 +63,7 @@ impl InertialUnit {
     }
 
     /// Why the unit was not used, if it was not.
-    pub fn doubt(&self) -> Option<String> {
+    pub fn doubt(&self) -> Option<Doubt> {
         self.check.as_ref().and_then(InertialCheck::doubt)
     }
 }

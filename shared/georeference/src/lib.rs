@@ -36,7 +36,7 @@ mod receiver_filter;
 mod recent_path;
 
 pub use alignment::{Alignment, PointPair, align_odometry};
-pub use fix_doubts::FixDoubt;
+pub use fix_doubts::fix_doubts;
 pub use georeferencer::{FixUse, GeoreferenceSettings, Georeferencer, Placed};
 pub use graph::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, RelativePose, Solution, Start, UpDirection};
 pub use inertial_unit::InertialUnit;

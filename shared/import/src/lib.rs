@@ -1,7 +1,23 @@
-//! Imports recordings and data sets of others as drive folders, and labeled clouds as recordings
+//! Imports third-party recordings and data sets as drive folders, and labeled clouds as recordings
 //! (`docs/guide/import_data_sets.md`).
 //!
 //! A drive folder links to the original files where the drive format can hold them. [`Kind`] lists the layouts.
+//!
+//! | idea | module |
+//! |---|---|
+//! | which layout a folder has | [`Kind`] |
+//! | links and files of the drive folder, written whole or not at all | `plan` |
+//! | one layout each | `boreas`, `kitti`, `las`, `mandeye`, `nuscenes`, `plain`, `ros` |
+//! | labeled clouds as recordings | `clouds` |
+//! | tables that several layouts share | `rows`, `imu_table`, `fixes`, `point_times`, `rings` |
+//! | what was left out, for the operator | `left_out` |
+//!
+//! An import must never change the source, guess a calibration or a unit that the source does not state, or leave a partial
+//! folder behind. What it cannot use is reported, not dropped silently. Sensor data is not interpreted further: deskewing,
+//! filtering and matching belong to the stages.
+//!
+//! Begin with [`import`], then `plan.rs` and the module of the layout at hand. A new layout is one module with a function that
+//! fills a `Plan`, and one variant of [`Kind`].
 
 mod boreas;
 mod cameras;

@@ -4,6 +4,14 @@
 //! ([`ServiceHandles`]); stages open them. No message is lost, by credits: a consumer acknowledges what it has taken, a
 //! producer sends only what fits the slowest consumer's queue, and both sleep on a [`Wake`] in between.
 //!
+//! This crate knows no stage, no launch file and no content of a message: it moves bytes whose layout `messages` declares, and
+//! checks only sizes and type names. It must never drop a message of an offline run, copy a row between processes, or let an
+//! observer change what stages receive. No other crate uses iceoryx2, and only `slot.rs` may contain unsafe code.
+//!
+//! Begin with [`Publisher`] (a loan becomes a message) and [`Subscriber`] (a message is received and acknowledged); `channel`
+//! has the queue and the credits between them, `wake` the sleep, `observer` the readers that are not stages. The reasons are in
+//! `docs/explanation/transport.md`.
+//!
 //! What copying would cost: `benches/transport.rs`.
 
 mod attached;

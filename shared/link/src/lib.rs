@@ -8,6 +8,13 @@
 //! | [`agent`] | starts the program and passes bytes between it and the connection |
 //!
 //! The bytes themselves are a matter of the program and of its run: `stage::remote`.
+//!
+//! This crate must never send a byte of a run without encryption, or start anything before both ends have proved that they have
+//! the key. It does not interpret, buffer or repeat what a run sends: a cut connection is an error for the caller,
+//! which restarts the stage as after any other fault. It knows no topic and no settings.
+//!
+//! Begin with [`connect`] and [`accept`], the two ends of the handshake in `channel.rs`; then [`start()`] on the side of the run
+//! and [`agent`] on the other host. `docs/explanation/two_machines.md` has the reasons.
 
 pub mod agent;
 pub mod channel;

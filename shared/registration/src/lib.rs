@@ -48,6 +48,7 @@ pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, Regist
 pub use prediction::navigation::PredictionSources;
 pub use prediction::sensors::{GroundVelocity, InertialSample, SensorMounting};
 pub use secondary_lidar::OtherLidar;
+pub use secondary_lidar::SecondaryLidar;
 pub use self_calibration::inertial_check::{Axes, Fit, InertialCheck, InertialCorrection, InertialMounting};
 pub use self_calibration::ring_errors::RingError;
 pub use submap::body_poses::BodyPoses;

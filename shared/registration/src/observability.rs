@@ -10,6 +10,7 @@ pub(crate) mod time_spans;
 use crate::Registered;
 use contested_motion::ContestedStretches;
 use degenerate_geometry::DegenerateStretches;
+use doubts::Doubt;
 use lost_path::LostStretches;
 use serde::{Deserialize, Serialize};
 
@@ -34,14 +35,13 @@ impl Stretches {
         self.degenerate.finish()
     }
 
-    /// Time in which the motion was contested, s, and what it means, if it is above the limit, s.
-    pub fn contested(&self, max_s: f64) -> Option<(f64, String)> {
+    /// [`Doubt::MotionContested`] if the motion was contested for longer than the limit, s.
+    pub fn contested(&self, max_s: f64) -> Option<Doubt> {
         self.contested.doubt(max_s)
     }
 
-    /// By how much stretches without a determined motion let the deviation of the path grow, m, and what it means, if it is above the
-    /// limit, m.
-    pub fn lost(&self, max_m: f64) -> Option<(f64, String)> {
+    /// [`Doubt::PathLost`] if stretches without a determined motion let the deviation of the path grow by more than the limit, m.
+    pub fn lost(&self, max_m: f64) -> Option<Doubt> {
         self.lost.doubt(max_m)
     }
 }

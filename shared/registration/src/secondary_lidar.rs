@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 
 /// A LiDAR that is rigidly mounted beside the first one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct OtherLidar {
+pub struct SecondaryLidar {
     first_from_lidar: Pose,
     /// Its own: free space is what the rays of this LiDAR have passed, from its own position.
     moving: MovingDetector,
 }
 
-impl OtherLidar {
+impl SecondaryLidar {
     /// With the mountings of the first and of this LiDAR.
     pub fn new(body_from_first: &Pose, body_from_lidar: &Pose) -> Self {
         Self { first_from_lidar: body_from_first.inverse() * body_from_lidar, moving: MovingDetector::default() }
@@ -99,7 +99,7 @@ mod tests {
         };
         let point = |offset_nanos| TimedPoint { position: [5.0, 0.0, 0.0], offset_nanos, ring: 0 };
         let sweep = Sweep::new(Stamp(2_025_000_000), vec![point(0), point(50_000_000)], 16);
-        let found = OtherLidar::new(&body_from_first, &body_from_other).follow(&sweep, &first);
+        let found = SecondaryLidar::new(&body_from_first, &body_from_other).follow(&sweep, &first);
         for (share, of_first) in [(-0.5, -0.25), (0.0, 0.0), (0.5, 0.25)] {
             let expected = motion.at(of_first) * body_from_first.inverse() * body_from_other;
             let error = expected.inverse() * found.motion.at(share);

@@ -7,7 +7,7 @@ mod gnss;
 mod hypotheses;
 mod imu;
 mod level;
-mod other_lidars;
+mod secondary_lidars;
 mod spin;
 mod travel;
 mod verdict;
@@ -45,7 +45,7 @@ impl Report {
             let others = 1..drive.lidars().count();
             verdicts.extend(others.map(|index| Verdict::after_lidar(&drive.manifest().lidar_name(index))));
         } else {
-            verdicts.extend(other_lidars::verdicts(drive, survey, settings)?);
+            verdicts.extend(secondary_lidars::verdicts(drive, survey, settings)?);
         }
         if drive.manifest().imu.is_some() {
             verdicts.extend(match (blames_lidar, is_late(&verdicts, "imu")) {

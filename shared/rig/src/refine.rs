@@ -1,13 +1,13 @@
 //! Refines a rig by its drive: rotations and delays of cameras and inertial unit, the delay of the receiver, elevations of the LiDAR's
-//! rings, and mountings of the LiDARs after the first.
+//! rings, and mountings of the secondary LiDARs.
 //!
 //! A value is replaced where the drive determines it and it differs by more than twice its standard deviation. All other values stay.
 
 mod cameras;
 mod gnss;
 mod imu;
-mod other_lidars;
 mod rings;
+mod secondary_lidars;
 
 use crate::error::RigError;
 use crate::survey::{Survey, SurveySettings};
@@ -86,7 +86,7 @@ impl Refined {
         imu::refine(survey, &mut refined);
         gnss::refine(survey, &mut refined);
         rings::refine(drive, survey, &mut refined);
-        other_lidars::refine(drive, survey, settings, &mut refined)?;
+        secondary_lidars::refine(drive, survey, settings, &mut refined)?;
         Ok(refined)
     }
 

@@ -7,6 +7,7 @@
 //! its final answer. The client may disconnect; the supervisor completes the request.
 
 use crate::Change;
+use crate::outcome::Outcome;
 use crate::wiring::{Wiring, WiringError};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Write};
@@ -55,8 +56,8 @@ pub enum Answer {
     Refused(Vec<String>),
     /// The stage was replaced, or the attempt was undone ([`Swapped::undone`]).
     Swapped(Swapped),
-    /// How the run has ended: `done`, `drained`, `stopped` or `failed`.
-    Ended(String),
+    /// How the run has ended.
+    Ended(Outcome),
 }
 
 /// The result of a swap. Kept in the run folder and in summary.json.

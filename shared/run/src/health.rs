@@ -2,6 +2,7 @@
 
 use crate::histogram::Histogram;
 use crate::process::{Usage, monotonic_nanos, usage};
+use doubts::DoubtKind;
 use ipc::{Domain, LatestPublisher};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -112,15 +113,22 @@ pub struct Arrivals {
     pub latency: Latency,
 }
 
-/// Why results should not be relied on as they are. A run with doubts ends with exit code 3.
+/// A doubt as a stage reports it: why results should not be relied on as they are. A run with doubts ends with exit code 3.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Doubt {
+pub struct ReportedDoubt {
     /// Name in snake case, unique in the stage.
     pub name: String,
     /// How large it is, in the unit that the text states: a share of points, a standard deviation.
     pub size: f64,
     /// What is doubtful, its size, the limit that it exceeds and what to do.
     pub text: String,
+}
+
+impl ReportedDoubt {
+    /// Its kind. `None`: a third-party stage has stated it.
+    pub fn kind(&self) -> Option<DoubtKind> {
+        DoubtKind::from_name(&self.name)
+    }
 }
 
 /// One heartbeat.
@@ -170,7 +178,7 @@ pub struct Health {
     /// Texts for the operator.
     pub notes: Vec<String>,
     /// Why results should not be relied on as they are.
-    pub doubts: Vec<Doubt>,
+    pub doubts: Vec<ReportedDoubt>,
     /// Why it ended, if it failed. The log has it, too, unless the disk is full.
     #[serde(default)]
     pub error: Option<String>,

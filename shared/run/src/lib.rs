@@ -12,7 +12,7 @@
 //! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
 //! | `file_identity` | files on which results depend, and their digests |
 //! | [`control`] | requests to a running supervisor |
-//! | [`summary`] | `summary.json` |
+//! | [`summary`], [`Outcome`] | `summary.json`; how a run ended, and the exit code for it |
 //! | [`space`] | free space of file systems |
 //! | [`terminal`] | size and colors of a terminal |
 //! | [`process`], [`histogram`] | what the operating system reports of a process; durations |
@@ -29,6 +29,7 @@ pub mod health;
 pub mod histogram;
 pub mod launch_file;
 pub mod observed_run;
+mod outcome;
 mod packed;
 pub mod process;
 pub mod program;
@@ -42,6 +43,7 @@ pub mod wiring;
 pub use change::{Change, ChangeError};
 pub use context::{Context, Mode, find_file};
 pub use file_identity::{FileIdentity, files_of_settings};
+pub use outcome::Outcome;
 pub use packed::Piece;
 pub use program::{
     CheckRequest, DescribeDriveRequest, DescribeRequest, DriveDescription, LOG_FORMAT, SUPERVISOR_KEYS, exit,

@@ -1,7 +1,7 @@
 //! The file of a saved state: the runner's part and the stage's behind one checksum, whole or absent.
 
 use crate::checksum::Checksum;
-use crate::health::{Doubt, Traffic};
+use crate::health::{ReportedDoubt, Traffic};
 use crate::packed::{Piece, pack, unpack};
 use files::atomic_file::{AtomicFile, sync_all};
 use serde::{Deserialize, Serialize};
@@ -110,7 +110,7 @@ pub struct RunnerState {
     /// Notes of the stage.
     pub notes: Vec<String>,
     /// Doubts of the stage.
-    pub doubts: Vec<Doubt>,
+    pub doubts: Vec<ReportedDoubt>,
 }
 
 /// A state that is written but may not be on the disk yet.
@@ -279,7 +279,7 @@ mod tests {
             outputs: BTreeMap::new(),
             counters: BTreeMap::from([("lost".to_owned(), 2)]),
             notes: vec!["a note".to_owned()],
-            doubts: vec![Doubt { name: "a_doubt".to_owned(), size: 0.5, text: "half of it".to_owned() }],
+            doubts: vec![ReportedDoubt { name: "a_doubt".to_owned(), size: 0.5, text: "half of it".to_owned() }],
         };
         let stage: Vec<u8> = (0..100).collect();
         let relied_on = [folder.path().join("cloud.ply")];

@@ -1,8 +1,8 @@
 //! `summary.json`: what a run did and what it cost.
 
 use crate::control::Swapped;
-use crate::health::{Doubt, Health, Latency, Traffic};
-use crate::program::exit;
+use crate::health::{Health, Latency, ReportedDoubt, Traffic};
+use crate::outcome::Outcome;
 use files::atomic_file::write_atomic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -14,8 +14,8 @@ pub const REPORT_FILES: [&str; 2] = ["report.html", "report.json"];
 /// The whole file.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Summary {
-    /// `done`, `drained` (ended early on request), `stopped` or `failed`.
-    pub outcome: String,
+    /// How the run ended.
+    pub outcome: Outcome,
     /// Faults during the run, in order.
     pub faults: Vec<String>,
     /// Swaps during the run, in order.
@@ -118,7 +118,7 @@ pub struct StageSummary {
     pub notes: Vec<String>,
     /// Why its results should not be relied on as they are.
     #[serde(default)]
-    pub doubts: Vec<Doubt>,
+    pub doubts: Vec<ReportedDoubt>,
 }
 
 impl StageSummary {
@@ -202,15 +202,10 @@ impl Summary {
     /// any run is doubtful if a stage doubts its results.
     pub fn exit_code(&self, is_live: bool) -> u8 {
         let is_lossy = is_live && (!self.faults.is_empty() || !self.total.dropped.is_empty());
-        match self.outcome.as_str() {
-            "drained" => exit::INCOMPLETE,
-            "done" if is_lossy || self.doubts().next().is_some() => exit::INCOMPLETE,
-            "done" => exit::DONE,
-            _ => exit::FAILED,
-        }
+        self.outcome.exit_code(!is_lossy && self.doubts().next().is_none())
     }
     /// All doubts, each with the name of its stage.
-    pub fn doubts(&self) -> impl Iterator<Item = (&str, &Doubt)> {
+    pub fn doubts(&self) -> impl Iterator<Item = (&str, &ReportedDoubt)> {
         self.stages.iter().flat_map(|stage| stage.doubts.iter().map(|doubt| (stage.name.as_str(), doubt)))
     }
     /// Bytes of rows that all consumers together received.

@@ -9,7 +9,7 @@ use crate::{Context, Flow, Inputs, Outputs, Port, StepError, exit, log};
 use configuration::configure;
 use messages::{Envelope, TickRow};
 use recording::{RecordedTick, RecordingError, RecordingWriter, TickReader};
-use run::health::{Doubt, Latency, Traffic};
+use run::health::{Latency, ReportedDoubt, Traffic};
 use run::histogram::Histogram;
 use run::process::{monotonic_nanos, usage as process_usage};
 use serde::Serialize;
@@ -38,7 +38,7 @@ struct Report {
     outputs: BTreeMap<&'static str, Traffic>,
     counters: BTreeMap<String, u64>,
     notes: Vec<String>,
-    doubts: Vec<Doubt>,
+    doubts: Vec<ReportedDoubt>,
     cpu_s: f64,
     peak_rss_bytes: u64,
 }

@@ -1,9 +1,10 @@
 //! What a step writes.
 
 use crate::StepError;
+use doubts::Doubt;
 use ipc::{Loan, Received};
 use messages::{Envelope, Message, TickRow};
-use run::health::{Doubt, Pulse, Traffic};
+use run::health::{Pulse, ReportedDoubt, Traffic};
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,7 +21,7 @@ pub struct Outputs {
     pub(crate) by_topic: BTreeMap<&'static str, Box<dyn AnyOutput>>,
     pub(crate) counters: BTreeMap<String, u64>,
     pub(crate) notes: Vec<String>,
-    pub(crate) doubts: Vec<Doubt>,
+    pub(crate) doubts: Vec<ReportedDoubt>,
     pub(crate) drive_time: Option<i64>,
     pub(crate) progress: Option<f64>,
     /// Of the process, if there is one.
@@ -159,12 +160,17 @@ impl Outputs {
     /// The first 16 doubts are kept, with up to 300 characters each.
     pub fn doubt(&mut self, name: &str, size: f64, text: impl Into<String>) {
         let text = text.into().chars().take(MAX_NOTE_CHARS).collect();
-        let doubt = Doubt { name: name.to_owned(), size, text };
+        let doubt = ReportedDoubt { name: name.to_owned(), size, text };
         match self.doubts.iter().position(|known| known.name == name) {
             Some(index) => self.doubts[index] = doubt,
             None if self.doubts.len() < MAX_DOUBTS => self.doubts.push(doubt),
             None => self.count("doubts_left_out", 1),
         }
+    }
+
+    /// Reports a doubt of the project's own stages: see [`doubt`](Self::doubt).
+    pub fn report_doubt(&mut self, doubt: &Doubt) {
+        self.doubt(&doubt.name(), doubt.size(), doubt.to_string());
     }
 
     /// Withdraws the doubt `name`, if there is one.

@@ -2,7 +2,7 @@
 
 use crate::live::{Sensor, TIMEOUT, live, settings, simulated};
 use crate::live_two_lidars::Sender;
-use crate::other_lidars::{N_REAR_PACKETS, rear_entry, rear_packets};
+use crate::secondary_lidars::{N_REAR_PACKETS, rear_entry, rear_packets};
 use crate::support::{BEGIN, SIZE, fix, sample, write_drive};
 use acquire::{Acquire, Settings};
 use drive::imu::csv_from_samples;
@@ -22,7 +22,7 @@ use std::time::Instant;
 #[derive(Debug, Default, PartialEq)]
 struct Published {
     n_sweeps: usize,
-    /// Of the LiDAR after the first.
+    /// Of the secondary LiDAR.
     rear: Vec<(i64, Vec<u8>)>,
     images: Vec<(i64, u32, Vec<u8>)>,
     mosaics: Vec<(i64, u32, Vec<u8>)>,

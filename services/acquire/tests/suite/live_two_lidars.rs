@@ -1,6 +1,6 @@
 //! Two simulated LiDARs on two ports of the loopback network.
 
-use crate::other_lidars::{N_REAR_PACKETS, manifest, rear_entry, rear_packets};
+use crate::secondary_lidars::{N_REAR_PACKETS, manifest, rear_entry, rear_packets};
 use crate::support::{N_PACKETS, write_lidar};
 use acquire::{Acquire, Settings};
 use drive::Drive;

@@ -4,6 +4,6 @@ mod doubts;
 mod live;
 mod live_rig;
 mod live_two_lidars;
-mod other_lidars;
+mod secondary_lidars;
 mod step;
 mod support;

@@ -14,7 +14,7 @@ impl Colorize {
         for (_, kind, names, tallies, counter) in kinds.into_iter().filter(|(is_used, ..)| *is_used) {
             let counted = [outputs.counted("points"), outputs.counted(counter)];
             for doubt in self.limits_of_doubt.doubts(kind, names, tallies, counted) {
-                outputs.doubt(doubt.name(), doubt.size(), doubt.to_string());
+                outputs.report_doubt(&doubt);
             }
         }
     }

@@ -1,5 +1,4 @@
-//! Exhausted resources: disk, shared memory, memory, file size. Part of [`super::decide`]'s input: the cause of a fault says
-//! whether a restart can help.
+//! Exhausted resources: disk, shared memory, memory, file size. The cause of a fault says whether a restart can help.
 
 use std::fmt;
 

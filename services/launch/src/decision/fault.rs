@@ -1,4 +1,4 @@
-//! Exit, hang and stall: which stage is at fault, if any. Part of [`super::decide`].
+//! Exit, hang and stall: which stage is at fault, if any.
 
 use super::cause::Cause;
 use super::policy::Policy;
@@ -190,8 +190,29 @@ impl fmt::Display for Fault {
     }
 }
 
+/// What the stages of an attempt need.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Judgment {
+    /// Nothing: keep running.
+    Continue,
+    /// All stages have finished.
+    Finish,
+    /// This stage is to blame: find the cause, then ask [`super::restart_stage`].
+    Blame(Fault),
+}
+
+/// Judges the stages of an attempt, given in dataflow order. `at`: when the supervisor began to observe them. What it does
+/// after that takes time, too; that time does not count as missed heartbeats.
+pub fn judge(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Judgment {
+    match first_fault(at, stages, policy) {
+        Some(fault) => Judgment::Blame(fault),
+        None if stages.iter().all(|stage| stage.exit.is_some() && !stage.awaits_restart) => Judgment::Finish,
+        None => Judgment::Continue,
+    }
+}
+
 /// The first faulty stage in dataflow order: an upstream fault causes the faults downstream of it.
-pub(super) fn first_fault(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Option<Fault> {
+fn first_fault(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Option<Fault> {
     let connecting_since = connecting_since(stages);
     let of_stage = |stage: &ObservedStage| {
         let kind = fault(at, stage, connecting_since, policy)?;

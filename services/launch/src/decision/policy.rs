@@ -1,4 +1,4 @@
-//! The rules of a run, from its launch file. Part of [`super::decide`].
+//! The rules of a run, from its launch file.
 
 use crate::manifest::Run;
 use crate::plan::PlannedStage;

@@ -1,4 +1,4 @@
-//! Restart or give up. Part of [`super::decide`].
+//! Restart or give up.
 
 use super::fault::Fault;
 use super::policy::Policy;
@@ -51,47 +51,95 @@ impl fmt::Display for GiveUp {
     }
 }
 
-/// Live: a stage failed while the others continue. The pause before its restart, and the number of the restart.
-pub(super) fn of_stage(
-    fault: &Fault,
-    is_ending: bool,
-    restarts: u32,
-    ran_for: Option<Duration>,
-    policy: &Policy,
-) -> Result<(Duration, u32), GiveUp> {
+/// A stage has a fault; the other stages still run.
+#[derive(Clone, Copy, Debug)]
+pub struct FaultyStage<'a> {
+    /// The fault and its cause.
+    pub fault: &'a Fault,
+    /// The operator asked for the end of the run.
+    pub is_ending: bool,
+    /// Live: restarts of this stage so far without a healthy process between them.
+    pub restarts: u32,
+    /// Live: how long the restarted process ran. `None`: the stage was never restarted.
+    pub ran_for: Option<Duration>,
+}
+
+/// What the supervisor does about a faulty stage.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StageDecision {
+    /// Live: restart the stage alone after a pause; the other stages continue.
+    Restart {
+        /// The pause.
+        delay: Duration,
+        /// Number of this restart, counted from the last healthy process.
+        restart: u32,
+    },
+    /// Offline: end all processes of the attempt, then ask [`restart_run`].
+    EndAttempt,
+    /// Live: end the run as failed.
+    GiveUp(GiveUp),
+}
+
+/// Whether a faulty stage is restarted alone: offline never.
+pub fn restart_stage(stage: &FaultyStage<'_>, policy: &Policy) -> StageDecision {
+    let FaultyStage { fault, is_ending, restarts, ran_for } = *stage;
     let restarts = if ran_for.is_some_and(|ran_for| ran_for > HEALTHY_AFTER) { 0 } else { restarts };
-    if is_ending {
-        Err(GiveUp::EndRequested)
+    if !policy.is_live {
+        StageDecision::EndAttempt
+    } else if is_ending {
+        StageDecision::GiveUp(GiveUp::EndRequested)
     } else if !fault.may_restart() {
-        Err(GiveUp::RestartCannotHelp)
+        StageDecision::GiveUp(GiveUp::RestartCannotHelp)
     } else if restarts >= policy.restarts {
-        Err(GiveUp::NoProgress(restarts))
+        StageDecision::GiveUp(GiveUp::NoProgress(restarts))
     } else {
-        Ok((backoff(policy.restart_delay_s, restarts), restarts + 1))
+        StageDecision::Restart { delay: backoff(policy.restart_delay_s, restarts), restart: restarts + 1 }
     }
 }
 
-/// Offline: the attempt has ended. The pause before the restart of the run, and the budget after it.
-pub(super) fn of_run(
-    fault: &Fault,
-    is_ending: bool,
-    barrier: Option<u64>,
-    budget: RestartBudget,
-    is_memory_low: bool,
-    policy: &Policy,
-) -> Result<(Duration, RestartBudget), GiveUp> {
-    let budget = budget.at(barrier);
-    if is_ending {
-        Err(GiveUp::EndRequested)
-    } else if is_memory_low {
-        Err(GiveUp::MemoryLow)
-    } else if !fault.may_restart() {
-        Err(GiveUp::RestartCannotHelp)
+/// Offline: an attempt ended with a fault, and all its processes are gone.
+#[derive(Clone, Copy, Debug)]
+pub struct FailedAttempt<'a> {
+    /// The fault and its cause.
+    pub fault: &'a Fault,
+    /// The operator asked for the end of the run.
+    pub is_ending: bool,
+    /// Last barrier of which all stages have a valid state.
+    pub barrier: Option<u64>,
+    /// Restarts used so far.
+    pub budget: RestartBudget,
+    /// Less shared memory is free than a run needs.
+    pub is_memory_low: bool,
+}
+
+/// What the supervisor does about a failed attempt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RunDecision {
+    /// Restart all stages from the last barrier after a pause.
+    Restart {
+        /// The pause.
+        delay: Duration,
+        /// The budget after this restart.
+        budget: RestartBudget,
+    },
+    /// End the run as failed.
+    GiveUp(GiveUp),
+}
+
+/// Whether a run is restarted after a failed attempt.
+pub fn restart_run(attempt: &FailedAttempt<'_>, policy: &Policy) -> RunDecision {
+    let budget = attempt.budget.at(attempt.barrier);
+    if attempt.is_ending {
+        RunDecision::GiveUp(GiveUp::EndRequested)
+    } else if attempt.is_memory_low {
+        RunDecision::GiveUp(GiveUp::MemoryLow)
+    } else if !attempt.fault.may_restart() {
+        RunDecision::GiveUp(GiveUp::RestartCannotHelp)
     } else if budget.used >= policy.restarts {
-        Err(GiveUp::NoProgress(budget.used))
+        RunDecision::GiveUp(GiveUp::NoProgress(budget.used))
     } else {
         let delay = backoff(policy.restart_delay_s, budget.used);
-        Ok((delay, RestartBudget { used: budget.used + 1, ..budget }))
+        RunDecision::Restart { delay, budget: RestartBudget { used: budget.used + 1, ..budget } }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Tables of every rule of [`super::decide`].
+//! Tables of every rule of [`judge`], [`restart_stage`] and [`restart_run`].
 
 use super::cause::Cause;
 use super::fault::Exit;
@@ -7,6 +7,7 @@ use super::*;
 use run::health::Activity;
 use run::health::Activity::{Blocked, Connecting, Done, Draining, Paused, Ready, Saving, Starting, Waiting, Working};
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 const fn s(seconds: u64) -> Duration {
     Duration::from_secs(seconds)
@@ -62,14 +63,14 @@ fn topic() -> String {
     "sweep".to_owned()
 }
 
-fn decide_on(stages: &[ObservedStage], policy: &Policy) -> Decision {
-    decide(Observation::Stages { at: NOW, stages }, policy)
+fn judge_now(stages: &[ObservedStage], policy: &Policy) -> Judgment {
+    judge(NOW, stages, policy)
 }
 
-/// The text of the fault, or the decision.
+/// The text of the fault, or the judgment.
 fn judged(stages: &[ObservedStage], policy: &Policy) -> String {
-    match decide_on(stages, policy) {
-        Decision::Blame(fault) => fault.to_string(),
+    match judge_now(stages, policy) {
+        Judgment::Blame(fault) => fault.to_string(),
         other => format!("{other:?}"),
     }
 }
@@ -96,10 +97,10 @@ fn exited_stage_is_judged_by_its_exit_code() {
         // Even a stage that had reported its end.
         (Exit::Code(1), Done, "[relay] exit: ended with exit code 1", true),
     ] {
-        let decision = decide_on(&[exited("relay", exit, activity)], &policy());
-        let judged = if let Decision::Blame(fault) = &decision { fault.to_string() } else { format!("{decision:?}") };
+        let judgment = judge_now(&[exited("relay", exit, activity)], &policy());
+        let judged = if let Judgment::Blame(fault) = &judgment { fault.to_string() } else { format!("{judgment:?}") };
         assert!(judged.starts_with(expected), "{exit:?}: {judged}");
-        if let Decision::Blame(fault) = decision {
+        if let Judgment::Blame(fault) = judgment {
             assert_eq!(fault.may_restart(), may_restart, "{exit:?}");
         }
     }
@@ -108,11 +109,11 @@ fn exited_stage_is_judged_by_its_exit_code() {
 #[test]
 fn run_finishes_when_all_stages_have_finished() {
     let done = |name| exited(name, Exit::Code(0), Done);
-    assert_eq!(decide_on(&[done("source"), done("sink")], &policy()), Decision::Finish);
-    assert_eq!(decide_on(&[done("source"), healthy("sink", Draining)], &policy()), Decision::Continue);
+    assert_eq!(judge_now(&[done("source"), done("sink")], &policy()), Judgment::Finish);
+    assert_eq!(judge_now(&[done("source"), healthy("sink", Draining)], &policy()), Judgment::Continue);
     let awaits_restart = ObservedStage { awaits_restart: true, ..exited("sink", Exit::Signal(9), Working) };
     let live = Policy { is_live: true, ..policy() };
-    assert_eq!(decide_on(&[done("source"), awaits_restart], &live), Decision::Continue);
+    assert_eq!(judge_now(&[done("source"), awaits_restart], &live), Judgment::Continue);
 }
 
 #[test]
@@ -138,9 +139,9 @@ fn first_silent_stage_in_dataflow_order_is_to_blame() {
 #[test]
 fn time_the_supervisor_was_blocked_does_not_count() {
     let read_late = ObservedStage { last_heartbeat: NOW + s(30), last_progress: NOW + s(30), ..silent("relay", 0) };
-    assert_eq!(decide_on(&[read_late], &policy()), Decision::Continue);
+    assert_eq!(judge_now(&[read_late], &policy()), Judgment::Continue);
     let last_seen_before = silent("relay", 4);
-    assert_eq!(decide_on(&[last_seen_before], &policy()), Decision::Continue);
+    assert_eq!(judge_now(&[last_seen_before], &policy()), Judgment::Continue);
 }
 
 #[test]
@@ -248,8 +249,8 @@ fn exhausted_resource_decides_whether_a_restart_can_help() {
     assert!(Cause::of(fault.signal(), &logged("x (os error 28)")).is_some());
 }
 
-fn failed_attempt(fault: &Fault, barrier: Option<u64>, budget: RestartBudget) -> Observation<'_> {
-    Observation::FailedAttempt { fault, is_ending: false, barrier, budget, is_memory_low: false }
+fn failed_attempt(fault: &Fault, barrier: Option<u64>, budget: RestartBudget) -> FailedAttempt<'_> {
+    FailedAttempt { fault, is_ending: false, barrier, budget, is_memory_low: false }
 }
 
 fn budget(barrier: Option<u64>, used: u32) -> RestartBudget {
@@ -259,22 +260,25 @@ fn budget(barrier: Option<u64>, used: u32) -> RestartBudget {
 #[test]
 fn offline_fault_ends_the_attempt() {
     let fault = exit_fault(Exit::Signal(9));
-    let observation = Observation::FaultyStage { fault: &fault, is_ending: false, restarts: 0, ran_for: None };
-    assert_eq!(decide(observation, &policy()), Decision::EndAttempt);
+    let faulty = FaultyStage { fault: &fault, is_ending: false, restarts: 0, ran_for: None };
+    assert_eq!(restart_stage(&faulty, &policy()), StageDecision::EndAttempt);
 }
 
 #[test]
 fn run_restarts_until_the_budget_is_used() {
     let fault = exit_fault(Exit::Signal(9));
     for (used, delay_ms) in [(0, 500), (1, 1000), (2, 2000)] {
-        let decision = decide(failed_attempt(&fault, Some(4), budget(Some(4), used)), &policy());
+        let decision = restart_run(&failed_attempt(&fault, Some(4), budget(Some(4), used)), &policy());
         let delay = Duration::from_millis(delay_ms);
-        assert_eq!(decision, Decision::RestartRun { delay, budget: budget(Some(4), used + 1) });
+        assert_eq!(decision, RunDecision::Restart { delay, budget: budget(Some(4), used + 1) });
     }
-    let decision = decide(failed_attempt(&fault, Some(4), budget(Some(4), 3)), &policy());
-    assert_eq!(decision, Decision::GiveUp(GiveUp::NoProgress(3)));
+    let decision = restart_run(&failed_attempt(&fault, Some(4), budget(Some(4), 3)), &policy());
+    assert_eq!(decision, RunDecision::GiveUp(GiveUp::NoProgress(3)));
     let never = Policy { restarts: 0, ..policy() };
-    assert_eq!(decide(failed_attempt(&fault, None, budget(None, 0)), &never), Decision::GiveUp(GiveUp::NoProgress(0)));
+    assert_eq!(
+        restart_run(&failed_attempt(&fault, None, budget(None, 0)), &never),
+        RunDecision::GiveUp(GiveUp::NoProgress(0))
+    );
 }
 
 #[test]
@@ -288,12 +292,12 @@ fn new_barrier_resets_the_restart_budget() {
         // The newest barrier was damaged: that is no progress.
         (Some(4), Some(3), None),
     ] {
-        let decision = decide(failed_attempt(&fault, reached, budget(before, 3)), &policy());
-        let used = if let Decision::RestartRun { budget, .. } = decision { Some(budget.used) } else { None };
+        let decision = restart_run(&failed_attempt(&fault, reached, budget(before, 3)), &policy());
+        let used = if let RunDecision::Restart { budget, .. } = decision { Some(budget.used) } else { None };
         assert_eq!(used, used_after, "{before:?} to {reached:?}");
     }
-    let back = decide(failed_attempt(&fault, Some(3), budget(Some(4), 1)), &policy());
-    let expected = Decision::RestartRun { delay: s(1), budget: budget(Some(4), 2) };
+    let back = restart_run(&failed_attempt(&fault, Some(3), budget(Some(4), 1)), &policy());
+    let expected = RunDecision::Restart { delay: s(1), budget: budget(Some(4), 2) };
     assert_eq!(back, expected, "the furthest barrier is kept");
 }
 
@@ -302,8 +306,8 @@ fn restart_delay_doubles_up_to_thirty_seconds() {
     let fault = exit_fault(Exit::Signal(9));
     let patient = Policy { restarts: 1000, ..policy() };
     for (used, delay) in [(0, 0.5), (3, 4.0), (5, 16.0), (6, 30.0), (31, 30.0), (32, 30.0), (999, 30.0)] {
-        let decision = decide(failed_attempt(&fault, None, budget(None, used)), &patient);
-        let Decision::RestartRun { delay: got, .. } = decision else { panic!("{decision:?}") };
+        let decision = restart_run(&failed_attempt(&fault, None, budget(None, used)), &patient);
+        let RunDecision::Restart { delay: got, .. } = decision else { panic!("{decision:?}") };
         assert_eq!(got.as_secs_f64(), delay, "restart {used}");
     }
 }
@@ -320,9 +324,8 @@ fn run_is_given_up_for_one_of_four_reasons() {
         (&misconfigured, true, true, 3, GiveUp::EndRequested),
         (&misconfigured, false, true, 3, GiveUp::MemoryLow),
     ] {
-        let observation =
-            Observation::FailedAttempt { fault, is_ending, barrier: None, budget: budget(None, used), is_memory_low };
-        assert_eq!(decide(observation, &policy()), Decision::GiveUp(expected));
+        let attempt = FailedAttempt { fault, is_ending, barrier: None, budget: budget(None, used), is_memory_low };
+        assert_eq!(restart_run(&attempt, &policy()), RunDecision::GiveUp(expected));
     }
 }
 
@@ -330,11 +333,11 @@ fn run_is_given_up_for_one_of_four_reasons() {
 fn wrong_configuration_is_never_restarted() {
     for code in [2, 78] {
         let fault = exit_fault(Exit::Code(code));
-        let offline = decide(failed_attempt(&fault, Some(9), budget(None, 0)), &policy());
+        let offline = restart_run(&failed_attempt(&fault, Some(9), budget(None, 0)), &policy());
         let live = Policy { is_live: true, ..policy() };
-        let faulty = Observation::FaultyStage { fault: &fault, is_ending: false, restarts: 0, ran_for: None };
-        assert_eq!(offline, Decision::GiveUp(GiveUp::RestartCannotHelp));
-        assert_eq!(decide(faulty, &live), Decision::GiveUp(GiveUp::RestartCannotHelp));
+        let faulty = FaultyStage { fault: &fault, is_ending: false, restarts: 0, ran_for: None };
+        assert_eq!(offline, RunDecision::GiveUp(GiveUp::RestartCannotHelp));
+        assert_eq!(restart_stage(&faulty, &live), StageDecision::GiveUp(GiveUp::RestartCannotHelp));
     }
 }
 
@@ -342,18 +345,18 @@ fn wrong_configuration_is_never_restarted() {
 fn live_stage_is_restarted_alone_until_its_budget_is_used() {
     let live = Policy { is_live: true, ..policy() };
     let fault = exit_fault(Exit::Signal(9));
-    let restart = |n| Decision::RestartStage { delay: Duration::from_millis(500_u64 << (n - 1)), restart: n };
+    let restart = |n| StageDecision::Restart { delay: Duration::from_millis(500_u64 << (n - 1)), restart: n };
     for (is_ending, restarts, ran_for, expected) in [
         (false, 0, None, restart(1)),
         (false, 1, Some(s(3)), restart(2)),
         (false, 2, Some(s(60)), restart(3)),
-        (false, 3, Some(s(3)), Decision::GiveUp(GiveUp::NoProgress(3))),
+        (false, 3, Some(s(3)), StageDecision::GiveUp(GiveUp::NoProgress(3))),
         // A process that ran for more than a minute was healthy.
         (false, 3, Some(s(61)), restart(1)),
-        (true, 0, None, Decision::GiveUp(GiveUp::EndRequested)),
+        (true, 0, None, StageDecision::GiveUp(GiveUp::EndRequested)),
     ] {
-        let observation = Observation::FaultyStage { fault: &fault, is_ending, restarts, ran_for };
-        assert_eq!(decide(observation, &live), expected, "{restarts} restarts, ran for {ran_for:?}");
+        let faulty = FaultyStage { fault: &fault, is_ending, restarts, ran_for };
+        assert_eq!(restart_stage(&faulty, &live), expected, "{restarts} restarts, ran for {ran_for:?}");
     }
 }
 
@@ -361,5 +364,5 @@ fn live_stage_is_restarted_alone_until_its_budget_is_used() {
 fn live_stage_that_awaits_its_restart_has_no_further_fault() {
     let live = Policy { is_live: true, ..policy() };
     let down = ObservedStage { awaits_restart: true, ..exited("relay", Exit::Signal(9), Working) };
-    assert_eq!(decide_on(&[healthy("source", Working), down], &live), Decision::Continue);
+    assert_eq!(judge_now(&[healthy("source", Working), down], &live), Judgment::Continue);
 }

@@ -2,6 +2,7 @@
 
 use super::SETTINGS;
 use super::states::States;
+use run::Outcome;
 use run::assignment::state_file;
 use run::summary::Summary;
 use std::fmt;
@@ -12,7 +13,7 @@ use std::path::Path;
 pub struct EarlierResults {
     n_clouds: usize,
     /// How the earlier run ended; `None` if it has no summary.
-    outcome: Option<String>,
+    outcome: Option<Outcome>,
     /// Whether `--resume` can continue it.
     can_resume: bool,
 }
@@ -23,7 +24,7 @@ impl EarlierResults {
         let has_summary = Summary::file(output).exists();
         let summary = Summary::load(output).ok();
         let has_produced = match &summary {
-            Some(summary) => summary.total.points > 0 || !matches!(summary.outcome.as_str(), "failed" | "stopped"),
+            Some(summary) => summary.total.points > 0 || summary.outcome.is_in_order(),
             // A file that this version cannot read may be the summary of another one.
             None => has_summary,
         };
@@ -58,7 +59,7 @@ impl fmt::Display for EarlierResults {
             write!(f, ", with {} files in clouds/", self.n_clouds)?;
         }
         write!(f, "; set another run.output, or add --overwrite to replace them")?;
-        if self.can_resume && self.outcome.as_deref() != Some("done") {
+        if self.can_resume && self.outcome != Some(Outcome::Done) {
             write!(f, ", or --resume to continue that run")?;
         }
         Ok(())
@@ -75,8 +76,8 @@ mod tests {
         std::fs::write(path, text).expect("written");
     }
 
-    fn summary(outcome: &str, points: u64) -> String {
-        let mut summary = Summary { outcome: outcome.to_owned(), ..Summary::default() };
+    fn summary(outcome: Outcome, points: u64) -> String {
+        let mut summary = Summary { outcome, ..Summary::default() };
         summary.total.points = points;
         serde_json::to_string(&summary).expect("JSON")
     }
@@ -86,8 +87,8 @@ mod tests {
         for (name, text) in [
             ("clouds/submap_0000.ply", String::new()),
             ("run/states/3/export.state", String::new()),
-            ("summary.json", summary("done", 0)),
-            ("summary.json", summary("failed", 7)),
+            ("summary.json", summary(Outcome::Done, 0)),
+            ("summary.json", summary(Outcome::Failed, 7)),
             ("summary.json", "of another version".to_owned()),
         ] {
             let output = tempfile::tempdir().expect("a folder");
@@ -102,7 +103,7 @@ mod tests {
         assert_eq!(EarlierResults::find(&output.path().join("absent")), None);
         write(&output.path().join("notes.txt"), "of the operator");
         write(&output.path().join("run/settings.json"), "{}");
-        write(&output.path().join("summary.json"), &summary("failed", 0));
+        write(&output.path().join("summary.json"), &summary(Outcome::Failed, 0));
         assert_eq!(EarlierResults::find(output.path()), None);
     }
 
@@ -111,7 +112,7 @@ mod tests {
         let output = tempfile::tempdir().expect("a folder");
         let stage = |name: &str| StageSummary { name: name.to_owned(), ..StageSummary::default() };
         let stages = vec![stage("acquire"), stage("export")];
-        let failed = Summary { outcome: "failed".to_owned(), stages, ..Summary::default() };
+        let failed = Summary { outcome: Outcome::Failed, stages, ..Summary::default() };
         write(&output.path().join("summary.json"), &serde_json::to_string(&failed).expect("JSON"));
         write(&output.path().join("run/states/1/acquire.state"), "");
         assert_eq!(EarlierResults::find(output.path()), None);
@@ -131,7 +132,7 @@ mod tests {
             "a run that was interrupted, with 1 files in clouds/; set another run.output, or add --overwrite to replace \
              them, or --resume to continue that run"
         );
-        write(&output.path().join("summary.json"), &summary("done", 7));
+        write(&output.path().join("summary.json"), &summary(Outcome::Done, 7));
         assert!(!text(output.path()).contains("--resume"), "a finished run needs no resume");
     }
 }

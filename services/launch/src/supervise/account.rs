@@ -5,8 +5,9 @@ use crate::log::Json;
 use crate::plan::Plan;
 use crate::stage_process::StageProcess;
 use ipc::Domain;
+use run::Outcome;
 use run::control::Swapped;
-use run::health::{Doubt, Health};
+use run::health::{Health, ReportedDoubt};
 use run::process::usage;
 use run::summary::{StageSummary, Summary, Total, rate};
 use std::collections::BTreeMap;
@@ -71,7 +72,7 @@ impl Account {
     }
 
     /// The summary of the whole run.
-    pub fn summary(&self, plan: &Plan, outcome: &str, swaps: Vec<Swapped>, wall_s: f64) -> Summary {
+    pub fn summary(&self, plan: &Plan, outcome: Outcome, swaps: Vec<Swapped>, wall_s: f64) -> Summary {
         let stages: Vec<StageSummary> = plan
             .stages
             .iter()
@@ -88,7 +89,7 @@ impl Account {
             sink.and_then(|h| Some(h.drive_time?.saturating_sub(h.drive_begin?) as f64 * 1e-9)).unwrap_or_default();
         let total = self.total(&stages, drive_s, wall_s);
         let faults = self.faults.iter().map(ToString::to_string).collect();
-        Summary { outcome: outcome.to_owned(), faults, swaps, total, stages }
+        Summary { outcome, faults, swaps, total, stages }
     }
 
     fn total(&self, stages: &[StageSummary], drive_s: f64, wall_s: f64) -> Total {
@@ -123,7 +124,7 @@ pub fn log_summary(summary: &Summary, output: &Path) {
     let Summary { outcome, total, .. } = summary;
     tracing::info!(
         kind = "done",
-        outcome,
+        outcome = outcome.word(),
         total = %Json(total),
         "{outcome}: {:.1} s of drive in {:.1} s ({:.2} times real time), {:.2} M points, {} restarts; see {}",
         total.drive_s,
@@ -134,7 +135,7 @@ pub fn log_summary(summary: &Summary, output: &Path) {
         output.join("summary.json").display()
     );
     for (stage, doubt) in summary.doubts() {
-        let Doubt { name, size, text } = doubt;
+        let ReportedDoubt { name, size, text } = doubt;
         tracing::warn!(kind = "doubt", stage, doubt = name, size, "[{stage}] doubt: {text}");
     }
     for (topic, n) in &total.dropped {

@@ -4,7 +4,7 @@ use super::error::SuperviseError;
 use super::processes::Processes;
 use super::{POLL, Supervisor, services};
 use crate::decision::cause::Cause;
-use crate::decision::{Decision, Fault, Observation, Policy, decide};
+use crate::decision::{Fault, FaultyStage, Judgment, Policy, StageDecision, judge, restart_stage};
 use crate::log::Json;
 use ipc::{Node, ServiceHandles};
 use run::assignment::Command;
@@ -97,10 +97,11 @@ impl Supervisor {
             self.account.measure_shared_memory(&self.run.domain);
         }
         self.observers.update(&processes.0, &self.run.domain, self.account.restarts);
-        let decision = decide(Observation::Stages { at, stages: &processes.observed(self.origin) }, policy);
-        if let Decision::Blame(fault) = decision {
-            return Ok(self.handle_fault(fault, processes, policy));
-        }
+        let is_finished = match judge(at, &processes.observed(self.origin), policy) {
+            Judgment::Blame(fault) => return Ok(self.handle_fault(fault, processes, policy)),
+            Judgment::Finish => true,
+            Judgment::Continue => false,
+        };
         self.operator.poll(&mut self.swaps, &self.run);
         let is_ending = self.operator.is_ending();
         let arrived = self.swaps.advance(&processes.0, &self.run, &mut self.operator.control, is_ending)?;
@@ -109,7 +110,7 @@ impl Supervisor {
             return Ok(Some(Ending::Swap(barrier)));
         }
         self.restart_due_stages(&ipc.node, processes)?;
-        if decision == Decision::Finish {
+        if is_finished {
             self.observers.show_last(&processes.0);
             return Ok(Some(Ending::Done));
         }
@@ -138,16 +139,14 @@ impl Supervisor {
         let log_lines = processes.find(&fault.stage).map(|process| process.last_log_lines()).unwrap_or_default();
         fault.cause = Cause::of(fault.signal(), &self.resources.evidence(&log_lines));
         let history = self.stage_restarts.history(&fault.stage);
-        let decision = decide(
-            Observation::FaultyStage {
-                fault: &fault,
-                is_ending: self.operator.is_ending(),
-                restarts: history.restarts,
-                ran_for: history.ran_for,
-            },
-            policy,
-        );
-        if let Decision::RestartStage { delay, restart } = decision
+        let faulty = FaultyStage {
+            fault: &fault,
+            is_ending: self.operator.is_ending(),
+            restarts: history.restarts,
+            ran_for: history.ran_for,
+        };
+        let decision = restart_stage(&faulty, policy);
+        if let StageDecision::Restart { delay, restart } = decision
             && let Some(process) = processes.find(&fault.stage)
         {
             process.kill();
@@ -162,7 +161,7 @@ impl Supervisor {
         }
         // Reported at once: ending the rest of the attempt takes time.
         self.report_fault(&fault, &log_lines);
-        if let Decision::GiveUp(reason) = decision {
+        if let StageDecision::GiveUp(reason) = decision {
             tracing::error!("giving up: {reason}");
         }
         Some(Ending::Failed { fault, log_lines })

@@ -10,8 +10,8 @@ use crate::recorder::Recorder;
 use crate::run_folder::RunFolder;
 use crate::stage_process::StageProcess;
 use ipc::Domain;
-use run::Mode;
 use run::health::Health;
+use run::{Mode, Outcome};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -92,7 +92,7 @@ impl Observers {
     }
 
     /// Waits for the recorder; `true` if the recording is complete or was not requested.
-    pub fn finish_recording(&mut self, outcome: &'static str) -> bool {
+    pub fn finish_recording(&mut self, outcome: Outcome) -> bool {
         let finished = self.recorder.take().map_or(Ok(()), |recorder| recorder.finish(outcome));
         if let Err(error) = &finished {
             tracing::error!("{error}");

@@ -4,8 +4,8 @@
 #[path = "../../../../shared/georeference/tests/suite/gnss_row.rs"]
 mod gnss_row;
 mod imu_faults;
-mod other_lidars;
 mod placement;
+mod secondary_lidars;
 mod step;
 mod street;
 mod traffic;

@@ -13,19 +13,19 @@ pub struct Mounting {
     /// `None`: the model is detected from the packets.
     pub(super) lidar: Option<Lidar>,
     pub(super) rig: LiveRig,
-    /// The LiDARs of the rig after the first.
-    pub(super) other_lidars: Vec<OtherMounting>,
+    /// The secondary LiDARs of the rig.
+    pub(super) secondary_lidars: Vec<SecondaryMounting>,
     /// Entries of the recording's manifest for the sensors beside the LiDARs.
-    pub(super) others: RecordedEntries,
+    pub(super) auxiliary: RecordedEntries,
 }
 
-/// A LiDAR of the rig after the first.
-pub(super) struct OtherMounting {
+/// A secondary LiDAR of the rig.
+pub(super) struct SecondaryMounting {
     pub(super) lidar: Lidar,
     pub(super) entry: LidarEntry,
 }
 
-impl OtherMounting {
+impl SecondaryMounting {
     /// Its name, which [`drive::read_manifest`] has checked.
     pub(super) fn name(&self) -> &str {
         self.entry.name.as_deref().unwrap_or_default()
@@ -40,7 +40,7 @@ impl Mounting {
         let LiveRig::File(path, manifest) = &rig else {
             let lidar = wanted.map(Lidar::from);
             needs_no_file(lidar.as_ref())?;
-            return Ok(Self { lidar, rig, other_lidars: Vec::new(), others: RecordedEntries::default() });
+            return Ok(Self { lidar, rig, secondary_lidars: Vec::new(), auxiliary: RecordedEntries::default() });
         };
         let of_rig = Model::from_name(&manifest.lidar.model);
         if wanted.is_some() && wanted != of_rig {
@@ -55,27 +55,30 @@ impl Mounting {
         };
         let lidar = lidar_of("lidar", &manifest.lidar)?;
         let other = |(index, entry): (usize, &LidarEntry)| {
-            Ok(OtherMounting { lidar: lidar_of(&format!("lidar[{}]", index + 1), entry)?, entry: entry.clone() })
+            Ok(SecondaryMounting { lidar: lidar_of(&format!("lidar[{}]", index + 1), entry)?, entry: entry.clone() })
         };
-        let other_lidars = manifest.other_lidars.iter().enumerate().map(other).collect::<Result<_, LiveError>>()?;
-        Ok(Self { lidar: Some(lidar), rig, other_lidars, others: RecordedEntries::default() })
+        let secondary_lidars = manifest.other_lidars.iter().enumerate().map(other).collect::<Result<_, LiveError>>()?;
+        Ok(Self { lidar: Some(lidar), rig, secondary_lidars, auxiliary: RecordedEntries::default() })
     }
 
     /// With entries of other sensors, which are recorded beside the LiDARs.
     #[must_use]
-    pub fn with_others(self, others: &RecordedEntries) -> Self {
-        Self { others: others.clone(), ..self }
+    pub fn with_auxiliary(self, auxiliary: &RecordedEntries) -> Self {
+        Self { auxiliary: auxiliary.clone(), ..self }
     }
 
     /// Fails unless there are as many addresses as LiDARs.
     pub(super) fn check_number(&self, n_addresses: usize) -> Result<(), LiveError> {
-        let n_lidars = 1 + self.other_lidars.len();
+        let n_lidars = 1 + self.secondary_lidars.len();
         if n_addresses == n_lidars { Ok(()) } else { Err(LiveError::Listen { n_addresses, n_lidars }) }
     }
 
     /// Name of the first LiDAR, if there are others.
     pub(super) fn name(&self) -> Option<String> {
-        self.rig.manifest().and_then(|manifest| manifest.lidar.name.clone()).filter(|_| !self.other_lidars.is_empty())
+        self.rig
+            .manifest()
+            .and_then(|manifest| manifest.lidar.name.clone())
+            .filter(|_| !self.secondary_lidars.is_empty())
     }
 
     pub(super) fn body_from_lidar(&self) -> PoseEntry {

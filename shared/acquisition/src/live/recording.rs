@@ -98,12 +98,12 @@ impl Recording {
         };
         let first = entry(lidar, LIDAR, mounting.name(), mounting.body_from_lidar())?;
         let mut manifest = Manifest::of_lidar("live recording", first);
-        for other in &mounting.other_lidars {
+        for other in &mounting.secondary_lidars {
             let name = other.name();
             let found = entry(&other.lidar, &folder_of(name), Some(name.to_owned()), other.entry.body_from_lidar)?;
             manifest.other_lidars.push(found);
         }
-        let RecordedEntries { cameras, mosaics, gnss, imu } = mounting.others.clone();
+        let RecordedEntries { cameras, mosaics, gnss, imu } = mounting.auxiliary.clone();
         let manifest = Manifest { cameras, mosaics, gnss, imu, ..manifest };
         let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
         write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })

@@ -1,10 +1,10 @@
 //! All sensors of a live vehicle: what their settings mean, and what is reported of them.
 
+use super::auxiliary::{AuxiliaryLimits, AuxiliarySensors, AuxiliarySources};
 use super::mounting::Mounting;
-use super::other_lidar::OtherLidar;
-use super::others::{OtherLimits, OtherSensors, OtherSources};
 use super::receiver::{address, bind};
 use super::recording::{captures, folder_inside};
+use super::secondary_lidar::SecondaryLidar;
 use super::sensor::{Discarded, LiveLimits, LiveSensor};
 use crate::doubts::Doubts;
 use crate::error::LiveError;
@@ -40,7 +40,7 @@ pub struct LivePlan<'a> {
     /// Limits of the LiDAR.
     pub limits: LiveLimits,
     /// Limits of the other sensors.
-    pub other_limits: OtherLimits,
+    pub auxiliary_limits: AuxiliaryLimits,
     /// Which images are published.
     pub trigger: Trigger,
 }
@@ -49,10 +49,10 @@ pub struct LivePlan<'a> {
 pub struct LiveVehicle {
     /// The first LiDAR, whose sweeps are the ticks.
     pub lidar: LiveSensor,
-    /// The LiDARs after the first.
-    pub other_lidars: Vec<OtherLidar>,
+    /// The secondary LiDARs.
+    pub secondary_lidars: Vec<SecondaryLidar>,
     /// The sensors beside the LiDARs.
-    pub others: OtherSensors,
+    pub auxiliary: AuxiliarySensors,
     n_packets: u64,
 }
 
@@ -69,11 +69,11 @@ impl LivePlan<'_> {
             }
         }
         // A rig that cannot be read is one problem, not one of each sensor.
-        let others = match self.mounting() {
+        let auxiliary = match self.mounting() {
             Err(error) => vec![error],
-            Ok(_) => self.others().map_or_else(|errors| errors, |sources| sources.check()),
+            Ok(_) => self.auxiliary_sources().map_or_else(|errors| errors, |sources| sources.check()),
         };
-        problems.extend(others.iter().map(problem));
+        problems.extend(auxiliary.iter().map(problem));
         match folder_inside(self.output, self.recording) {
             Err(error) => problems.push(problem(&error)),
             Ok(folder) => match captures(&folder) {
@@ -91,14 +91,14 @@ impl LivePlan<'_> {
         let addresses = [listens[0], address(self.position_listen)?];
         let mounting = self.mounting()?;
         let folder = folder_inside(self.output, self.recording)?;
-        let sources = self.others().map_err(|mut errors| errors.swap_remove(0))?;
-        let others = OtherSensors::start(&sources, folder.clone(), self.other_limits, self.trigger)?;
-        let other_lidars = mounting.other_lidars.iter().zip(&listens[1..]).enumerate();
-        let other_lidars =
-            other_lidars.map(|(index, (other, address))| OtherLidar::start(*address, &folder, index + 1, other));
-        let other_lidars = other_lidars.collect::<Result<_, _>>()?;
-        let lidar = LiveSensor::start(addresses, folder, mounting.with_others(others.entries()), self.limits)?;
-        Ok(LiveVehicle { lidar, other_lidars, others, n_packets: 0 })
+        let sources = self.auxiliary_sources().map_err(|mut errors| errors.swap_remove(0))?;
+        let auxiliary = AuxiliarySensors::start(&sources, folder.clone(), self.auxiliary_limits, self.trigger)?;
+        let secondary_lidars = mounting.secondary_lidars.iter().zip(&listens[1..]).enumerate();
+        let secondary_lidars = secondary_lidars
+            .map(|(index, (other, address))| SecondaryLidar::start(*address, &folder, index + 1, other));
+        let secondary_lidars = secondary_lidars.collect::<Result<_, _>>()?;
+        let lidar = LiveSensor::start(addresses, folder, mounting.with_auxiliary(auxiliary.entries()), self.limits)?;
+        Ok(LiveVehicle { lidar, secondary_lidars, auxiliary, n_packets: 0 })
     }
 
     /// One for each LiDAR; at least one.
@@ -113,38 +113,38 @@ impl LivePlan<'_> {
     }
 
     /// The error has at least one problem.
-    fn others(&self) -> Result<OtherSources, Vec<LiveError>> {
-        OtherSources::find(self.cameras.clone(), self.gnss, self.imu, self.drive)
+    fn auxiliary_sources(&self) -> Result<AuxiliarySources, Vec<LiveError>> {
+        AuxiliarySources::find(self.cameras.clone(), self.gnss, self.imu, self.drive)
     }
 }
 
 impl LiveVehicle {
     /// Number of LiDARs.
     pub fn n_lidars(&self) -> usize {
-        1 + self.other_lidars.len()
+        1 + self.secondary_lidars.len()
     }
 
     /// Adds a sweep of the first LiDAR that was published: what is measured up to its end is due. Measures the clocks of the LiDARs.
     pub fn add_sweep(&mut self, sweep: &SweepInfo) {
-        self.others.add_sweep(sweep, self.lidar.take_arrival());
-        for lidar in &mut self.other_lidars {
+        self.auxiliary.add_sweep(sweep, self.lidar.take_arrival());
+        for lidar in &mut self.secondary_lidars {
             let arrival = lidar.take_arrival();
-            self.others.add_arrival_of_lidar(lidar.name(), arrival);
+            self.auxiliary.add_arrival_of_lidar(lidar.name(), arrival);
         }
     }
 
     /// Ends the reception; what waits is recorded first.
     pub fn close(&mut self) {
         self.lidar.close();
-        self.other_lidars.iter_mut().for_each(OtherLidar::close);
-        self.others.close();
+        self.secondary_lidars.iter_mut().for_each(SecondaryLidar::close);
+        self.auxiliary.close();
     }
 
     /// Reads the rest of the recording, discards it, and writes the last table of clocks.
     pub fn discard_rest(&mut self) -> Result<(), LiveError> {
         self.lidar.discard_rest()?;
-        self.others.discard_rest();
-        self.others.write_clocks(true)
+        self.auxiliary.discard_rest();
+        self.auxiliary.write_clocks(true)
     }
 
     /// Counters and notes since the last call.
@@ -162,9 +162,9 @@ impl LiveVehicle {
             ("partial_sweeps", partial),
         ];
         self.n_packets = n_packets;
-        let (counts, notes) = self.others.take_news(self.lidar.stats());
+        let (counts, notes) = self.auxiliary.take_news(self.lidar.stats());
         news.counts.extend(of_lidar.into_iter().chain(counts).map(|(name, n)| (name.into(), n)));
-        for lidar in &mut self.other_lidars {
+        for lidar in &mut self.secondary_lidars {
             news.counts.extend(lidar.take_counts().into_iter().map(|(name, n)| (name.into(), n)));
         }
         news.notes.extend(notes);
@@ -178,10 +178,10 @@ impl LiveVehicle {
         }
         if let Some((lidar, log)) = self.lidar.stats() {
             doubts.captures(&lidar, self.lidar.recorded_bytes());
-            self.others.doubt(&lidar, log, !self.other_lidars.is_empty(), doubts);
-            self.other_lidars.iter().for_each(|lidar| lidar.doubt(doubts));
-            let silent = self.other_lidars.iter().filter_map(OtherLidar::silence);
-            doubts.silent(&silent.chain(self.others.silent_sensors()).collect::<Vec<_>>());
+            self.auxiliary.doubt(&lidar, log, !self.secondary_lidars.is_empty(), doubts);
+            self.secondary_lidars.iter().for_each(|lidar| lidar.doubt(doubts));
+            let silent = self.secondary_lidars.iter().filter_map(SecondaryLidar::silence);
+            doubts.silent(&silent.chain(self.auxiliary.silent_sensors()).collect::<Vec<_>>());
         }
     }
 

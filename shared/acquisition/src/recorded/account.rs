@@ -78,7 +78,7 @@ impl DriveAccount {
 
     /// Adds packets and files that were lost or damaged since the last call.
     pub fn add_losses(&mut self, reader: &mut DriveReader) {
-        let (counts, damage) = reader.take_news_of_others();
+        let (counts, damage) = reader.take_news_of_secondary_lidars();
         self.news.counts.extend(counts.into_iter().map(|(name, n)| (name.into(), n)));
         for text in damage {
             self.note_damage(text);
@@ -139,9 +139,9 @@ impl DriveAccount {
         doubts.captures(&source.lidar_stats(), source.capture_bytes());
         let manifest = reader.drive().manifest();
         let has_cameras = !manifest.cameras.is_empty() || !manifest.mosaics.is_empty();
-        let has_others = has_cameras || manifest.imu.is_some() || tally.fixes > 0 || reader.n_other_lidars() > 0;
+        let has_others = has_cameras || manifest.imu.is_some() || tally.fixes > 0 || reader.n_secondary_lidars() > 0;
         doubts.clock(&source.lidar_stats(), has_others);
-        reader.doubt_others(doubts);
+        reader.doubt_secondary_lidars(doubts);
         let n_bad_clouds = source.n_bad_clouds();
         doubts.files(tally, reader.n_sweeps() + n_bad_clouds, n_bad_clouds);
         if reader.drive().manifest().gnss.is_some() {

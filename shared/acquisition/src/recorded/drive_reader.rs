@@ -3,7 +3,7 @@
 use super::events::Events;
 use super::inertial::Inertial;
 use super::odometer::Odometer;
-use super::other_lidars::{OtherLidars, OtherPosition};
+use super::secondary_lidars::{SecondaryLidars, SecondaryPosition};
 use super::trigger::Trigger;
 use crate::doubts::Doubts;
 use crate::error::{DriveError, NoSweepError};
@@ -38,7 +38,7 @@ pub struct DriveReader {
     part: Part,
     drive: Drive,
     source: SweepSource,
-    others: OtherLidars,
+    secondary_lidars: SecondaryLidars,
     images: Events<Frame>,
     mosaics: Events<Frame>,
     fixes: Events<Fix>,
@@ -66,7 +66,7 @@ struct Progress {
 #[derive(Serialize, Deserialize)]
 pub struct DrivePosition {
     source: SourcePosition,
-    others: Vec<OtherPosition>,
+    secondary_lidars: Vec<SecondaryPosition>,
     at: Progress,
     images: u64,
     mosaics: u64,
@@ -175,7 +175,7 @@ impl DriveReader {
     pub fn open(folder: &Path, part: Part, trigger: Trigger) -> Result<Self, DriveError> {
         let drive = Drive::open(folder)?;
         let mut source = drive.sweeps()?;
-        let others = OtherLidars::open(&drive, &mut source)?;
+        let secondary_lidars = SecondaryLidars::open(&drive, &mut source)?;
         let (fixes, log) = drive.fixes().map_err(DriveError::Log)?;
         let odometer = Odometer::new(&fixes);
         let (images, skipped_images) = trigger.thin_out(drive.camera_frames(), &odometer);
@@ -187,7 +187,7 @@ impl DriveReader {
         Ok(Self {
             part,
             source,
-            others,
+            secondary_lidars,
             images: Events::new(images, |frame| frame.stamp.0),
             mosaics: Events::new(mosaics, |frame| frame.stamp.0),
             fixes: Events::new(fixes, |fix| fix.stamp.0),
@@ -222,30 +222,30 @@ impl DriveReader {
         Ok(NextSweep::Sweep(sweep))
     }
 
-    /// Number of LiDARs after the first.
-    pub fn n_other_lidars(&self) -> usize {
-        self.others.len()
+    /// Number of secondary LiDARs.
+    pub fn n_secondary_lidars(&self) -> usize {
+        self.secondary_lidars.len()
     }
 
     /// Passes the points of another LiDAR during `sweep`, which [`DriveReader::next_sweep`] returned last, to `sink`. Returns header and
-    /// stamp; `None` without points. `index` counts from the LiDAR after the first.
-    pub fn next_sweep_of_other(
+    /// stamp; `None` without points. `index` counts from the first secondary LiDAR.
+    pub fn next_sweep_of_secondary(
         &mut self,
         index: usize,
         sweep: &SweepInfo,
         sink: impl FnMut(&[SweepPoint]),
     ) -> Result<Option<(SweepHeader, i64)>, SweepError> {
-        self.others.next_sweep(index, sweep, sink)
+        self.secondary_lidars.next_sweep(index, sweep, sink)
     }
 
     /// Counters and damaged files of the other LiDARs since the last call.
-    pub(super) fn take_news_of_others(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
-        self.others.take_news()
+    pub(super) fn take_news_of_secondary_lidars(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
+        self.secondary_lidars.take_news()
     }
 
     /// Collects the doubts about the other LiDARs.
-    pub(super) fn doubt_others(&self, doubts: &mut Doubts) {
-        self.others.doubt(doubts);
+    pub(super) fn doubt_secondary_lidars(&self, doubts: &mut Doubts) {
+        self.secondary_lidars.doubt(doubts);
     }
 
     /// Skips measurements of other sensors before the first sweep.
@@ -294,7 +294,7 @@ impl DriveReader {
         let manifest = self.drive.manifest();
         let has_none = |frames: &[Frame], camera: usize| !frames.iter().any(|frame| frame.camera == camera);
         let named = |kind: &str, name: &str, folder: &str| format!("{kind} {name} (folder {folder} is empty)");
-        let mut sensors: Vec<String> = self.others.silent().collect();
+        let mut sensors: Vec<String> = self.secondary_lidars.silent().collect();
         for (index, entry) in manifest.cameras.iter().enumerate() {
             if has_none(self.drive.camera_frames(), index) {
                 sensors.push(named("camera", &entry.name, &entry.folder));
@@ -360,7 +360,7 @@ impl DriveReader {
     pub fn position(&self) -> DrivePosition {
         DrivePosition {
             source: self.source.position(),
-            others: self.others.position(),
+            secondary_lidars: self.secondary_lidars.position(),
             at: self.at,
             images: self.images.position(),
             mosaics: self.mosaics.position(),
@@ -378,7 +378,7 @@ impl DriveReader {
         if !in_drive {
             return Err(DriveError::OtherDrive);
         }
-        self.others.resume(position.others)?;
+        self.secondary_lidars.resume(position.secondary_lidars)?;
         self.at = position.at;
         if self.has_begun() {
             // The bad lines up to this sample were counted before the state was saved.

@@ -11,7 +11,7 @@ use std::path::Path;
 pub(crate) enum Role {
     Lidar,
     /// A further LiDAR, from 1 on.
-    OtherLidar(usize),
+    SecondaryLidar(usize),
     /// `std_msgs/String` with the metadata of an Ouster.
     Metadata,
     /// Images of the camera of this index.
@@ -37,7 +37,7 @@ impl Role {
     fn name(self) -> String {
         match self {
             Self::Lidar => "lidar".into(),
-            Self::OtherLidar(index) => format!("lidar.{index}"),
+            Self::SecondaryLidar(index) => format!("lidar.{index}"),
             Self::Metadata => "metadata".into(),
             Self::Camera(index) => format!("camera.{index}"),
             Self::CameraInfo(index) => format!("camera_info.{index}"),
@@ -51,7 +51,7 @@ impl Role {
         let index = |prefix: &str| name.strip_prefix(prefix)?.parse().ok().filter(|index| *index < MAX_CAMERAS);
         let plain = [Self::Lidar, Self::Metadata, Self::Imu, Self::Gnss, Self::Nmea];
         let plain = plain.into_iter().find(|role| role.name() == name);
-        let other = index("lidar.").filter(|index| (1..messages::MAX_LIDARS).contains(index)).map(Self::OtherLidar);
+        let other = index("lidar.").filter(|index| (1..messages::MAX_LIDARS).contains(index)).map(Self::SecondaryLidar);
         plain
             .or(other)
             .or_else(|| index("camera.").map(Self::Camera))
@@ -61,7 +61,7 @@ impl Role {
     /// Whether messages of this type can have the role.
     fn fits(self, kind: &str) -> bool {
         match self {
-            Self::Lidar | Self::OtherLidar(_) => CLOUDS.contains(&kind) || PacketsKind::of_type(kind).is_some(),
+            Self::Lidar | Self::SecondaryLidar(_) => CLOUDS.contains(&kind) || PacketsKind::of_type(kind).is_some(),
             Self::Metadata => kind == "std_msgs/String",
             Self::Camera(_) => IMAGES.contains(&kind),
             Self::CameraInfo(_) => kind == CAMERA_INFO,
@@ -122,14 +122,14 @@ impl Roles {
     /// Topics that may be of further LiDARs, packets before clouds.
     pub fn possible_lidars(&self, topics: &[Topic]) -> Vec<usize> {
         let is_ouster = |topic: &Topic| PacketsKind::of_type(&topic.kind) == Some(PacketsKind::Ouster);
-        let mut found = self.candidates(topics, Role::OtherLidar(1), |topic| !is_ouster(topic));
+        let mut found = self.candidates(topics, Role::SecondaryLidar(1), |topic| !is_ouster(topic));
         found.sort_by_key(|topic| PacketsKind::of_type(&topics[*topic].kind).is_none());
         found
     }
 
     /// Number of LiDARs that are taken.
     pub fn n_lidars(&self) -> usize {
-        self.topics.keys().filter(|role| matches!(role, Role::Lidar | Role::OtherLidar(_))).count()
+        self.topics.keys().filter(|role| matches!(role, Role::Lidar | Role::SecondaryLidar(_))).count()
     }
 
     pub fn is_chosen(&self, role: Role) -> bool {
@@ -174,8 +174,10 @@ impl Roles {
                 "camera.{found}: cameras are numbered from 0 without gaps; camera.{expected} is missing"
             ));
         }
-        let others =
-            self.topics.keys().filter_map(|role| if let Role::OtherLidar(index) = role { Some(*index) } else { None });
+        let others = self
+            .topics
+            .keys()
+            .filter_map(|role| if let Role::SecondaryLidar(index) = role { Some(*index) } else { None });
         if let Some((expected, found)) = (1..).zip(others).find(|(expected, found)| expected != found) {
             return fault(format!(
                 "lidar.{found}: further LiDARs are numbered from 1 without gaps; lidar.{expected} is missing"

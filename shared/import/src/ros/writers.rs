@@ -106,8 +106,8 @@ impl<'a> Writers<'a> {
             fs::create_dir_all(&path).at(&path).map(|()| path)
         };
         let mut lidars: BTreeMap<Role, LidarFiles> = BTreeMap::new();
-        let of_lidars = roles.topics.iter().filter(|(role, _)| matches!(role, Role::Lidar | Role::OtherLidar(_)));
-        let has_others = roles.has(Role::OtherLidar(1));
+        let of_lidars = roles.topics.iter().filter(|(role, _)| matches!(role, Role::Lidar | Role::SecondaryLidar(_)));
+        let has_others = roles.has(Role::SecondaryLidar(1));
         for (role, topic) in of_lidars {
             let mut name = word(&topics[*topic].name);
             if lidars.values().any(|other| other.name.as_ref() == Some(&name)) {
@@ -213,7 +213,7 @@ impl<'a> Writers<'a> {
                 let header = Header::read(&mut c).map_err(fault)?;
                 self.frame_of_possible.entry(message.topic).or_insert(header.frame);
             }
-            Use::Role(role @ (Role::Lidar | Role::OtherLidar(_))) => return self.add_lidar(role, &mut c, message),
+            Use::Role(role @ (Role::Lidar | Role::SecondaryLidar(_))) => return self.add_lidar(role, &mut c, message),
             Use::Role(Role::Metadata) => self.metadata = Some(string(&mut c).map_err(fault)?),
             Use::Role(role @ Role::Camera(index)) => {
                 let Some(camera) = self.cameras.get_mut(&index) else { return Ok(()) };

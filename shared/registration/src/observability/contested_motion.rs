@@ -3,6 +3,7 @@
 use crate::Registered;
 use crate::observability::along_track::MIN_CONTRAST;
 use crate::observability::time_spans::TimeSpans;
+use doubts::Doubt;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -38,18 +39,11 @@ impl ContestedStretches {
         self.spans.add([*begin, end], 0);
     }
 
-    /// Time of all stretches, s, and what it means, if it is above the limit, s.
-    pub fn doubt(&self, max_s: f64) -> Option<(f64, String)> {
+    /// The doubt if all stretches together are longer than the limit, s.
+    pub fn doubt(&self, limit_s: f64) -> Option<Doubt> {
         let seconds = self.spans.seconds();
-        let text = || {
-            format!(
-                "own motion contested for {seconds:.1} s of the drive, more than {max_s} s: the surroundings fit other positions along \
-                 the way about as well, as in a queue that moves along ({}); the vehicle may have driven farther than the result \
-                 says",
-                self.spans.describe()
-            )
-        };
-        (seconds > max_s).then(|| (seconds, text()))
+        let stretches = || self.spans.describe();
+        (seconds > limit_s).then(|| Doubt::MotionContested { seconds, limit_s, stretches: stretches() })
     }
 }
 

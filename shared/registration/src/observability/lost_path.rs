@@ -2,6 +2,7 @@
 
 use crate::Registered;
 use crate::observability::time_spans::TimeSpans;
+use doubts::Doubt;
 use geometry::Pose;
 use nalgebra::{Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
@@ -41,18 +42,16 @@ impl LostStretches {
         }
     }
 
-    /// By how much all stretches together let the deviation grow, m, and what it means, if it is above the limit, m.
-    pub fn doubt(&self, max_m: f64) -> Option<(f64, String)> {
+    /// The doubt if all stretches together let the deviation grow by more than the limit, m.
+    pub fn doubt(&self, limit_m: f64) -> Option<Doubt> {
         let growth_m = self.growth.sqrt();
-        let text = || {
-            format!(
-                "the surroundings did not tell the motion for {:.1} s of the drive ({}): there the deviation of position and heading \
-                 grew by {growth_m:.1} m within {LEVER_M} m, more than {max_m} m; the path may be shorter, longer or bent",
-                self.spans.seconds(),
-                self.spans.describe()
-            )
-        };
-        (growth_m > max_m).then(|| (growth_m, text()))
+        (growth_m > limit_m).then(|| Doubt::PathLost {
+            growth_m,
+            limit_m,
+            lever_m: LEVER_M,
+            seconds: self.spans.seconds(),
+            stretches: self.spans.describe(),
+        })
     }
 }
 
@@ -93,7 +92,8 @@ mod tests {
     #[test]
     fn stretch_in_which_the_deviation_grows_is_named_with_its_times() {
         let found = after(&[vec![[0.01, 1e-4]; 30], vec![[2.0, 0.0]; 9], vec![[0.01, 1e-4]; 50]].concat());
-        let (growth_m, text) = found.doubt(5.0).expect("the way is lost");
+        let doubt = found.doubt(5.0).expect("the way is lost");
+        let (growth_m, text) = (doubt.size(), doubt.to_string());
         assert!((growth_m - 6.0).abs() < 0.01, "{growth_m}");
         assert!(text.contains("0.9 s of the drive (3.0 to 3.9 s)") && text.contains("more than 5 m"), "{text}");
         assert_eq!(found.doubt(7.0), None);
@@ -102,7 +102,8 @@ mod tests {
     #[test]
     fn lost_heading_counts_where_it_is_lost_and_not_on_the_way_after() {
         let found = after(&[vec![[0.01, 1e-4]; 10], vec![[0.0, 0.2]], vec![[0.01, 1e-4]; 500]].concat());
-        let (growth_m, text) = found.doubt(5.0).expect("the way is lost");
+        let doubt = found.doubt(5.0).expect("the way is lost");
+        let (growth_m, text) = (doubt.size(), doubt.to_string());
         assert!((growth_m - 10.0).abs() < 0.01, "0.2 rad at 50 m: {growth_m}");
         assert!(text.contains("0.1 s of the drive (1.0 to 1.1 s)"), "{text}");
     }

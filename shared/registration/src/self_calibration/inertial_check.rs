@@ -14,6 +14,7 @@ pub use comparison::Fit;
 
 use crate::{InertialSample, Registered};
 use comparison::Sums;
+use doubts::Doubt;
 use geometry::{Point3, Pose, Stamp, UnitQuaternion, Vector3};
 use history::History;
 use serde::{Deserialize, Serialize};
@@ -227,14 +228,9 @@ impl InertialCheck {
         }
     }
 
-    /// For the operator: why the unit is not used and what to check; `None` if it is used.
-    pub fn doubt(&self) -> Option<String> {
-        self.why_withheld().map(|reason| {
-            format!(
-                "the inertial unit is not used: {reason}; check the units (m/s^2, rad/s) and axes of its file, imu.body_from_imu and \
-                 the clock of the unit, or remove [imu] from drive.toml"
-            )
-        })
+    /// The doubt if the unit is not used.
+    pub fn doubt(&self) -> Option<Doubt> {
+        self.why_withheld().map(|reason| Doubt::ImuNotUsed { reason: reason.to_owned() })
     }
 
     /// How the samples are corrected.

@@ -2,8 +2,8 @@
 
 mod cameras;
 mod lidar;
-mod other_lidars;
 mod real_drives;
 mod refining;
+mod secondary_lidars;
 mod sources;
 mod support;

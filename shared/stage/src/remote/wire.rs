@@ -4,7 +4,7 @@
 use crate::{Context, Outputs, Problem, StepError};
 use run::Change;
 use run::assignment::Description;
-use run::health::Doubt;
+use run::health::ReportedDoubt;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
 use std::io::{Error, ErrorKind, Read, Write};
@@ -105,7 +105,7 @@ impl Failure {
 pub(super) struct Report {
     counters: BTreeMap<String, u64>,
     notes: Vec<String>,
-    doubts: Vec<Doubt>,
+    doubts: Vec<ReportedDoubt>,
 }
 
 impl Report {

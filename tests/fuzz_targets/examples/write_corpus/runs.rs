@@ -5,8 +5,9 @@ use messages::{
     ByteTable, ClassRow, ClassTopic, Envelope, GnssTopic, ImageTopic, Message, MosaicTopic, Pod, TickTopic,
     TrajectoryTopic,
 };
+use run::Outcome;
 use run::assignment::{Assignment, Description, PortDescription, TopicChannels};
-use run::health::{Activity, Doubt, Health, Traffic};
+use run::health::{Activity, Health, ReportedDoubt, Traffic};
 use run::summary::{StageSummary, Summary};
 use run::wiring::{WiredStage, WiredTopic, Wiring};
 use segmentation::network::{NetworkSpec, TensorShape, WeightTensor, Weights};
@@ -26,7 +27,7 @@ fn health() -> Health {
         inputs: traffic(),
         outputs: traffic(),
         counters: BTreeMap::from([("lost".to_owned(), 2)]),
-        doubts: vec![Doubt { name: "drift".to_owned(), size: 1.5, text: "a text".to_owned() }],
+        doubts: vec![ReportedDoubt { name: "drift".to_owned(), size: 1.5, text: "a text".to_owned() }],
         ..Health::default()
     }
 }
@@ -70,7 +71,7 @@ pub fn run_texts() -> Vec<Vec<u8>> {
 
 pub fn summary() -> Vec<u8> {
     let stage = StageSummary::new("infer", "/bin/infer".as_ref(), health(), 1.0, 0, 2.0);
-    json(&Summary { outcome: "done".to_owned(), stages: vec![stage], ..Summary::default() })
+    json(&Summary { outcome: Outcome::Done, stages: vec![stage], ..Summary::default() })
 }
 
 pub fn wiring() -> Vec<u8> {

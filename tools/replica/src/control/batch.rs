@@ -16,7 +16,7 @@ mod table;
 
 use drives::{BatchDrive, Job};
 use launches::{Launches, Start};
-use results::{Outcome, Row};
+use results::{DriveOutcome, Row};
 use run::exit;
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -144,7 +144,7 @@ fn process(
             }
         }
         print(&format!("[{}/{n}] {row}{remark}\n", i + 1));
-        must_stop |= stop_at_first && row.outcome == Outcome::Failed;
+        must_stop |= stop_at_first && row.outcome == DriveOutcome::Failed;
         rows.push(row);
     }
     Ok(rows)
@@ -152,12 +152,12 @@ fn process(
 
 /// The exit code of a batch with these results.
 fn exit_code(rows: &[Row]) -> u8 {
-    if rows.iter().any(|row| row.outcome == Outcome::Failed) {
+    if rows.iter().any(|row| row.outcome == DriveOutcome::Failed) {
         // A setting that does not exist fails with every drive.
         let is_refused = rows.iter().all(|row| row.exit_code == Some(i32::from(exit::CONFIGURATION)));
         return if is_refused { exit::CONFIGURATION } else { exit::FAILED };
     }
-    let is_complete = rows.iter().all(|row| row.outcome == Outcome::Complete);
+    let is_complete = rows.iter().all(|row| row.outcome == DriveOutcome::Complete);
     if is_complete { exit::DONE } else { exit::INCOMPLETE }
 }
 

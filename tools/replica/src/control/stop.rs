@@ -3,6 +3,7 @@
 use super::attach::RunArgument;
 use anyhow::bail;
 use command_line::say;
+use run::Outcome;
 use run::control::{Answer, Request};
 use std::process::ExitCode;
 
@@ -26,7 +27,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match run.ask(&Request::Stop { now: args.now })? {
         Answer::Ended(outcome) => {
             say!("{outcome}: see {}", run.output.join("summary.json").display())?;
-            Ok(if outcome == "failed" { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+            Ok(match outcome {
+                Outcome::Failed => ExitCode::FAILURE,
+                Outcome::Done | Outcome::Drained | Outcome::Stopped => ExitCode::SUCCESS,
+            })
         }
         Answer::Refused(reasons) => bail!("the supervisor refused to stop: {}", reasons.join("\n")),
         answer => bail!("unexpected answer of the supervisor: {answer:?}"),

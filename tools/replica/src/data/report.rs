@@ -83,7 +83,7 @@ fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
         version: 1,
         replica_version: env!("CARGO_PKG_VERSION"),
         run: run.folder.clone(),
-        outcome: summary.outcome.clone(),
+        outcome: summary.outcome,
         verdict: Verdict::of(run),
         input: run.drive().zip(material.drive_report.as_ref()).map(|(drive, report)| Input::of(drive, report)),
         path: Place::of(run, material.drive.as_ref(), fixes),

@@ -3,8 +3,8 @@
 mod calibrate;
 mod check;
 mod new;
-mod other_lidar;
 mod questions;
+mod secondary_lidar;
 
 use clap::Subcommand;
 use command_line::argument::words;

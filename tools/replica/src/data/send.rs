@@ -1,10 +1,11 @@
 //! `replica send`: sends a drive as its sensors did, at the speed at which it was recorded.
 
+mod auxiliary;
 mod images;
 mod lines;
-mod others;
 
 use anyhow::{Context, ensure};
+use auxiliary::{AuxiliarySensors, Targets};
 use command_line::argument::InvalidValue;
 use command_line::say;
 use command_line::terminal::StopFlag;
@@ -14,7 +15,6 @@ use images::{ImageWriter, prepare_folders};
 use lidar::Model;
 use lidar::pcap::PacketReader;
 use lidar::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT, restamp};
-use others::{Others, Targets};
 use run::exit;
 use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -214,7 +214,7 @@ impl Player<'_> {
     }
 
     fn play_round(&mut self, files: &[PathBuf]) -> anyhow::Result<()> {
-        let mut others = Others::of(self.drive, self.targets)?;
+        let mut others = AuxiliarySensors::of(self.drive, self.targets)?;
         let mut first = None;
         let mut at = Duration::ZERO;
         let mut last_gap = Duration::ZERO;
@@ -264,7 +264,7 @@ impl Player<'_> {
     }
 
     /// Skips what the other sensors measured before the part to send, and determines the shift of the stamps.
-    fn begin_round(&mut self, first: Stamp, others: &mut Others<'_>) -> anyhow::Result<()> {
+    fn begin_round(&mut self, first: Stamp, others: &mut AuxiliarySensors<'_>) -> anyhow::Result<()> {
         let begin = Stamp(first.0.saturating_add((self.args.start * 1e9) as i64));
         let lead = if self.args.start > 0.0 { 0 } else { AROUND.as_nanos() as i64 };
         others.skip_before(Stamp(begin.0.saturating_sub(lead)))?;
@@ -281,7 +281,12 @@ impl Player<'_> {
     }
 
     /// Sends what the other sensors measured up to a time of this repetition. `false` if stopped.
-    fn send_others(&mut self, others: &mut Others<'_>, first: Option<Stamp>, until: Duration) -> anyhow::Result<bool> {
+    fn send_others(
+        &mut self,
+        others: &mut AuxiliarySensors<'_>,
+        first: Option<Stamp>,
+        until: Duration,
+    ) -> anyhow::Result<bool> {
         let Some(first) = first else { return Ok(true) };
         while let Some(stamp) = others.next_stamp() {
             let at = Duration::try_from_secs_f64(stamp.seconds_since(first) - self.args.start).unwrap_or_default();

@@ -195,7 +195,7 @@ fn further_lidars(
     frame_of_possible: &BTreeMap<usize, String>,
     rig: &Mountings<'_>,
 ) -> BTreeMap<usize, String> {
-    let is_lidar = |role: &Role| matches!(role, Role::Lidar | Role::OtherLidar(_));
+    let is_lidar = |role: &Role| matches!(role, Role::Lidar | Role::SecondaryLidar(_));
     let mut known: Vec<&String> = frame_of.iter().filter(|(role, _)| is_lidar(role)).map(|(_, frame)| frame).collect();
     let mut reasons = BTreeMap::new();
     for topic in roles.possible_lidars(topics) {

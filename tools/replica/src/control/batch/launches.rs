@@ -2,6 +2,7 @@
 
 use super::drives::BatchDrive;
 use anyhow::Context;
+use run::Outcome;
 use run::process::sibling;
 use run::summary::Summary;
 use rustix::process::{Pid, Signal, kill_process};
@@ -71,7 +72,7 @@ impl Launches {
             let text = String::from_utf8_lossy(&checked.stderr).trim().to_owned();
             return Ok(Err(format!("{}: {text}", drive.name)));
         }
-        let is_done = Summary::load(&drive.output).is_ok_and(|summary| summary.outcome == "done");
+        let is_done = Summary::load(&drive.output).is_ok_and(|summary| summary.outcome == Outcome::Done);
         Ok(Ok(if is_done { Start::DoneBefore } else { Start::Resume }))
     }
 

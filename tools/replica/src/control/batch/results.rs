@@ -1,6 +1,7 @@
 //! What a run has left in its output, as a row of the table.
 
 use super::drives::BatchDrive;
+use run::Outcome;
 use run::summary::Summary;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -9,7 +10,7 @@ use std::fmt;
 /// How far a drive is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Outcome {
+pub enum DriveOutcome {
     /// Finished, and no stage doubts its results.
     Complete,
     /// Finished, with doubts.
@@ -23,7 +24,7 @@ pub enum Outcome {
     NotRun,
 }
 
-impl Outcome {
+impl DriveOutcome {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Complete, Self::Doubts, Self::Failed, Self::Unfinished, Self::NotRun];
 
@@ -45,7 +46,7 @@ pub struct Row {
     /// Name of the drive.
     pub drive: String,
     /// How far it is.
-    pub outcome: Outcome,
+    pub outcome: DriveOutcome,
     /// Drive time that was processed, s.
     pub drive_s: f64,
     /// From the last start of the sources to the end, s.
@@ -70,23 +71,23 @@ impl Row {
         let Ok(summary) = Summary::load(&drive.output) else {
             let outcome = if Summary::file(&drive.output).exists() {
                 // The summary of another version.
-                Outcome::Failed
+                DriveOutcome::Failed
             } else if drive.output.join("run/settings.json").exists() {
-                Outcome::Unfinished
+                DriveOutcome::Unfinished
             } else if drive.log.exists() {
                 // The start was refused.
-                Outcome::Failed
+                DriveOutcome::Failed
             } else {
-                Outcome::NotRun
+                DriveOutcome::NotRun
             };
             return Self { outcome, ..row };
         };
         let doubts: BTreeSet<String> = summary.doubts().map(|(_, doubt)| doubt.name.clone()).collect();
-        let outcome = match summary.outcome.as_str() {
-            "done" if doubts.is_empty() => Outcome::Complete,
-            "done" => Outcome::Doubts,
-            "failed" => Outcome::Failed,
-            _ => Outcome::Unfinished,
+        let outcome = match summary.outcome {
+            Outcome::Done if doubts.is_empty() => DriveOutcome::Complete,
+            Outcome::Done => DriveOutcome::Doubts,
+            Outcome::Drained | Outcome::Stopped => DriveOutcome::Unfinished,
+            Outcome::Failed => DriveOutcome::Failed,
         };
         let total = summary.total;
         Self {
@@ -103,12 +104,12 @@ impl Row {
 
     /// Marks the drive as failed, whatever its run has left.
     pub fn fail(&mut self, exit_code: Option<i32>) {
-        (self.outcome, self.exit_code) = (Outcome::Failed, exit_code);
+        (self.outcome, self.exit_code) = (DriveOutcome::Failed, exit_code);
     }
 
     /// Whether the run has finished.
     pub fn is_finished(&self) -> bool {
-        matches!(self.outcome, Outcome::Complete | Outcome::Doubts)
+        matches!(self.outcome, DriveOutcome::Complete | DriveOutcome::Doubts)
     }
 }
 

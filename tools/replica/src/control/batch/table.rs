@@ -1,6 +1,6 @@
 //! The table of the results as text, CSV or JSON.
 
-use super::results::{Outcome, Row, doubt_names};
+use super::results::{DriveOutcome, Row, doubt_names};
 use std::fmt::Write;
 
 /// How the table is printed.
@@ -54,7 +54,7 @@ pub fn totals(rows: &[Row]) -> String {
     if rows.is_empty() {
         return "no drive belongs to this job".to_owned();
     }
-    let counts: Vec<String> = Outcome::ALL
+    let counts: Vec<String> = DriveOutcome::ALL
         .iter()
         .map(|outcome| (rows.iter().filter(|row| row.outcome == *outcome).count(), outcome.text()))
         .filter(|(n, _)| *n > 0)
@@ -99,16 +99,17 @@ fn quoted(field: &str) -> String {
 mod tests {
     use super::*;
 
-    fn row(drive: &str, outcome: Outcome, seconds: f64) -> Row {
+    fn row(drive: &str, outcome: DriveOutcome, seconds: f64) -> Row {
         let drive = drive.to_owned();
         Row { drive, outcome, drive_s: 3.0 * seconds, wall_s: seconds, points: 7_000_000, ..Row::default() }
     }
 
     #[test]
     fn totals_are_sums_over_finished_drives() {
-        let mut doubtful = row("b", Outcome::Doubts, 2.0);
+        let mut doubtful = row("b", DriveOutcome::Doubts, 2.0);
         doubtful.doubts = ["path_lost", "few_fixes"].map(str::to_owned).into();
-        let rows = [row("a", Outcome::Complete, 1.0), doubtful, row("c", Outcome::Failed, 50.0), Row::default()];
+        let rows =
+            [row("a", DriveOutcome::Complete, 1.0), doubtful, row("c", DriveOutcome::Failed, 50.0), Row::default()];
         assert_eq!(
             totals(&rows),
             "4 drives: 1 complete, 1 doubts, 1 failed, 1 not_run; finished: 9.0 s of drive in 3.0 s (3.00 times real \
@@ -120,14 +121,14 @@ mod tests {
 
     #[test]
     fn name_with_comma_or_quote_stays_one_field() {
-        let rows = [row("mon,\"day\"", Outcome::Complete, 1.0)];
+        let rows = [row("mon,\"day\"", DriveOutcome::Complete, 1.0)];
         let text = text(&rows, Format::Csv).expect("text");
         assert_eq!(text.lines().nth(1), Some("\"mon,\"\"day\"\"\",complete,3.000,1.000,0.000,7000000,0.000,"));
     }
 
     #[test]
     fn json_has_one_object_per_drive() {
-        let rows = [row("a", Outcome::Complete, 1.0), Row::default()];
+        let rows = [row("a", DriveOutcome::Complete, 1.0), Row::default()];
         let text = text(&rows, Format::Json).expect("text");
         let parsed: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         assert_eq!((&parsed[0]["outcome"], &parsed[1]["outcome"]), (&"complete".into(), &"not_run".into()));

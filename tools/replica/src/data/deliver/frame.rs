@@ -4,14 +4,13 @@ use super::Args;
 use anyhow::{bail, ensure};
 use command_line::argument::InvalidValue;
 use command_line::usage_error::UsageError;
+use doubts::{DoubtKind, Severity};
 use formats::gtx::GeoidGrid;
+use run::health::ReportedDoubt;
 use run::summary::Summary;
 use std::str::FromStr;
 use surveying::crs::Crs;
 use surveying::{Georeference, RunFolder, TargetFrame};
-
-/// Doubts of `export` about the place of the clouds.
-const PLACE_DOUBTS: [&str; 3] = ["heading_undetermined", "position_uncertain", "height_uncertain"];
 
 /// The argument `--crs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,7 +114,8 @@ fn not_determined(is_placed: bool, summary: &Summary) -> Option<String> {
     if !is_placed {
         return Some("the run is not placed on the Earth: it has no origin in georeference.json".to_owned());
     }
-    let doubts = summary.doubts().map(|(_, doubt)| doubt).filter(|doubt| PLACE_DOUBTS.contains(&doubt.name.as_str()));
+    let is_unplaced = |doubt: &&ReportedDoubt| doubt.kind().map(DoubtKind::severity) == Some(Severity::Unplaced);
+    let doubts = summary.doubts().map(|(_, doubt)| doubt).filter(is_unplaced);
     let texts: Vec<&str> = doubts.map(|doubt| doubt.text.as_str()).collect();
     (!texts.is_empty()).then(|| texts.join("; "))
 }

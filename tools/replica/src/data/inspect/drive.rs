@@ -5,12 +5,12 @@ mod clocks;
 mod facts;
 mod inertial;
 mod lidar;
-mod other_lidars;
 mod packets;
 pub mod page;
 pub mod pictures;
 mod processing;
 mod receiver;
+mod secondary_lidars;
 pub mod stream;
 pub mod text;
 
@@ -132,7 +132,7 @@ impl DriveReport {
             report.section("Drive", lines);
         }
         let lidar = lidar::add(drive, reading == Reading::All, &mut report)?;
-        other_lidars::add(drive, &mut report);
+        secondary_lidars::add(drive, &mut report);
         receiver::add(drive, &lidar, &mut report)?;
         inertial::add(drive, &mut report)?;
         cameras::add(drive, reading, &mut report);

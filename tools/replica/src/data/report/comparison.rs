@@ -4,6 +4,7 @@ use super::facts::Points;
 use super::finished_run::FinishedRun;
 use super::verdict::Verdict;
 use page::{Level, Page, Table, grouped};
+use run::Outcome;
 use run::summary::{REPORT_FILES, Total};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -20,7 +21,7 @@ pub struct Comparison {
 #[derive(Serialize)]
 pub struct ComparedRun {
     pub run: PathBuf,
-    pub outcome: String,
+    pub outcome: Outcome,
     pub verdict: Verdict,
     pub path_m: f64,
     /// Largest of a submap: horizontal (m), height (m), heading (degrees). `None` without an origin on the earth.
@@ -36,7 +37,7 @@ impl ComparedRun {
         let deviations = georeference.and_then(|found| found.standard_deviations.as_ref());
         Self {
             run: run.folder.clone(),
-            outcome: run.summary.outcome.clone(),
+            outcome: run.summary.outcome,
             verdict: Verdict::of(run),
             path_m: run.trajectory.length_m(),
             deviations: deviations
@@ -142,13 +143,14 @@ mod tests {
 
     #[test]
     fn each_run_has_a_row_and_its_name_is_escaped() {
-        let run = |name: &str, outcome: &str| {
-            let mut run = FinishedRun::of_summary(Summary { outcome: outcome.to_owned(), ..Summary::default() });
+        let run = |name: &str, outcome: Outcome| {
+            let mut run = FinishedRun::of_summary(Summary { outcome, ..Summary::default() });
             run.folder = name.into();
             run.summary.total.points = 1_230_000;
             ComparedRun::of(&run)
         };
-        let comparison = Comparison { version: 1, runs: vec![run("out/<a>", "done"), run("out/b", "failed")] };
+        let comparison =
+            Comparison { version: 1, runs: vec![run("out/<a>", Outcome::Done), run("out/b", Outcome::Failed)] };
         let page = comparison.page();
         assert!(page.contains("<tr class=\"green\"><td>out/&lt;a&gt;</td>") && !page.contains("<a>"), "{page}");
         assert!(page.contains("<tr class=\"red\"><td>out/b</td><td class=\"n\">1</td>"), "{page}");

@@ -10,7 +10,8 @@ use crate::data::inspect::drive::DriveReport;
 use crate::data::inspect::drive::stream::Stream;
 use delivery::GeoreferenceFile;
 use run::Change;
-use run::health::Doubt;
+use run::Outcome;
+use run::health::ReportedDoubt;
 use run::launch_file::LaunchFile;
 use run::summary::{Summary, Total};
 use serde::Serialize;
@@ -26,7 +27,7 @@ pub struct Facts {
     /// Of the program that wrote the report.
     pub replica_version: &'static str,
     pub run: PathBuf,
-    pub outcome: String,
+    pub outcome: Outcome,
     pub verdict: Verdict,
     /// `None` if the drive folder is no longer there.
     pub input: Option<Input>,
@@ -156,7 +157,7 @@ impl ObjectFacts {
 pub struct StageDoubt {
     pub stage: String,
     #[serde(flatten)]
-    pub doubt: Doubt,
+    pub doubt: ReportedDoubt,
 }
 
 impl StageDoubt {

@@ -1,8 +1,10 @@
 //! Whether the result can be relied on, in five lines.
 
 use super::finished_run::FinishedRun;
+use doubts::{DoubtKind, Severity, Subject};
 use page::{Level, grouped};
-use run::exit;
+use run::health::ReportedDoubt;
+use run::{Outcome, exit};
 use serde::{Serialize, Serializer};
 
 /// The levels of all subjects.
@@ -32,41 +34,26 @@ fn word<S: Serializer>(level: &Level, serializer: S) -> Result<S::Ok, S::Error> 
     serializer.serialize_str(level.word())
 }
 
-/// Doubts with which there is no result.
-const EMPTY: [&str; 3] = ["no_sweep", "no_submaps", "no_points"];
-/// Doubts of `export` about the place of the result.
-const OF_PLACE: [&str; 3] = ["heading_undetermined", "position_uncertain", "height_uncertain"];
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Subject {
-    Run,
-    Input,
-    Place,
-    Color,
-    Classes,
+/// The subject of a doubt. A name that a third-party stage uses as well has the subject of that stage.
+fn subject_of(stage: &str, doubt: &ReportedDoubt) -> Subject {
+    let kind = doubt.kind().filter(|kind| kind.stage().name() == stage);
+    kind.map_or_else(|| Subject::from_stage(stage), DoubtKind::subject)
 }
 
-impl Subject {
-    /// Of a doubt.
-    fn of(stage: &str, doubt: &str) -> Self {
-        match stage {
-            "acquire" | "replay" => Self::Input,
-            "slam_aggregate" => Self::Place,
-            "export" if OF_PLACE.contains(&doubt) => Self::Place,
-            "calibrate" | "colorize" => Self::Color,
-            "infer" | "instance" => Self::Classes,
-            _ => Self::Run,
-        }
+fn level_of_doubt(doubt: &ReportedDoubt) -> Level {
+    match doubt.kind().map(DoubtKind::severity) {
+        Some(Severity::Empty) => Level::Red,
+        Some(Severity::Check | Severity::Unplaced) | None => Level::Amber,
     }
+}
 
-    fn title(self) -> &'static str {
-        match self {
-            Self::Run => "Run",
-            Self::Input => "Input",
-            Self::Place => "Path and place",
-            Self::Color => "Color and spectra",
-            Self::Classes => "Classes and instances",
-        }
+fn title(subject: Subject) -> &'static str {
+    match subject {
+        Subject::Run => "Run",
+        Subject::Input => "Input",
+        Subject::Place => "Path and place",
+        Subject::Color => "Color and spectra",
+        Subject::Classes => "Classes and instances",
     }
 }
 
@@ -74,9 +61,7 @@ impl Verdict {
     /// Of a run.
     pub fn of(run: &FinishedRun) -> Self {
         let exit_code = run.summary.exit_code(run.is_live());
-        let findings: Vec<Finding> = [Subject::Run, Subject::Input, Subject::Place, Subject::Color, Subject::Classes]
-            .map(|subject| finding(run, subject, exit_code))
-            .into();
+        let findings: Vec<Finding> = Subject::ALL.map(|subject| finding(run, subject, exit_code)).into();
         let level = findings.iter().map(|finding| finding.level).max().unwrap_or(Level::Green);
         Self { level, exit_code, n_doubts: run.summary.doubts().count(), findings }
     }
@@ -93,14 +78,9 @@ impl Verdict {
 }
 
 fn finding(run: &FinishedRun, subject: Subject, exit_code: u8) -> Finding {
-    let doubts: Vec<_> =
-        run.summary.doubts().filter(|(stage, doubt)| Subject::of(stage, &doubt.name) == subject).collect();
+    let doubts: Vec<_> = run.summary.doubts().filter(|(stage, doubt)| subject_of(stage, doubt) == subject).collect();
     let mut texts: Vec<String> = doubts.iter().map(|(_, doubt)| doubt.text.clone()).collect();
-    let mut level = match () {
-        () if doubts.iter().any(|(_, doubt)| EMPTY.contains(&doubt.name.as_str())) => Level::Red,
-        () if doubts.is_empty() => Level::Green,
-        () => Level::Amber,
-    };
+    let mut level = doubts.iter().map(|(_, doubt)| level_of_doubt(doubt)).max().unwrap_or(Level::Green);
     match subject {
         Subject::Run => {
             level = level.max(level_of_run(run, exit_code));
@@ -112,7 +92,7 @@ fn finding(run: &FinishedRun, subject: Subject, exit_code: u8) -> Finding {
         Subject::Color => texts.push(text_of_color(run)),
         Subject::Classes => texts.push(text_of_classes(run)),
     }
-    Finding { level, subject: subject.title(), text: texts.join("; ") }
+    Finding { level, subject: title(subject), text: texts.join("; ") }
 }
 
 fn level_of_run(run: &FinishedRun, exit_code: u8) -> Level {
@@ -121,7 +101,7 @@ fn level_of_run(run: &FinishedRun, exit_code: u8) -> Level {
         exit::FAILED => Level::Red,
         _ if total.points == 0 => Level::Red,
         // Doubts of stages have lines of their own.
-        exit::INCOMPLETE if run.summary.outcome == "drained" || !total.dropped.is_empty() => Level::Amber,
+        exit::INCOMPLETE if run.summary.outcome == Outcome::Drained || !total.dropped.is_empty() => Level::Amber,
         exit::INCOMPLETE if run.is_live() && !run.summary.faults.is_empty() => Level::Amber,
         _ => Level::Green,
     }
@@ -129,12 +109,14 @@ fn level_of_run(run: &FinishedRun, exit_code: u8) -> Level {
 
 fn text_of_run(run: &FinishedRun) -> String {
     let total = &run.summary.total;
-    let how = match run.summary.outcome.as_str() {
-        "done" if run.is_live() => "ended on request or with the sensors".to_owned(),
-        "done" => "the whole drive was processed".to_owned(),
-        "drained" => "ended early on request".to_owned(),
-        "failed" => format!("failed: {}", run.summary.faults.last().map_or("no fault is noted", String::as_str)),
-        other => other.to_owned(),
+    let how = match run.summary.outcome {
+        Outcome::Done if run.is_live() => "ended on request or with the sensors".to_owned(),
+        Outcome::Done => "the whole drive was processed".to_owned(),
+        Outcome::Drained => "ended early on request".to_owned(),
+        Outcome::Failed => {
+            format!("failed: {}", run.summary.faults.last().map_or("no fault is noted", String::as_str))
+        }
+        Outcome::Stopped => Outcome::Stopped.to_string(),
     };
     let counted = |n: u64, what: &str| if n > 0 { format!(", {n} {what}") } else { String::new() };
     format!(
@@ -200,17 +182,16 @@ fn text_of_classes(run: &FinishedRun) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use run::health::Doubt;
     use run::summary::{StageSummary, Summary};
 
-    fn verdict(outcome: &str, doubts: &[(&str, &str)]) -> Verdict {
+    fn verdict(outcome: Outcome, doubts: &[(&str, &str)]) -> Verdict {
         let stage = |(stage, name): &(&str, &str)| StageSummary {
             name: (*stage).to_owned(),
-            doubts: vec![Doubt { name: (*name).to_owned(), size: 1.0, text: format!("text of {name}") }],
+            doubts: vec![ReportedDoubt { name: (*name).to_owned(), size: 1.0, text: format!("text of {name}") }],
             ..StageSummary::default()
         };
         let stages = doubts.iter().map(stage).collect();
-        let mut summary = Summary { outcome: outcome.to_owned(), stages, ..Summary::default() };
+        let mut summary = Summary { outcome, stages, ..Summary::default() };
         summary.total.points = 7;
         Verdict::of(&FinishedRun::of_summary(summary))
     }
@@ -221,11 +202,11 @@ mod tests {
 
     #[test]
     fn verdict_is_the_worst_of_its_five_subjects() {
-        let done = verdict("done", &[]);
+        let done = verdict(Outcome::Done, &[]);
         assert_eq!((done.level, done.exit_code, done.findings.len()), (Level::Green, 0, 5));
-        assert_eq!((verdict("drained", &[]).level, verdict("drained", &[]).exit_code), (Level::Amber, 3));
-        assert_eq!((verdict("failed", &[]).level, verdict("failed", &[]).exit_code), (Level::Red, 1));
-        let empty = verdict("done", &[("export", "no_points"), ("infer", "points_unseen")]);
+        assert_eq!((verdict(Outcome::Drained, &[]).level, verdict(Outcome::Drained, &[]).exit_code), (Level::Amber, 3));
+        assert_eq!((verdict(Outcome::Failed, &[]).level, verdict(Outcome::Failed, &[]).exit_code), (Level::Red, 1));
+        let empty = verdict(Outcome::Done, &[("export", "no_points"), ("infer", "points_unseen")]);
         assert_eq!((empty.level, empty.exit_code, empty.n_doubts), (Level::Red, 3, 2));
     }
 
@@ -240,7 +221,7 @@ mod tests {
             ("export", "lost_columns", "Run"),
             ("stage_of_others", "b", "Run"),
         ] {
-            let verdict = verdict("done", &[(stage, doubt)]);
+            let verdict = verdict(Outcome::Done, &[(stage, doubt)]);
             assert_eq!((verdict.level, level(&verdict, subject)), (Level::Amber, Level::Amber), "{doubt}");
             let with_text =
                 verdict.findings.iter().filter(|finding| finding.text.contains(&format!("text of {doubt}")));

@@ -1,7 +1,7 @@
 //! `replica rig new`: makes a drive.toml.
 
-use super::other_lidar::{self, OtherLidar};
 use super::questions::{Answers, ask, position};
+use super::secondary_lidar::{self, SecondaryLidar};
 use anyhow::{Context, bail, ensure};
 use command_line::answer::Answer;
 use drive::MANIFEST_FILE;
@@ -44,8 +44,8 @@ pub struct Args {
     #[arg(long, value_name = "ROTATION", value_parser = rotation::parse)]
     lidar_rotation: Option<UnitQuaternion<f64>>,
     /// A further LiDAR: name, model, position (m) and rotation in the body. Once for each; the first one is then named `main`
-    #[arg(long, value_name = "NAME=MODEL@X,Y,Z[@ROTATION]", value_parser = other_lidar::parse, allow_hyphen_values = true)]
-    other_lidar: Vec<OtherLidar>,
+    #[arg(long, value_name = "NAME=MODEL@X,Y,Z[@ROTATION]", value_parser = secondary_lidar::parse, allow_hyphen_values = true)]
+    other_lidar: Vec<SecondaryLidar>,
     /// Position of the frame of the sources in the body, m; without --from, of the LiDAR
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     position: Option<[f64; 3]>,

@@ -37,8 +37,8 @@ pub enum Phase {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LiveState {
     pub phase: Phase,
-    /// As in the summary; empty before.
-    pub outcome: String,
+    /// The word of the summary; empty before.
+    pub outcome: &'static str,
     /// Number of the run since the start of the viewer: the page begins anew when it changes.
     pub run: u64,
     /// Bytes of the list of the parts.
@@ -82,11 +82,11 @@ impl LiveRun {
         }
         // The phase first: clouds that a running run is writing must not be taken for all of a finished one.
         self.state.phase = self.phase();
-        self.state.outcome = String::new();
+        self.state.outcome = "";
         if self.state.phase == Phase::Finished
             && let Ok(summary) = Summary::load(&self.output)
         {
-            self.state.outcome = summary.outcome;
+            self.state.outcome = summary.outcome.word();
         }
         self.add_clouds()?;
         if self.state.phase == Phase::Running && self.has_moved_clouds {

@@ -1,26 +1,26 @@
-//! The LiDARs of a drive after the first: their returns during each of its sweeps.
+//! The secondary LiDARs of a drive: their returns during each sweep of the first LiDAR.
 
 use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
 use crate::error::DriveError;
-use crate::other_tally::{OtherTally, named};
+use crate::secondary_tally::{SecondaryTally, named};
 use drive::{Drive, SourcePosition, SweepInfo, SweepSource};
 use lidar::nmea::LogStats;
 use lidar::{SweepError, SweepPoint};
 use messages::SweepHeader;
 use serde::{Deserialize, Serialize};
 
-/// All LiDARs after the first.
+/// All secondary LiDARs.
 #[derive(Default)]
-pub(crate) struct OtherLidars(Vec<OtherLidar>);
+pub(crate) struct SecondaryLidars(Vec<SecondaryLidar>);
 
-struct OtherLidar {
+struct SecondaryLidar {
     name: String,
     n_rings: usize,
     source: Source,
     reported: ReportedCounts,
-    tally: OtherTally,
-    reported_tally: OtherTally,
+    tally: SecondaryTally,
+    reported_tally: SecondaryTally,
     n_damage_reported: usize,
 }
 
@@ -30,15 +30,15 @@ enum Source {
     Absent(String),
 }
 
-/// Position of a LiDAR after the first; `None` without data.
+/// Position of a secondary LiDAR; `None` without data.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct OtherPosition {
+pub(crate) struct SecondaryPosition {
     source: Option<SourcePosition>,
-    tally: OtherTally,
+    tally: SecondaryTally,
 }
 
-impl OtherLidars {
-    /// Opens the recordings of all LiDARs after the first. `first` no longer counts their packets.
+impl SecondaryLidars {
+    /// Opens the recordings of all secondary LiDARs. `first` no longer counts their packets.
     pub fn open(drive: &Drive, first: &mut SweepSource) -> Result<Self, DriveError> {
         let of_drive = drive.lidars().enumerate().skip(1);
         let mut lidars = of_drive
@@ -50,18 +50,18 @@ impl OtherLidars {
                     Err(error @ SweepError::NoSensor { .. }) => Source::Absent(error.to_string()),
                     Err(error) => return Err(error.into()),
                 };
-                Ok(OtherLidar {
+                Ok(SecondaryLidar {
                     name: drive.manifest().lidar_name(index).into_owned(),
                     n_rings: of_drive.lidar.n_rings(),
                     source,
                     reported: ReportedCounts::default(),
-                    tally: OtherTally::default(),
-                    reported_tally: OtherTally::default(),
+                    tally: SecondaryTally::default(),
+                    reported_tally: SecondaryTally::default(),
                     n_damage_reported: 0,
                 })
             })
             .collect::<Result<Vec<_>, DriveError>>()?;
-        SweepSource::separate(std::iter::once(first).chain(lidars.iter_mut().filter_map(OtherLidar::sweeps_mut)));
+        SweepSource::separate(std::iter::once(first).chain(lidars.iter_mut().filter_map(SecondaryLidar::sweeps_mut)));
         Ok(Self(lidars))
     }
 
@@ -115,8 +115,8 @@ impl OtherLidars {
         }
     }
 
-    pub fn position(&self) -> Vec<OtherPosition> {
-        let position = |lidar: &OtherLidar| OtherPosition {
+    pub fn position(&self) -> Vec<SecondaryPosition> {
+        let position = |lidar: &SecondaryLidar| SecondaryPosition {
             source: match &lidar.source {
                 Source::Sweeps(source) => Some(source.position()),
                 Source::Absent(_) => None,
@@ -127,11 +127,11 @@ impl OtherLidars {
     }
 
     /// Continues at a position of the same drive.
-    pub fn resume(&mut self, positions: Vec<OtherPosition>) -> Result<(), DriveError> {
+    pub fn resume(&mut self, positions: Vec<SecondaryPosition>) -> Result<(), DriveError> {
         if positions.len() != self.0.len() {
             return Err(DriveError::OtherDrive);
         }
-        for (lidar, OtherPosition { source: position, tally }) in self.0.iter_mut().zip(positions) {
+        for (lidar, SecondaryPosition { source: position, tally }) in self.0.iter_mut().zip(positions) {
             let in_drive = match (&mut lidar.source, position) {
                 (Source::Sweeps(source), Some(position)) => {
                     let in_drive = source.resume(position)?;
@@ -150,7 +150,7 @@ impl OtherLidars {
     }
 }
 
-impl OtherLidar {
+impl SecondaryLidar {
     fn sweeps_mut(&mut self) -> Option<&mut SweepSource> {
         match &mut self.source {
             Source::Sweeps(source) => Some(source),

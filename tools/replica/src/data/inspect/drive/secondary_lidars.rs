@@ -1,4 +1,4 @@
-//! The LiDARs after the first: what their first sweeps have, and whether they are on the same clock.
+//! The secondary LiDARs: what their first sweeps have, and whether they are on the same clock.
 
 use super::DriveReport;
 use super::stream::seconds_between;

@@ -1,8 +1,8 @@
-//! The mountings of the LiDARs after the first, by the surfaces that both see.
+//! The mountings of the secondary LiDARs, by the surfaces that both see.
 
 use super::Verdict;
 use crate::error::RigError;
-use crate::other_lidar::OtherMounting;
+use crate::secondary_lidar::SecondaryMounting;
 use crate::survey::{Survey, SurveySettings};
 use drive::Drive;
 
@@ -17,15 +17,15 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, settings: &SurveySettings
     let mut verdicts = Vec::new();
     for index in 1..drive.lidars().count() {
         let name = drive.manifest().lidar_name(index).into_owned();
-        let found = OtherMounting::measure(drive, survey, settings, index)?;
+        let found = SecondaryMounting::measure(drive, survey, settings, index)?;
         let unknown = || Verdict::unknown("mounting", &name, NOT_MEASURED);
         verdicts.push(found.map_or_else(unknown, |found| verdict(&name, index, &found)));
     }
     Ok(verdicts)
 }
 
-fn verdict(name: &str, index: usize, found: &OtherMounting) -> Verdict {
-    let OtherMounting { shift_m, turn, sigmas, n_matches, on_surface, .. } = found;
+fn verdict(name: &str, index: usize, found: &SecondaryMounting) -> Verdict {
+    let SecondaryMounting { shift_m, turn, sigmas, n_matches, on_surface, .. } = found;
     let is_right = |i: usize| {
         let (value, limit) = if i < 3 { (shift_m[i], MAX_SHIFT_M) } else { (turn[i - 3], MAX_TURN) };
         !found.is_determined(i) || value.abs() - 3.0 * sigmas[i] <= limit

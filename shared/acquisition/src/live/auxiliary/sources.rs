@@ -29,7 +29,7 @@ const BEGIN_FILE: &str = "begin.txt";
 
 /// Sources of the sensors beside the LiDAR.
 #[derive(Clone, Debug, Default)]
-pub struct OtherSources {
+pub struct AuxiliarySources {
     /// Folder with the folders of the cameras.
     cameras: Option<PathBuf>,
     gnss: Option<LineAddress>,
@@ -38,7 +38,7 @@ pub struct OtherSources {
     rig: Option<(PathBuf, Manifest)>,
 }
 
-impl OtherSources {
+impl AuxiliarySources {
     /// From the settings of the same names, where empty = none; a folder of cameras is absolute. `rig` is a drive folder or a manifest.
     /// All problems are reported.
     pub fn find(cameras: Option<PathBuf>, gnss: &str, imu: &str, rig: &Path) -> Result<Self, Vec<LiveError>> {

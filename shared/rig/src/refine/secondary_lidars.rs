@@ -1,8 +1,8 @@
-//! Mountings of the LiDARs after the first.
+//! Mountings of the secondary LiDARs.
 
 use super::{Change, Outcome, Refined, outcome};
 use crate::error::RigError;
-use crate::other_lidar::OtherMounting;
+use crate::secondary_lidar::SecondaryMounting;
 use crate::survey::{Survey, SurveySettings};
 use drive::Drive;
 use geometry::{Isometry3, UnitQuaternion, Vector3};
@@ -17,7 +17,7 @@ pub(super) fn refine(
 ) -> Result<(), RigError> {
     for (index, stated) in (1..).zip(&drive.rig().body_from_other_lidars) {
         let subject = drive.manifest().lidar_name(index).into_owned();
-        let Some(found) = OtherMounting::measure(drive, survey, settings, index)? else {
+        let Some(found) = SecondaryMounting::measure(drive, survey, settings, index)? else {
             refined.changes.push(Change {
                 subject,
                 quantity: "mounting".to_owned(),

@@ -1,4 +1,4 @@
-//! What the sensors beside the LiDAR sent: images, NMEA sentences and IMU samples of a drive, in the order of time.
+//! What the auxiliary sensors of a drive sent: images, NMEA sentences and IMU samples of a drive, in the order of time.
 
 use super::Sent;
 use super::images::ImageWriter;
@@ -18,7 +18,7 @@ pub(super) struct Targets {
 }
 
 /// The sensors that are sent, each at its next measurement.
-pub(super) struct Others<'a> {
+pub(super) struct AuxiliarySensors<'a> {
     targets: &'a Targets,
     /// With the folders of their cameras.
     frames: Vec<(&'a Frame, &'a str)>,
@@ -35,7 +35,7 @@ enum Due {
     Imu,
 }
 
-impl<'a> Others<'a> {
+impl<'a> AuxiliarySensors<'a> {
     /// All measurements of the drive; none without a drive.
     pub(super) fn of(drive: Option<&'a Drive>, targets: &'a Targets) -> anyhow::Result<Self> {
         let mut others = Self { targets, frames: Vec::new(), next_frame: 0, nmea: None, imu: None };

@@ -1,4 +1,5 @@
-//! The sensors beside the LiDARs: received, recorded, and matched to sweeps by their stamps, as in a recorded drive.
+//! Auxiliary sensors, which are cameras, GNSS receiver and IMU: received, recorded, and matched to sweeps by their stamps, as in
+//! a recorded drive.
 
 mod account;
 mod frames;
@@ -7,7 +8,7 @@ mod references;
 mod sources;
 
 pub use frames::DueFrame;
-pub use sources::OtherSources;
+pub use sources::AuxiliarySources;
 
 use super::clocks::Clocks;
 use super::recorded_entries::RecordedEntries;
@@ -41,7 +42,7 @@ const MAX_REPORTED: u64 = 10;
 
 /// Limits of what comes too late or by another clock.
 #[derive(Clone, Copy, Debug)]
-pub struct OtherLimits {
+pub struct AuxiliaryLimits {
     /// Largest time after the end of a sweep at which an image of its time is still published, s.
     pub max_late_s: f64,
     /// Largest offset between the clocks of two sensors, s.
@@ -49,10 +50,10 @@ pub struct OtherLimits {
 }
 
 /// Cameras, GNSS receiver and IMU of a live vehicle.
-pub struct OtherSensors {
+pub struct AuxiliarySensors {
     folder: PathBuf,
     entries: RecordedEntries,
-    limits: OtherLimits,
+    limits: AuxiliaryLimits,
     frames: Option<Frames>,
     references: References,
     fixes: Option<FixLog>,
@@ -77,12 +78,12 @@ pub struct DueRows {
     pub samples: Vec<ImuRow>,
 }
 
-impl OtherSensors {
+impl AuxiliarySensors {
     /// Starts to receive and to record in the folder of the recording. The trigger rule thins out the images that are published.
     pub fn start(
-        sources: &OtherSources,
+        sources: &AuxiliarySources,
         folder: PathBuf,
-        limits: OtherLimits,
+        limits: AuxiliaryLimits,
         trigger: Trigger,
     ) -> Result<Self, LiveError> {
         let entries = sources.entries();
@@ -132,7 +133,7 @@ impl OtherSensors {
         }
     }
 
-    /// Adds the arrival of a packet of a LiDAR after the first.
+    /// Adds the arrival of a packet of a secondary LiDAR.
     pub fn add_arrival_of_lidar(&mut self, name: &str, arrival: Option<(Stamp, Stamp)>) {
         if let Some((stamp, arrived)) = arrival {
             self.clocks.add(&format!("{LIDAR} {name}"), stamp, arrived);

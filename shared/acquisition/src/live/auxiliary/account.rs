@@ -1,6 +1,6 @@
 //! What is reported of the sensors beside the LiDAR at the end of a run.
 
-use super::{LIDAR, OtherSensors};
+use super::{AuxiliarySensors, LIDAR};
 use crate::doubts::Doubts;
 use crate::live::clocks::ClockEstimate;
 use crate::live::images::CameraKind;
@@ -10,7 +10,7 @@ use lidar::nmea::LogStats;
 /// A shorter run may lie between two fixes.
 const MIN_SENSOR_NANOS: i64 = 2_000_000_000;
 
-impl OtherSensors {
+impl AuxiliarySensors {
     /// Counts what no sweep takes.
     pub fn discard_rest(&mut self) {
         if let Some(frames) = &mut self.frames {
@@ -24,10 +24,11 @@ impl OtherSensors {
         estimates.into_iter().map(|(name, estimate)| format!("clock of {name}: {estimate}")).collect()
     }
 
-    /// Collects the doubts. `lidar`: counters of packets; `of_packets`: counters of the sentences in position packets; `other_lidars`:
-    /// whether there are LiDARs after the first.
-    pub fn doubt(&self, lidar: &LidarStats, of_packets: LogStats, other_lidars: bool, doubts: &mut Doubts) {
-        let has_others = other_lidars || self.frames.is_some() || self.samples.is_some() || self.tally.fixes > 0;
+    /// Collects the doubts. `lidar`: counters of packets; `of_packets`: counters of the sentences in position packets; `has_secondary_lidars`:
+    /// whether there are secondary LiDARs.
+    pub fn doubt(&self, lidar: &LidarStats, of_packets: LogStats, has_secondary_lidars: bool, doubts: &mut Doubts) {
+        let has_others =
+            has_secondary_lidars || self.frames.is_some() || self.samples.is_some() || self.tally.fixes > 0;
         doubts.clock(lidar, has_others);
         doubts.files(&self.tally, 0, 0);
         doubts.log(&self.log_stats(of_packets), self.tally.gnss_rows, self.tally.fixes);

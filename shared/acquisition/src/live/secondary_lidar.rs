@@ -1,12 +1,12 @@
-//! The LiDARs on the network after the first: recorded like it, and decoded up to the end of each of its sweeps.
+//! The secondary LiDARs on the network: recorded like the first one, and decoded up to the end of each of its sweeps.
 
-use super::mounting::OtherMounting;
+use super::mounting::SecondaryMounting;
 use super::receiver::{Receiver, Sockets};
 use super::recording::{Recording, folder_of};
 use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
 use crate::error::LiveError;
-use crate::other_tally::{OtherTally, named};
+use crate::secondary_tally::{SecondaryTally, named};
 use drive::SweepInfo;
 use geometry::Stamp;
 use lidar::nmea::LogStats;
@@ -20,8 +20,8 @@ use std::time::{Duration, Instant};
 /// milliseconds.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// A LiDAR after the first, its recording, and the state of its decoder.
-pub struct OtherLidar {
+/// A secondary LiDAR, its recording, and the state of its decoder.
+pub struct SecondaryLidar {
     name: String,
     /// Index in the rig.
     index: usize,
@@ -31,19 +31,19 @@ pub struct OtherLidar {
     reader: Option<SweepReader>,
     /// Size of the capture at the last attempt to find the sensor.
     examined_bytes: u64,
-    tally: OtherTally,
+    tally: SecondaryTally,
     /// Sweeps whose packets came too late.
     n_late: u64,
-    reported: (ReportedCounts, OtherTally, u64, u64),
+    reported: (ReportedCounts, SecondaryTally, u64, u64),
 }
 
-impl OtherLidar {
+impl SecondaryLidar {
     /// Starts the recording in `folder`. `index` is that of the LiDAR in the rig.
     pub(super) fn start(
         address: SocketAddrV4,
         folder: &Path,
         index: usize,
-        mounting: &OtherMounting,
+        mounting: &SecondaryMounting,
     ) -> Result<Self, LiveError> {
         let name = mounting.name().to_owned();
         let sockets = Sockets::bind(&[address])?;
@@ -56,7 +56,7 @@ impl OtherLidar {
             recording,
             reader: None,
             examined_bytes: 0,
-            tally: OtherTally::default(),
+            tally: SecondaryTally::default(),
             n_late: 0,
             reported: Default::default(),
         })

@@ -5,15 +5,15 @@ use geometry::{Pose, Translation3, UnitQuaternion};
 use lidar::Model;
 use rig::rotation;
 
-/// A LiDAR after the first: `NAME=MODEL@X,Y,Z` or `NAME=MODEL@X,Y,Z@ROTATION`.
+/// A secondary LiDAR: `NAME=MODEL@X,Y,Z` or `NAME=MODEL@X,Y,Z@ROTATION`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OtherLidar {
+pub struct SecondaryLidar {
     name: String,
     model: Model,
     body_from_lidar: Pose,
 }
 
-impl OtherLidar {
+impl SecondaryLidar {
     /// Its entry; its files are in a folder with its name.
     pub fn entry(&self, format: &str) -> LidarEntry {
         let folder = format!("lidar_{}", self.name);
@@ -22,7 +22,7 @@ impl OtherLidar {
     }
 }
 
-pub fn parse(text: &str) -> Result<OtherLidar, String> {
+pub fn parse(text: &str) -> Result<SecondaryLidar, String> {
     let rule = || {
         "must be NAME=MODEL@X,Y,Z or NAME=MODEL@X,Y,Z@ROTATION, for example rear=vlp16@-1.4,0,1.3@rpy deg 0,0,180"
             .to_owned()
@@ -42,7 +42,7 @@ pub fn parse(text: &str) -> Result<OtherLidar, String> {
         Some(text) => rotation::parse(text).map_err(|error| error.to_string())?,
         None => UnitQuaternion::identity(),
     };
-    Ok(OtherLidar {
+    Ok(SecondaryLidar {
         name: name.to_owned(),
         model,
         body_from_lidar: Pose::from_parts(Translation3::from(position), rotation),

@@ -1,4 +1,4 @@
-//! What was published of a LiDAR after the first.
+//! What was published of a secondary LiDAR.
 
 use crate::doubts::Doubts;
 use crate::rows::slice_header;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// Counts since the begin of the drive.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct OtherTally {
+pub(crate) struct SecondaryTally {
     /// Sweeps of the first LiDAR.
     pub ticks: u64,
     /// Those with returns of this LiDAR.
@@ -20,7 +20,7 @@ pub(crate) struct OtherTally {
     pub bad_sweeps: u64,
 }
 
-impl OtherTally {
+impl SecondaryTally {
     /// Counts the returns during a sweep of the first LiDAR. Header and stamp of their message; `None` without returns. `lidar`: index and
     /// rings of the LiDAR.
     pub fn add(

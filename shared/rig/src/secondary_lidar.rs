@@ -46,9 +46,9 @@ const DETERMINED: [f64; 2] = [0.1, 0.02];
 /// A feature is on its surface if it is so near, m.
 const ON_SURFACE_M: f64 = 0.1;
 
-/// The mounting of a LiDAR after the first, by the data.
+/// The mounting of a secondary LiDAR, by the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OtherMounting {
+pub struct SecondaryMounting {
     /// `body_from_lidar` by the data.
     pub body_from_lidar: Pose,
     /// Measured minus stated position along the axes of the body, m.
@@ -63,7 +63,7 @@ pub struct OtherMounting {
     pub on_surface: f64,
 }
 
-impl OtherMounting {
+impl SecondaryMounting {
     /// Whether the drive determines a value: the three of the shift, then those of the turn.
     pub fn is_determined(&self, index: usize) -> bool {
         self.sigmas[index] < DETERMINED[index / 3]
@@ -188,7 +188,7 @@ impl Scene<'_> {
             .collect()
     }
 
-    fn solve(&self, stated: &Pose) -> Option<OtherMounting> {
+    fn solve(&self, stated: &Pose) -> Option<SecondaryMounting> {
         let prior = Matrix6::from_diagonal(&Vector6::from_fn(|i, _| (RESIDUAL_M / PRIOR[i / 3]).powi(2)));
         let mut pose = *stated;
         for round in ROUNDS {
@@ -210,7 +210,7 @@ impl Scene<'_> {
         let scatter = |i: usize| (steps.iter().map(|step| step[i] * step[i]).sum::<f64>() / (n - 1.0) / n).sqrt();
         let turn = (stated.rotation.inverse() * pose.rotation).scaled_axis();
         let shift = pose.translation.vector - stated.translation.vector;
-        Some(OtherMounting {
+        Some(SecondaryMounting {
             body_from_lidar: pose,
             shift_m: shift.into(),
             turn: turn.into(),
