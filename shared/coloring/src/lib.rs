@@ -10,7 +10,14 @@
 //!
 //! [`ExposureWindow`] holds the exposures that submaps may still need, [`DoubtLimits`] judges the result at the end.
 //!
-//! A point that no exposure sees stays unseen; no value is interpolated between points.
+//! Begin at [`color_into`]: images of one submap in, one row per point out. The stage `colorize` shows the order of the calls.
+//!
+//! Frames: poses of exposures and submaps are in odom (`odom_from_body`, `odom_from_submap`), because colors are computed before
+//! the placement. Pixels are px, with integers at pixel centers; colors are sRGB, 8 bit; reflectance is 1 for a perfect white
+//! diffuser.
+//!
+//! This crate must never invent a value: a point that no exposure sees stays unseen, no value is interpolated between points, and
+//! black is a color. It decodes no images and reads no files or clocks. Results do not depend on the number of threads.
 //!
 //! # Vectorized loops
 //! As in `wide_loops::run`, but the work is a struct with its own `call`, and the arrays of a loop are those of one or two

@@ -13,8 +13,14 @@
 //! - [`align_odometry`] finds north and the offset to the world before the graph is solved.
 //! - [`Keyframe`] describes the surroundings of a submap, [`LoopFinder`] recognizes them later, [`Places`] keeps one of each place.
 //!
-//! Points never move against their submap. A pose here is `world_from_submap`. Errors of poses are in the axes of the
-//! submap, translation (m) before rotation vector (rad). Everything is a pure function of its inputs.
+//! Begin at [`Georeferencer::solve`]: it takes the poses of the odometry, `odom_from_submap`, and returns the poses after all
+//! measurements, `world_from_submap`. Only this crate makes the step from odom to the world.
+//!
+//! Errors of poses are in the axes of the submap, translation (m) before rotation vector (rad).
+//!
+//! This crate must never move points against their submap, and never change the path within a submap: it moves submaps as rigid
+//! bodies. It must never hide a contradiction: fixes that disagree with the majority are rejected, counted and reported as a
+//! [`FixDoubt`]. Everything is a pure function of its inputs, without clocks and files.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

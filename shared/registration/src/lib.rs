@@ -1,5 +1,21 @@
 //! LiDAR odometry: deskewing, planar features, a sliding local map, and scan-to-map registration.
 //!
+//! Begin at `Odometry::follow` in `odometry.rs`: the life of a sweep, step by step. `matching.rs` has the equations.
+//!
+//! | folder | content |
+//! |---|---|
+//! | `sweep` | returns as a range image, rings, shape of the surface around each return |
+//! | `features` | planar and rough points with normals, and the samples that are matched |
+//! | `map` | sliding map of points with normals, and its implicit surface |
+//! | `prediction` | error-state Kalman filter of inertial unit and GNSS velocities |
+//! | `matching` | scan-to-map matching |
+//! | `observability` | which directions the scene constrains, and where in the drive it does not |
+//! | `self_calibration` | errors of rings, direction of rotation, axes of the inertial unit |
+//! | `moving_objects` | small objects in space that an earlier sweep saw as free |
+//! | `odometry` | the algorithm of a run, and its first two sweeps |
+//! | `submap` | deskewed points of registered sweeps as rows of topic `submap` |
+//! | `imls` | IMLS-SLAM as published |
+//!
 //! Steps for each sweep (after IMLS-SLAM, J.-E. Deschaud, ICRA 2018; thesis section 2.5.1):
 //! 1. [`Sweep::new`] sorts the returns into a [`RangeImage`], ring by azimuth.
 //! 2. Normals and planarity follow from image neighbors. Planar points, thinned in space, become features.
@@ -13,8 +29,11 @@
 //!
 //! [`ImlsOdometry`] is the published algorithm, for comparison; [`SelectedOdometry`] is the one that a run selects.
 //!
-//! Frames: `lidar` moves with the vehicle; `odom` is fixed, smooth and drifts. Metres and radians. Results do not depend on the
-//! number of threads: work is split into fixed chunks whose results are reduced in order.
+//! Frames: `lidar` moves with the vehicle; `odom` is fixed, smooth and drifts. Metres and radians. Odometry never knows the world:
+//! it gives `odom_from_lidar`, and `georeference` places the result.
+//!
+//! This crate must never use clocks, files or unseeded randomness, and never correct a pose that it has returned. Results do not
+//! depend on the number of threads: work is split into fixed chunks whose results are reduced in order.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 #![allow(clippy::needless_bitwise_bool, reason = "branch-free loops vectorize")]
@@ -41,7 +60,7 @@ pub use features::{Feature, FeatureSettings, planar_features};
 pub use imls::{ImlsOdometry, ImlsSettings, ImlsState};
 pub use map::kernel::{Kernel, Weights};
 pub use map::local_map::{LocalMap, MapPoint, MapSettings, Surface};
-pub use matching::{MatchSettings, Matched};
+pub use matching::{Acceleration, MatchScale, MatchSettings, Matched};
 pub use motion::{DeskewTable, SweepMotion, Velocity};
 pub use observability::Stretches;
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};

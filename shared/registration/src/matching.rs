@@ -1,4 +1,17 @@
-//! Scan-to-map matching: robust point-to-plane registration over the pose of a sweep and the motion during it.
+//! Scan-to-map matching: robust point-to-plane registration over the pose of a sweep and the motion during it (IMLS-SLAM, III-D,
+//! with a motion during the sweep that is estimated instead of predicted).
+//!
+//! Unknowns: pose T (`odom_from_lidar` in the middle of the sweep), motion m during the sweep, and three nuisances of the sensor.
+//! A feature at share s of the sweep has position p and the nearest surface of the map a point q and a normal n.
+//!
+//! 1. Residual: r = n · (T(s, m) p − q) − l · b, with the nuisances b (tilt of the ground, elevation of all rings, displacement by
+//!    the turn of an untimed sensor) and their levers l.
+//! 2. Cost: Σ w ρ(r / σ), with the Cauchy kernel as iterated weights w / (1 + (r / σ)²).
+//! 3. Normal equations: H = Σ w J Jᵀ, g = Σ w J r, with J = (n, arm × n) for the pose.
+//! 4. Degenerate directions: eigenvectors of S H S / Σ w, S = 1 for translations and 1 / 10 m for rotations, whose eigenvalue is
+//!    below `min_influence`. They are kept at the prediction by an added information.
+//! 5. Prior of the pose: the information of the prediction, if sensors predicted it. Prior of the motion: the motion from the
+//!    previous pose to T, with the changes of velocity that a vehicle reaches.
 
 pub(crate) mod normal_equations;
 
@@ -10,7 +23,7 @@ use crate::self_calibration::spin_direction::{TurnLever, TurnShare};
 use crate::{Feature, Kernel, Sampling, SweepMotion, Weights};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
-use normal_equations::{NormalEquations, Solution};
+use normal_equations::{NormalEquations, NuisancePrior, Solution, StepPrior};
 use rayon::prelude::*;
 
 /// How features are matched.
@@ -28,24 +41,44 @@ pub struct MatchSettings {
     pub coarse_rounds: u32,
     /// Rounds at most.
     pub max_rounds: u32,
-    /// Search radius and robust scale (Cauchy; infinite = least squares) of the coarse rounds, m.
-    pub coarse: (f64, f64),
-    /// The same of the fine rounds, m.
-    pub fine: (f64, f64),
-    /// Expected changes of velocity, m/s^2 and rad/s^2. They set the weight of the prior on the motion during a sweep: the motion
-    /// from the previous sweep.
-    pub acceleration: (f64, f64),
+    /// Search radius and robust scale of the coarse rounds.
+    pub coarse: MatchScale,
+    /// Search radius and robust scale of the fine rounds.
+    pub fine: MatchScale,
+    /// Expected changes of velocity. They set the weight of the prior on the motion during a sweep: the motion from the previous
+    /// sweep.
+    pub acceleration: Acceleration,
     /// Error of a residual for the weight of that prior, m. Errors of neighbors are correlated, so it is larger than the range
     /// noise.
     pub residual_m: f64,
     /// Error of a residual for the covariance, m.
     pub drift_residual_m: f64,
-    /// A step below this (m, rad) ends the fine rounds.
-    pub small_step: (f64, f64),
+    /// A translation below this ends the fine rounds, m, if the rotation is below `small_step_rad`.
+    pub small_step_m: f64,
+    /// See `small_step_m`, rad.
+    pub small_step_rad: f64,
     /// A direction is degenerate if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
     pub min_influence: f64,
     /// Rough features are matched, too, if the least influence of any direction on the smooth ones is below this.
     pub rough_below: f64,
+}
+
+/// Which map points a round of matching uses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MatchScale {
+    /// Map points within this distance of a feature form its surface, m.
+    pub radius_m: f64,
+    /// Scale of the Cauchy kernel for the residuals, m; infinite: least squares.
+    pub scale_m: f64,
+}
+
+/// Changes of velocity within a sweep that a vehicle reaches, as standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acceleration {
+    /// Of the linear velocity, m/s^2.
+    pub linear_mps2: f64,
+    /// Of the angular velocity, rad/s^2.
+    pub angular_radps2: f64,
 }
 
 impl Default for MatchSettings {
@@ -62,12 +95,13 @@ impl Default for MatchSettings {
             continuous_time: true,
             coarse_rounds: 3,
             max_rounds: 15,
-            coarse: (0.5, 0.3),
-            fine: (0.3, 0.05),
-            acceleration: (4.0, 0.7),
+            coarse: MatchScale { radius_m: 0.5, scale_m: 0.3 },
+            fine: MatchScale { radius_m: 0.3, scale_m: 0.05 },
+            acceleration: Acceleration { linear_mps2: 4.0, angular_radps2: 0.7 },
             residual_m: 0.1,
             drift_residual_m: 0.0115,
-            small_step: (1e-3, 1.745e-4),
+            small_step_m: 1e-3,
+            small_step_rad: 1.745e-4,
             min_influence: 0.001,
             rough_below: 0.005,
         }
@@ -101,7 +135,7 @@ pub struct Matched {
     pub converged: bool,
 }
 
-/// A match, and what it tells of the sensor.
+/// A match, and the nuisances of the sensor that were estimated with it.
 pub(crate) struct Match {
     pub matched: Matched,
     /// The ground's tilt after the match.
@@ -119,8 +153,10 @@ pub(crate) struct Match {
 pub(crate) struct Prediction {
     /// The motion over the sweep.
     pub motion: SweepMotion,
-    /// The previous pose and the seconds since: the prior of the motion during the sweep.
-    pub previous: (Pose, f64),
+    /// `odom_from_lidar` in the middle of the previous sweep. The motion since is the prior of the motion during the sweep.
+    pub previous: Pose,
+    /// Seconds from the middle of the previous sweep to the middle of this one.
+    pub seconds: f64,
     /// Seconds from first to last shot.
     pub duration_s: f64,
     /// Inverse covariance of the pose if sensors predicted it; zero for constant motion. Order and axes as [`Matched::information`].
@@ -129,16 +165,19 @@ pub(crate) struct Prediction {
     pub ground_tilt: GroundTilt,
     /// What is left of the elevation error of all rings.
     pub elevation: RingError,
-    /// The displacement of points without times, and its lever.
-    pub turn: (TurnShare, TurnLever),
+    /// Share of the turn by which points without times are displaced.
+    pub turn: TurnShare,
+    /// Lever of that share.
+    pub turn_lever: TurnLever,
 }
 
 /// Rotations weigh as the displacement that they cause at this distance, m: a typical range in a street.
 pub(crate) const LEVER_M: f64 = 10.0;
 /// Fewer matches do not determine six unknowns.
 const MIN_MATCHES: usize = 60;
-/// A match has converged if its last step is below this, m and rad: the error of a prediction.
-const CONVERGED: (f64, f64) = (0.05, 5e-3);
+/// A match has converged if its last step is below this: the error of a prediction.
+const CONVERGED_M: f64 = 0.05;
+const CONVERGED_RAD: f64 = 5e-3;
 /// Least deviation of the ground's tilt, rad: it keeps the equations regular.
 const MIN_TILT_RAD: f64 = 1e-6;
 /// Features of one parallel task; fixed, so that sums do not depend on the number of threads.
@@ -153,34 +192,35 @@ pub(crate) fn match_features(
     settings: &MatchSettings,
 ) -> Option<Match> {
     let mut motion = prediction.motion;
-    let way = prediction.motion.mid.translation.vector - prediction.previous.0.translation.vector;
-    let levers = (&GroundLever::of(&way), &prediction.turn.1);
+    let way = prediction.motion.mid.translation.vector - prediction.previous.translation.vector;
+    let levers = Levers { ground: &GroundLever::of(&way), turn: &prediction.turn_lever };
     let mut coarse_rounds = settings.coarse_rounds;
     for round in 0..settings.max_rounds {
         let coarse = round < coarse_rounds;
-        let (radius_m, scale_m) = if coarse { settings.coarse } else { settings.fine };
+        let MatchScale { radius_m, scale_m } = if coarse { settings.coarse } else { settings.fine };
         let kernel = Kernel { radius_m, weights: settings.weights };
-        let equations = linearize(features, maps, &motion, levers, (&kernel, scale_m));
+        // Equations 1 to 3.
+        let equations = linearize(features, maps, &motion, levers, &kernel, scale_m);
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
+        // Equation 4.
         let degenerate = DegenerateDirections::of(&equations, settings.min_influence);
+        // Equation 5.
         let solution = solve(&equations, &degenerate, &motion, prediction, settings)?;
         let (pose_step, motion_step) = (solution.pose, solution.motion);
         motion = stepped(&motion, &pose_step, &motion_step);
-        let (small_m, small_rad) = settings.small_step;
         let step_is_below =
             |m: f64, rad: f64| pose_step.fixed_rows::<3>(0).norm() < m && pose_step.fixed_rows::<3>(3).norm() < rad;
-        let small = step_is_below(small_m, small_rad);
-        if coarse && step_is_below(settings.fine.1, settings.fine.1 / LEVER_M) {
+        let small = step_is_below(settings.small_step_m, settings.small_step_rad);
+        if coarse && step_is_below(settings.fine.scale_m, settings.fine.scale_m / LEVER_M) {
             coarse_rounds = 0;
         }
         let is_done = !coarse && small;
         if is_done || round + 1 == settings.max_rounds {
             if !settings.continuous_time {
-                let (previous, seconds) = &prediction.previous;
-                motion =
-                    Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
+                let velocity = Velocity::between(&prediction.previous, &motion.mid, prediction.seconds);
+                motion = velocity.motion_at(motion.mid, prediction.duration_s);
             }
             let mean_square = equations.weighted_squares / equations.weight;
             let matched = Matched {
@@ -194,15 +234,15 @@ pub(crate) fn match_features(
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose() / mean_square.max(1e-6),
                 step_information: degenerate.determined / settings.drift_residual_m.powi(2),
-                converged: step_is_below(CONVERGED.0, CONVERGED.1),
+                converged: step_is_below(CONVERGED_M, CONVERGED_RAD),
             };
             let square = settings.residual_m.powi(2);
-            let [tilt, elevation, turn] = solution.nuisances.map(|(mean, cofactor)| (mean, cofactor * square));
+            let [tilt, elevation, turn] = &solution.nuisances;
             return Some(Match {
                 matched,
-                ground_tilt: GroundTilt { mean: tilt.0, variance: tilt.1 },
-                elevation: RingError { mean: elevation.0, variance: elevation.1 },
-                turn: TurnShare::measured(turn.0, turn.1),
+                ground_tilt: GroundTilt { mean: tilt.value, variance: tilt.cofactor * square },
+                elevation: RingError { mean: elevation.value, variance: elevation.cofactor * square },
+                turn: TurnShare::measured(turn.value, turn.cofactor * square),
                 rings: equations.rings,
             });
         }
@@ -210,17 +250,26 @@ pub(crate) fn match_features(
     None
 }
 
+/// Derivatives of the residuals by the nuisances that depend on the motion.
+#[derive(Clone, Copy)]
+struct Levers<'a> {
+    ground: &'a GroundLever,
+    turn: &'a TurnLever,
+}
+
+/// Normal equations of the features at a motion: equations 1 to 3.
 fn linearize(
     features: &[Feature],
     maps: &Maps,
     motion: &SweepMotion,
-    (ground, turn): (&GroundLever, &TurnLever),
-    (kernel, scale_m): (&Kernel, f64),
+    levers: Levers<'_>,
+    kernel: &Kernel,
+    scale_m: f64,
 ) -> NormalEquations {
     let part = |chunk: &[Feature]| {
         wide_loops::run(
             #[inline(always)]
-            || linearize_chunk(chunk, maps, motion, (ground, turn), (kernel, scale_m)),
+            || linearize_chunk(chunk, maps, motion, levers, kernel, scale_m),
         )
     };
     let parts: Vec<NormalEquations> = features.par_chunks(CHUNK).map(part).collect();
@@ -236,8 +285,9 @@ fn linearize_chunk(
     features: &[Feature],
     maps: &Maps,
     motion: &SweepMotion,
-    (ground, turn): (&GroundLever, &TurnLever),
-    (kernel, scale_m): (&Kernel, f64),
+    levers: Levers<'_>,
+    kernel: &Kernel,
+    scale_m: f64,
 ) -> NormalEquations {
     let mut sum = NormalEquations::zero();
     let rotation = *motion.mid.rotation.to_rotation_matrix().matrix();
@@ -254,12 +304,12 @@ fn linearize_chunk(
         let squared = (r / scale_m).powi(2);
         sum.cost += squared.min(1.0);
         let weight = feature.weight() / (1.0 + squared);
-        let levers = [
-            ground.at(&arm, &surface.normal),
+        let of_nuisances = [
+            levers.ground.at(&arm, &surface.normal),
             f64::from(feature.lever) - surface.lever,
-            surface.turn_lever - turn.at(&feature.position, &arm, &surface.normal),
+            surface.turn_lever - levers.turn.at(&feature.position, &arm, &surface.normal),
         ];
-        sum.add(&arm, &surface.normal, r, levers, weight, share);
+        sum.add(&arm, &surface.normal, r, of_nuisances, weight, share);
         sum.add_to_ring(usize::from(feature.row), f64::from(feature.lever), surface.lever, r, weight);
     }
     sum
@@ -307,29 +357,34 @@ fn solve(
 ) -> Option<Solution> {
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
     let pose_prior = degenerate.prior + prediction.information * settings.residual_m.powi(2);
-    let prior = |mean: f64, variance: f64| (settings.residual_m.powi(2) / variance.max(MIN_TILT_RAD.powi(2)), mean);
-    let Prediction { ground_tilt, elevation, turn: (turn, _), .. } = prediction;
+    let prior = |expected: f64, variance: f64| NuisancePrior {
+        information: settings.residual_m.powi(2) / variance.max(MIN_TILT_RAD.powi(2)),
+        expected,
+    };
+    let Prediction { ground_tilt, elevation, turn, .. } = prediction;
     let nuisances = [
         prior(ground_tilt.mean, ground_tilt.variance),
         prior(elevation.mean, elevation.variance),
         prior(turn.mean, turn.variance),
     ];
     if !settings.continuous_time {
-        return equations.solve((&pose_prior, &to_predicted), None, nuisances);
+        return equations.solve(&StepPrior { information: &pose_prior, step: &to_predicted }, None, nuisances);
     }
-    let (previous, seconds) = &prediction.previous;
-    let expected = Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
+    let velocity = Velocity::between(&prediction.previous, &motion.mid, prediction.seconds);
+    let expected = velocity.motion_at(motion.mid, prediction.duration_s);
     let rotation_gap = motion.mid.rotation * (expected.rotation - motion.rotation);
     let translation_gap = expected.translation - motion.translation;
     let mut to_expected = Vector6::zeros();
     to_expected.fixed_rows_mut::<3>(0).copy_from(&translation_gap);
     to_expected.fixed_rows_mut::<3>(3).copy_from(&rotation_gap);
     // The expected velocity belongs to the middle between both poses; see `Velocity::between`.
-    let drift_s2 = prediction.duration_s.max(1e-3) * seconds / 2.0;
+    let drift_s2 = prediction.duration_s.max(1e-3) * prediction.seconds / 2.0;
     let information = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
-    let (a, w) = (information(settings.acceleration.0), information(settings.acceleration.1));
+    let Acceleration { linear_mps2, angular_radps2 } = settings.acceleration;
+    let (a, w) = (information(linear_mps2), information(angular_radps2));
     let motion_prior = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + degenerate.prior;
-    equations.solve((&pose_prior, &to_predicted), Some((&motion_prior, &to_expected)), nuisances)
+    let motion_prior = StepPrior { information: &motion_prior, step: &to_expected };
+    equations.solve(&StepPrior { information: &pose_prior, step: &to_predicted }, Some(&motion_prior), nuisances)
 }
 
 /// Translation and rotation vector (odom axes) from one pose to the other.

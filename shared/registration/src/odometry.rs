@@ -8,8 +8,10 @@ use crate::map::maps::{Maps, SavedMaps};
 use crate::matching::{Match, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving_objects::{MovingDetector, MovingPoints};
-use crate::observability::along_track::{MIN_CONTRAST, contrast_along, error_along, without_facing};
-use crate::observability::perturbation_test::confirmed;
+use crate::observability::along_track::{
+    MIN_CONTRAST, along_track_contrast, along_track_error, without_along_track_features,
+};
+use crate::observability::perturbation_test::supported_information;
 use crate::prediction::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement, straightening};
 use crate::prediction::sensors::SensorLog;
 use crate::self_calibration::ground_tilt::GroundTilt;
@@ -20,7 +22,7 @@ use crate::{
     Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
 };
 use geometry::{Pose, Stamp, Vector3};
-use initialization::{InitialMotion, find_start};
+use initialization::{InitialMotion, initialize};
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +48,7 @@ impl OdometrySettings {
     pub fn with_map_spacing(mut self, spacing_m: f64) -> Self {
         self.features.spacing_m = spacing_m;
         self.map.spacing_m = spacing_m;
-        self.matching.fine.0 = 1.5 * spacing_m;
+        self.matching.fine.radius_m = 1.5 * spacing_m;
         self
     }
 }
@@ -61,8 +63,8 @@ const MAX_JUMP_MPS2: f64 = 15.0;
 const MAX_JUMP_RADPS2: f64 = 10.0;
 const JUMP_SLACK_M: f64 = 0.5;
 const JUMP_SLACK_RAD: f64 = 0.05;
-/// See [`MatchSettings::min_influence`], for the features that do not face the way: what they tell of the position along it is the
-/// edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
+/// See [`MatchSettings::min_influence`], for the features that do not face along the track: all that they show of the along-track
+/// position is the edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
 const UNDISPUTED_INFLUENCE: f64 = 0.01;
 /// After so many sweeps without a match (half a second) a new map is begun, because the old one may be out of reach.
 const MAX_BRIDGED: u32 = 5;
@@ -83,7 +85,7 @@ pub struct Registered {
     /// The match; `None` if no match was accepted. Then the motion is the prediction, or rest for a first sweep that could not be
     /// matched with a second one.
     pub matched: Option<Matched>,
-    /// How clearly the match stands out among other positions along the vehicle's way: their cost beyond its own. 0.15 to 0.75 in
+    /// How well the scene constrains the along-track position: the cost of other positions along the track beyond the match's own. 0.15 to 0.75 in
     /// streets, about 0 if the motion is that of a queue around the vehicle. `None` without a match, or if too little faces the way.
     pub contrast: Option<f64>,
     /// Sensors that predicted the motion. Along degenerate directions the prediction is the result.
@@ -301,7 +303,7 @@ impl Odometry {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
         let initial = InitialMotion::of(&self.state.log, [first.mid_stamp, second.mid_stamp], &self.settings.mounting);
-        let start = find_start(first, &second, seconds, &self.state.begin, &initial, settings)
+        let start = initialize(first, &second, seconds, &self.state.begin, &initial, settings)
             .filter(|start| is_plausible(&start.second));
         let Some(start) = start else {
             // The motion is unknown: the second sweep becomes the first one, at the same pose.
@@ -309,8 +311,8 @@ impl Odometry {
             self.state.first = Some(second);
             return vec![at_rest];
         };
-        let turn = self.turn_lever(first, (&start.first.mid, &start.second.motion.mid), seconds);
-        self.grow(&first.features, (&start.first, &turn));
+        let turn = self.turn_lever(first, &start.first.mid, &start.second.motion.mid, seconds);
+        self.grow(&first.features, &start.first, &turn);
         let velocity = Velocity::between(&start.first.mid, &start.second.motion.mid, seconds);
         let last = Last { mid_stamp: first.mid_stamp, mid: start.first.mid, velocity };
         let velocity_in_body = self.settings.mounting.body_from_lidar.rotation * velocity.linear;
@@ -320,8 +322,8 @@ impl Odometry {
         let prediction = self.predict(&last, second.mid_stamp);
         let first_match = start.second.clone();
         let first = registered(first, start.first, Some(first_match), false);
-        let matched = (start.second.motion, Some(start.second), None);
-        let second = self.update(&second, second_sweep, matched, &last, &prediction);
+        let estimate = Estimate { motion: start.second.motion, matched: Some(start.second), contrast: None };
+        let second = self.update(&second, second_sweep, estimate, &last, &prediction);
         vec![first, second]
     }
 
@@ -342,76 +344,117 @@ impl Odometry {
         prediction.filter(|prediction| prediction.sources.is_any()).unwrap_or_else(constant_motion)
     }
 
+    /// Registers a sweep to the map, from the motion of the sweep before it. The numbers of equations are those of `matching.rs`,
+    /// sections are of IMLS-SLAM (J.-E. Deschaud, ICRA 2018).
     fn follow(&mut self, features: &SweepFeatures, sweep: &Sweep, last: &Last) -> Registered {
         let seconds = features.mid_stamp.seconds_since(last.mid_stamp);
+
+        // 1. Prediction (III): the last velocity continues, or the filter of inertial unit and receiver predicts the pose. The
+        //    motion between the two poses is the motion during the sweep, which deskews it.
         let predicted = self.predict(last, features.mid_stamp);
-        let velocity = Velocity::between(&last.mid, &predicted.mid, seconds);
-        let way_m = (predicted.mid.translation.vector - last.mid.translation.vector).norm();
-        let prediction = Prediction {
-            motion: velocity.motion_at(predicted.mid, features.duration_s),
-            previous: (last.mid, seconds),
-            duration_s: features.duration_s,
-            information: predicted.information,
-            ground_tilt: self.state.ground_tilt.advanced(way_m, self.state.rings.significant_rad()),
-            elevation: self.state.rings.rest(),
-            turn: (self.state.turn, self.turn_lever(features, (&last.mid, &predicted.mid), seconds)),
-        };
-        let gated = match self.settings.matching.sampling {
+        let prediction = self.match_prediction(features, last, &predicted, seconds);
+
+        // 2. Sampling (III-C): evenly in space when the features were found, or nine lists near the map at the predicted pose.
+        let near_map = match self.settings.matching.sampling {
             Sampling::NineLists { .. } => Some(self.near_map(features, &prediction.motion)),
             Sampling::Even { .. } => None,
         };
-        let samples = gated.as_ref().unwrap_or(&features.matching);
+        let samples = near_map.as_ref().unwrap_or(&features.matching);
+
+        // 3. Matching (III-D, equations 1 to 5). Planar features first. Where they leave a direction nearly unconstrained, rough
+        //    features are added.
         let matching = |samples| match_features(samples, &self.maps, &prediction, &self.settings.matching);
         let is_poor = |found: &Option<Match>| {
             found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
         };
         let mut found = matching(samples);
         let mut matched_by = samples;
-        if gated.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
+        if near_map.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
             matched_by = &features.with_rough;
             found = matching(matched_by);
         }
+
+        // 4. Acceptance: the match must have converged with enough small residuals, within reach of a vehicle's acceleration.
+        //    Otherwise the prediction replaces it.
         let is_acceptable = |Match { matched, .. }: &Match| {
             is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
         };
         let mut found = found.filter(is_acceptable);
+
+        // 5. Along-track observability: in traffic at its own speed the vehicle seems to stand. If the scene does not constrain
+        //    the along-track position, it is matched again without the features that face along the track, and the sensors
+        //    determine it.
         let forward = self.state.begin.rotation.inverse() * Vector3::x();
         let contrast = found.as_ref().and_then(|found| {
-            contrast_along(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
+            along_track_contrast(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
         });
         if contrast.is_some_and(|contrast| contrast < MIN_CONTRAST) && predicted.sources.is_any() {
-            // The sensors know the position along the way better than the match.
-            let undisputed = without_facing(&forward, samples);
+            let undisputed = without_along_track_features(&forward, samples);
             let settings = MatchSettings { min_influence: UNDISPUTED_INFLUENCE, ..self.settings.matching.clone() };
             let again = match_features(&undisputed, &self.maps, &prediction, &settings);
             found = again.filter(is_acceptable).or(found);
         }
+
+        // 6. Perturbation test: only information that a shifted sweep supports enters the covariance.
         if let Some(Match { matched, .. }) = &mut found {
-            let maps = (&self.maps, &matched.motion);
-            matched.step_information = confirmed(matched, matched_by, maps, &self.settings.matching);
+            let settings = &self.settings.matching;
+            let motion = matched.motion;
+            matched.step_information = supported_information(matched, matched_by, &self.maps, &motion, settings);
         }
+
+        // 7. Self-calibration: the nuisances of equation 1 become the prior of the next sweep.
         let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
         if let Some(found) = &found {
-            self.state.ground_tilt = found.ground_tilt;
-            // At rest each sweep repeats the same measurement.
-            if self.has_moved(&motion) {
-                if features.duration_nanos == 0 {
-                    self.state.turn = found.turn;
-                }
-                if sweep.image().has_rings() {
-                    self.state.rings.update_common(&found.elevation);
-                    self.state.rings.update(&found.rings);
-                }
+            self.calibrate(features, sweep, &motion, found);
+        }
+
+        // 8. Filter, moving objects and map.
+        let estimate = Estimate { motion, matched: found.map(|found| found.matched), contrast };
+        self.update(features, sweep, estimate, last, &predicted)
+    }
+
+    /// What is known before the sweep is matched, from the predicted pose `seconds` after the last one.
+    fn match_prediction(
+        &self,
+        features: &SweepFeatures,
+        last: &Last,
+        predicted: &PredictedPose,
+        seconds: f64,
+    ) -> Prediction {
+        let velocity = Velocity::between(&last.mid, &predicted.mid, seconds);
+        let way_m = (predicted.mid.translation.vector - last.mid.translation.vector).norm();
+        Prediction {
+            motion: velocity.motion_at(predicted.mid, features.duration_s),
+            previous: last.mid,
+            seconds,
+            duration_s: features.duration_s,
+            information: predicted.information,
+            ground_tilt: self.state.ground_tilt.advanced(way_m, self.state.rings.significant_rad()),
+            elevation: self.state.rings.rest(),
+            turn: self.state.turn,
+            turn_lever: self.turn_lever(features, &last.mid, &predicted.mid, seconds),
+        }
+    }
+
+    /// Takes over the errors of the sensor that were estimated with a match.
+    fn calibrate(&mut self, features: &SweepFeatures, sweep: &Sweep, motion: &SweepMotion, found: &Match) {
+        self.state.ground_tilt = found.ground_tilt;
+        // At rest each sweep repeats the same measurement.
+        if self.has_moved(motion) {
+            if features.duration_nanos == 0 {
+                self.state.turn = found.turn;
+            }
+            if sweep.image().has_rings() {
+                self.state.rings.update_common(&found.elevation);
+                self.state.rings.update(&found.rings);
             }
         }
-        let matched = (motion, found.map(|found| found.matched), contrast);
-        self.update(features, sweep, matched, last, &predicted)
     }
 
     /// A sample of the features that are near the map under this motion.
     fn near_map(&self, features: &SweepFeatures, motion: &SweepMotion) -> Vec<Feature> {
         let matching = &self.settings.matching;
-        let radius_m = if matching.coarse_rounds > 0 { matching.coarse.0 } else { matching.fine.0 };
+        let radius_m = if matching.coarse_rounds > 0 { matching.coarse.radius_m } else { matching.fine.radius_m };
         let kernel = Kernel { radius_m, weights: Weights::Compact };
         self.sampled(&features.features, |feature| {
             let pose = motion.at(f64::from(feature.share));
@@ -425,12 +468,12 @@ impl Odometry {
         sampled(features, self.settings.matching.sampling, &self.state.begin.rotation, is_near_model)
     }
 
-    /// Updates state and map with the motion of a sweep.
+    /// Updates filter, map and moving objects with the motion of a sweep.
     fn update(
         &mut self,
         features: &SweepFeatures,
         sweep: &Sweep,
-        (motion, matched, contrast): (SweepMotion, Option<Matched>, Option<f64>),
+        Estimate { motion, matched, contrast }: Estimate,
         last: &Last,
         prediction: &PredictedPose,
     ) -> Registered {
@@ -446,7 +489,7 @@ impl Odometry {
             navigation.update_step(&self.settings.mounting, step, prediction, measurement.as_ref());
             navigation.update_standstill(&self.state.log, features.mid_stamp);
             if let Some(matched) = &matched {
-                navigation.add_error(&error_along(step, contrast, matched.least_influence));
+                navigation.add_error(&along_track_error(step, contrast, matched.least_influence));
             }
         }
         let mut velocity = match &matched {
@@ -470,8 +513,8 @@ impl Odometry {
         if map_restarted || matched.is_some() {
             let is_static = |feature: &&Feature| moving.points.binary_search(&feature.point_idx).is_err();
             let standing: Vec<Feature> = features.features.iter().filter(is_static).copied().collect();
-            let turn = self.turn_lever(features, (&last.mid, &motion.mid), seconds);
-            self.grow(&standing, (&motion, &turn));
+            let turn = self.turn_lever(features, &last.mid, &motion.mid, seconds);
+            self.grow(&standing, &motion, &turn);
         }
         if matched.is_some() {
             self.state.moving.add_sweep(sweep, &motion, &moving);
@@ -494,19 +537,28 @@ impl Odometry {
     }
 
     /// The lever of a sweep without point times, for a motion between poses `seconds` apart.
-    fn turn_lever(&self, features: &SweepFeatures, (from, to): (&Pose, &Pose), seconds: f64) -> TurnLever {
+    fn turn_lever(&self, features: &SweepFeatures, from: &Pose, to: &Pose, seconds: f64) -> TurnLever {
         let turn_s = self.settings.untimed_turn_s.filter(|_| features.duration_nanos == 0);
         turn_s.map_or(TurnLever::NONE, |turn_s| TurnLever::between(from, to, seconds, turn_s.min(seconds)))
     }
 
-    fn grow(&mut self, features: &[Feature], (motion, turn): (&SweepMotion, &TurnLever)) {
+    fn grow(&mut self, features: &[Feature], motion: &SweepMotion, turn: &TurnLever) {
         if self.has_moved(motion) {
             let batch = self.state.next_batch;
-            self.maps.insert(batch, features, (motion, turn), &self.settings.map);
+            self.maps.insert(batch, features, motion, turn, &self.settings.map);
             self.state.next_batch += 1;
             self.state.grown_at = Some(motion.mid);
         }
     }
+}
+
+/// The motion of a sweep, and how it was found.
+struct Estimate {
+    motion: SweepMotion,
+    /// `None`: the motion is the prediction.
+    matched: Option<Matched>,
+    /// See [`Registered::contrast`].
+    contrast: Option<f64>,
 }
 
 fn registered(

@@ -1,6 +1,7 @@
 //! One revolution of a LiDAR.
 
 pub(crate) mod arc_tangent;
+pub(crate) mod directions;
 pub(crate) mod eigen;
 pub(crate) mod incidence;
 pub(crate) mod neighborhood;

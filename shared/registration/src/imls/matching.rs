@@ -2,7 +2,7 @@
 
 use super::ImlsSettings;
 use super::model::Model;
-use crate::matching::normal_equations::{NUISANCES, NormalEquations};
+use crate::matching::normal_equations::{NUISANCES, NormalEquations, NuisancePrior, StepPrior};
 use crate::{Feature, Matched, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
 use nalgebra::{Matrix6, Vector6};
@@ -39,7 +39,10 @@ pub(super) fn match_samples(
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
-        let step = equations.solve((&Matrix6::zeros(), &Vector6::zeros()), None, [(1.0, 0.0); NUISANCES])?.pose;
+        // The paper has no prior and no nuisances: these stay at zero.
+        let no_prior = StepPrior { information: &Matrix6::zeros(), step: &Vector6::zeros() };
+        let at_zero = NuisancePrior { information: 1.0, expected: 0.0 };
+        let step = equations.solve(&no_prior, None, [at_zero; NUISANCES])?.pose;
         let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3).into_owned());
         let mut rotation = turn * pose.rotation;
         // Products of unit quaternions drift from unit length.

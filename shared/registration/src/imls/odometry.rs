@@ -9,7 +9,7 @@ use crate::features::sweep_features::SweepFeatures;
 use crate::map::maps::{Maps, SavedMaps};
 use crate::motion::Velocity;
 use crate::moving_objects::{MovingDetector, MovingPoints};
-use crate::odometry::initialization::{InitialMotion, find_start};
+use crate::odometry::initialization::{InitialMotion, initialize};
 use crate::prediction::navigation::{Navigation, PredictionSources, StepMeasurement};
 use crate::prediction::sensors::SensorLog;
 use crate::self_calibration::spin_direction::TurnLever;
@@ -165,7 +165,7 @@ impl ImlsOdometry {
         let seconds = stamps[1].seconds_since(stamps[0]);
         let initial = InitialMotion::of(&self.state.log, stamps, &self.settings.mounting);
         let (begin, matching) = (&self.state.begin, &self.settings.matching);
-        let Some(start) = find_start(&first.features, &second, seconds, begin, &initial, matching) else {
+        let Some(start) = initialize(&first.features, &second, seconds, begin, &initial, matching) else {
             // The motion is unknown: the second sweep becomes the first one, at the same pose.
             let at_rest = registered(&first.features, SweepMotion::still(self.state.begin), None);
             self.wait(second, second_sweep);
@@ -284,7 +284,7 @@ impl ImlsOdometry {
                 || at.rotation.angle_to(&motion.mid.rotation) > MIN_MOTION.1
         });
         if moved {
-            self.maps.insert(self.state.n_grown, features, (motion, &TurnLever::NONE), &self.settings.map);
+            self.maps.insert(self.state.n_grown, features, motion, &TurnLever::NONE, &self.settings.map);
             self.state.n_grown += 1;
             self.state.grown_at = Some(motion.mid);
         }

@@ -28,18 +28,18 @@ impl Maps {
         &mut self,
         batch: u32,
         features: &[Feature],
-        (motion, turn): (&SweepMotion, &TurnLever),
+        motion: &SweepMotion,
+        turn: &TurnLever,
         settings: &MapSettings,
     ) {
-        let points = |is_rough| map_points(features, is_rough, (motion, turn), batch);
+        let points = |is_rough| map_points(features, is_rough, motion, turn, batch);
         self.smooth.insert(batch, &points(false), settings);
         self.rough.insert(batch, &points(true), settings);
     }
     /// Maps with one sweep.
     pub fn of_sweep(features: &[Feature], motion: &SweepMotion) -> Self {
-        let motion = (motion, &TurnLever::NONE);
-        let [smooth, rough] =
-            [false, true].map(|is_rough| LocalMap::from_points(&map_points(features, is_rough, motion, 0)));
+        let map = |is_rough| LocalMap::from_points(&map_points(features, is_rough, motion, &TurnLever::NONE, 0));
+        let [smooth, rough] = [false, true].map(map);
         Self { smooth, rough }
     }
     pub fn save(&self) -> SavedMaps {
@@ -54,7 +54,8 @@ impl Maps {
 fn map_points(
     features: &[Feature],
     is_rough: bool,
-    (motion, turn): (&SweepMotion, &TurnLever),
+    motion: &SweepMotion,
+    turn: &TurnLever,
     batch: u32,
 ) -> Vec<MapPoint> {
     let mid = *motion.mid.rotation.to_rotation_matrix().matrix();

@@ -137,30 +137,30 @@ impl NormalEquations {
     pub fn pose(&self) -> Matrix6<f64> {
         symmetric(&self.squares[0])
     }
-    /// Steps of pose and motion, and the nuisances, that minimize the cost under a prior on each: `pose_prior` is an information
-    /// matrix and `pose_offset` the step that the prior expects; alike for the motion (`None`: the motion is no unknown) and the
-    /// nuisances (information, expected value). `None` if the system is singular.
+    /// Steps of pose and motion, and the nuisances, that minimize the cost under a prior on each. Without `motion_prior` the motion
+    /// is not an unknown. `None` if the system is singular.
     pub fn solve(
         &self,
-        (pose_prior, pose_offset): (&Matrix6<f64>, &Vector6<f64>),
-        motion: Option<(&Matrix6<f64>, &Vector6<f64>)>,
-        priors: [(f64, f64); NUISANCES],
+        pose_prior: &StepPrior<'_>,
+        motion_prior: Option<&StepPrior<'_>>,
+        priors: [NuisancePrior; NUISANCES],
     ) -> Option<Solution> {
         /// First row of the nuisances.
         const FIRST: usize = 12;
         let mut h = SMatrix::<f64, { FIRST + NUISANCES }, { FIRST + NUISANCES }>::identity();
         let mut g = SVector::<f64, { FIRST + NUISANCES }>::zeros();
-        let (n, blocks) = if motion.is_some() { (FIRST, 2) } else { (6, 1) };
-        h.fixed_view_mut::<6, 6>(0, 0).copy_from(&(self.pose() + pose_prior));
-        g.fixed_rows_mut::<6>(0).copy_from(&(pose_prior * pose_offset - Vector6::from(self.gradients[0])));
-        if let Some((motion_prior, motion_offset)) = motion {
+        let (n, blocks) = if motion_prior.is_some() { (FIRST, 2) } else { (6, 1) };
+        h.fixed_view_mut::<6, 6>(0, 0).copy_from(&(self.pose() + pose_prior.information));
+        g.fixed_rows_mut::<6>(0)
+            .copy_from(&(pose_prior.information * pose_prior.step - Vector6::from(self.gradients[0])));
+        if let Some(StepPrior { information, step }) = motion_prior {
             let cross = symmetric(&self.squares[1]);
             h.fixed_view_mut::<6, 6>(0, 6).copy_from(&cross);
             h.fixed_view_mut::<6, 6>(6, 0).copy_from(&cross);
-            h.fixed_view_mut::<6, 6>(6, 6).copy_from(&(symmetric(&self.squares[2]) + motion_prior));
-            g.fixed_rows_mut::<6>(6).copy_from(&(motion_prior * motion_offset - Vector6::from(self.gradients[1])));
+            h.fixed_view_mut::<6, 6>(6, 6).copy_from(&(symmetric(&self.squares[2]) + *information));
+            g.fixed_rows_mut::<6>(6).copy_from(&(*information * *step - Vector6::from(self.gradients[1])));
         }
-        for (k, (information, expected)) in priors.into_iter().enumerate() {
+        for (k, NuisancePrior { information, expected }) in priors.into_iter().enumerate() {
             for (row, value) in self.crosses[k][..blocks].as_flattened().iter().enumerate().take(n) {
                 h[(row, FIRST + k)] = -value;
                 h[(FIRST + k, row)] = -value;
@@ -176,7 +176,7 @@ impl NormalEquations {
         let nuisances = std::array::from_fn(|k| {
             let mut unit = SVector::<f64, { FIRST + NUISANCES }>::zeros();
             unit[FIRST + k] = 1.0;
-            (step[FIRST + k], cholesky.solve(&unit)[FIRST + k])
+            Nuisance { value: step[FIRST + k], cofactor: cholesky.solve(&unit)[FIRST + k] }
         });
         Some(Solution {
             pose: step.fixed_rows::<6>(0).into_owned(),
@@ -186,14 +186,37 @@ impl NormalEquations {
     }
 }
 
+/// Prior of a step of pose or motion: translation (m), then rotation (rad), odom axes.
+pub(crate) struct StepPrior<'a> {
+    /// Information matrix, in units of the squared error of a residual.
+    pub information: &'a Matrix6<f64>,
+    /// The step that the prior expects.
+    pub step: &'a Vector6<f64>,
+}
+
+/// Prior of a nuisance.
+#[derive(Clone, Copy)]
+pub(crate) struct NuisancePrior {
+    /// In units of the squared error of a residual.
+    pub information: f64,
+    /// The value that the prior expects.
+    pub expected: f64,
+}
+
+/// An estimated nuisance.
+pub(crate) struct Nuisance {
+    pub value: f64,
+    /// Variance in units of the squared error of a residual.
+    pub cofactor: f64,
+}
+
 /// See [`NormalEquations::solve`].
 pub(crate) struct Solution {
     /// Step of the pose.
     pub pose: Vector6<f64>,
-    /// Step of the motion; zero if it is no unknown.
+    /// Step of the motion; zero if it is not an unknown.
     pub motion: Vector6<f64>,
-    /// The nuisances, and their variances in units of the squared error of a residual.
-    pub nuisances: [(f64, f64); NUISANCES],
+    pub nuisances: [Nuisance; NUISANCES],
 }
 
 fn symmetric(triangle: &[f64; 21]) -> Matrix6<f64> {

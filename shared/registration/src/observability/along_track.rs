@@ -1,4 +1,4 @@
-//! How clearly the surroundings tell the position along the vehicle's way.
+//! How well the scene constrains the along-track position.
 //!
 //! Objects that move along with the vehicle differ from the street only in the surfaces that face the way. Where a queue is taken
 //! for the world, the street passes through the map and smears it along the way: every position fits about as well. A sound match
@@ -7,7 +7,7 @@
 use crate::map::kernel::{Kernel, Weights};
 use crate::map::maps::Maps;
 use crate::observability::perturbation_test::DOUBTED_INFLUENCE;
-use crate::{Feature, MatchSettings, SweepMotion};
+use crate::{Feature, MatchScale, MatchSettings, SweepMotion};
 use geometry::Pose;
 use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 
@@ -16,7 +16,7 @@ use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 pub(crate) const MIN_CONTRAST: f64 = 0.1;
 /// Least cosine between the normals of these surfaces and the way: within 60 degrees.
 const MIN_FACING: f64 = 0.5;
-/// Fewer features tell nothing: tunnels, open fields.
+/// With fewer features the contrast is undetermined: tunnels, open fields.
 const MIN_FEATURES: usize = 40;
 /// Streets have more contrast: their positions along the way are not doubted.
 const UNDOUBTED_CONTRAST: f64 = 0.4;
@@ -33,7 +33,7 @@ const AHEAD_M: [f64; 2] = [0.6, 1.2];
 /// Cost (0 good, 1 bad) of other positions along `forward` (LiDAR frame) beyond that of the match, on the side where it is
 /// smaller. 0.4 to 0.75 in streets, 0.15 to 0.3 with sweeps that are not deskewed, about 0 in a queue that is taken for the world.
 /// `None` if too few features face the way.
-pub(crate) fn contrast_along(
+pub(crate) fn along_track_contrast(
     forward: &Vector3<f64>,
     features: &[Feature],
     maps: &Maps,
@@ -44,7 +44,7 @@ pub(crate) fn contrast_along(
     if facing.len() < MIN_FEATURES {
         return None;
     }
-    let (radius_m, scale_m) = settings.fine;
+    let MatchScale { radius_m, scale_m } = settings.fine;
     let kernel = Kernel { radius_m, weights: Weights::Compact };
     let way = motion.mid.rotation * forward;
     let cost = |shift_m: f64| {
@@ -64,7 +64,7 @@ pub(crate) fn contrast_along(
 /// Covariance (m, then rad) of what a low contrast adds to the error of the step between two poses, and a match with this least
 /// influence whose contrast is unknown. Moving objects, and what little faces the way, pull every sweep to the same side: such errors
 /// add up over a distance, beyond those of independent sweeps. The pose slides along its surroundings: where the way bends, it turns.
-pub(crate) fn error_along([from, to]: [&Pose; 2], contrast: Option<f64>, least_influence: f64) -> Matrix6<f64> {
+pub(crate) fn along_track_error([from, to]: [&Pose; 2], contrast: Option<f64>, least_influence: f64) -> Matrix6<f64> {
     // Where too little faces the way, nothing contradicts an error along it.
     let contrast = contrast.or((least_influence < DOUBTED_INFLUENCE).then_some(0.0)).unwrap_or(UNDOUBTED_CONTRAST);
     let doubt = (1.0 - contrast / UNDOUBTED_CONTRAST).clamp(0.0, 1.0);
@@ -77,8 +77,8 @@ pub(crate) fn error_along([from, to]: [&Pose; 2], contrast: Option<f64>, least_i
     step * step.transpose() * ((doubt * DOUBTED_SHARE).powi(2) * COMMON_M / displacement.norm().max(MIN_STEP_M))
 }
 
-/// The features that do not face the way. Objects that move along cannot mislead them.
-pub(crate) fn without_facing(forward: &Vector3<f64>, features: &[Feature]) -> Vec<Feature> {
+/// The features that do not constrain the along-track position. Traffic at the vehicle's own speed cannot mislead them.
+pub(crate) fn without_along_track_features(forward: &Vector3<f64>, features: &[Feature]) -> Vec<Feature> {
     features.iter().filter(|feature| !faces(feature, forward)).copied().collect()
 }
 
@@ -97,7 +97,7 @@ mod tests {
     fn error_of(n_steps: u32, contrast: Option<f64>, least_influence: f64) -> Matrix6<f64> {
         let bend = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.01);
         let step = [Pose::identity(), Isometry3::from_parts(Vector3::x().into(), bend)];
-        error_along([&step[0], &step[1]], contrast, least_influence) * f64::from(n_steps)
+        along_track_error([&step[0], &step[1]], contrast, least_influence) * f64::from(n_steps)
     }
 
     #[test]

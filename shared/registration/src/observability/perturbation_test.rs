@@ -1,12 +1,12 @@
-//! How much of a match's information is real.
+//! Perturbation test of a match: how much of its information the scene supports.
 //!
 //! Errors of normals look like surfaces that face another way. Along a tunnel or a bare road the normal equations then claim an
-//! influence of 0.004, though every position fits about as well, and the covariance would stay small while the vehicle loses its way.
-//! A shifted sweep tells: beside real surfaces its cost grows as the residuals predict.
+//! influence of 0.004, though every position fits about as well, and the covariance would stay small while the pose drifts.
+//! Shifting the sweep separates the two: near real surfaces the cost grows as the residuals predict.
 
 use crate::map::kernel::Kernel;
 use crate::map::maps::Maps;
-use crate::matching::{LEVER_M, MatchSettings, Matched};
+use crate::matching::{LEVER_M, MatchScale, MatchSettings, Matched};
 use crate::{Feature, SweepMotion};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
@@ -14,17 +14,18 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 pub(crate) const DOUBTED_INFLUENCE: f64 = 0.02;
 /// Shift along the direction, m; rotations at [`LEVER_M`]: the search radius.
 const SHIFT_M: f64 = 0.3;
-/// One of so many features is shifted: a quarter tells as much.
+/// One of so many features is shifted: a quarter gives the same result.
 const EVERY: usize = 4;
 /// Growth of the cost, as a share of the predicted one, that is no information, and that confirms all of it.
 const NOTHING: f64 = 0.25;
 const EVERYTHING: f64 = 0.6;
 
-/// [`Matched::step_information`] without what the surroundings do not confirm.
-pub(crate) fn confirmed(
+/// [`Matched::step_information`] without the part that the perturbation test does not support.
+pub(crate) fn supported_information(
     matched: &Matched,
     features: &[Feature],
-    (maps, motion): (&Maps, &SweepMotion),
+    maps: &Maps,
+    motion: &SweepMotion,
     settings: &MatchSettings,
 ) -> Matrix6<f64> {
     // The normals are unit vectors.
@@ -39,7 +40,7 @@ pub(crate) fn confirmed(
         let mut share = 1.0;
         if *value > 0.5 * settings.min_influence && *value < DOUBTED_INFLUENCE {
             let step = vector.component_mul(&inverse_lever) * SHIFT_M;
-            let growth = growth(&step, features, (maps, motion), settings);
+            let growth = growth(&step, features, maps, motion, settings);
             let share_of_growth = ((growth - NOTHING) / (EVERYTHING - NOTHING)).clamp(0.0, 1.0);
             // The weaker, the more of it is errors of normals.
             share = share_of_growth * value / DOUBTED_INFLUENCE;
@@ -53,10 +54,11 @@ pub(crate) fn confirmed(
 fn growth(
     step: &Vector6<f64>,
     features: &[Feature],
-    (maps, motion): (&Maps, &SweepMotion),
+    maps: &Maps,
+    motion: &SweepMotion,
     settings: &MatchSettings,
 ) -> f64 {
-    let (radius_m, scale_m) = settings.fine;
+    let MatchScale { radius_m, scale_m } = settings.fine;
     let kernel = Kernel { radius_m, weights: settings.weights };
     let mid = *motion.mid.rotation.to_rotation_matrix().matrix();
     let [translation, rotation] = [0, 3].map(|at| step.fixed_rows::<3>(at).into_owned());
@@ -152,7 +154,7 @@ mod tests {
             step_information: claimed / settings.drift_residual_m.powi(2),
             converged: true,
         };
-        let found = confirmed(&matched, &features, (&maps, &motion), &settings);
+        let found = supported_information(&matched, &features, &maps, &motion, &settings);
         [0, 1].map(|axis| [matched.step_information[(axis, axis)], found[(axis, axis)]])
     }
 

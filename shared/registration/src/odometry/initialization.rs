@@ -27,7 +27,7 @@ const REFINEMENTS: usize = 3;
 const VELOCITY_VALID_S: f64 = 0.5;
 
 /// The motion over the first two sweeps.
-pub(crate) struct Start {
+pub(crate) struct InitialMatch {
     /// Motion over the first sweep.
     pub first: SweepMotion,
     /// The second sweep matched to the first.
@@ -54,14 +54,14 @@ impl InitialMotion {
 
 /// Finds the motion over two sweeps, whose middles are `seconds` apart and the first of which begins at `begin`: at the measured
 /// speed, or at the speed along odom's x axis with the lowest cost. `None` if no speed gives a match.
-pub(crate) fn find_start(
+pub(crate) fn initialize(
     first: &SweepFeatures,
     second: &SweepFeatures,
     seconds: f64,
     begin: &Pose,
     initial: &InitialMotion,
     settings: &MatchSettings,
-) -> Option<Start> {
+) -> Option<InitialMatch> {
     let forward_in_lidar = begin.rotation.inverse() * Vector3::x();
     let attempt = |velocity: Velocity| {
         let motion = motion_from_begin(begin, &velocity, first.duration_s);
@@ -69,15 +69,17 @@ pub(crate) fn find_start(
         let mid = velocity.advance(&motion.mid, seconds);
         let prediction = Prediction {
             motion: velocity.motion_at(mid, second.duration_s),
-            previous: (motion.mid, seconds),
+            previous: motion.mid,
+            seconds,
             duration_s: second.duration_s,
             information: Matrix6::zeros(),
             ground_tilt: GroundTilt::default(),
             elevation: RingError::NONE,
-            turn: (TurnShare::default(), TurnLever::NONE),
+            turn: TurnShare::default(),
+            turn_lever: TurnLever::NONE,
         };
         let second = match_features(&second.matching, &maps, &prediction, settings)?.matched;
-        Some(Start { first: motion, second })
+        Some(InitialMatch { first: motion, second })
     };
     let at_speed = |speed: f64| attempt(Velocity { linear: forward_in_lidar * speed, angular: initial.angular });
     let search = || {
@@ -85,7 +87,7 @@ pub(crate) fn find_start(
             .iter()
             .filter_map(|displacement_m| Some((*displacement_m, at_speed(displacement_m / seconds)?)));
         // Where geometry is degenerate, noise must not decide between equal costs.
-        let cost = |(displacement_m, start): &(f64, Start)| {
+        let cost = |(displacement_m, start): &(f64, InitialMatch)| {
             start.second.cost * if *displacement_m == 0.0 { STANDSTILL_FACTOR } else { 1.0 }
         };
         starts.min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|(_, start)| start)

@@ -12,8 +12,8 @@ mod lidar_step;
 mod propagation;
 mod velocity;
 
-use crate::SensorMounting;
 use crate::prediction::sensors::SensorLog;
+use crate::{Acceleration, SensorMounting};
 use geometry::{Pose, Stamp, UnitQuaternion, Vector3};
 use lidar_step::LidarStep;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector6};
@@ -188,7 +188,7 @@ impl Navigation {
         pose
     }
 
-    /// Predicts the LiDAR's pose at `end` from its pose `from` at `begin`. `acceleration` (m/s^2, rad/s^2) is the process noise
+    /// Predicts the LiDAR's pose at `end` from its pose `from` at `begin`. `acceleration` is the process noise
     /// without inertial samples, `last_rate` the angular rate of the LiDAR at `begin` (its axes, rad/s).
     pub fn predict(
         &mut self,
@@ -196,7 +196,7 @@ impl Navigation {
         mounting: &SensorMounting,
         from: &Pose,
         [begin, end]: [Stamp; 2],
-        acceleration: (f64, f64),
+        acceleration: Acceleration,
         last_rate: &Vector3<f64>,
     ) -> PredictedPose {
         self.last_rate = mounting.body_from_lidar.rotation * last_rate;
@@ -346,7 +346,7 @@ mod tests {
     use crate::InertialSample;
     use geometry::Isometry3;
 
-    const ACCELERATION: (f64, f64) = (2.0, 0.5);
+    const ACCELERATION: Acceleration = Acceleration { linear_mps2: 2.0, angular_radps2: 0.5 };
 
     /// The covariance after ten steps a second of 1 m along x, each measured with `drift_information`.
     fn covariance_after(n_steps: u32, drift_information: &Matrix6<f64>) -> Matrix6<f64> {

@@ -2,6 +2,7 @@
 
 use crate::TimedPoint;
 use crate::sweep::arc_tangent::fast_atan2;
+use crate::sweep::directions::Directions;
 use crate::sweep::ring_order::rings_by_order;
 use nalgebra::Vector3;
 
@@ -18,8 +19,6 @@ const REACH_DEG: f32 = 1.4;
 /// Cells from row to row. With a power of two the rows would share a few cache sets, and a sensor fires all rings at once.
 /// Not an `ndarray`: one flat index addresses a cell with its neighbors, and columns wrap around.
 pub(crate) const STRIDE: usize = COLS + 4;
-/// Points whose directions are computed at once.
-const CHUNK: usize = 64;
 
 /// The point of a cell, 16 bytes. Neighborhoods read its position about fifty times.
 #[derive(Clone, Copy, Debug)]
@@ -52,11 +51,12 @@ impl RangeImage {
         let by_order = if are_numbered { None } else { rings_by_order(&directions) };
         let rings_known = are_numbered || by_order.is_some();
         let rows = match &by_order {
-            Some((_, n)) => *n,
+            Some(rings) => rings.n,
             None if are_numbered => n_rings as usize,
             None => ELEVATION_ROWS,
         };
-        let ring = |point_idx: usize| by_order.as_ref().map_or(points[point_idx].ring, |(rings, _)| rings[point_idx]);
+        let ring =
+            |point_idx: usize| by_order.as_ref().map_or(points[point_idx].ring, |rings| rings.by_point[point_idx]);
         let empty = Cell { position: [f32::NAN; 3], point: EMPTY };
         let mut image = Self {
             rows,
@@ -171,37 +171,6 @@ fn column_at(azimuth: f32) -> usize {
     let nearest = at + WHOLE;
     let down = nearest.to_bits() - u32::from(nearest - WHOLE > at);
     down as usize % COLS
-}
-
-/// Directions of points.
-pub(crate) struct Directions {
-    /// z over horizontal distance; NaN for a point that is not finite or lies at the origin.
-    pub slopes: Vec<f32>,
-    /// rad; see [`fast_atan2`].
-    pub azimuths: Vec<f32>,
-}
-
-impl Directions {
-    pub fn of(points: &[TimedPoint]) -> Self {
-        let mut directions = Self { slopes: vec![0.0; points.len()], azimuths: vec![0.0; points.len()] };
-        let chunks = directions.slopes.chunks_mut(CHUNK).zip(directions.azimuths.chunks_mut(CHUNK));
-        wide_loops::run(
-            #[inline(always)]
-            || points.chunks(CHUNK).zip(chunks).for_each(|(points, chunks)| write_directions(points, chunks)),
-        );
-        directions
-    }
-}
-
-#[inline(always)]
-fn write_directions(points: &[TimedPoint], (slopes, azimuths): (&mut [f32], &mut [f32])) {
-    for ((point, slope), azimuth) in points.iter().zip(slopes).zip(azimuths) {
-        let [x, y, z] = point.position;
-        // Not `hypot`, which is slow because it avoids overflow near the limits of f32.
-        let found = z / (x * x + y * y).sqrt();
-        *slope = if found.abs() < f32::INFINITY && (x + y).abs() < f32::INFINITY { found } else { f32::NAN };
-        *azimuth = fast_atan2(y, x);
-    }
 }
 
 fn elevation_row(slope: f32) -> usize {

@@ -4,7 +4,7 @@
 //! the rings: the lasers of an HDL-64E leave from different heights, so the elevations of one ring, as seen from the origin, spread
 //! over three rings.
 
-use crate::sweep::range_image::Directions;
+use crate::sweep::directions::Directions;
 use std::f32::consts::{PI, TAU};
 
 /// Rings that are recognized. Fewer turns are no rings: a sweep in the order of time has one.
@@ -14,9 +14,17 @@ const SECTORS: usize = 64;
 /// Least share of neighboring rings whose mean slopes are in order.
 const MIN_ORDERED: f64 = 0.9;
 
-/// The ring of each point (0 = lowest; any for points that are not finite) and the number of rings. `None` if the points are not
-/// stored ring by ring.
-pub(crate) fn rings_by_order(directions: &Directions) -> Option<(Vec<u8>, usize)> {
+/// Rings of a sweep.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Rings {
+    /// Ring of each point, 0 = lowest; any for points that are not finite.
+    pub by_point: Vec<u8>,
+    /// Number of rings.
+    pub n: usize,
+}
+
+/// The rings of points that are stored ring by ring; `None` if they are not.
+pub(crate) fn rings_by_order(directions: &Directions) -> Option<Rings> {
     wide_loops::run(
         #[inline(always)]
         || rings(directions),
@@ -24,7 +32,7 @@ pub(crate) fn rings_by_order(directions: &Directions) -> Option<(Vec<u8>, usize)
 }
 
 #[inline(always)]
-fn rings(directions: &Directions) -> Option<(Vec<u8>, usize)> {
+fn rings(directions: &Directions) -> Option<Rings> {
     let turns = Turns::of(directions)?;
     let cut = turns.cut(&directions.slopes);
     let ring_at = |turned: f32| ((turned - cut) / TAU).floor() as i32;
@@ -52,9 +60,9 @@ fn rings(directions: &Directions) -> Option<(Vec<u8>, usize)> {
         for ring in &mut rings {
             *ring = n as u8 - 1 - *ring;
         }
-        return Some((rings, n));
+        return Some(Rings { by_point: rings, n });
     }
-    ordered(|lower, upper| lower < upper).then_some((rings, n))
+    ordered(|lower, upper| lower < upper).then_some(Rings { by_point: rings, n })
 }
 
 /// How far the azimuth has turned since the first point.
@@ -147,7 +155,7 @@ mod tests {
     fn points_stored_ring_by_ring_get_their_rings() {
         for begin in [0.0, 2.0, -PI] {
             let (points, truth) = ring_by_ring(64, begin);
-            let (rings, n) = rings_by_order(&Directions::of(&points)).expect("rings in order");
+            let Rings { by_point: rings, n } = rings_by_order(&Directions::of(&points)).expect("rings in order");
             let n_wrong = rings.iter().zip(&truth).filter(|(ring, truth)| ring != truth).count();
             assert!(n == 64 && n_wrong * 50 < points.len(), "begin {begin}: {n} rings, {n_wrong} wrong");
         }

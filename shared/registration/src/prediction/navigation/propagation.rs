@@ -1,6 +1,7 @@
 //! Propagation of the filter over time, and the change to the frame of the next step.
 
 use super::{ATTITUDE, FORCE_BIAS, N, Navigation, POSITION, RATE_BIAS, ROTATION, VELOCITY, symmetric};
+use crate::Acceleration;
 use crate::prediction::sensors::SensorLog;
 use geometry::{Stamp, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, SMatrix, SVector};
@@ -30,7 +31,7 @@ impl Navigation {
         log: &SensorLog,
         has_samples: bool,
         [from, to]: [Stamp; 2],
-        acceleration: (f64, f64),
+        acceleration: Acceleration,
     ) {
         let seconds = to.seconds_since(from);
         if seconds <= 0.0 {
@@ -61,8 +62,8 @@ impl Navigation {
             let axes = self.coast(seconds);
             set(ROTATION, RATE_BIAS, -axes * seconds);
             set(RATE_BIAS, RATE_BIAS, Matrix3::identity() * straightening(seconds));
-            add(VELOCITY, acceleration.0 * seconds);
-            add(RATE_BIAS, acceleration.1 * seconds);
+            add(VELOCITY, acceleration.linear_mps2 * seconds);
+            add(RATE_BIAS, acceleration.angular_radps2 * seconds);
         }
         // Noise is added at the begin, which overestimates its effect on the position a little.
         let before = self.covariance + SMatrix::from_diagonal(&noise);

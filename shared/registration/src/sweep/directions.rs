@@ -1,0 +1,38 @@
+//! Directions of the points of a sweep, as seen from the LiDAR.
+
+use crate::TimedPoint;
+use crate::sweep::arc_tangent::fast_atan2;
+
+/// Points whose directions are computed at once.
+const CHUNK: usize = 64;
+
+/// Directions of points.
+pub(crate) struct Directions {
+    /// z over horizontal distance; NaN for a point that is not finite or lies at the origin.
+    pub slopes: Vec<f32>,
+    /// rad; see [`fast_atan2`].
+    pub azimuths: Vec<f32>,
+}
+
+impl Directions {
+    pub fn of(points: &[TimedPoint]) -> Self {
+        let mut directions = Self { slopes: vec![0.0; points.len()], azimuths: vec![0.0; points.len()] };
+        let chunks = directions.slopes.chunks_mut(CHUNK).zip(directions.azimuths.chunks_mut(CHUNK));
+        wide_loops::run(
+            #[inline(always)]
+            || points.chunks(CHUNK).zip(chunks).for_each(|(points, chunks)| write_directions(points, chunks)),
+        );
+        directions
+    }
+}
+
+#[inline(always)]
+fn write_directions(points: &[TimedPoint], (slopes, azimuths): (&mut [f32], &mut [f32])) {
+    for ((point, slope), azimuth) in points.iter().zip(slopes).zip(azimuths) {
+        let [x, y, z] = point.position;
+        // Not `hypot`, which is slow because it avoids overflow near the limits of f32.
+        let found = z / (x * x + y * y).sqrt();
+        *slope = if found.abs() < f32::INFINITY && (x + y).abs() < f32::INFINITY { found } else { f32::NAN };
+        *azimuth = fast_atan2(y, x);
+    }
+}
