@@ -141,7 +141,7 @@ fn added_column_is_in_clouds_deliveries_and_pictures() {
         .collect();
     assert_eq!(found.len(), N_POINTS);
     found.retain(|(x_mm, value)| *value != moisture(*x_mm as f32 / 1000.0));
-    assert_eq!(found, [], "records with another value");
+    assert!(found.is_empty(), "records with another value: {found:?}");
 
     let names = write_cloudcompare(&finished, &frame, false, &out).expect("writes");
     let delivered = Vertices::load(&out.join(&names[0])).expect("reads");

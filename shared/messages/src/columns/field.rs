@@ -61,7 +61,7 @@ impl FieldType {
 pub struct ExtraByte {
     /// Place among the extra bytes of all columns. A new column takes the next number, so that records keep their layout.
     pub place: u8,
-    /// Its description in the file, up to 32 characters.
+    /// Its description in the file, which keeps the first 32 characters.
     pub description: &'static str,
 }
 

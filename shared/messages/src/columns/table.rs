@@ -187,10 +187,10 @@ mod tests {
     }
 
     #[test]
-    fn descriptions_fit_their_files() {
+    fn fields_have_descriptions_and_names_that_fit_their_files() {
         for field in COLUMNS.iter().flat_map(|column| column.fields) {
-            let extra = field.extra_byte.map_or("", |extra| extra.description);
-            assert!(extra.len() <= 32 && field.name.len() < 32 && !field.description.is_empty(), "{}", field.name);
+            let is_described = field.extra_byte.is_none_or(|extra| !extra.description.is_empty());
+            assert!(is_described && field.name.len() < 32 && !field.description.is_empty(), "{}", field.name);
             assert!(field.extra_byte.is_none() || field.kind != FieldType::Coordinate, "{}", field.name);
             assert_eq!(field.names.is_some(), field.shown == Shown::Names, "{}", field.name);
         }
