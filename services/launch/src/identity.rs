@@ -2,8 +2,7 @@
 //! run that continued with another content would be half of one program or model, half of another.
 
 use crate::plan::Plan;
-use formats::drive::MANIFEST_FILE;
-use run::{FileIdentity, Remote};
+use run::{DRIVE_MANIFEST, FileIdentity, Remote};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Error;
@@ -39,7 +38,7 @@ impl Files {
                 files.add_remote(&stage.name, remote);
             }
         }
-        let manifest = plan.context.drive.join(MANIFEST_FILE);
+        let manifest = plan.context.drive.join(DRIVE_MANIFEST);
         files.add(DRIVE, [&plan.context.drive, &manifest].into_iter().filter(|path| path.is_file()), known)?;
         Ok(files)
     }
