@@ -30,7 +30,7 @@ mod vehicle;
 pub use clocks::{ClockEstimate, Clocks};
 pub use images::CameraKind;
 pub use line_address::{LineAddress, LineAddressError};
-pub use mounting::Mounting;
+pub use mounting::{EmptyOrModel, Mounting};
 pub use other_lidar::OtherLidar;
 pub use others::{DueFrame, DueRows, OtherLimits, OtherSensors, OtherSources};
 pub use recorded_entries::RecordedEntries;
