@@ -64,6 +64,7 @@ mod sweep_features;
 mod time_spans;
 mod untimed_turn;
 mod voxel;
+mod words;
 
 pub use body_poses::BodyPoses;
 pub use features::{Feature, FeatureSettings, planar_features};
@@ -88,3 +89,4 @@ pub use stretches::Stretches;
 pub use submap::{OpenSubmap, SubmapFrame, SweepRows};
 pub use sweep::{SpinDirection, Sweep, set_times_from_azimuth};
 pub use voxel::thinned;
+pub use words::{MotionSensor, OdometryAlgorithm, UntimedTurn};
