@@ -109,6 +109,27 @@ fn drive_of_the_launch_file_is_simulated_and_check_says_so() {
     assert!(!launch.folder().join("drives").exists(), "--check simulates nothing");
 }
 
+#[test]
+fn faulty_simulate_table_is_refused_with_file_line_key_and_rule() {
+    let table = "[simulate]\nseconds = 9000.0\ntown = 'citty'\nsecond = 1.0\n";
+    let output = with_drive("drives/town", table).with("--check").run();
+    let output_text = output_text(&output);
+    assert_eq!(output.status.code(), Some(78), "{output_text}");
+    let path = "launch.toml";
+    let text = |key: &str| output_text.lines().find(|line| line.contains(&format!("simulate.{key}: "))).expect(key);
+    for (key, rule) in [
+        ("seconds", "value 9000.0 must be between 0.2 and 2400"),
+        ("town", "value \"citty\" must be one of urban, suburban, rural, field, tunnel, motorway"),
+        ("second", "unknown key; did you mean `seconds`?"),
+    ] {
+        let line = text(key);
+        let place = line.split_once(path).expect(line).1;
+        let [number, column] =
+            [1, 2].map(|field| place.split(':').nth(field).expect(line).parse::<usize>().expect(line));
+        assert!(number > 1 && column >= 1 && line.ends_with(rule), "{line}");
+    }
+}
+
 /// A mistyped drive was simulated and processed as if it were the recording.
 #[test]
 fn mistyped_drive_is_not_simulated() {

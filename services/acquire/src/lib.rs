@@ -22,20 +22,7 @@ mod sweep;
 
 pub use acquire::Acquire;
 
-use lidar::Model;
-use stage::Rule;
-
-/// Empty, or a model of LiDAR by its name.
-struct EmptyOrModel;
-
-impl Rule<String> for EmptyOrModel {
-    fn allows(&self, name: &String) -> bool {
-        name.is_empty() || Model::from_name(name).is_some()
-    }
-    fn text(&self) -> String {
-        format!("must be one of , {}", Model::names())
-    }
-}
+use acquisition::live::EmptyOrModel;
 
 stage::settings! {
     /// Settings of acquire.

@@ -14,7 +14,7 @@ use crate::run_folder::last_domain;
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};
-use run::{Change, CheckRequest, Context, DescribeDriveRequest, DriveDescription, Mode};
+use run::{Change, CheckRequest, Context, DRIVE_MANIFEST, DescribeDriveRequest, DriveDescription, Mode};
 use std::path::{Path, PathBuf};
 
 /// Reads and checks the launch file and everything that it names. Problems come rendered, in the order of the file.
@@ -141,7 +141,7 @@ fn rig(run: &mut Run, mode: Mode, folder: &Path, problems: &mut Problems) -> Opt
         return None;
     }
     let named = folder.join(&run.rig);
-    let path = if named.is_dir() { named.join("drive.toml") } else { named };
+    let path = if named.is_dir() { named.join(DRIVE_MANIFEST) } else { named };
     let fault = match mode {
         Mode::Offline => Some("is for live runs; a recorded drive has its own drive.toml".to_owned()),
         Mode::Live => (!path.is_file()).then(|| format!("{} is not a file", path.display())),

@@ -3,7 +3,7 @@
 
 use crate::plan::Plan;
 use drive::MANIFEST_FILE;
-use run::{FileIdentity, Remote};
+use run::{DRIVE_MANIFEST, FileIdentity, Remote};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::Error;
@@ -39,7 +39,7 @@ impl Files {
                 files.add_remote(&stage.name, remote);
             }
         }
-        let manifest = plan.context.drive.join(MANIFEST_FILE);
+        let manifest = plan.context.drive.join(DRIVE_MANIFEST);
         files.add(DRIVE, [&plan.context.drive, &manifest].into_iter().filter(|path| path.is_file()), known)?;
         Ok(files)
     }

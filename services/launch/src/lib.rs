@@ -1,5 +1,8 @@
 //! The supervisor: checks a launch.toml and everything that it names, starts its stages as processes, observes them, and
-//! writes a summary. It knows a stage only by its description (`--describe`), and never touches a point.
+//! writes a summary.
+//!
+//! It must never touch a point or link a stage or the simulator: it knows a stage only by its answers to `--describe` and `--check`,
+//! and the table `[simulate]` only by the answer of `replica simulate --describe`. It decides nothing by the name of a stage.
 //!
 //! | module | idea |
 //! |---|---|
@@ -10,6 +13,9 @@
 //! | `decision` | when a stage fails, hangs or stalls, and what to do about it: pure |
 //! | `swap` | replacing a stage of a running pipeline |
 //! | `log` | events on stderr, as text or as JSON |
+//!
+//! Begin with [`main`], a table of contents: arguments, plan, run. `check::plan` turns the launch file into a plan with all problems
+//! at once; `supervise` carries it out; what it does when a process fails is in `decision`, a pure function of what was observed.
 
 mod active_run;
 mod check;

@@ -21,5 +21,7 @@ mod saved;
 mod settings;
 mod slam;
 
-pub use settings::{Correction, MotionSensor, OdometryAlgorithm, Settings, UntimedTurn};
+pub use georeference::Correction;
+pub use registration::{MotionSensor, OdometryAlgorithm};
+pub use settings::Settings;
 pub use slam::SlamAggregate;

@@ -2,59 +2,13 @@
 
 use drive::manifest::Manifest;
 use geometry::{Geodetic, Point3};
-use georeference::{GeoreferenceSettings, InertialUnit};
+use georeference::{Correction, GeoreferenceSettings, InertialUnit};
 use messages::{Message, SubmapTopic};
 use registration::{
-    Algorithm, ImlsSettings, InertialCheck, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection,
-    Sweep,
+    Algorithm, ImlsSettings, InertialCheck, KeptPoints, MotionSensor, OdometryAlgorithm, OdometrySettings, Sampling,
+    SensorMounting, SpinDirection, Sweep, UntimedTurn,
 };
 use stage::{Word, list_of_words, one_word};
-
-stage::words! {
-    /// Point times of sweeps that have none.
-    pub enum UntimedTurn {
-        /// Rigid sweeps until they show which of the other three it is.
-        Auto = "auto",
-        /// Rigid sweeps.
-        None = "none",
-        /// Times of a sensor that spins evenly, clockwise seen from above.
-        Clockwise = "clockwise",
-        /// Times of a sensor that spins evenly, counterclockwise seen from above.
-        Counterclockwise = "counterclockwise",
-    }
-}
-
-stage::words! {
-    /// Sensors that predict the motion between sweeps.
-    pub enum MotionSensor {
-        /// Inertial samples.
-        Imu = "imu",
-        /// GNSS velocities.
-        Gnss = "gnss",
-    }
-}
-
-stage::words! {
-    /// Measurements that correct the poses of the submaps.
-    pub enum Correction {
-        /// GNSS fixes.
-        Gnss = "gnss",
-        /// Gravity by the inertial unit.
-        Imu = "imu",
-        /// Loop closures.
-        Loops = "loops",
-    }
-}
-
-stage::words! {
-    /// Algorithms of the odometry.
-    pub enum OdometryAlgorithm {
-        /// [`Algorithm::ScanToMap`].
-        ScanToMap = "scan_to_map",
-        /// [`Algorithm::Imls`].
-        Imls = "imls",
-    }
-}
 
 stage::settings! {
     /// Settings of slam_aggregate.

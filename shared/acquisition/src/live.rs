@@ -31,7 +31,7 @@ pub use auxiliary::{AuxiliaryLimits, AuxiliarySensors, AuxiliarySources, DueFram
 pub use clocks::{ClockEstimate, Clocks};
 pub use images::CameraKind;
 pub use line_address::{LineAddress, LineAddressError};
-pub use mounting::Mounting;
+pub use mounting::{EmptyOrModel, Mounting};
 pub use recorded_entries::RecordedEntries;
 pub use recording::captures;
 pub use secondary_lidar::SecondaryLidar;

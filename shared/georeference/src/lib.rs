@@ -40,6 +40,7 @@ mod receiver_clock;
 mod receiver_errors;
 mod receiver_filter;
 mod recent_path;
+mod words;
 
 pub use alignment::{Alignment, PointPair, align_odometry};
 pub use fix_doubts::fix_doubts;
@@ -48,3 +49,4 @@ pub use graph::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, RelativeP
 pub use inertial_unit::InertialUnit;
 pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings, Places};
 pub use receiver_clock::ReceiverDelay;
+pub use words::Correction;

@@ -2,6 +2,7 @@
 //! columns for it.
 
 use crate::{MAX_LIDARS, Message, PoseError, PoseRow, RingCounts, pod};
+#[cfg(feature = "geometry")]
 use geometry::Pose;
 
 /// Sweeps of one submap at most: 5 s at 20 Hz is 100; the table below is in every header, so it stays short.
@@ -106,6 +107,7 @@ pod! {
 }
 
 /// A pose as in [`SubmapSweep`]: x y z, qx qy qz qw.
+#[cfg(feature = "geometry")]
 pub fn pose_numbers(pose: &Pose) -> [f32; 7] {
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|value| value as f32)
@@ -150,6 +152,7 @@ pub struct CheckedSubmap<'a> {
     /// Number of the submap.
     pub seq: u64,
     /// Pose of the submap in odom, m.
+    #[cfg(feature = "geometry")]
     pub odom_from_submap: Pose,
     /// The sweeps in use.
     pub sweeps: &'a [SubmapSweep],
@@ -162,10 +165,17 @@ impl SubmapHeader {
     }
     /// Checks pose and number of sweeps. `seq` is the submap's number, for the error.
     pub fn checked(&self, seq: u64) -> Result<CheckedSubmap<'_>, SubmapError> {
+        self.odom_from_submap.check().map_err(|source| SubmapError::Pose { seq, source })?;
+        #[cfg(feature = "geometry")]
         let odom_from_submap = self.odom_from_submap.checked().map_err(|source| SubmapError::Pose { seq, source })?;
         let sweeps = self.sweeps.get(..self.n_sweeps as usize);
         let sweeps = sweeps.ok_or(SubmapError::Sweeps { seq, n_sweeps: self.n_sweeps })?;
-        Ok(CheckedSubmap { seq, odom_from_submap, sweeps })
+        Ok(CheckedSubmap {
+            seq,
+            #[cfg(feature = "geometry")]
+            odom_from_submap,
+            sweeps,
+        })
     }
 }
 

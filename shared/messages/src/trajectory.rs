@@ -1,6 +1,7 @@
 //! Topic `trajectory`: the poses of the vehicle in odom, before the placement.
 
 use crate::{Message, TickTopic, pod, raw::NoHeader};
+#[cfg(feature = "geometry")]
 use geometry::{Isometry3, Pose, Quaternion, Translation3, UnitQuaternion};
 
 pod! {
@@ -13,6 +14,7 @@ pod! {
     }
 }
 
+#[cfg(feature = "geometry")]
 impl From<Pose> for PoseRow {
     fn from(pose: Pose) -> Self {
         let q = pose.rotation.coords;
@@ -33,20 +35,27 @@ pub struct PoseError {
 }
 
 impl PoseRow {
-    /// As [`PoseRow::to_pose`]; the error shows the numbers.
-    pub fn checked(&self) -> Result<Pose, PoseError> {
+    /// Whether it is a rigid transform: all numbers are finite, and the quaternion's norm is 1 within 1e-6. The error shows the numbers.
+    pub fn check(&self) -> Result<(), PoseError> {
         let Self { translation, rotation } = *self;
-        self.to_pose().ok_or(PoseError { translation, rotation })
+        let norm = rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let is_rigid = translation.iter().all(|v| v.is_finite()) && (norm - 1.0).abs() < 1e-6;
+        if is_rigid { Ok(()) } else { Err(PoseError { translation, rotation }) }
     }
 
-    /// `None` unless all numbers are finite and the quaternion's norm is 1 within 1e-6. The bits are kept as they are.
-    pub fn to_pose(&self) -> Option<Pose> {
+    /// As [`PoseRow::to_pose`]; the error shows the numbers.
+    #[cfg(feature = "geometry")]
+    pub fn checked(&self) -> Result<Pose, PoseError> {
+        self.check()?;
         let [x, y, z, w] = self.rotation;
-        let quaternion = Quaternion::new(w, x, y, z);
-        let sound = self.translation.iter().all(|v| v.is_finite()) && (quaternion.norm() - 1.0).abs() < 1e-6;
-        sound.then(|| {
-            Isometry3::from_parts(Translation3::from(self.translation), UnitQuaternion::new_unchecked(quaternion))
-        })
+        let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+        Ok(Isometry3::from_parts(Translation3::from(self.translation), rotation))
+    }
+
+    /// The transform, if [`PoseRow::check`] accepts the numbers. Their bits are kept as they are.
+    #[cfg(feature = "geometry")]
+    pub fn to_pose(&self) -> Option<Pose> {
+        self.checked().ok()
     }
 }
 

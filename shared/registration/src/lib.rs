@@ -53,6 +53,7 @@ mod self_calibration;
 mod submap;
 mod sweep;
 mod voxel;
+mod words;
 
 pub use any_odometry::{Algorithm, OtherAlgorithmError, SelectedOdometry, SelectedState};
 pub use features::sampling::Sampling;
@@ -78,3 +79,4 @@ pub use sweep::point::TimedPoint;
 pub use sweep::range_image::RangeImage;
 pub use sweep::{SpinDirection, Sweep, set_times_from_azimuth};
 pub use voxel::thinned;
+pub use words::{MotionSensor, OdometryAlgorithm, UntimedTurn};

@@ -5,6 +5,9 @@ use messages::Message;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
+/// Name of the manifest in the folder of a drive. The supervisor knows no more of a drive.
+pub const DRIVE_MANIFEST: &str = "drive.toml";
+
 /// Where and how the run happens. Paths are absolute.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Context {

@@ -1,8 +1,12 @@
-//! What the supervisor, the tools and the runner of a stage agree on.
+//! What the supervisor, the tools and the runner of a stage agree on: files of a run, questions to programs, exit codes.
+//!
+//! A run has one supervisor (`replica-launch`), one process for each stage, and tools that look on. They are programs of their own,
+//! may be built on different days, and talk through files, pipes and shared memory. This crate has every form that two of them share,
+//! with its version ([`assignment::CONTRACT_VERSION`] for stages).
 //!
 //! | module | content |
 //! |---|---|
-//! | [`launch_file`] | launch.toml and its tables |
+//! | [`launch_file`], [`Change`] | launch.toml and its tables; `--set` and `--unset` |
 //! | [`program`] | command line and exit codes of every program |
 //! | [`assignment`] | what the supervisor hands to a stage, and its commands |
 //! | [`remote`] | where a stage runs that is on another host |
@@ -17,7 +21,11 @@
 //! | [`terminal`] | size and colors of a terminal |
 //! | [`process`], [`histogram`] | what the operating system reports of a process; durations |
 //!
-//! Authors of stages use the crate `stage`, which re-exports what they need.
+//! The crate must never start a stage, decide about one, or touch a point: `launch` does the first two, the stages the third. It knows
+//! no stage by its name and no key of a stage's table. A form that only one program uses belongs to that program.
+//!
+//! Begin with [`assignment`] (what a stage gets) and [`launch_file`] (where it comes from), then [`health`] (what it sends). Authors
+//! of stages use the crate `stage`, which re-exports what they need.
 
 pub mod assignment;
 mod change;
@@ -41,7 +49,7 @@ pub mod terminal;
 pub mod wiring;
 
 pub use change::{Change, ChangeError};
-pub use context::{Context, Mode, find_file};
+pub use context::{Context, DRIVE_MANIFEST, Mode, find_file};
 pub use file_identity::{FileIdentity, files_of_settings};
 pub use outcome::Outcome;
 pub use packed::Piece;

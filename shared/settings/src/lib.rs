@@ -21,6 +21,8 @@
 //! Begin with the example of [`settings!`], then read `rule`. To add a setting, add a line to the `settings!` of its stage; to add a
 //! word, add a line to its `words!`, and the compiler shows where it must be handled.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod declare;
 mod field;
 mod rule;

@@ -12,6 +12,12 @@
 //! Equal [`DriveSpec`]s give equal bytes for any number of threads: every random number is a hash of the seed and of the place
 //! where it is used, and parallel work never shares a sum.
 //!
+//! The crate must never read a clock or the environment, or know a stage or a run: its drives are folders like recorded ones. Truth is
+//! written beside them and never used for a measurement. Scenes and their surfaces belong to `town`, rays to `raytrace`.
+//!
+//! Begin with [`DriveSettings`] (what a user chooses) and [`DriveSpec`] (the same, resolved), then [`write_drive`]; a sensor is one
+//! module below [`sensors`].
+//!
 //! Frames and units follow `docs/reference/conventions.md`; the world is local east-north-up around [`sensors::gnss::ORIGIN`].
 
 mod drive;

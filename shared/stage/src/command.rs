@@ -20,7 +20,7 @@ use std::sync::atomic::AtomicBool;
 ///   ([`DescribeRequest`]) sets them,
 /// - `--check REQUEST` prints the problems of a launch file's table as JSON ([`CheckRequest`]),
 /// - `run ASSIGNMENT` runs the stage as the supervisor's file says ([`Assignment`]),
-/// - `run --recording FILE …` runs it alone, on a recording of its inputs,
+/// - `run --recording FILE …` runs it alone, on a recording of its inputs, with the feature `alone`,
 /// - `run --linked AGENT` runs it for a run on another host ([`crate::remote`]).
 pub fn run<S: Stage>() -> ExitCode {
     ExitCode::from(run_program(&ProgramOf::<S>::new(), std::env::args_os()))
@@ -41,7 +41,13 @@ pub fn run_program(program: &dyn Program, arguments: impl IntoIterator<Item = Os
         Ok(CommandLine { action: Some(Action::Run(arguments)), .. }) => match arguments {
             RunArguments { assignment: Some(assignment), .. } => run_assignment(program, &assignment),
             RunArguments { linked: Some(agent), .. } => crate::remote::serve(program, agent),
+            #[cfg(feature = "alone")]
             RunArguments { alone, .. } => crate::alone::run(program, &alone),
+            #[cfg(not(feature = "alone"))]
+            _ => usage(
+                program,
+                "run needs the ASSIGNMENT of a supervisor: built without the feature `alone` of the crate stage",
+            ),
         },
         Ok(CommandLine { action: None, .. }) => usage(program, "--describe, --check or run is missing"),
         Err(code) => code,

@@ -4,6 +4,7 @@ use crate::program::Program;
 use crate::{Port, exit};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+#[cfg(feature = "alone")]
 use run::Change;
 use serde::Serialize;
 use std::ffi::OsString;
@@ -38,15 +39,17 @@ pub(crate) enum Action {
 #[derive(Args)]
 pub(crate) struct RunArguments {
     /// File of the supervisor
-    #[arg(conflicts_with_all = ["recording", "record", "launch", "set", "unset", "drive", "output", "json"])]
+    #[cfg_attr(feature = "alone", arg(conflicts_with_all = ["recording", "record", "launch", "set", "unset", "drive", "output", "json"]))]
     pub(crate) assignment: Option<PathBuf>,
     /// For a run on another host, whose connection is the standard input; ends with the process AGENT
     #[arg(long, value_name = "AGENT", hide = true, conflicts_with = "assignment")]
     pub(crate) linked: Option<u32>,
+    #[cfg(feature = "alone")]
     #[command(flatten)]
     pub(crate) alone: AloneArguments,
 }
 
+#[cfg(feature = "alone")]
 #[derive(Args)]
 pub(crate) struct AloneArguments {
     /// Recording of the inputs

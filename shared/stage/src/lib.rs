@@ -3,7 +3,23 @@
 //! A stage implements [`Stage`] and ends its `main.rs` with `stage::run::<MyStage>()`. The runner does the rest: settings
 //! with every problem reported at once, `--describe` and `--check`, topics, ticks, barriers, heartbeat, back-pressure,
 //! signals, drain and exit code. See `docs/guide/own_stage.md` for a stage from first line to last.
+//!
+//! | part | content |
+//! |---|---|
+//! | [`Stage`], [`Port`], [`settings!`], [`words!`] | the contract: topics, settings, one step per tick |
+//! | [`Inputs`], [`Outputs`], [`SubmapJoin`] | messages of a tick; a submap with its columns |
+//! | [`StateBytes`], [`decode_state`] | the state at a barrier |
+//! | [`testing`] | a stage in a test, without processes |
+//! | `runner` | ticks, barriers, heartbeat, back-pressure: the loop around `step` |
+//! | [`untyped`], [`remote`] | stages known at run time, such as those in Python; stages on another host |
+//! | `alone` | `run --recording`, with the feature `alone` |
+//!
+//! The crate must never know a stage, a sensor or a file format of the project: a third-party stage depends on it alone, and compiles
+//! what it depends on. So heavy parts are features: `alone` (MCAP), and `messages/geometry` (poses as transforms).
+//!
+//! Begin with [`Stage`] in `contract.rs`, then `examples/height_segmenter`. The life of a process is in `command.rs`, then `runner.rs`.
 
+#[cfg(feature = "alone")]
 mod alone;
 mod columns;
 mod command;

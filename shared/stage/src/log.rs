@@ -4,7 +4,9 @@ use run::LOG_FORMAT;
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 thread_local! {
     /// Whether a panic of this thread is caught, and reported by the caller of [`catch_panic`].
@@ -23,18 +25,25 @@ pub fn catch_panic<T>(call: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// Logs what `REPLICA_LOG` selects (`info` without) in the format of [`LOG_FORMAT`], and panics, too.
+/// Environment variable that selects what is logged: a level, or levels by target (`info,stage=debug`).
+const LOG: &str = "REPLICA_LOG";
+
+/// What a text of [`LOG`] selects; `info` without a text and for one that cannot be read.
+fn selected(text: Option<&str>) -> Targets {
+    let selected = text.filter(|text| !text.trim().is_empty()).and_then(|text| text.parse().ok());
+    selected.unwrap_or_else(|| Targets::new().with_default(LevelFilter::INFO))
+}
+
+/// Logs what [`LOG`] selects in the format of [`LOG_FORMAT`], and panics, too.
 pub(crate) fn start() {
     // A full disk cannot store the log, and cannot store an error about it: it must not end the stage.
-    let log = tracing_subscriber::fmt()
-        .log_internal_errors(false)
-        .with_writer(std::io::stderr)
-        .with_ansi(false)
-        .with_env_filter(EnvFilter::try_from_env("REPLICA_LOG").unwrap_or_else(|_| EnvFilter::new("info")));
+    let lines =
+        tracing_subscriber::fmt::layer().log_internal_errors(false).with_writer(std::io::stderr).with_ansi(false);
+    let selected = tracing_subscriber::registry().with(selected(std::env::var(LOG).ok().as_deref()));
     if std::env::var(LOG_FORMAT).is_ok_and(|format| format == "json") {
-        log.json().flatten_event(true).init();
+        selected.with(lines.json().flatten_event(true)).init();
     } else {
-        log.init();
+        selected.with(lines).init();
     }
     log_panics();
 }
@@ -57,6 +66,19 @@ fn log_panics() {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tracing::Level;
+
+    #[test]
+    fn level_is_selected_for_all_targets_or_by_target() {
+        let logs = |text: Option<&str>, target: &str, level: Level| selected(text).would_enable(target, &level);
+        assert!(logs(None, "stage", Level::INFO) && !logs(None, "stage", Level::DEBUG));
+        assert!(logs(Some("debug"), "infer", Level::DEBUG) && !logs(Some("debug"), "infer", Level::TRACE));
+        let by_target = Some("warn,stage=debug");
+        assert!(logs(by_target, "stage::runner", Level::DEBUG) && !logs(by_target, "infer", Level::INFO));
+        for unreadable in ["", "infer=loud"] {
+            assert!(logs(Some(unreadable), "infer", Level::INFO), "{unreadable:?}");
+        }
+    }
 
     #[test]
     fn caught_panic_gives_its_message_and_the_next_one_is_logged_again() {

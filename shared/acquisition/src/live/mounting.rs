@@ -6,7 +6,20 @@ use drive::manifest::{LidarEntry, PoseEntry};
 use drive::{LiveRig, lidar_of};
 use files::problems::FileError;
 use lidar::{Lidar, Model, Origin};
+use settings::Rule;
 use std::path::Path;
+
+/// Rule of the model of [`Mounting::find`]: empty, or a model by its name.
+pub struct EmptyOrModel;
+
+impl Rule<String> for EmptyOrModel {
+    fn allows(&self, name: &String) -> bool {
+        name.is_empty() || Model::from_name(name).is_some()
+    }
+    fn text(&self) -> String {
+        format!("must be one of , {}", Model::names())
+    }
+}
 
 /// Model and rig of a sensor on the network.
 pub struct Mounting {

@@ -53,6 +53,11 @@ mod tests {
     use run::Change;
 
     #[test]
+    fn supervisor_knows_the_manifest_of_drives_by_its_name() {
+        assert_eq!(run::DRIVE_MANIFEST, drive::MANIFEST_FILE);
+    }
+
+    #[test]
     fn description_has_the_problems_of_the_table_and_what_differs_in_the_drive() {
         let folder = tempfile::tempdir().expect("a folder");
         let launch_file = folder.path().join("launch.toml");

@@ -1,0 +1,35 @@
+//! Words of settings for the odometry.
+
+settings::words! {
+    /// Point times of sweeps that have none.
+    pub enum UntimedTurn {
+        /// Rigid sweeps until they show which of the other three it is.
+        Auto = "auto",
+        /// Rigid sweeps.
+        None = "none",
+        /// Times of a sensor that spins evenly, clockwise seen from above.
+        Clockwise = "clockwise",
+        /// Times of a sensor that spins evenly, counterclockwise seen from above.
+        Counterclockwise = "counterclockwise",
+    }
+}
+
+settings::words! {
+    /// Sensors that predict the motion between sweeps.
+    pub enum MotionSensor {
+        /// Inertial samples.
+        Imu = "imu",
+        /// GNSS velocities.
+        Gnss = "gnss",
+    }
+}
+
+settings::words! {
+    /// Algorithms of the odometry.
+    pub enum OdometryAlgorithm {
+        /// [`Algorithm::ScanToMap`](crate::Algorithm::ScanToMap).
+        ScanToMap = "scan_to_map",
+        /// [`Algorithm::Imls`](crate::Algorithm::Imls).
+        Imls = "imls",
+    }
+}
