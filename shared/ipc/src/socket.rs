@@ -17,7 +17,7 @@ use crate::message_type::MessageType;
 use crate::own_memory::AnyOwnMessage;
 use crate::slot::Slot;
 use crate::transport::{Arrived, Incoming, Outgoing, Written};
-use crate::{Channel, IpcError, Node, Waker};
+use crate::{Channel, IpcError, Node};
 use messages::Envelope;
 use messages::pod::bytes_from_rows_mut;
 use std::cell::RefCell;
@@ -233,7 +233,7 @@ impl Reader {
         let opened = self
             .domain
             .node(&format!("{wake}.{}", self.channel.name))
-            .and_then(|node| Waker::open(&node, wake).map(|waker| (waker, node)));
+            .and_then(|node| node.open_waker(wake).map(|waker| (waker, node)));
         let (waker, _node) = match opened {
             Ok(opened) => opened,
             Err(error) => {

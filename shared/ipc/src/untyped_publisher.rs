@@ -1,10 +1,10 @@
 //! The producing end of a channel, without its type: compiled once here, not again for each type in every program.
 
 use crate::message_type::MessageType;
+use crate::node::SharedWaker;
 use crate::open_transport::outgoing;
 use crate::slot::Slot;
 use crate::transport::{Outgoing, Written};
-use crate::wake::SharedWaker;
 use crate::{Channel, IpcError, LatestSubscriber, NOTHING_TAKEN, Node};
 use messages::Envelope;
 use std::rc::Rc;
