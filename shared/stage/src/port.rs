@@ -4,7 +4,7 @@ use crate::inputs::push_bytes;
 use crate::memory_output::{memory_output, remote_output};
 use crate::outputs::AnyOutput;
 use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_output};
-use crate::untyped::{self, LoanMaker, UntypedMessage};
+use crate::untyped::{self, LoanMaker, UntypedLoan, UntypedMessage};
 use crate::{Inputs, Outputs, StepError};
 use messages::{
     ByteTable, ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, MaterialTopic,
@@ -133,5 +133,24 @@ impl Port {
             optional: self.optional,
             table: self.byte_table(),
         }
+    }
+}
+
+impl Inputs {
+    /// [`Inputs::take`] of the port's topic.
+    pub fn take_untyped(&mut self, port: &Port) -> Vec<Box<dyn UntypedMessage>> {
+        (port.make.take)(self, port.topic())
+    }
+}
+
+impl Outputs {
+    /// Publishes a message that was kept as bytes ([`Received::to_bytes`]), under the next number of the topic.
+    pub fn publish_bytes(&mut self, port: &Port, bytes: &[u8]) -> Result<(), StepError> {
+        (port.make.publish_bytes)(self, port.topic(), bytes)
+    }
+
+    /// A loan of the port's topic with `n_rows` zeroed rows.
+    pub fn loan_untyped(&mut self, port: &Port, n_rows: usize) -> Result<Box<dyn UntypedLoan>, StepError> {
+        (port.make.loan)(self, n_rows)
     }
 }
