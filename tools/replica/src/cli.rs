@@ -49,7 +49,7 @@ impl Parsed {
             Cli::Control(command) => command.run(),
             Cli::Data(command) => command.run(),
             Cli::Lab(command) => command.run(),
-            Cli::Setup(command) => command.run(),
+            Cli::Setup(setup) => setup.run(command()),
         }
     }
 }
@@ -71,7 +71,7 @@ fn groups() -> [Group; 4] {
 }
 
 /// The whole command line. Its help shows the groups: clap has one heading for all subcommands.
-pub fn command() -> Command {
+fn command() -> Command {
     Cli::command().help_template(HELP_TEMPLATE).after_help(grouped_subcommands())
 }
 

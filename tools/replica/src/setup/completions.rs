@@ -1,6 +1,5 @@
 //! `replica completions`: completions of a shell.
 
-use crate::cli;
 use crate::terminal::ignore_broken_pipe;
 use clap_complete::{Shell, generate};
 use std::io::Write;
@@ -17,9 +16,9 @@ pub struct Args {
     shell: Shell,
 }
 
-/// Runs the command.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+/// Runs the command. `all` is the whole command line.
+pub fn run(args: &Args, mut all: clap::Command) -> anyhow::Result<ExitCode> {
     let mut text = Vec::new();
-    generate(args.shell, &mut cli::command(), "replica", &mut text);
+    generate(args.shell, &mut all, "replica", &mut text);
     ignore_broken_pipe(std::io::stdout().write_all(&text).map_err(anyhow::Error::from))
 }

@@ -1,6 +1,5 @@
 //! `replica man`: manual pages.
 
-use crate::cli;
 use anyhow::Context;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,10 +15,10 @@ pub struct Args {
     out: PathBuf,
 }
 
-/// Runs the command.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+/// Runs the command. `all` is the whole command line.
+pub fn run(args: &Args, all: clap::Command) -> anyhow::Result<ExitCode> {
     let folder = &args.out;
-    let written = std::fs::create_dir_all(folder).and_then(|()| clap_mangen::generate_to(cli::command(), folder));
+    let written = std::fs::create_dir_all(folder).and_then(|()| clap_mangen::generate_to(all, folder));
     written.with_context(|| format!("{}: cannot write the pages", folder.display()))?;
     Ok(ExitCode::SUCCESS)
 }
