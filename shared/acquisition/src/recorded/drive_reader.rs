@@ -1,14 +1,13 @@
 //! A recorded drive, and the position up to which it has been read.
 
 use super::events::Events;
-use super::inertial::Inertial;
+use super::inertial::{BadLines, Inertial};
 use super::odometer::Odometer;
 use super::other_lidars::{OtherLidars, OtherPosition};
 use super::trigger::Trigger;
 use crate::doubts::Doubts;
 use crate::error::{DriveError, NoSweepError};
 use formats::drive::{Drive, DriveLidar, Frame, SourcePosition, SweepInfo, SweepSource};
-use formats::imu::ImuError;
 use formats::lidar::{OtherModel, SweepError, SweepPoint};
 use formats::manifest::Manifest;
 use formats::nmea::{Fix, LogStats};
@@ -107,8 +106,8 @@ pub enum NextSweep {
 pub struct SkippedAtBegin {
     /// Images and mosaics.
     pub frames: u64,
-    /// Damaged lines of the IMU, and the error of the first one.
-    pub bad_imu_lines: (u64, Option<ImuError>),
+    /// Damaged lines of the IMU.
+    pub bad_imu_lines: BadLines,
 }
 
 /// What the other sensors measured up to the end of a sweep.
@@ -123,8 +122,8 @@ pub struct Due<'a> {
     pub fixes: Cow<'a, [Fix]>,
     /// Samples of the IMU.
     pub samples: Vec<ImuRow>,
-    /// Damaged lines of the IMU, and the error of the first one.
-    pub bad_imu_lines: (u64, Option<ImuError>),
+    /// Damaged lines of the IMU.
+    pub bad_imu_lines: BadLines,
 }
 
 /// Why a drive cannot be read, found before the run starts. A folder that is missing may be simulated first; the supervisor checks
