@@ -206,7 +206,8 @@ fn points_without_sweep_or_ring_are_unlabeled() {
     assert!(report.n_unseen >= 2 && report.n_unseen <= points.len() - n_first + 2, "{}", report.n_unseen);
     // A sweep beyond the points of the submap is skipped.
     header.sweeps[0].n_points = u32::MAX;
-    assert!(model.segment(&ModelInput::new(&header, &points), &mut classes).is_ok());
+    let report = model.segment(&ModelInput::new(&header, &points), &mut classes).expect("segments");
+    assert_eq!(report.n_unseen, points.len());
 }
 
 #[test]
@@ -313,7 +314,7 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
         let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
         let mut data = Labeled(known.collect());
-        assert!(Neighbors::draw(&settings, &weights, &data, 10, 1).is_ok());
+        Neighbors::draw(&settings, &weights, &data, 10, 1).expect("known classes are accepted");
         change(&mut data.0[1].1);
         Neighbors::draw(&settings, &weights, &data, 10, 1).err().expect("is rejected").to_string()
     };
