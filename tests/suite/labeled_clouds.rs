@@ -101,16 +101,16 @@ fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     assert_eq!((points["n"].as_u64(), points["joined"].as_u64()), (Some(n_points), Some(n_points)));
     assert_eq!(found["classes"]["n_points"].as_u64(), Some(n_points), "{points}");
     assert_eq!(points["without_instance"], 0, "{points}");
-    // Walls without windows are unlike those of the training. The car is found in part.
+    // Walls without windows and a car without wheels are unlike those of the training: a quarter of the points is right.
     let accuracy = found["classes"]["overall_accuracy"].as_f64().expect("a number");
-    assert!(accuracy > 0.1 && accuracy < 1.0, "{accuracy}");
+    assert!((0.24..0.27).contains(&accuracy), "{accuracy}");
 
     // The true classes in place of those of infer are all right, and the car is one object.
     let truth = scored(&recording, &folder.path().join("truth"), "submap,trajectory,class");
     assert_eq!(truth["classes"]["overall_accuracy"], 1.0);
     let vehicles = &truth["instances"][0];
     assert_eq!((vehicles["class"].as_str(), vehicles["true"].as_u64()), (Some("vehicles"), Some(1)), "{vehicles}");
-    assert!(vehicles["pq"].as_f64().expect("a number") > 0.5, "{vehicles}");
+    assert_eq!((vehicles["found"].as_u64(), vehicles["pq"].as_f64()), (Some(1), Some(1.0)), "{vehicles}");
 
     // Clouds of another recording are refused.
     let other = folder.path().join("other.mcap");

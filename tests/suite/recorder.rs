@@ -179,6 +179,7 @@ fn dropping_recorder_blocks_no_stage_and_counts_dropped_messages() {
         assert!(ticks.is_sorted_by(|a, b| a < b), "ticks of {name}");
         assert!(topic.seqs.is_sorted_by(|a, b| a < b), "messages of {name}");
         assert!(topic.seqs.windows(2).any(|pair| pair[1] > pair[0] + 1), "{name} has no gap");
+        assert!(!topic.ticks.is_empty(), "{name} has messages");
         assert!(topic.ticks.iter().all(|tick| ticks.binary_search(tick).is_ok()), "messages of {name} without a tick");
     }
     let (_, table) = inspected(&file);

@@ -100,6 +100,7 @@ fn classes_of_two_segmenters_are_columns_that_compare_tells_apart_after_kills() 
         assert!(single.f64s(name).ok() == cloud.f64s(name).ok(), "{name} is that of a run with one segmenter");
     }
     let (a, b) = (cloud.u8s("semantic").expect("a column"), cloud.u8s("class_b").expect("a column"));
+    assert_eq!(a.len(), b.len());
     assert!(a != b && a.iter().zip(&b).all(|(a, b)| a == b || *b == 0), "points with a low score are unlabeled");
 
     let (code, said) = replica(&["compare", text(&launch.output())]);

@@ -1,6 +1,7 @@
 //! The screens of `replica-launch` and of `replica status --watch`, on a pseudo-terminal of 80 by 24.
 
 use replica_tests::{Launch, Screen, Terminal, binary, gate, wait_for};
+use serde_json::Value;
 use std::process::{Command, Stdio};
 
 const SOURCE: &str = "ticks = 400\npoints = 5000\npace_ms = 5";
@@ -69,7 +70,7 @@ fn stage_that_holds_the_others_up_is_named_slowest() {
     let slowest = || {
         let text = launch.stderr();
         let event = text.lines().rev().find(|line| line.contains("\"progress\""))?;
-        let event: serde_json::Value = serde_json::from_str(event).ok()?;
+        let event: Value = serde_json::from_str(event).ok()?;
         // The source has gone on until its queue was full.
         let waits =
             event["stages"][0]["activity"]["kind"] == "blocked" && event["stages"][2]["activity"]["kind"] == "waiting";
@@ -86,12 +87,57 @@ fn live_run_shows_rates_instead_of_a_share() {
     let screen = screen_of_run(&launch, [80, 24], &[]);
     let all = screen.lines.join("\n");
     assert!(!screen.written.contains("0 %"), "{all}");
-    let line = screen.written.lines().filter(|line| line.contains("live  ")).nth(2).expect(&all);
-    let words: Vec<&str> = line.split_whitespace().collect();
-    let before =
-        |unit: &str| words[words.iter().position(|word| *word == unit).expect(line) - 1].parse::<f64>().expect(line);
-    assert!((1.0..400.0).contains(&before("ticks/s")), "{line}");
-    assert!(before("s") < 60.0 && words.contains(&"dropped"), "{line}");
+    let lines: Vec<&str> = screen.written.lines().filter_map(|line| Some(line.split_once("live  ")?.1)).collect();
+    assert!(lines.len() > 2, "{all}");
+    for line in &lines {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let [_, "s", _, "ticks/s", _, "M", "points/s", "lag", _, "s", "dropped", _, ..] = words[..] else {
+            panic!("{line}")
+        };
+        assert!([0, 2, 4, 8, 11].iter().all(|number| words[*number].parse::<f64>().is_ok_and(|n| n >= 0.0)), "{line}");
+    }
+    let seconds = |line: &&str| line.split(' ').next().expect("a word").parse().expect("seconds");
+    let elapsed_s: Vec<u32> = lines.iter().map(seconds).collect();
+    assert!(elapsed_s.is_sorted(), "{elapsed_s:?}");
+}
+
+/// The rates of a live run are those of the ticks in its events, whatever the speed of the machine.
+#[test]
+fn live_rates_are_ticks_and_points_by_time() {
+    let launch = Launch::of_misbehaving("mode = \"live\"", "ticks = 600\npoints = 5000\npace_ms = 5", "");
+    let launch = launch.with("--log").with("json");
+    let code = launch.start().wait();
+    assert!([Some(0), Some(3)].contains(&code), "{code:?}: {}", launch.stderr());
+    let events: Vec<Value> = launch.stderr().lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let events: Vec<&Value> = events.iter().filter(|event| event["kind"] == "progress").collect();
+    assert!(events.len() > 2, "{events:?}");
+    let number = |event: &Value, before: &str| -> f64 {
+        let words: Vec<&str> = event["message"].as_str().expect("a text").split_whitespace().collect();
+        words[words.iter().position(|word| *word == before).expect(before) - 1].parse().expect("a number")
+    };
+    // Rates multiplied by their intervals sum up to the counts.
+    let (mut n_ticks, mut n_points) = (0.0, 0.0);
+    for pair in events.windows(2) {
+        let seconds = (second_of_day(pair[1]) - second_of_day(pair[0])).rem_euclid(86_400.0);
+        n_ticks += number(pair[1], "ticks/s") * seconds;
+        n_points += number(pair[1], "M") * 1e6 * seconds;
+    }
+    let [first, last] = [events[0], events[events.len() - 1]];
+    let grown = |stage: usize, key: &str| {
+        let [first, last] = [first, last].map(|event| event["stages"][stage][key].as_f64().expect("a number"));
+        last - first
+    };
+    let (true_ticks, true_points) = (grown(0, "ticks"), grown(2, "points"));
+    assert!(true_ticks > 100.0, "{true_ticks} ticks: the events are from the run");
+    assert!((n_ticks / true_ticks - 1.0).abs() < 0.1, "{n_ticks} ticks by rates, {true_ticks} by counts");
+    assert!((n_points / true_points - 1.0).abs() < 0.1, "{n_points} points by rates, {true_points} by counts");
+}
+
+/// Seconds since midnight (UTC) of an event.
+fn second_of_day(event: &Value) -> f64 {
+    let stamp = event["timestamp"].as_str().expect("a time");
+    let (_, time) = stamp.trim_end_matches('Z').split_once('T').expect("RFC 3339");
+    time.split(':').fold(0.0, |seconds, part| 60.0 * seconds + part.parse::<f64>().expect("a number"))
 }
 
 #[test]
@@ -99,21 +145,19 @@ fn status_is_redrawn_in_place_on_80_by_24() {
     let launch = Launch::of_misbehaving("", "ticks = 200\npoints = 5000", &gate(103));
     let running = launch.start();
     launch.wait_for_barrier(10);
-    let terminal = Terminal::new(80, 24);
+    let mut terminal = Terminal::new(80, 24);
     let mut command = Command::new(binary("replica"));
     command.args(["status", "--watch", "--interval", "0.2", "--run"]).arg(launch.output()).env("TERM", "xterm");
     command.stdin(Stdio::null()).stdout(terminal.program.try_clone().expect("opens"));
     let mut status = command.spawn().expect("starts");
     drop(command);
-    let reader =
-        std::thread::Builder::new().name("screen".to_owned()).spawn(|| terminal.read_to_end()).expect("starts");
-    std::thread::sleep(std::time::Duration::from_secs(2));
+    // The table is drawn again and again while the run waits at the gate.
+    terminal.read_until("STAGE", 4);
     launch.open_gate();
+    let screen = terminal.read_to_end();
     assert_eq!(running.wait(), Some(0), "{}", launch.stderr());
     assert!(status.wait().expect("ends").success());
-    let screen = reader.join().expect("reads");
     let all = screen.lines.join("\n");
-    assert!(screen.written.matches("STAGE").count() > 3, "{all}");
     assert_eq!((screen.find("STAGE").len(), screen.find("TOPIC").len()), (1, 1), "{all}");
     assert!(screen.written.contains("waiting for output sweep"), "{}", screen.written);
 }

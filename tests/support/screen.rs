@@ -1,10 +1,13 @@
 //! A pseudo-terminal, and what a person sees on it.
 
+use crate::TIMEOUT;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 use std::fs::File;
 use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
+use std::time::Instant;
 
 /// Both ends of a pseudo-terminal.
 pub struct Terminal {
@@ -12,6 +15,8 @@ pub struct Terminal {
     pub program: File,
     screen: File,
     size: [usize; 2],
+    /// What was read so far.
+    bytes: Vec<u8>,
 }
 
 impl Terminal {
@@ -25,14 +30,36 @@ impl Terminal {
         let name = ptsname(&screen, Vec::new()).expect("a name");
         let path = std::path::Path::new(std::ffi::OsStr::from_bytes(name.as_bytes()));
         let program = File::options().read(true).write(true).open(path).expect("opens");
-        Self { program, screen: screen.into(), size: [columns, rows] }
+        Self { program, screen: screen.into(), size: [columns, rows], bytes: Vec::new() }
+    }
+
+    /// Reads until `words` were written `n` times.
+    ///
+    /// # Panics
+    /// If the programs write nothing more, or not these words within three minutes.
+    pub fn read_until(&mut self, words: &str, n: usize) {
+        let begun = Instant::now();
+        while self.written().matches(words).count() < n {
+            assert!(begun.elapsed() < TIMEOUT, "{words:?} is not there {n} times: {}", self.written());
+            let mut ready = [PollFd::new(&self.screen, PollFlags::IN)];
+            let a_second = Timespec { tv_sec: 1, tv_nsec: 0 };
+            if poll(&mut ready, Some(&a_second)).expect("a file that can be polled") > 0 {
+                let mut buffer = [0; 4096];
+                let n_read = self.screen.read(&mut buffer).unwrap_or(0);
+                assert!(n_read > 0, "the programs ended; {words:?} is not there {n} times: {}", self.written());
+                self.bytes.extend_from_slice(&buffer[..n_read]);
+            }
+        }
+    }
+
+    fn written(&self) -> String {
+        String::from_utf8_lossy(&self.bytes).into_owned()
     }
 
     /// Reads until all programs have closed their end. Call it while they run: they wait for a reader.
     pub fn read_to_end(self) -> Screen {
-        let Self { program, mut screen, size: [columns, rows] } = self;
+        let Self { program, mut screen, size: [columns, rows], mut bytes } = self;
         drop(program);
-        let mut bytes = Vec::new();
         let mut buffer = [0; 4096];
         // Linux reports an error, not an end, when the last program has closed its end.
         while let Ok(n @ 1..) = screen.read(&mut buffer) {

@@ -25,6 +25,9 @@
 //!
 //! Frames of a camera without references, and frames that do not fit their camera, are skipped, counted and reported. They do not end
 //! the run.
+//!
+//! Start reading at `Calibrate::step` in `calibrate.rs`. The stage must never change a frame before its reflectance is computed, never
+//! publish a value of a masked band as measured, and never use a reference of another camera.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

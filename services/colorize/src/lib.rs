@@ -16,6 +16,11 @@
 //! # What is held
 //! Images and cubes stay in shared memory until no held or future submap can need them. The `BORROWED` of their topics limits
 //! their number; `exposures_released_early` counts those beyond it.
+//!
+//! # Where to start reading, and what the stage must never do
+//! Start at `Colorize::step` in `colorize.rs`; the crate `coloring` explains how a point gets its exposure. The stage must never move,
+//! drop or reorder a point: its columns have the length and the order of their submap. It never invents a color: a point that no
+//! exposure sees has none.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

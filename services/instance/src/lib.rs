@@ -13,6 +13,9 @@
 //! are followed from sweep to sweep, touching roofs and heads are separated by a watershed, nearby parts are joined, and an object of
 //! an earlier submap keeps its id, even if it has few points now.
 //!
+//! Start reading at `InstanceStage::label` below, which handles one submap. The stage must never reorder or drop a point: its column has
+//! the length and the order of the submap. It never gives an id twice in a drive, and never merges two ids that it has published.
+//!
 //! New ids increase over the whole drive, in the order of the classes in `things`, then of the first points of the objects. In
 //! submaps without ground points, the height and ground-contact filters are disabled.
 
@@ -22,7 +25,7 @@ mod settings;
 
 pub use settings::{Settings, Thing};
 
-use instance_segmentation::{Density, Kind, Object, TopView, TrackedObject, Tracker, find};
+use instance_segmentation::{Density, Kind, Object, ThingPoint, TopView, TrackedObject, Tracker, find};
 use messages::{ClassRow, ClassTopic, InstanceHeader, InstanceTopic, SubmapHeader, SubmapPoint, SubmapTopic};
 use serde::{Deserialize, Serialize};
 use stage::{
@@ -130,7 +133,7 @@ impl InstanceStage {
     }
 
     fn find(&self, view: &TopView, submap: &Received<SubmapTopic>, classes: &[ClassRow], kind: &Kind) -> Vec<Object> {
-        let is_class = |&(point_idx, _): &(u32, _)| classes[point_idx as usize].class_id == kind.class as u8;
+        let is_class = |point: &ThingPoint| classes[point.point_idx as usize].class_id == kind.class as u8;
         let is_class: Vec<bool> = view.thing_points.iter().map(is_class).collect();
         let header: &SubmapHeader = submap.header();
         let time_of = |point: &SubmapPoint| {

@@ -10,18 +10,27 @@ use std::path::{Path, PathBuf};
 pub struct Resources {
     domain: Domain,
     output: PathBuf,
+    /// Files that may hold the kernel's count of kills, the closest group first.
+    oom_counters: Vec<PathBuf>,
     oom_kills: u64,
 }
 
 impl Resources {
     /// For a run that begins now.
     pub fn new(domain: &Domain, output: &Path) -> Self {
-        Self { domain: domain.clone(), output: output.to_owned(), oom_kills: oom_kills() }
+        let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+        Self::with_counters(domain, output, oom_counters(&groups))
+    }
+
+    fn with_counters(domain: &Domain, output: &Path, oom_counters: Vec<PathBuf>) -> Self {
+        let oom_kills = oom_kills(&oom_counters);
+        Self { domain: domain.clone(), output: output.to_owned(), oom_counters, oom_kills }
     }
 
     /// The figures of this moment, at which a fault was observed.
     pub fn evidence(&mut self, log_lines: &[String]) -> Evidence {
-        let before = std::mem::replace(&mut self.oom_kills, oom_kills());
+        let now = oom_kills(&self.oom_counters);
+        let before = std::mem::replace(&mut self.oom_kills, now);
         Evidence {
             log_lines: log_lines.to_vec(),
             has_kernel_killed: self.oom_kills > before,
@@ -39,30 +48,30 @@ pub fn lacks_shared_memory(left_over: Option<&Domain>) -> Option<String> {
     };
     let free = free + left_over.map_or(0, Domain::used_bytes);
     (free < MIN_SHARED_MEMORY).then(|| {
-        let (free, needed) = (mib(Some(free)), mib(Some(MIN_SHARED_MEMORY)));
+        let free = mib(Some(free));
+        let needed = mib(Some(MIN_SHARED_MEMORY));
         format!("shared memory: {free} free in {SHARED_MEMORY}, a run needs at least {needed}")
     })
 }
 
 /// Processes that the kernel has killed for lack of memory: in the control group of this process, or else on the machine.
-fn oom_kills() -> u64 {
-    let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
-    let count = |path: &String| count_in(&std::fs::read_to_string(path).ok()?);
-    oom_counts(&groups).iter().find_map(count).unwrap_or_default()
+fn oom_kills(counters: &[PathBuf]) -> u64 {
+    let count = |path: &PathBuf| count_in(&std::fs::read_to_string(path).ok()?);
+    counters.iter().find_map(count).unwrap_or_default()
 }
 
 /// Files that may hold the count, the closest group first, from the content of /proc/self/cgroup.
-fn oom_counts(groups: &str) -> Vec<String> {
+fn oom_counters(groups: &str) -> Vec<PathBuf> {
     let in_group = groups.lines().filter_map(|line| {
         let mut fields = line.splitn(3, ':');
         let (_, controllers, path) = (fields.next()?, fields.next()?, fields.next()?.trim_end_matches('/'));
         match controllers {
-            "" => Some(format!("/sys/fs/cgroup{path}/memory.events")),
-            "memory" => Some(format!("/sys/fs/cgroup/memory{path}/memory.oom_control")),
+            "" => Some(format!("/sys/fs/cgroup{path}/memory.events").into()),
+            "memory" => Some(format!("/sys/fs/cgroup/memory{path}/memory.oom_control").into()),
             _ => None,
         }
     });
-    in_group.chain(["/proc/vmstat".to_owned()]).collect()
+    in_group.chain(["/proc/vmstat".into()]).collect()
 }
 
 /// The value of the line `oom_kill <n>`.
@@ -74,16 +83,12 @@ fn count_in(text: &str) -> Option<u64> {
 mod tests {
     use super::*;
 
-    fn resources(oom_kills: u64) -> Resources {
-        Resources { domain: Domain::new("none").expect("a name"), output: "/".into(), oom_kills }
-    }
-
     #[test]
     fn kills_of_the_kernel_are_counted_in_the_closest_group() {
-        let v2 = oom_counts("0::/system.slice/run.service\n");
-        assert_eq!(v2, ["/sys/fs/cgroup/system.slice/run.service/memory.events", "/proc/vmstat"]);
-        let v1 = oom_counts("8:pids:/\n4:memory:/\n0::/\n");
-        assert_eq!(v1[0], "/sys/fs/cgroup/memory/memory.oom_control");
+        let v2 = oom_counters("0::/system.slice/run.service\n");
+        assert_eq!(v2, ["/sys/fs/cgroup/system.slice/run.service/memory.events", "/proc/vmstat"].map(PathBuf::from));
+        let v1 = oom_counters("8:pids:/\n4:memory:/\n0::/\n");
+        assert_eq!(v1[0], PathBuf::from("/sys/fs/cgroup/memory/memory.oom_control"));
         assert_eq!(count_in("low 0\nhigh 0\noom 3\noom_kill 2\noom_group_kill 0\n"), Some(2));
         assert_eq!(count_in("oom_kill_disable 0\nunder_oom 0\noom_kill 5\n"), Some(5));
         assert_eq!(count_in("oom 3\n"), None);
@@ -91,11 +96,19 @@ mod tests {
 
     #[test]
     fn kernel_is_blamed_only_for_kills_since_the_last_fault() {
-        let now = oom_kills();
-        assert!(!resources(now + 1).evidence(&[]).has_kernel_killed);
-        let mut since_boot = resources(0);
-        // Only where the kernel has killed before.
-        assert_eq!(since_boot.evidence(&[]).has_kernel_killed, now > 0);
-        assert!(!since_boot.evidence(&[]).has_kernel_killed, "counted once");
+        let folder = tempfile::tempdir().expect("a folder");
+        let [absent, events, machine] = ["absent", "memory.events", "vmstat"].map(|name| folder.path().join(name));
+        let write = |path: &Path, n: u64| std::fs::write(path, format!("oom 9\noom_kill {n}\n")).expect("written");
+        write(&events, 3);
+        write(&machine, 7);
+        let domain = Domain::new("none").expect("a name");
+        let counters = vec![absent, events.clone(), machine.clone()];
+        let mut resources = Resources::with_counters(&domain, folder.path(), counters);
+        assert!(!resources.evidence(&[]).has_kernel_killed, "kills before the run");
+        write(&machine, 8);
+        assert!(!resources.evidence(&[]).has_kernel_killed, "a kill outside the group");
+        write(&events, 4);
+        assert!(resources.evidence(&[]).has_kernel_killed);
+        assert!(!resources.evidence(&[]).has_kernel_killed, "counted once");
     }
 }

@@ -74,7 +74,7 @@ impl StageProcess {
     ) -> Result<Self, StartError> {
         let failed = |source: IpcError| StartError::Services { stage: stage.name.clone(), source };
         let control = LatestPublisher::open(node, &format!("{}.control", stage.name)).map_err(failed)?;
-        let wake = Waker::open(node, &wake_name(&stage.name)).map_err(failed)?;
+        let wake = node.open_waker(&wake_name(&stage.name)).map_err(failed)?;
         let heartbeat = LatestSubscriber::open(node, &format!("{}.health", stage.name)).map_err(failed)?;
         let (child, log_start) = spawn(stage, assignment, &log, format)?;
         let now = Instant::now();

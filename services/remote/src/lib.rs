@@ -1,5 +1,15 @@
 //! `replica-remote`: the process of a stage whose table has the key `host`. It connects to the agent there, and forwards the steps
 //! of the stage ([`stage::remote`]) over an encrypted connection ([`link`]).
+//!
+//! To the supervisor it is a stage like any other: it has the topics, barriers and states of the stage on the other host. That host keeps
+//! nothing. `docs/explanation/two_machines.md` explains why.
+//!
+//! Start reading at [`connect`]: how long it waits for a host, and what it asks the agent to start. [`stage::remote`] has the
+//! requests and answers, [`link`] the encryption.
+//!
+//! The process must never send a message without encryption, never start a program of another version than its own, and never answer for
+//! the other host: while the connection is lost it publishes nothing, and after 30 s the attempt counts as failed, so that the
+//! supervisor restarts the run from its last barrier.
 
 use link::{Key, LinkError, StageProgram};
 use run::Remote;

@@ -1,4 +1,14 @@
-//! replay: a source that publishes the messages and ticks of a recording. It replaces the stages that published them.
+//! Stage `replay`: a source that publishes the messages and ticks of a recording. It replaces the stages that published them.
+//!
+//! `replica record` and `replica import` write recordings. A run from a recording repeats a part of another run without its sensors:
+//! for example, all stages behind the odometry, with another model. With `speed`, it keeps the pace of the recorded drive.
+//!
+//! Start reading at `Replay::step` below: it publishes one recorded tick. `pace.rs` waits until the tick is due.
+//!
+//! The stage must never change a message: it publishes the recorded bytes, in the recorded ticks and order. It refuses a topic whose
+//! version or layout differs from the one that this program knows, and it never passes over damage silently: a recording that
+//! ends early is replayed to its end and raises the doubt `recording_incomplete`; damaged messages end the run. Topics that were not
+//! recorded, but that stages read, raise the doubt `topics_not_replayed`.
 
 mod pace;
 

@@ -12,6 +12,12 @@
 //! move the submaps, never their points (`docs/explanation/georeferencing.md`).
 //!
 //! The first sweep waits for the second, because a speed needs two: its poses are one tick late.
+//!
+//! Start reading at [`SlamAggregate`] in `slam.rs`: one step matches a sweep, writes its points and closes a submap. `open_submap.rs` has the
+//! submap that grows, in shared memory.
+//!
+//! The stage must never move a point that it has published, never publish a submap twice, and never use a measurement that arrives later
+//! than the tick of its sweep: the same ticks give the same bytes.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -14,5 +14,6 @@ pub use camera_file::{CameraFileError, image_into, mosaic_into};
 pub use drive_reader::{
     DrivePosition, DriveReader, Due, InitialCounts, NextSweep, Part, SkippedAtBegin, drive_problems,
 };
+pub use inertial::BadLines;
 pub(crate) use odometer::Odometer;
 pub use trigger::Trigger;

@@ -2,6 +2,13 @@
 //!
 //! By default each buffer of some megabytes goes back to the kernel when it is freed, and the next one pays for clearing its pages again:
 //! a twentieth of the CPU of a run, a fifth of that of a training. The settings are glibc's; other libraries ignore them.
+//!
+//! Start reading at [`Keep`], which lists the two settings. The supervisor calls [`keep_freed_memory`] for the stages that it starts. A
+//! tool with large buffers calls [`restart_with_kept_memory`] as the first thing in its `main`, because glibc reads its settings
+//! before `main` begins.
+//!
+//! The crate must never change a setting of the user: where one of the variables of the allocator is set, nothing happens. It must
+//! never change a result, and never end a program: if the settings cannot be made, the program runs as it is and takes longer.
 
 use std::env::{args_os, current_exe, var_os};
 use std::ffi::OsStr;

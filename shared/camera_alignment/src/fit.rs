@@ -247,6 +247,7 @@ mod tests {
     #[test]
     fn images_without_outlines_give_no_offset() {
         let found = fit(&[profiles([0.0; 3], 0.0, 10.0, false), Vec::new()]);
-        assert!(found.cameras.iter().all(|camera| !camera.is_observable()), "{found:?}");
+        let are_observable: Vec<bool> = found.cameras.iter().map(CameraOffset::is_observable).collect();
+        assert_eq!(are_observable, [false, false], "{found:?}");
     }
 }

@@ -11,7 +11,12 @@
 //!
 //! [`CubeRegions`] divides the cubes of a drive.
 //!
-//! Baselines: [`project_onto_straight_lines`] (Dynamic Color Lines), [`slic`] (superpixels).
+//! Baselines: [`project_onto_straight_lines`] (Dynamic Color Lines), [`slic()`] (superpixels).
+//!
+//! Start reading at [`Model::fit`] in `model.rs`: it calls the steps in their order. [`Settings`] documents the parameters.
+//!
+//! The crate must never depend on the number of threads or on the time: the same image gives the same regions, bit by bit. It never
+//! reads files, and it never fills invalid pixels: a pixel with a value that is not finite has region 0 and changes no other pixel.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

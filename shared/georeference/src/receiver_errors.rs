@@ -220,7 +220,9 @@ mod tests {
         for ((second, _), error) in fixes.iter().zip(errors(&fixes)) {
             assert!((error - jump(*second)).abs() < 1e-9, "{second} s: {error} m");
         }
-        assert!(corrected(&fixes).iter().all(|p| p.sigma_m[0].max(p.sigma_m[1]) < 1.05 * SIGMA_M));
+        let corrected = corrected(&fixes);
+        assert_eq!(corrected.len(), fixes.len());
+        assert!(corrected.iter().all(|p| p.sigma_m[0].max(p.sigma_m[1]) < 1.05 * SIGMA_M));
     }
 
     #[test]
@@ -365,6 +367,7 @@ mod tests {
     fn white_noise_of_heights_is_no_evidence_of_multipath() {
         for stream in 0..20 {
             let positions = errors_in_height(|second| 0.97 * gauss(900 + stream, second));
+            assert_eq!(positions.len(), 64);
             assert!(positions.iter().all(|p| p.sigma_above_m <= p.sigma_m[2] * 1.3), "stream {stream}");
         }
     }
@@ -372,6 +375,7 @@ mod tests {
     #[test]
     fn heights_that_stay_raised_for_seconds_are_evidence_of_multipath() {
         let positions = errors_in_height(|second| if second % 32 < 16 { 6.0 } else { 0.0 });
+        assert_eq!(positions.len(), 64);
         assert!(positions.iter().all(|p| p.sigma_above_m > 7.0 * p.sigma_m[2]));
         // Raised fixes count less horizontally, too.
         assert!(positions[8].sigma_m[0] > 5.0 && positions[24].sigma_m[0] < 0.5, "{positions:?}");

@@ -1,7 +1,7 @@
 //! Points that may belong to an object of a class.
 
 use crate::settings::Kind;
-use crate::top_view::{Cell, TopView};
+use crate::top_view::{Cell, ThingPoint, TopView};
 use messages::SubmapPoint;
 
 /// A point of the class below its height limit.
@@ -24,7 +24,7 @@ pub(crate) fn candidates(
     kind: &Kind,
 ) -> Vec<Candidate> {
     let of_class = view.thing_points.iter().zip(is_class).filter(|(_, is_class)| **is_class);
-    let candidate = |(&(point_idx, cell), _): (&(u32, Cell), &bool)| {
+    let candidate = |(&ThingPoint { point_idx, cell }, _): (&ThingPoint, &bool)| {
         let point = &points[point_idx as usize];
         let above_m = view.above_ground(point, cell);
         let is_low = view.terrain_m.is_none() || above_m <= kind.max_height_m;

@@ -1,6 +1,6 @@
 //! Joins the parts of a standing object that others hide in part, such as a car behind a fence.
 
-use crate::objects::Object;
+use crate::object::{Object, united};
 use crate::sets::Sets;
 use crate::settings::Kind;
 use crate::top_view::{Cell, TopView};
@@ -12,7 +12,7 @@ pub(crate) fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Obj
     let limit = (kind.join_m / view.grid.cell_m).ceil() as usize;
     // The diagonal of the largest object.
     let longest = (kind.max_length_m * 1.0_f64.hypot(MAX_WIDTH_SHARE) / view.grid.cell_m).ceil() as usize;
-    let boxes: Vec<[usize; 4]> = objects.iter().map(|object| bounds(&object.cells[0])).collect();
+    let boxes: Vec<[usize; 4]> = objects.iter().map(|object| bounds(&object.footprint.all)).collect();
     for (a, box_a) in boxes.iter().enumerate() {
         for (b, box_b) in boxes.iter().enumerate().skip(a + 1) {
             let apart = |low: usize, high: usize| {
@@ -26,7 +26,7 @@ pub(crate) fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Obj
                 && objects[a].motion.is_none()
                 && objects[b].motion.is_none()
             {
-                let (gap, from, to) = gap(&objects[a].cells[0], &objects[b].cells[0]);
+                let (gap, from, to) = gap(&objects[a].footprint.all, &objects[b].footprint.all);
                 let is_hidden = ground_between(from, to, view) <= MAX_GROUND_BETWEEN;
                 if (gap as f64).sqrt() * view.grid.cell_m <= kind.join_m && is_hidden {
                     pairs.push((gap as u64, a, b));
@@ -39,7 +39,7 @@ pub(crate) fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Obj
     for &(_, a, b) in &pairs {
         let (numbers, _) = sets.numbers();
         let of_both = |idx: &usize| numbers[*idx] == numbers[a] || numbers[*idx] == numbers[b];
-        let corners = (0..objects.len()).filter(of_both).flat_map(|idx| &objects[idx].cells[0]);
+        let corners = (0..objects.len()).filter(of_both).flat_map(|idx| &objects[idx].footprint.all);
         let centers: Vec<[f64; 2]> = corners.map(|&(row, col)| view.grid.center(row, col).into()).collect();
         let whole = OrientedRectangle::around(&centers);
         let fits = |whole: &OrientedRectangle| {
@@ -51,21 +51,6 @@ pub(crate) fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Obj
         }
     }
     united(objects, &mut sets)
-}
-
-/// One object for each set, in the order of first members.
-pub(crate) fn united(objects: Vec<Object>, sets: &mut Sets) -> Vec<Object> {
-    let (numbers, n) = sets.numbers();
-    let mut joined: Vec<Option<Object>> = (0..n).map(|_| None).collect();
-    for (object, &number) in objects.into_iter().zip(&numbers) {
-        match &mut joined[number as usize] {
-            Some(whole) => whole.append(object),
-            empty => *empty = Some(object),
-        }
-    }
-    let mut joined: Vec<Object> = joined.into_iter().flatten().collect();
-    joined.iter_mut().for_each(Object::sort);
-    joined
 }
 
 /// Largest share of the cells between two parts of one object in which ground was seen.

@@ -2,14 +2,12 @@
 
 use crate::blobs::{Blob, Blobs};
 use crate::candidates::Candidate;
-use crate::joining::united;
-use crate::objects::Object;
+use crate::object::{Motion, Object, Waypoint, united};
 use crate::sets::Sets;
 use crate::settings::Kind;
 use crate::top_view::TopView;
 use crate::tracks::{Track, follow};
 use messages::{POINT_DYNAMIC, SubmapPoint};
-use serde::{Deserialize, Serialize};
 
 /// A track moves if `slam_aggregate` has marked at least this share of its points, and it goes at least this number of lengths of a
 /// usual object. The pieces of a shorter path overlap. In the narrow view of a tilted LiDAR, one car after another is seen in the same
@@ -26,17 +24,6 @@ const MAX_PAUSE_NANOS: i64 = 500_000_000;
 
 /// A piece belongs to a mover that has at least this share of its points.
 const SHARE_OF_PIECE: f64 = 0.5;
-
-/// Motion of an object over a submap.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Motion {
-    /// Time, ns since the Unix epoch, and center, m, of its first blob.
-    pub first: (i64, [f64; 2]),
-    /// The same of its last blob.
-    pub last: (i64, [f64; 2]),
-    /// Mean velocity, m/s.
-    pub velocity: [f64; 2],
-}
 
 /// The moving objects of a class.
 pub(crate) struct Movers {
@@ -126,57 +113,62 @@ fn way_m(track: &Track, blobs: &Blobs) -> f64 {
 
 /// The way of a track: centers of its blobs, and the velocity that fits them best.
 struct Path {
-    /// ns and position, in the order of time.
-    centers: Vec<(i64, [f64; 2])>,
+    /// In the order of time.
+    centers: Vec<Waypoint>,
     velocity: [f64; 2],
 }
 
 impl Path {
     fn of(track: &Track, blobs: &Blobs) -> Self {
-        let centers: Vec<(i64, [f64; 2])> =
-            track.blobs.iter().map(|&blob| (blobs.all[blob].nanos, blobs.all[blob].center)).collect();
+        let waypoint = |&blob: &usize| Waypoint { nanos: blobs.all[blob].nanos, center: blobs.all[blob].center };
+        let centers: Vec<Waypoint> = track.blobs.iter().map(waypoint).collect();
         let n = centers.len() as f64;
-        let mean_s = centers.iter().map(|c| c.0 as f64 * 1e-9).sum::<f64>() / n;
-        let spread: f64 = centers.iter().map(|c| (c.0 as f64 * 1e-9 - mean_s).powi(2)).sum();
+        let mean_s = centers.iter().map(|c| c.nanos as f64 * 1e-9).sum::<f64>() / n;
+        let spread: f64 = centers.iter().map(|c| (c.nanos as f64 * 1e-9 - mean_s).powi(2)).sum();
         let slope = |axis: usize| {
-            let sum: f64 = centers.iter().map(|c| (c.0 as f64 * 1e-9 - mean_s) * c.1[axis]).sum();
+            let sum: f64 = centers.iter().map(|c| (c.nanos as f64 * 1e-9 - mean_s) * c.center[axis]).sum();
             if spread > 0.0 { sum / spread } else { 0.0 }
         };
         let velocity = [slope(0), slope(1)];
         Self { centers, velocity }
     }
 
-    fn span(&self) -> (i64, i64) {
-        (self.centers[0].0, self.centers[self.centers.len() - 1].0)
+    fn begin_nanos(&self) -> i64 {
+        self.centers[0].nanos
+    }
+
+    fn end_nanos(&self) -> i64 {
+        self.centers[self.centers.len() - 1].nanos
     }
 
     /// Position at a time: from the nearest center with the mean velocity.
     fn at(&self, nanos: i64) -> [f64; 2] {
-        let after = self.centers.partition_point(|center| center.0 < nanos).min(self.centers.len() - 1);
+        let after = self.centers.partition_point(|center| center.nanos < nanos).min(self.centers.len() - 1);
         let nearest =
-            [after.saturating_sub(1), after].into_iter().min_by_key(|&idx| (self.centers[idx].0 - nanos).abs());
-        let (at, position) = self.centers[nearest.unwrap_or(after)];
+            [after.saturating_sub(1), after].into_iter().min_by_key(|&idx| (self.centers[idx].nanos - nanos).abs());
+        let Waypoint { nanos: at, center } = self.centers[nearest.unwrap_or(after)];
         let seconds = (nanos - at) as f64 * 1e-9;
-        [position[0] + self.velocity[0] * seconds, position[1] + self.velocity[1] * seconds]
+        [center[0] + self.velocity[0] * seconds, center[1] + self.velocity[1] * seconds]
     }
 
     /// Whether both are tracks of one object: they meet within its size at one time.
     fn belongs_to(&self, other: &Self, kind: &Kind) -> bool {
-        let ((begin, end), (other_begin, other_end)) = (self.span(), other.span());
-        let (latest_begin, first_end) = (begin.max(other_begin), end.min(other_end));
+        let latest_begin = self.begin_nanos().max(other.begin_nanos());
+        let first_end = self.end_nanos().min(other.end_nanos());
         if latest_begin - first_end > MAX_PAUSE_NANOS {
             return false;
         }
         let middle = latest_begin + (first_end - latest_begin) / 2;
-        let (a, b) = (self.at(middle), other.at(middle));
+        let a = self.at(middle);
+        let b = other.at(middle);
         (a[0] - b[0]).hypot(a[1] - b[1]) <= 0.5 * kind.length_m
     }
 }
 
 /// Motion of a mover with these paths: the velocity is that of the path with most blobs.
 fn motion<'a>(paths: impl Iterator<Item = &'a Path> + Clone) -> Option<Motion> {
-    let first = paths.clone().min_by_key(|path| path.span().0)?.centers.first()?;
-    let last = paths.clone().max_by_key(|path| path.span().1)?.centers.last()?;
+    let first = paths.clone().min_by_key(|path| path.begin_nanos())?.centers.first()?;
+    let last = paths.clone().max_by_key(|path| path.end_nanos())?.centers.last()?;
     let velocity = paths.max_by_key(|path| path.centers.len())?.velocity;
     Some(Motion { first: *first, last: *last, velocity })
 }

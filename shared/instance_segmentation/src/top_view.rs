@@ -24,8 +24,17 @@ pub struct TopView {
     pub ground: Array2<bool>,
     /// Cells with any point.
     pub seen: Array2<bool>,
-    /// Index and cell of the points of the classes of `things`, in the order of the submap.
-    pub thing_points: Vec<(u32, Cell)>,
+    /// The points of the classes of `things`, in the order of the submap.
+    pub thing_points: Vec<ThingPoint>,
+}
+
+/// A point of an object's class.
+#[derive(Clone, Copy)]
+pub struct ThingPoint {
+    /// Its index in the submap.
+    pub point_idx: u32,
+    /// Its cell of the grid.
+    pub cell: Cell,
 }
 
 impl TopView {
@@ -54,7 +63,7 @@ impl TopView {
             // The minimum of a number and NaN is the number.
             *lowest = lowest.min(if is_ground { point.z } else { f32::INFINITY });
             if !is_ground && is_thing(row) {
-                thing_points.push((point_idx as u32, cell));
+                thing_points.push(ThingPoint { point_idx: point_idx as u32, cell });
             }
         }
         let seen = lowest_m.mapv(|z| !z.is_nan());

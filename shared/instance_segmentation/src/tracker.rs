@@ -4,9 +4,8 @@
 //! objects of the last submaps, in cells of odom. Submaps are not delayed: the later part of an object gets the id of the
 //! earlier part.
 
-use crate::movers::Motion;
-use crate::objects::Object;
-use crate::visits::overlap;
+use crate::footprint::{Footprint, overlap};
+use crate::object::{Motion, Object, Waypoint};
 use geometry::{BevGrid, Point3, Pose, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -41,8 +40,7 @@ pub struct TrackedObject {
     /// Its id; 0 before it has one.
     pub id: u32,
     class: u8,
-    /// All cells, cells of its first and cells of its last half second, sorted.
-    cells: [Vec<OdomCell>; 3],
+    footprint: Footprint<OdomCell>,
     begin: i64,
     end: i64,
     /// Of a moving object, in odom.
@@ -59,33 +57,28 @@ impl TrackedObject {
             let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);
             ((p_in_odom.x / CELL_M).floor() as i32, (p_in_odom.y / CELL_M).floor() as i32)
         };
-        let cells = object.cells.each_ref().map(|cells| {
-            let mut cells: Vec<OdomCell> = cells.iter().map(odom_cell).collect();
-            cells.sort_unstable();
-            cells.dedup();
-            cells
-        });
         let motion = object.motion.map(|Motion { first, last, velocity: [vx, vy] }| {
-            let place = |(nanos, [x, y]): (i64, [f64; 2])| {
+            let place = |Waypoint { nanos, center: [x, y] }| {
                 let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);
-                (nanos, [p_in_odom.x, p_in_odom.y])
+                Waypoint { nanos, center: [p_in_odom.x, p_in_odom.y] }
             };
             let velocity = odom_from_submap.rotation * Vector3::new(vx, vy, 0.0);
             Motion { first: place(first), last: place(last), velocity: [velocity.x, velocity.y] }
         });
-        Self { id: 0, class, cells, begin: object.span.0, end: object.span.1, motion, age: 0 }
+        let footprint = object.footprint.mapped(odom_cell);
+        Self { id: 0, class, footprint, begin: object.begin_nanos, end: object.end_nanos, motion, age: 0 }
     }
 
     fn is_moving(&self) -> bool {
-        self.motion.is_some() || overlap(&self.cells[1], &self.cells[2]) < SAME_PLACE
+        self.motion.is_some() || self.footprint.overlap_of_ends() < SAME_PLACE
     }
 
     /// How well the predicted center of this object fits the first center of `later`: 1 exactly, 0 at the gate.
     fn predicts(&self, later: &Self) -> f64 {
         let (Some(motion), Some(next)) = (self.motion, later.motion) else { return 0.0 };
-        let seconds = (next.first.0 - motion.last.0).max(0) as f64 * 1e-9;
+        let seconds = (next.first.nanos - motion.last.nanos).max(0) as f64 * 1e-9;
         let velocity = motion.velocity;
-        let off = |axis: usize| motion.last.1[axis] + velocity[axis] * seconds - next.first.1[axis];
+        let off = |axis: usize| motion.last.center[axis] + velocity[axis] * seconds - next.first.center[axis];
         let gate_m = GATE_M + GATE_SHARE * velocity[0].hypot(velocity[1]) * seconds;
         (1.0 - off(0).hypot(off(1)) / gate_m).max(0.0)
     }
@@ -96,10 +89,13 @@ impl TrackedObject {
             return 0.0;
         }
         if !self.is_moving() && !later.is_moving() {
-            return overlap(&self.cells[0], &later.cells[0]);
+            return overlap(&self.footprint.all, &later.footprint.all);
         }
         let is_continued = later.begin - self.end <= MAX_PAUSE_NANOS;
-        if is_continued { overlap(&self.cells[2], &later.cells[1]).max(self.predicts(later)) } else { 0.0 }
+        if !is_continued {
+            return 0.0;
+        }
+        overlap(&self.footprint.at_last, &later.footprint.at_first).max(self.predicts(later))
     }
 }
 
@@ -149,7 +145,10 @@ impl Tracker {
 impl TrackedObject {
     /// Whether the row ranges of the two footprints overlap. A fast test: most pairs are far apart, and cells are sorted by row.
     fn rows_overlap(&self, other: &Self) -> bool {
-        let ends = |object: &Self| object.cells[0].first().zip(object.cells[0].last()).map(|(a, b)| (a.0, b.0));
+        let ends = |object: &Self| {
+            let cells = &object.footprint.all;
+            cells.first().zip(cells.last()).map(|(first, last)| (first.0, last.0))
+        };
         ends(self).zip(ends(other)).is_some_and(|(a, b)| a.0 <= b.1 && b.0 <= a.1)
     }
 }

@@ -7,6 +7,7 @@
 //! they are *moving*: the first and the last footprint of a moving group are in different places.
 
 use crate::candidates::Candidate;
+use crate::footprint::{Footprint, overlap};
 use crate::footprints::Footprints;
 use crate::sets::Sets;
 use crate::top_view::Cell;
@@ -52,7 +53,8 @@ impl Visits {
             let latest = &mut latest[cell];
             match all.get_mut(*latest as usize) {
                 Some(visit) if time.saturating_sub(visit.end) <= apart_nanos => {
-                    (visit.begin, visit.end) = (visit.begin.min(time), visit.end.max(time));
+                    visit.begin = visit.begin.min(time);
+                    visit.end = visit.end.max(time);
                 }
                 _ => {
                     let before = std::mem::replace(latest, all.len() as u32);
@@ -110,41 +112,37 @@ fn link_neighbors(
 
 /// Joins standing groups of one part that are in the same place. Returns the number of remaining groups.
 fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footprints: &Footprints) -> usize {
-    let mut spans = vec![(i64::MAX, i64::MIN); n];
+    let mut begins = vec![i64::MAX; n];
+    let mut ends = vec![i64::MIN; n];
     for (visit, &group) in visits.iter().zip(&*group_of_visit) {
-        let (begin, end) = &mut spans[group as usize];
-        (*begin, *end) = ((*begin).min(visit.begin), (*end).max(visit.end));
+        let begin = &mut begins[group as usize];
+        *begin = visit.begin.min(*begin);
+        let end = &mut ends[group as usize];
+        *end = visit.end.max(*end);
     }
-    // For each group: all cells, first cells, last cells.
-    let mut cells: Vec<[Vec<Cell>; 3]> = vec![Default::default(); n];
+    let mut cells: Vec<Footprint<Cell>> = vec![Footprint::default(); n];
     for (visit, &group) in visits.iter().zip(&*group_of_visit) {
-        let (begin, end) = spans[group as usize];
-        let [all, first, last] = &mut cells[group as usize];
-        all.push(visit.cell);
-        if visit.begin <= begin + END_WINDOW_NANOS {
-            first.push(visit.cell);
+        let of_group = &mut cells[group as usize];
+        of_group.all.push(visit.cell);
+        if visit.begin <= begins[group as usize] + END_WINDOW_NANOS {
+            of_group.at_first.push(visit.cell);
         }
-        if visit.end >= end - END_WINDOW_NANOS {
-            last.push(visit.cell);
-        }
-    }
-    for sets in &mut cells {
-        for set in sets {
-            set.sort_unstable();
-            set.dedup();
+        if visit.end >= ends[group as usize] - END_WINDOW_NANOS {
+            of_group.at_last.push(visit.cell);
         }
     }
-    let is_moving: Vec<bool> = cells.iter().map(|[_, first, last]| overlap(first, last) < SAME_PLACE).collect();
+    cells.iter_mut().for_each(Footprint::sort);
+    let is_moving: Vec<bool> = cells.iter().map(|of_group| of_group.overlap_of_ends() < SAME_PLACE).collect();
 
     let mut by_part: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
-    for (group, [all, ..]) in cells.iter().enumerate().filter(|(group, _)| !is_moving[*group]) {
-        by_part.entry(footprints.parts[all[0]]).or_default().push(group);
+    for (group, of_group) in cells.iter().enumerate().filter(|(group, _)| !is_moving[*group]) {
+        by_part.entry(footprints.parts[of_group.all[0]]).or_default().push(group);
     }
     let mut sets = Sets::new(n);
     for groups in by_part.values() {
         for (i, &a) in groups.iter().enumerate() {
             for &b in &groups[i + 1..] {
-                if overlap(&cells[a][0], &cells[b][0]) >= SAME_OBJECT {
+                if overlap(&cells[a].all, &cells[b].all) >= SAME_OBJECT {
                     sets.union(a, b);
                 }
             }
@@ -155,11 +153,4 @@ fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footpri
         *group = numbers[*group as usize];
     }
     n
-}
-
-/// Overlap of two sorted sets as a fraction of the smaller one; 0 if one is empty.
-pub(crate) fn overlap<T: Ord>(a: &[T], b: &[T]) -> f64 {
-    let (small, large) = if a.len() <= b.len() { (a, b) } else { (b, a) };
-    let n_both = small.iter().filter(|member| large.binary_search(member).is_ok()).count();
-    n_both as f64 / small.len().max(1) as f64
 }

@@ -79,7 +79,7 @@ impl End {
     fn open(domain: &Domain, name: &str, out: &Channel, inward: &Channel) -> Self {
         let node = domain.node(name).expect("node");
         let own = format!("{name}.wake");
-        let wake = Wake::open(&node, &own).expect("wake");
+        let wake = node.open_wake(&own).expect("wake");
         let out = Publisher::open(&node, out).expect("publisher");
         let inward = Subscriber::open(&node, inward, &own).expect("subscriber");
         let end = Self { out, inward, wake, node };

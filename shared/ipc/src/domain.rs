@@ -1,13 +1,11 @@
 //! The domain of one run: its services and its memory have a prefix and a folder that no other run uses.
 
-use crate::opaque::Opaque;
-use crate::ownership::{self, check_private_folder, create_private_folder, is_foreign, is_own};
-use crate::wake::SharedWakers;
-use crate::{Iox, IpcError};
-use iceoryx2::prelude::*;
+use crate::IpcError;
+use crate::ownership::{self, check_private_folder, is_foreign, is_own};
+use iceoryx2::prelude::ServiceName;
 use std::fs::Metadata;
 use std::os::unix::ffi::OsStrExt;
-use std::path::{Path as StdPath, PathBuf};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Folder of POSIX shared memory on Linux.
@@ -69,14 +67,14 @@ impl Domain {
     }
 
     /// Writes down the output of the domain's run, for [`Domain::of_output`]. The domain must have a node.
-    pub fn write_output(&self, output: &StdPath) -> Result<(), IpcError> {
+    pub fn write_output(&self, output: &Path) -> Result<(), IpcError> {
         let path = self.root().join(OUTPUT);
         let written = std::fs::write(&path, output.as_os_str().as_bytes());
         written.map_err(|cause| IpcError::Io { what: format!("writing {}", path.display()), cause })
     }
 
     /// The domains of this user that killed runs into `output` have left.
-    pub fn of_output(output: &StdPath) -> Result<Vec<Self>, IpcError> {
+    pub fn of_output(output: &Path) -> Result<Vec<Self>, IpcError> {
         let folders = listed("replica_")?.into_iter().filter(|path| check_private_folder(path).is_ok());
         let of_output = folders.filter(|path| {
             std::fs::read(path.join(OUTPUT)).is_ok_and(|written| written == output.as_os_str().as_bytes())
@@ -137,7 +135,7 @@ impl Domain {
     /// Whether a file in shared memory has no length yet. A process that opens such a file waits for its length, forever if the
     /// creating process was killed between the two calls (iceoryx2 0.10). Files too old to be in creation are removed. A file whose
     /// creator is killed after this check and before its use remains a risk.
-    fn has_unfinished_files(&self) -> Result<bool, IpcError> {
+    pub(crate) fn has_unfinished_files(&self) -> Result<bool, IpcError> {
         let mut unfinished = false;
         for (file, metadata) in self.files()? {
             if !metadata.is_file() || metadata.len() > 0 {
@@ -155,7 +153,7 @@ impl Domain {
     }
 
     /// iceoryx2 makes its node counter readable and writable by all users; a run is private to its owner.
-    fn close_to_others(&self) -> Result<(), IpcError> {
+    pub(crate) fn close_to_others(&self) -> Result<(), IpcError> {
         for (file, _) in self.files()? {
             if file.extension().is_some_and(|extension| extension == "global_mgmt") {
                 // The file of a node that has just ended is gone.
@@ -172,38 +170,6 @@ impl Domain {
         // st_blocks counts units of 512 bytes whatever the file system's block size.
         files.iter().map(|(_, metadata)| metadata.blocks() * 512).sum()
     }
-
-    /// A node of the domain. Its ports belong to the calling thread.
-    pub fn node(&self, name: &str) -> Result<Node, IpcError> {
-        // Problems are returned as errors; IOX2_LOG_LEVEL shows iceoryx2's own log for debugging.
-        set_log_level_from_env_or(LogLevel::Fatal);
-        let root = self.root();
-        create_private_folder(&root).map_err(|error| IpcError::Folder { folder: root.clone(), cause: error })?;
-        self.node_inside(&root, name)
-    }
-
-    /// A node of a domain whose folder is there. The superuser may join the runs of other users.
-    pub(crate) fn node_inside(&self, root: &StdPath, name: &str) -> Result<Node, IpcError> {
-        let what = || format!("node {name} of domain {}", self.name);
-        let mut config = Config::default();
-        config.global.prefix = self.prefix().as_str().try_into().map_err(|cause| IpcError::transport(what(), cause))?;
-        let root: Path =
-            root.to_string_lossy().as_ref().try_into().map_err(|cause| IpcError::transport(what(), cause))?;
-        config.global.set_root_path(&root);
-        // The supervisor cleans up after killed processes: it wipes the whole domain.
-        config.global.node.cleanup_dead_nodes_on_creation = false;
-        config.global.node.cleanup_dead_nodes_on_destruction = false;
-        config.global.service.cleanup_dead_nodes_on_open = false;
-        let node_name: NodeName = name.try_into().map_err(|cause| IpcError::transport(what(), cause))?;
-        let node = NodeBuilder::new()
-            .name(&node_name)
-            .config(&config)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Iox>()
-            .map_err(|cause| IpcError::transport(what(), cause))?;
-        self.close_to_others()?;
-        Ok(Node { wakers: SharedWakers::default(), inner: Opaque::new(node), domain: self.clone() })
-    }
 }
 
 /// Files of all users in shared memory whose names start with `prefix`.
@@ -219,33 +185,12 @@ fn listed(prefix: &str) -> Result<Vec<PathBuf>, IpcError> {
     Ok(files)
 }
 
-fn ignore_absent(what: &str, path: &StdPath, result: std::io::Result<()>) -> Result<(), IpcError> {
+fn ignore_absent(what: &str, path: &Path, result: std::io::Result<()>) -> Result<(), IpcError> {
     match result {
         Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
             Err(IpcError::Io { what: format!("{what} {}", path.display()), cause })
         }
         _ => Ok(()),
-    }
-}
-
-/// A node of a domain: creates ports, and wakes the processes at their other ends.
-pub struct Node {
-    // Dropped before the node, which must outlive its ports.
-    pub(crate) wakers: SharedWakers,
-    pub(crate) inner: Opaque<iceoryx2::prelude::Node<Iox>>,
-    pub(crate) domain: Domain,
-}
-
-impl Node {
-    /// Removes the ports of processes that have ended, so that no producer waits for their acknowledgements. `false`: not yet,
-    /// because a process is creating a port or was killed while it did, or because shared memory cannot be read.
-    pub fn remove_dead_ports(&self) -> bool {
-        if self.domain.has_unfinished_files().unwrap_or(true) {
-            return false;
-        }
-        // Nodes that another process is cleaning up, or that cannot be cleaned yet, are left to the next call.
-        let _state = self.inner.try_cleanup_dead_nodes();
-        true
     }
 }
 

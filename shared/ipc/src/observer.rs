@@ -52,7 +52,7 @@ impl Observer {
             ObserverMode::Dropping => None,
             ObserverMode::Lossless => Some(Acknowledging {
                 acknowledgement: LatestPublisher::open(node, &channel.observer_acknowledgement())?,
-                producer: Waker::open(node, &channel.producer)?,
+                producer: node.open_waker(&channel.producer)?,
                 taken: NOTHING_TAKEN,
                 settled: false,
             }),

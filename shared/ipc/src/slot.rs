@@ -88,6 +88,14 @@ fn view_mut<T: Message>(
 /// Why a loan always has its header and rows.
 const LONG_ENOUGH: &str = "the slot was loaned with enough lines";
 
+/// Memory of a message under construction.
+pub(crate) trait SlotMemory {
+    /// All lines.
+    fn lines(&self) -> &[CacheLine];
+    /// All lines, to be written.
+    fn lines_mut(&mut self) -> &mut [CacheLine];
+}
+
 /// A slot that its producer writes.
 pub(crate) struct Slot(Opaque<SampleMut<Iox, [CacheLine], WireEnvelope>>);
 
@@ -97,15 +105,18 @@ impl Slot {
         // an earlier message left), and any bytes are a valid `CacheLine`.
         Self(Opaque::new(unsafe { sample.assume_init() }))
     }
+    fn fill(mut self, envelope: Envelope) -> FilledSlot {
+        *self.0.user_header_mut() = WireEnvelope(envelope);
+        FilledSlot(self)
+    }
+}
+
+impl SlotMemory for Slot {
     fn lines(&self) -> &[CacheLine] {
         self.0.payload()
     }
     fn lines_mut(&mut self) -> &mut [CacheLine] {
         self.0.payload_mut()
-    }
-    fn fill(mut self, envelope: Envelope) -> FilledSlot {
-        *self.0.user_header_mut() = WireEnvelope(envelope);
-        FilledSlot(self)
     }
 }
 
@@ -138,16 +149,16 @@ impl ReceivedSlot {
 }
 
 /// A message under construction, in the shared memory in which its consumers will read it.
-pub(crate) struct SharedLoan<T: Message> {
-    slot: Slot,
+pub(crate) struct SharedLoan<T: Message, S = Slot> {
+    slot: S,
     len: usize,
     capacity: usize,
     message: PhantomData<T>,
 }
 
-impl<T: Message> SharedLoan<T> {
+impl<T: Message, S: SlotMemory> SharedLoan<T, S> {
     /// `slot` holds `capacity` rows.
-    pub(crate) fn new(slot: Slot, capacity: usize) -> Self {
+    pub(crate) fn new(slot: S, capacity: usize) -> Self {
         let mut loan = Self { slot, len: 0, capacity, message: PhantomData };
         *loan.header_mut() = T::Header::default();
         loan
@@ -174,6 +185,9 @@ impl<T: Message> SharedLoan<T> {
         let (_, rows) = view_mut::<T>(self.slot.lines_mut(), start..self.len).expect(LONG_ENOUGH);
         Some(rows)
     }
+}
+
+impl<T: Message> SharedLoan<T> {
     pub(crate) fn finish(self, mut envelope: Envelope) -> FilledSlot {
         envelope.len = self.len as u32;
         self.slot.fill(envelope)
@@ -184,7 +198,7 @@ impl<T: Message> SharedLoan<T> {
 mod tests {
     use super::*;
     use crate::message_type::MessageType;
-    use messages::{SubmapHeader, SubmapTopic, SweepTopic, TickTopic};
+    use messages::{SubmapHeader, SubmapTopic, SweepPoint, SweepTopic, TickTopic};
 
     /// Writes rows into a slot of `n_lines` lines and reads them back.
     fn round_trip<T: Message>(n_rows: usize) {
@@ -213,5 +227,49 @@ mod tests {
         assert_eq!(header_lines::<SubmapTopic>(), size_of::<SubmapHeader>().div_ceil(64));
         assert!(view::<SubmapTopic>(&[], 0).is_none());
         assert!(!MessageType::of::<SubmapTopic>().fits(0, 0));
+    }
+
+    /// Memory as the operating system gives it: zero, and never written by this program.
+    struct HeapSlot(Box<[CacheLine]>);
+
+    impl HeapSlot {
+        fn new(n_lines: usize) -> Self {
+            let lines = vec![MaybeUninit::<CacheLine>::zeroed(); n_lines].into_boxed_slice();
+            // SAFETY: as in `Slot::new`: the bytes are zero, and any bytes are a valid `CacheLine`.
+            Self(unsafe { lines.assume_init() })
+        }
+    }
+
+    impl SlotMemory for HeapSlot {
+        fn lines(&self) -> &[CacheLine] {
+            &self.0
+        }
+        fn lines_mut(&mut self) -> &mut [CacheLine] {
+            &mut self.0
+        }
+    }
+
+    /// `cargo miri test -p ipc --lib slot::` runs this file without shared memory: alignment, bounds and aliasing of a loan.
+    #[test]
+    fn loan_is_written_in_place_and_read_back() {
+        let message = MessageType::of::<SweepTopic>();
+        let mut slot = HeapSlot::new(message.lines_for(5));
+        // The second message lies where the first one was.
+        for seq in 1..=2 {
+            let mut loan = SharedLoan::<SweepTopic, _>::new(slot, 5);
+            for index in 0..3 {
+                let rows = loan.append(1).expect("room for a row");
+                rows[0] = SweepPoint { offset_nanos: 10 * seq + index, ..SweepPoint::default() };
+            }
+            assert!(loan.append(3).is_none(), "room for two rows is left");
+            loan.rows_mut()[1].offset_nanos += 5;
+            loan.header_mut().n_rings = 32;
+            assert_eq!((loan.rows().len(), loan.capacity()), (3, 5));
+            slot = loan.slot;
+            let (header, rows) = view::<SweepTopic>(slot.lines(), 3).expect("fits");
+            let offsets: Vec<u32> = rows.iter().map(|row| row.offset_nanos).collect();
+            assert_eq!((header.n_rings, offsets), (32, vec![10 * seq, 10 * seq + 6, 10 * seq + 2]));
+            assert_eq!(rows.as_ptr().addr() % LINE, 0, "rows start on a cache line");
+        }
     }
 }

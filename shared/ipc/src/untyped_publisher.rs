@@ -1,9 +1,9 @@
 //! The producing end of a channel, without its type: compiled once here, not again for each type in every program.
 
 use crate::message_type::MessageType;
+use crate::node::SharedWaker;
 use crate::shared_memory::SharedOutgoing;
 use crate::slot::{FilledSlot, Slot};
-use crate::wake::SharedWaker;
 use crate::{Channel, IpcError, LatestSubscriber, NOTHING_TAKEN, Node};
 use messages::Envelope;
 use std::rc::Rc;

@@ -1,9 +1,9 @@
 //! The consuming end of a channel, without its type: compiled once here, not again for each type in every program.
 
 use crate::message_type::MessageType;
+use crate::node::SharedWaker;
 use crate::shared_memory::SharedIncoming;
 use crate::slot::ReceivedSlot;
-use crate::wake::SharedWaker;
 use crate::{Channel, IpcError, LatestPublisher, Node};
 use std::rc::Rc;
 

@@ -2,18 +2,16 @@
 
 use crate::domain::service_name;
 use crate::opaque::Opaque;
-use crate::{Iox, IpcError, Node};
+use crate::{Iox, IpcError};
 use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::port::{listener, notifier};
+use iceoryx2::prelude::Node;
 use iceoryx2::service::port_factory::event;
-use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
-use std::rc::Rc;
 use std::time::Duration;
 
 /// The service of a wake, which the [`crate::ServiceHandles`] created.
-fn open(node: &Node, name: &str) -> Result<event::PortFactory<Iox>, IpcError> {
-    let opened = node.inner.service_builder(&service_name(name)?).event().open();
+fn open(node: &Node<Iox>, name: &str) -> Result<event::PortFactory<Iox>, IpcError> {
+    let opened = node.service_builder(&service_name(name)?).event().open();
     opened.map_err(|cause| IpcError::transport(format!("opening wake {name}"), cause))
 }
 
@@ -24,8 +22,7 @@ pub struct Wake {
 }
 
 impl Wake {
-    /// Opens the service that the [`crate::ServiceHandles`] created.
-    pub fn open(node: &Node, name: &str) -> Result<Self, IpcError> {
+    pub(crate) fn open(node: &Node<Iox>, name: &str) -> Result<Self, IpcError> {
         let listener = open(node, name)?.listener_builder().create();
         let listener = listener.map_err(|cause| IpcError::transport(format!("wake {name}"), cause))?;
         Ok(Self { name: name.to_owned(), listener: Opaque::new(listener) })
@@ -46,8 +43,7 @@ pub struct Waker {
 }
 
 impl Waker {
-    /// Opens the service that the [`crate::ServiceHandles`] created.
-    pub fn open(node: &Node, name: &str) -> Result<Self, IpcError> {
+    pub(crate) fn open(node: &Node<Iox>, name: &str) -> Result<Self, IpcError> {
         let notifier = open(node, name)?.notifier_builder().create();
         let notifier = notifier.map_err(|cause| IpcError::transport(format!("waker of {name}"), cause))?;
         Ok(Self { notifier: Opaque::new(notifier) })
@@ -55,72 +51,5 @@ impl Waker {
     /// Wakes the process. If it has not started yet, or has ended, nothing happens: a process checks every input first.
     pub fn wake(&self) {
         let _not_there = self.notifier.notify();
-    }
-}
-
-/// When a process is to be woken.
-#[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
-enum Due {
-    #[default]
-    No,
-    /// Before this process sleeps. Until then it may send more.
-    BeforeSleep,
-    /// As soon as the stage can.
-    Now,
-}
-
-/// A waker that all ports of a node share: what they send to the same process ends in one wake. A wake costs seven system calls
-/// and the start of a core that sleeps; a message in shared memory costs neither.
-pub(crate) struct SharedWaker {
-    waker: Waker,
-    due: Cell<Due>,
-}
-
-impl SharedWaker {
-    /// The process has something to check, before this one sleeps.
-    pub(crate) fn request(&self) {
-        self.due.set(self.due.get().max(Due::BeforeSleep));
-    }
-
-    /// The process has something to check now.
-    pub(crate) fn urge(&self) {
-        self.due.set(Due::Now);
-    }
-}
-
-/// The shared wakers of a node, by the names of their services.
-#[derive(Default)]
-pub(crate) struct SharedWakers(RefCell<BTreeMap<String, Rc<SharedWaker>>>);
-
-impl SharedWakers {
-    fn wake(&self, least: Due) {
-        for waker in self.0.borrow().values().filter(|waker| waker.due.get() >= least) {
-            waker.due.set(Due::No);
-            waker.waker.wake();
-        }
-    }
-}
-
-impl Node {
-    /// The waker of the process that sleeps on the [`Wake`] of this name.
-    pub(crate) fn shared_waker(&self, name: &str) -> Result<Rc<SharedWaker>, IpcError> {
-        if let Some(waker) = self.wakers.0.borrow().get(name) {
-            return Ok(Rc::clone(waker));
-        }
-        let waker = Rc::new(SharedWaker { waker: Waker::open(self, name)?, due: Cell::default() });
-        self.wakers.0.borrow_mut().insert(name.to_owned(), Rc::clone(&waker));
-        Ok(waker)
-    }
-
-    /// Wakes each process to which this node has sent a message since its last wake, or from which it has taken one. Always call
-    /// it before you sleep.
-    pub fn wake_all(&self) {
-        self.wakers.wake(Due::BeforeSleep);
-    }
-
-    /// Wakes those that should not wait until this process sleeps: consumers after [`crate::Publisher::urge`], and producers for
-    /// which half of a queue has become free.
-    pub fn wake_urged(&self) {
-        self.wakers.wake(Due::Now);
     }
 }

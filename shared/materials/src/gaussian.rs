@@ -1,5 +1,6 @@
 //! Distances to the references on the bands that were measured.
 
+use crate::band_place::BandPlace;
 use crate::model::Model;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -28,24 +29,11 @@ pub struct BandModel {
     log_share: f64,
 }
 
-/// A band of a camera among those of the model: the two next to it, and the weight of the second.
-pub(crate) struct Place(usize, usize, f64);
-
-impl Place {
-    /// A value there, from the values at the bands of the model.
-    pub fn value(&self, of_band: impl Fn(usize) -> f64) -> f64 {
-        let Self(first, second, weight) = *self;
-        of_band(first) * (1.0 - weight) + of_band(second) * weight
-    }
-}
-
-/// Farthest distance of a band outside of those of the model, nm.
-const MARGIN_NM: f32 = 5.0;
-
 impl BandModel {
     /// For the light of this number.
     pub fn new(model: &Model, light: usize, wavelengths_nm: &[f32]) -> Self {
-        let places: Vec<Option<Place>> = wavelengths_nm.iter().map(|nm| place(&model.wavelengths_nm, *nm)).collect();
+        let place = |nm: &f32| BandPlace::of(&model.wavelengths_nm, *nm);
+        let places: Vec<Option<BandPlace>> = wavelengths_nm.iter().map(place).collect();
         let n = wavelengths_nm.len();
         let covariance = DMatrix::from_fn(n, n, |row, column| {
             let (Some(row_place), Some(column_place)) = (&places[row], &places[column]) else {
@@ -55,7 +43,8 @@ impl BandModel {
             row_place.value(of_row) + if row == column { FLOOR } else { 0.0 }
         });
         let mean = |logs: &[f32]| -> Vec<f64> {
-            let of = |place: &Option<Place>| place.as_ref().map_or(0.0, |place| place.value(|k| f64::from(logs[k])));
+            let of =
+                |place: &Option<BandPlace>| place.as_ref().map_or(0.0, |place| place.value(|k| f64::from(logs[k])));
             places.iter().map(of).collect()
         };
         Self {
@@ -114,15 +103,4 @@ fn whiten(root: &DMatrix<f64>, values: impl Iterator<Item = f64>) -> DVector<f64
     let mut point = DVector::from_iterator(root.nrows(), values);
     root.solve_lower_triangular_mut(&mut point);
     point
-}
-
-/// `None` beyond the bands of the model.
-pub(crate) fn place(model_nm: &[f32], nm: f32) -> Option<Place> {
-    let (first, last) = (*model_nm.first()?, *model_nm.last()?);
-    if !(first - MARGIN_NM..=last + MARGIN_NM).contains(&nm) {
-        return None;
-    }
-    let after = model_nm.partition_point(|known| *known < nm).clamp(1, model_nm.len() - 1);
-    let (low, high) = (model_nm[after - 1], model_nm[after]);
-    Some(Place(after - 1, after, f64::from((nm - low) / (high - low)).clamp(0.0, 1.0)))
 }

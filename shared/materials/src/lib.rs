@@ -6,9 +6,17 @@
 //! 3. A [`Classifier`] compares a spectrum with the references by one [`Method`], on the bands that were measured.
 //! 4. [`materials_of`] classifies all points of a submap, smoothed over their neighbors and regions of cubes ([`Smoothing`]);
 //!    [`PointMaterials`] makes a column of them.
+//!
+//! Start reading at [`materials_of`] in `column.rs`, then at [`Classifier`]. All reflectances are shares of the incoming light, 0 to 1;
+//! wavelengths are in nm. The distances to the references work on natural logarithms of reflectances.
+//!
+//! The crate must never guess: a spectrum that is far from all references, or that was measured in too few bands, has the material
+//! `unknown`. It never uses bands that were masked, and it knows no files, cameras or topics: the built-in model is part of the
+//! program, and `replica train materials` fits others.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod band_place;
 mod classifier;
 mod column;
 mod fit;

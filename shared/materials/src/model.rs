@@ -1,6 +1,6 @@
 //! Reference spectra, and how far measured spectra are from them.
 
-use crate::gaussian::place;
+use crate::band_place::BandPlace;
 use messages::MaterialId;
 use serde::{Deserialize, Serialize};
 
@@ -109,7 +109,7 @@ impl Model {
     /// Reflectance of a reference in the sun at a wavelength, interpolated in its logarithm; `None` beyond the bands of the model.
     pub fn reflectance(&self, reference: usize, nm: f32) -> Option<f64> {
         let logs = &self.references[reference].log_reflectance;
-        place(&self.wavelengths_nm, nm).map(|place| place.value(|band| f64::from(logs[band])).exp())
+        BandPlace::of(&self.wavelengths_nm, nm).map(|place| place.value(|band| f64::from(logs[band])).exp())
     }
 
     /// Entry of the covariance in a light.

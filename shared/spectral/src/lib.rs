@@ -8,7 +8,14 @@
 //! - [`Demosaicer`] interpolates every band at every pixel; [`FullResolution`] makes whole cubes of it.
 //! - [`Correction`] turns the bands of the filters into virtual bands with one peak each.
 //!
-//! All of this is free of clocks, threads and files, except [`Camera`], which reads the references of a drive.
+//! Start reading at [`Calibration`], whose page has the formula, then [`Camera`], which joins all steps for one camera of a drive.
+//!
+//! Reflectances are shares of the incoming light: 0 is black, and the white reference has its stated reflectance. Wavelengths are in nm,
+//! exposures in ns, raw samples in counts.
+//!
+//! The crate must never hide a bad sample: a saturated, clipped or dead pixel is masked and counted, not replaced, and the virtual bands
+//! of a cell with a masked band are masked also. All of it is free of clocks, threads and files, except [`Camera`], which reads the
+//! references of a drive.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -4,8 +4,9 @@ use crate::command_line::{self, Action, CommandLine, NO_REQUEST, RunArguments, p
 use crate::own_table::own_table;
 use crate::program::{Program, ProgramOf};
 use crate::runner::Ending;
-use crate::{Context, Port, Problem, Stage, StepError, exit, log};
-use run::assignment::{Assignment, CONTRACT_VERSION, Description};
+use crate::table::{check_table, describe_table, description};
+use crate::{Problem, Stage, exit, log};
+use run::assignment::Assignment;
 use run::launch_file::LaunchFile;
 use run::{CheckRequest, DescribeRequest};
 use std::ffi::OsString;
@@ -54,17 +55,6 @@ pub fn run_program(program: &dyn Program, arguments: impl IntoIterator<Item = Os
     }
 }
 
-fn description(program: &dyn Program) -> Description {
-    Description {
-        contract: CONTRACT_VERSION,
-        name: program.name().to_owned(),
-        inputs: program.inputs().iter().map(Port::describe).collect(),
-        outputs: program.outputs().iter().map(Port::describe).collect(),
-        settings: program.fields(),
-        files: [].into(),
-    }
-}
-
 /// Problems of the launch file are reported by `--check`: here the defaults apply.
 fn describe(program: &dyn Program, request: &DescribeRequest) -> u8 {
     let file = LaunchFile::load(&request.launch_file, &request.changes).ok();
@@ -78,45 +68,11 @@ fn describe(program: &dyn Program, request: &DescribeRequest) -> u8 {
     }
 }
 
-/// The description with the settings of a table, if the launch file can be read.
-pub(crate) fn describe_table(
-    program: &dyn Program,
-    file: Option<&LaunchFile>,
-    name: &str,
-    launch_folder: &Path,
-) -> Result<Description, StepError> {
-    let mut description = description(program);
-    if let Some(table) = file.and_then(|file| own_table(file, name).ok()) {
-        let (stage, _) = program.configured(&table);
-        description.inputs = stage.inputs(launch_folder)?.iter().map(Port::describe).collect();
-        description.outputs = stage.outputs(launch_folder)?.iter().map(Port::describe).collect();
-    }
-    Ok(description)
-}
-
 fn check(program: &dyn Program, request: &CheckRequest) -> Vec<Problem> {
     match LaunchFile::load(&request.launch_file, &request.changes) {
         Ok(file) => check_table(program, &file, &request.table, &request.context),
         Err(problems) => problems,
     }
-}
-
-/// The problems of a table.
-pub(crate) fn check_table(program: &dyn Program, file: &LaunchFile, name: &str, context: &Context) -> Vec<Problem> {
-    let table = match own_table(file, name) {
-        Ok(table) => table,
-        Err(problem) => return vec![problem],
-    };
-    let (stage, mut problems) = program.configured(&table);
-    // A setting that is wrong by itself would only cause further errors.
-    if problems.is_empty() {
-        for mut problem in stage.check(context) {
-            let value = table.iter().find(|(key, _)| key.get_ref() == problem.key.as_str());
-            problem.span = value.map(|(_, value)| value.span());
-            problems.push(problem);
-        }
-    }
-    problems.into_iter().map(|problem| file.located(name, problem)).collect()
 }
 
 fn run_assignment(program: &dyn Program, path: &Path) -> u8 {

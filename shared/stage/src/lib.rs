@@ -40,6 +40,7 @@ mod runner;
 mod state;
 mod state_bytes;
 mod submap_join;
+mod table;
 pub mod testing;
 pub mod untyped;
 

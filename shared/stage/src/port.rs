@@ -6,6 +6,7 @@ use crate::outputs::AnyOutput;
 use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_output};
 use crate::submap_join::{self, WaitingMaker};
 use crate::untyped::{self, FirstMaker, LoanMaker, UntypedMessage};
+use crate::untyped::{self, LoanMaker, UntypedLoan, UntypedMessage};
 use crate::{ColumnPort, Inputs, Outputs, StepError};
 use messages::{
     ByteTable, CubeTopic, GnssTopic, ImageTopic, ImuTopic, Message, MosaicTopic, PlacementTopic, SubmapTopic,
@@ -134,5 +135,24 @@ impl Port {
             optional: self.optional,
             table: self.byte_table(),
         }
+    }
+}
+
+impl Inputs {
+    /// [`Inputs::take`] of the port's topic.
+    pub fn take_untyped(&mut self, port: &Port) -> Vec<Box<dyn UntypedMessage>> {
+        (port.make.take)(self, port.topic())
+    }
+}
+
+impl Outputs {
+    /// Publishes a message that was kept as bytes ([`Received::to_bytes`]), under the next number of the topic.
+    pub fn publish_bytes(&mut self, port: &Port, bytes: &[u8]) -> Result<(), StepError> {
+        (port.make.publish_bytes)(self, port.topic(), bytes)
+    }
+
+    /// A loan of the port's topic with `n_rows` zeroed rows.
+    pub fn loan_untyped(&mut self, port: &Port, n_rows: usize) -> Result<Box<dyn UntypedLoan>, StepError> {
+        (port.make.loan)(self, n_rows)
     }
 }

@@ -18,6 +18,6 @@ mod near;
 mod stand_in;
 mod wire;
 
-pub use connection::Connection;
+pub use connection::{Connect, Connection};
 pub(crate) use far::serve;
-pub use near::{Connect, run};
+pub use near::run;

@@ -10,7 +10,7 @@ use crate::outputs::TickedOutput;
 use crate::ports::{Clock, PortContext, TickedInput, Waiter};
 use crate::program::{ConfiguredStage, Program, RunningStage};
 use crate::{Flow, Inputs, Mode, Outputs, Port, StepError};
-use ipc::{Domain, LatestSubscriber, Wake};
+use ipc::{Domain, LatestSubscriber};
 use messages::{NO_DRIVE_TIME, TickRow};
 use run::assignment::{Assignment, Command, wake_name};
 use run::health::{Activity, Health, Heartbeat, Latency, Pulse};
@@ -109,7 +109,7 @@ impl<'a> Runner<'a> {
         stop: Arc<AtomicBool>,
     ) -> Result<Self, StepError> {
         let node = Rc::new(domain.node(&assignment.stage)?);
-        let wake = Wake::open(&node, &wake_name(&assignment.stage))?;
+        let wake = node.open_wake(&wake_name(&assignment.stage))?;
         let control = LatestSubscriber::open(&node, &format!("{}.control", assignment.stage))?;
         let waiter = Rc::new(Waiter::new(Rc::clone(&node), wake, stop, Arc::clone(pulse)));
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };

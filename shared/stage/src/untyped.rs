@@ -1,8 +1,8 @@
 //! Messages as bytes, for stages that know their topics only at run time: those in other languages, and `replay`.
 //!
-//! [`Port::all`] has the topics by name; their [`ByteTable`](crate::messages::ByteTable)s describe header and rows.
+//! [`Port::all`](crate::Port::all) has the topics by name; their [`ByteTable`](crate::messages::ByteTable)s describe header and rows.
 
-use crate::{Inputs, Loan, Outputs, Port, Received, StepError};
+use crate::{Inputs, Loan, Outputs, Received, StepError};
 use messages::pod::{bytes_from_rows, bytes_from_rows_mut};
 use messages::{Envelope, Message};
 
@@ -53,25 +53,6 @@ impl<T: Message> UntypedLoan for Loan<T> {
     }
 }
 
-impl Inputs {
-    /// [`Inputs::take`] of the port's topic.
-    pub fn take_untyped(&mut self, port: &Port) -> Vec<Box<dyn UntypedMessage>> {
-        (port.make.take)(self, port.topic())
-    }
-}
-
-impl Outputs {
-    /// Publishes a message that was kept as bytes ([`Received::to_bytes`]), under the next number of the topic.
-    pub fn publish_bytes(&mut self, port: &Port, bytes: &[u8]) -> Result<(), StepError> {
-        (port.make.publish_bytes)(self, port.topic(), bytes)
-    }
-
-    /// A loan of the port's topic with `n_rows` zeroed rows.
-    pub fn loan_untyped(&mut self, port: &Port, n_rows: usize) -> Result<Box<dyn UntypedLoan>, StepError> {
-        (port.make.loan)(self, n_rows)
-    }
-}
-
 /// [`first`] of a type.
 pub(crate) type FirstMaker = for<'a> fn(&'a Inputs, &str) -> Option<&'a dyn UntypedMessage>;
 
@@ -103,6 +84,7 @@ pub(crate) fn loan<T: Message>(outputs: &mut Outputs, n_rows: usize) -> Result<B
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Port;
     use crate::memory_output::{memory_output, take_messages};
     use messages::{ClassRow, ClassTopic};
 

@@ -206,6 +206,7 @@ mod tests {
         let first_points: Vec<i32> =
             bytes[a.begin as usize..].chunks_exact(n_bytes).take(100).map(|record| position_of(record)[0]).collect();
         let gaps: Vec<i32> = first_points.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        assert_eq!(first_points.len(), 100);
         assert!(gaps.iter().all(|gap| *gap == 8), "every eighth point first: {gaps:?}");
     }
 

@@ -71,8 +71,10 @@ pub struct ObjectSummary {
     pub score: Option<f64>,
     /// In the frame of the clouds.
     pub footprint: OrientedRectangle,
-    /// Heights of the lowest and the highest point, m.
-    pub z: (f64, f64),
+    /// Height of the lowest point, m.
+    pub low_m: f64,
+    /// Height of the highest point, m.
+    pub high_m: f64,
 }
 
 /// The points of one object.
@@ -129,7 +131,8 @@ impl Object {
         let footprint = OrientedRectangle::around(&centers)?;
         let score = (self.scores.1 > 0).then(|| self.scores.0 / self.scores.1 as f64);
         let Self { n_points, n_clouds, .. } = *self;
-        Some(ObjectSummary { id, class, n_points, n_clouds, score, footprint, z: self.z? })
+        let (low_m, high_m) = self.z?;
+        Some(ObjectSummary { id, class, n_points, n_clouds, score, footprint, low_m, high_m })
     }
 }
 

@@ -9,7 +9,13 @@
 //! | [`material`], [`spectrum`] | reflectance and texture of surfaces |
 //! | `scene` | the finished town, for ray casts |
 //!
-//! A town is determined by its [`Town`] kind, its seed, the length of the drive and the density of its [`Traffic`]. This crate does not know sensors.
+//! Start reading at [`build()`] in `construction/build.rs`: it builds a town step by step. [`Scene`] is its result.
+//!
+//! Frame: z up, metres, the drive starts near the origin. Times are seconds of the drive, wavelengths nm, reflectances 0 to 1.
+//!
+//! A town is determined by its [`Town`] kind, its seed, the length of the drive and the density of its [`Traffic`]: the same four give
+//! the same town, bit by bit. The crate must never use a clock or an unseeded random number, never build an object without class and
+//! material, and never know sensors: `simulation` measures the town.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -37,7 +43,7 @@ pub use movers::mover::{Mover, Route, Timing};
 pub use path::GroundPath;
 pub use scene::{Scene, SceneHit, Snapshot};
 pub use spectrum::Spectrum;
-pub use speed_profile::{Driver, FAST_MPS, SpeedProfile};
+pub use speed_profile::{Driver, FAST_MPS, SpeedProfile, Stop};
 pub use streets::profile::LANE_T;
 pub use surface::Surface;
 pub use terrain::{MAX_SLOPE, Terrain};

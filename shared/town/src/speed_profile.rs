@@ -13,7 +13,8 @@ const KNOT_SECONDS: f64 = 0.4;
 /// Steps of the simulation between two knots.
 const STEPS: usize = 8;
 /// Variation of the cruise speed: share, and wavelength in m up to [`FAST_MPS`], then growing with the square of the speed.
-const VARIATION: (f64, f64) = (0.1, 90.0);
+const VARIATION_SHARE: f64 = 0.1;
+const VARIATION_M: f64 = 90.0;
 /// Cruise speed from which on waves along the path are longer, so that accelerations do not grow, m/s.
 pub const FAST_MPS: f64 = 13.0;
 
@@ -24,8 +25,17 @@ pub struct Driver {
     pub cruise_mps: f64,
     /// Phase of the speed variation, rad.
     pub phase: f64,
-    /// Red lights: distance along the path (m, increasing) and waiting time (s).
-    pub stops: Vec<(f64, f64)>,
+    /// Red lights, by increasing distance.
+    pub stops: Vec<Stop>,
+}
+
+/// A red light at which a driver waits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// Distance along the path, m.
+    pub at_m: f64,
+    /// Waiting time, s.
+    pub seconds: f64,
 }
 
 /// Distance along a path over time, with continuous derivatives.
@@ -56,7 +66,7 @@ impl SpeedProfile {
 
     fn simulate(path: &GroundPath, driver: &Driver, start_m: f64, start_mps: f64, seconds: f64) -> Self {
         let limits = Limits::new(path, driver);
-        let mut stops = driver.stops.iter().copied().filter(|(at, _)| *at > start_m + 1.0).peekable();
+        let mut stops = driver.stops.iter().copied().filter(|stop| stop.at_m > start_m + 1.0).peekable();
         let (mut s, mut speed, mut wait) = (start_m, start_mps, 0.0);
         // The first three knots are equal, so that the vehicle starts at rest.
         let mut lengths = vec![SVector::from([s]); if start_mps > 0.0 { 1 } else { 3 }];
@@ -70,11 +80,12 @@ impl SpeedProfile {
                     continue;
                 }
                 let mut allowed = limits.at(s);
-                if let Some((at, seconds)) = stops.peek() {
-                    let left = at - s;
+                if let Some(stop) = stops.peek() {
+                    let left = stop.at_m - s;
                     allowed = allowed.min((2.0 * ACCELERATION * left.max(0.0)).sqrt());
                     if left < 0.05 {
-                        (wait, s) = (*seconds, *at);
+                        wait = stop.seconds;
+                        s = stop.at_m;
                         stops.next();
                         continue;
                     }
@@ -97,11 +108,11 @@ struct Limits {
 impl Limits {
     fn new(path: &GroundPath, driver: &Driver) -> Self {
         let n = path.length_m().ceil().max(1.0) as usize;
-        let wavelength_m = VARIATION.1 * (driver.cruise_mps / FAST_MPS).max(1.0).powi(2);
+        let wavelength_m = VARIATION_M * (driver.cruise_mps / FAST_MPS).max(1.0).powi(2);
         let mut mps: Vec<f64> = (0..n)
             .map(|i| {
                 let s = i as f64;
-                let variation = 1.0 + VARIATION.0 * (std::f64::consts::TAU * s / wavelength_m + driver.phase).sin();
+                let variation = 1.0 + VARIATION_SHARE * (std::f64::consts::TAU * s / wavelength_m + driver.phase).sin();
                 let sharpest = (-3..=3).map(|d| path.curvature(s + f64::from(d)).abs()).fold(1e-6, f64::max);
                 (driver.cruise_mps * variation).min((LATERAL / sharpest).sqrt())
             })
@@ -136,7 +147,7 @@ mod tests {
     #[test]
     fn driver_starts_from_rest_slows_in_turns_and_waits_at_red_light() {
         let path = example_path();
-        let driver = Driver { cruise_mps: 9.0, phase: 0.3, stops: vec![(150.0, 8.0)] };
+        let driver = Driver { cruise_mps: 9.0, phase: 0.3, stops: vec![Stop { at_m: 150.0, seconds: 8.0 }] };
         let profile = SpeedProfile::from_rest(&path, &driver, 20.0, 60.0);
         let speed = |t: f64| (profile.distance_m(t + 1e-3) - profile.distance_m(t - 1e-3)) / 2e-3;
         assert_eq!(profile.distance_m(0.0), 20.0);

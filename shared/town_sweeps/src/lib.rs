@@ -1,4 +1,15 @@
-//! Lidar sweeps of simulated towns with the class of every point, simulated on demand. Models are trained and evaluated on them.
+//! LiDAR sweeps of simulated towns with the class of every point, simulated on demand. Models are trained and evaluated on them.
+//!
+//! Start reading at [`TownDrive`]: a kind of town, a seed and a length. [`TownDrive::submaps`] gives its submaps as the stage `infer`
+//! receives them, with the true class and instance of every point, seen from a [`Mount`].
+//!
+//! - [`IdealCamera`]: reflectances that a camera at the LiDAR would measure, without noise, light or occlusion
+//! - [`MosaicCameras`]: spectra that the mosaic cameras of the rig measure, with noise, light and shadow
+//! - [`true_surfaces`]: material and sunlight of the surface behind each point
+//!
+//! The crate must never let a class, an instance or a material into what a sensor measures, and never use an unseeded random number: the
+//! same drive, mount and step give the same points on every machine. Models are scored on towns of other seeds than those of their
+//! training; the crate does not choose seeds.
 
 mod drive;
 mod error;

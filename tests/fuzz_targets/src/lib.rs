@@ -1,6 +1,9 @@
 //! Every reader of files, packets and requests as a function of bytes.
 //!
-//! A target must return for any bytes: no panic, no more memory than [`memory_limit`] allows, and no more time than [`time_limit`].
+//! A target must return for any bytes: no panic, no more memory than [`memory_limit`] allows, and no more work than
+//! [`instruction_limit`] allows. Instructions are counted where the processor time is above [`suspicious_time`]: time alone is no
+//! finding, because it grows on a busy machine.
+//!
 //! `fuzz/` runs the targets with libFuzzer. The binary `attack` runs them with seeded mutations of the corpus, without a nightly
 //! compiler.
 
@@ -10,6 +13,7 @@ mod captures;
 mod clouds;
 mod data_sets;
 mod images;
+mod instructions;
 mod lidars;
 mod mutation;
 mod programs;
@@ -17,6 +21,7 @@ mod scratch;
 mod spectra;
 mod texts;
 
+pub use instructions::instructions;
 pub use mutation::{corpus, input};
 
 use rustix::time::{ClockId, clock_gettime};
@@ -102,10 +107,16 @@ pub fn memory_limit(input: &[u8]) -> usize {
     (64 << 20) + 100 * input.len()
 }
 
-/// Processor time that a call may take in the long forms: a fixed part for what does not depend on the input (clearing the memory of
+/// Instructions that a call may execute: a fixed part for what does not depend on the input (clearing the memory of
 /// [`memory_limit`], files), and one that grows with the input.
-pub fn time_limit(input: &[u8]) -> Duration {
-    Duration::from_millis(200) + Duration::from_micros(20) * input.len() as u32
+pub fn instruction_limit(input: &[u8]) -> u64 {
+    600_000_000 + 60_000 * input.len() as u64
+}
+
+/// Processor time above which the instructions of a call are counted. An idle processor executes those of [`instruction_limit`] in
+/// about twice this time.
+pub fn suspicious_time(input: &[u8]) -> Duration {
+    Duration::from_millis(100) + Duration::from_micros(10) * input.len() as u32
 }
 
 /// Processor time of this thread. Time in which other programs run does not count.

@@ -51,7 +51,7 @@ impl Parsed {
         match self.0 {
             Cli::Control(command) => command.run(),
             Cli::Data(command) => command.run(),
-            Cli::Setup(command) => command.run(),
+            Cli::Setup(setup) => setup.run(command()),
         }
     }
 }
@@ -65,7 +65,7 @@ fn groups() -> [Group; 3] {
 }
 
 /// The whole command line.
-pub fn command() -> Command {
+fn command() -> Command {
     with_groups(Cli::command(), &groups())
 }
 

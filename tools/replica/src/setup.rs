@@ -24,12 +24,12 @@ pub enum Command {
 }
 
 impl Command {
-    /// Runs the command.
-    pub fn run(&self) -> anyhow::Result<ExitCode> {
+    /// Runs the command. `all` is the whole command line.
+    pub fn run(&self, all: clap::Command) -> anyhow::Result<ExitCode> {
         match self {
             Command::Doctor(args) => doctor::run(args),
-            Command::Completions(args) => completions::run(args, cli::command()),
-            Command::Man(args) => man::run(args, cli::command()),
+            Command::Completions(args) => completions::run(args, all),
+            Command::Man(args) => man::run(args, all),
             Command::NewStage(args) => new_stage::run(args),
         }
     }

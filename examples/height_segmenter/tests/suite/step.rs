@@ -66,6 +66,7 @@ fn car_outside_of_street_is_no_vehicle() {
     bench.tick().expect("steps");
     let columns = bench.take::<ClassTopic>();
     let rows = columns[0].rows();
+    assert_eq!(rows.len(), truth.len());
     assert!(rows.iter().all(|row| row.class_id != ClassId::Vehicles as u8));
     assert!(rows.iter().zip(&truth).any(|(row, truth)| row.class_id == *truth as u8));
 }

@@ -54,6 +54,7 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
         let header = cube.header();
         cube.rows()[..(header.width * header.height * (header.n_bands + 1)) as usize].to_vec()
     };
+    assert_eq!((off.len(), on.len()), (6, 6), "three frames of two cameras");
     assert!(off.iter().zip(&on).all(|(off, on)| off.rows() == measured(on)), "regions change no reflectance");
     assert!(CubeView::new(off[0].header(), off[0].rows()).is_some_and(|view| view.regions().is_none()));
     for cube in &on {
@@ -73,6 +74,7 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
     assert_eq!(all.iter().copied().collect::<BTreeSet<u32>>(), (1..=8).collect(), "{all:?}");
 
     let simplified = cubes_of(ColorLines::Simplified, 2, false);
+    assert_eq!(simplified.len(), on.len());
     for (simplified, on) in simplified.iter().zip(&on) {
         assert_eq!(regions(simplified), regions(on));
         let view = |cube| CubeView::new(on.header(), cube).expect("fits");

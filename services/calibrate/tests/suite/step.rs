@@ -99,7 +99,9 @@ fn live_vehicle_has_its_rig_and_its_references_in_other_folders() {
     assert!(problems.len() == 1 && problems[0].key == "references", "{problems:?}");
     // Without a rig the vehicle has no cameras.
     let context = Context { mode: Mode::Live, drive: std::path::PathBuf::new(), ..offline };
-    assert!(Bench::<Calibrate>::new(&Settings::default(), &context).is_ok());
+    let mut bench = Bench::<Calibrate>::new(&Settings::default(), &context).expect("starts");
+    bench.tick().expect("a tick");
+    assert!(bench.take::<CubeTopic>().is_empty());
 }
 
 fn bench_with_references(folder: &Path) -> Bench<Calibrate> {
@@ -338,6 +340,10 @@ fn demosaiced_cubes_have_a_cell_per_pixel_and_masks_around_invalid_samples() {
             }
             // Up to the samples around it: 7 x 7 pixels.
             let expected = |band: usize| if (index, band) == (1, 5) { 49 } else { 0 };
+            assert_eq!(
+                (unknown.len(), view.masks().len()),
+                (header.n_bands as usize, (header.width * header.height) as usize)
+            );
             assert!((0..unknown.len()).all(|band| unknown[band] == expected(band)), "{demosaic}: {unknown:?}");
         }
         assert_eq!((bench.counter("saturated_samples"), bench.counter("masked")), (1, 1));

@@ -235,6 +235,7 @@ fn materials_and_regions_are_written_behind_the_other_columns_if_they_are_publis
     let ids: Vec<u8> = materials.iter().map(|row| row.material_id).collect();
     assert_eq!(cloud.u8s("material").expect("is there"), ids);
     let scores = cloud.f32s("material_score").expect("is there");
+    assert_eq!(scores.len(), materials.len());
     assert!(scores.iter().zip(&materials).all(|(score, row)| (score - f32::from(row.score) / 255.0).abs() < 1e-6));
     let without = Vertices::load(&files_of(false).path().join("clouds/submap_0000.ply")).expect("reads");
     for word in ["material", "region"] {
@@ -266,6 +267,7 @@ fn classes_of_a_further_segmenter_are_columns_behind_the_others_across_a_restart
     assert_eq!(cloud.u8s("class_b").expect("is there"), ids(&classes));
     assert_eq!(cloud.u8s("semantic").expect("is there"), ids(&street.class(0)));
     let scores = cloud.f32s("class_b_score").expect("is there");
+    assert_eq!(scores.len(), classes.len());
     assert!(scores.iter().zip(&classes).all(|(score, row)| (score - f32::from(row.score) / 255.0).abs() < 1e-6));
 }
 

@@ -140,6 +140,8 @@ fn fused_model_gives_the_class_on_which_both_agree() {
     let class = |rows: &[ClassRow], point: usize| rows[point].class_id;
     let (agreed, open): (Vec<usize>, Vec<usize>) =
         (0..fused.len()).partition(|point| class(&on_images, *point) == class(&on_points, *point));
+    assert_eq!(fused.len(), cloud.len());
+    assert!(!agreed.is_empty(), "both models agree on some point");
     assert!(agreed.iter().all(|point| class(&fused, *point) == class(&on_images, *point)));
     for one in [&on_images, &on_points] {
         let n_of_one = open.iter().filter(|point| class(&fused, **point) == class(one, **point)).count();
@@ -251,6 +253,7 @@ fn default_model_distinguishes_road_from_walls() {
     assert!(share(true) > 0.9, "{:.3} of the road is ground", share(true));
     assert!(share(false) < 0.1, "{:.3} of the walls are ground", share(false));
     assert!(rows.iter().all(|row| row.score > 0));
+    assert_eq!(columns[1].rows().len(), 5);
     assert!(columns[1].rows().iter().all(|row| *row == ClassRow::default()));
     assert_eq!(bench.counter("points_unseen"), 5);
 }

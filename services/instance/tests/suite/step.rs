@@ -183,10 +183,12 @@ fn grid_is_coarsened_or_omitted_for_distant_objects() {
     wide.push([900.0, 900.0, 0.0], ClassId::Vehicles, 0);
     let (ids, bench) = ids_of(&wide, &Settings::default());
     assert_eq!(bench.counter("submaps_coarsened"), 1);
+    assert_eq!(ids.len(), wide.truth.len());
     assert!(ids.iter().zip(&wide.truth).all(|(id, thing)| (*id == 0) == (*thing == 0)));
     wide.push([3.0e8, 0.0, 0.0], ClassId::Vehicles, 0);
     wide.push([0.0, 3.0e8, 0.0], ClassId::Vehicles, 0);
     let (ids, bench) = ids_of(&wide, &Settings::default());
+    assert_eq!(ids.len(), wide.truth.len());
     assert!(ids.iter().all(|&id| id == 0));
     assert_eq!(bench.counter("submaps_without_view"), 1);
 }

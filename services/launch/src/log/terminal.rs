@@ -177,7 +177,9 @@ mod tests {
     #[test]
     fn narrow_or_low_terminal_gets_what_fits() {
         let narrow = Screen { columns: 40, ..SCREEN };
-        assert!(table(&stages(), "", "100 %", narrow).lines().all(|line| line.chars().count() <= 40));
+        let text = table(&stages(), "", "100 %", narrow);
+        assert_eq!(text.lines().count(), 9, "{text}");
+        assert!(text.lines().all(|line| line.chars().count() <= 40), "{text}");
         assert_eq!(table(&stages(), "", "100 %", Screen { rows: 9, ..SCREEN }), "100 %\n");
     }
 

@@ -116,6 +116,7 @@ fn points_of_both_lidars_lie_where_they_are_in_the_world() {
             let expected = first.inverse() * truth.at(Stamp(sweep.stamp)).unwrap() * mounting;
             assert!((found.coords - expected.translation.vector).norm() < 0.15, "{index}: {found} {expected}");
             let points = &submap.rows()[sweep.first_point as usize..][..sweep.n_points as usize];
+            assert!(!points.is_empty(), "sweep {index} has points");
             assert!(points.iter().all(|point| usize::from(point.sweep_idx) == index));
             n_rows += points.len();
         }

@@ -1,6 +1,6 @@
 //! What was published and lost of a recorded drive, for the summary of the run.
 
-use super::{CameraFileError, DrivePosition, DriveReader, Due, SkippedAtBegin};
+use super::{BadLines, CameraFileError, DrivePosition, DriveReader, Due, SkippedAtBegin};
 use crate::counters::ReportedCounts;
 use crate::doubts::{Doubts, Tally};
 use crate::error::DriveError;
@@ -102,7 +102,7 @@ impl DriveAccount {
         self.tally.fixes += due.fixes.len() as u64;
         self.tally.gnss_rows += n_gnss_rows;
         self.tally.imu_samples += due.samples.len() as u64;
-        self.tally.bad_imu_lines += due.bad_imu_lines.0;
+        self.tally.bad_imu_lines += due.bad_imu_lines.n;
         for (counter, error) in damaged {
             self.news.counts.push((counter.into(), 1));
             self.note_damage(error.to_string());
@@ -116,9 +116,9 @@ impl DriveAccount {
         self.add_bad_imu_lines(&skipped.bad_imu_lines);
     }
 
-    fn add_bad_imu_lines(&mut self, (n_bad, error): &(u64, Option<ImuError>)) {
-        self.news.counts.push(("bad_imu_lines".into(), *n_bad));
-        if let Some(error) = error {
+    fn add_bad_imu_lines(&mut self, bad: &BadLines) {
+        self.news.counts.push(("bad_imu_lines".into(), bad.n));
+        if let Some(error) = &bad.first {
             self.note_damage(format!("imu: {error}"));
         }
     }

@@ -1,7 +1,7 @@
 //! A recorded drive, and the position up to which it has been read.
 
 use super::events::Events;
-use super::inertial::Inertial;
+use super::inertial::{BadLines, Inertial};
 use super::odometer::Odometer;
 use super::secondary_lidars::{SecondaryLidars, SecondaryPosition};
 use super::trigger::Trigger;
@@ -107,8 +107,8 @@ pub enum NextSweep {
 pub struct SkippedAtBegin {
     /// Images and mosaics.
     pub frames: u64,
-    /// Damaged lines of the IMU, and the error of the first one.
-    pub bad_imu_lines: (u64, Option<ImuError>),
+    /// Damaged lines of the IMU.
+    pub bad_imu_lines: BadLines,
 }
 
 /// What the other sensors measured up to the end of a sweep.
@@ -123,8 +123,8 @@ pub struct Due<'a> {
     pub fixes: Cow<'a, [Fix]>,
     /// Samples of the IMU.
     pub samples: Vec<ImuRow>,
-    /// Damaged lines of the IMU, and the error of the first one.
-    pub bad_imu_lines: (u64, Option<ImuError>),
+    /// Damaged lines of the IMU.
+    pub bad_imu_lines: BadLines,
 }
 
 /// Why a drive cannot be read, found before the run starts. A folder that is missing may be simulated first; the supervisor checks

@@ -8,8 +8,14 @@ use std::io::BufReader;
 /// Samples per tick at most. A tick has 20 at 200 Hz; after a gap in the sweeps the rest follow in the next ticks.
 const MAX_ROWS: usize = 10_000;
 
-/// Bad lines: their number, and the error of the first one.
-pub(crate) type BadLines = (u64, Option<ImuError>);
+/// Damaged lines of the log.
+#[derive(Default)]
+pub struct BadLines {
+    /// Their number.
+    pub n: u64,
+    /// Error of the first one.
+    pub first: Option<ImuError>,
+}
 
 /// The log with a look-ahead of one sample.
 pub(crate) struct Inertial {
@@ -22,21 +28,21 @@ pub(crate) struct Inertial {
 impl Inertial {
     /// `None`: the drive has no such sensor.
     pub(crate) fn new(reader: Option<ImuReader<BufReader<File>>>) -> Self {
-        let mut inertial = Self { reader, ahead: None, bad: (0, None) };
+        let mut inertial = Self { reader, ahead: None, bad: BadLines::default() };
         inertial.advance();
         inertial
     }
 
     /// Skips samples before `begin`. Returns the bad lines before them; those after the last one are of the time from `begin` on.
     pub(crate) fn skip_before(&mut self, begin: i64) -> BadLines {
-        let (mut n_skipped, mut first) = (0, None);
+        let mut skipped = BadLines::default();
         while self.ahead.is_some_and(|sample| sample.stamp.0 < begin) {
-            let (n_bad, error) = self.take_errors();
-            n_skipped += n_bad;
-            first = first.or(error);
+            let bad = self.take_errors();
+            skipped.n += bad.n;
+            skipped.first = skipped.first.or(bad.first);
             self.advance();
         }
-        (n_skipped, first)
+        skipped
     }
 
     /// The samples before `end`.
@@ -70,8 +76,8 @@ impl Inertial {
                     return;
                 }
                 Err(error @ (ImuError::Line { .. } | ImuError::Io(_))) => {
-                    self.bad.0 += 1;
-                    self.bad.1.get_or_insert(error);
+                    self.bad.n += 1;
+                    self.bad.first.get_or_insert(error);
                 }
             }
         }

@@ -82,8 +82,12 @@ fn equal_flat_and_tiny_images_have_a_model() {
                 let image = Image::new(size, 3, &values).expect("an image");
                 let settings = Settings { start, spatial_weight, ..Settings::default() };
                 let found = Model::fit(&image, &settings).expect("pixels");
+                assert_eq!(found.labels.len(), size[0] * size[1]);
                 assert!(found.labels.iter().all(|label| (1..=found.model.regions.len() as u32).contains(label)));
-                assert!(found.model.spectra().iter().flatten().all(|value| value.is_finite()));
+                let spectra = found.model.spectra();
+                assert_eq!(spectra.len(), found.model.regions.len());
+                assert!(spectra.iter().all(|spectrum| spectrum.len() == 3), "{spectra:?}");
+                assert!(spectra.iter().flatten().all(|value| value.is_finite()), "{spectra:?}");
             }
         }
     }

@@ -235,6 +235,7 @@ fn folder_of_real_sweeps_without_manifest_opens_as_drive() {
         positions.push(sweeps.position());
         found.push(sweep);
     }
+    assert_eq!(found.len(), 22);
     assert!(found.iter().enumerate().all(|(k, sweep)| sweep.stamp.0 == k as i64 * 100_000_000 && !sweep.has_times));
     let mut by_ring = [0; 64];
     for one in &returns {
@@ -242,7 +243,13 @@ fn folder_of_real_sweeps_without_manifest_opens_as_drive() {
     }
     // Every beam sees its part of the street; the lowest ones see the car's roof.
     assert!(by_ring.iter().all(|n| (20_000..50_000).contains(n)), "{by_ring:?}");
-    assert!(returns.iter().all(|one| one.x.hypot(one.y) < 130.0));
+    // The data set keeps what is nearer than 80 m; the roof of the car is nearest.
+    let mut distances_m: Vec<f32> = returns.iter().map(|one| one.x.hypot(one.y)).collect();
+    distances_m.sort_by(f32::total_cmp);
+    let [nearest, middle, farthest] = [0, distances_m.len() / 2, distances_m.len() - 1].map(|at| distances_m[at]);
+    assert_eq!(distances_m.len(), 2_603_914);
+    assert!((1.3..1.5).contains(&nearest) && (79.9..80.0).contains(&farthest), "{nearest} {farthest}");
+    assert!((8.4..8.45).contains(&middle), "{middle}");
     // Reads the last third again from a saved position.
     let mut again = drive.sweeps().expect("opens");
     assert!(again.resume(positions[14].clone()).expect("is there"));

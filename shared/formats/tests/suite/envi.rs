@@ -143,6 +143,7 @@ fn real_library_of_urban_surfaces_is_read() {
     let library = envi::read_library(&folder.join("library_berlin.sli")).expect("valid");
     assert_eq!(library.len(), 75);
     assert_eq!((library[0].name.as_str(), library[0].wavelengths_nm.len()), ("red clay tile 1", 177));
+    assert!(library.iter().all(|spectrum| spectrum.reflectances.len() == 177));
     assert!(library.iter().all(|spectrum| spectrum.reflectances.iter().all(|r| (-0.01..1.2).contains(r))));
     let at = |name: &str, nm: f32| {
         let spectrum = library.iter().find(|spectrum| spectrum.name == name).expect("in the library");
@@ -165,6 +166,7 @@ fn real_ecostress_spectra_are_read() {
     for name in ["b", "c"] {
         let bytes = std::fs::read(folder.join(format!("{name}.spectrum.txt"))).expect("readable");
         let spectrum = formats::ecostress::parse(&String::from_utf8_lossy(&bytes)).expect("valid");
+        assert!(spectrum.reflectances.len() > 100, "{}: {}", spectrum.name, spectrum.reflectances.len());
         assert!(spectrum.reflectances.iter().all(|r| (0.0..1.0).contains(r)), "{}", spectrum.name);
     }
     let cut = text.replace(" 0.3040\t 9.1800", " 0.3040");

@@ -140,6 +140,7 @@ fn outlying_loops_and_positions_are_rejected() {
     let solution = graph.solve(&drifted, Gauge::Positions).unwrap();
     let off = rmse(&solution.poses, &truth);
     assert!(off < 0.35, "{off} m");
+    assert_eq!(solution.loop_weights.len(), 4);
     assert!(solution.loop_weights[..2].iter().all(|w| *w > 0.5), "{:?}", solution.loop_weights);
     assert!(solution.loop_weights[2..].iter().all(|w| *w < 0.01), "{:?}", solution.loop_weights);
     for (k, weight) in solution.position_weights.iter().enumerate() {

@@ -226,6 +226,7 @@ fn frames_of_tf_that_never_move_are_taken_and_others_are_refused_by_name() {
     assert_eq!(drive.rig().cameras.len(), 1);
     for frame in drive.camera_frames() {
         let image = image::open(&frame.path).expect("is an image").to_luma8();
+        assert_eq!(image.dimensions(), (8, 6));
         assert!(image.pixels().all(|pixel| pixel.0 == [100]), "{:?}", frame.path);
     }
     // A pose that is given replaces the moving one; the images are those of ITU-R BT.601.
@@ -236,6 +237,7 @@ fn frames_of_tf_that_never_move_are_taken_and_others_are_refused_by_name() {
     assert_eq!(drive.rig().cameras.len(), 2);
     let frame = drive.camera_frames().iter().find(|frame| frame.camera == 1).expect("has one");
     let image = image::open(&frame.path).expect("is an image").to_rgb8();
+    assert_eq!(image.dimensions(), (8, 6));
     assert!(image.pixels().all(|pixel| pixel.0[2] < 5 || pixel.0[1] > 0), "{image:?}");
     // The LiDAR must be fixed, too.
     import.out = folder.path().join("odom");

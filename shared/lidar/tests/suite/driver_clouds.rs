@@ -210,6 +210,7 @@ fn calibration_files_of_velodyne_units_replace_the_table() {
     let [s2, s3] = ["HDL64e_s2.yaml", "HDL64e_s3.yaml"].map(|name| lidar("hdl64e", name));
     for unit in [&s2, &s3] {
         let elevations = unit.elevations_deg();
+        assert_eq!(elevations.len(), 64);
         assert!(elevations.iter().all(|deg| (-26.0..6.0).contains(deg)), "{elevations:?}");
     }
     assert_ne!(s2.elevations_deg(), s3.elevations_deg());
@@ -219,6 +220,7 @@ fn calibration_files_of_velodyne_units_replace_the_table() {
         let near = |(found, table): (&velodyne::Laser, &velodyne::Laser)| {
             (found.elevation_deg - table.elevation_deg).abs() < 0.01
         };
+        assert_eq!(lasers.len(), model.lasers().len());
         assert!(lasers.iter().zip(model.lasers()).all(near), "{lasers:?}");
     }
 }

@@ -144,6 +144,7 @@ mod tests {
     #[test]
     fn features_far_from_the_model_are_not_sampled() {
         let samples = lists(&street(), |feature| feature.position[1] < 4.0);
+        assert!(!samples.is_empty());
         assert!(samples.iter().all(|sample| sample.position[1] < 4.0));
         assert_eq!(samples.len(), 9 * 50, "other features replace them");
         assert!(lists(&street(), |_| false).is_empty());

@@ -71,6 +71,7 @@ fn refined_rig_of_a_real_street_keeps_what_it_does_not_show() {
     let settings = SurveySettings { untimed_turn: Some(SpinDirection::Clockwise), ..SurveySettings::default() };
     let survey = Survey::of(&drive, &settings).expect("surveyed");
     let refined = Refined::of(&drive, &survey, &settings).expect("refined");
+    assert!(!refined.changes.is_empty());
     assert!(refined.changes.iter().all(|change| change.subject == "lidar"), "{:?}", refined.changes);
     let is_moved =
         |change: &&rig::refine::Change| change.outcome != Outcome::NotObservable && change.difference.abs() > 0.5;

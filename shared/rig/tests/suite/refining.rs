@@ -18,6 +18,15 @@ fn of<'a>(refined: &'a Refined, subject: &str, quantity: &str) -> &'a Change {
     found.unwrap_or_else(|| panic!("no {quantity} of {subject}"))
 }
 
+/// Whether a change differs from a planted error by less than `tolerance`, states a deviation below `max_sigma`, and errs by less than
+/// three of its deviations. Without the first two, a large deviation would accept any change.
+fn assert_finds(change: &Change, planted: f64, tolerance: f64, max_sigma: f64) {
+    let error = (change.difference - planted).abs();
+    assert!(error < tolerance, "{change} instead of {planted}");
+    assert!(change.sigma < max_sigma, "{change}: deviation above {max_sigma}");
+    assert!(error < 3.0 * change.sigma, "{change} instead of {planted}: the deviation is too small");
+}
+
 /// Largest angle between mountings of cameras, mrad.
 fn off(refined: &Refined, truth: &Copied) -> f64 {
     let pairs = refined.manifest.cameras.iter().zip(&truth.manifest.cameras);
@@ -37,18 +46,23 @@ fn turned_camera_is_turned_back_within_the_deviation() {
     let change = of(&found, "CAM_FRONT", "rotation about y");
     let planted = 1.0_f64.to_radians() * 1e3;
     assert_eq!(change.outcome, Outcome::Replaced);
-    assert!((change.difference - planted).abs() < 3.0 * change.sigma, "{change} instead of {planted}");
+    assert_finds(change, planted, 1.0, 0.6);
     assert_eq!(of(&found, "CAM_FRONT", "position").outcome, Outcome::NotObservable);
-    assert!(off(&found, &right) < 3.0 * change.sigma, "{} mrad", off(&found, &right));
+    assert!(off(&found, &right) < 1.0, "{} mrad", off(&found, &right));
 }
 
 #[test]
 fn right_cameras_stay_within_their_deviations() {
     let right = Copied::of(with_cameras());
     let found = refined(&right);
-    let largest =
-        found.changes.iter().filter(|change| change.unit == "mrad").map(|change| change.sigma).fold(0.0, f64::max);
-    assert!(off(&found, &right) < 3.0 * largest, "{} mrad", off(&found, &right));
+    let is_rotation = |change: &&Change| change.unit == "mrad" && change.outcome != Outcome::NotObservable;
+    let rotations: Vec<&Change> = found.changes.iter().filter(is_rotation).collect();
+    assert!(rotations.len() >= 6, "two of each camera: {rotations:?}");
+    for change in rotations {
+        assert_eq!(change.outcome, Outcome::Kept, "{change}");
+        assert_finds(change, 0.0, 1.0, 0.8);
+    }
+    assert_eq!(off(&found, &right), 0.0, "the mountings are as they were");
     assert_eq!(of(&found, "cameras", "delay").outcome, Outcome::Kept);
 }
 
@@ -57,7 +71,7 @@ fn late_images_get_their_delay() {
     let found = refined(&Copied::of(with_cameras()).with_images_late(-40_000_000));
     let change = of(&found, "cameras", "delay");
     assert_eq!(change.outcome, Outcome::Replaced);
-    assert!((change.difference - 40.0).abs() < 3.0 * change.sigma, "{change}");
+    assert_finds(change, 40.0, 4.0, 2.0);
     // The exposures are after their stamps: the stamps are early.
     for camera in &found.manifest.cameras {
         assert!((camera.delay_nanos as f64 * 1e-6 + change.difference).abs() < 1e-5, "{camera:?}");
@@ -76,20 +90,18 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
         let change = of(&found, "imu", quantity);
         let planted = planted.to_degrees();
         assert_eq!(change.outcome, Outcome::Replaced, "{change}");
-        assert!((change.difference - planted).abs() < 3.0 * change.sigma, "{change} instead of {planted}");
+        assert_finds(change, planted, 0.2, 0.7);
     }
     // Turns about the vertical alone do not tell the heading of the unit.
     assert_eq!(of(&found, "imu", "rotation about z").outcome, Outcome::NotObservable);
     let change = of(&found, "imu", "delay");
-    assert!(
-        change.outcome == Outcome::Replaced && (change.difference - late_ms).abs() < 3.0 * change.sigma,
-        "{change}"
-    );
+    assert_eq!(change.outcome, Outcome::Replaced, "{change}");
+    assert_finds(change, late_ms, 5.0, 13.0);
     let new = found.manifest.imu.as_ref().expect("a unit");
     assert!((new.delay_nanos as f64 * 1e-6 - change.difference).abs() < 1e-5, "{new:?}");
     let new = new.mounting();
     let (given, remaining) = (body_from_unit.angle(), new.rotation.angle_to(&body_from_unit));
-    assert!(remaining < 0.4 * given, "{remaining} of {given} rad");
+    assert!(remaining < 0.1 * given, "{remaining} of {given} rad");
 }
 
 #[test]
@@ -101,9 +113,10 @@ fn late_receiver_gets_its_delay() {
         receiver.delay_nanos = (-planted_ms * 1e6) as i64;
         let found = refined(&late);
         let change = of(&found, "gnss", "delay");
-        assert!((change.difference - planted_ms).abs() < 3.0 * change.sigma && change.sigma < 60.0, "{change}");
+        assert_finds(change, planted_ms, 30.0, 50.0);
         let new = found.manifest.gnss.as_ref().expect("a receiver").delay_nanos;
-        assert!((new as f64 * 1e-6).abs() < 3.0 * change.sigma, "{change}: {new}");
+        // An insignificant delay is kept: the receiver of this drive has none.
+        assert!((new as f64 * 1e-6).abs() < 30.0, "{change}: {new}");
         assert_eq!(change.outcome == Outcome::Replaced, planted_ms != 0.0, "{change}");
     }
 }
@@ -152,6 +165,6 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     }
     let rest: Vec<f64> = truth.iter().zip(&corrections).map(|(truth, correction)| truth - correction).collect();
     let (before, after) = (rms(&detrended(&truth)), rms(&detrended(&rest)));
-    assert!(after < 0.9 * before, "{after} after {before} degrees: {corrections:?}");
+    assert!(after < 0.8 * before, "{after} after {before} degrees: {corrections:?}");
     assert_eq!(of(&found, "lidar", "elevation of all rings").outcome, Outcome::NotObservable);
 }

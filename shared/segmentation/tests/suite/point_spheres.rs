@@ -87,6 +87,7 @@ fn votes_of_two_spheres_are_averaged() {
     votes.add(&[2], &[0.0, 0.0]);
     let means = votes.means();
     let expected = [0.5, 0.5, 0.0, 0.0, 0.625, 0.375];
+    assert_eq!(means.len(), expected.len());
     assert!(means.iter().zip(expected).all(|(mean, expected)| (mean - expected).abs() < 1e-6), "{means:?}");
 }
 
@@ -133,5 +134,6 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     let short = |region: &Region| RegionInput { features: vec![0.0], ..input(region) };
     assert!(prediction.of_cloud(&points, short).is_err());
     let flat = CloudPrediction { temperature: 1e6, ..prediction }.of_cloud(&points, input).expect("runs");
+    assert_eq!(flat.len(), means.len());
     assert!(flat.iter().all(|probability| (probability - 1.0 / 3.0).abs() < 1e-3), "a large temperature");
 }

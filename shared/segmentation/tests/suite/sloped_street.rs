@@ -161,7 +161,8 @@ fn clouds_without_ground_do_not_fail() {
         cloud.push([x, y, z], None);
     }
     // One point is not a zone.
-    assert!(classes_of(model.as_ref(), &cloud.points).iter().all(|row| row.class_id == ClassId::Unlabeled as u8));
+    let classes = classes_of(model.as_ref(), &cloud.points);
+    assert_eq!(classes.iter().map(|row| row.class_id).collect::<Vec<_>>(), [ClassId::Unlabeled as u8; 4]);
     // Together with a street they are not ground either.
     let n_invalid = 3;
     cloud.points.truncate(n_invalid);
@@ -180,6 +181,7 @@ fn outlier_far_away_does_not_change_classes() {
     cloud.push([f32::NAN, 1.0, 5.0], None);
     let with_stray = classes_of(model.as_ref(), &cloud.points);
     assert_eq!(with_stray[..classes.len()], classes);
+    assert_eq!(with_stray.len(), classes.len() + 2);
     assert!(with_stray[classes.len()..].iter().all(|row| row.score == 0));
 }
 

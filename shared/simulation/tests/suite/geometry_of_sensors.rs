@@ -208,5 +208,6 @@ fn sky_fills_pixels_above_roofs_and_none_below_the_horizon() {
     let n_sky = above.iter().filter(|share| **share == 1.0).count();
     assert!(4 * n_sky > above.len() && n_sky < above.len(), "{n_sky} of {}", above.len());
     let ahead = shares(0, height * 3 / 4..height);
+    assert!(ahead.len() > 100, "{}", ahead.len());
     assert!(ahead.iter().all(|share| *share == 0.0), "{ahead:?}");
 }

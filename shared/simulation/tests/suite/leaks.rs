@@ -87,6 +87,7 @@ fn relabeled_town_gives_identical_sensor_files() {
     let (labels, others): (Vec<&String>, Vec<&String>) =
         truth.keys().partition(|name| name.starts_with("truth/labels/"));
     assert!(labels.len() >= 6 && labels.iter().all(|name| truth[*name] != truth_renamed[*name]));
+    assert!(others.iter().any(|name| name.contains("trajectory")), "{others:?}");
     assert!(others.iter().all(|name| truth[*name] == truth_renamed[*name]), "poses do not depend on names");
 }
 

@@ -137,7 +137,7 @@ fn near_returns_of_dense_traffic_move_along_with_the_vehicle() {
         let least = if town == Town::Urban { 0.4 } else { 0.25 };
         assert!(shares.iter().all(|share| (least..0.8).contains(share)), "{town:?} {seed}: {shares:.2?}");
         let normal = Simulation::new(&DriveSpec { traffic: Traffic::Normal, ..spec }).expect("a town");
-        assert!(share_of_movers(&normal, 8.0) < 0.3, "{}", share_of_movers(&normal, 8.0));
+        assert!(share_of_movers(&normal, 8.0) < 0.1, "{}", share_of_movers(&normal, 8.0));
     }
 }
 
@@ -170,9 +170,13 @@ fn queue_of_dense_traffic_stands_at_first_and_starts_with_the_vehicle() {
         if relative(0.0).coords.xy().norm() < 45.0 && (at(6.0) - at(0.0)).norm() > 12.0 {
             n_along += 1;
             assert!((at(0.2) - at(0.0)).norm() < 1.0, "it rolls at the begin: {}", (at(0.2) - at(0.0)).norm());
-            let off_m = (relative(6.0).coords.norm() - relative(0.0).coords.norm()).abs();
-            assert!(off_m < 20.0, "it leaves the queue: {off_m} m");
+            let gap_m = relative(0.0).coords.norm();
+            let off_m = (relative(6.0).coords.norm() - gap_m).abs();
+            // A gap grows by a sixth when the queue starts. Behind a corner it is measured across the block.
+            let is_same_street = relative(0.0).y.abs() < 2.3;
+            let limit_m = if is_same_street { 0.2 * gap_m } else { 12.0 };
+            assert!(off_m < limit_m, "it leaves the queue: {off_m} m of {gap_m} m");
         }
     }
-    assert!(n_along >= 8, "{n_along} vehicles move along");
+    assert!((25..=35).contains(&n_along), "{n_along} vehicles move along");
 }

@@ -36,6 +36,7 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
         let bytes = std::fs::read(drive.join(format!("truth/visibility/{seq:06}.visibility"))).expect("a file");
         let (stamps, masks) = parse(&bytes);
         assert_eq!(masks.len(), returns.len());
+        assert!(!stamps.is_empty(), "sweep {seq}");
         assert!(stamps.iter().all(|stamp| (stamp - sweep.stamp.0).abs() <= 2_000_000_000));
         if seq < 30 || seq % 5 != 0 {
             continue;

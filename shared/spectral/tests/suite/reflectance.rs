@@ -110,6 +110,7 @@ fn white_target_has_its_reflectance() {
     for camera in cameras() {
         let raw = camera.expose(T_RAW, |_, _| RHO_WHITE);
         let (reflectances, valid, _) = camera.calibration().reflectance(&raw, T_RAW).expect("fits");
+        assert_eq!([reflectances.len(), valid.len()], [camera.mosaic.n_bands() * camera.mosaic.n_cells(); 2]);
         assert!(valid.iter().all(|valid| *valid));
         assert!(reflectances.iter().all(|r| (r - 0.98).abs() < 0.001));
     }
@@ -180,6 +181,7 @@ fn frames_without_light_are_black_or_masked() {
     assert_eq!(calibration.valid_bands(), 0);
     let (reflectances, valid, counts) =
         calibration.reflectance(&camera.expose(T_RAW, |_, _| 0.5), T_RAW).expect("fits");
+    assert_eq!([reflectances.len(), valid.len()], [camera.mosaic.n_bands() * camera.mosaic.n_cells(); 2]);
     assert_eq!(counts.dead, valid.len() as u64);
     assert!(reflectances.iter().all(|r| *r == 0.0) && valid.iter().all(|valid| !valid));
 }

@@ -1,11 +1,12 @@
 //! The run's end of a connection: sends requests and receives answers.
 
-use super::near::port;
 use super::wire::{Answer, LaunchText, Request, read_block, read_head, write_head};
-use crate::{Outputs, StepError};
+use crate::{Outputs, Port, StepError};
+use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use run::Remote;
 use run::assignment::Description;
 use std::io::{ErrorKind, Read, Write};
+use std::path::Path;
 
 /// A stream to a program on another host.
 pub struct Connection {
@@ -13,6 +14,28 @@ pub struct Connection {
     pub reader: Box<dyn Read>,
     /// Fails if nothing can be sent for as long.
     pub writer: Box<dyn Write>,
+}
+
+/// Starts the program of a table on its host and connects to it. The text names the stage of the run; `None` for a question.
+pub type Connect = fn(&Remote, table: &str, session: Option<&str>) -> Result<Connection, StepError>;
+
+pub(super) fn remote_of(remote: Option<&Remote>) -> Result<&Remote, StepError> {
+    remote.ok_or_else(|| StepError::configuration("the table has no key `host`"))
+}
+
+/// The topic of this name: only the project's topics have a type on both hosts.
+pub(super) fn port(topic: &str) -> Result<Port, StepError> {
+    let unknown = || {
+        StepError::configuration(format!("{topic} is no topic of the project; a stage on another host has no others"))
+    };
+    Port::of_name(topic).ok_or_else(unknown)
+}
+
+impl LaunchText {
+    pub(super) fn read(file: &Path, changes: &[Change], table: &str) -> Result<Self, StepError> {
+        let text = read_text(file, MAX_SETTINGS_BYTES).map_err(|error| StepError::io(error).at(file.display()))?;
+        Ok(Self { text, changes: changes.to_vec(), table: table.to_owned() })
+    }
 }
 
 /// The program at the other end.

@@ -1,9 +1,9 @@
 //! A stage's program on another host than its run. Its standard input is the socket to the agent, for both directions.
 
 use super::wire::{Answer, Failure, LaunchText, MessageBlock, Report, Request, read_block, read_head, write_head};
-use crate::command::{check_table, describe_table};
 use crate::own_table::own_table;
 use crate::program::{Program, RunningStage};
+use crate::table::{check_table, describe_table};
 use crate::{Context, Field, Inputs, Outputs, Port, Problem, StepError, exit, log};
 use run::health::{HEARTBEAT, Pulse};
 use run::launch_file::LaunchFile;

@@ -1,20 +1,18 @@
 //! The program that stands for a stage on another host: answers the supervisor, and runs the stage as the program there says.
 
-use super::connection::{Connection, Far};
+use super::connection::{Connect, Far, port, remote_of};
 use super::stand_in::RemoteProgram;
 use super::wire::{Answer, LaunchText, Request};
 use crate::command_line::print_json;
-use crate::{Port, Problem, StepError, exit, run_program};
+use crate::{Problem, StepError, exit, run_program};
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use run::assignment::{Assignment, Description};
 use run::{Change, CheckRequest, DescribeRequest, FileIdentity, Remote};
+use run::{CheckRequest, DescribeRequest, FileIdentity};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-
-/// Starts the program of a table on its host and connects to it. The text names the stage of the run; `None` for a question.
-pub type Connect = fn(&Remote, table: &str, session: Option<&str>) -> Result<Connection, StepError>;
 
 /// The program `replica-remote`: answers `--describe REQUEST`, `--check REQUEST` and `run ASSIGNMENT` with the program on the other
 /// host. `arguments` begin with the program's name. Returns the exit code.
@@ -57,17 +55,6 @@ fn read_assignment(path: &Path) -> Result<Assignment, StepError> {
     parse(&bytes).map_err(|error| error.at(path.display()))
 }
 
-pub(super) fn remote_of(remote: Option<&Remote>) -> Result<&Remote, StepError> {
-    remote.ok_or_else(|| StepError::configuration("the table has no key `host`"))
-}
-
-impl LaunchText {
-    pub(super) fn read(file: &Path, changes: &[Change], table: &str) -> Result<Self, StepError> {
-        let text = read_text(file, MAX_SETTINGS_BYTES).map_err(|error| StepError::io(error).at(file.display()))?;
-        Ok(Self { text, changes: changes.to_vec(), table: table.to_owned() })
-    }
-}
-
 fn describe(request: &DescribeRequest, connect: Connect) -> Result<Description, StepError> {
     let remote = remote_of(request.remote.as_ref())?;
     let launch = LaunchText::read(&request.launch_file, &request.changes, &request.table)?;
@@ -89,13 +76,6 @@ fn check_description(description: Description, host: &str) -> Result<Description
         port(topic)?;
     }
     Ok(description)
-}
-
-pub(super) fn port(topic: &str) -> Result<Port, StepError> {
-    let unknown = || {
-        StepError::configuration(format!("{topic} is no topic of the project; a stage on another host has no others"))
-    };
-    Port::of_name(topic).ok_or_else(unknown)
 }
 
 fn check(request: &CheckRequest, connect: Connect) -> Result<Vec<Problem>, StepError> {

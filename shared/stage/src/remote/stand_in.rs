@@ -1,7 +1,6 @@
 //! The stage that stands in the run for one on another host.
 
-use super::connection::Far;
-use super::near::{Connect, port, remote_of};
+use super::connection::{Connect, Far, port, remote_of};
 use super::wire::{Answer, LaunchText, MessageBlock, Report, Request};
 use crate::program::{ConfiguredStage, Program, RunningStage};
 use crate::{Context, Field, Flow, Inputs, Outputs, Port, Problem, StateBytes, StepError};

@@ -13,7 +13,7 @@ pub fn table(summaries: &[ObjectSummary]) -> String {
     let mut text = NAMES.to_owned();
     for summary in summaries {
         let OrientedRectangle { center: [x, y], heading, .. } = summary.footprint;
-        push(&mut text, summary, [x, y, summary.z.0], heading);
+        push(&mut text, summary, [x, y, summary.low_m], heading);
     }
     text
 }
@@ -22,7 +22,7 @@ pub fn table(summaries: &[ObjectSummary]) -> String {
 pub(super) fn table_in_frame(summaries: &[ObjectSummary], frame: &TargetFrame<'_>) -> Result<String, CrsError> {
     let mut text = NAMES.to_owned();
     for summary in summaries {
-        let at = |[x, y]: [f64; 2]| frame.from_cloud([x, y, summary.z.0]);
+        let at = |[x, y]: [f64; 2]| frame.from_cloud([x, y, summary.low_m]);
         let [a, b, ..] = summary.corners();
         let ([ax, ay, _], [bx, by, _]) = (at(a)?, at(b)?);
         push(&mut text, summary, at(summary.footprint.center)?, (by - ay).atan2(bx - ax));
@@ -31,9 +31,9 @@ pub(super) fn table_in_frame(summaries: &[ObjectSummary], frame: &TargetFrame<'_
 }
 
 fn push(text: &mut String, summary: &ObjectSummary, [x, y, z]: [f64; 3], heading: f64) {
-    let ObjectSummary { id, class, n_points, n_clouds, score, footprint, z: (low, high) } = summary;
+    let ObjectSummary { id, class, n_points, n_clouds, score, footprint, low_m, high_m } = summary;
     let OrientedRectangle { length_m, width_m, .. } = footprint;
-    let height_m = high - low;
+    let height_m = high_m - low_m;
     let score = score.map_or_else(String::new, |score| format!("{score:.3}"));
     // Writing to a string cannot fail.
     let _ = writeln!(

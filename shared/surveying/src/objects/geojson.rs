@@ -18,10 +18,10 @@ pub fn geojson(summaries: &[ObjectSummary], georeference: &Georeference) -> Resu
 }
 
 fn feature(summary: &ObjectSummary, georeference: &Georeference) -> Result<Option<Value>, CrsError> {
-    let ObjectSummary { id, class, n_points, n_clouds, score, footprint, z: (low, high) } = summary;
+    let ObjectSummary { id, class, n_points, n_clouds, score, footprint, low_m, high_m } = summary;
     let mut ring = Vec::new();
     for [x, y] in summary.corners() {
-        let Some(place) = georeference.geodetic_from_cloud([x, y, *low])? else { return Ok(None) };
+        let Some(place) = georeference.geodetic_from_cloud([x, y, *low_m])? else { return Ok(None) };
         ring.push(position(&place));
     }
     ring.extend(ring.first().cloned());
@@ -32,7 +32,7 @@ fn feature(summary: &ObjectSummary, georeference: &Georeference) -> Result<Optio
         "properties": {
             "id": id, "class": class, "points": n_points, "clouds": n_clouds,
             "length_m": rounded(footprint.length_m, 1e2), "width_m": rounded(footprint.width_m, 1e2),
-            "height_m": rounded(high - low, 1e2), "heading_rad": rounded(footprint.heading, 1e3),
+            "height_m": rounded(high_m - low_m, 1e2), "heading_rad": rounded(footprint.heading, 1e3),
             "score": score.map(|score| rounded(score, 1e3)),
         },
     })))
@@ -59,7 +59,8 @@ mod tests {
             n_clouds: 2,
             score: Some(0.75),
             footprint,
-            z: (0.25, 1.75),
+            low_m: 0.25,
+            high_m: 1.75,
         };
         let text = geojson(&[summary], &georeference).expect("converts").expect("is placed");
         let found: Value = serde_json::from_str(&text).expect("JSON");

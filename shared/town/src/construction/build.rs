@@ -9,7 +9,7 @@ use crate::kind::{Town, Traffic};
 use crate::path::GroundPath;
 use crate::scene::Scene;
 use crate::scene_builder::SceneBuilder;
-use crate::speed_profile::{Driver, SpeedProfile};
+use crate::speed_profile::{Driver, SpeedProfile, Stop};
 use crate::streets::country::{self, Stretch};
 use crate::streets::grid::{self, GridStyle};
 use crate::streets::lane::{self, Lane};
@@ -115,14 +115,14 @@ fn start_at_stretch(network: &mut Network, kind: Town, stretches: &[Stretch]) {
 }
 
 /// Red lights as (distance along the path, waiting time), for as many rounds as the longest drive makes.
-fn stops(network: &Network, legs: &[[f64; 2]], round_m: f64, random: &mut Random) -> Vec<(f64, f64)> {
+fn stops(network: &Network, legs: &[[f64; 2]], round_m: f64, random: &mut Random) -> Vec<Stop> {
     const MAX_ROUNDS: usize = 6;
     let mut stops = Vec::new();
     for round in 0..MAX_ROUNDS {
         for (k, leg) in network.round.iter().enumerate() {
             if network.nodes[network.node_after(*leg)].has_lights && k % RED_EVERY == 2 {
-                let wait = f64::from(random.range(9.0, 15.0));
-                stops.push((round as f64 * round_m + legs[k][1] - ground::STOP_LINE[1] - STOP_BEFORE_M, wait));
+                let at_m = round as f64 * round_m + legs[k][1] - ground::STOP_LINE[1] - STOP_BEFORE_M;
+                stops.push(Stop { at_m, seconds: f64::from(random.range(9.0, 15.0)) });
             }
         }
     }

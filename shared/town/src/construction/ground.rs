@@ -70,9 +70,10 @@ fn row(town: &mut TownBuilder, number: usize, [s0, s1]: [f64; 2]) {
                 (profile.kerb_t, profile.road_height(profile.kerb_t) - 0.02, profile.side_height(profile.kerb_t));
             quads.push(([at(s0, t, low), at(s1, t, low), at(s1, t, high), at(s0, t, high)], Paving::Kerb));
         }
-        if let Some((width, h, paving)) = skirt(street) {
-            let (t, top) = (profile.outer_t, profile.side_height(profile.outer_t));
-            quads.push(([at(s0, t, top), at(s1, t, top), at(s1, t + width, h), at(s0, t + width, h)], paving));
+        if let Some(Skirt { width_m, far_height_m, paving }) = skirt(street) {
+            let near = |s: f64| at(s, profile.outer_t, profile.side_height(profile.outer_t));
+            let far = |s: f64| at(s, profile.outer_t + width_m, far_height_m);
+            quads.push(([near(s0), near(s1), far(s1), far(s0)], paving));
         }
     }
     for (corners, paving) in quads {
@@ -81,12 +82,26 @@ fn row(town: &mut TownBuilder, number: usize, [s0, s1]: [f64; 2]) {
     }
 }
 
-/// The strip from the outer edge of a street to the meadows or facades: width, height of its far edge, cover.
-pub fn skirt(street: &Street) -> Option<(f64, f64, Paving)> {
+/// The strip from the outer edge of a street to the meadows or facades.
+pub struct Skirt {
+    /// m.
+    pub width_m: f64,
+    /// Height of its far edge above the terrain, m.
+    pub far_height_m: f64,
+    /// Its cover.
+    pub paving: Paving,
+}
+
+/// The strip beside a street; `None` if the meadows begin at its edge.
+pub fn skirt(street: &Street) -> Option<Skirt> {
     let profile = street.profile;
     match profile.kind {
-        StreetKind::Urban => Some((0.8, profile.side_height(profile.outer_t), Paving::Slab)),
-        StreetKind::Residential | StreetKind::Village => Some((1.4, -0.3, Paving::Grass)),
+        StreetKind::Urban => {
+            Some(Skirt { width_m: 0.8, far_height_m: profile.side_height(profile.outer_t), paving: Paving::Slab })
+        }
+        StreetKind::Residential | StreetKind::Village => {
+            Some(Skirt { width_m: 1.4, far_height_m: -0.3, paving: Paving::Grass })
+        }
         // Their ditches end below the meadows.
         StreetKind::Country | StreetKind::Motorway { .. } => None,
     }

@@ -1,6 +1,6 @@
 //! Surface of junctions: the road between the streets' own pavements, and the corners between neighboring streets.
 
-use crate::construction::ground::{skirt, vertex};
+use crate::construction::ground::{Skirt, skirt, vertex};
 use crate::construction::town_builder::TownBuilder;
 use crate::streets::network::Arm;
 use crate::streets::paving::Paving;
@@ -135,10 +135,10 @@ fn sidewalk(town: &mut TownBuilder, corner: &CornerLine) {
             let high = |i: usize| at(i, corner.height(i, 0.0));
             quads.push(([low(i), low(i + 1), high(i + 1), high(i)], Paving::Kerb));
         }
-        if let Some((width, h, paving)) = skirt(street) {
+        if let Some(Skirt { width_m, far_height_m, paving }) = skirt(street) {
             let out = |i: usize| {
                 let away = (corner.outer_place(i) - corner.kerb_place(i)).normalize();
-                vertex(town, &(corner.outer_place(i) + away * width), h)
+                vertex(town, &(corner.outer_place(i) + away * width_m), far_height_m)
             };
             let at = |i: usize| vertex(town, &place(i, 1.0), corner.height(i, 1.0));
             quads.push(([at(i), at(i + 1), out(i + 1), out(i)], paving));

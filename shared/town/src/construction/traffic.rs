@@ -182,7 +182,8 @@ impl TownBuilder {
     fn people_at_red(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let mut movers = Vec::new();
         let round_m = tour.path.length_m();
-        for (at, _) in &tour.driver.stops {
+        for stop in &tour.driver.stops {
+            let at = stop.at_m;
             let seconds = tour.speed.seconds_at(at - 1.0);
             let Some(k) = tour.legs.iter().position(|leg| (leg[1] - at.rem_euclid(round_m)).abs() < 12.0) else {
                 continue;

@@ -91,6 +91,7 @@ mod tests {
                 assert!(end - begin > 110.0, "room for a tunnel: {begin} to {end}");
             }
             assert!(network.nodes[..N].iter().all(|node| node.arms.len() == 3));
+            assert_eq!((network.round.len(), network.nodes.len()), (N, 2 * N));
             assert!(network.nodes[N..].iter().all(|node| node.arms.len() == 1));
         }
     }

@@ -24,6 +24,7 @@ fn further_rays_reach_leaves_and_change_no_other_values() {
     let [before, after] = [&one, &many].map(|values| share(values, ClassId::Vegetation));
     assert!(before < 0.6 && after > 0.9, "{before} {after}");
     assert!(share(&many, ClassId::Building) > 0.98);
+    assert_eq!(one.len(), many.len());
     assert!(one.iter().zip(&many).all(|(one, many)| one.is_nan() || one == many));
 }
 
@@ -42,6 +43,7 @@ fn vegetation_is_green_and_bright_in_infrared() {
     let known = colors.iter().filter(|value| !value.is_nan());
     assert!(known.clone().all(|value| (0.0..=1.0).contains(value)));
     // Both cameras see the same points of both sweeps.
+    assert_eq!(colors.len() / 3, bands.len() / 2);
     assert!(colors.chunks_exact(3).zip(bands.chunks_exact(2)).all(|(a, b)| a[0].is_nan() == b[0].is_nan()));
     for sweep in 0..2 {
         let mean = |values: &[f32], n_bands: usize, band: usize, class: ClassId| {

@@ -37,7 +37,7 @@ fn begin(of_start: &[&str], own: &[&str], folds: [usize; 2]) -> (usize, Weights,
 }
 
 fn is_near(a: (&[f32], f32), b: (&[f32], f32)) -> bool {
-    a.0.iter().chain([&a.1]).zip(b.0.iter().chain([&b.1])).all(|(a, b)| (a - b).abs() < 1e-5)
+    a.0.len() == b.0.len() && a.0.iter().chain([&a.1]).zip(b.0.iter().chain([&b.1])).all(|(a, b)| (a - b).abs() < 1e-5)
 }
 
 #[test]

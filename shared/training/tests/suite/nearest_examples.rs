@@ -144,7 +144,7 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
         let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
         let mut data = Labeled(known.collect());
-        assert!(NearestExamples::draw(&settings, &weights, &data, 10, 1).is_ok());
+        NearestExamples::draw(&settings, &weights, &data, 10, 1).expect("known classes are accepted");
         change(&mut data.0[1].1);
         NearestExamples::draw(&settings, &weights, &data, 10, 1).err().expect("is rejected").to_string()
     };

@@ -1,11 +1,13 @@
-//! `attack`: runs a target on seeded mutations of its corpus with a limit on memory and, on request, on time.
+//! `attack`: runs a target on seeded mutations of its corpus with a limit on memory and, on request, on instructions.
 //!
 //! A panic, an abort or a stack overflow ends the process. `--progress` names a file that then contains the number of the input;
 //! `--save` writes that input to a file.
 
 use cap::Cap;
 use clap::Parser;
-use fuzz_targets::{TARGETS, corpus, input, memory_limit, processor_time, target, time_limit};
+use fuzz_targets::{
+    TARGETS, corpus, input, instruction_limit, instructions, memory_limit, processor_time, suspicious_time, target,
+};
 use std::alloc::System;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
@@ -32,9 +34,9 @@ struct Args {
     /// Time for each target, s; ends before `count`
     #[arg(long, default_value_t = f64::INFINITY)]
     seconds: f64,
-    /// Fail at an input that takes more processor time than the target may
+    /// Fail at an input for which the target executes more instructions than it may; counts those of slow inputs under valgrind
     #[arg(long)]
-    limit_time: bool,
+    limit_work: bool,
     /// File that contains the number of the current input
     #[arg(long)]
     progress: Option<PathBuf>,
@@ -78,10 +80,15 @@ fn attack(name: &str, args: &Args) -> std::io::Result<()> {
         let _ = MEMORY.set_limit(MEMORY.allocated() + memory_limit(&bytes));
         run(&bytes);
         let _ = MEMORY.set_limit(usize::MAX);
-        let (used, limit) = (processor_time().saturating_sub(called), time_limit(&bytes));
-        if args.limit_time && used > limit {
-            let problem = format!("input {number}, {} bytes, took {used:?}; at most {limit:?}", bytes.len());
-            return Err(std::io::Error::other(problem));
+        let used = processor_time().saturating_sub(called);
+        if args.limit_work && used > suspicious_time(&bytes) {
+            let limit = instruction_limit(&bytes);
+            let executed = instructions_of_input(name, args.seed, number)?;
+            if executed > limit {
+                let problem =
+                    format!("input {number}, {} bytes: {executed} instructions; at most {limit}", bytes.len());
+                return Err(std::io::Error::other(problem));
+            }
         }
         slowest = slowest.max((used, number));
         n += 1;
@@ -89,4 +96,11 @@ fn attack(name: &str, args: &Args) -> std::io::Result<()> {
     let ((slowest, number), seconds) = (slowest, begin.elapsed().as_secs_f64());
     println!("{name}: {n} executions in {seconds:.1} s; slowest {} ms (input {number})", slowest.as_millis());
     Ok(())
+}
+
+/// Instructions of one call: those of a process with the input, less those of a process without.
+fn instructions_of_input(name: &str, seed: u64, number: u64) -> std::io::Result<u64> {
+    let (seed, number) = (seed.to_string(), number.to_string());
+    let of_count = |count: &str| instructions(&[name, "--seed", &seed, "--from", &number, "--count", count]);
+    Ok(of_count("1")?.saturating_sub(of_count("0")?))
 }

@@ -1,8 +1,10 @@
-//! `grow`: runs targets on inputs of 32 KiB and of 512 KiB, in which a piece of a corpus is repeated, and reports those whose time grows
-//! faster than their size. Quadratic time does not show in the short inputs of a fuzzer, and stacks do not overflow.
+//! `grow`: runs targets on inputs of 32 KiB and of 512 KiB, in which a piece of a corpus is repeated, and reports those whose work grows
+//! faster than their size. Quadratic work does not show in the short inputs of a fuzzer, and stacks do not overflow.
+//!
+//! Work is counted in instructions, under valgrind, where the time grows faster than the size.
 
 use clap::Parser;
-use fuzz_targets::{TARGETS, corpus, processor_time, target};
+use fuzz_targets::{TARGETS, corpus, instructions, processor_time, target};
 use random::Random;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -11,10 +13,12 @@ const SMALL: usize = 32 << 10;
 const LARGE: usize = 512 << 10;
 /// Shorter times of small inputs are noise.
 const LEAST: Duration = Duration::from_millis(1);
-/// The time may grow so much more than the size: by caches, sorting and noise.
+/// Fewer instructions of small inputs are overhead: what [`LEAST`] allows.
+const LEAST_INSTRUCTIONS: u64 = 3_000_000;
+/// Instructions may grow so much more than the size, by sorting. A time that does is suspicious: caches and other programs add to it.
 const MAX_GROWTH: f64 = 4.0;
 
-/// Reports readers whose time grows faster than their input.
+/// Reports readers whose work grows faster than their input.
 #[derive(Parser)]
 struct Args {
     /// Name of the target; without it, all targets
@@ -25,6 +29,12 @@ struct Args {
     /// Pieces for each target
     #[arg(long, default_value_t = 40)]
     count: u64,
+    /// Number of the first piece
+    #[arg(long, default_value_t = 0)]
+    from: u64,
+    /// Run the pieces once at this size, bytes, and compare nothing
+    #[arg(long)]
+    size: Option<usize>,
 }
 
 fn main() -> ExitCode {
@@ -38,25 +48,49 @@ fn main() -> ExitCode {
         let mut files = corpus(name).unwrap_or_default();
         files.retain(|file| !file.is_empty() && file.len() < SMALL);
         let mut most = 0.0_f64;
-        for number in 0..args.count {
+        for number in args.from..args.from + args.count {
             let mut random = Random::of_stream(args.seed, number);
             let Some(file) = (!files.is_empty()).then(|| random.pick(&files)) else { break };
             let (at, n) = piece(file, &mut random);
             let is_numbered = random.chance(0.3);
+            if let Some(size) = args.size {
+                run(&repeated(file, at, n, size, is_numbered));
+                continue;
+            }
             let [small, large] = [SMALL, LARGE].map(|size| repeated(file, at, n, size, is_numbered));
-            let [of_small, of_large] = [&small, &large].map(|input| time(*run, input));
             let size = large.len() as f64 / small.len() as f64;
+            let [of_small, of_large] = [&small, &large].map(|input| time(*run, input));
             let growth = of_large.as_secs_f64() / of_small.max(LEAST).as_secs_f64() / size;
             most = most.max(growth);
-            if growth > MAX_GROWTH {
+            if growth <= MAX_GROWTH {
+                continue;
+            }
+            let counts = [SMALL, LARGE].map(|size| instructions_of_piece(name, args.seed, number, size));
+            let [of_small, of_large] = match counts {
+                [Ok(of_small), Ok(of_large)] => [of_small, of_large],
+                [Err(error), _] | [_, Err(error)] => {
+                    eprintln!("{name}: {error}");
+                    return ExitCode::FAILURE;
+                }
+            };
+            if of_large as f64 / of_small.max(LEAST_INSTRUCTIONS) as f64 / size > MAX_GROWTH {
                 is_linear = false;
                 let text = String::from_utf8_lossy(&file[at..at + n]);
-                println!("{name}: {of_small:?} for {} bytes, {of_large:?} for {}: {text:?}", small.len(), large.len());
+                let [small, large] = [small.len(), large.len()];
+                println!("{name}: {of_small} instructions for {small} bytes, {of_large} for {large}: {text:?}");
             }
         }
         println!("{name}: {} pieces; time grows {most:.2} times as much as the size at most", args.count);
     }
     if is_linear { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Instructions of one call with a piece at a size: those of a process with the call, less those of a process without.
+fn instructions_of_piece(name: &str, seed: u64, number: u64, size: usize) -> std::io::Result<u64> {
+    let (seed, number, size) = (seed.to_string(), number.to_string(), size.to_string());
+    let of_count =
+        |count: &str| instructions(&[name, "--seed", &seed, "--from", &number, "--size", &size, "--count", count]);
+    Ok(of_count("1")?.saturating_sub(of_count("0")?))
 }
 
 /// Begin and length of some lines or bytes of a file.

@@ -48,10 +48,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// An object in the frame of the clouds, m and rad.
 fn facts(object: &ObjectSummary) -> Value {
     let OrientedRectangle { center, length_m, width_m, heading } = object.footprint;
-    let (z_low_m, z_high_m) = object.z;
     json!({
         "id": object.id, "class": object.class, "points": object.n_points, "clouds": object.n_clouds,
-        "score": object.score, "x_m": center[0], "y_m": center[1], "z_low_m": z_low_m, "z_high_m": z_high_m,
+        "score": object.score, "x_m": center[0], "y_m": center[1], "z_low_m": object.low_m, "z_high_m": object.high_m,
         "length_m": length_m, "width_m": width_m, "heading_rad": heading,
     })
 }

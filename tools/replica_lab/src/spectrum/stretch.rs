@@ -52,6 +52,7 @@ mod tests {
         assert!((clipped.share(0.49, 0.51) - 0.4).abs() < 1e-9, "0.1 is in the middle of 0 to 0.2");
         assert!((clipped.share(0.99, 1.01) - 0.4).abs() < 1e-9, "0.2 and 0.6 are at the end");
         let expected = [0.0, 0.5, 0.5, 1.0, 1.0];
+        assert_eq!(same.len(), expected.len());
         assert!(same.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{same:?}");
         // The mean is 0.2; its closest four values are 0 to 0.2, and 0.6 is clipped.
         let (clipped, _) = Stretch::AroundMean(80.0).apply(&channel, &[]);

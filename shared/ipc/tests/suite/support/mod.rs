@@ -49,7 +49,7 @@ fn pair_of<T: Message>(domain: &Domain, channel: Channel) -> Pair<T> {
     services.create_wake(&supervisor, "producer.wake", 1).expect("created");
     services.create_wake(&supervisor, "consumer.wake", 1).expect("created");
     let (producer, consumer) = (domain.node("producer").expect("node"), domain.node("consumer").expect("node"));
-    let consumer_wake = Wake::open(&consumer, "consumer.wake").expect("opened");
+    let consumer_wake = consumer.open_wake("consumer.wake").expect("opened");
     let publisher = Publisher::open(&producer, &channel).expect("opened");
     let subscriber = Subscriber::open(&consumer, &channel, "consumer.wake").expect("opened");
     assert!(subscriber.connect().expect("connects"));

@@ -163,6 +163,7 @@ mod tests {
             let (_, range) = deviation(poor.iter().map(|laser| laser.range_m));
             assert!((0.009..0.02).contains(&range), "{range}");
             let typical = LidarErrors { unit_seed, ..LidarErrors::TYPICAL }.of_lasers(Model::Hdl32e);
+            assert_eq!(typical.len(), 32);
             assert!(typical.iter().all(|laser| laser.elevation_deg.abs() <= 0.1 && laser.range_m.abs() <= 0.02));
         }
         assert!(signs.iter().all(|n| *n > 10), "{signs:?}");

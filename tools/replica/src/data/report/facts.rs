@@ -140,14 +140,13 @@ pub struct ObjectFacts {
 
 impl ObjectFacts {
     pub fn of(object: &ObjectSummary) -> Self {
-        let (low, high) = object.z;
         let footprint = &object.footprint;
         Self {
             id: object.id,
             class: object.class,
             points: object.n_points,
-            position_m: [footprint.center[0], footprint.center[1], low],
-            size_m: [footprint.length_m, footprint.width_m, high - low],
+            position_m: [footprint.center[0], footprint.center[1], object.low_m],
+            size_m: [footprint.length_m, footprint.width_m, object.high_m - object.low_m],
         }
     }
 }

@@ -131,8 +131,7 @@ impl Scene {
 impl SceneObject {
     /// An object of the clouds in the coordinates of the points.
     pub fn of(object: &ObjectSummary, frame: &TargetFrame<'_>) -> Result<Self, CrsError> {
-        let (low, high) = object.z;
-        let corners = [low, high].into_iter().flat_map(|z| object.corners().map(|[x, y]| [x, y, z]));
+        let corners = [object.low_m, object.high_m].into_iter().flat_map(|z| object.corners().map(|[x, y]| [x, y, z]));
         Ok(Self {
             id: object.id,
             class: object.class.to_owned(),

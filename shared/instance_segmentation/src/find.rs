@@ -3,25 +3,12 @@
 use crate::candidates::{Candidate, candidates};
 use crate::footprints::Footprints;
 use crate::joining::join;
-use crate::movers::{Motion, Movers};
+use crate::movers::Movers;
+use crate::object::Object;
 use crate::settings::{FootprintSettings, Kind};
-use crate::top_view::{Cell, TopView};
+use crate::top_view::TopView;
 use crate::visits::{END_WINDOW_NANOS, Visits};
 use messages::SubmapPoint;
-
-/// An object of the submap.
-pub struct Object {
-    /// Indices of its points, increasing.
-    pub points: Vec<u32>,
-    /// All cells, cells of its first and cells of its last half second, sorted.
-    pub cells: [Vec<Cell>; 3],
-    /// Times of its first and last point, ns since the Unix epoch.
-    pub span: (i64, i64),
-    /// Whether there is ground around it; `true` if unknown.
-    pub is_grounded: bool,
-    /// Its motion, if most of its points are on the track of a moving object.
-    pub motion: Option<Motion>,
-}
 
 /// All objects of one class in the view, in the order of their first points. `is_class` is for each of [`TopView::thing_points`];
 /// `time_of` gives ns since the Unix epoch.
@@ -55,26 +42,20 @@ fn in_place(view: &TopView, candidates: Vec<Candidate>, kind: &Kind, settings: &
     } else {
         (visits.all.iter().map(|visit| footprints.parts[visit.cell] - 1).collect(), footprints.n)
     };
-    let empty = || Object {
-        points: Vec::new(),
-        cells: Default::default(),
-        span: (i64::MAX, i64::MIN),
-        is_grounded: false,
-        motion: None,
-    };
-    let mut objects: Vec<Object> = (0..n).map(|_| empty()).collect();
+    let mut objects: Vec<Object> = (0..n).map(|_| Object::empty()).collect();
     for (visit, &number) in visits.all.iter().zip(&numbers) {
-        let span = &mut objects[number as usize].span;
-        *span = (span.0.min(visit.begin), span.1.max(visit.end));
+        let object = &mut objects[number as usize];
+        object.begin_nanos = object.begin_nanos.min(visit.begin);
+        object.end_nanos = object.end_nanos.max(visit.end);
     }
     for (visit, &number) in visits.all.iter().zip(&numbers) {
         let object = &mut objects[number as usize];
-        object.cells[0].push(visit.cell);
-        if visit.begin <= object.span.0.saturating_add(END_WINDOW_NANOS) {
-            object.cells[1].push(visit.cell);
+        object.footprint.all.push(visit.cell);
+        if visit.begin <= object.begin_nanos.saturating_add(END_WINDOW_NANOS) {
+            object.footprint.at_first.push(visit.cell);
         }
-        if visit.end >= object.span.1.saturating_sub(END_WINDOW_NANOS) {
-            object.cells[2].push(visit.cell);
+        if visit.end >= object.end_nanos.saturating_sub(END_WINDOW_NANOS) {
+            object.footprint.at_last.push(visit.cell);
         }
         let around = footprints.ground_around[footprints.parts[visit.cell] as usize];
         object.is_grounded |= around.is_none_or(|share| share >= settings.min_ground_around);
@@ -85,25 +66,4 @@ fn in_place(view: &TopView, candidates: Vec<Candidate>, kind: &Kind, settings: &
     objects.retain(|object| !object.points.is_empty());
     objects.iter_mut().for_each(Object::sort);
     objects
-}
-
-impl Object {
-    pub(crate) fn sort(&mut self) {
-        self.points.sort_unstable();
-        for cells in &mut self.cells {
-            cells.sort_unstable();
-            cells.dedup();
-        }
-    }
-
-    /// Needs [`Object::sort`] afterwards.
-    pub(crate) fn append(&mut self, mut other: Self) {
-        self.points.append(&mut other.points);
-        for (cells, others) in self.cells.iter_mut().zip(&mut other.cells) {
-            cells.append(others);
-        }
-        self.span = (self.span.0.min(other.span.0), self.span.1.max(other.span.1));
-        self.is_grounded |= other.is_grounded;
-        self.motion = self.motion.or(other.motion);
-    }
 }
