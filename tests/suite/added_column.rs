@@ -84,7 +84,7 @@ fn points() -> Vec<SubmapPoint> {
 fn write_run(folder: &Path) {
     let pose = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
     let origin = [0.0, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0];
-    let mut header = SubmapHeader { world_from_submap: pose, n_sweeps: 1, n_rings: 32, ..SubmapHeader::default() };
+    let mut header = SubmapHeader { odom_from_submap: pose, n_sweeps: 1, n_rings: 32, ..SubmapHeader::default() };
     header.stamp_end = 100_000_000;
     header.sweeps[0] = SubmapSweep {
         duration_nanos: 100_000_000,
@@ -96,7 +96,7 @@ fn write_run(folder: &Path) {
     let mut context = context(folder);
     context.connected = ["submap", "trajectory", "moisture"].map(str::to_owned).to_vec();
     let mut bench = Bench::<Export<WithMoisture>>::new(&Settings::default(), &context).expect("starts");
-    let poses = [0, 100_000_000].map(|stamp| StampedPose { stamp, world_from_body: pose });
+    let poses = [0, 100_000_000].map(|stamp| StampedPose { stamp, odom_from_body: pose });
     bench.send::<TrajectoryTopic>(0, NoHeader::default(), poses.to_vec());
     bench.send::<SubmapTopic>(0, header, points());
     bench.tick().expect("steps");

@@ -2,7 +2,6 @@
 //! run that continued with another content would be half of one program or model, half of another.
 
 use crate::plan::Plan;
-use drive::MANIFEST_FILE;
 use run::{DRIVE_MANIFEST, FileIdentity, Remote};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -67,7 +67,6 @@ pub use observability::Stretches;
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
 pub use prediction::navigation::PredictionSources;
 pub use prediction::sensors::{GroundVelocity, InertialSample, SensorMounting};
-pub use secondary_lidar::OtherLidar;
 pub use secondary_lidar::SecondaryLidar;
 pub use self_calibration::inertial_check::{Axes, Fit, InertialCheck, InertialCorrection, InertialMounting};
 pub use self_calibration::ring_errors::RingError;

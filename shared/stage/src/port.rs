@@ -5,8 +5,7 @@ use crate::memory_output::{memory_output, remote_output};
 use crate::outputs::AnyOutput;
 use crate::ports::{SharedInputMaker, SharedOutputMaker, shared_input, shared_output};
 use crate::submap_join::{self, WaitingMaker};
-use crate::untyped::{self, FirstMaker, LoanMaker, UntypedMessage};
-use crate::untyped::{self, LoanMaker, UntypedLoan, UntypedMessage};
+use crate::untyped::{self, FirstMaker, LoanMaker, UntypedLoan, UntypedMessage};
 use crate::{ColumnPort, Inputs, Outputs, StepError};
 use messages::{
     ByteTable, CubeTopic, GnssTopic, ImageTopic, ImuTopic, Message, MosaicTopic, PlacementTopic, SubmapTopic,

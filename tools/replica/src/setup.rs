@@ -3,7 +3,6 @@
 mod doctor;
 mod new_stage;
 
-use crate::cli;
 use command_line::{completions, man};
 use std::process::ExitCode;
 

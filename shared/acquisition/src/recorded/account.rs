@@ -4,7 +4,6 @@ use super::{BadLines, CameraFileError, DrivePosition, DriveReader, Due, SkippedA
 use crate::counters::ReportedCounts;
 use crate::doubts::{Doubts, Tally};
 use crate::error::DriveError;
-use drive::imu::ImuError;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 

@@ -7,7 +7,6 @@ use super::secondary_lidars::{SecondaryLidars, SecondaryPosition};
 use super::trigger::Trigger;
 use crate::doubts::Doubts;
 use crate::error::{DriveError, NoSweepError};
-use drive::imu::ImuError;
 use drive::manifest::Manifest;
 use drive::{Drive, DriveLidar, Frame, SourcePosition, SweepInfo, SweepSource};
 use lidar::nmea::{Fix, LogStats};

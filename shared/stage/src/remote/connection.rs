@@ -3,8 +3,8 @@
 use super::wire::{Answer, LaunchText, Request, read_block, read_head, write_head};
 use crate::{Outputs, Port, StepError};
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
-use run::Remote;
 use run::assignment::Description;
+use run::{Change, Remote};
 use std::io::{ErrorKind, Read, Write};
 use std::path::Path;
 

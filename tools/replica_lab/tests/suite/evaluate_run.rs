@@ -15,7 +15,7 @@ use std::process::Output;
 fn simulated(folder: &Path, town: &str) -> PathBuf {
     let drive = folder.join(town);
     let rig = RigSpec::built_in("survey").expect("is built in");
-    let town = Town::ALL.into_iter().find(|known| known.word() == town).expect("a town");
+    let town = *Town::ALL.iter().find(|known| known.word() == town).expect("a town");
     simulate(&DriveSpec { town, rig, ..DriveSpec::urban(1, 0.65) }, &drive);
     drive
 }
