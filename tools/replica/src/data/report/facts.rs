@@ -16,6 +16,7 @@ use run::launch_file::LaunchFile;
 use run::summary::{Summary, Total};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::path::PathBuf;
 use surveying::objects::ObjectSummary;
 
@@ -213,10 +214,12 @@ impl Settings {
         let begun = run.begun.as_ref();
         let command = begun.and_then(|begun| {
             let changes = begun.changes.as_ref()?;
-            let options = changes.iter().map(Change::option);
-            let options: String = options.map(|(option, value)| format!(" {option} {}", quoted(&value))).collect();
-            let launch_file = quoted(&begun.launch_file.display().to_string());
-            Some(format!("replica-launch {launch_file}{options}{}", selection(run, changes)))
+            let mut command = format!("replica-launch {}", quoted(&begun.launch_file.display().to_string()));
+            for (option, value) in changes.iter().map(Change::option) {
+                // Writing to a string cannot fail.
+                let _ = write!(command, " {option} {}", quoted(&value));
+            }
+            Some(command + &selection(run, changes))
         });
         let files = begun.iter().flat_map(|begun| begun.files.values().flatten());
         Self {
