@@ -68,7 +68,8 @@ fn power_losses(n: usize, seed: u64) -> ExitCode {
     let mut has_faults = false;
     for (name, earlier) in [("new run", None), ("--overwrite", Some(&["--set", "slam_aggregate.submap_m=5.0"][..]))] {
         let run = RecordedRun::new(lidar_pipeline(&drive(), ""), earlier);
-        let (n_changes, n_syncs) = (run.journal().n_changes(), run.journal().n_syncs());
+        let n_changes = run.journal().n_changes();
+        let n_syncs = run.journal().n_syncs();
         println!("{name}: {n_changes} changes, {n_syncs} syncs, {} different disks", run.crashes().len());
         let survival = run.survive(n, &mut Random::new(seed));
         println!("seed {seed}: {survival}");
@@ -79,7 +80,8 @@ fn power_losses(n: usize, seed: u64) -> ExitCode {
 
 fn main() -> ExitCode {
     let number = |name, default| argument(name).map_or(default, |text| text.parse().expect("a number"));
-    let (n_kills, seed) = (number("--kills", 100), number("--seed", 1));
+    let n_kills = number("--kills", 100);
+    let seed = number("--seed", 1);
     let has = |name: &str| std::env::args().any(|argument| argument == name);
     if has("--record") {
         return recorded_kills(n_kills as usize, seed);
@@ -102,7 +104,8 @@ fn main() -> ExitCode {
 
     let launch = pipeline(&recorded, "restarts = 1000", "").with("--set").with("run.barrier_s=0.2");
     let begun = Instant::now();
-    let (done, output) = (AtomicBool::new(!has("--swaps")), launch.output());
+    let done = AtomicBool::new(!has("--swaps"));
+    let output = launch.output();
     let (kills, swaps) = std::thread::scope(|scope| {
         let swapping = scope.spawn(|| swap_all_the_while(&output, &done));
         let kills = run_under_kills(&launch, &STAGES, n_kills as usize, &mut Random::new(seed));

@@ -41,11 +41,14 @@ fn argument(name: &str, default: u64) -> u64 {
 fn repeat(drive: &Path, folder: &Path, n: u64, with_images: bool) {
     fs::create_dir_all(folder.join("lidar")).expect("a folder");
     let source = drive.join("lidar/000000.pcap");
-    let (mut first, mut last, mut n_packets) = (None, Stamp(0), 0_i64);
+    let mut first = None;
+    let mut last = Stamp(0);
+    let mut n_packets = 0_i64;
     let mut reader = PacketReader::open(&source).expect("a capture");
     while let Some(packet) = reader.next().expect("a capture") {
         first = first.or(Some(packet.stamp));
-        (last, n_packets) = (packet.stamp, n_packets + 1);
+        last = packet.stamp;
+        n_packets += 1;
     }
     let length = last.0 - first.expect("has packets").0;
     // Whole µs: the sensor's clock has no more.
@@ -159,7 +162,8 @@ fn report(stage: &str, samples: &[(f64, u64)]) -> bool {
     let mb = |bytes: u64| format!("{:.1}", bytes as f64 / 1e6);
     let at = |share: &f64| samples.iter().find(|(drive_s, _)| *drive_s >= share * end).map_or(0, |(_, bytes)| *bytes);
     let cells = SHARES.map(|share| format!("{:>8}", mb(at(&share)))).concat();
-    let (first, second) = (most(0.1, 0.5), most(0.5, 1.0));
+    let first = most(0.1, 0.5);
+    let second = most(0.5, 1.0);
     let is_flat = second <= first + SLACK;
     let verdict = if is_flat { "flat" } else { "GROWS" };
     println!("{stage:<16}{cells}{:>10}{:>10}  {verdict}", mb(first), mb(second));
@@ -167,9 +171,12 @@ fn report(stage: &str, samples: &[(f64, u64)]) -> bool {
 }
 
 fn main() -> ExitCode {
-    let (seconds, n, places) = (argument("--seconds", 60), argument("--repeat", 60), argument("--places", 100));
+    let seconds = argument("--seconds", 60);
+    let n = argument("--repeat", 60);
+    let places = argument("--places", 100);
     let folder = tempfile::tempdir().expect("a folder");
-    let (once, repeated) = (folder.path().join("once"), folder.path().join("repeated"));
+    let once = folder.path().join("once");
+    let repeated = folder.path().join("repeated");
     let all = std::env::args().any(|argument| argument == "--all");
     let rig = if all { "l3d2" } else { "survey" };
     simulated_drive(&once, &["--seed", "1", "--rig", rig, "--seconds", &seconds.to_string()]);

@@ -29,7 +29,8 @@ const RUNS: [(&str, &str, &str); 3] = [
 
 fn main() -> ExitCode {
     let mut numbers = std::env::args().filter_map(|argument| argument.parse().ok());
-    let (seconds, seed) = (numbers.next().unwrap_or(SECONDS), numbers.next().unwrap_or(SEED));
+    let seconds = numbers.next().unwrap_or(SECONDS);
+    let seed = numbers.next().unwrap_or(SEED);
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let drive = simulated(root, seconds, seed);
     println!(
@@ -155,7 +156,9 @@ fn memory(output: &Path) -> [f64; 2] {
     let mut lines = text.lines();
     let names: Vec<&str> = lines.next().expect("a header").split(',').collect();
     let column = |name: &str| names.iter().position(|found| *found == name).expect("a column");
-    let (stage, drive_s, resident) = (column("stage"), column("drive_s"), column("resident_bytes"));
+    let stage = column("stage");
+    let drive_s = column("drive_s");
+    let resident = column("resident_bytes");
     let rows: Vec<(f64, f64)> = lines
         .map(|line| line.split(',').collect::<Vec<_>>())
         .filter(|fields| fields[stage] == "slam_aggregate")

@@ -59,7 +59,8 @@ fn sample(pids: [Pid; PROCESSES.len()], domain: &str) -> Option<Sample> {
 /// Prints a figure at 10 %, at 100 % and its maximum; whether it does not grow.
 fn print(name: &str, samples: &[Sample], slack: u64, figure: impl Fn(&Sample) -> u64) -> bool {
     let values: Vec<u64> = samples.iter().map(figure).collect();
-    let (first, last) = (values[0], values[values.len() - 1]);
+    let first = values[0];
+    let last = values[values.len() - 1];
     let max = values.iter().copied().max().unwrap_or_default();
     let flat = max <= first + slack;
     println!("| {name} | {first} | {last} | {max} | {} |", if flat { "flat" } else { "GROWS" });
@@ -145,7 +146,8 @@ fn many_kills(kills: u64, seed: u64) -> bool {
     // All into one folder: what a dead run has left is the next one's to clean up.
     let disturbed = launch().with("--overwrite");
     let mut random = Random::new(seed);
-    let (mut survived, mut same) = (0_u64, 0_u64);
+    let mut survived = 0_u64;
+    let mut same = 0_u64;
     let begun = Instant::now();
     for _ in 0..kills {
         let running = disturbed.start();

@@ -59,7 +59,8 @@ fn supervisor_share() -> f64 {
     let launch = launch(PACE_MS);
     let running = launch.start();
     wait_for_barrier_after(&launch, 0);
-    let (begun, before) = (Instant::now(), cpu_s(running.pid()));
+    let begun = Instant::now();
+    let before = cpu_s(running.pid());
     std::thread::sleep(WATCHED);
     100.0 * (cpu_s(running.pid()) - before) / begun.elapsed().as_secs_f64()
 }
@@ -97,7 +98,8 @@ fn reactions(rounds: usize, signal: Signal, words: &str) -> Vec<Reaction> {
 
 fn print(name: &str, mut values: Vec<f64>, goal: f64) {
     values.sort_unstable_by(f64::total_cmp);
-    let (median, max) = (values[values.len() / 2], values[values.len() - 1]);
+    let median = values[values.len() / 2];
+    let max = values[values.len() - 1];
     let verdict = if max < goal { "reached" } else { "MISSED" };
     println!("| {name} | {median:.2} | {max:.2} | < {goal} | {verdict} |");
 }

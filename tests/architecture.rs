@@ -53,7 +53,8 @@ fn packages() -> BTreeMap<String, (String, Vec<String>)> {
 
 #[test]
 fn library_uses_only_earlier_ones() {
-    let (packages, libraries) = (packages(), libraries());
+    let packages = packages();
+    let libraries = libraries();
     assert!(libraries.len() >= 30, "{libraries:?}");
     let in_folder = packages.values().filter(|(folder, _)| folder.starts_with("shared/")).count();
     assert_eq!(libraries.len(), in_folder, "each library is listed once: {libraries:?}");
@@ -113,8 +114,8 @@ fn product_needs_no_crate_of_the_laboratory() {
     let packages = packages();
     let is_product = |folder: &str| folder.starts_with("services/") || folder == "tools/replica";
     let product = packages.iter().filter(|(_, (folder, _))| is_product(folder));
-    let (mut todo, mut needed): (Vec<&str>, BTreeSet<&str>) =
-        (product.map(|(name, _)| name.as_str()).collect(), BTreeSet::new());
+    let mut todo: Vec<&str> = product.map(|(name, _)| name.as_str()).collect();
+    let mut needed: BTreeSet<&str> = BTreeSet::new();
     while let Some(name) = todo.pop() {
         if let Some((_, dependencies)) = packages.get(name)
             && needed.insert(name)
@@ -186,7 +187,8 @@ fn crates_behind_a_step_deny_clocks_files_and_environment() {
     ];
     // The sources read sensors and files; `remote` waits for another host; `launch` is no stage.
     let others = ["acquire", "replay", "remote", "launch"];
-    let (root, libraries) = (Path::new(env!("CARGO_MANIFEST_DIR")), libraries());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let libraries = libraries();
     for (name, (folder, _)) in packages() {
         let is_step_code = libraries.contains(&name) && !shells.contains(&name.as_str())
             || folder.starts_with("services/") && !others.contains(&name.as_str());

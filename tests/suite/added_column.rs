@@ -120,9 +120,11 @@ fn added_column_is_in_clouds_deliveries_and_pictures() {
     assert!(cloud.infos().iter().any(|line| line == "moisture -1 where unknown"), "{:?}", cloud.infos());
 
     let finished = RunFolder::open_with(&run, table()).expect("opens");
-    let (frame, out) = (TargetFrame::local(None), folder.path().join("out"));
+    let frame = TargetFrame::local(None);
+    let out = folder.path().join("out");
     std::fs::create_dir(&out).expect("made");
-    let (system, software) = ("system".to_owned(), "software".to_owned());
+    let system = "system".to_owned();
+    let software = "software".to_owned();
     let options = CloudOptions { has_bands: false, system, software, note: String::new() };
     let tiling = Tiling { side_m: 0, is_compressed: false };
     let (files, _) = write_tiles(&finished, &frame, (&options, tiling), &out, |_| ()).expect("writes");
@@ -130,7 +132,8 @@ fn added_column_is_in_clouds_deliveries_and_pictures() {
     let word = |at: usize| u32::from_le_bytes(las[at..at + 4].try_into().expect("4 bytes"));
     let description = las.windows(17).position(|bytes| bytes == b"water content, %\0").expect("is described");
     assert!(las[description - 156..].starts_with(b"moisture\0"), "name and description are of one field");
-    let (points_at, record_bytes) = (word(96) as usize, usize::from(las[105]));
+    let points_at = word(96) as usize;
+    let record_bytes = usize::from(las[105]);
     assert_eq!(record_bytes, FORMAT_7_BYTES + 10, "laser, moving, frame and moisture");
     let mut found: Vec<(i32, f32)> = las[points_at..]
         .chunks_exact(record_bytes)

@@ -92,7 +92,8 @@ impl Batch {
     }
     /// Times of change of all files of the results.
     fn times(&self) -> BTreeMap<PathBuf, SystemTime> {
-        let (mut folders, mut times) = (vec![self.out()], BTreeMap::new());
+        let mut folders = vec![self.out()];
+        let mut times = BTreeMap::new();
         while let Some(folder) = folders.pop() {
             for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
                 if entry.path().is_dir() {
@@ -226,7 +227,8 @@ fn jobs_of_an_array_at_once_give_what_one_batch_gives() {
     assert!(texts[1].contains("[1/1] tuesday: complete"), "{texts:?}");
     let mut all_bytes = Vec::new();
     for drive in DRIVES {
-        let (expected, found) = (result_files(&batch.output(drive)), result_files(&out.join(drive)));
+        let expected = result_files(&batch.output(drive));
+        let found = result_files(&out.join(drive));
         assert!(expected.contains_key("submap_0000.ply"), "{:?}", expected.keys());
         assert!(expected == found, "{drive} differs");
         all_bytes.push(found);

@@ -136,7 +136,8 @@ fn help(program: &str, words: &[&str]) -> Option<String> {
 
 #[test]
 fn options_of_the_commands_in_the_documentation_exist() {
-    let (mut unknown, mut n_checked) = (Vec::new(), 0);
+    let mut unknown = Vec::new();
+    let mut n_checked = 0;
     for page in pages() {
         for line in command_lines(&page) {
             let words: Vec<&str> = line.split_whitespace().map(|word| word.trim_matches(['[', ']', '\''])).collect();
@@ -200,8 +201,11 @@ fn settings_page() -> String {
         let _ = write!(text, "\n## {stage}\n\n| key | type | default | rule | meaning |\n|---|---|---|---|---|\n");
         for setting in description["settings"].as_array().expect("settings are a list") {
             let column = |key: &str| setting[key].as_str().expect("a column is text").replace('|', "\\|");
-            let (key, kind, default) = (column("key"), column("kind"), column("default"));
-            let (rule, meaning) = (column("rule"), column("meaning"));
+            let key = column("key");
+            let kind = column("kind");
+            let default = column("default");
+            let rule = column("rule");
+            let meaning = column("meaning");
             let kind = kind_in_toml(&kind);
             let _ = writeln!(text, "| `{key}` | {kind} | `{default}` | {rule} | {meaning} |");
         }

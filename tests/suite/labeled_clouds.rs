@@ -27,7 +27,8 @@ fn text(path: &Path) -> &str {
 
 /// A PLY file in the form of Paris-CARLA-3D: a road with two walls and a car beside it, seen from 2 m above the road.
 fn write_street(path: &Path) -> u64 {
-    let (mut rows, mut n) = (Vec::new(), 0_u64);
+    let mut rows = Vec::new();
+    let mut n = 0_u64;
     let mut add = |p: [f64; 3], class: u32, instance: u32| {
         let values = [p[0], p[1], p[2], p[0] - 5.0, 0.0, 2.0, 1.0, 50.0 + p[0] / 5.0];
         rows.extend(values.iter().flat_map(|value| (*value as f32).to_le_bytes()));
@@ -89,7 +90,8 @@ fn scored(recording: &Path, out: &Path, topics: &str) -> Value {
 #[test]
 fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (cloud, recording) = (folder.path().join("Soufflot0.ply"), folder.path().join("street.mcap"));
+    let cloud = folder.path().join("Soufflot0.ply");
+    let recording = folder.path().join("street.mcap");
     let n_points = write_street(&cloud);
     let said = succeeded(&replica(&["import", text(&cloud), text(&recording)]));
     assert!(said.contains("2 submaps (Paris-CARLA-3D)"), "{said}");

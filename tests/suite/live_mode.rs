@@ -48,7 +48,8 @@ fn stopped_stage_blocks_no_other_and_its_dropped_messages_are_counted() {
     assert!(dropped >= 50, "{dropped} sweeps were dropped");
     assert!(launch.summary()["total"]["dropped"]["sweep"].as_u64() >= Some(dropped));
     assert_eq!(launch.summary()["total"]["restarts"], 0, "{}", launch.stderr());
-    let (sweeps, classes) = (seqs(&launch, "sweep"), seqs(&launch, "class"));
+    let sweeps = seqs(&launch, "sweep");
+    let classes = seqs(&launch, "class");
     assert!(rises(&sweeps) && rises(&classes));
     let gap = classes.windows(2).map(|pair| pair[1] - pair[0]).max().expect("classes");
     assert!(gap >= 50, "after the stop the relay continued with the newest message: largest gap {gap}");

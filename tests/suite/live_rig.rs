@@ -179,7 +179,8 @@ fn live_vehicle_gives_colored_clouds_and_its_recording_is_the_drive() {
 
 /// The recording has all images of the drive, byte by byte, with stamps moved by one time, its references, and its lines.
 fn assert_recording_is(drive: &Path, recording: &Path) {
-    let (expected, got) = (Drive::open(drive).expect("a drive"), Drive::open(recording).expect("a drive"));
+    let expected = Drive::open(drive).expect("a drive");
+    let got = Drive::open(recording).expect("a drive");
     let stamps = |drive: &Drive| [drive.camera_frames()[0].stamp.0, drive.mosaic_frames()[0].stamp.0];
     let shifts: Vec<i64> = stamps(&got).iter().zip(stamps(&expected)).map(|(got, expected)| got - expected).collect();
     assert_eq!(shifts[0], shifts[1], "one clock");
@@ -192,7 +193,8 @@ fn assert_recording_is(drive: &Path, recording: &Path) {
         }
     }
     let fixes = |drive: &Drive| drive.fixes().expect("reads");
-    let ((of_drive, stats), (of_recording, got_stats)) = (fixes(&expected), fixes(&got));
+    let (of_drive, stats) = fixes(&expected);
+    let (of_recording, got_stats) = fixes(&got);
     assert_eq!(stats, got_stats);
     let moved: Vec<_> =
         of_drive.into_iter().map(|fix| lidar::nmea::Fix { stamp: fix.stamp.plus_nanos(shifts[0]), ..fix }).collect();

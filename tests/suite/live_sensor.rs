@@ -72,7 +72,8 @@ fn sensor_data_is_recorded_while_other_stages_fail() {
     let live = (0..5).find_map(|_| live(&drive)).expect("the kernel dropped packets each time");
     let direct = offline(&drive);
     let recorded = offline(&live.output().join("recording"));
-    let (expected, got) = (result_files(&direct.output()), result_files(&recorded.output()));
+    let expected = result_files(&direct.output());
+    let got = result_files(&recorded.output());
     assert!(expected.len() > 3, "{:?}", expected.keys());
     assert_eq!(expected.keys().collect::<Vec<_>>(), got.keys().collect::<Vec<_>>());
     for (name, bytes) in &expected {

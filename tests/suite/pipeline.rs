@@ -51,7 +51,9 @@ fn run_writes_clouds_trajectory_and_summary() {
     let files = result_files(&launch.output());
     let clouds: Vec<&String> = files.keys().filter(|n| n.starts_with("submap_") && !n.contains("spectra")).collect();
     assert!(clouds.len() >= 2, "{:?}", files.keys());
-    let (mut n_points, mut n_colored, mut n_ground) = (0, 0, 0);
+    let mut n_points = 0;
+    let mut n_colored = 0;
+    let mut n_ground = 0;
     for name in clouds {
         let cloud = Vertices::load(&launch.output().join("clouds").join(name)).expect("a PLY file");
         let column = |field: &str| cloud.f64s(field).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -132,7 +134,8 @@ fn foreign_program_replaces_a_stage() {
     assert!(launch.stage_summary("infer")["program"].as_str().expect("text").ends_with("height-segmenter"));
     let instances = launch.stage_summary("instance")["counters"]["instances"].as_u64();
     assert!(instances > Some(0), "it finds vehicles, so there are instances: {instances:?}");
-    let (expected, swapped) = (undisturbed(), result_files(&launch.output()));
+    let expected = undisturbed();
+    let swapped = result_files(&launch.output());
     assert!(swapped["trajectory.txt"] == expected["trajectory.txt"], "results of earlier stages are unchanged");
     assert!(swapped["submap_0000.ply"] != expected["submap_0000.ply"]);
 }

@@ -221,7 +221,8 @@ fn real_stages_on_a_recording_reproduce_the_run() {
         "{}",
         output_text(&output)
     );
-    let (expected, got) = (result_files(&launch.output()), result_files(&replay.output()));
+    let expected = result_files(&launch.output());
+    let got = result_files(&replay.output());
     assert_eq!(expected.keys().collect::<Vec<_>>(), got.keys().collect::<Vec<_>>());
     for (name, bytes) in &expected {
         assert!(*bytes == got[name], "{name} differs");

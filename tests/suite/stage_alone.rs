@@ -27,8 +27,10 @@ fn stages_run_alone_in_sequence_reproduce_the_run() {
 
     let folder = launch.folder();
     let file = folder.join("launch.toml");
-    let (sweeps, classes, both, out) =
-        (folder.join("sweep.mcap"), folder.join("class.mcap"), folder.join("both.mcap"), folder.join("alone"));
+    let sweeps = folder.join("sweep.mcap");
+    let classes = folder.join("class.mcap");
+    let both = folder.join("both.mcap");
+    let out = folder.join("alone");
     std::fs::create_dir(&out).expect("made");
     succeeded(&alone("misbehaving-source", &[], &[("--record", &sweeps), ("--launch", &file)]));
     let report = alone("misbehaving-relay", &["--json"], &[("--recording", &sweeps), ("--record", &classes)]);
@@ -72,8 +74,9 @@ fn merge(parts: &[(&Path, &str)], into: &Path) {
 #[test]
 fn truncated_recording_is_processed_up_to_the_cut() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (whole, cut, out) =
-        (folder.path().join("whole.mcap"), folder.path().join("cut.mcap"), folder.path().join("class.mcap"));
+    let whole = folder.path().join("whole.mcap");
+    let cut = folder.path().join("cut.mcap");
+    let out = folder.path().join("class.mcap");
     let set = ["--set", "source.points=30000"];
     let drive = ("--drive", folder.path());
     succeeded(&alone("misbehaving-source", &set, &[("--record", &whole), drive]));
@@ -105,7 +108,8 @@ fn truncated_recording_is_processed_up_to_the_cut() {
 #[test]
 fn unsuitable_recording_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (sweeps, classes) = (folder.path().join("sweep.mcap"), folder.path().join("class.mcap"));
+    let sweeps = folder.path().join("sweep.mcap");
+    let classes = folder.path().join("class.mcap");
     succeeded(&alone("misbehaving-source", &[], &[("--record", &sweeps), ("--drive", folder.path())]));
     succeeded(&alone("misbehaving-relay", &[], &[("--recording", &sweeps), ("--record", &classes)]));
     for (program, arguments, files, code, words) in [

@@ -22,7 +22,8 @@ fn segmenter_is_swapped_mid_drive_and_back() {
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
 
     let launch = (0..3).find_map(|_| swapped_there_and_back(&text)).expect("a run that does not end too soon");
-    let (expected, got) = (clouds(&undisturbed), clouds(&launch));
+    let expected = clouds(&undisturbed);
+    let got = clouds(&launch);
     assert_eq!(expected.len(), got.len(), "all clouds are there");
     let mut n_other_classes = 0;
     for ((name, expected), (_, got)) in expected.iter().zip(&got) {

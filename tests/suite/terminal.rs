@@ -116,7 +116,8 @@ fn live_rates_are_ticks_and_points_by_time() {
         words[words.iter().position(|word| *word == before).expect(before) - 1].parse().expect("a number")
     };
     // Rates multiplied by their intervals sum up to the counts.
-    let (mut n_ticks, mut n_points) = (0.0, 0.0);
+    let mut n_ticks = 0.0;
+    let mut n_points = 0.0;
     for pair in events.windows(2) {
         let seconds = (second_of_day(pair[1]) - second_of_day(pair[0])).rem_euclid(86_400.0);
         n_ticks += number(pair[1], "ticks/s") * seconds;
@@ -127,7 +128,8 @@ fn live_rates_are_ticks_and_points_by_time() {
         let [first, last] = [first, last].map(|event| event["stages"][stage][key].as_f64().expect("a number"));
         last - first
     };
-    let (true_ticks, true_points) = (grown(0, "ticks"), grown(2, "points"));
+    let true_ticks = grown(0, "ticks");
+    let true_points = grown(2, "points");
     assert!(true_ticks > 100.0, "{true_ticks} ticks: the events are from the run");
     assert!((n_ticks / true_ticks - 1.0).abs() < 0.1, "{n_ticks} ticks by rates, {true_ticks} by counts");
     assert!((n_points / true_points - 1.0).abs() < 0.1, "{n_points} points by rates, {true_points} by counts");

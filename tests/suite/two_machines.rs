@@ -194,7 +194,8 @@ fn check_reports_what_the_other_host_refuses() {
 
 #[test]
 fn agent_with_another_key_and_key_that_others_can_read_are_refused() {
-    let (host, other) = (OtherHost::start(), OtherHost::start());
+    let host = OtherHost::start();
+    let other = OtherHost::start();
     let launch = || Launch::of_misbehaving("", SOURCE, "");
     let text = refusal(host.runs(launch(), "relay", RELAY, other.address()));
     assert!(text.contains("has another key"), "{text}");

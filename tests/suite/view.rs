@@ -178,7 +178,8 @@ fn live_page_shows_submaps_while_they_are_written_and_then_the_final_cloud() {
 fn files_of_other_programs_are_drawn_in_all_point_formats() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("foreign.copc.laz");
-    let (red, black) = ([u16::MAX, 0, 0], [0; 3]);
+    let red = [u16::MAX, 0, 0];
+    let black = [0; 3];
     for (format, rgb, mode) in [(6, black, "height"), (7, red, "rgb"), (8, red, "rgb"), (8, black, "height")] {
         write_foreign_copc(&path, format, rgb);
         let viewer = Viewer::of(&path, &[]);

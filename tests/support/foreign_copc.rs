@@ -60,7 +60,8 @@ pub fn write_foreign_copc(path: &Path, format: u8, rgb: [u16; 3]) {
 }
 
 fn record(i: usize, format: u8, rgb: [u16; 3]) -> Vec<u8> {
-    let (x, y) = (i % SIDE * 20, i / SIDE * 20);
+    let x = i % SIDE * 20;
+    let y = i / SIDE * 20;
     let (z, class) = if i < SIDE * SIDE / 2 { (0, 2) } else { (300, 6) };
     let mut bytes: Vec<u8> = [x as i32, y as i32, z].into_iter().flat_map(i32::to_le_bytes).collect();
     // Intensity; return 1 of 1, flags, class, user data; scan angle, source.
@@ -90,7 +91,8 @@ fn header(format: u8, (record_bytes, points_at): (usize, usize), evlr_at: u64) -
     bytes.push(format | 0x80);
     bytes.extend((record_bytes as u16).to_le_bytes());
     bytes.resize(131, 0);
-    let (high_m, top_m) = ((SIDE - 1) as f64 * 0.2, 3.0);
+    let high_m = (SIDE - 1) as f64 * 0.2;
+    let top_m = 3.0;
     let numbers = [SCALE_M, SCALE_M, SCALE_M, 0.0, 0.0, 0.0, high_m, 0.0, high_m, 0.0, top_m, 0.0];
     bytes.extend(numbers.into_iter().flat_map(f64::to_le_bytes));
     bytes.extend([0; 8]);

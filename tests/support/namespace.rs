@@ -30,7 +30,8 @@ fn runs_again(test: &str, again: impl FnOnce() -> Command) -> bool {
     // The test harness names a test without the crate.
     let test = test.split_once("::").map_or(test, |(_, test)| test);
     let output = again().args(["--exact", test, "--nocapture", "--include-ignored"]).output().expect("unshare starts");
-    let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{test} has failed in its namespace:\n{stdout}{stderr}");
     assert!(stdout.contains("1 passed"), "the test binary has no test {test}:\n{stdout}");
     false

@@ -119,7 +119,8 @@ impl Proxy {
     pub fn start(target: &str) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("an address").to_string();
-        let (target, left) = (Mutex::new(target.to_owned()), AtomicI64::new(NEVER));
+        let target = Mutex::new(target.to_owned());
+        let left = AtomicI64::new(NEVER);
         let shared = Arc::new(Shared { target, connections: Mutex::default(), left });
         let of_thread = Arc::clone(&shared);
         thread(move || {
@@ -162,7 +163,9 @@ fn pass_on(shared: &Arc<Shared>, client: &TcpStream, server: &TcpStream) {
         shared.connections.lock().expect("no panic").push(copy(stream));
     }
     for (from, to) in [(client, server), (server, client)] {
-        let (shared, mut from, mut to) = (Arc::clone(shared), copy(from), copy(to));
+        let shared = Arc::clone(shared);
+        let mut from = copy(from);
+        let mut to = copy(to);
         thread(move || {
             let mut piece = vec![0; 4096];
             while let Ok(n @ 1..) = from.read(&mut piece) {

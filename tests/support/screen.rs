@@ -102,7 +102,8 @@ impl Screen {
                 },
                 character => {
                     if column == columns {
-                        (row, column) = (row + 1, 0);
+                        row += 1;
+                        column = 0;
                         lines.resize(lines.len().max(row + 1), Vec::new());
                     }
                     let line = &mut lines[row];

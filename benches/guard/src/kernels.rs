@@ -131,7 +131,8 @@ fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     };
     let points: Vec<SubmapPoint> = street::sweep(0).into_iter().map(point).collect();
     let mut header: Box<SubmapHeader> = Box::default();
-    (header.n_rings, header.n_sweeps) = (street::RINGS, 1);
+    header.n_rings = street::RINGS;
+    header.n_sweeps = 1;
     let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     header.sweeps[0] = SubmapSweep {
         n_points: points.len() as u32,

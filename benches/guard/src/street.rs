@@ -76,7 +76,8 @@ fn range(x: f64, ray: [f64; 3]) -> Option<f64> {
 
 /// Distance to a box along a ray, infinite if the ray misses it.
 fn to_box(center: [f64; 3], half: [f64; 3], ray: [f64; 3]) -> f64 {
-    let (mut enters, mut leaves) = (0.0_f64, f64::INFINITY);
+    let mut enters = 0.0_f64;
+    let mut leaves = f64::INFINITY;
     for axis in 0..3 {
         let [a, b] = [-half[axis], half[axis]].map(|end| (center[axis] + end) / ray[axis]);
         enters = enters.max(a.min(b));

@@ -99,7 +99,8 @@ pub fn train_all(
             n_left += 1;
             continue;
         };
-        let (percent, seconds) = (100.0 * outcome.mean_iou(), budget.used() - before);
+        let percent = 100.0 * outcome.mean_iou();
+        let seconds = budget.used() - before;
         eprintln!("{}: {} epochs, mIoU {percent:.1} %, {seconds:.0} CPU s", recipe.name(), outcome.epochs);
     }
     Ok(n_left)
@@ -125,7 +126,8 @@ pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store
         "{}\n\n| column | trainings | done | converged | CPU hours left |\n|---|---|---|---|---|",
         experiment.name()
     );
-    let (mut sum, mut columns): (f64, Vec<&str>) = (0.0, Vec::new());
+    let mut sum: f64 = 0.0;
+    let mut columns: Vec<&str> = Vec::new();
     for recipe in recipes {
         if !columns.contains(&recipe.column.as_str()) {
             columns.push(&recipe.column);
@@ -147,7 +149,8 @@ pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store
 /// CPU seconds that the trainings of a column still take: the mean of the finished ones, of which the cost is known, for each. That of
 /// published ones is not.
 pub fn cpu_seconds_left(experiment: &dyn Experiment, column: &[&Recipe], store: &Store) -> anyhow::Result<f64> {
-    let (mut known, mut left) = (Vec::new(), Vec::new());
+    let mut known = Vec::new();
+    let mut left = Vec::new();
     for recipe in column {
         match store.result(recipe)? {
             Some(_) => known.extend(Some(store.cpu_seconds(recipe)?).filter(|seconds| *seconds > 0.0)),

@@ -26,7 +26,8 @@ pub fn loss(name: &str) -> Loss {
 /// One row per loss, one column per kind of training: mean and deviation of mIoU over the seeds, the best one in parentheses, and the
 /// number of seeds that converged of those that are done.
 pub fn table_of_losses(results: &Results) -> String {
-    let (mut rows, mut columns): (Vec<&str>, Vec<&str>) = (Vec::new(), Vec::new());
+    let mut rows: Vec<&str> = Vec::new();
+    let mut columns: Vec<&str> = Vec::new();
     for (recipe, _) in results {
         for (names, name) in [(&mut rows, &recipe.row), (&mut columns, &recipe.column)] {
             if !names.contains(&name.as_str()) {
@@ -49,7 +50,8 @@ fn cell(results: &Results, row: &str, column: &str) -> String {
     if ious.is_empty() {
         return "-".to_owned();
     }
-    let ((mean, deviation), [_, best]) = (mean_and_deviation(&ious), min_and_max(&ious));
+    let (mean, deviation) = mean_and_deviation(&ious);
+    let [_, best] = min_and_max(&ious);
     let n_converged = converged.iter().filter(|converged| **converged).count();
     format!("{mean:.3}±{deviation:.3} ({best:.3}) {n_converged}/{}", ious.len())
 }

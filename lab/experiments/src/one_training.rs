@@ -98,7 +98,8 @@ impl<N: Network> Trainings<'_, N> {
         let Self { sets, task, store, .. } = self;
         let mut trainer = self.trainer(recipe)?;
         store.begin(recipe, inputs)?;
-        let (before, begin) = (store.cpu_seconds(recipe)?, cpu_now());
+        let before = store.cpu_seconds(recipe)?;
+        let begin = cpu_now();
         let end = loop {
             if let Some(end) = end(trainer.curves(), &recipe.settings) {
                 break end;

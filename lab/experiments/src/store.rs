@@ -100,7 +100,8 @@ impl Store {
     }
     /// Renames the folder of a stored training to the first free name. A published result is left out.
     pub fn set_aside(&self, recipe: &Recipe, reason: &str) -> anyhow::Result<String> {
-        let (name, folder) = (recipe.name(), self.folder.join(recipe.name()));
+        let name = recipe.name();
+        let folder = self.folder.join(recipe.name());
         if self.published.borrow_mut().remove(&name).is_some() && !folder.exists() {
             return Ok(format!("{name}: the published result is not used ({reason})"));
         }
@@ -128,7 +129,9 @@ impl Store {
         fs::create_dir_all(&self.folder)?;
         let turn = File::open(&self.folder).and_then(|folder| folder.lock().map(|()| folder));
         let _turn = turn.with_context(|| format!("cannot lock {}", self.folder.display()))?;
-        let (mut results, mut lines, mut costs) = (Vec::new(), String::new(), String::from("training,epochs,cpu_s\n"));
+        let mut results = Vec::new();
+        let mut lines = String::new();
+        let mut costs = String::from("training,epochs,cpu_s\n");
         for recipe in recipes {
             let Some(outcome) = self.result(recipe)? else { continue };
             let inputs = self.inputs(recipe)?.context("a finished training has data")?;

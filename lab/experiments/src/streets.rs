@@ -34,7 +34,8 @@ const HIERARCHICAL: &str = "hierarchical Jac. 2";
 /// The recipe of a loss (row) in a column of a table.
 fn recipe((row, column): (&str, &str), (data, classes): (StreetData, &[ClassId]), seed: u64) -> Recipe {
     let n_inputs = if data == StreetData::UrbanInColor { N_INPUTS_WITH_COLOR } else { N_INPUTS };
-    let (outputs, widths) = (FOLD * classes.len(), vec![16, 24, 32]);
+    let outputs = FOLD * classes.len();
+    let widths = vec![16, 24, 32];
     Recipe {
         row: row.to_owned(),
         column: column.to_owned(),

@@ -148,7 +148,8 @@ impl Experiment for TinyPoints {
 
 /// Trains as far as the budget and the job allow; returns the number of trainings left and the bytes of the results.
 fn trained(experiment: &dyn Experiment, folder: &Path, budget: &Budget<'_>, job: Job) -> (usize, String) {
-    let (recipes, store) = (experiment.recipes(2), Store::new(folder.into()));
+    let recipes = experiment.recipes(2);
+    let store = Store::new(folder.into());
     let n_left = train_all(experiment, &recipes, (&store, budget, job)).expect("trains");
     store.collect(&recipes).expect("writes");
     (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
@@ -161,7 +162,8 @@ fn folder() -> tempfile::TempDir {
 #[test]
 fn interrupted_training_gives_same_results_file() {
     for (experiment, n_trainings) in [(&Tiny::new() as &dyn Experiment, 6), (&TinyPoints, 1)] {
-        let (whole, cut) = (folder(), folder());
+        let whole = folder();
+        let cut = folder();
         let (n_left, expected) = trained(experiment, whole.path(), &Budget::new(None), ALL);
         assert_eq!((n_left, expected.lines().count()), (0, n_trainings));
         let mut starts = 0;
@@ -188,7 +190,8 @@ fn trained_one_epoch(experiment: &dyn Experiment, folder: &Path) -> (usize, Stri
 
 #[test]
 fn jobs_together_give_same_results_file() {
-    let (whole, parts) = (folder(), folder());
+    let whole = folder();
+    let parts = folder();
     let budget = Budget::new(None);
     let (_, expected) = trained(&Tiny::new(), whole.path(), &budget, ALL);
     let (_, half) = trained(&Tiny::new(), parts.path(), &budget, Job(1, 2));
@@ -229,7 +232,8 @@ fn changed_setting_sets_results_aside_by_name() {
     let folder = folder();
     trained(&Tiny::new(), folder.path(), &Budget::new(None), ALL);
     let changed = Tiny { learning_rate: 2e-2, ..Tiny::new() };
-    let (recipes, store) = (changed.recipes(2), Store::new(folder.path().into()));
+    let recipes = changed.recipes(2);
+    let store = Store::new(folder.path().into());
     assert!(store.collect(&recipes).expect("reads").is_empty(), "results of other settings are not in the table");
     let text = store.set_aside_if_changed(&recipes[0]).expect("renames").expect("was changed");
     assert!(text.contains("2-filters_ce_seed-0") && text.contains("learning_rate = 0.01, now 0.02"), "{text}");
@@ -257,11 +261,13 @@ fn changed_data_sets_results_aside() {
 
 #[test]
 fn published_results_are_not_trained_again_unless_their_weights_or_other_data_are_needed() {
-    let (first, second, third) = (folder(), folder(), folder());
+    let first = folder();
+    let second = folder();
+    let third = folder();
     let (_, expected) = trained(&Tiny::new(), first.path(), &Budget::new(None), ALL);
     let again = |folder: &Path, results: &Path, tiny: &Tiny| {
-        let (recipes, store) =
-            (tiny.recipes(2), Store::with_published(folder.into(), results).expect("reads the results"));
+        let recipes = tiny.recipes(2);
+        let store = Store::with_published(folder.into(), results).expect("reads the results");
         let n_left = train_all(tiny, &recipes, (&store, &Budget::new(None), ALL)).expect("trains");
         store.collect(&recipes).expect("writes");
         (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
@@ -286,12 +292,14 @@ fn published_results_are_not_trained_again_unless_their_weights_or_other_data_ar
 
 #[test]
 fn plan_estimates_trainings_beside_published_ones_whose_cost_is_unknown() {
-    let (first, second) = (folder(), folder());
+    let first = folder();
+    let second = folder();
     let (_, results) = trained(&Tiny::new(), first.path(), &Budget::new(None), ALL);
     let partial = second.path().join("partial.jsonl");
     std::fs::write(&partial, results.lines().take(4).collect::<Vec<_>>().join("\n")).expect("writes");
     let store = Store::with_published(second.path().into(), &partial).expect("reads the results");
-    let (tiny, recipes) = (Tiny::new(), Tiny::new().recipes(2));
+    let tiny = Tiny::new();
+    let recipes = Tiny::new().recipes(2);
     let seconds = cpu_seconds_left(&tiny, &recipes.iter().collect::<Vec<_>>(), &store).expect("reads");
     assert!((seconds - 2.0).abs() < 1e-9, "{seconds} s for two trainings of 1 s");
     // Nothing left is 0 and not -0.
@@ -309,7 +317,8 @@ fn n_folders(folder: &Path) -> usize {
 fn table_of_partial_results_counts_seeds() {
     let folder = folder();
     let tiny = Tiny::new();
-    let (recipes, store) = (tiny.recipes(2), Store::new(folder.path().into()));
+    let recipes = tiny.recipes(2);
+    let store = Store::new(folder.path().into());
     train_all(&tiny, &recipes, (&store, &Budget::new(None), Job(1, 3))).expect("trains");
     let results = store.collect(&recipes).expect("reads");
     let table = tiny.table(&results);
@@ -348,7 +357,8 @@ fn masked_labels_are_unknown_and_others_stay() {
     let recipe = &Tiny::new().recipes(1)[0];
     let task = Tiny::new().load(recipe).expect("loads").with_labels_of(&[false, true]);
     let Examples::Images { sets, .. } = &task.examples else { panic!("images") };
-    let (plain, example) = (Rows(1).example(0, None), sets.train.example(0, None));
+    let plain = Rows(1).example(0, None);
+    let example = sets.train.example(0, None);
     assert!(example.input.values() == plain.input.values());
     let expected = |class: &u8| if *class == 0 { UNKNOWN } else { *class };
     assert_eq!(example.truth, plain.truth.iter().map(expected).collect::<Vec<_>>());

@@ -76,7 +76,8 @@ fn bench() -> anyhow::Result<()> {
     let images = [&superpixels, &fit.labels].map(|labels| LabelImage::new(size[0], labels));
     let [Some(superpixels), Some(regions)] = images else { anyhow::bail!("labels are no image") };
     let of_image = |image: &LabelImage<'_>| {
-        let (shape, density) = (shapes(image), contour_density(image));
+        let shape = shapes(image);
+        let density = contour_density(image);
         let variation = explained_variation(image, &values);
         [shape.extent, shape.solidity, shape.compactness, density.both_sides, density.one_side, variation]
     };

@@ -18,7 +18,9 @@ fn even(i: u32, step: f64) -> f32 {
 /// the rest fronts and cars.
 fn submap() -> Vec<SubmapPoint> {
     let point = |i: u32| {
-        let (u, v, w) = (even(i, 0.819_172_513_396), even(i, 0.671_043_606_703), even(i, 0.549_700_477_901));
+        let u = even(i, 0.819_172_513_396);
+        let v = even(i, 0.671_043_606_703);
+        let w = even(i, 0.549_700_477_901);
         let x = 140.0 * u - 60.0;
         // Cubed: most returns are near the sensor.
         let y = 60.0 * (2.0 * v - 1.0).powi(3);

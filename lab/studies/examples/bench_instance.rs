@@ -21,12 +21,15 @@ fn even(i: u32, step: f64) -> f32 {
 /// A street 160 m long and 60 m wide: two thirds of the points are ground, one sixth facades, one sixth 40 parked cars in two rows.
 fn submap() -> (Vec<SubmapPoint>, Vec<ClassRow>) {
     let point = |i: u32| {
-        let (u, v, w) = (even(i, 0.819_172_513_396), even(i, 0.671_043_606_703), even(i, 0.549_700_477_901));
+        let u = even(i, 0.819_172_513_396);
+        let v = even(i, 0.671_043_606_703);
+        let w = even(i, 0.549_700_477_901);
         let (x, y, above, class) = match i % 6 {
             0 => (160.0 * u, 30.0_f32.copysign(v - 0.5), 8.0 * w, ClassId::Building),
             1 => {
                 let car = (i / 6) % N_CARS;
-                let (row, place) = (car % 2, car / 2);
+                let row = car % 2;
+                let place = car / 2;
                 (8.0 * place as f32 + 4.4 * u, 6.0 * row as f32 - 4.0 + 1.8 * v, 0.2 + 1.3 * w, ClassId::Vehicles)
             }
             _ => (160.0 * u, 60.0 * v - 30.0, 0.0, ClassId::Ground),

@@ -38,7 +38,8 @@ const SWEEPS: usize = 22;
 /// Revolutions between two walls on a flat road, 1.8 m below the sensor, 0.9 m from one to the next.
 fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     let mut header: Box<SubmapHeader> = Box::default();
-    (header.n_rings, header.n_sweeps) = (RINGS as u32, SWEEPS as u32);
+    header.n_rings = RINGS as u32;
+    header.n_sweeps = SWEEPS as u32;
     let mut points: Vec<SubmapPoint> = Vec::new();
     for sweep in 0..SWEEPS {
         let first_point = points.len() as u32;

@@ -42,7 +42,8 @@ fn submap(path: &Path) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     let points: Vec<SubmapPoint> =
         points.map(|[x, y, z]| SubmapPoint { x: *x, y: *y, z: *z, ..SubmapPoint::default() }).collect();
     let mut header: Box<SubmapHeader> = Box::default();
-    let (origins, ends) = (values("origins"), values("ends"));
+    let origins = values("origins");
+    let ends = values("ends");
     let mut first_point = 0;
     for (sweep, (origin, end)) in header.sweeps.iter_mut().zip(origins.as_chunks::<3>().0.iter().zip(ends)) {
         let here = [origin[0], origin[1], origin[2], 0.0, 0.0, 0.0, 1.0];
@@ -68,10 +69,12 @@ fn main() {
     let (header, points) = submap(Path::new(submap_file));
     let before_mb = peak_mb();
     let mut classes = vec![ClassRow::default(); points.len()];
-    let (begin, begin_s) = (Instant::now(), processor_s());
+    let begin = Instant::now();
+    let begin_s = processor_s();
     let input = ModelInput::new(&header, &points);
     let report = model.segment(&input, &mut classes).expect("runs");
-    let (wall_s, cpu_s) = (begin.elapsed().as_secs_f64(), processor_s() - begin_s);
+    let wall_s = begin.elapsed().as_secs_f64();
+    let cpu_s = processor_s() - begin_s;
     let mut counts: BTreeMap<u8, usize> = BTreeMap::new();
     for row in &classes {
         *counts.entry(row.class_id).or_default() += 1;
@@ -86,7 +89,8 @@ fn main() {
     );
     let positions: Vec<[f32; 3]> = points.iter().map(|point| [point.x, point.y, point.z]).collect();
     let cells = VoxelGrid::new(&positions, model.settings().cell_m).expect("a side").barycenters(&positions);
-    let (index, spheres) = (SpatialIndex::new(&cells), model.settings().spheres);
+    let index = SpatialIndex::new(&cells);
+    let spheres = model.settings().spheres;
     let centers = spheres.centers(&cells).expect("valid");
     let n_seen: usize = centers.iter().map(|center| sphere(&index, *center, spheres.radius_m).len()).sum();
     println!("{} cells, {} spheres with {n_seen} cells", cells.len(), centers.len());

@@ -66,15 +66,18 @@ fn main() -> Result<(), TrainingError> {
             hierarchy,
             pixels: if hierarchy { 24_000 } else { 0 },
         };
-        let (inputs, outputs) = (FOLD * N_FEATURES, FOLD * N_CLASSES);
+        let inputs = FOLD * N_FEATURES;
+        let outputs = FOLD * N_CLASSES;
         let spec = NetworkSpec::Unet { inputs, outputs, widths: vec![32, 48, 64, 96], head: Some(64) };
         let variables = Variables::random(&spec, 1)?;
         let tree = Hierarchy::of_classes(&ClassId::ALL[1..=N_CLASSES]);
         let mut trainer = Trainer::new(settings, variables, N_CLASSES, FOLD, Border::Circular, tree)?;
-        let (data, validation) = (Noise::new(BATCH * STEPS), Noise::new(1));
+        let data = Noise::new(BATCH * STEPS);
+        let validation = Noise::new(1);
         let mut fastest = f64::INFINITY;
         for _ in 0..EPOCHS {
-            let (mut steps, begin) = ([0.0; STEPS], Instant::now());
+            let mut steps = [0.0; STEPS];
+            let begin = Instant::now();
             trainer.epoch(&data, &validation, &mut |done, _| {
                 steps[done - 1] = begin.elapsed().as_secs_f64();
             })?;

@@ -50,7 +50,8 @@ mod pictures {
     /// which the pattern shows. Levels are stretched.
     #[allow(clippy::unwrap_used, reason = "an example ends with its first error")]
     pub fn raw_mosaic(simulation: &Simulation, stamp: Stamp) -> GrayImage {
-        let (width, height) = (SIZE[0] as u32 / 4, SIZE[1] as u32 / 4);
+        let width = SIZE[0] as u32 / 4;
+        let height = SIZE[1] as u32 / 4;
         let mut sheet = GrayImage::new(2 * width, 2 * height);
         for (index, mosaic) in simulation.rig.mosaics.iter().enumerate() {
             let name = &mosaic.name;

@@ -56,7 +56,8 @@ fn bench(name: &str, model: &CameraModel) {
         })
         .collect();
     let bytes: Vec<u8> = (0..WIDTH * HEIGHT * 3).map(|i| (i % 251) as u8).collect();
-    let (mut exposures, mut images): (Vec<PosedExposure<'_>>, Vec<ColorImage<'_>>) = (Vec::new(), Vec::new());
+    let mut exposures: Vec<PosedExposure<'_>> = Vec::new();
+    let mut images: Vec<ColorImage<'_>> = Vec::new();
     for second in -1..=6 {
         for (index, camera) in (0..).zip(&cameras) {
             let stamp = second * 1_000_000_000 + 300_000_000;
@@ -120,7 +121,8 @@ fn street() -> (Vec<SubmapSweep>, Vec<SubmapPoint>) {
     let per_sweep = N_POINTS / n_sweeps;
     let sweep = |i: u32| SubmapSweep { stamp: i64::from(i) * 100_000_000, ..SubmapSweep::default() };
     let point = |i: u32| {
-        let (sweep_idx, shot) = (i / per_sweep, i % per_sweep);
+        let sweep_idx = i / per_sweep;
+        let shot = i % per_sweep;
         let offset_nanos = (u64::from(shot) * 100_000_000 / u64::from(per_sweep)) as u32;
         let azimuth = f64::from(shot / 32) * std::f64::consts::TAU / f64::from(per_sweep / 32);
         let elevation = (-30.67 + 1.333 * f64::from(shot % 32)).to_radians();

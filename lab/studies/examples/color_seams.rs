@@ -72,9 +72,11 @@ fn add(sums: &mut Sums, stops: f64, drive: &Drive, recorded: &Recorded) -> Resul
         let odom_from_submap =
             header.odom_from_submap.to_pose().ok_or("submap: odom_from_submap is not a valid pose")?;
         let reach = header.stamp_begin - MAX_AGE_NANOS..=header.stamp_end + MAX_AGE_NANOS;
-        let (mut exposures, mut images): (Vec<PosedExposure<'_>>, Vec<ColorImage<'_>>) = (Vec::new(), Vec::new());
+        let mut exposures: Vec<PosedExposure<'_>> = Vec::new();
+        let mut images: Vec<ColorImage<'_>> = Vec::new();
         for (image, bytes) in recorded.images.iter().zip(&bytes).filter(|(image, _)| reach.contains(&image.stamp())) {
-            let (header, camera) = (image.header(), image.header().camera as usize);
+            let header = image.header();
+            let camera = image.header().camera as usize;
             let Some(odom_from_body) = recorded.trajectory.at(Stamp(image.stamp())) else { continue };
             exposures.push(cameras[camera].exposure(image.stamp(), &odom_from_body, &odom_from_submap));
             let pixels = ColorImage::new(camera as u8, header.width, header.height, bytes);
@@ -165,7 +167,8 @@ fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_
     }
     for overlap in overlaps(candidates, 64, 32) {
         let [a, b] = [0, 1].map(|k| {
-            let (exposure, pixel) = (overlap.exposures[k], overlap.pixels[k]);
+            let exposure = overlap.exposures[k];
+            let pixel = overlap.pixels[k];
             let plain = images[exposure].sample(pixel);
             [plain, gains.leveled(plain, exposure)]
         });

@@ -168,7 +168,8 @@ fn by_range(range_m: f32) -> Rgb<u8> {
     const STOPS: [[f32; 3]; 5] =
         [[110.0, 10.0, 120.0], [70.0, 90.0, 170.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
     let place = (range_m.max(1.0).ln() / 120.0_f32.ln()).clamp(0.0, 0.999) * (STOPS.len() - 1) as f32;
-    let (stop, share) = (place as usize, place.fract());
+    let stop = place as usize;
+    let share = place.fract();
     Rgb(std::array::from_fn(|c| (STOPS[stop][c] * (1.0 - share) + STOPS[stop + 1][c] * share) as u8))
 }
 
@@ -203,6 +204,7 @@ fn histogram(title: &str, [low, high]: [f32; 2], n_bins: usize, values: &[Vec<f3
         Series::line("simulated", chart::COLORS[0], line.collect()),
     ];
     let most = shares.iter().flatten().copied().fold(0.0, f64::max);
-    let (x, y) = (Axis::new(title, [low, f64::from(high)]), Axis::without_numbers("", [0.0, most]));
+    let x = Axis::new(title, [low, f64::from(high)]);
+    let y = Axis::without_numbers("", [0.0, most]);
     Chart { size: [280.0, 170.0], ..Chart::new("", x, y, series) }
 }

@@ -34,7 +34,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
 
-    let (mut n_points, mut best) = (0, f64::INFINITY);
+    let mut n_points = 0;
+    let mut best = f64::INFINITY;
     for _ in 0..ROUNDS {
         returns.clear();
         let start = Instant::now();

@@ -29,7 +29,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let context =
         Context { mode: Mode::Live, drive: Path::new(&output).join("nothing"), ..context(Path::new(&output)) };
     let mut bench = Bench::<Acquire>::new(&settings, &context)?;
-    let (mut n_sweeps, mut n_points, mut n_fixes, mut of_thread) = (0, 0, 0, 0.0);
+    let mut n_sweeps = 0;
+    let mut n_points = 0;
+    let mut n_fixes = 0;
+    let mut of_thread = 0.0;
     while bench.tick()? == Flow::Continue {
         for sweep in bench.take::<SweepTopic>() {
             n_sweeps += 1;

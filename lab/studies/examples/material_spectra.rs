@@ -41,6 +41,7 @@ fn plot(materials: &[Material]) -> String {
         }
     };
     let lines = materials.iter().enumerate().map(line).collect();
-    let (x, y) = (Axis::new("wavelength, nm", [400.0, 1000.0]), Axis::new("reflectance", [0.0, TOP]));
+    let x = Axis::new("wavelength, nm", [400.0, 1000.0]);
+    let y = Axis::new("reflectance", [0.0, TOP]);
     Chart::new("", x, y, lines).svg()
 }

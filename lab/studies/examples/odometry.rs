@@ -26,10 +26,14 @@ const MAX_LOST_M: f64 = 5.0;
 
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
-    let (mut paths, mut settings) = (Vec::new(), OdometrySettings::default());
-    let (mut n_sweeps, mut verbose, mut motion) = (usize::MAX, false, String::new());
+    let mut paths = Vec::new();
+    let mut settings = OdometrySettings::default();
+    let mut n_sweeps = usize::MAX;
+    let mut verbose = false;
+    let mut motion = String::new();
     settings.untimed_turn_s = Some(UNTIMED_TURN_S);
-    let (mut imls, mut algorithm) = (ImlsSettings::default(), String::from("scan_to_map"));
+    let mut imls = ImlsSettings::default();
+    let mut algorithm = String::from("scan_to_map");
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or_else(|| anyhow::anyhow!("{argument} needs a value"));
         match argument.as_str() {
@@ -54,10 +58,15 @@ fn main() -> anyhow::Result<()> {
     let uses = |name: &str| motion.split(',').any(|wanted| wanted == name);
     let samples = if uses("imu") { folder.inertial()? } else { Vec::new() };
     let velocities = if uses("gnss") { folder.velocities()? } else { Vec::new() };
-    let (mut samples, mut velocities) = (samples.into_iter().peekable(), velocities.into_iter().peekable());
-    let (mut ms, mut text, mut n_points, mut n_timed) = (Vec::new(), String::new(), 0, 0);
+    let mut samples = samples.into_iter().peekable();
+    let mut velocities = velocities.into_iter().peekable();
+    let mut ms = Vec::new();
+    let mut text = String::new();
+    let mut n_points = 0;
+    let mut n_timed = 0;
     let mut scores = MovingScores::default();
-    let (mut consistency, mut stretches) = (Consistency::new(&folder, verbose), Stretches::default());
+    let mut consistency = Consistency::new(&folder, verbose);
+    let mut stretches = Stretches::default();
     let mut waiting: Vec<Sweep> = Vec::new();
     for number in 0..folder.len().min(n_sweeps) {
         let (points, n_rings) = folder.points(number)?;
@@ -140,7 +149,8 @@ impl MovingScores {
     fn print(&self) {
         if self.moving > 0 {
             let share = |of: usize| 100.0 * self.right as f64 / of.max(1) as f64;
-            let (precision, recall) = (share(self.flagged), share(self.moving));
+            let precision = share(self.flagged);
+            let recall = share(self.moving);
             println!("moving: {} points, precision {precision:.1} %, recall {recall:.1} %", self.moving);
         }
     }
@@ -256,7 +266,9 @@ fn cpu_ms() -> f64 {
 
 fn set(settings: &mut OdometrySettings, imls: &mut ImlsSettings, text: &str) -> anyhow::Result<()> {
     let (name, value) = text.split_once('=').ok_or_else(|| anyhow::anyhow!("--set {text}: expected NAME=VALUE"))?;
-    let (features, map, matching) = (&mut settings.features, &mut settings.map, &mut settings.matching);
+    let features = &mut settings.features;
+    let map = &mut settings.map;
+    let matching = &mut settings.matching;
     match name {
         "features.column_step" => features.column_step = value.parse()?,
         "features.min_range_m" => features.min_range_m = value.parse()?,
@@ -272,7 +284,8 @@ fn set(settings: &mut OdometrySettings, imls: &mut ImlsSettings, text: &str) -> 
         "features.smoothing_m" => features.smoothing_m = value.parse()?,
         "matching.even" => {
             let (spacing_m, max_features) = value.split_once(',').ok_or_else(|| anyhow::anyhow!("SPACING,MAX"))?;
-            let (spacing_m, max_features) = (spacing_m.parse()?, max_features.parse()?);
+            let spacing_m = spacing_m.parse()?;
+            let max_features = max_features.parse()?;
             matching.sampling = Sampling::Even { spacing_m, max_features };
         }
         "matching.per_list" => matching.sampling = Sampling::NineLists { per_list: value.parse()? },

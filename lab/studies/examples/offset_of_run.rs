@@ -42,7 +42,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let header = submap.header();
         let odom_from_submap =
             header.odom_from_submap.to_pose().ok_or("submap: odom_from_submap is not a valid pose")?;
-        let (mut exposures, mut shifted, mut pixels) = (Vec::new(), Vec::new(), Vec::new());
+        let mut exposures = Vec::new();
+        let mut shifted = Vec::new();
+        let mut pixels = Vec::new();
         for image in &images {
             let stamp = image.stamp() - delay_nanos;
             if !(header.stamp_begin..header.stamp_end).contains(&stamp) {
@@ -71,7 +73,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             .map(|i| {
                 let shift_s = 2e-9 * SHIFT_NANOS as f32;
                 let (camera, image) = pixels[i];
-                let (exposure, shifted, visibility) = (exposures[i], shifted[i], &visibility[i]);
+                let exposure = exposures[i];
+                let shifted = shifted[i];
+                let visibility = &visibility[i];
                 (camera, AlignmentExposure { exposure, shifted, shift_s, visibility, image })
             })
             .collect();

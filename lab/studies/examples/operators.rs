@@ -110,7 +110,8 @@ impl Job<'_> {
                 self.time(|| morphology::reconstruct_by_erosion(&marker, &image, connectivity));
             }
             "watershed" => {
-                let (markers, mask) = (self.image(1), self.image(2));
+                let markers = self.image(1);
+                let mask = self.image(2);
                 self.time(|| morphology::watershed(&image, &markers, &mask, connectivity));
             }
             other => panic!("unknown operator {other}"),
@@ -118,7 +119,8 @@ impl Job<'_> {
     }
 
     fn zones(&self) {
-        let (heights, everywhere) = (self.image(0), Array2::from_elem(self.shape, true));
+        let heights = self.image(0);
+        let everywhere = Array2::from_elem(self.shape, true);
         let lambda = self.argument.parse().expect("a height");
         self.time(|| morphology::quasi_flat_zones(&heights, &everywhere, lambda, self.connectivity).image);
     }

@@ -33,7 +33,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("arguments: FIRST_SEED LAST_SEED SECONDS [white | jump | late | few]".into());
     };
     let fault = fault.first().map_or("", String::as_str);
-    let (mut across, mut up, mut heading, mut nees, mut n) = (0.0, 0.0, 0.0, [0.0; 2], 0.0);
+    let mut across = 0.0;
+    let mut up = 0.0;
+    let mut heading = 0.0;
+    let mut nees = [0.0; 2];
+    let mut n = 0.0;
     println!("seed    across    up  heading   stated: across    up  heading   NEES: across    up   fixes used");
     for seed in first.parse::<u64>()?..=last.parse()? {
         let Some(score) = place(seed, seconds.parse()?, fault)? else {
@@ -109,9 +113,11 @@ fn place(seed: u64, seconds: f64, fault: &str) -> Result<Option<Score>, Box<dyn 
     let mut georeferencer = Georeferencer::new(&settings);
     let begin = simulation.motion.begin.0;
     let mut odometry = Isometry3::identity();
-    let (mut submap, mut submaps): (Option<(f64, i64)>, Vec<Pose>) = (None, Vec::new());
+    let mut submap: Option<(f64, i64)> = None;
+    let mut submaps: Vec<Pose> = Vec::new();
     for k in 0..(seconds * 10.0) as i64 {
-        let (from, to) = (k * SWEEP_NANOS, (k + 1) * SWEEP_NANOS);
+        let from = k * SWEEP_NANOS;
+        let to = (k + 1) * SWEEP_NANOS;
         let in_tick = |stamp: i64| stamp - begin >= from && stamp - begin < to;
         georeferencer.add_imu(&samples.iter().filter(|s| in_tick(s.stamp)).copied().collect::<Vec<_>>(), &settings);
         georeferencer.add_gnss(&rows.iter().filter(|s| in_tick(s.stamp)).copied().collect::<Vec<_>>(), &settings);
@@ -184,7 +190,9 @@ fn fixes(simulation: &Simulation, fault: &str, seed: u64) -> Vec<GnssRow> {
 
 fn score(placed: &Placed, truth: &[Pose]) -> Score {
     let n = placed.rows.len() as f64;
-    let (mut across, mut up, mut turned) = (0.0, 0.0, 0.0);
+    let mut across = 0.0;
+    let mut up = 0.0;
+    let mut turned = 0.0;
     for (row, truth) in placed.rows.iter().zip(truth) {
         let pose: Pose = row.world_from_submap.to_pose().unwrap_or_default();
         let off = pose.translation.vector - truth.translation.vector;

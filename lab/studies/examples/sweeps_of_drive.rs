@@ -22,7 +22,9 @@ fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--simulate", town, seed, seconds, out, options @ ..] => {
-            let (town, seed, seconds) = (town.parse()?, seed.parse()?, seconds.parse()?);
+            let town = town.parse()?;
+            let seed = seed.parse()?;
+            let seconds = seconds.parse()?;
             let mut settings = DriveSettings { town, seed, seconds, ..DriveSettings::default() };
             for option in options.chunks(2) {
                 match option {
@@ -53,7 +55,8 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     for kind in ["velodyne", "times", "rings"] {
         fs::create_dir_all(out.join(kind))?;
     }
-    let (mut stamps, mut poses) = (String::new(), String::new());
+    let mut stamps = String::new();
+    let mut poses = String::new();
     let mut labelled = Vec::new();
     let mut source = drive.sweeps()?;
     let mut n_sweeps = 0;
@@ -70,7 +73,8 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
         if let Some(truth) = &truth {
             let last = returns.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
             let at = |nanos: u32| pose_at(truth, &sweep, nanos);
-            let (begin, end) = (at(0)?, at(last)?);
+            let begin = at(0)?;
+            let end = at(last)?;
             poses.push_str(&kitti_line(&(end * body_from_lidar)));
             if let Some(movers) = &mut movers {
                 let instances = instances(&drive, &sweep, returns.len())?;

@@ -66,7 +66,8 @@ fn map(simulation: &Simulation) -> image::RgbImage {
     let way: Vec<Vector3<f64>> = (0..=n).map(|i| simulation.motion.pose(i as f64 * 0.1).translation.vector).collect();
     let (low, high) =
         way.iter().fold((way[0].xy(), way[0].xy()), |(low, high), p| (low.inf(&p.xy()), high.sup(&p.xy())));
-    let (low, high) = (low.add_scalar(-BORDER_M), high.add_scalar(BORDER_M));
+    let low = low.add_scalar(-BORDER_M);
+    let high = high.add_scalar(BORDER_M);
     let size = ((high - low) / PIXEL_M).map(|v| v.ceil() as u32);
     let snapshot = simulation.scene.at(0.5 * simulation.spec.seconds);
     let rows: Vec<Vec<[u8; 3]>> = (0..size.y)

@@ -2,7 +2,8 @@
 
 /// Distance of two colors; 2.3 is just noticeable.
 pub fn difference(a: [u8; 3], b: [u8; 3]) -> f64 {
-    let (a, b) = (lab(a), lab(b));
+    let a = lab(a);
+    let b = lab(b);
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
 }
 

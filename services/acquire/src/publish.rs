@@ -28,7 +28,8 @@ pub(crate) fn publish_image(
     if let Err(error) = decoded {
         return Ok(Some(error));
     }
-    let (camera, exposure_nanos) = (frame.camera as u32, entry.exposure_nanos);
+    let camera = frame.camera as u32;
+    let exposure_nanos = entry.exposure_nanos;
     *loan.header_mut() = ImageHeader { camera, width, height, channels: 3, exposure_nanos };
     outputs.publish(loan, frame.stamp.0)?;
     Ok(None)

@@ -97,7 +97,8 @@ impl Recorded {
     /// Publishes the measurements of the other sensors up to the end of the sweep.
     fn publish_others(&mut self, end: i64, outputs: &mut Outputs) -> Result<(), StepError> {
         let due = self.reader.take_before(end);
-        let (tally, mut damaged) = (&mut self.account.tally, Vec::new());
+        let tally = &mut self.account.tally;
+        let mut damaged = Vec::new();
         for frame in due.images {
             let Some(entry) = due.manifest.cameras.get(frame.camera) else { continue };
             let error = publish_image(frame, entry, outputs)?;

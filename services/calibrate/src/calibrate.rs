@@ -143,7 +143,8 @@ fn camera<'a>(
     cameras: &'a mut [Option<Result<CubeCamera, CubeCameraError>>],
     frame: &MosaicHeader,
 ) -> Result<Option<&'a mut CubeCamera>, Skip> {
-    let (index, n_cameras) = (frame.camera, cameras.len());
+    let index = frame.camera;
+    let n_cameras = cameras.len();
     let camera = match cameras.get_mut(index as usize) {
         Some(None) => return Ok(None),
         Some(Some(Ok(camera))) => camera,

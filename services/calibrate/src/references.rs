@@ -41,7 +41,8 @@ impl CubeCamera {
         let full = full.transpose().map_err(|source| CubeCameraError::Demosaicing { camera: camera(), source })?;
         let mut header = cube_header(index, &spectral);
         if full.is_some() {
-            (header.width, header.height) = (header.width * header.pattern, header.height * header.pattern);
+            header.width *= header.pattern;
+            header.height *= header.pattern;
             header.pattern = 1;
         }
         // Beside the bands: the mask and, with color lines, the region.
@@ -84,7 +85,8 @@ fn cube_header(index: usize, camera: &spectral::Camera) -> CubeHeader {
     for (out, wavelength_nm) in wavelengths_nm.iter_mut().zip(camera.wavelengths_nm()) {
         *out = *wavelength_nm;
     }
-    let ([width, height], [x0, y0]) = (mosaic.cells(), mosaic.origin());
+    let [width, height] = mosaic.cells();
+    let [x0, y0] = mosaic.origin();
     CubeHeader {
         camera: index as u32,
         width,

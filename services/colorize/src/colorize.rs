@@ -56,7 +56,8 @@ pub struct Colorize {
 impl Colorize {
     fn with_rig(settings: &Settings, vehicle: &CameraRig, context: &Context) -> Result<Self, StepError> {
         let rig = vehicle.rig();
-        let (n_cameras, n_mosaics) = (rig.cameras.len(), rig.mosaics.len());
+        let n_cameras = rig.cameras.len();
+        let n_mosaics = rig.mosaics.len();
         if n_cameras.max(n_mosaics) > usize::from(UNSEEN) {
             let text = format!(
                 "drive.toml: {n_cameras} cameras and {n_mosaics} mosaic cameras; the limit is {UNSEEN} of each"
@@ -64,7 +65,8 @@ impl Colorize {
             return Err(StepError::data(text));
         }
         let model = settings.materials.then(Model::built_in).transpose().map_err(StepError::data)?;
-        let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
+        let images = context.is_connected::<ImageTopic>();
+        let cubes = context.is_connected::<CubeTopic>();
         Ok(Self {
             settings: settings.clone(),
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,

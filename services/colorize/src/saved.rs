@@ -56,7 +56,8 @@ pub fn save<'a>(held: &'a Held, bands_nm: &BTreeMap<u32, Vec<f32>>) -> Result<St
         let row = PoseRow::from(*pose);
         (stamp.0, row.translation, row.rotation)
     };
-    let (images, cubes) = (held.images.exposures(), held.cubes.exposures());
+    let images = held.images.exposures();
+    let cubes = held.cubes.exposures();
     let head = Head {
         poses: held.trajectory.poses().iter().map(pose).collect(),
         bands_nm: bands_nm.clone(),

@@ -14,11 +14,13 @@ impl<C: ColumnTable> Export<C> {
         if !self.settings.formats.is_empty() {
             self.doubt_contents(outputs);
         }
-        let (n_clouds, n_without) = (self.clouds.len(), outputs.counted("clouds_without_place"));
+        let n_clouds = self.clouds.len();
+        let n_without = outputs.counted("clouds_without_place");
         if n_without > 0 {
             outputs.report_doubt(&Doubt::CloudsWithoutPlace { n_without, n_clouds });
         }
-        let (n_lost, n_columns) = (outputs.counted("lost_columns"), n_clouds * self.columns.n_expected());
+        let n_lost = outputs.counted("lost_columns");
+        let n_columns = n_clouds * self.columns.n_expected();
         let limit = self.settings.max_lost_columns_share;
         if n_lost as f64 / n_columns.max(1) as f64 > limit {
             outputs.report_doubt(&Doubt::LostColumns { n_lost, n_columns, limit });

@@ -124,16 +124,18 @@ impl Infer {
     fn report_doubts(&self, outputs: &mut Outputs) {
         let share = |n: u64, of: u64| n as f64 / of.max(1) as f64;
         let n_submaps = outputs.counted("submaps");
-        let (unseen, limit) =
-            (share(outputs.counted("points_unseen"), outputs.counted("points")), self.max_unseen_share);
+        let unseen = share(outputs.counted("points_unseen"), outputs.counted("points"));
+        let limit = self.max_unseen_share;
         if unseen > limit {
             outputs.report_doubt(&Doubt::PointsUnseen { share: unseen, limit });
         }
-        let (n_coarsened, limit) = (outputs.counted("submaps_coarsened"), self.max_coarsened_share);
+        let n_coarsened = outputs.counted("submaps_coarsened");
+        let limit = self.max_coarsened_share;
         if share(n_coarsened, n_submaps) > limit {
             outputs.report_doubt(&Doubt::SubmapsCoarsened { n_coarsened, n_submaps, limit });
         }
-        let (n_foreign, limit) = (outputs.counted("submaps_foreign_intensity"), self.max_foreign_intensity_share);
+        let n_foreign = outputs.counted("submaps_foreign_intensity");
+        let limit = self.max_foreign_intensity_share;
         if share(n_foreign, n_submaps) > limit {
             let treatment = self.intensity_use.to_string();
             outputs.report_doubt(&Doubt::ForeignIntensities { n_foreign, n_submaps, limit, treatment });

@@ -76,7 +76,8 @@ mod tests {
 
     fn health(ticks: u64) -> Health {
         let drive_time = Some(5_000_000_000 + ticks as i64 * 100_000_000);
-        let (cpu_s, rss_bytes) = (ticks as f64 * 0.02, 50_000_000);
+        let cpu_s = ticks as f64 * 0.02;
+        let rss_bytes = 50_000_000;
         Health {
             ticks,
             drive_begin: Some(5_000_000_000),

@@ -140,7 +140,8 @@ pub fn main() -> ExitCode {
             for problem in &problems {
                 tracing::error!(kind = "problem", "{problem}");
             }
-            let (file, plural) = (arguments.launch_file.display(), if problems.len() == 1 { "" } else { "s" });
+            let file = arguments.launch_file.display();
+            let plural = if problems.len() == 1 { "" } else { "s" };
             tracing::error!("{file}: {} problem{plural}", problems.len());
             return ExitCode::from(exit::CONFIGURATION);
         }

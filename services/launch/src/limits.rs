@@ -39,7 +39,8 @@ pub fn lacks(stages: &[PlannedStage]) -> Vec<String> {
         mapped_bytes(stage) + PRIVATE_BYTES + n_cores * PRIVATE_BYTES_PER_CORE
     });
     if let Some(Demand { limit: Some(limit), need, stage }) = bytes {
-        let (limit, need) = (limit >> 10, need.div_ceil(1 << 10));
+        let limit = limit >> 10;
+        let need = need.div_ceil(1 << 10);
         problems.push(format!(
             "limit of address space: {limit} KiB (ulimit -v), stage {stage} needs {need} KiB, most of it reserved and never \
              used; remove it with `ulimit -v unlimited`, or limit memory with a control group instead"

@@ -49,7 +49,8 @@ impl Totals {
         self.points = self.points.max(health.points);
         for (topic, traffic) in &health.outputs {
             let (messages, bytes) = self.published.entry(topic.clone()).or_default();
-            (*messages, *bytes) = ((*messages).max(traffic.messages), (*bytes).max(traffic.bytes));
+            *messages = (*messages).max(traffic.messages);
+            *bytes = (*bytes).max(traffic.bytes);
         }
         // The CPU time of a process only rises: a lower one is that of a new process.
         if health.usage.cpu_s < self.cpu_s {
@@ -227,7 +228,9 @@ mod tests {
         let mut metrics = Metrics::new(Some(&folder.path().join("replica.prom"))).expect("can be written");
         let text = written(&mut metrics, &[("re\"l\\ay\n", health(10, 1.0)), ("source", health(12, 1.0))]);
         assert!(text.ends_with('\n'));
-        let (mut families, mut samples, mut family) = (BTreeSet::new(), BTreeSet::new(), String::new());
+        let mut families = BTreeSet::new();
+        let mut samples = BTreeSet::new();
+        let mut family = String::new();
         let is_name = |name: &str| name.bytes().all(|b| b.is_ascii_lowercase() || b == b'_');
         let mut lines = text.lines();
         while let Some(line) = lines.next() {

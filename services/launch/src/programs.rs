@@ -150,7 +150,8 @@ fn ask<T: DeserializeOwned>(
     question: &str,
     request: &impl Serialize,
 ) -> Result<T, ProgramError> {
-    let (program_path, question_text) = (|| program.to_owned(), || question.to_owned());
+    let program_path = || program.to_owned();
+    let question_text = || question.to_owned();
     let failed = |source| ProgramError::Read { program: program_path(), question: question_text(), source };
     let invalid = |source| ProgramError::Answer { program: program_path(), question: question_text(), source };
     let started = PathBuf::from(command.get_program());
@@ -175,7 +176,8 @@ fn ask<T: DeserializeOwned>(
         }
         std::thread::sleep(Duration::from_millis(1));
     };
-    let (answer, stderr) = (stdout.join().unwrap_or_default(), stderr.join().unwrap_or_default());
+    let answer = stdout.join().unwrap_or_default();
+    let stderr = stderr.join().unwrap_or_default();
     if !status.success() {
         let stderr = String::from_utf8_lossy(&stderr).trim().to_owned();
         return Err(ProgramError::Failed { program: program_path(), question: question_text(), status, stderr });

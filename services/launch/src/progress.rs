@@ -98,7 +98,8 @@ impl Progress {
             if waits.is_empty() { "starting".to_owned() } else { format!("starting: {}", waits.join(", ")) }
         };
         let filled = (share * BAR as f64) as usize;
-        let (bar, rest) = ("#".repeat(filled), "-".repeat(BAR - filled));
+        let bar = "#".repeat(filled);
+        let rest = "-".repeat(BAR - filled);
         format!("[{bar}{rest}] {:3.0} %  {elapsed:.0} s  {left}", share * 100.0)
     }
 

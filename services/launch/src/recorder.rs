@@ -101,7 +101,8 @@ impl Recorder {
             .process_group(0)
             .spawn()
             .map_err(failed)?;
-        let (stdout, ready) = (child.stdout.take(), Arc::clone(&self.ready));
+        let stdout = child.stdout.take();
+        let ready = Arc::clone(&self.ready);
         self.child = Some(child);
         let listen = move || {
             for line in stdout.into_iter().flat_map(|stdout| BufReader::new(stdout).lines()).map_while(Result::ok) {

@@ -113,7 +113,8 @@ mod tests {
 
     fn description(inputs: &[&str], outputs: &[&str]) -> Description {
         let ports = |topics: &[&str]| topics.iter().map(|topic| port(topic)).collect();
-        let (inputs, outputs) = (ports(inputs), ports(outputs));
+        let inputs = ports(inputs);
+        let outputs = ports(outputs);
         Description {
             contract: CONTRACT_VERSION,
             name: "stage".into(),

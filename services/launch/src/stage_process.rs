@@ -100,9 +100,13 @@ impl StageProcess {
     pub fn restart(&mut self, stage: &PlannedStage, assignment: &Path, format: LogFormat) -> Result<(), StartError> {
         let (child, log_start) = spawn(stage, assignment, &self.log, format)?;
         let now = Instant::now();
-        (self.child, self.log_start) = (child, log_start);
-        (self.last_heartbeat, self.last_progress) = (now, now);
-        (self.health, self.status, self.awaits_restart) = (Health::default(), None, false);
+        self.child = child;
+        self.log_start = log_start;
+        self.last_heartbeat = now;
+        self.last_progress = now;
+        self.health = Health::default();
+        self.status = None;
+        self.awaits_restart = false;
         Ok(())
     }
 

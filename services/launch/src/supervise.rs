@@ -253,7 +253,8 @@ impl Supervisor {
     }
 
     fn pause_before_restart(&mut self, delay: Duration, restart: u32, barrier: Option<u64>) {
-        let (allowed, delay_s) = (self.run.plan.settings.restarts, delay.as_secs_f64());
+        let allowed = self.run.plan.settings.restarts;
+        let delay_s = delay.as_secs_f64();
         tracing::warn!(
             kind = "restart",
             restart,

@@ -100,7 +100,8 @@ impl Swaps {
             return Err(SwapRefusal::OtherTable { stage: request.stage, change: change.clone() });
         }
         let changes = self.changes_with(plan, &self.record.changes_with(&request));
-        let (copy, launch_file) = (run.folder.launch_copy(), plan.launch_file.clone());
+        let copy = run.folder.launch_copy();
+        let launch_file = plan.launch_file.clone();
         let selection = plan.selection.clone();
         let thread = std::thread::Builder::new().name("check".to_owned());
         let checking = thread.spawn(move || check::plan_as(&copy, &launch_file, &changes, &selection));
@@ -289,7 +290,8 @@ impl Swaps {
             return Ok(());
         }
         let changes = [&run.plan.changes[..], &self.record.changes].concat();
-        let (copy, selection) = (run.folder.launch_copy(), run.plan.selection.clone());
+        let copy = run.folder.launch_copy();
+        let selection = run.plan.selection.clone();
         let plan = check::plan_as(&copy, &run.plan.launch_file, &changes, &selection)
             .map_err(|problems| SwapError::NoLongerValid(problems.join("\n")))?;
         let context = std::mem::replace(&mut run.plan, plan).context;

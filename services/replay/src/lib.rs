@@ -49,7 +49,8 @@ pub struct Replay {
 /// Topics to publish, by name.
 fn recorded(path: &Path, settings: &Settings) -> Result<Vec<Port>, StepError> {
     let reader = RecordingReader::open(path).map_err(StepError::data)?;
-    let (known, mut found) = (Port::all(), Vec::new());
+    let known = Port::all();
+    let mut found = Vec::new();
     for wanted in &settings.topics {
         if !reader.topics().iter().any(|topic| topic.ticks_of() == Some(wanted)) {
             return Err(StepError::data(format!("{}: has no topic {wanted} to replay", path.display())));
@@ -72,7 +73,8 @@ fn recorded(path: &Path, settings: &Settings) -> Result<Vec<Port>, StepError> {
         };
         let ByteTable { version, layout, .. } = known.byte_table();
         if (topic.table.version, topic.table.layout) != (version, layout) {
-            let (theirs, their_layout) = (topic.table.version, topic.table.layout);
+            let theirs = topic.table.version;
+            let their_layout = topic.table.layout;
             return Err(StepError::data(format!(
                 "{file}: topic {name} has version {theirs} and layout {their_layout:016x}; this program knows version {version} \
                  and layout {layout:016x}"
@@ -121,7 +123,8 @@ impl Stage for Replay {
         let topics = recorded(&path, settings)?;
         let names: Vec<&str> = topics.iter().map(Port::topic).collect();
         let ticks = TickReader::open(&path, &names).map_err(StepError::data)?;
-        let (pace, missing) = (Pace::new(settings.speed), context.missing.clone());
+        let pace = Pace::new(settings.speed);
+        let missing = context.missing.clone();
         Ok(Self { ticks, topics, pace, n_ticks: 0, progress: 0.0, missing, next: None })
     }
 

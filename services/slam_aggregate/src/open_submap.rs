@@ -29,7 +29,9 @@ impl LoanedSubmap {
         body: Vector3<f64>,
     ) -> Result<(), StepError> {
         let first_point = self.loan.rows().len() as u32;
-        let (capacity, n_kept, seq) = (self.loan.capacity(), points.kept.indices.len(), points.raw.seq);
+        let capacity = self.loan.capacity();
+        let n_kept = points.kept.indices.len();
+        let seq = points.raw.seq;
         let rows = self.loan.grow(n_kept).map_err(|_full| {
             StepError::data(format!(
                 "sweep {seq}: {n_kept} points exceed a submap of {capacity}; increase submap_points_max"

@@ -193,7 +193,8 @@ impl Stage for SlamAggregate {
         outputs.count_all([("sweeps_without_first_lidar", n_dropped)]);
         for tick in ticks {
             let raws: Vec<RawSweep<'_>> = tick.iter().map(raw).collect();
-            let (odometry, settings) = (&mut self.odometry, &self.settings);
+            let odometry = &mut self.odometry;
+            let settings = &self.settings;
             let sweep = raws[0].sweep(settings.untimed_turn(odometry.turning_at(raws[0].stamp)));
             let others = || raws[1..].iter().map(|raw| prepared(raw, settings)).collect::<Vec<_>>();
             let (registered, (kept, others)) =
@@ -269,13 +270,15 @@ impl Stage for SlamAggregate {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let (saved, mut rest): (Saved<'_>, _) = decode_head(STATE_VERSION, state)?;
-        let (settings, algorithm) = (self.settings.odometry(self.mounting), self.settings.algorithm());
+        let settings = self.settings.odometry(self.mounting);
+        let algorithm = self.settings.algorithm();
         self.odometry = SelectedOdometry::load(settings, algorithm, saved.odometry).map_err(StepError::data)?;
         let waiting = (0..saved.n_waiting).map(|_| next_message(&mut rest)).collect::<Result<Tick, _>>()?;
         self.waiting = Some(waiting).filter(|tick| !tick.is_empty());
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
-        (self.poses, self.secondary_lidars) = (saved.poses, saved.secondary_lidars.into_owned());
+        self.poses = saved.poses;
+        self.secondary_lidars = saved.secondary_lidars.into_owned();
         self.stretches = saved.stretches.into_owned();
         self.inertial = saved.inertial.into_owned();
         self.georeferencer = saved.georeferencer.into_owned();

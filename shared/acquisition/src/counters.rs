@@ -26,7 +26,8 @@ impl ReportedCounts {
         ];
         let all = of_lidar.map(|((name, now), (_, before))| (name, now, before)).chain(of_log);
         let new = all.filter(|(_, now, before)| now > before).map(|(name, now, before)| (name, now - before)).collect();
-        (self.lidar, self.log) = (lidar, log);
+        self.lidar = lidar;
+        self.log = log;
         new
     }
 }

@@ -105,7 +105,8 @@ impl Doubts {
     pub fn captures(&mut self, stats: &LidarStats, n_bytes: u64) {
         let n_foreign = stats.foreign_packets + stats.short_packets;
         let n_packets = n_foreign + stats.data_packets + stats.position_packets;
-        let (foreign, limit) = (share(n_foreign, n_packets), self.limits.max_foreign_share);
+        let foreign = share(n_foreign, n_packets);
+        let limit = self.limits.max_foreign_share;
         if foreign > limit {
             self.add(Doubt::ForeignPackets { share: foreign, n_packets, limit });
         }
@@ -122,7 +123,8 @@ impl Doubts {
     /// The clock of the LiDAR. `others`: whether measurements of other sensors were matched to sweeps by their stamps.
     pub fn clock(&mut self, stats: &LidarStats, others: bool) {
         let n_states = stats.clock_locked + stats.clock_unlocked;
-        let (share, limit) = (share(stats.clock_unlocked, n_states), self.limits.max_unlocked_share);
+        let share = share(stats.clock_unlocked, n_states);
+        let limit = self.limits.max_unlocked_share;
         if others && share > limit {
             self.add(Doubt::PpsNotLocked { share, n_states, limit });
         }
@@ -134,7 +136,8 @@ impl Doubts {
         let damaged = share(log.bad_lines, n_lines);
         self.add_damage(damaged, |limit| Doubt::BadNmeaLines { share: damaged, limit });
         let n_epochs = n_fixes + log.without_fix + log.out_of_order;
-        let (share, limit) = (share(n_used, n_epochs), self.limits.min_fix_share);
+        let share = share(n_used, n_epochs);
+        let limit = self.limits.min_fix_share;
         if log.sentences > 0 && share < limit {
             self.add(Doubt::FewFixes { share, n_epochs, limit });
         }
@@ -166,7 +169,8 @@ impl Doubts {
 
     /// Exposures before the first or after the last sweep.
     pub fn outside(&mut self, n_outside: u64, n_frames: u64) {
-        let (share, limit) = (share(n_outside, n_frames), self.limits.max_outside_share);
+        let share = share(n_outside, n_frames);
+        let limit = self.limits.max_outside_share;
         if share > limit {
             self.add(Doubt::ExposuresOutside { share, n_frames, limit });
         }
@@ -179,7 +183,8 @@ impl Doubts {
 
     /// Live: exposures that came more than `max_late_s` after the sweep of their time.
     pub fn late(&mut self, n_late: u64, n_frames: u64, max_late_s: f64) {
-        let (share, limit) = (share(n_late, n_frames), self.limits.max_outside_share);
+        let share = share(n_late, n_frames);
+        let limit = self.limits.max_outside_share;
         if share > limit {
             self.add(Doubt::LateExposures { share, n_frames, max_late_s, limit });
         }

@@ -165,7 +165,8 @@ impl<'a> Shots<'a> {
     /// Position of the LiDAR at a shot, m, submap frame.
     fn lidar_position(&self, offset_nanos: u32) -> [f32; 3] {
         let share = offset_nanos as f32 / self.sweep.duration_nanos.max(1) as f32;
-        let (a, b) = (&self.sweep.submap_from_lidar_begin, &self.sweep.submap_from_lidar_end);
+        let a = &self.sweep.submap_from_lidar_begin;
+        let b = &self.sweep.submap_from_lidar_end;
         [0, 1, 2].map(|i| a[i] + share * (b[i] - a[i]))
     }
 }
@@ -183,7 +184,8 @@ impl Jump {
     /// Adds the direction of the outline, if the ring below or above has a jump on it. If both have one, the outline must be
     /// straight.
     fn linked(&self, below: &[Jump], above: &[Jump]) -> Option<DepthEdge> {
-        let (below, above) = (self.nearest(below), self.nearest(above));
+        let below = self.nearest(below);
+        let above = self.nearest(above);
         let outline = minus(above.or(below.map(|_| self.at))?, below.unwrap_or(self.at));
         if let (Some(below), Some(above)) = (below, above) {
             let bend = [0, 1, 2].map(|i| 0.5 * (above[i] + below[i]) - self.at[i]);

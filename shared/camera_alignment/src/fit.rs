@@ -175,7 +175,8 @@ mod tests {
     /// delay, and as many other changes at random.
     fn profiles(rotation: Rotation, delay_s: f32, speed: f32, is_outline: bool) -> Vec<Profile> {
         let profile = |i: usize| {
-            let (angle, range_m) = (6.3 * chance(3 * i), 5.0 + 35.0 * chance(3 * i + 1));
+            let angle = 6.3 * chance(3 * i);
+            let range_m = 5.0 + 35.0 * chance(3 * i + 1);
             let per_rad = [800.0 * angle.cos(), 800.0 * angle.sin(), 300.0 * (2.0 * chance(7 * i) - 1.0)];
             let per_s = 800.0 * speed / range_m * angle.sin();
             let phase = chance(3 * i + 2);

@@ -141,7 +141,8 @@ fn value_at(changes: &[f32; LEN], at: f32) -> f32 {
         let before = at as i32;
         // Not `fract`, which is a function call on processors before SSE 4.1.
         let share = at - before as f32;
-        let (a, b) = (changes[before as usize], changes[before as usize + 1]);
+        let a = changes[before as usize];
+        let b = changes[before as usize + 1];
         a + share * (b - a)
     } else {
         0.0
@@ -189,9 +190,12 @@ fn unexplained_square(outlines: &[&Outline], column: usize, others: &[usize]) ->
 /// least a fifth as well.
 fn axes(outlines: &[&Outline]) -> Vec<Rotation> {
     let sum = |value: &dyn Fn(&[f32; 5]) -> f32| outlines.iter().map(|outline| value(&outline.row)).sum::<f32>();
-    let (xx, xy, yy) = (sum(&|r| r[0] * r[0]), sum(&|r| r[0] * r[1]), sum(&|r| r[1] * r[1]));
+    let xx = sum(&|r| r[0] * r[0]);
+    let xy = sum(&|r| r[0] * r[1]);
+    let yy = sum(&|r| r[1] * r[1]);
     // Principal axes of the 2x2 matrix.
     let (y, x) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
-    let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    let middle = 0.5 * (xx + yy);
+    let half = (0.5 * (xx - yy)).hypot(xy);
     if middle - half > 0.2 * (middle + half) { vec![[x, y, 0.0], [-y, x, 0.0]] } else { vec![[x, y, 0.0]] }
 }

@@ -96,7 +96,8 @@ impl AlignmentExposure<'_> {
         let normal = [-y, x].map(|v| v / x.hypot(y));
         let [x, y] = toward(edge.across);
         let side = x * normal[0] + y * normal[1];
-        let (length, line) = (side.abs(), normal.map(|v| v * side.signum()));
+        let length = side.abs();
+        let line = normal.map(|v| v * side.signum());
         // An edge along the line of sight has no direction across it in the image.
         let norm = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
         let full_px = norm(edge.across) / norm(p) * lens.px_per_rad();

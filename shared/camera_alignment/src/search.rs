@@ -46,7 +46,8 @@ impl Solution {
 
     /// Coordinate ascent with ever smaller steps, one unknown after the other, while the score rises.
     pub fn refined(mut self, cameras: &[CameraOutlines<'_>], may_be_late: bool) -> Self {
-        let (mut rotation_step, mut delay_step) = (ROTATION_STEP, DELAY_STEP_S);
+        let mut rotation_step = ROTATION_STEP;
+        let mut delay_step = DELAY_STEP_S;
         // Seven halvings: 31 urad and 78 us.
         for _ in 0..7 {
             // A few rounds reach the next grid point. The limit ends cycles caused by rounding.
@@ -134,7 +135,9 @@ fn climb(outlines: &CameraOutlines<'_>, rotation: &mut Rotation, delay_s: f32, s
             let moved = moved(*rotation, *axis, step);
             let found = outlines.score(moved, delay_s);
             if found > score && moved[0].hypot(moved[1]) <= 1.5 * MAX_ROTATION {
-                (score, *rotation, is_better) = (found, moved, true);
+                score = found;
+                *rotation = moved;
+                is_better = true;
                 break;
             }
         }

@@ -39,7 +39,8 @@ impl Axis {
         }
         let power = 10.0_f64.powf(rough.log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|k| k * power).into_iter().find(|step| *step >= rough).unwrap_or(rough);
-        let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+        let first = (low / step - 1e-9).ceil() as i64;
+        let last = (high / step + 1e-9).floor() as i64;
         // Without rounding, multiples of 0.1 would show floating-point digits.
         let digits = 10.0_f64.powi(2 - power.log10().round() as i32);
         (first..=last).map(|k| (k as f64 * step * digits).round() / digits).collect()

@@ -42,12 +42,15 @@ pub fn bars(rows: &[BarRow], [begin, end]: [f64; 2], ends: [&str; 2]) -> String 
     // Writing to a string cannot fail.
     for (index, row) in rows.iter().enumerate() {
         let y = ROW * index as f64;
-        let (name, text) = (escaped(&row.name), escaped(&row.text));
+        let name = escaped(&row.name);
+        let text = escaped(&row.text);
         let at = left - 10.0;
         let _ = writeln!(svg, "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"end\">{name}</text>", y + 17.0);
         for ([from, to], color) in &row.pieces {
             let width = (x(*to) - x(*from)).max(1.0);
-            let (from, top, color) = (x(*from), y + 6.0, escaped(color));
+            let from = x(*from);
+            let top = y + 6.0;
+            let color = escaped(color);
             let _ = writeln!(
                 svg,
                 "<rect x=\"{from:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{BAR}\" fill=\"{color}\"/>"

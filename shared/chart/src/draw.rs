@@ -28,7 +28,8 @@ pub fn top(chart: &Chart) -> f64 {
 pub fn chart(chart: &Chart) -> String {
     let [width, height] = chart.size;
     let top = top(chart);
-    let (right, bottom) = (LEFT + width, top + height);
+    let right = LEFT + width;
+    let bottom = top + height;
     let place = |[x, y]: [f64; 2]| [LEFT + width * chart.x.share(x), top + height * (1.0 - chart.y.share(y))];
     let mut svg = String::new();
     // Writing to a string cannot fail.
@@ -86,7 +87,8 @@ fn draw_series(
         Mark::Bars { width: bar, .. } => {
             let bar = bar / (range[1] - range[0]) * width;
             for [x, y] in placed {
-                let (left, high) = (x - 0.5 * bar, bottom - y);
+                let left = x - 0.5 * bar;
+                let high = bottom - y;
                 let _ = writeln!(
                     svg,
                     "<rect x=\"{left:.1}\" y=\"{y:.1}\" width=\"{bar:.2}\" height=\"{high:.1}\" fill=\"{color}\"/>"
@@ -115,14 +117,16 @@ fn legend(chart: &Chart) -> Vec<Entry<'_>> {
     let right = LEFT + chart.size[0];
     let width = |name: &str| 30.0 + LETTER * name.chars().count() as f64;
     let mut entries: Vec<Entry<'_>> = Vec::new();
-    let (mut left, mut row) = (LEFT, 0);
+    let mut left = LEFT;
+    let mut row = 0;
     for Series { name, color, .. } in &chart.series {
         let is_new = |entry: &Entry<'_>| entry.name != name.as_str() || entry.color != *color;
         if name.is_empty() || !entries.iter().all(is_new) {
             continue;
         }
         if left > LEFT && left + width(name) > right + RIGHT {
-            (left, row) = (LEFT, row + 1);
+            left = LEFT;
+            row += 1;
         }
         entries.push(Entry { name, color, left, row });
         left += width(name);

@@ -177,7 +177,8 @@ mod tests {
             Series::line("a < b", COLORS[1], vec![[0.0, 0.0], [10.0, 4.0]]),
             Series::line("a < b", COLORS[1], vec![[f64::NAN, 1.0], [2.0, 1.0]]),
         ];
-        let (x, y) = (Axis::new("x, m", [0.0, 10.0]), Axis::new("y", [0.0, 4.0]));
+        let x = Axis::new("x, m", [0.0, 10.0]);
+        let y = Axis::new("y", [0.0, 4.0]);
         Chart { size: [100.0, 40.0], ..Chart::new("T & U", x, y, series) }
     }
 

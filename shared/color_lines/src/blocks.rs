@@ -57,7 +57,8 @@ impl Block {
             lane[..self.n].copy_from_slice(&axis[start..start + self.n]);
             let last = lane[self.n - 1];
             lane[self.n..].fill(last);
-            let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+            let mut low = [f64::INFINITY; LANES];
+            let mut high = [f64::NEG_INFINITY; LANES];
             for chunk in 0..BLOCK / LANES {
                 for i in 0..LANES {
                     let value = lane[chunk * LANES + i];
@@ -65,7 +66,8 @@ impl Block {
                     high[i] = if value > high[i] { value } else { high[i] };
                 }
             }
-            let (low, high) = (low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(last, f64::max));
+            let low = low.into_iter().fold(f64::INFINITY, f64::min);
+            let high = high.into_iter().fold(last, f64::max);
             self.middle[k] = 0.5 * (low + high);
             self.half[k] = 0.5 * (high - low);
         }
@@ -77,11 +79,14 @@ impl Block {
         let f = gaussian.factor;
         let d: [f64; 3] = std::array::from_fn(|k| self.middle[k] - gaussian.mean[k]);
         let middles = [f[0] * d[0], f[1] * d[0] + f[2] * d[1], f[3] * d[0] + f[4] * d[1] + f[5] * d[2]];
-        let (h, a) = (self.half, f.map(f64::abs));
+        let h = self.half;
+        let a = f.map(f64::abs);
         let slacks = [a[0] * h[0], a[1] * h[0] + a[2] * h[1], a[3] * h[0] + a[4] * h[1] + a[5] * h[2]];
-        let (mut least, mut most) = (0.0, 0.0);
+        let mut least = 0.0;
+        let mut most = 0.0;
         for (middle, slack) in middles.iter().zip(slacks) {
-            let (near, far) = ((middle.abs() - slack).max(0.0), middle.abs() + slack);
+            let near = (middle.abs() - slack).max(0.0);
+            let far = middle.abs() + slack;
             least += near * near;
             most += far * far;
         }
@@ -123,8 +128,12 @@ impl Densities {
             let Normalized { mean: [mx, my, mz], factor: f, constant } = gaussians[*index];
             let out = &mut self.values[*index];
             for i in 0..BLOCK {
-                let (dx, dy, dz) = (x[i] - mx, y[i] - my, z[i] - mz);
-                let (a, b, c) = (f[0] * dx, f[1] * dx + f[2] * dy, f[3] * dx + f[4] * dy + f[5] * dz);
+                let dx = x[i] - mx;
+                let dy = y[i] - my;
+                let dz = z[i] - mz;
+                let a = f[0] * dx;
+                let b = f[1] * dx + f[2] * dy;
+                let c = f[3] * dx + f[4] * dy + f[5] * dz;
                 let density = constant - (a * a + b * b + c * c);
                 out[i] = density;
                 // `max`, not a comparison: that becomes a masked store, for which the next load of the value would wait.
@@ -136,7 +145,8 @@ impl Densities {
 
 /// Adds the points to the shares of the Gaussians. Returns the sum of the logarithmic densities of the mixture at the points.
 pub(crate) fn expectation(points: &Points, gaussians: &[Normalized], shares: &mut [Share]) -> f64 {
-    let (mut block, mut densities) = (Block::new(), Densities::new(gaussians.len()));
+    let mut block = Block::new();
+    let mut densities = Densities::new(gaussians.len());
     let mut log_likelihood = 0.0;
     wide_loops::run(
         #[inline(always)]
@@ -199,8 +209,12 @@ fn add(block: &Block, mean: &[f64; 3], densities: &Lane, factors: &Lane, share: 
         for lane in 0..LANES {
             let i = chunk * LANES + lane;
             let r = densities[i] * factors[i];
-            let (dx, dy, dz) = (x[i] - mean[0], y[i] - mean[1], z[i] - mean[2]);
-            let (rx, ry, rz) = (r * dx, r * dy, r * dz);
+            let dx = x[i] - mean[0];
+            let dy = y[i] - mean[1];
+            let dz = z[i] - mean[2];
+            let rx = r * dx;
+            let ry = r * dy;
+            let rz = r * dz;
             let terms = [r, rx, ry, rz, rx * dx, rx * dy, rx * dz, ry * dy, ry * dz, rz * dz];
             for k in 0..10 {
                 sums[k][lane] += terms[k];
@@ -212,7 +226,8 @@ fn add(block: &Block, mean: &[f64; 3], densities: &Lane, factors: &Lane, share: 
 
 /// The Gaussian of the highest density of each point; the first of equal ones.
 pub(crate) fn classify(points: &Points, gaussians: &[Normalized]) -> Vec<u32> {
-    let (mut block, mut densities) = (Block::new(), Densities::new(gaussians.len()));
+    let mut block = Block::new();
+    let mut densities = Densities::new(gaussians.len());
     let mut found = Vec::with_capacity(points.len());
     wide_loops::run(
         #[inline(always)]

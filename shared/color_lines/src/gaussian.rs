@@ -36,12 +36,15 @@ impl Gaussian {
         let [xx, xy, xz, yy, yz, zz] = self.covariance;
         let root = |value: f64| (value > 0.0 && value.is_finite()).then(|| value.sqrt());
         let a = root(xx)?;
-        let (b, d) = (xy / a, xz / a);
+        let b = xy / a;
+        let d = xz / a;
         let c = root(yy - b * b)?;
         let e = (yz - d * b) / c;
         let f = root(zz - d * d - e * e)?;
         // Inverse of the lower triangle [a; b c; d e f].
-        let (ia, ic, i_f) = (1.0 / a, 1.0 / c, 1.0 / f);
+        let ia = 1.0 / a;
+        let ic = 1.0 / c;
+        let i_f = 1.0 / f;
         let ib = -b * ia * ic;
         let ie = -e * ic * i_f;
         let id = -(d * ia + e * ib) * i_f;

@@ -127,7 +127,8 @@ impl Cells {
                 if parent[other].is_none() {
                     continue;
                 }
-                let (a, b) = (root(&mut parent, index), root(&mut parent, other));
+                let a = root(&mut parent, index);
+                let b = root(&mut parent, other);
                 if a != b {
                     let (high, low) = if rank[a] < rank[b] { (a, b) } else { (b, a) };
                     contrast[low] = count(low) - count(index);

@@ -25,7 +25,8 @@ pub fn start(points: &Points, means: &[[f64; 3]]) -> Vec<Gaussian> {
     let nearest = nearest(points, means);
     let mut shares = vec![Share::default(); means.len()];
     for (index, of) in nearest.iter().enumerate() {
-        let (point, mean) = (points.at(index), means[*of as usize]);
+        let point = points.at(index);
+        let mean = means[*of as usize];
         let [x, y, z] = [0, 1, 2].map(|k| point[k] - mean[k]);
         let terms = [1.0, 0.0, 0.0, 0.0, x * x, x * y, x * z, y * y, y * z, z * z];
         shares[*of as usize].sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);

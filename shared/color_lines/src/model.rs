@@ -189,7 +189,8 @@ impl Model {
 
     /// Whether an image has the bands of the model.
     pub(crate) fn check_bands(&self, image: &Image<'_>) -> Result<(), ColorLinesError> {
-        let (found, expected) = (image.n_bands(), self.n_bands());
+        let found = image.n_bands();
+        let expected = self.n_bands();
         if found == expected { Ok(()) } else { Err(ColorLinesError::Bands { found, expected }) }
     }
 

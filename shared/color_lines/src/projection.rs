@@ -79,7 +79,8 @@ fn project(image: &Image<'_>, segments: &[Segment]) -> Projection {
             );
         }
         for i in 0..n {
-            let (at, segment) = (pixels.at[start + i] as usize, &segments[best.segment[i] as usize]);
+            let at = pixels.at[start + i] as usize;
+            let segment = &segments[best.segment[i] as usize];
             projection.lines[at] = segment.line;
             for band in 0..image.n_bands() {
                 projection.values[band * image.n_pixels() + at] =
@@ -102,9 +103,11 @@ impl Best {
     #[inline(always)]
     fn compare(&mut self, pixels: &Pixels, range: std::ops::Range<usize>, index: u32, segment: &Segment) {
         // Of the difference to the begin: its square, and its product with the direction.
-        let (mut squares, mut products) = ([0.0_f32; BLOCK], [0.0_f32; BLOCK]);
+        let mut squares = [0.0_f32; BLOCK];
+        let mut products = [0.0_f32; BLOCK];
         for (band, values) in pixels.bands.iter().enumerate() {
-            let (begin, direction) = (segment.begin[band], segment.direction[band]);
+            let begin = segment.begin[band];
+            let direction = segment.direction[band];
             let sums = squares.iter_mut().zip(&mut products);
             for ((square, product), value) in sums.zip(&values[range.clone()]) {
                 let difference = value - begin;

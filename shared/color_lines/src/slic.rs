@@ -18,7 +18,8 @@ pub fn slic(size: [usize; 2], rgb: &[[u8; 3]], n_segments: usize, compactness: f
     let unit = |value: u8| f64::from(value - low) / range;
     let colors: Vec<[f64; 3]> = rgb.iter().map(|color| lab(color.map(unit)).map(|v| v / compactness)).collect();
     let step_for = |n: usize| ((columns * rows) as f64 / n.max(1) as f64).sqrt();
-    let (begin, step) = ((step_for(n_segments) / 2.0).floor() as usize, step_for(n_segments).round().max(1.0));
+    let begin = (step_for(n_segments) / 2.0).floor() as usize;
+    let step = step_for(n_segments).round().max(1.0);
     // The first pass has no colors: each pixel joins the nearest center of the grid.
     let along = |side: usize| (begin..side).step_by(step as usize);
     let grid = along(rows).flat_map(|y| along(columns).map(move |x| (y, x)));
@@ -90,10 +91,13 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
             continue;
         }
         labels[start] = next;
-        let (mut part, mut visited, mut beside) = (vec![start], 0, 0);
+        let mut part = vec![start];
+        let mut visited = 0;
+        let mut beside = 0;
         while visited < part.len() && part.len() < max_size {
             let at = part[visited];
-            let (x, y) = (at % columns, at / columns);
+            let x = at % columns;
+            let y = at / columns;
             let right = (x + 1 < columns).then(|| at + 1);
             let left = (x > 0).then(|| at - 1);
             let below = (y + 1 < rows).then(|| at + columns);

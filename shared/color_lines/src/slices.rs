@@ -21,7 +21,8 @@ pub struct Slice {
 pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Settings) -> Vec<Slice> {
     let cells = Cells::new(points, settings.bins);
     let mut counts = Vec::new();
-    let (mut slices, mut maxima) = (Vec::new(), Vec::new());
+    let mut slices = Vec::new();
+    let mut maxima = Vec::new();
     for (hemisphere, numbers) in hemispheres.sorted(points).into_iter().enumerate() {
         if !numbers.is_empty() {
             let histogram = cells.histogram(points, &numbers, &mut counts);

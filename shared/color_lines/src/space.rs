@@ -129,7 +129,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     wide_loops::run(
         #[inline(always)]
         || {
-            let (a, b) = (a.chunks(8), b.chunks(8));
+            let a = a.chunks(8);
+            let b = b.chunks(8);
             for (a, b) in a.zip(b) {
                 sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
             }

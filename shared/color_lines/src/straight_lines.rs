@@ -82,7 +82,8 @@ fn refine(colors: &[[f64; 3]], lines: &mut [[f64; 3]]) {
 fn project(image: &Image<'_>, pixels: &Pixels, colors: &[[f64; 3]], lines: &[[f64; 3]]) -> Projection {
     let mut projection = Projection::empty(image);
     for (at, color) in pixels.at.iter().zip(colors) {
-        let (at, number) = (*at as usize, nearest(color, lines));
+        let at = *at as usize;
+        let number = nearest(color, lines);
         let along = dot(color, &lines[number]);
         projection.lines[at] = number as u32 + 1;
         for (band, component) in lines[number].iter().enumerate() {

@@ -23,7 +23,8 @@ impl Tree {
     /// node that joined first counts.
     pub fn new(spectra: &[Vec<f64>]) -> Self {
         let distance = |node: usize, other: usize| -> f64 {
-            let (a, b) = (&spectra[node - 1], other.checked_sub(1).map(|other| &spectra[other]));
+            let a = &spectra[node - 1];
+            let b = other.checked_sub(1).map(|other| &spectra[other]);
             let square = |(band, value): (usize, &f64)| (value - b.map_or(0.0, |b| b[band])).powi(2);
             a.iter().enumerate().map(square).sum::<f64>().sqrt()
         };
@@ -165,7 +166,8 @@ mod tests {
         for (length, a, b) in edges {
             if component[a] != component[b] {
                 expected += length;
-                let (from, to) = (component[a], component[b]);
+                let from = component[a];
+                let to = component[b];
                 component.iter_mut().filter(|of| **of == from).for_each(|of| *of = to);
             }
         }

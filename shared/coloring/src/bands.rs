@@ -30,7 +30,8 @@ impl Bands {
     /// # Errors
     /// For more than [`MAX_BANDS`] bands or more than 255 cameras.
     pub fn new(wavelengths_nm: &[Vec<f32>]) -> Result<Self, TooManyBands> {
-        let (n_bands, n_cameras) = (wavelengths_nm.iter().map(Vec::len).sum(), wavelengths_nm.len());
+        let n_bands = wavelengths_nm.iter().map(Vec::len).sum();
+        let n_cameras = wavelengths_nm.len();
         if n_bands > MAX_BANDS || n_cameras > usize::from(u8::MAX) {
             return Err(TooManyBands { n_bands, n_cameras });
         }

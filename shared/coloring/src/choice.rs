@@ -108,7 +108,8 @@ impl Choices {
 
     /// Assigns an exposure to the points that it sees and that have no better one.
     fn offer(&mut self, index: u32, chunk: &Chunk, candidates: &Candidates<'_>) {
-        let (exposure, visibility) = (&candidates.exposures[index as usize], &candidates.visibility[index as usize]);
+        let exposure = &candidates.exposures[index as usize];
+        let visibility = &candidates.visibility[index as usize];
         let Self { projected, offer, best, .. } = self;
         projected.fill(chunk, &exposure.camera_from_submap, exposure.lens);
         let time = seconds(exposure.stamp, candidates.points.origin);
@@ -160,9 +161,11 @@ impl NullaryFnOnce for Weigh<'_> {
         let per_half = [0, 1].map(|axis| 2.0 / (exposure.max[axis] - exposure.min[axis]));
         let mut n_offered = 0_u32;
         for i in 0..chunk.n_lanes() {
-            let (u, v) = (projected.u[i], projected.v[i]);
+            let u = projected.u[i];
+            let v = projected.v[i];
             let age_s = (chunk.times[i] - time).abs();
-            let (x, y) = ((u - middle[0]) * per_half[0], (v - middle[1]) * per_half[1]);
+            let x = (u - middle[0]) * per_half[0];
+            let y = (v - middle[1]) * per_half[1];
             let cost =
                 extra_m + DRIFT_M_PER_S * age_s + POINTING_RAD * projected.range_m[i] * (1.0 + 0.5 * (x * x + y * y));
             let is_better = (cost < best.costs[i]) | ((cost == best.costs[i]) & (index < best.exposures[i]));
@@ -240,7 +243,12 @@ mod tests {
     /// Index of the exposure that is chosen for a point 10 m ahead, shot at 1000 ms. The limit is 128 ms, or 32 ms if the point
     /// moves. An exposure is given by its stamp in ms, whether it faces the point, and its distance behind the others in m.
     fn chosen(exposures: &[(i64, bool, f64)], flags: u8) -> Option<usize> {
-        let (width, height, fx, fy, cx, cy) = (100, 100, 50.0, 50.0, 50.0, 50.0);
+        let width = 100;
+        let height = 100;
+        let fx = 50.0;
+        let fy = 50.0;
+        let cx = 50.0;
+        let cy = 50.0;
         let model = CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] });
         let camera = ProjectionCamera::from(&RigCamera { body_from_camera: Pose::identity(), model });
         let exposure = |(stamp, faces, behind): &(i64, bool, f64)| {

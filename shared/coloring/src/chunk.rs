@@ -99,7 +99,8 @@ impl NullaryFnOnce for Span<'_> {
     #[inline(always)]
     fn call(self) -> [f32; 2] {
         // As many at a time as a register of 64 bytes holds.
-        let (mut min, mut max) = ([f32::INFINITY; 16], [f32::NEG_INFINITY; 16]);
+        let mut min = [f32::INFINITY; 16];
+        let mut max = [f32::NEG_INFINITY; 16];
         for values in self.0.as_chunks::<16>().0 {
             for i in 0..16 {
                 min[i] = if values[i] < min[i] { values[i] } else { min[i] };

@@ -33,7 +33,8 @@ impl DoubtLimits {
         [n_points, n_seen]: [u64; 2],
     ) -> Vec<Doubt> {
         let share = n_seen as f64 / n_points.max(1) as f64;
-        let (limit, exposures) = (self.min_colored_share, sum(tallies));
+        let limit = self.min_colored_share;
+        let exposures = sum(tallies);
         let (few, is_few) = match kind {
             ExposureKind::Images => (Doubt::FewPointsColored { share, limit, exposures }, share < limit),
             // Any point that a mosaic camera sees has a spectrum; how many those are depends on the rig.

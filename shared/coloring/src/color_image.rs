@@ -43,8 +43,10 @@ impl<'a> ColorImage<'a> {
             let first = middle - reach.min(middle / step) * step;
             (first..len.min(middle + reach * step + 1)).step_by(step)
         };
-        let (columns, rows) = (line(u, self.width), line(v, self.height));
-        let (width, pixels) = (self.width, self.pixels);
+        let columns = line(u, self.width);
+        let rows = line(v, self.height);
+        let width = self.width;
+        let pixels = self.pixels;
         rows.flat_map(move |y| columns.clone().map(move |x| ([x as f32, y as f32], pixels[y * width + x])))
     }
 

@@ -18,7 +18,8 @@ pub fn slopes(model: &CameraModel, lens: &Lens) -> Option<Slopes> {
     let (width, height) = model.size();
     // The corners of the outermost pixels.
     let along = |len: u32| (0..len).step_by(RIM_STEP_PX as usize).chain([len]).map(|at| f64::from(at) - 0.5);
-    let (right, bottom) = (f64::from(width) - 0.5, f64::from(height) - 0.5);
+    let right = f64::from(width) - 0.5;
+    let bottom = f64::from(height) - 0.5;
     let rows = along(width).flat_map(|u| [Vector2::new(u, -0.5), Vector2::new(u, bottom)]);
     let columns = along(height).flat_map(|v| [Vector2::new(-0.5, v), Vector2::new(right, v)]);
     let mut slopes = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
@@ -72,7 +73,10 @@ mod tests {
     }
 
     fn models() -> [CameraModel; 2] {
-        let (width, height, cx, cy) = (640, 480, 320.0, 240.0);
+        let width = 640;
+        let height = 480;
+        let cx = 320.0;
+        let cy = 240.0;
         let barrel = [-0.2, 0.05, 0.001, -0.0005, 0.0];
         [
             CameraModel::Pinhole(Pinhole { width, height, fx: 500.0, fy: 500.0, cx, cy, distortion: barrel }),
@@ -93,11 +97,14 @@ mod tests {
     fn frustum_contains_all_visible_points_and_few_others() {
         for model in models() {
             let frustum = frustum(&model);
-            let (mut n_visible, mut n_inside, mut n_all) = (0, 0, 0);
+            let mut n_visible = 0;
+            let mut n_inside = 0;
+            let mut n_all = 0;
             for i in 0..40_000_u32 {
                 // Fibonacci sphere: uniform in all directions.
                 let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 40_000.0;
-                let (across, angle) = ((1.0 - z * z).sqrt(), f64::from(i) * 2.399_963_229_728_653);
+                let across = (1.0 - z * z).sqrt();
+                let angle = f64::from(i) * 2.399_963_229_728_653;
                 let p = [across * angle.cos(), across * angle.sin(), z].map(|v| 7.0 * v);
                 let is_inside = frustum.intersects(&[p.map(|v| v as f32); 2]);
                 let is_visible = model.pixel_from_camera(&Point3::from(p)).is_some();

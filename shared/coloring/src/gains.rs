@@ -107,7 +107,8 @@ fn log_gains(ratios: &[BrightnessRatio], n: usize) -> Vec<f64> {
         let mut normal = DMatrix::from_diagonal_element(n, n, PRIOR);
         let mut right: DVector<f64> = DVector::zeros(n);
         for BrightnessRatio { exposures: [a, b], log_ratio } in ratios {
-            let (a, b) = (*a, *b);
+            let a = *a;
+            let b = *b;
             let residual = log_ratio - (gains[a] - gains[b]);
             let weight = 1.0 / (1.0 + (residual / DEVIATION).powi(2));
             right[a] += weight * log_ratio;

@@ -77,7 +77,8 @@ mod tests {
         for i in 0..200_u32 {
             for j in 0..200_u32 {
                 // All directions, some on the axes, at different distances.
-                let (azimuth, polar) = (f64::from(i) * 0.0314, f64::from(j) * 0.0157);
+                let azimuth = f64::from(i) * 0.0314;
+                let polar = f64::from(j) * 0.0157;
                 let direction = [polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()];
                 let p = direction.map(|v| v * (0.5 + f64::from(j % 50)));
                 let p_in_camera = p.map(|v| v as f32);
@@ -93,26 +94,43 @@ mod tests {
     }
 
     fn pinhole(distortion: [f64; 5]) -> CameraModel {
-        let (width, height, fx, fy, cx, cy) = (1600, 900, 1266.4, 1260.0, 816.3, 491.5);
+        let width = 1600;
+        let height = 900;
+        let fx = 1266.4;
+        let fy = 1260.0;
+        let cx = 816.3;
+        let cy = 491.5;
         CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion })
     }
 
     fn fisheye(max_angle: f64) -> CameraModel {
-        let (width, height, fx, fy, cx, cy) = (2048, 2448, 1236.0, 1240.0, 1020.0, 1230.0);
+        let width = 2048;
+        let height = 2448;
+        let fx = 1236.0;
+        let fy = 1240.0;
+        let cx = 1020.0;
+        let cy = 1230.0;
         let distortion = [-0.02, 0.004, -0.001, 0.0001];
         CameraModel::KannalaBrandt(KannalaBrandt { width, height, fx, fy, cx, cy, distortion, max_angle })
     }
 
     /// A lens whose splines map the image of a pinhole to that of a fisheye.
     fn spline_warp() -> CameraModel {
-        let (width, height, fx, fy, cx, cy) = (2448, 2048, 460.0, 459.0, 1216.0, 1040.0);
+        let width = 2448;
+        let height = 2048;
+        let fx = 460.0;
+        let fy = 459.0;
+        let cx = 1216.0;
+        let cy = 1040.0;
         let surface = |along: usize| {
             let n = 23_i32;
             // Mean of the knots of a coefficient, as a share of the image.
             let place = |i: i32| f64::from((0..3).map(|k| (i + k - 2).clamp(0, n - 3)).sum::<i32>()) / 60.0;
             let bent = |i: i32, j: i32| {
-                let (x, y) = (2.0 * place(i) - 1.0, 2.0 * place(j) - 1.0);
-                let (x, y) = (x * 2.66, y * 2.23);
+                let x = 2.0 * place(i) - 1.0;
+                let y = 2.0 * place(j) - 1.0;
+                let x = x * 2.66;
+                let y = y * 2.23;
                 let r = x.hypot(y).max(1e-9);
                 let angle = r.atan() * (1.0 + 0.01 * x);
                 0.5 + if along == 0 { 0.5066 * x } else { 0.605 * y } * angle / r

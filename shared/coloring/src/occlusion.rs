@@ -111,7 +111,8 @@ impl NullaryFnOnce for FindHits<'_> {
     fn call(self) {
         let Self { time, exposure, grid, chunk, projected, hits } = self;
         for i in 0..chunk.n_lanes() {
-            let (u, v) = (projected.u[i], projected.v[i]);
+            let u = projected.u[i];
+            let v = projected.v[i];
             let is_old = (chunk.moves[i] != 0) & ((chunk.times[i] - time).abs() > MOVING_OCCLUDER_AGE_S);
             let occludes = exposure.contains(u, v) & !is_old;
             // A point that does not occlude is infinitely far, in any cell.
@@ -224,7 +225,9 @@ fn max_range_m(near: &[f32], columns: usize, rows: usize) -> Vec<f32> {
     let mut padded = vec![0.0; columns + 2];
     for (row, out) in out.chunks_exact_mut(columns).enumerate() {
         let line = |row: usize| &near[row * columns..(row + 1) * columns];
-        let (above, here, below) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(rows - 1)));
+        let above = line(row.saturating_sub(1));
+        let here = line(row);
+        let below = line((row + 1).min(rows - 1));
         padded[1..=columns].copy_from_slice(here);
         (padded[0], padded[columns + 1]) = (here[0], here[columns - 1]);
         Arch::new().dispatch(AddTolerance { above, padded: &padded, below, out });
@@ -245,7 +248,9 @@ impl NullaryFnOnce for AddTolerance<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { above, padded, below, out } = self;
-        let (before, here, after) = (padded, &padded[1..], &padded[2..]);
+        let before = padded;
+        let here = &padded[1..];
+        let after = &padded[2..];
         let around = above.iter().zip(below).zip(before).zip(after);
         for ((out, range_m), (((above, below), before), after)) in out.iter_mut().zip(here).zip(around) {
             let rise = f32::max(rise(*above, *range_m, *below), rise(*before, *range_m, *after));
@@ -259,7 +264,8 @@ impl NullaryFnOnce for AddTolerance<'_> {
 /// differences. At a silhouette there is no such surface, and the background is not taken as its slope.
 #[inline(always)]
 fn rise(before: f32, here: f32, after: f32) -> f32 {
-    let (a, b) = (here - before, after - here);
+    let a = here - before;
+    let b = after - here;
     // NaN, if two of them are infinite, fails this comparison.
     if a * b > 0.0 { a.abs().min(b.abs()) } else { 0.0 }
 }

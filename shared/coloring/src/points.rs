@@ -89,7 +89,8 @@ fn thin_into(thinned: &mut Vec<Chunk>, rows: &[SubmapPoint], sweeps: &[SubmapSwe
     thinned[0].n_points = 0;
     for (i, point) in rows.iter().enumerate() {
         let time = time(point, sweeps, origin);
-        (first, last) = (first.min(time), last.max(time));
+        first = first.min(time);
+        last = last.max(time);
         if (i % CHUNK).is_multiple_of(THINNING) || point.flags & POINT_DYNAMIC != 0 {
             if thinned[n_full].n_points == CHUNK {
                 n_full += 1;

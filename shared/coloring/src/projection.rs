@@ -73,7 +73,9 @@ impl<L: Projection> NullaryFnOnce for Project<'_, L> {
     fn call(self) {
         let Self { chunk, rows: [[a0, a1, a2, a3], [b0, b1, b2, b3], [c0, c1, c2, c3]], lens, out } = self;
         for i in 0..chunk.n_lanes() {
-            let (px, py, pz) = (chunk.x[i], chunk.y[i], chunk.z[i]);
+            let px = chunk.x[i];
+            let py = chunk.y[i];
+            let pz = chunk.z[i];
             let cx = a0 * px + a1 * py + a2 * pz + a3;
             let cy = b0 * px + b1 * py + b2 * pz + b3;
             let cz = c0 * px + c1 * py + c2 * pz + c3;

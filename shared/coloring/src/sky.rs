@@ -92,7 +92,8 @@ impl Sky {
 /// Whether a color is brighter and bluer than the reference by a part of what the sky is.
 fn shines_through(color: [u8; 3], reference: Tint, sky: Tint) -> bool {
     let color = Tint::of(color);
-    let (rise, blueing) = (sky.level - reference.level, sky.blue - reference.blue);
+    let rise = sky.level - reference.level;
+    let blueing = sky.blue - reference.blue;
     blueing >= MIN_CONTRAST
         && color.level - reference.level > MIN_RISE * rise.max(0.0)
         && color.blue - reference.blue > MIN_BLUEING * blueing

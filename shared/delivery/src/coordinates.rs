@@ -23,7 +23,8 @@ impl Coordinates {
     /// The coordinates of a cloud. `None` if it has none, or of different types.
     pub(crate) fn of(cloud: &Header) -> Option<Self> {
         let mut triples = Vec::new();
-        let (mut offset, mut kind) = (0, None);
+        let mut offset = 0;
+        let mut kind = None;
         for (k, property) in cloud.properties.iter().enumerate() {
             if TRIPLES.contains(&property.name.as_str()) {
                 let three = cloud.properties.get(k..k + 3)?;
@@ -70,7 +71,8 @@ impl Coordinates {
 
     /// Bounds of the points.
     pub(crate) fn bounds(&self, rows: &[u8]) -> Bounds {
-        let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let mut min = [f64::INFINITY; 3];
+        let mut max = [f64::NEG_INFINITY; 3];
         for row in rows.chunks_exact(self.row_size) {
             let xyz = self.read(row, self.triples[0]);
             for k in 0..3 {
@@ -84,7 +86,8 @@ impl Coordinates {
 
     /// Bounds of all points of a file.
     pub(crate) fn bounds_of_all(&self, cloud: &PlyRows) -> Result<Bounds, PlyError> {
-        let (mut bounds, mut block) = (None, Vec::new());
+        let mut bounds = None;
+        let mut block = Vec::new();
         for first in (0..cloud.len()).step_by(BLOCK_ROWS) {
             block.resize(BLOCK_ROWS.min(cloud.len() - first) * self.row_size, 0);
             cloud.read_into(first, &mut block)?;

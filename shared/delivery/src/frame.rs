@@ -30,7 +30,8 @@ pub(crate) fn frame_line(name: &str) -> String {
 
 /// The line with the pose of a submap.
 pub(crate) fn pose_line(world_from_submap: &Pose) -> String {
-    let (t, q) = (world_from_submap.translation.vector, world_from_submap.rotation.coords);
+    let t = world_from_submap.translation.vector;
+    let q = world_from_submap.rotation.coords;
     format!("{PLACED}{} {} {} {} {} {} {}", t.x, t.y, t.z, q.x, q.y, q.z, q.w)
 }
 

@@ -53,8 +53,10 @@ impl<'a> Place<'a> {
     /// Sets pose and standard deviations in the index.
     pub(crate) fn enter(&self, entry: &mut CloudEntry) {
         let pose = self.submap.world_from_submap;
-        (entry.translation, entry.rotation) = (pose.translation.vector.into(), pose.rotation.coords.into());
-        (entry.sigma_m, entry.sigma_rad) = (Some(self.submap.sigma_m), Some(self.submap.sigma_rad));
+        entry.translation = pose.translation.vector.into();
+        entry.rotation = pose.rotation.coords.into();
+        entry.sigma_m = Some(self.submap.sigma_m);
+        entry.sigma_rad = Some(self.submap.sigma_rad);
     }
 }
 

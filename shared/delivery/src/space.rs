@@ -39,7 +39,8 @@ pub fn space_need(drive: &Drive, fields: &CloudFields<'_>, has_spectra: bool) ->
 
 /// Points of the first sweeps, divided by the part of the drive that they are.
 fn estimated_points(sweeps: &mut SweepSource) -> Result<f64, SweepError> {
-    let (mut n_points, mut n_sweeps) = (0, 0);
+    let mut n_points = 0;
+    let mut n_sweeps = 0;
     while n_sweeps < SAMPLE_SWEEPS && sweeps.next_sweep(|points| n_points += points.len())?.is_some() {
         n_sweeps += 1;
     }

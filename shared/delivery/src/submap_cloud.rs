@@ -85,7 +85,9 @@ impl<'a> SubmapColumns<'a> {
         for &ReceivedColumn { column, rows } in &columns {
             let row_bytes = (column.column.layout)().row_bytes;
             if rows.len() != points.len() * row_bytes {
-                let (column, n_bytes, n_points) = (column.column.name, rows.len(), points.len());
+                let column = column.column.name;
+                let n_bytes = rows.len();
+                let n_points = points.len();
                 return Err(DeliveryError::ColumnSize { column, seq, n_bytes, row_bytes, n_points });
             }
             for field in column.column.fields {

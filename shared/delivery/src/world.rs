@@ -129,7 +129,9 @@ impl PlacedSubmap {
         let poses = row.world_from_submap.to_pose().zip(row.odom_from_submap.to_pose());
         let (world_from_submap, odom_from_submap) =
             poses.ok_or_else(|| DeliveryError::PlacementPose { row: Box::new(*row) })?;
-        let (stamp, sigma_m, sigma_rad) = (Stamp(row.stamp), row.sigma_m, row.sigma_rad);
+        let stamp = Stamp(row.stamp);
+        let sigma_m = row.sigma_m;
+        let sigma_rad = row.sigma_rad;
         Ok(Self { stamp, odom_from_submap, world_from_submap, sigma_m, sigma_rad, deviation: row.deviation() })
     }
     /// Correction of poses and points near the submap.
@@ -139,6 +141,8 @@ impl PlacedSubmap {
 }
 
 fn utm_frame(utm: &Utm) -> String {
-    let (zone, hemisphere, epsg) = (utm.zone(), utm.hemisphere(), utm.epsg());
+    let zone = utm.zone();
+    let hemisphere = utm.hemisphere();
+    let epsg = utm.epsg();
     format!("UTM {zone}{hemisphere} (EPSG:{epsg}) easting northing, height above the WGS84 ellipsoid, m")
 }

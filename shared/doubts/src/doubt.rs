@@ -524,7 +524,8 @@ impl Display for Doubt {
                  the clock of the unit, or remove [imu] from drive.toml"
             ),
             Self::FewPointsColored { share, limit, exposures } => {
-                let (colored, limit) = (100.0 * share, 100.0 * limit);
+                let colored = 100.0 * share;
+                let limit = 100.0 * limit;
                 write!(f, "{colored:.1} % of the points have a color (limit {limit:.1} %): ")?;
                 arrived(f, "images", *exposures)
             }
@@ -592,7 +593,8 @@ fn damaged(f: &mut Formatter<'_>, share: f64, what: &str, limit: f64) -> fmt::Re
 }
 
 fn clock_offset(f: &mut Formatter<'_>, sensor: &str, behind_s: f64, limit_s: f64, delay_s: f64) -> fmt::Result {
-    let (offset_ms, limit_ms) = (behind_s.abs() * 1e3, limit_s * 1e3);
+    let offset_ms = behind_s.abs() * 1e3;
+    let limit_ms = limit_s * 1e3;
     let side = if behind_s < 0.0 { "ahead of" } else { "behind" };
     write!(
         f,
@@ -614,7 +616,8 @@ fn arrived(f: &mut Formatter<'_>, exposures: &str, counted: ExposureUse) -> fmt:
 }
 
 fn unused(f: &mut Formatter<'_>, exposures: &str, limit: f64, cameras: &[String]) -> fmt::Result {
-    let (limit, cameras) = (100.0 * limit, cameras.join(", "));
+    let limit = 100.0 * limit;
+    let cameras = cameras.join(", ");
     write!(
         f,
         "more than {limit:.0} % of the {exposures} of a camera are not used; check its rig and its clock: {cameras}"

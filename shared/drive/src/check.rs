@@ -24,7 +24,8 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
         let frames = check.frames(&format!("camera[{index}].folder"), &entry.folder, index, IMAGES);
         camera_frames.extend(frames.into_iter().map(|frame| frame.without_delay(entry.delay_nanos)));
     }
-    let (mut mosaic_frames, mut sensors) = (Vec::new(), Vec::new());
+    let mut mosaic_frames = Vec::new();
+    let mut sensors = Vec::new();
     for (index, entry) in numbered(&read.mosaics) {
         sensors.push(check.mosaic(index, entry));
         let frames = check.frames(&format!("mosaic[{index}].folder"), &entry.folder, index, MOSAICS);

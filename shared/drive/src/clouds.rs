@@ -212,7 +212,9 @@ mod tests {
     fn rings_of_real_sweep_match_the_order_of_its_points() {
         let path = real_data::path("kitti_raw_0048/0000000003.pcd");
         let returns = load(&path, "pcd", &Model::Hdl64e.into()).expect("reads").returns;
-        let (mut ring, mut n_right, mut last) = (63_u8, 0, 0.0_f32);
+        let mut ring = 63_u8;
+        let mut n_right = 0;
+        let mut last = 0.0_f32;
         for found in &returns {
             let angle = found.y.atan2(found.x);
             if last < 0.0 && angle >= 0.0 && angle - last < 1.0 {

@@ -224,7 +224,8 @@ fn skip_line(lines: &mut impl BufRead) -> io::Result<()> {
 pub fn csv_from_samples(samples: &[ImuSample]) -> String {
     let mut text = format!("{HEADER}\n");
     for sample in samples {
-        let ([ax, ay, az], [wx, wy, wz]) = (sample.acceleration, sample.angular_rate);
+        let [ax, ay, az] = sample.acceleration;
+        let [wx, wy, wz] = sample.angular_rate;
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{},{ax},{ay},{az},{wx},{wy},{wz}", sample.stamp.0);
     }

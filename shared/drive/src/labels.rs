@@ -69,7 +69,8 @@ impl LabelReader {
             self.n_files += 1;
             let (labels, rest) = bytes.as_chunks::<4>();
             if labels.len() != self.points.len() || !rest.is_empty() {
-                let (n_bytes, n_returns) = (bytes.len(), self.points.len());
+                let n_bytes = bytes.len();
+                let n_returns = self.points.len();
                 let rule = format!("{n_bytes} bytes for {n_returns} returns; expected 4 bytes per return");
                 return Err(fault(&path, rule));
             }

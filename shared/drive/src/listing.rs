@@ -64,7 +64,8 @@ pub(super) fn files_with_extension(folder: &Path, extensions: &[&str]) -> io::Re
 
 /// Exposures of one camera sorted by stamp, and files whose names are not stamps.
 pub(super) fn frames(folder: &Path, camera: usize, extensions: &[&str]) -> io::Result<(Vec<Frame>, Vec<PathBuf>)> {
-    let (mut frames, mut unnamed) = (Vec::new(), Vec::new());
+    let mut frames = Vec::new();
+    let mut unnamed = Vec::new();
     for path in files_with_extension(folder, extensions)? {
         match frame_stamp(&path) {
             Some(stamp) => frames.push(Frame { stamp, camera, path }),

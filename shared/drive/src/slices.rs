@@ -49,7 +49,8 @@ impl Clouds {
                 break;
             }
             let Some(cloud) = self.current.take().or_else(|| self.load().map(|(cloud, _)| cloud)) else {
-                (self.next, self.taken) = (self.next + 1, 0);
+                self.next += 1;
+                self.taken = 0;
                 continue;
             };
             is_over = false;
@@ -76,10 +77,12 @@ impl Clouds {
             slice.n_returns += points.len();
             sink(&points);
             if !is_whole {
-                (self.taken, self.current) = (last, Some(cloud));
+                self.taken = last;
+                self.current = Some(cloud);
                 break;
             }
-            (self.next, self.taken) = (self.next + 1, 0);
+            self.next += 1;
+            self.taken = 0;
         }
         (!is_over).then_some(slice)
     }

@@ -114,7 +114,9 @@ impl SweepSource {
             (Self::Clouds(clouds), SourcePosition::Clouds { next, taken, n_bad })
                 if next as usize <= clouds.files.len() =>
             {
-                (clouds.next, clouds.taken, clouds.n_bad) = (next as usize, taken as usize, n_bad);
+                clouds.next = next as usize;
+                clouds.taken = taken as usize;
+                clouds.n_bad = n_bad;
                 clouds.current = None;
                 Ok(true)
             }

@@ -36,7 +36,8 @@ impl Hosts {
 pub(crate) fn serve(stream: &TcpStream, site: &Site, hosts: Hosts, is_stopped: impl Fn() -> bool) -> io::Result<()> {
     stream.set_nodelay(true)?;
     stream.set_write_timeout(Some(TIMEOUT))?;
-    let (mut input, mut output) = (BufReader::new(stream), BufWriter::with_capacity(1 << 16, stream));
+    let mut input = BufReader::new(stream);
+    let mut output = BufWriter::with_capacity(1 << 16, stream);
     while wait(&mut input, stream, &is_stopped)? {
         stream.set_read_timeout(Some(TIMEOUT))?;
         let begin = Instant::now();

@@ -39,7 +39,9 @@ impl Request {
     fn parse(head: &str) -> Option<Self> {
         let mut lines = head.lines();
         let mut words = lines.next()?.split(' ');
-        let (method, target, version) = (words.next()?, words.next()?, words.next()?);
+        let method = words.next()?;
+        let target = words.next()?;
+        let version = words.next()?;
         let is_current = match version {
             "HTTP/1.1" => true,
             "HTTP/1.0" => false,

@@ -36,7 +36,8 @@ impl Server {
     /// Serves clients until `is_stopped`. Errors of clients end their connections only.
     pub fn run(&self, site: &Site, is_stopped: impl Fn() -> bool + Sync) {
         let hosts = if self.address.ip().is_loopback() { Hosts::Loopback } else { Hosts::Any };
-        let (n_connections, is_stopped) = (AtomicUsize::new(0), &is_stopped);
+        let n_connections = AtomicUsize::new(0);
+        let is_stopped = &is_stopped;
         thread::scope(|scope| {
             while !is_stopped() {
                 match self.listener.accept() {

@@ -131,7 +131,8 @@ mod tests {
         site.add("cloud.laz", Content::File(cloud));
         site.add("images/0.jpg", Content::OnRequest(Box::new(|| Some(b"image".to_vec()))));
         site.add("images/1.jpg", Content::OnRequest(Box::new(|| None)));
-        let (out, mut names) = (folder.path().join("out"), Vec::new());
+        let out = folder.path().join("out");
+        let mut names = Vec::new();
         site.write(&out, |name| names.push(name.to_owned())).expect("writes");
         assert_eq!(names, ["cloud.laz", "images/0.jpg", "images/1.jpg", "index.html"]);
         let read = |name: &str| fs::read(out.join(name)).ok();

@@ -106,7 +106,8 @@ mod tests {
     #[test]
     fn link_with_the_name_of_the_partial_file_is_not_followed() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (path, target) = (folder.path().join("cloud.ply"), folder.path().join("keys"));
+        let path = folder.path().join("cloud.ply");
+        let target = folder.path().join("keys");
         let partial = folder.path().join(".cloud.ply.partial");
         fs::write(&target, b"of the user").expect("writes");
         std::os::unix::fs::symlink(&target, &partial).expect("links");

@@ -24,7 +24,8 @@ pub fn days_from_date(year: i64, month: i64, day: i64) -> Option<i64> {
 /// Year, month and day of a number of days since 1970-01-01.
 pub fn date_from_days(days: i64) -> (i64, i64, i64) {
     let z = days + 719_468;
-    let (era, day_of_era) = (z.div_euclid(146_097), z.rem_euclid(146_097));
+    let era = z.div_euclid(146_097);
+    let day_of_era = z.rem_euclid(146_097);
     let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let shifted = (5 * day_of_year + 2) / 153;

@@ -194,7 +194,8 @@ fn value<T: DeserializeOwned>(
     let absent = |key: &&&str| matches!(value.get_ref(), DeValue::Table(table) if !table.contains_key(**key));
     let mut faults: Vec<(usize, String)> = members.iter().filter(absent).map(|key| (begin, missing(key))).collect();
     // The parser reports one fault. It is left out, so that the parser comes to the next one.
-    let (mut left, mut left_out) = (value.clone(), Vec::new());
+    let mut left = value.clone();
+    let mut left_out = Vec::new();
     loop {
         let error = match T::deserialize(left.clone().into_deserializer()) {
             Ok(value) if faults.is_empty() => return Ok(value),

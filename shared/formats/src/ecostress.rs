@@ -35,7 +35,8 @@ pub enum EcostressFault {
 /// Reads one file. Its header selects wavelengths in µm or nm and reflectances as fractions or per cent.
 pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
     let mut spectrum = LibrarySpectrum { name: String::new(), wavelengths_nm: Vec::new(), reflectances: Vec::new() };
-    let (mut to_nm, mut full_scale) = (None, None);
+    let mut to_nm = None;
+    let mut full_scale = None;
     for (line, number) in text.lines().zip(1..) {
         let error =
             |fault: fn(String) -> EcostressFault| EcostressError { line: number, fault: fault(line.trim().to_owned()) };

@@ -85,7 +85,8 @@ impl GeoidGrid {
         let turn = 360.0 / self.step_deg[1];
         let col = ((longitude_deg - self.first_deg[1]) / self.step_deg[1]).rem_euclid(turn);
         let is_global = (self.n_cols as f64 - turn).abs() < 1e-6;
-        let (low, left) = (row.floor(), col.floor());
+        let low = row.floor();
+        let left = col.floor();
         if !(0.0..=(self.n_rows - 1) as f64).contains(&row) || !is_global && col > (self.n_cols - 1) as f64 {
             return None;
         }
@@ -96,8 +97,10 @@ impl GeoidGrid {
             let value = self.values[row * self.n_cols + col % self.n_cols];
             (value.is_finite() && (value - NO_VALUE).abs() > 1e-3).then_some(f64::from(value))
         };
-        let (up, right) = (row - low, col - left);
-        let (i, j) = (low as usize, left as usize);
+        let up = row - low;
+        let right = col - left;
+        let i = low as usize;
+        let j = left as usize;
         let below = value(i, j)? * (1.0 - right) + value(i, j + 1)? * right;
         let above = value(i + 1, j)? * (1.0 - right) + value(i + 1, j + 1)? * right;
         Some(below * (1.0 - up) + above * up)

@@ -107,7 +107,10 @@ impl FromStr for LadybugCalibration {
     fn from_str(text: &str) -> Result<Self, LadybugError> {
         let mut lines =
             (1..).zip(text.lines().map(str::trim)).filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-        let (mut serial, mut resolution, mut blocks, mut warps) = (String::new(), None, Vec::new(), BTreeMap::new());
+        let mut serial = String::new();
+        let mut resolution = None;
+        let mut blocks = Vec::new();
+        let mut warps = BTreeMap::new();
         while let Some((line, words)) = lines.next() {
             let (key, rest) = words.split_once(char::is_whitespace).unwrap_or((words, ""));
             match key {

@@ -117,7 +117,9 @@ impl<R: BufRead> MultipartReader<R> {
     }
 
     fn header(&mut self) -> Result<Option<u64>, MultipartFault> {
-        let (mut length, mut has_boundary, mut has_fields) = (None, false, false);
+        let mut length = None;
+        let mut has_boundary = false;
+        let mut has_fields = false;
         for _ in 0..MAX_LINES {
             let Some(line) = self.line()? else {
                 // ffmpeg ends with the boundary of the next part.
@@ -164,7 +166,8 @@ mod tests {
 
     fn read(stream: &[u8]) -> (Vec<(ImageFormat, Vec<u8>)>, Option<String>) {
         let mut reader = MultipartReader::new(stream);
-        let (mut images, mut image) = (Vec::new(), Vec::new());
+        let mut images = Vec::new();
+        let mut image = Vec::new();
         loop {
             match reader.next_header() {
                 Ok(Some(n_bytes)) => match reader.image(n_bytes, &mut image) {

@@ -75,8 +75,9 @@ impl<'a> Pgm<'a> {
             let fault = || PgmFault::Number { name, text: text.to_owned(), limit };
             value.ok_or_else(|| PgmError { offset, fault: fault() })
         };
-        let (width, height, max) =
-            (number("width", MAX_SIDE)?, number("height", MAX_SIDE)?, number("maximum", 65_535)?);
+        let width = number("width", MAX_SIDE)?;
+        let height = number("height", MAX_SIDE)?;
+        let max = number("maximum", 65_535)?;
         if !bytes.get(at).is_some_and(u8::is_ascii_whitespace) {
             return Err(PgmError { offset: at, fault: PgmFault::HeaderEnd });
         }

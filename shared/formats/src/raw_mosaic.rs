@@ -64,7 +64,9 @@ impl RawMosaic {
         match bytes.get(..2) {
             Some(b"P5") => {
                 let pgm = Pgm::parse(bytes)?;
-                let (width, height, bit_depth) = (pgm.width, pgm.height, u32::BITS - pgm.max.leading_zeros());
+                let width = pgm.width;
+                let height = pgm.height;
+                let bit_depth = u32::BITS - pgm.max.leading_zeros();
                 Ok(Self { width, height, bit_depth, exposure_nanos: None, samples: pgm.samples() })
             }
             Some(b"II" | b"MM") => Self::from_tiff(Tiff::parse(bytes)?),

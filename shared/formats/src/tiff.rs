@@ -133,7 +133,8 @@ impl Layout {
             }
             Err(refuse(tag, &found, format!("{} to {}", allowed.start(), allowed.end())))
         };
-        let (width, height) = (number(Tag::ImageWidth, 0, 1..=MAX_SIDE)?, number(Tag::ImageLength, 0, 1..=MAX_SIDE)?);
+        let width = number(Tag::ImageWidth, 0, 1..=MAX_SIDE)?;
+        let height = number(Tag::ImageLength, 0, 1..=MAX_SIDE)?;
         let n_bands = number(Tag::SamplesPerPixel, 1, 1..=MAX_BANDS)?;
         let bits: Vec<u32> = decoder.find_tag_unsigned_vec(Tag::BitsPerSample)?.unwrap_or_default();
         let bit_depth = match bits.first() {

@@ -20,8 +20,10 @@ impl BevGrid {
     /// the bounds are NaN or empty, or need more than `max_cells` cells.
     pub fn covering(min: [f64; 2], max: [f64; 2], cell_m: f64, max_cells: usize) -> Option<Self> {
         let first = |v: f64| (v / cell_m).floor();
-        let (x0, y0) = (first(min[0]), first(min[1]));
-        let (rows, cols) = (first(max[0]) - x0 + 1.0, first(max[1]) - y0 + 1.0);
+        let x0 = first(min[0]);
+        let y0 = first(min[1]);
+        let rows = first(max[0]) - x0 + 1.0;
+        let cols = first(max[1]) - y0 + 1.0;
         let fits = rows >= 1.0 && cols >= 1.0 && rows * cols <= max_cells as f64;
         fits.then_some(Self { x0: x0 * cell_m, y0: y0 * cell_m, cell_m, rows: rows as usize, cols: cols as usize })
     }

@@ -109,7 +109,9 @@ impl Pinhole {
         let [k1, k2, _, _, k3] = self.distortion;
         let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
         // A cubic is positive on [0, r2] if it is positive at the ends and at its extrema inside.
-        let (a, b, c) = (21.0 * k3, 10.0 * k2, 3.0 * k1);
+        let a = 21.0 * k3;
+        let b = 10.0 * k2;
+        let c = 3.0 * k1;
         let discriminant = b * b - 4.0 * a * c;
         let turning_points = if discriminant < 0.0 {
             [0.0; 2]
@@ -125,7 +127,8 @@ impl Pinhole {
         if p.z <= 1e-9 {
             return None;
         }
-        let (x, y) = (p.x / p.z, p.y / p.z);
+        let x = p.x / p.z;
+        let y = p.y / p.z;
         if self.distortion != [0.0; 5] && !self.is_monotone_to(x * x + y * y) {
             return None;
         }
@@ -133,8 +136,10 @@ impl Pinhole {
         Some(Vector2::new(self.fx * x + self.cx, self.fy * y + self.cy))
     }
     fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
-        let (xd, yd) = ((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
-        let (mut x, mut y) = (xd, yd);
+        let xd = (pixel.x - self.cx) / self.fx;
+        let yd = (pixel.y - self.cy) / self.fy;
+        let mut x = xd;
+        let mut y = yd;
         // Fixed-point iteration as OpenCV's undistortPoints; 20 rounds leave less than 1e-6 px for real lenses.
         for _ in 0..20 {
             let (dx, dy) = self.distort(x, y);
@@ -164,7 +169,8 @@ impl KannalaBrandt {
         Some(Vector2::new(self.fx * p.x * scale + self.cx, self.fy * p.y * scale + self.cy))
     }
     fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
-        let (x, y) = ((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
+        let x = (pixel.x - self.cx) / self.fx;
+        let y = (pixel.y - self.cy) / self.fy;
         let radius = x.hypot(y);
         let mut angle = radius;
         // Newton's method; the radius is nearly linear in the angle, so a few rounds reach machine precision.
@@ -254,8 +260,14 @@ mod tests {
     /// between two faces.
     #[test]
     fn six_cameras_of_a_cube_project_every_direction_once() {
-        let (side, half) = (256, 127.5);
-        let (width, height, fx, fy, cx, cy) = (side, side, 128.0, 128.0, half, half);
+        let side = 256;
+        let half = 127.5;
+        let width = side;
+        let height = side;
+        let fx = 128.0;
+        let fy = 128.0;
+        let cx = half;
+        let cy = half;
         let face = CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] });
         let quarter = std::f64::consts::FRAC_PI_2;
         let around = (0..4).map(|i| UnitQuaternion::from_scaled_axis(Vector3::y() * quarter * f64::from(i)));
@@ -264,7 +276,8 @@ mod tests {
         for i in 0..10_000 {
             // Fibonacci's sphere: even in all directions.
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 10_000.0;
-            let (across, angle) = ((1.0 - z * z).sqrt(), f64::from(i) * 2.399_963_229_728_653);
+            let across = (1.0 - z * z).sqrt();
+            let angle = f64::from(i) * 2.399_963_229_728_653;
             let direction = Point3::new(across * angle.cos(), across * angle.sin(), z);
             let n_seen =
                 faces.iter().filter(|face_from_cube| face.pixel_from_camera(&(*face_from_cube * direction)).is_some());

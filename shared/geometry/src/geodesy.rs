@@ -28,7 +28,8 @@ impl Geodetic {
 
     /// Earth-centered, earth-fixed coordinates (ECEF): x towards latitude and longitude 0, z towards the north pole, m.
     fn ecef(&self) -> Vector3<f64> {
-        let (lat, lon) = (self.latitude_deg.to_radians(), self.longitude_deg.to_radians());
+        let lat = self.latitude_deg.to_radians();
+        let lon = self.longitude_deg.to_radians();
         let radius = across_radius_m(lat);
         Vector3::new(
             (radius + self.altitude_m) * lat.cos() * lon.cos(),
@@ -73,7 +74,8 @@ pub struct LocalFrame {
 impl LocalFrame {
     /// The frame with its origin at a position.
     pub fn new(origin: Geodetic) -> Self {
-        let (lat, lon) = (origin.latitude_deg.to_radians(), origin.longitude_deg.to_radians());
+        let lat = origin.latitude_deg.to_radians();
+        let lon = origin.longitude_deg.to_radians();
         let east = Vector3::new(-lon.sin(), lon.cos(), 0.0);
         let north = Vector3::new(-lat.sin() * lon.cos(), -lat.sin() * lon.sin(), lat.cos());
         Self { origin, origin_in_ecef: origin.ecef(), axes: [east, north, east.cross(&north)] }

@@ -98,7 +98,8 @@ impl RangeImage {
     /// Columns wrap around. Empty for a point outside the image.
     pub fn window(&self, point: usize, reach: usize) -> impl Iterator<Item = (usize, [isize; 2])> {
         let pixel = self.pixel_of_point[point] as usize;
-        let (row, column) = (pixel / self.columns, pixel % self.columns);
+        let row = pixel / self.columns;
+        let column = pixel % self.columns;
         let reach = if self.pixel_of_point[point] == NO_POINT { -1 } else { reach as isize };
         let offsets = (-reach..=reach).flat_map(move |dy| (-reach..=reach).map(move |dx| [dy, dx]));
         offsets.filter_map(move |[dy, dx]| {

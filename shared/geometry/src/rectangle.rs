@@ -25,8 +25,10 @@ impl OrientedRectangle {
                 let shadows = points.iter().map(|p| p[0] * along[0] + p[1] * along[1]);
                 shadows.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
             };
-            let ([u0, u1], [v0, v1]) = (extent([cos, sin]), extent([-sin, cos]));
-            let (u, v) = (0.5 * (u0 + u1), 0.5 * (v0 + v1));
+            let [u0, u1] = extent([cos, sin]);
+            let [v0, v1] = extent([-sin, cos]);
+            let u = 0.5 * (u0 + u1);
+            let v = 0.5 * (v0 + v1);
             let center = [u * cos - v * sin, u * sin + v * cos];
             let heading = f64::from(degrees).to_radians();
             if u1 - u0 >= v1 - v0 {

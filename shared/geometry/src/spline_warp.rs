@@ -66,7 +66,8 @@ impl TryFrom<Vec<Vec<f64>>> for SplineSurface {
             return Err(SplineSurfaceError::Shape { rows: rows.len(), columns });
         }
         if let Some(idx) = rows.iter().flatten().position(|value| !value.is_finite()) {
-            let (row, column) = (idx / columns, idx % columns);
+            let row = idx / columns;
+            let column = idx % columns;
             return Err(SplineSurfaceError::NotFinite { row, column, value: rows[row][column] });
         }
         Ok(Self(rows))
@@ -84,7 +85,8 @@ impl SplineSurface {
     pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
         let (row, across, across_slopes) = basis(x, self.0.len());
         let (column, along, along_slopes) = basis(y, self.0[0].len());
-        let (mut value, mut slopes) = (0.0, [0.0; 2]);
+        let mut value = 0.0;
+        let mut slopes = [0.0; 2];
         for i in 0..4 {
             for j in 0..4 {
                 let c = self.0[row + i][column + j];
@@ -105,13 +107,17 @@ fn basis(x: f64, n: usize) -> (usize, [f64; 4], [f64; 4]) {
     let span = at.floor().clamp(0.0, n_spans - 1.0);
     // In units of spans, knots are whole numbers. Knots beyond the ends coincide with the ends.
     let knot = |offset: i32| (span + f64::from(offset)).clamp(0.0, n_spans);
-    let (mut weights, mut slopes) = ([1.0, 0.0, 0.0, 0.0], [0.0; 4]);
+    let mut weights = [1.0, 0.0, 0.0, 0.0];
+    let mut slopes = [0.0; 4];
     for degree in 1..4_i32 {
         let lower = weights;
-        (weights, slopes) = ([0.0; 4], [0.0; 4]);
+        weights = [0.0; 4];
+        slopes = [0.0; 4];
         for i in 0..degree {
-            let (from, to) = (knot(i + 1 - degree), knot(i + 1));
-            let (place, share) = (i as usize, (at - from) / (to - from));
+            let from = knot(i + 1 - degree);
+            let to = knot(i + 1);
+            let place = i as usize;
+            let share = (at - from) / (to - from);
             weights[place] += lower[place] * (1.0 - share);
             weights[place + 1] += lower[place] * share;
             let slope = f64::from(degree) * lower[place] / (to - from) * n_spans;
@@ -134,7 +140,8 @@ impl SplineWarp {
 
     /// Unit direction whose projection is the pixel.
     pub fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
-        let (size_u, size_v) = (f64::from(self.width), f64::from(self.height));
+        let size_u = f64::from(self.width);
+        let size_v = f64::from(self.height);
         let [u, v] = self.share(0.0, 0.0);
         let (center, slopes) = self.warped(u, v);
         // The initial guess assumes an equidistant lens; Newton's method refines it.
@@ -169,7 +176,8 @@ impl SplineWarp {
     /// Tangents of the angles to the optical axis at the left, right, top and bottom edge of the pinhole image.
     pub fn ends(&self) -> [f64; 4] {
         let end = |px: f64, center: f64, focal: f64| (px - 0.5 - center) / focal;
-        let (right, bottom) = (f64::from(self.width), f64::from(self.height));
+        let right = f64::from(self.width);
+        let bottom = f64::from(self.height);
         [
             end(0.0, self.cx, self.fx),
             end(right, self.cx, self.fx),
@@ -180,13 +188,15 @@ impl SplineWarp {
 
     /// Position in the pinhole image, as fractions of its size.
     fn share(&self, x: f64, y: f64) -> [f64; 2] {
-        let (size_u, size_v) = (f64::from(self.width), f64::from(self.height));
+        let size_u = f64::from(self.width);
+        let size_v = f64::from(self.height);
         [(self.fx * x + self.cx + 0.5) / size_u, (self.fy * y + self.cy + 0.5) / size_v]
     }
 
     /// Position on the sensor, px, and its derivatives, px per fraction.
     fn warped(&self, u: f64, v: f64) -> (Vector2<f64>, Matrix2<f64>) {
-        let (size_u, size_v) = (f64::from(self.width), f64::from(self.height));
+        let size_u = f64::from(self.width);
+        let size_v = f64::from(self.height);
         let (at_u, [uu, uv]) = self.warp_u.at(u, v);
         let (at_v, [vu, vv]) = self.warp_v.at(u, v);
         let slopes = Matrix2::new(size_u * uu, size_u * uv, size_v * vu, size_v * vv);

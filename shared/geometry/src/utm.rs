@@ -30,7 +30,8 @@ impl Utm {
     /// The zone of a position between latitudes -80 and 84 degrees. A zone covers 6 degrees of longitude, except in Norway and
     /// Svalbard (DMA TM 8358.2, chapter 1).
     pub fn of(place: &Geodetic) -> Result<Self, UtmError> {
-        let (lat, lon) = (place.latitude_deg, place.longitude_deg);
+        let lat = place.latitude_deg;
+        let lon = place.longitude_deg;
         if !(-80.0..=84.0).contains(&lat) {
             return Err(UtmError::Latitude(lat));
         }

@@ -104,8 +104,11 @@ fn weighted(pairs: &[PointPair], weights: &[f64], yaw: Option<f64>) -> Alignment
     let with_weights = || pairs.iter().zip(weights);
     let mean =
         |of: fn(&PointPair) -> Vector3<f64>| with_weights().map(|(p, w)| of(p) * *w).sum::<Vector3<f64>>() / total;
-    let (odom, world) = (mean(|p| p.p_in_odom.coords), mean(|p| p.p_in_world.coords));
-    let (mut cosine, mut sine, mut squares) = (0.0, 0.0, 0.0);
+    let odom = mean(|p| p.p_in_odom.coords);
+    let world = mean(|p| p.p_in_world.coords);
+    let mut cosine = 0.0;
+    let mut sine = 0.0;
+    let mut squares = 0.0;
     for (pair, weight) in with_weights() {
         let a: Vector2<f64> = (pair.p_in_odom.coords - odom).xy();
         let b: Vector2<f64> = (pair.p_in_world.coords - world).xy();

@@ -39,7 +39,8 @@ impl AntennaTrack {
                 (N_SIDE - side, N_SIDE - side + 1, N_SIDE - side + 2),
             ] {
                 if known[k].is_none() {
-                    let (a, b) = (known[inner].unwrap_or_default(), known[next].unwrap_or_default());
+                    let a = known[inner].unwrap_or_default();
+                    let b = known[next].unwrap_or_default();
                     known[k] = Some(a + (a - b));
                 }
             }
@@ -52,9 +53,13 @@ impl AntennaTrack {
     pub fn at(&self, seconds: f64) -> Point3<f64> {
         let (k, share) = Self::place(seconds);
         // Catmull-Rom: cubic, with the velocities below at the ends.
-        let (p, q) = (self.displacement(k), self.displacement(k + 1));
-        let (v, w) = (self.tangent(k), self.tangent(k + 1));
-        let (s, s2, s3) = (share, share * share, share * share * share);
+        let p = self.displacement(k);
+        let q = self.displacement(k + 1);
+        let v = self.tangent(k);
+        let w = self.tangent(k + 1);
+        let s = share;
+        let s2 = share * share;
+        let s3 = share * share * share;
         let off = p * (2.0 * s3 - 3.0 * s2 + 1.0) + v * (s3 - 2.0 * s2 + s) + q * (3.0 * s2 - 2.0 * s3) + w * (s3 - s2);
         self.antenna_in_odom + off
     }
@@ -76,7 +81,8 @@ impl AntennaTrack {
     }
     /// Displacement in one step, around a position.
     fn tangent(&self, k: usize) -> Vector3<f64> {
-        let (before, after) = (k.saturating_sub(1), (k + 1).min(N - 1));
+        let before = k.saturating_sub(1);
+        let after = (k + 1).min(N - 1);
         (self.displacement(after) - self.displacement(before)) / (after - before) as f64
     }
 }

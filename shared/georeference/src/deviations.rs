@@ -39,7 +39,8 @@ fn agrees(fix: &UsedFix, residual: &Vector3<f64>) -> bool {
 pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[AntennaPosition]) {
     let n = positions.len() as f64;
     let mut common = Vector3::zeros();
-    let (mut across_m, mut up_m) = (Vec::new(), Vec::new());
+    let mut across_m = Vec::new();
+    let mut up_m = Vec::new();
     for (number, (fix, position)) in used.iter().zip(positions).enumerate() {
         let residual = residual(position, &solution.poses);
         if !agrees(fix, &residual) {
@@ -55,7 +56,8 @@ pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[Ante
     let mut variances = common * growth;
     if used_share < MAJORITY {
         // The horizontal distance is shared by both axes.
-        let (across, up) = (median(across_m).powi(2) / 2.0, median(up_m).powi(2));
+        let across = median(across_m).powi(2) / 2.0;
+        let up = median(up_m).powi(2);
         variances += Vector3::new(across, across, up);
     }
     for (pose, covariance) in solution.poses.iter().zip(&mut solution.covariances) {

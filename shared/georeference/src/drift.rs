@@ -41,7 +41,8 @@ impl Drift {
         self.variances[1] +=
             if has_gyroscopes { ROTATION_VARIANCE_WITH_GYROSCOPES } else { ROTATION_VARIANCE } * path_m;
         let Some(matched) = &registered.matched else {
-            let (m, rad) = (BRIDGED_M + BRIDGED_SHARE * path_m, BRIDGED_RAD);
+            let m = BRIDGED_M + BRIDGED_SHARE * path_m;
+            let rad = BRIDGED_RAD;
             self.degenerate += Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
             return;
         };

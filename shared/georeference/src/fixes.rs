@@ -223,7 +223,9 @@ impl UsedFix {
     pub fn for_test(second: i64, hdop: f64, by_carrier: bool) -> Self {
         let receiver = if by_carrier { ReceiverClass::CarrierFixed } else { ReceiverClass::CorrectedCode };
         let antenna = AntennaTrack::default();
-        let (p_in_world, velocity, pause_s) = (Point3::origin(), None, 1.0);
+        let p_in_world = Point3::origin();
+        let velocity = None;
+        let pause_s = 1.0;
         Self { stamp: second * 1_000_000_000, hdop, receiver, submap: 0, antenna, p_in_world, velocity, pause_s }
     }
 }

@@ -145,7 +145,8 @@ impl Georeferencer {
 
     /// Adds a sweep to the open submap. `begin` and `end` are `odom_from_body` at its first and last shot.
     pub fn add_sweep(&mut self, registered: &Registered, begin: &Pose, end: &Pose) {
-        let (begin_stamp, end_stamp) = (registered.stamp.0, registered.end_stamp().0);
+        let begin_stamp = registered.stamp.0;
+        let end_stamp = registered.end_stamp().0;
         // Sweeps follow each other without gaps, except for lost packets.
         let previous = self.path.last().and_then(|last| self.path.at(last));
         let path_m = previous.map_or(0.0, |previous| (previous.translation.vector - end.translation.vector).norm());
@@ -200,7 +201,9 @@ impl Georeferencer {
         }
         let odom_from_submap: Vec<Pose> = self.nodes.iter().map(|node| node.odom_from_submap).collect();
         let placing = place_by_fixes(&self.graph, &odom_from_submap, self.fixes.used(), settings.unsmooth_fixes);
-        let (n, spread_m, delay) = (self.fixes.used().len(), placing.spread_m, placing.delay);
+        let n = self.fixes.used().len();
+        let spread_m = placing.spread_m;
+        let delay = placing.delay;
         let (solution, origin) = match placing.placed {
             Some(solution) => (solution, self.fixes.origin()),
             None => (self.solve_without_fixes(&odom_from_submap)?, None),
@@ -277,7 +280,8 @@ fn summary(header: &PlacementHeader, fixes: &FixUse, rows: &[PlacementRow]) -> S
 
 fn delay_text(delay: Option<&ReceiverDelay>) -> String {
     delay.filter(|delay| !delay.is_out_of_range()).map_or_else(String::new, |ReceiverDelay { late_s, sigma_s }| {
-        let (seconds, side) = (late_s.abs(), if *late_s > 0.0 { "late" } else { "early" });
+        let seconds = late_s.abs();
+        let side = if *late_s > 0.0 { "late" } else { "early" };
         format!("; stamps of the receiver are {seconds:.3} s {side} (standard deviation {sigma_s:.3} s), corrected")
     })
 }
@@ -322,7 +326,8 @@ mod tests {
     fn measurements_without_sweeps_are_bounded() {
         let used = settings(true);
         // Ten minutes, and twenty.
-        let (some, more) = (state_bytes(6000, &used), state_bytes(12_000, &used));
+        let some = state_bytes(6000, &used);
+        let more = state_bytes(12_000, &used);
         assert!(more <= some + some / 10, "{some} bytes became {more}");
         assert!(more < 4 << 20, "{more} bytes");
     }

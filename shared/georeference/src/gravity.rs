@@ -74,13 +74,16 @@ impl Gravity {
             if self.stretch.as_ref().is_none_or(|stretch| !continues(stretch)) {
                 self.close(path, imu_in_body, &submap_at, up_directions);
                 let Some(velocity) = path.velocity(stamp, imu_in_body) else { continue };
-                let (begin, end, integral) = (stamp, stamp, Vector3::zeros());
+                let begin = stamp;
+                let end = stamp;
+                let integral = Vector3::zeros();
                 self.stretch = Some(Stretch { submap, begin, end, velocity, force, integral });
                 continue;
             }
             if let Some(stretch) = &mut self.stretch {
                 stretch.integral += (stretch.force + force) * (0.5e-9 * (stamp - stretch.end) as f64);
-                (stretch.end, stretch.force) = (stamp, force);
+                stretch.end = stamp;
+                stretch.force = force;
             }
         }
     }

@@ -99,7 +99,8 @@ fn yaw_between(pairs: impl Iterator<Item = (Vector2<f64>, Vector2<f64>, f64)>) -
     let pairs: Vec<_> = pairs.filter(|(odom, world, _)| odom.norm() > 0.0 && world.norm() > 0.0).collect();
     let mut yaw = None;
     for _ in 0..3 {
-        let (mut cosine, mut sine) = (0.0, 0.0);
+        let mut cosine = 0.0;
+        let mut sine = 0.0;
         for (odom, world, sigma) in &pairs {
             let weight = yaw.map_or(1.0 / (odom.norm() * world.norm()), |yaw: f64| {
                 let off = (nalgebra::Rotation2::new(yaw) * odom - world).norm() / sigma;

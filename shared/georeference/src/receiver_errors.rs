@@ -99,7 +99,9 @@ fn multipath_evidence(residuals: &[(i64, Vector3<f64>)], positions: &[AntennaPos
         let number = (stamp - first) / MULTIPATH_NANOS;
         match averages.last_mut().filter(|(last, ..)| *last == number) {
             Some((_, sum, n, sigmas)) => {
-                (*sum, *n, *sigmas) = (*sum + residual.z, *n + 1.0, *sigmas + position.sigma_m[2]);
+                *sum += residual.z;
+                *n += 1.0;
+                *sigmas += position.sigma_m[2];
             }
             None => averages.push((number, residual.z, 1.0, position.sigma_m[2])),
         }
@@ -124,7 +126,9 @@ fn add_independent(position: &mut AntennaPosition, noise: &Vector3<f64>) {
     // Of the errors that stay, along the better axis.
     let lasting = east.min(*north).powi(2);
     let share = position.share;
-    (*east, *north, *down) = (east.hypot(across), north.hypot(across), down.hypot(noise.z));
+    *east = east.hypot(across);
+    *north = north.hypot(across);
+    *down = down.hypot(noise.z);
     position.sigma_above_m = position.sigma_above_m.hypot(noise.z);
     position.share = share * (lasting + across * across) / (lasting + share * across * across);
 }
@@ -247,7 +251,8 @@ mod tests {
                 (off.sum::<f64>() / errors.len() as f64).sqrt()
             };
             let before: Vec<f64> = fixes.iter().map(|(_, error)| *error).collect();
-            let (before, after) = (rms(&before), rms(&errors(&fixes)));
+            let before = rms(&before);
+            let after = rms(&errors(&fixes));
             assert!(after < 0.6 * before, "gain {gain_per_s}: {after} m instead of {before}");
         }
     }
@@ -256,7 +261,9 @@ mod tests {
     #[test]
     fn unsmoothing_at_high_dilution_limits_the_error_of_the_speed() {
         for hdop in [1.0, 2.0, 4.0, 8.0, 20.0] {
-            let (mut before, mut after, mut normalized) = (0.0, 0.0, 0.0);
+            let mut before = 0.0;
+            let mut after = 0.0;
+            let mut normalized = 0.0;
             for stream in 0..10 {
                 // New positions are exact, and the speed errs by 3 cm/s times the dilution.
                 let mut filtered = 0.0;
@@ -307,7 +314,8 @@ mod tests {
             let slow = |second: i64| 1.5 * (second as f64 * 0.02 + stream as f64).sin();
             let noisy = |second: i64| (second, slow(second) + 0.1 * noise(second + 1000 * stream));
             let fixes: Vec<(i64, f64)> = (0..300).map(noisy).collect();
-            let (before, after) = (rms(fixes.iter().map(|fix| fix.1)), rms(errors(&fixes).into_iter()));
+            let before = rms(fixes.iter().map(|fix| fix.1));
+            let after = rms(errors(&fixes).into_iter());
             assert!(after < 1.001 * before, "{stream}: {after} m instead of {before}");
         }
     }

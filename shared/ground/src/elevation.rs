@@ -77,7 +77,8 @@ impl Bounds {
         Some(Self::NOTHING.with(median(|point| point.x)?, median(|point| point.y)?))
     }
     fn with(self, x: f32, y: f32) -> Self {
-        let (x, y) = (f64::from(x), f64::from(y));
+        let x = f64::from(x);
+        let y = f64::from(y);
         Self { min: [self.min[0].min(x), self.min[1].min(y)], max: [self.max[0].max(x), self.max[1].max(y)] }
     }
     fn grown(self, margin: f64) -> Self {
@@ -85,7 +86,8 @@ impl Bounds {
     }
     /// `false` for a point with a NaN coordinate.
     fn contains(&self, point: &SubmapPoint) -> bool {
-        let (x, y) = (f64::from(point.x), f64::from(point.y));
+        let x = f64::from(point.x);
+        let y = f64::from(point.y);
         let inside = x >= self.min[0] && x <= self.max[0] && y >= self.min[1] && y <= self.max[1];
         inside && point.z.is_finite()
     }

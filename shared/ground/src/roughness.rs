@@ -48,9 +48,13 @@ fn for_each_cell<T: Send>((rows, cols): (usize, usize), value: impl Fn((usize, u
 /// Standard deviation from the plane of least squares. Heights are taken relative to `height_m`, to keep their digits. `None` if there
 /// are too few, or all in one line.
 fn deviation_from_plane(window: &ArrayView2<'_, f32>, height_m: f32) -> Option<f32> {
-    let (mut n, mut normal, mut right, mut square) = (0.0, Matrix3::<f32>::zeros(), Vector3::zeros(), 0.0);
+    let mut n = 0.0;
+    let mut normal = Matrix3::<f32>::zeros();
+    let mut right = Vector3::zeros();
+    let mut square = 0.0;
     for ((row, col), z) in window.indexed_iter().filter(|(_, z)| !z.is_nan()) {
-        let (at, z) = (Vector3::new(row as f32, col as f32, 1.0), z - height_m);
+        let at = Vector3::new(row as f32, col as f32, 1.0);
+        let z = z - height_m;
         n += 1.0;
         normal += at * at.transpose();
         right += at * z;

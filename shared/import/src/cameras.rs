@@ -39,7 +39,8 @@ impl Projection {
     pub fn of_rows(rows: [f64; 12]) -> Option<Self> {
         let [fx, skew, cx, x, zero, fy, cy, y, g, h, i, z] = rows;
         let is_rectified = skew == 0.0 && zero == 0.0 && [g, h, i] == [0.0, 0.0, 1.0] && fx > 0.0 && fy > 0.0;
-        let (x, y) = ((x - cx * z) / fx, (y - cy * z) / fy);
+        let x = (x - cx * z) / fx;
+        let y = (y - cy * z) / fy;
         let rectified_from_camera = Isometry3::translation(-x, -y, -z);
         is_rectified.then_some(Self { fx, fy, cx, cy, rectified_from_camera })
     }

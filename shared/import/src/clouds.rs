@@ -178,7 +178,8 @@ fn about(layout: Layout, source: &Path, origin: [f64; 3], has_positions: bool) -
 impl Account {
     /// What was imported.
     fn report(&self, name: &str, has_positions: bool, origin: [f64; 3]) -> Vec<String> {
-        let (n_points, n_sweeps) = (self.n_points, self.n_sweeps);
+        let n_points = self.n_points;
+        let n_sweeps = self.n_sweeps;
         let mut lines = vec![format!("imported: {n_points} points with classes")];
         lines.push(if has_positions {
             format!("imported: positions of the scanner and times, as {n_sweeps} sweeps of 0.1 s")

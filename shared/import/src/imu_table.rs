@@ -76,7 +76,8 @@ impl Columns {
             };
             groups.iter().find_map(columns)
         };
-        let ([ax, ay, az], [wx, wy, wz]) = (axes(&ACCELERATIONS)?, axes(&RATES)?);
+        let [ax, ay, az] = axes(&ACCELERATIONS)?;
+        let [wx, wy, wz] = axes(&RATES)?;
         Some(Self { stamp, values: [ax, ay, az, wx, wy, wz] })
     }
 
@@ -84,7 +85,8 @@ impl Columns {
         let (first, second) = self.stamp;
         let text = words.get(first)?;
         let Some(second) = second else { return nanos(text).map(Stamp) };
-        let (seconds, nanos): (i64, i64) = (text.parse().ok()?, words.get(second)?.parse().ok()?);
+        let seconds: i64 = text.parse().ok()?;
+        let nanos: i64 = words.get(second)?.parse().ok()?;
         let is_valid = (0..1_000_000_000).contains(&nanos) && seconds >= 0;
         is_valid.then(|| seconds.checked_mul(1_000_000_000)?.checked_add(nanos)).flatten().map(Stamp)
     }

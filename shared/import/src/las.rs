@@ -124,7 +124,8 @@ impl Layout {
         }
         let header_bytes = u64::from(u16_at(&header, 94));
         let data_at = u64::from(u32_at(&header, 96));
-        let (format, record_bytes) = (header[104] & 0x3f, usize::from(u16_at(&header, 105)));
+        let format = header[104] & 0x3f;
+        let record_bytes = usize::from(u16_at(&header, 105));
         let is_compressed = header[104] & 0x80 != 0;
         let mut n_points = u64::from(u32_at(&header, 107));
         if n_points == 0 && header_bytes >= 375 {
@@ -155,7 +156,8 @@ impl Layout {
             ));
         }
         let triple = |at: usize| [at, at + 8, at + 16].map(|at| f64_at(&header, at));
-        let (scale, offset) = (triple(131), triple(155));
+        let scale = triple(131);
+        let offset = triple(155);
         if !scale.iter().chain(&offset).all(|value| value.is_finite()) {
             return Err(format!("scale {scale:?} and offset {offset:?} must be finite"));
         }

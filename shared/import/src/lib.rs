@@ -105,7 +105,8 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
     let plan = plan(kind, source, &partial.folder, options)?;
     plan.write(&partial.folder)?;
     let drive = Drive::open(&partial.folder).at(out)?;
-    let (n_sweeps, model) = (drive.sweep_files().len(), drive.model().name());
+    let n_sweeps = drive.sweep_files().len();
+    let model = drive.model().name();
     let file = if drive.manifest().lidar.format == "pcap" { "capture" } else { "sweep" };
     let plural = if n_sweeps == 1 { "" } else { "s" };
     let mut report = vec![format!("{}: {n_sweeps} {file}{plural} of {model} ({})", out.display(), kind.title())];

@@ -47,7 +47,8 @@ impl Stamps {
     pub fn of_number(&self, number: usize, path: &Path) -> Result<i64, ImportError> {
         let line = self.lines.get(number).map(|(_, stamp)| *stamp);
         line.ok_or_else(|| {
-            let (n, times) = (self.lines.len(), self.path.display());
+            let n = self.lines.len();
+            let times = self.path.display();
             ImportError::at(path, format!("has number {number}, but {times} has {n} stamps, for the numbers from 0 on"))
         })
     }

@@ -103,7 +103,8 @@ fn convert(
     plan.report.push("the files are converted to PCD".into());
     plan.report.extend(form.report());
     for link in links {
-        let (original, form) = (link.original.clone(), form.clone());
+        let original = link.original.clone();
+        let form = form.clone();
         plan.conversions.push(Conversion {
             place: link.place.with_extension("pcd"),
             originals: vec![link.original],

@@ -67,7 +67,8 @@ impl TimeForm {
 
     fn whole_nanos(self, time: f64) -> Option<i64> {
         // ns since 1970 as f64 would have a resolution of 256 ns, s and their fraction do not.
-        let (whole, rest) = (time.trunc() * self.unit_nanos, time.fract() * self.unit_nanos);
+        let whole = time.trunc() * self.unit_nanos;
+        let rest = time.fract() * self.unit_nanos;
         let is_in_range = whole.abs() < 9.2e18;
         is_in_range.then(|| time.trunc() as i64 * self.unit_nanos as i64 + rest.round() as i64)
     }

@@ -123,10 +123,15 @@ fn correlation(beams: &[(u16, f64)]) -> f64 {
     let n = beams.len() as f64;
     let mean_x = beams.iter().map(|(ring, _)| f64::from(*ring)).sum::<f64>() / n;
     let mean_y = beams.iter().map(|(_, elevation)| elevation).sum::<f64>() / n;
-    let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+    let mut xx = 0.0;
+    let mut yy = 0.0;
+    let mut xy = 0.0;
     for (ring, elevation) in beams {
-        let (x, y) = (f64::from(*ring) - mean_x, elevation - mean_y);
-        (xx, yy, xy) = (xx + x * x, yy + y * y, xy + x * y);
+        let x = f64::from(*ring) - mean_x;
+        let y = elevation - mean_y;
+        xx += x * x;
+        yy += y * y;
+        xy += x * y;
     }
     xy / (xx * yy).sqrt()
 }

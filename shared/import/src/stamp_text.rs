@@ -23,7 +23,8 @@ pub(crate) fn nanos(text: &str) -> Option<i64> {
 /// The stamp in a file name without its extension: a stamp, or seconds and ns between underscores at its end.
 pub(crate) fn nanos_of_name(stem: &str) -> Option<i64> {
     let mut words = stem.rsplit('_');
-    let (last, before) = (words.next()?, words.next());
+    let last = words.next()?;
+    let before = words.next();
     let parts = before.and_then(|seconds| Some((seconds.parse::<i64>().ok()?, last.parse::<i64>().ok()?)));
     match parts {
         Some((s, nanos)) if (MIN_EPOCH_S..MAX_S).contains(&s) && (0..1_000_000_000).contains(&nanos) => {

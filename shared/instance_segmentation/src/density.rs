@@ -24,7 +24,8 @@ impl Density {
             })
             .collect();
         let place = |sweep: &SubmapSweep| {
-            let (begin, end) = (&sweep.submap_from_lidar_begin, &sweep.submap_from_lidar_end);
+            let begin = &sweep.submap_from_lidar_begin;
+            let end = &sweep.submap_from_lidar_end;
             std::array::from_fn(|axis| 0.5 * f64::from(begin[axis] + end[axis]))
         };
         Self { sweeps: sweeps.iter().map(|sweep| (place(sweep), rays[sweep.lidar as usize])).collect() }
@@ -54,10 +55,12 @@ fn rays_per_steradian(sweep: &SubmapSweep, points: &[SubmapPoint]) -> f64 {
     let begin = (sweep.first_point as usize).min(points.len());
     let end = (begin + sweep.n_points as usize).min(points.len());
     let mut n_of_ring = [0_u32; 256];
-    let (mut lowest, mut highest) = (i16::MAX, i16::MIN);
+    let mut lowest = i16::MAX;
+    let mut highest = i16::MIN;
     for point in &points[begin..end] {
         n_of_ring[usize::from(point.ring)] += 1;
-        (lowest, highest) = (lowest.min(point.elevation), highest.max(point.elevation));
+        lowest = lowest.min(point.elevation);
+        highest = highest.max(point.elevation);
     }
     let n_rings = n_of_ring.iter().filter(|n| **n > 0).count();
     if n_rings < 2 || highest <= lowest {

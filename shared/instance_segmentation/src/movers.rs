@@ -107,7 +107,8 @@ fn marked_share(track: &Track, blobs: &Blobs) -> f64 {
 /// Distance between the first and the last center, m.
 fn way_m(track: &Track, blobs: &Blobs) -> f64 {
     let center = |idx: usize| blobs.all[idx].center;
-    let (first, last) = (center(track.blobs[0]), center(track.blobs[track.blobs.len() - 1]));
+    let first = center(track.blobs[0]);
+    let last = center(track.blobs[track.blobs.len() - 1]);
     (last[0] - first[0]).hypot(last[1] - first[1])
 }
 

@@ -46,7 +46,8 @@ impl TopView {
         let (min, max) = things.fold(empty, |(min, max), (point, _)| {
             ([min[0].min(point.x), min[1].min(point.y)], [max[0].max(point.x), max[1].max(point.y)])
         });
-        let (min, max) = (min.map(|v| f64::from(v) - MARGIN_M), max.map(|v| f64::from(v) + MARGIN_M));
+        let min = min.map(|v| f64::from(v) - MARGIN_M);
+        let max = max.map(|v| f64::from(v) + MARGIN_M);
         let grid = BevGrid::covering_coarsened(min, max, cell_m, MAX_CELLS)?;
 
         let shape = (grid.rows, grid.cols);

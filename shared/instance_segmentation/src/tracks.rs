@@ -25,7 +25,8 @@ pub(crate) struct Track {
 
 impl Track {
     fn add(&mut self, idx: usize, blobs: &[Blob]) {
-        let (last, new) = (&blobs[self.blobs[self.blobs.len() - 1]], &blobs[idx]);
+        let last = &blobs[self.blobs[self.blobs.len() - 1]];
+        let new = &blobs[idx];
         let seconds = seconds_between(last, new);
         let gain = if self.blobs.len() == 1 { 1.0 } else { GAIN };
         for axis in 0..2 {

@@ -168,7 +168,8 @@ struct Row {
 fn measure(size: usize, end: &mut End, stream: &mut UnixStream) -> Row {
     let mut row = Row::default();
     for kind in KINDS {
-        let (mut late, mut whole) = (Vec::new(), Vec::new());
+        let mut late = Vec::new();
+        let mut whole = Vec::new();
         for round in 0..rounds(size, kind) {
             let begun = Instant::now();
             end.send(round as u64, size / 8, kind);
@@ -191,7 +192,8 @@ fn measure(size: usize, end: &mut End, stream: &mut UnixStream) -> Row {
         }
     }
     let mut buffer = vec![0_u8; size];
-    let (mut late, mut whole) = (Vec::new(), Vec::new());
+    let mut late = Vec::new();
+    let mut whole = Vec::new();
     for round in 0..socket_rounds(size) {
         let begun = Instant::now();
         buffer.fill(round as u8);
@@ -215,7 +217,8 @@ fn load() -> Vec<Child> {
 }
 
 fn print_goals(rows: &[Row], loaded: bool) {
-    let (small, large) = (&rows[0], &rows[rows.len() - 1]);
+    let small = &rows[0];
+    let large = &rows[rows.len() - 1];
     let goals = [
         ("hand-over of 64 MB / 1 KB, by wake", large.by_wake.0 / small.by_wake.0, "<=", 3.0, true),
         ("hand-over of 64 MB / 1 KB, by poll", large.by_poll.0 / small.by_poll.0, "<=", 3.0, true),
@@ -270,7 +273,9 @@ fn main() {
         .iter()
         .map(|size| {
             let row = measure(*size, &mut end, &mut stream);
-            let (wake, poll, socket) = (row.by_wake, row.by_poll, row.socket);
+            let wake = row.by_wake;
+            let poll = row.by_poll;
+            let socket = row.socket;
             println!(
                 "| {} KB | {:.1} / {:.1} | {:.1} / {:.1} | {:.1} / {:.1} |",
                 size >> 10,

@@ -101,7 +101,8 @@ impl Observer {
             lossless.take(slot.envelope().seq)?;
         }
         let observed = Observed { header_bytes: self.channel.header_bytes, row_bytes: self.channel.row_bytes, slot };
-        let (bytes, len) = (size_of_val(observed.slot.lines()), observed.envelope().len as usize);
+        let bytes = size_of_val(observed.slot.lines());
+        let len = observed.envelope().len as usize;
         if observed.rows_at() + len * observed.row_bytes > bytes {
             let service = self.channel.name.clone();
             return Err(IpcError::Torn { service, bytes, len, row_bytes: observed.row_bytes });

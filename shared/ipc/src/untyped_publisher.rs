@@ -53,7 +53,8 @@ impl LosslessObserver {
         // Polls a last acknowledgement after the observer has left, too: until then the connection stays.
         let latest = self.acknowledgement.poll()?;
         if !there {
-            (self.taken, self.repeats) = (None, 0);
+            self.taken = None;
+            self.repeats = 0;
             return Ok(0);
         }
         if let Some(bytes) = latest

@@ -39,7 +39,8 @@ impl Blocks {
 
     fn add(&mut self, nanos: i32, turned: u16) {
         if let (Some(to_nanos), Some(to_turned)) = (self.nanos.get_mut(self.len), self.turned.get_mut(self.len)) {
-            (*to_nanos, *to_turned) = (nanos, turned);
+            *to_nanos = nanos;
+            *to_turned = turned;
             self.len += 1;
         }
     }
@@ -51,7 +52,8 @@ impl Blocks {
 
     /// First firing of a block, ns after the time of the packet, and encoder counts since the begin of the revolution.
     pub(crate) fn get(&self, index: usize) -> Option<(i64, u16)> {
-        let (nanos, turned) = (*self.nanos[..self.len].get(index)?, self.turned[index]);
+        let nanos = *self.nanos[..self.len].get(index)?;
+        let turned = self.turned[index];
         (turned < EMPTY).then_some((i64::from(nanos), turned))
     }
 

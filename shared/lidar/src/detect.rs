@@ -144,7 +144,8 @@ impl Search {
         };
         self.n_packets += 1;
         self.first.get_or_insert(arrival.captured);
-        let (sensor, port) = (arrival.source, arrival.port);
+        let sensor = arrival.source;
+        let port = arrival.port;
         let is_same = |one: &Candidate| (one.lidar.model(), one.sensor, one.port) == (lidar.model(), sensor, port);
         let known = self.candidates.iter().position(is_same);
         let nanos = lidar.packet_nanos(payload);

@@ -31,12 +31,15 @@ impl OtherModel {
     pub fn find(files: &[PathBuf], lidar: &Lidar) -> Result<Option<Self>, PcapError> {
         let expected = lidar.model();
         let mut first = None;
-        let (mut n_data, mut n_others, mut n_packets) = (0, 0, 0);
+        let mut n_data = 0;
+        let mut n_others = 0;
+        let mut n_packets = 0;
         for file in files {
             let mut reader = PacketReader::open(file)?;
             let mut packet = 0;
             while let Some(udp) = reader.next()? {
-                (packet, n_packets) = (packet + 1, n_packets + 1);
+                packet += 1;
+                n_packets += 1;
                 if n_packets > MAX_PACKETS || n_data == MAX_DATA_PACKETS {
                     break;
                 }
@@ -63,7 +66,8 @@ impl OtherModel {
 impl fmt::Display for OtherModel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { file, packet, evidence, found, expected } = self;
-        let (found, expected) = (found.name(), expected.name());
+        let found = found.name();
+        let expected = expected.name();
         write!(f, "{}: packet {packet}: {evidence}, ", file.display())?;
         write!(f, "drive.toml says {expected:?}; set lidar.model = {found:?}")
     }

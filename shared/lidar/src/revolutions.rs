@@ -46,7 +46,8 @@ impl Revolution {
             return Err(End::Forced);
         }
         self.turned += u32::from(azimuth.saturating_sub(self.last_azimuth));
-        (self.last, self.last_azimuth) = (at, azimuth);
+        self.last = at;
+        self.last_azimuth = azimuth;
         Ok(())
     }
 

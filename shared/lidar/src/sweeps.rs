@@ -170,7 +170,8 @@ impl SweepReader {
     }
 
     fn new(captures: Captures, stream: &StreamInfo) -> Self {
-        let (stats, receiver) = (LidarStats::default(), Receiver::default());
+        let stats = LidarStats::default();
+        let receiver = Receiver::default();
         let decoder = PacketDecoder::new(&stream.lidar);
         Self {
             captures,
@@ -206,7 +207,9 @@ impl SweepReader {
     /// Continues at a position that [`SweepReader::position`] returned for the same captures.
     pub fn resume(&mut self, position: SweepPosition) -> Result<(), SweepError> {
         self.at = position;
-        (self.revolution, self.slice, self.lost_packets) = (None, None, 0);
+        self.revolution = None;
+        self.slice = None;
+        self.lost_packets = 0;
         self.fixes.clear();
         self.reorder.clear();
         let Some(current) = position.packet else { return Ok(()) };
@@ -224,7 +227,8 @@ impl SweepReader {
             let Some(arrival) = self.captures.next(&mut LidarStats::default())? else { break };
             let place = Place { file: arrival.file, offset: arrival.offset, begin: arrival.begin };
             self.at.read = Some(place);
-            let (payload, lidar) = (self.captures.payload(), self.decoder.lidar());
+            let payload = self.captures.payload();
+            let lidar = self.decoder.lidar();
             if !lidar.may_have_sent(payload) {
                 continue;
             }
@@ -235,7 +239,8 @@ impl SweepReader {
                 self.blocks = self.decoder.blocks(payload);
                 n_missing -= 1;
             } else if let Some(place) = held().find(|held| is_at(*held)) {
-                let (captured, nanos) = (arrival.captured, lidar.packet_nanos(payload));
+                let captured = arrival.captured;
+                let nanos = lidar.packet_nanos(payload);
                 self.reorder.push(Held { place, captured, nanos, bytes: payload.to_vec() });
                 n_missing -= 1;
             }

@@ -134,7 +134,8 @@ impl Agent {
     /// Starts a program; the other end of its socket. The text says why it is refused.
     fn start(&self, wanted: &StageProgram) -> Result<(Child, UnixStream), String> {
         if wanted.version != self.version {
-            let (theirs, ours) = (&wanted.version, &self.version);
+            let theirs = &wanted.version;
+            let ours = &self.version;
             return Err(format!(
                 "the run is of build {theirs}, this agent of {ours}; install the same build on both hosts"
             ));

@@ -203,7 +203,8 @@ pub struct Receiver {
 
 impl Receiver {
     fn new(stream: TcpStream, state: Arc<StatelessTransportState>) -> Self {
-        let (encrypted, message) = (vec![0; MESSAGE_BYTES], vec![0; MESSAGE_BYTES]);
+        let encrypted = vec![0; MESSAGE_BYTES];
+        let message = vec![0; MESSAGE_BYTES];
         Self { stream, state, nonce: 0, encrypted, message, unread: 0..0 }
     }
 
@@ -266,8 +267,8 @@ mod tests {
     #[test]
     fn bytes_arrive_in_both_directions_and_the_end_is_seen() {
         let (ours, theirs) = ends(1, 1);
-        let ((mut sender, mut receiver), (mut their_sender, mut their_receiver)) =
-            (ours.expect("ours"), theirs.expect("theirs"));
+        let (mut sender, mut receiver) = ours.expect("ours");
+        let (mut their_sender, mut their_receiver) = theirs.expect("theirs");
         let bytes: Vec<u8> = (0..1_000_000_u32).map(|k| (k % 251) as u8).collect();
         std::thread::scope(|scope| {
             scope.spawn(|| {
@@ -334,12 +335,14 @@ mod tests {
         std::thread::scope(|scope| {
             let accepted = scope.spawn(|| accept(listener.accept().expect("a connection").0, &key(1)));
             scope.spawn(|| {
-                let (client, server) =
-                    (outer.accept().expect("a connection").0, TcpStream::connect(address).expect("connects"));
-                let (mut from_server, mut to_client) =
-                    (server.try_clone().expect("a copy"), client.try_clone().expect("a copy"));
+                let client = outer.accept().expect("a connection").0;
+                let server = TcpStream::connect(address).expect("connects");
+                let mut from_server = server.try_clone().expect("a copy");
+                let mut to_client = client.try_clone().expect("a copy");
                 scope.spawn(move || std::io::copy(&mut from_server, &mut to_client));
-                let (mut client, mut server, mut n) = (client, server, 0_usize);
+                let mut client = client;
+                let mut server = server;
+                let mut n = 0_usize;
                 let mut byte = [0];
                 while client.read(&mut byte).is_ok_and(|read| read == 1) {
                     n += 1;

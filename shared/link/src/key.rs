@@ -61,7 +61,8 @@ mod tests {
     #[test]
     fn new_key_is_private_and_is_read_again() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+        let one = folder.path().join("one");
+        let two = folder.path().join("two");
         Key::create(&one).expect("created");
         Key::create(&two).expect("created");
         let keys = [&one, &two].map(|file| Key::read(file).expect("read").0);
@@ -86,7 +87,8 @@ mod tests {
     fn file_that_is_no_key_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("key");
-        let (digits, long) = ("0123456789abcdef".repeat(4), "0".repeat(66));
+        let digits = "0123456789abcdef".repeat(4);
+        let long = "0".repeat(66);
         for (text, is_key) in
             [(digits.as_str(), true), ("", false), (&digits[1..], false), (&long, false), ("g", false)]
         {

@@ -14,13 +14,15 @@ pub(crate) struct BandPlace {
 impl BandPlace {
     /// Place of a wavelength among those of a model, which ascend; `None` beyond them.
     pub fn of(model_nm: &[f32], nm: f32) -> Option<Self> {
-        let (first, last) = (*model_nm.first()?, *model_nm.last()?);
+        let first = *model_nm.first()?;
+        let last = *model_nm.last()?;
         if !(first - MARGIN_NM..=last + MARGIN_NM).contains(&nm) {
             return None;
         }
         let second = model_nm.partition_point(|known| *known < nm).clamp(1, model_nm.len() - 1);
         let first = second - 1;
-        let (low, high) = (model_nm[first], model_nm[second]);
+        let low = model_nm[first];
+        let high = model_nm[second];
         Some(Self { first, second, weight: f64::from((nm - low) / (high - low)).clamp(0.0, 1.0) })
     }
 

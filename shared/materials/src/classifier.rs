@@ -124,13 +124,15 @@ impl Classifier {
 
     fn posterior(&self, lights: &[Whitened], values: &[f32]) -> Probabilities {
         let mut probabilities = [0.0; N_MATERIALS];
-        let (mut nearest, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut nearest = f64::INFINITY;
+        let mut largest = f64::NEG_INFINITY;
         let mut logs = Vec::with_capacity(lights.len() * self.references.len());
         for light in lights {
             for (distance, (material, log_share)) in light.distances(values).zip(&self.references) {
                 let log_density = light.log_density - 0.5 * distance;
                 let log = light.log_share + log_share + log_density;
-                (nearest, largest) = (nearest.min(distance), largest.max(log));
+                nearest = nearest.min(distance);
+                largest = largest.max(log);
                 logs.push((*material, log));
             }
         }
@@ -153,10 +155,15 @@ fn places(bands: u64) -> impl Iterator<Item = usize> {
 
 /// Spectral angle to a reference given by its logarithms, rad.
 fn angle(spectrum: Spectrum<'_>, bands: u64, mean: &[f64]) -> f64 {
-    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    let mut ab = 0.0;
+    let mut aa = 0.0;
+    let mut bb = 0.0;
     for band in places(bands) {
-        let (a, b) = (f64::from(spectrum.values[band]), mean[band].exp());
-        (ab, aa, bb) = (ab + a * b, aa + a * a, bb + b * b);
+        let a = f64::from(spectrum.values[band]);
+        let b = mean[band].exp();
+        ab += a * b;
+        aa += a * a;
+        bb += b * b;
     }
     (ab / (aa * bb).sqrt().max(1e-12)).clamp(-1.0, 1.0).acos()
 }

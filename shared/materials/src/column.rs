@@ -47,10 +47,12 @@ pub fn materials_of(
 
 /// The most probable material and its probability. Unknown with score 0 without any.
 pub fn best_row(probabilities: &Probabilities) -> MaterialRow {
-    let (mut material, mut most) = (0, 0.0);
+    let mut material = 0;
+    let mut most = 0.0;
     for (id, p) in (0..).zip(probabilities) {
         if *p > most {
-            (material, most) = (id, *p);
+            material = id;
+            most = *p;
         }
     }
     MaterialRow { material_id: material, score: (most * 255.0).round() as u8 }

@@ -98,7 +98,8 @@ impl Fit {
         }
         spectra.sort_by(|a, b| a.brightness.total_cmp(&b.brightness));
         let total: f64 = spectra.iter().map(|spectrum| spectrum.weight).sum();
-        let (n_levels, mut sum) = (LEVELS[light], 0.0);
+        let n_levels = LEVELS[light];
+        let mut sum = 0.0;
         let level_of = |spectrum: &WeightedSpectrum| {
             sum += spectrum.weight / total;
             ((sum * n_levels as f64) as usize).min(n_levels - 1)

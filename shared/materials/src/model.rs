@@ -114,7 +114,8 @@ impl Model {
 
     /// Entry of the covariance in a light.
     pub(crate) fn covariance(&self, light: usize, row: usize, column: usize) -> f64 {
-        let (low, high) = (row.min(column), row.max(column));
+        let low = row.min(column);
+        let high = row.max(column);
         let n = self.wavelengths_nm.len();
         self.lights[light].covariance[low * n - low * (low + 1) / 2 + high]
     }

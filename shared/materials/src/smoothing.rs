@@ -143,7 +143,8 @@ impl Parts {
     }
 
     fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.first_of(a), self.first_of(b));
+        let a = self.first_of(a);
+        let b = self.first_of(b);
         self.0[a.max(b)] = a.min(b);
     }
 }

@@ -98,7 +98,8 @@ const INFRARED_NM: std::ops::Range<f32> = 760.0..900.0;
 /// Normalized difference vegetation index, -1 to 1: (infrared - red) / (infrared + red). Green plants are above 0.4. `None` unless a
 /// band from 640 to 690 nm and one from 760 to 900 nm were measured and are not both 0.
 pub fn ndvi(spectrum: Spectrum<'_>) -> Option<f32> {
-    let (red, infrared) = (spectrum.mean(RED_NM)?.max(0.0), spectrum.mean(INFRARED_NM)?.max(0.0));
+    let red = spectrum.mean(RED_NM)?.max(0.0);
+    let infrared = spectrum.mean(INFRARED_NM)?.max(0.0);
     let sum = red + infrared;
     (sum > 0.0).then(|| (infrared - red) / sum)
 }

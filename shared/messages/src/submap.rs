@@ -109,7 +109,8 @@ pod! {
 /// A pose as in [`SubmapSweep`]: x y z, qx qy qz qw.
 #[cfg(feature = "geometry")]
 pub fn pose_numbers(pose: &Pose) -> [f32; 7] {
-    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    let t = pose.translation.vector;
+    let q = pose.rotation.coords;
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|value| value as f32)
 }
 
@@ -182,7 +183,8 @@ impl SubmapHeader {
 impl CheckedSubmap<'_> {
     /// Checks that every point belongs to a sweep of the header.
     pub fn check_points(&self, points: &[SubmapPoint]) -> Result<(), SubmapError> {
-        let (seq, n_sweeps) = (self.seq, self.sweeps.len());
+        let seq = self.seq;
+        let n_sweeps = self.sweeps.len();
         match points.iter().position(|point| usize::from(point.sweep_idx) >= n_sweeps) {
             None => Ok(()),
             Some(point) => Err(SubmapError::Point { seq, point, sweep_idx: points[point].sweep_idx, n_sweeps }),

@@ -15,20 +15,23 @@ pub fn connected_components(mask: &Array2<bool>, connectivity: Connectivity) -> 
 pub(crate) fn runs_of(mask: &Array2<bool>, connectivity: Connectivity) -> Runs {
     let mask = mask.as_standard_layout();
     let mut builder = Builder::new(mask.ncols());
-    let (mut above, mut row) = (RowBits::new(mask.ncols()), RowBits::new(mask.ncols()));
+    let mut above = RowBits::new(mask.ncols());
+    let mut row = RowBits::new(mask.ncols());
     for pixels in mask.rows() {
         let pixels = pixels.to_slice().expect("rows of the standard layout are contiguous");
         wide_loops::run(
             #[inline(always)]
             || {
                 write_words(pixels, &mut row.inside);
-                let (mut left, mut left_above) = (0, 0);
+                let mut left = 0;
+                let mut left_above = 0;
                 for (idx, (&here, &up)) in row.inside.iter().zip(&above.inside).enumerate() {
                     row.begins[idx] = here & !shift_right_by_one_pixel(here, left);
                     row.up[idx] = here & up;
                     row.up_left[idx] = here & shift_right_by_one_pixel(up, left_above);
                     row.left_up[idx] = shift_right_by_one_pixel(here, left) & up;
-                    (left, left_above) = (here, up);
+                    left = here;
+                    left_above = up;
                 }
                 builder.add_row(&row, connectivity);
             },

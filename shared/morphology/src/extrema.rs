@@ -105,7 +105,8 @@ fn sweep_up<T: Level>(
     connectivity: Connectivity,
     edges: &mut Vec<u32>,
 ) {
-    let (n, stride) = (image.cols, image.stride);
+    let n = image.cols;
+    let stride = image.stride;
     let mut scratch = vec![false; n];
     for row in (0..image.rows).rev() {
         let (here, below) = candidates.pixels.split_at_mut((row + 2) * stride);
@@ -173,7 +174,8 @@ fn exclude_across_in_block<T: Level, const N: usize>(
     connectivity: Connectivity,
 ) {
     let values: &[T; N] = block(values, start);
-    let (across, marks_across) = (neighbors::<T, N>(across, start), neighbors::<bool, N>(marks_across, start));
+    let across = neighbors::<T, N>(across, start);
+    let marks_across = neighbors::<bool, N>(marks_across, start);
     let mut kept: [bool; N] = *block(marks, start);
     for side in if connectivity == Connectivity::Eight { 0..3 } else { 1..2 } {
         for i in 0..N {
@@ -233,7 +235,8 @@ fn find_edges<T: Level>(
     is_edge: &mut [bool],
     edges: &mut Vec<u32>,
 ) {
-    let (values, marks) = (image.three_rows(row), candidates.three_rows(row));
+    let values = image.three_rows(row);
+    let marks = candidates.three_rows(row);
     in_blocks!(image.cols, find_edges_in_block(values, marks, is_edge, connectivity));
     let start = image.row_start(row);
     for (block_idx, pixels) in is_edge.chunks(BLOCK).enumerate() {

@@ -20,14 +20,17 @@ pub fn quasi_flat_zones(
 ) -> Labels {
     assert_eq!(heights.dim(), valid.dim(), "heights and validity differ in size");
     let (rows, cols) = heights.dim();
-    let (heights, standard) = (heights.as_standard_layout(), valid.as_standard_layout());
-    let (z, inside) = (heights.as_slice().expect("standard layout"), standard.as_slice().expect("standard layout"));
+    let heights = heights.as_standard_layout();
+    let standard = valid.as_standard_layout();
+    let z = heights.as_slice().expect("standard layout");
+    let inside = standard.as_slice().expect("standard layout");
     let mut builder = Builder::new(cols);
     let mut bits = RowBits::new(cols);
     let mut near = vec![false; cols];
     for row in 0..rows {
         let line = |row: usize| (&z[row * cols..(row + 1) * cols], &inside[row * cols..(row + 1) * cols]);
-        let (here, above) = (line(row), line(row.saturating_sub(1)));
+        let here = line(row);
+        let above = line(row.saturating_sub(1));
         wide_loops::run(
             #[inline(always)]
             || {
@@ -78,8 +81,10 @@ where
 pub fn quasi_flat_zones_over_gaps(heights: &Array2<f32>, valid: &Array2<bool>, steps: &[f32]) -> Labels {
     assert_eq!(heights.dim(), valid.dim(), "heights and validity differ in size");
     let Raster { rows, cols } = Raster::new(heights.dim());
-    let (heights, valid) = (heights.as_standard_layout(), valid.as_standard_layout());
-    let (z, inside) = (heights.as_slice().expect("standard layout"), valid.as_slice().expect("standard layout"));
+    let heights = heights.as_standard_layout();
+    let valid = valid.as_standard_layout();
+    let z = heights.as_slice().expect("standard layout");
+    let inside = valid.as_slice().expect("standard layout");
     let mut sets = DisjointSets::new(z.len());
     let mut above: Vec<Option<usize>> = vec![None; cols];
     for row in 0..rows {

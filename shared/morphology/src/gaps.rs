@@ -16,8 +16,10 @@ use std::collections::VecDeque;
 pub fn fill_gaps(heights: &Array2<f32>, valid: &Array2<bool>) -> Option<Array2<f32>> {
     assert_eq!(heights.dim(), valid.dim(), "heights and validity differ in size");
     let raster = Raster::new(heights.dim());
-    let (heights, valid) = (heights.as_standard_layout(), valid.as_standard_layout());
-    let (z, known) = (heights.as_slice().expect("standard layout"), valid.as_slice().expect("standard layout"));
+    let heights = heights.as_standard_layout();
+    let valid = valid.as_standard_layout();
+    let z = heights.as_slice().expect("standard layout");
+    let known = valid.as_slice().expect("standard layout");
     if !known.contains(&true) {
         return None;
     }

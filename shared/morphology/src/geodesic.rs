@@ -80,7 +80,8 @@ impl Walk {
         }
         let mut last = (seeds.first().copied().unwrap_or_default(), 0.0);
         while let Some(Reverse((bits, pixel))) = heap.pop() {
-            let (pixel, distance) = (pixel as usize, f64::from_bits(bits));
+            let pixel = pixel as usize;
+            let distance = f64::from_bits(bits);
             if distance > self.distances.pixels[pixel] {
                 continue;
             }

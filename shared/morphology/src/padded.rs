@@ -16,7 +16,8 @@ pub(crate) struct Padded<T> {
 impl<T: Copy> Padded<T> {
     /// An image of one value, including the frame.
     pub(crate) fn filled((rows, cols): (usize, usize), value: T) -> Self {
-        let (stride, n) = (cols + 2, (rows + 2) * (cols + 2));
+        let stride = cols + 2;
+        let n = (rows + 2) * (cols + 2);
         assert!(
             n < u32::MAX as usize,
             "image of {rows} x {cols} pixels is too large; at most 2^32 - 2 pixels are supported"
@@ -50,12 +51,14 @@ impl<T: Copy> Padded<T> {
     }
     /// The pixels of a row, without the frame.
     pub(crate) fn row_mut(&mut self, row: usize) -> &mut [T] {
-        let (start, cols) = (self.row_start(row), self.cols);
+        let start = self.row_start(row);
+        let cols = self.cols;
         &mut self.pixels[start..start + cols]
     }
     /// Fills the frame with a value.
     pub(crate) fn fill_frame(&mut self, value: T) {
-        let (stride, n) = (self.stride, self.pixels.len());
+        let stride = self.stride;
+        let n = self.pixels.len();
         self.pixels[..stride].fill(value);
         self.pixels[n - stride..].fill(value);
         for row in self.pixels.chunks_exact_mut(stride) {

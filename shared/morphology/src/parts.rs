@@ -44,14 +44,17 @@ struct Place {
 
 impl<T: Level> Parts<T> {
     pub(crate) fn new(runs: &[Run], (rows, cols): (usize, usize), neutral: T) -> Self {
-        let (n_rows, n_cols) = (rows as isize, cols as isize);
+        let n_rows = rows as isize;
+        let n_cols = cols as isize;
         // Runs that lie outside the image for every pixel are removed; long runs are clipped to the width of the image.
         let is_seen = |run: &&Run| run.row.abs() < n_rows && run.first < n_cols && run.last > -n_cols;
         let clipped = |run: &Run| Run { row: run.row, first: run.first.max(-n_cols), last: run.last.min(n_cols) };
         let runs: Vec<Run> = runs.iter().filter(is_seen).map(clipped).collect();
         let most = |side: fn(&Run) -> isize| runs.iter().map(side).max().unwrap_or(0).max(0) as usize;
-        let (above, below) = (most(|run| -run.row), most(|run| run.row));
-        let (lead, trail) = (most(|run| -run.first), most(|run| run.last));
+        let above = most(|run| -run.row);
+        let below = most(|run| run.row);
+        let lead = most(|run| -run.first);
+        let trail = most(|run| run.last);
 
         let mut parts = Self {
             row_reach: above.max(below),
@@ -66,7 +69,8 @@ impl<T: Level> Parts<T> {
         parts.add(Vec::new(), 1);
         let mut of_part: BTreeMap<usize, Vec<Place>> = BTreeMap::new();
         for run in &runs {
-            let (up, right) = (below.wrapping_add_signed(-run.row), lead.wrapping_add_signed(run.first));
+            let up = below.wrapping_add_signed(-run.row);
+            let right = lead.wrapping_add_signed(run.first);
             let part = parts.run((run.last - run.first + 1) as usize);
             of_part.entry(part).or_default().push(Place { up, right, part });
         }
@@ -115,7 +119,8 @@ impl<T: Level> Parts<T> {
     /// Decomposes places into a set and its shifted copy, if possible. `places` are sorted and belong to one part.
     fn folded(&mut self, places: Vec<Place>) -> Vec<Place> {
         let shifted = |place: &Place, from: &Place, to: &Place| {
-            let (up, right) = (place.up + to.up, place.right + to.right);
+            let up = place.up + to.up;
+            let right = place.right + to.right;
             Some(Place { up: up.checked_sub(from.up)?, right: right.checked_sub(from.right)?, part: place.part })
         };
         let holds = |place: Option<Place>| place.is_some_and(|place| places.binary_search(&place).is_ok());
@@ -130,7 +135,8 @@ impl<T: Level> Parts<T> {
             if half.len() + 2 >= places.len() {
                 break;
             }
-            let (up, right) = (half[0].up, half.iter().map(|place| place.right).min().unwrap_or(0));
+            let up = half[0].up;
+            let right = half.iter().map(|place| place.right).min().unwrap_or(0);
             let moved = |place: &Place| Place { up: place.up - up, right: place.right - right, ..*place };
             let places = self.folded(half.iter().map(moved).collect());
             if places.len() == 2 {

@@ -65,10 +65,14 @@ fn reconstruct<T: Level>(
 /// One sweep down and one up, which settle most pixels.
 #[inline(always)]
 fn sweep<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Connectivity) {
-    let (rows, cols, stride) = (values.rows, values.cols, values.stride);
+    let rows = values.rows;
+    let cols = values.cols;
+    let stride = values.stride;
     for row in 0..rows {
         let (above, at) = values.pixels.split_at_mut((row + 1) * stride);
-        let (above, at, limits) = (&above[row * stride..], &mut at[1..=cols], mask.row(row));
+        let above = &above[row * stride..];
+        let at = &mut at[1..=cols];
+        let limits = mask.row(row);
         from_across(at, shifted(above, cols), limits, connectivity);
         let mut previous = T::LOWEST;
         for (value, &limit) in at.iter_mut().zip(limits) {
@@ -78,7 +82,8 @@ fn sweep<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Conne
     }
     for row in (0..rows).rev() {
         let (at, below) = values.pixels.split_at_mut((row + 2) * stride);
-        let (at, limits) = (&mut at[(row + 1) * stride..][1..=cols], mask.row(row));
+        let at = &mut at[(row + 1) * stride..][1..=cols];
+        let limits = mask.row(row);
         from_across(at, shifted(below, cols), limits, connectivity);
         let mut previous = T::LOWEST;
         for (value, &limit) in at.iter_mut().zip(limits).rev() {
@@ -107,7 +112,8 @@ fn find_unsettled<T: Level>(
     // Value that a pixel must exceed to make this neighbor grow.
     let threshold = |value: T, limit: T| if value < limit { value } else { T::HIGHEST };
     let fill = |into: &mut [T], row: usize| {
-        let ([_, v, _], [_, m, _]) = (values.three_rows(row), mask.three_rows(row));
+        let [_, v, _] = values.three_rows(row);
+        let [_, m, _] = mask.three_rows(row);
         for ((threshold_here, &value), &limit) in into.iter_mut().zip(v).zip(m) {
             *threshold_here = threshold(value, limit);
         }
@@ -124,7 +130,8 @@ fn find_unsettled<T: Level>(
         } else {
             below.fill(T::HIGHEST);
         }
-        let ([_, _, right], [before, under, after]) = (shifted(&here, n), shifted(&below, n));
+        let [_, _, right] = shifted(&here, n);
+        let [before, under, after] = shifted(&below, n);
         let line = values.row(row);
         let mut any = false;
         for i in 0..n {
@@ -150,7 +157,8 @@ fn spread<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Conn
         let value = values.pixels[pixel as usize];
         for &step in &steps {
             let neighbor = (pixel as usize).wrapping_add_signed(step);
-            let (old, limit) = (values.pixels[neighbor], mask.pixels[neighbor]);
+            let old = values.pixels[neighbor];
+            let limit = mask.pixels[neighbor];
             if old < value && old < limit {
                 values.pixels[neighbor] = value.inf(limit);
                 queue.push_back(neighbor as u32);

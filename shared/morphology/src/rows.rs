@@ -23,7 +23,8 @@ impl<T: Level> Rows<T> {
         match shape {
             Shape::Rectangle { row_radius, col_radius } => {
                 // A larger window than the image has no effect.
-                let (row_radius, reach) = ((*row_radius).min(rows), (*col_radius).min(cols));
+                let row_radius = (*row_radius).min(rows);
+                let reach = (*col_radius).min(cols);
                 if row_radius < HIGH_RADIUS {
                     Self::Low(Low::new(row_radius, reach, (rows, cols), neutral))
                 } else {

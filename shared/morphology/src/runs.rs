@@ -94,7 +94,8 @@ impl Builder {
 
     #[inline(always)]
     fn find_runs(&mut self, bits: &RowBits) {
-        let (mut n_firsts, mut n_lasts) = (0, 0);
+        let mut n_firsts = 0;
+        let mut n_lasts = 0;
         let mut before = 0;
         for (idx, (&inside, &begins)) in bits.inside.iter().zip(&bits.begins).enumerate() {
             let col = (idx * WORD) as u32;
@@ -117,7 +118,9 @@ impl Builder {
         let [mut n_above, mut n_below] = n_begun;
         let mut up_before = 0;
         for idx in 0..bits.begins.len() {
-            let (above, below, up) = (self.begins_above[idx], bits.begins[idx], bits.up[idx]);
+            let above = self.begins_above[idx];
+            let below = bits.begins[idx];
+            let up = bits.up[idx];
             let up_of_left = shift_right_by_one_pixel(up, up_before);
             // A contact is processed only where a run begins, so that two touching runs are mostly joined once.
             let mut contacts = up & (!up_of_left | above | below);

@@ -29,7 +29,8 @@ impl<T: Level> Sliding<T> {
 
     #[inline(always)]
     pub(crate) fn extrema(&mut self, into: &mut [T], pick: impl Pick<T>) {
-        let (n, width) = (into.len(), 2 * self.reach + 1);
+        let n = into.len();
+        let width = 2 * self.reach + 1;
         let shifted = |by: usize| &self.padded[by..by + n];
         match width {
             1 => return into.copy_from_slice(shifted(0)),

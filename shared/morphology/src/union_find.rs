@@ -44,8 +44,10 @@ impl DisjointSets {
     /// Joins two sets. Returns the first member of the union.
     #[inline]
     pub(crate) fn union(&mut self, a: usize, b: usize) -> usize {
-        let (a, b) = (self.find(a), self.find(b));
-        let (first, second) = (a.min(b), a.max(b));
+        let a = self.find(a);
+        let b = self.find(b);
+        let first = a.min(b);
+        let second = a.max(b);
         self.parents[second] = first as u32;
         first
     }

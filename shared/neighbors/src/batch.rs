@@ -148,7 +148,8 @@ impl SpatialIndex {
     }
     fn within_of_rows(&self, rows: &Rows, radius_m: f32) -> Neighborhoods<u32> {
         let lists_of = |queries: &[[f32; 3]]| {
-            let (mut items, mut ends) = (Vec::new(), Vec::with_capacity(queries.len()));
+            let mut items = Vec::new();
+            let mut ends = Vec::with_capacity(queries.len());
             let mut stack = Vec::with_capacity(64);
             wide_loops::run(
                 #[inline(always)]
@@ -170,7 +171,8 @@ impl SpatialIndex {
         map: impl Fn(usize, &[u32]) -> R + Sync,
     ) -> Vec<R> {
         let results_of = |(queries, numbers): (&[[f32; 3]], &[u32])| {
-            let (mut found, mut results) = (Vec::new(), Vec::with_capacity(queries.len()));
+            let mut found = Vec::new();
+            let mut results = Vec::with_capacity(queries.len());
             let mut stack = Vec::with_capacity(64);
             wide_loops::run(
                 #[inline(always)]

@@ -54,7 +54,8 @@ impl Node {
         let mut squared = [0.0; WIDTH];
         for (slot, squared) in squared.iter_mut().enumerate() {
             let d: [f32; 3] = std::array::from_fn(|axis| {
-                let (below, above) = (self.low[axis][slot] - q[axis], q[axis] - self.high[axis][slot]);
+                let below = self.low[axis][slot] - q[axis];
+                let above = q[axis] - self.high[axis][slot];
                 let outside = if below > above { below } else { above };
                 if outside > 0.0 { outside } else { 0.0 }
             });
@@ -68,7 +69,8 @@ impl Node {
         let mut squared = [0.0; WIDTH];
         for (slot, squared) in squared.iter_mut().enumerate() {
             let d: [f32; 3] = std::array::from_fn(|axis| {
-                let (to_low, to_high) = (q[axis] - self.low[axis][slot], self.high[axis][slot] - q[axis]);
+                let to_low = q[axis] - self.low[axis][slot];
+                let to_high = self.high[axis][slot] - q[axis];
                 if to_low > to_high { to_low } else { to_high }
             });
             *squared = (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2];
@@ -169,7 +171,8 @@ impl Outline<'_> {
             if length(largest) <= BLOCK {
                 break;
             }
-            let (start, end) = (start_of(largest, ends), ends[largest]);
+            let start = start_of(largest, ends);
+            let end = ends[largest];
             let middle = start + self.first_of_upper_half(&mut entries[start..end]);
             ends.copy_within(largest..n_parts, largest + 1);
             ends[largest] = middle;
@@ -180,7 +183,8 @@ impl Outline<'_> {
 
     /// Where the cell around these entries is divided: at the highest bit in which their codes differ.
     fn first_of_upper_half(&self, entries: &mut [Entry]) -> usize {
-        let (first, last) = (0, entries.len() - 1);
+        let first = 0;
+        let last = entries.len() - 1;
         if entries[first].code == entries[last].code {
             let bounds = Bounds::around(entries.iter().map(|entry| self.points[entry.point as usize]));
             if bounds.extent() == 0.0 {

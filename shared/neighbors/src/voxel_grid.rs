@@ -43,7 +43,8 @@ impl VoxelGrid {
         // Adding 0 makes -0 equal to 0.
         let voxel = |p: [f32; 3]| p.map(|v| (f64::from(v) / f64::from(cell_m)).floor() + 0.0);
         let bounds = Bounds::around(points.iter().copied().filter(|p| is_valid(*p)));
-        let (low, high) = (voxel(bounds.low), voxel(bounds.high));
+        let low = voxel(bounds.low);
+        let high = voxel(bounds.high);
         let is_small = (0..3).all(|axis| high[axis] - low[axis] < f64::from(1 << AXIS_BITS));
         // Small integers are sorted faster.
         Ok(if is_small {

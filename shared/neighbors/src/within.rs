@@ -60,7 +60,8 @@ pub(crate) fn append_within(
     stack.push(0);
     while let Some(entry) = stack.pop() {
         if entry & ALL != 0 {
-            let (start, end) = ((entry & !ALL) >> 32, entry & 0xffff_ffff);
+            let start = (entry & !ALL) >> 32;
+            let end = entry & 0xffff_ffff;
             found.extend_from_slice(&index.order()[start as usize..end as usize]);
             continue;
         }
@@ -79,7 +80,8 @@ pub(crate) fn append_within(
             }
             Child::Node(node) => {
                 let node = &index.tree.nodes[node];
-                let (nearest, farthest) = (node.squared_distances(query), node.squared_reaches(query));
+                let nearest = node.squared_distances(query);
+                let farthest = node.squared_reaches(query);
                 // From the last to the first, so that the first is visited first.
                 for slot in (0..WIDTH).rev() {
                     if nearest[slot] <= squared_radius {

@@ -105,7 +105,8 @@ impl Page {
     /// Names with small areas of a color, `#rrggbb`.
     pub fn legend(&mut self, entries: impl IntoIterator<Item = (String, String)>) {
         let entry = |(color, name): (String, String)| {
-            let (color, name) = (escaped(&color), escaped(&name));
+            let color = escaped(&color);
+            let name = escaped(&name);
             format!("<span><i style=\"background:{color}\"></i>{name}</span>\n")
         };
         let entries: Vec<String> = entries.into_iter().map(entry).collect();
@@ -119,7 +120,8 @@ impl Page {
 
     /// A picture: a data URI or the name of a file beside the page, and what it shows.
     pub fn picture(&mut self, source: &str, caption: &str) {
-        let (source, alt) = (escaped(source), escaped(caption));
+        let source = escaped(source);
+        let alt = escaped(caption);
         self.figure(&format!("<img src=\"{source}\" alt=\"{alt}\">"), caption);
     }
 
@@ -134,7 +136,8 @@ impl Page {
 
     /// A text in a box that opens on request, as it is.
     pub fn details(&mut self, title: &str, text: &str) {
-        let (title, text) = (escaped(title), escaped(text));
+        let title = escaped(title);
+        let text = escaped(text);
         let _ = writeln!(self.0, "<details><summary>{title}</summary><pre>{text}</pre></details>");
     }
 

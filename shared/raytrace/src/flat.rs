@@ -82,7 +82,8 @@ impl Flat4 {
             self.lanes.meet([0, 1, 2].map(|axis| f32x4::splat(ray.origin[axis])), {
                 [0, 1, 2].map(|axis| f32x4::splat(ray.direction[axis]))
             });
-        let (low, high) = (f32x4::splat(-EDGE), f32x4::splat(1.0 + EDGE));
+        let low = f32x4::splat(-EDGE);
+        let high = f32x4::splat(1.0 + EDGE);
         // A ray along the plane divides by zero; NaN fails every comparison but the first.
         let hits = determinant.simd_ne(f32x4::ZERO)
             & u.simd_ge(low)
@@ -150,7 +151,8 @@ impl Pieces<f32> {
     #[expect(clippy::needless_bitwise_bool, reason = "vectorized lanes cannot branch")]
     pub fn hit(&self, origin: [f32; 3], direction: [f32; 3]) -> (f32, bool) {
         let Meeting { determinant, u, v, range } = self.meet(origin, direction);
-        let (low, high) = (-EDGE, 1.0 + EDGE);
+        let low = -EDGE;
+        let high = 1.0 + EDGE;
         let is_inside = (u >= low) & (v >= low) & (u <= high) & (v <= high) & (u + v <= self.reach + EDGE);
         (range, (determinant != 0.0) & is_inside & (range > MIN_RANGE_M))
     }

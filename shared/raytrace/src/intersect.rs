@@ -90,7 +90,8 @@ fn cone_range(ray: &Ray, base: &Vec3, axis: &Vec3, length: f32, radii: [f32; 2])
     let shift = (base - ray.origin).dot(&ray.direction);
     let from_base = ray.at(shift) - base;
     let slope = (radii[1] - radii[0]) / length;
-    let (direction_along, start_along) = (ray.direction.dot(axis), from_base.dot(axis));
+    let direction_along = ray.direction.dot(axis);
+    let start_along = from_base.dot(axis);
     let direction_off = ray.direction - axis * direction_along;
     let start_off = from_base - axis * start_along;
     let start_radius = radii[0] + slope * start_along;
@@ -141,7 +142,8 @@ fn sphere_ranges(ray: &Ray, center: &Vec3, radius: f32) -> Option<[f32; 2]> {
 
 fn cylinder_range(ray: &Ray, base: &Vec3, axis: &Vec3, length: f32, radius: f32) -> Option<f32> {
     let from_base = ray.origin - base;
-    let (direction_along, start_along) = (ray.direction.dot(axis), from_base.dot(axis));
+    let direction_along = ray.direction.dot(axis);
+    let start_along = from_base.dot(axis);
     let direction_off = ray.direction - axis * direction_along;
     let start_off = from_base - axis * start_along;
     let a = direction_off.norm_squared();
@@ -268,7 +270,8 @@ mod tests {
 
     #[test]
     fn panel_with_fill_stops_that_share_of_rays() {
-        let (corner, edge1) = (Vec3::new(5.0, -1.0, -1.0), Vec3::new(0.0, 2.0, 0.0));
+        let corner = Vec3::new(5.0, -1.0, -1.0);
+        let edge1 = Vec3::new(0.0, 2.0, 0.0);
         let shape = Shape::Panel { corner, edge1, edge2: Vec3::new(0.0, 0.5, 2.0), fill: 0.3 };
         let stopped = (0..20_000_u64)
             .filter(|&seed| {
@@ -284,7 +287,8 @@ mod tests {
 
     #[test]
     fn porous_sphere_passes_exponential_share_of_rays() {
-        let (radius, free_path) = (1.0_f32, 0.8_f32);
+        let radius = 1.0_f32;
+        let free_path = 0.8_f32;
         let shape = Shape::Porous { center: Vec3::new(10.0, 0.0, 0.0), radius, free_path };
         let n = 20_000_u64;
         let mut passed = 0;
@@ -324,7 +328,8 @@ mod tests {
                     direction: pose.rotation * direction,
                     seed: 0,
                 };
-                let (a, b) = (shape.range(&local, 50.0), moved.range(&world, 50.0));
+                let a = shape.range(&local, 50.0);
+                let b = moved.range(&world, 50.0);
                 if let (Some(a), Some(b)) = (a, b) {
                     assert!((a - b).abs() < 1e-3);
                     let p = world.at(b);

@@ -90,7 +90,8 @@ impl Packet {
                 depth -= 1;
                 let (enter, next, some) = stack[depth % DEEP];
                 if enter <= farthest {
-                    (child, rays) = (next, some);
+                    child = next;
+                    rays = some;
                     break;
                 }
             }
@@ -103,9 +104,11 @@ impl Packet {
     fn enter(&self, node: &WideNode, child: usize, limits: &Lanes) -> (f32, u32) {
         let near: [f32; 3] = std::array::from_fn(|axis| node.sides[self.near[axis]][axis].as_array()[child]);
         let far: [f32; 3] = std::array::from_fn(|axis| node.sides[1 - self.near[axis]][axis].as_array()[child]);
-        let (mut least, mut rays) = (u32::MAX, 0);
+        let mut least = u32::MAX;
+        let mut rays = 0;
         for lane in 0..PACKET_SIZE {
-            let (mut enter, mut leave) = (0.0, f32::INFINITY);
+            let mut enter = 0.0;
+            let mut leave = f32::INFINITY;
             for axis in 0..3 {
                 enter = larger((near[axis] - self.origin[axis][lane]) * self.inverse[axis][lane], enter);
                 leave = smaller((far[axis] - self.origin[axis][lane]) * self.inverse[axis][lane], leave);
@@ -122,7 +125,8 @@ impl Packet {
     #[inline(always)]
     pub fn hit_flats(&self, pack: &Flat4, found: &mut Found) {
         for number in 0..pack.n_pieces {
-            let (piece, place) = (pack.piece(number as usize), pack.first + number);
+            let piece = pack.piece(number as usize);
+            let place = pack.first + number;
             for lane in 0..PACKET_SIZE {
                 let origin = std::array::from_fn(|axis| self.origin[axis][lane]);
                 let direction = std::array::from_fn(|axis| self.direction[axis][lane]);

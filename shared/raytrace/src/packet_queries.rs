@@ -175,7 +175,8 @@ mod tests {
     fn rays() -> Vec<Ray> {
         let mut random = Random::of_hash(4, 0);
         let fan = (0..12_000_u64).map(|i| {
-            let (azimuth, elevation) = ((i % 1200) as f32 * 5.2e-3, (i / 1200) as f32 * 0.03 - 0.25);
+            let azimuth = (i % 1200) as f32 * 5.2e-3;
+            let elevation = (i / 1200) as f32 * 0.03 - 0.25;
             let direction = Vec3::new(azimuth.cos(), azimuth.sin(), elevation).normalize();
             Ray { origin: Vec3::new(0.3, 0.2, 2.0), direction, seed: i }
         });
@@ -190,7 +191,8 @@ mod tests {
 
     #[test]
     fn packet_hits_equal_single_ray_hits() {
-        let (yard, rays) = (yard(), rays());
+        let yard = yard();
+        let rays = rays();
         let alone: Vec<Option<(f32, u32)>> =
             rays.iter().map(|ray| yard.nearest(ray, 25.0).map(|(range, p)| (range, p.surface))).collect();
         let together: Vec<Option<(f32, u32)>> =
@@ -210,7 +212,8 @@ mod tests {
 
     #[test]
     fn coherent_rays_form_packets_and_ties_are_retraced() {
-        let (yard, rays) = (yard(), rays());
+        let yard = yard();
+        let rays = rays();
         let found: Vec<Option<Found>> = rays.chunks(PACKET_SIZE).map(|rays| yard.found(rays, 25.0, false)).collect();
         // 750 of a fan whose rows change the octant five times each, 250 of random rays that never agree.
         let n_bundles = found.iter().flatten().count();

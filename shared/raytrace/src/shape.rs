@@ -129,11 +129,13 @@ impl Shape {
     pub fn bounds(&self) -> [Vec3; 2] {
         match *self {
             Self::Triangle { corner, edge1, edge2 } => {
-                let (b, c) = (corner + edge1, corner + edge2);
+                let b = corner + edge1;
+                let c = corner + edge2;
                 [corner.inf(&b).inf(&c), corner.sup(&b).sup(&c)]
             }
             Self::Panel { corner, edge1, edge2, .. } => {
-                let (b, c) = (corner + edge1, corner + edge2);
+                let b = corner + edge1;
+                let c = corner + edge2;
                 let d = b + edge2;
                 [corner.inf(&b).inf(&c.inf(&d)), corner.sup(&b).sup(&c.sup(&d))]
             }

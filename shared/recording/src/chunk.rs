@@ -35,7 +35,8 @@ impl Chunk {
         let Record::Chunk { header, data } = record else { return Ok(()) };
         let content = content(&header, data, limit)?;
         // 0: not stated.
-        let (saved, calculated) = (header.uncompressed_crc, crc32fast::hash(&content));
+        let saved = header.uncompressed_crc;
+        let calculated = crc32fast::hash(&content);
         if saved != 0 && saved != calculated {
             return Err(mcap_fault(&McapError::BadChunkCrc { saved, calculated }));
         }
@@ -63,7 +64,8 @@ fn content<'a>(
     data: Cow<'a, [u8]>,
     limit: &mut ContentLimit,
 ) -> Result<Cow<'a, [u8]>, RecordFault> {
-    let (with, size) = (&header.compression, header.uncompressed_size);
+    let with = &header.compression;
+    let size = header.uncompressed_size;
     if with.is_empty() {
         return Ok(data);
     }

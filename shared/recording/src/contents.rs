@@ -33,7 +33,8 @@ impl Contents {
             }
             // The summary section repeats channels.
             Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
-                let (id, topic) = (channel.id, topic_of(channel, &self.schemas)?);
+                let id = channel.id;
+                let topic = topic_of(channel, &self.schemas)?;
                 let twin = topic.as_ref().and_then(|topic| self.topics.iter().find(|other| other.name == topic.name));
                 if let Some(twin) = twin {
                     return Err(RecordFault::DuplicateTopic(twin.name.clone()));
@@ -78,7 +79,8 @@ fn topic_of(
 }
 
 fn check_length(topic: &RecordedTopic, bytes: &[u8]) -> Result<(), RecordFault> {
-    let (table, n_bytes) = (&topic.table, bytes.len());
+    let table = &topic.table;
+    let n_bytes = bytes.len();
     let Some(envelope) = envelope_of(bytes) else {
         return Err(RecordFault::NoEnvelope { topic: topic.name.clone(), n_bytes });
     };
@@ -87,7 +89,8 @@ fn check_length(topic: &RecordedTopic, bytes: &[u8]) -> Result<(), RecordFault> 
     if expected == Some(n_bytes) && envelope.len as usize <= table.max_rows {
         return Ok(());
     }
-    let (seq, n_rows) = (envelope.seq, envelope.len);
+    let seq = envelope.seq;
+    let n_rows = envelope.len;
     let &ByteTable { header_bytes, row_bytes, max_rows, .. } = table;
     let topic = topic.name.clone();
     Err(RecordFault::MessageSize { topic, seq, n_bytes, header_bytes, n_rows, row_bytes, max_rows })

@@ -8,7 +8,9 @@ use messages::ByteTable;
 pub(super) fn check(table: &ByteTable) -> Result<(), RecordFault> {
     let ByteTable { topic, header_bytes, row_bytes, .. } = table;
     if !(1..=MAX_RECORD).contains(row_bytes) || *header_bytes > MAX_RECORD {
-        let (header_bytes, row_bytes, limit) = (*header_bytes, *row_bytes, MAX_RECORD);
+        let header_bytes = *header_bytes;
+        let row_bytes = *row_bytes;
+        let limit = MAX_RECORD;
         return Err(RecordFault::TableSize { topic: topic.clone(), header_bytes, row_bytes, limit });
     }
     let parts = [
@@ -21,7 +23,8 @@ pub(super) fn check(table: &ByteTable) -> Result<(), RecordFault> {
             let size = kind_bytes(&field.kind).and_then(|size| size.checked_mul(field.count));
             let end = size.and_then(|size| size.checked_add(field.offset));
             if end.is_none_or(|end| end > bytes) {
-                let (topic, field) = (topic.clone(), Box::new(field.clone()));
+                let topic = topic.clone();
+                let field = Box::new(field.clone());
                 return Err(RecordFault::TableField { topic, part, field, bytes });
             }
         }

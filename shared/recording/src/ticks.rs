@@ -127,7 +127,9 @@ impl TickReader {
             let Some(row) = topic.ticks.pop_front() else { continue };
             let (first, first_name) = agreed.get_or_insert_with(|| (row, topic.name.clone()));
             if (first.tick, first.barrier, first.end) != (row.tick, row.barrier, row.end) {
-                let (tick, topic, other) = (first.tick, topic.name.clone(), first_name.clone());
+                let tick = first.tick;
+                let topic = topic.name.clone();
+                let other = first_name.clone();
                 return Err(self.reader.damaged(RecordFault::TickMismatch { tick, topic, other }));
             }
             let before = topic.messages.iter().take_while(|message| message.envelope.tick <= row.tick).count();
@@ -153,7 +155,9 @@ impl Topic {
     fn accept_tick(&mut self, row: TickRow) -> Result<(), RecordFault> {
         self.check_number("tick", row.tick, self.n_ticks)?;
         if row.n_published != self.n_received {
-            let (tick, found, expected) = (row.tick, self.n_received, row.n_published);
+            let tick = row.tick;
+            let found = self.n_received;
+            let expected = row.n_published;
             return Err(RecordFault::MissingMessages { topic: self.name.clone(), tick, found, expected });
         }
         if self.ticks.len() > MAX_AHEAD {

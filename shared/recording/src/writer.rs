@@ -67,7 +67,8 @@ impl RecordingWriter {
     ) -> Result<(), RecordingError> {
         let channels = channels(&self.topics, topic, &self.path)?;
         let table = &channels.table;
-        let (len, bytes) = (envelope.len as usize, header.len() + rows.len());
+        let len = envelope.len as usize;
+        let bytes = header.len() + rows.len();
         if header.len() != table.header_bytes || rows.len() != len * table.row_bytes || bytes > MAX_RECORD / 2 {
             return Err(RecordingError::Unwritable {
                 path: self.path.clone(),
@@ -89,7 +90,8 @@ impl RecordingWriter {
         let row = TickRow { born_nanos: 0, ..*row };
         let envelope = Envelope { seq: row.tick, stamp: row.drive_time, tick: row.tick, len: 1, ..Envelope::default() };
         let header = NoHeader::default();
-        let (header, rows) = (bytes_from_rows(std::slice::from_ref(&header)), std::slice::from_ref(&row));
+        let header = bytes_from_rows(std::slice::from_ref(&header));
+        let rows = std::slice::from_ref(&row);
         self.append(id, row.drive_time, row.drive_time, &envelope, header, bytes_from_rows(rows))
     }
 

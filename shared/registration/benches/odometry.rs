@@ -47,7 +47,8 @@ fn report(drive: &Drive, last: &Registered, ms: &mut Vec<f64>, odometry: &Odomet
     let rotation = (last.end().rotation * true_end.rotation.inverse()).scaled_axis().map(f64::to_degrees);
     let state = postcard::to_stdvec(&odometry.save()).unwrap().len();
     ms.sort_by(f64::total_cmp);
-    let (median, p95) = (ms[ms.len() / 2], ms[ms.len() * 95 / 100]);
+    let median = ms[ms.len() / 2];
+    let p95 = ms[ms.len() * 95 / 100];
     let path = truth.x;
     println!(
         "{path:7.0} {median:10.2} {p95:7.2} {:11} {state:12} {:12.1}  {:.3} ({:.3} %), {:.3}, {:.3} {:.3} {:.3}",

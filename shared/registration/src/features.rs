@@ -160,7 +160,10 @@ fn is_any_in_range(ranges: &[f32; LANES], settings: &FeatureSettings) -> bool {
 #[inline(always)]
 fn kind(shapes: &Shapes, lane: usize, up: &Vector3<f32>, settings: &FeatureSettings) -> Option<bool> {
     let Shapes { range, normal, planarity, roughness, thickness } = shapes;
-    let (range, planarity, roughness_m, thickness) = (range[lane], planarity[lane], roughness[lane], thickness[lane]);
+    let range = range[lane];
+    let planarity = planarity[lane];
+    let roughness_m = roughness[lane];
+    let thickness = thickness[lane];
     let upwards = normal[0][lane] * up.x + normal[1][lane] * up.y + normal[2][lane] * up.z;
     let is_smooth = planarity >= settings.min_planarity && roughness_m <= SMOOTH_M && thickness <= MAX_THICKNESS;
     let is_rough = planarity >= MIN_ROUGH_PLANARITY
@@ -216,7 +219,8 @@ fn mean_height(
     normal: Vector3<f32>,
     reach_m: f32,
 ) -> f32 {
-    let (mut sum, mut n) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut n = 0.0;
     for column in col + RIM - SMOOTHING_COLUMNS..=col + RIM + SMOOTHING_COLUMNS {
         let d = image.position(row, column) - center;
         let height = normal.dot(&d);
@@ -258,7 +262,9 @@ mod tests {
     #[test]
     fn features_of_floor_and_wall_have_their_normals() {
         let features = planar_features(&corner(), &Vector3::z(), &FeatureSettings::default());
-        let (mut on_wall, mut on_floor, mut wrong) = (0, 0, 0);
+        let mut on_wall = 0;
+        let mut on_floor = 0;
+        let mut wrong = 0;
         for feature in &features {
             let [x, _, z] = feature.position;
             let normal = Vector3::from(feature.normal);

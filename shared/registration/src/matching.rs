@@ -208,7 +208,8 @@ pub(crate) fn match_features(
         let degenerate = DegenerateDirections::of(&equations, settings.min_influence);
         // Equation 5.
         let solution = solve(&equations, &degenerate, &motion, prediction, settings)?;
-        let (pose_step, motion_step) = (solution.pose, solution.motion);
+        let pose_step = solution.pose;
+        let motion_step = solution.motion;
         motion = stepped(&motion, &pose_step, &motion_step);
         let step_is_below =
             |m: f64, rad: f64| pose_step.fixed_rows::<3>(0).norm() < m && pose_step.fixed_rows::<3>(3).norm() < rad;
@@ -381,7 +382,8 @@ fn solve(
     let drift_s2 = prediction.duration_s.max(1e-3) * prediction.seconds / 2.0;
     let information = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
     let Acceleration { linear_mps2, angular_radps2 } = settings.acceleration;
-    let (a, w) = (information(linear_mps2), information(angular_radps2));
+    let a = information(linear_mps2);
+    let w = information(angular_radps2);
     let motion_prior = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + degenerate.prior;
     let motion_prior = StepPrior { information: &motion_prior, step: &to_expected };
     equations.solve(&StepPrior { information: &pose_prior, step: &to_predicted }, Some(&motion_prior), nuisances)

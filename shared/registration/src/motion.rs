@@ -116,8 +116,10 @@ impl DeskewTable {
         let bins = (0..n_bins)
             .map(|bin| {
                 let at = (bin as f64 + 0.5) * NODES as f64 / n_bins as f64;
-                let (before, share) = (at as usize, at.fract());
-                let ((rotation, translation), (next_rotation, next_translation)) = (nodes[before], nodes[before + 1]);
+                let before = at as usize;
+                let share = at.fract();
+                let (rotation, translation) = nodes[before];
+                let (next_rotation, next_translation) = nodes[before + 1];
                 let rotation = rotation + (next_rotation - rotation) * share;
                 let translation = translation + (next_translation - translation) * share;
                 let padded = |v: Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32, 0.0];

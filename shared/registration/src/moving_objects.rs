@@ -206,10 +206,13 @@ mod tests {
         let wall = if ray.x > 0.0 { 20.0 / ray.x } else { f32::MAX };
         let mut best = (floor.min(wall), None);
         for (number, Object([x, y], [a, b])) in objects.iter().enumerate() {
-            let (low, high) = ([x - a, y - b, -1.9], [x + a, y + b, -0.4]);
-            let (mut enter, mut leave) = (0.0_f32, f32::MAX);
+            let low = [x - a, y - b, -1.9];
+            let high = [x + a, y + b, -0.4];
+            let mut enter = 0.0_f32;
+            let mut leave = f32::MAX;
             for axis in 0..3 {
-                let (a, b) = (low[axis] / ray[axis], high[axis] / ray[axis]);
+                let a = low[axis] / ray[axis];
+                let b = high[axis] / ray[axis];
                 enter = enter.max(a.min(b));
                 leave = leave.min(a.max(b));
             }
@@ -222,7 +225,8 @@ mod tests {
 
     /// A sweep of a LiDAR at rest, and the object of each point.
     fn sweep(number: u32, objects: &[Object]) -> (Sweep, Vec<Option<usize>>) {
-        let (mut points, mut hits) = (Vec::new(), Vec::new());
+        let mut points = Vec::new();
+        let mut hits = Vec::new();
         for column in 0..2000_u32 {
             for ring in 0..32_u8 {
                 let azimuth = std::f32::consts::PI - column as f32 * std::f32::consts::TAU / 2000.0;

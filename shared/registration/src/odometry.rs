@@ -333,7 +333,8 @@ impl Odometry {
         let seconds = mid_stamp.seconds_since(last.mid_stamp);
         let log = &mut self.state.log;
         let prediction = self.state.navigation.as_mut().map(|navigation| {
-            let (stamps, rate) = ([last.mid_stamp, mid_stamp], &last.velocity.angular);
+            let stamps = [last.mid_stamp, mid_stamp];
+            let rate = &last.velocity.angular;
             navigation.predict(log, &self.settings.mounting, &last.mid, stamps, acceleration, rate)
         });
         let constant_motion = || PredictedPose {

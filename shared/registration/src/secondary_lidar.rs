@@ -78,8 +78,8 @@ mod tests {
 
     #[test]
     fn other_lidar_moves_with_the_first_around_the_body() {
-        let (body_from_first, body_from_other) =
-            (pose([0.0, 0.0, 2.0], [0.0; 3]), pose([-1.0, 0.5, 1.8], [0.0, 0.6, 0.3]));
+        let body_from_first = pose([0.0, 0.0, 2.0], [0.0; 3]);
+        let body_from_other = pose([-1.0, 0.5, 1.8], [0.0, 0.6, 0.3]);
         // 1 m ahead and 0.1 rad to the left in 100 ms, begun at 2 s.
         let motion = SweepMotion {
             mid: pose([5.0, 1.0, 2.0], [0.0, 0.0, 0.4]),

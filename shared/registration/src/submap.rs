@@ -81,12 +81,15 @@ impl OpenSubmap {
         body: Vector3<f64>,
     ) {
         let submap_from_odom = self.frame.odom_from_submap.inverse();
-        let (begin, end) = (submap_from_odom * registered.begin(), submap_from_odom * registered.end());
+        let begin = submap_from_odom * registered.begin();
+        let end = submap_from_odom * registered.end();
         let table = DeskewTable::new(&begin, &end, registered.duration_nanos);
         let sweep_idx = self.header.n_sweeps as u16;
         let SweepRows { raw: RawSweep { seq, header, rows: raw, .. }, sweep, kept } = points;
-        let (lidar, n_rings) = (header.lidar, header.n_rings);
-        let (moving, n_points) = (&registered.moving, rows.len() as u32);
+        let lidar = header.lidar;
+        let n_rings = header.n_rings;
+        let moving = &registered.moving;
+        let n_points = rows.len() as u32;
         let fill = |(rows, indices): (&mut [SubmapPoint], &[usize])| {
             let mut bounds = NO_BOUNDS;
             // Both lists are ascending.
@@ -96,7 +99,8 @@ impl OpenSubmap {
                 let angles = Angles::of(sweep, &kept.incidences, indices);
                 for (number, (row, &point_idx)) in rows.iter_mut().zip(indices).enumerate() {
                     *row = submap_point(&raw[point_idx], &sweep.points()[point_idx], &table, sweep_idx);
-                    (row.elevation, row.incidence) = (angles.elevations[number], angles.incidences[number]);
+                    row.elevation = angles.elevations[number];
+                    row.incidence = angles.incidences[number];
                     while moving.next_if(|&idx| idx < point_idx).is_some() {}
                     row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
                     bounds = joined(bounds, [[row.x, row.y, row.z]; 2]);
@@ -136,7 +140,8 @@ impl OpenSubmap {
     pub fn finished(mut self, n_points: usize) -> SubmapHeader {
         if n_points == 0 {
             // The bounds of an empty submap would be infinite.
-            (self.header.min, self.header.max) = ([0.0; 3], [0.0; 3]);
+            self.header.min = [0.0; 3];
+            self.header.max = [0.0; 3];
         }
         *self.header
     }
@@ -178,7 +183,8 @@ struct Angles {
 impl Angles {
     /// Of at most [`BLOCK`] finite points: elevation over the LiDAR's horizontal plane within 2e-5 rad, and incidence.
     fn of(sweep: &Sweep, incidences: &[f32], indices: &[usize]) -> Self {
-        let (mut slopes, mut cosines) = ([[0.0; BLOCK]; 2], [f32::NAN; BLOCK]);
+        let mut slopes = [[0.0; BLOCK]; 2];
+        let mut cosines = [f32::NAN; BLOCK];
         for (number, &point_idx) in indices.iter().enumerate() {
             let [x, y, z] = sweep.points()[point_idx].position;
             (slopes[0][number], slopes[1][number]) = (z, x * x + y * y);

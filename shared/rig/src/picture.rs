@@ -53,7 +53,8 @@ pub fn write(folder: &Path, drive: &Drive, survey: &Survey, report: &Report) -> 
 
 /// A square of `side` pixels around a place, cut off at the border.
 fn dot(image: &mut RgbImage, [u, v]: [f64; 2], side: i64, color: [u8; 3]) {
-    let (left, top) = ((u - 0.5 * (side - 1) as f64).round() as i64, (v - 0.5 * (side - 1) as f64).round() as i64);
+    let left = (u - 0.5 * (side - 1) as f64).round() as i64;
+    let top = (v - 0.5 * (side - 1) as f64).round() as i64;
     for y in top.max(0)..(top + side).min(i64::from(image.height())) {
         for x in left.max(0)..(left + side).min(i64::from(image.width())) {
             image.put_pixel(x as u32, y as u32, image::Rgb(color));

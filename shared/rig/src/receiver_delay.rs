@@ -128,7 +128,8 @@ fn window_cost(window: &[Pair], delay: usize) -> f64 {
 }
 
 fn yaw_of(window: &[Pair], delay: usize, weight: impl Fn(&Pair) -> f64) -> f64 {
-    let (mut cosine, mut sine) = (0.0, 0.0);
+    let mut cosine = 0.0;
+    let mut sine = 0.0;
     for pair in window {
         let weight = weight(pair);
         cosine += weight * pair.odom[delay].dot(&pair.world);

@@ -81,11 +81,13 @@ impl SecondaryMounting {
         let Some(stated) = index.checked_sub(1).and_then(|other| drive.rig().body_from_other_lidars.get(other)) else {
             return Ok(None);
         };
-        let (mut first, mut other) = (drive.sweeps()?, SweepSource::open(lidar)?);
+        let mut first = drive.sweeps()?;
+        let mut other = SweepSource::open(lidar)?;
         SweepSource::separate([&mut first, &mut other]);
         let every = survey.poses.len().div_ceil(MAX_SWEEPS).max(1);
         let mut scene = Scene { survey, settings, map: LocalMap::default(), seen: Vec::new() };
-        let (mut number, n_rings) = (0_usize, lidar.lidar.n_rings());
+        let mut number = 0_usize;
+        let n_rings = lidar.lidar.n_rings();
         let body_from_first = drive.rig().body_from_lidar;
         loop {
             let mut rows = Vec::new();
@@ -97,7 +99,7 @@ impl SecondaryMounting {
             let mut others = Vec::new();
             let slice = other.next_slice((sweep.stamp.0, end.0), |points| others.extend_from_slice(points))?;
             number += 1;
-            if sweep.stamp < survey.span[0] || number % every != 0 {
+            if sweep.stamp < survey.span[0] || !number.is_multiple_of(every) {
                 continue;
             }
             scene.add_first(&sweep, drive.lidar().n_rings(), &rows, &body_from_first);
@@ -223,7 +225,9 @@ impl Scene<'_> {
     /// Normal equations by group at a mounting, features near a surface, and features on it.
     fn sums(&self, body_from_lidar: &Pose, [range_m, radius_m, scale_m]: [f64; 3]) -> ([Sums; GROUPS], usize, usize) {
         let kernel = Kernel { radius_m, weights: Weights::Compact };
-        let (mut groups, mut n_matches, mut n_on_surface) = ([Sums::default(); GROUPS], 0, 0);
+        let mut groups = [Sums::default(); GROUPS];
+        let mut n_matches = 0;
+        let mut n_on_surface = 0;
         for Seen { odom_from_body, feature, group } in &self.seen {
             let p = Point3::from(feature.position).cast::<f64>();
             if p.coords.norm() > range_m {

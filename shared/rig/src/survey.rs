@@ -284,7 +284,8 @@ impl<'a> Pass<'a> {
             check.take_change();
         }
         let body = |odom_from_lidar: Pose| odom_from_lidar * self.body_from_lidar.inverse();
-        let (begin, end) = (body(registered.begin()), body(registered.end()));
+        let begin = body(registered.begin());
+        let end = body(registered.end());
         self.found.trajectory.push(registered.stamp, begin);
         self.found.trajectory.push(registered.end_stamp(), end);
         let matched = registered.matched.as_ref();

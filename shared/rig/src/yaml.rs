@@ -45,7 +45,8 @@ pub(crate) fn documents(text: &str) -> Result<Vec<Node>, YamlError> {
     // OpenCV's directive is not YAML; the line stays, so that numbers of lines are right.
     let replaced = text.strip_prefix("%YAML:").map(|rest| format!("#YAML:{rest}"));
     let text = replaced.as_deref().unwrap_or(text);
-    let (mut open, mut documents): (Vec<Open>, Vec<Node>) = (Vec::new(), Vec::new());
+    let mut open: Vec<Open> = Vec::new();
+    let mut documents: Vec<Node> = Vec::new();
     for event in Parser::new_from_str(text) {
         let (event, span) = event.map_err(|found| error(found.marker().line(), found.info()))?;
         let line = span.start.line();

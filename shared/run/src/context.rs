@@ -70,7 +70,8 @@ mod tests {
     #[test]
     fn file_beside_the_launch_file_comes_before_the_installed_one() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (own, programs) = (folder.path().join("own"), folder.path().join("usr/bin"));
+        let own = folder.path().join("own");
+        let programs = folder.path().join("usr/bin");
         let installed = folder.path().join("usr/share/replica/models");
         std::fs::create_dir_all(&installed).expect("made");
         std::fs::create_dir_all(own.join("models")).expect("made");

@@ -66,7 +66,9 @@ impl FileIdentity {
 }
 
 fn seen(metadata: &Metadata) -> [i64; 7] {
-    let (device, inode, len) = (metadata.dev() as i64, metadata.ino() as i64, metadata.len() as i64);
+    let device = metadata.dev() as i64;
+    let inode = metadata.ino() as i64;
+    let len = metadata.len() as i64;
     [device, inode, len, metadata.mtime(), metadata.mtime_nsec(), metadata.ctime(), metadata.ctime_nsec()]
 }
 

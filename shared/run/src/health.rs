@@ -258,7 +258,9 @@ pub struct Heartbeat {
 impl Heartbeat {
     /// Starts the thread. The service is `<stage>.health`.
     pub fn start(domain: &Domain, stage: &str, pulse: Arc<Pulse>) -> std::io::Result<Self> {
-        let (domain, stage, shared) = (domain.clone(), stage.to_owned(), Arc::clone(&pulse));
+        let domain = domain.clone();
+        let stage = stage.to_owned();
+        let shared = Arc::clone(&pulse);
         let thread = std::thread::Builder::new().name("heartbeat".to_owned()).spawn(move || {
             let publisher = domain
                 .node(&format!("{stage}-health"))

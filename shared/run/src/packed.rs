@@ -37,7 +37,8 @@ impl<'a> Piece<'a> {
 pub(crate) fn pack<E>(piece: Piece<'_>, mut take: impl FnMut(&[u8]) -> Result<(), E>) -> Result<(), E> {
     let row_bytes = piece.row_bytes.clamp(1, usize::from(u16::MAX));
     let block_bytes = (BLOCK / row_bytes).max(1) * row_bytes;
-    let (mut columns, mut block) = (vec![0; BLOCK], vec![0; HEAD + get_maximum_output_size(BLOCK)]);
+    let mut columns = vec![0; BLOCK];
+    let mut block = vec![0; HEAD + get_maximum_output_size(BLOCK)];
     let mut is_worth_it = true;
     for rows in piece.bytes.chunks(block_bytes) {
         let columns = &mut columns[..rows.len()];
@@ -59,12 +60,14 @@ pub(crate) fn pack<E>(piece: Piece<'_>, mut take: impl FnMut(&[u8]) -> Result<()
 
 /// All blocks, unpacked. The error says what is wrong with one.
 pub(crate) fn unpack(mut packed: &[u8]) -> Result<Vec<u8>, String> {
-    let (mut bytes, mut columns) = (Vec::new(), vec![0; BLOCK]);
+    let mut bytes = Vec::new();
+    let mut columns = vec![0; BLOCK];
     while !packed.is_empty() {
         let (head, rest) = packed.split_first_chunk::<HEAD>().ok_or("a block of a few bytes")?;
         let u32_at = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]) as usize;
-        let (n_rows_bytes, n_packed, row_bytes) =
-            (u32_at(0), u32_at(4), usize::from(u16::from_le_bytes([head[8], head[9]])));
+        let n_rows_bytes = u32_at(0);
+        let n_packed = u32_at(4);
+        let row_bytes = usize::from(u16::from_le_bytes([head[8], head[9]]));
         if n_rows_bytes > BLOCK || row_bytes == 0 {
             return Err(format!("a block of {n_rows_bytes} bytes with rows of {row_bytes}"));
         }

@@ -152,7 +152,8 @@ impl ScoreTable {
                 let [p, r, iou] = [scores.precision, scores.recall, scores.iou].map(percent);
                 let _ = writeln!(text, "| {class} | {} | {p} | {r} | {iou} |", scores.n_truth);
             }
-            let (mean, accuracy) = (percent(confusion.mean_iou()), percent(confusion.overall_accuracy()));
+            let mean = percent(confusion.mean_iou());
+            let accuracy = percent(confusion.overall_accuracy());
             let _ = writeln!(text, "| **mIoU** | {} | | | **{mean}** |", confusion.n());
             let _ = writeln!(text, "| **OA** | | | | **{accuracy}** |\n");
         }

@@ -25,7 +25,8 @@ pub fn fidelity_where(
     selected: impl Fn(usize) -> bool,
 ) -> Option<Fidelity> {
     let n_pixels = original.len() / n_bands.max(1);
-    let (mut sum, mut n) = (0.0, 0_u64);
+    let mut sum = 0.0;
+    let mut n = 0_u64;
     for pixel in (0..n_pixels.min(image.len() / n_bands.max(1))).filter(|pixel| selected(*pixel)) {
         let error =
             |band: usize| f64::from(original[band * n_pixels + pixel]) - f64::from(image[band * n_pixels + pixel]);

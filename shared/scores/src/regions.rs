@@ -69,7 +69,8 @@ impl<'a> LabelImage<'a> {
 
     /// Left, right, upper and lower neighbor; `None` outside of the image.
     fn neighbors(&self, at: usize) -> [Option<usize>; 4] {
-        let (x, y) = (at % self.columns, at / self.columns);
+        let x = at % self.columns;
+        let y = at / self.columns;
         [
             (x > 0).then(|| at - 1),
             (x + 1 < self.columns).then_some(at + 1),

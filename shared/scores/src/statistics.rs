@@ -26,14 +26,16 @@ impl Statistics {
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
-        let (min, max) = (*values.first()?, *values.last()?);
+        let min = *values.first()?;
+        let max = *values.last()?;
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let mean_square = values.iter().map(|value| value * value).sum::<f64>() / n;
         let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n;
         let at = |share: f64| {
             let position = share * (n - 1.0);
-            let (index, rest) = (position as usize, position.fract());
+            let index = position as usize;
+            let rest = position.fract();
             let next = values[(index + 1).min(values.len() - 1)];
             values[index] + (next - values[index]) * rest
         };

@@ -160,7 +160,8 @@ impl Fused {
         let Fusion { share, ref priors, temperature, .. } = *fusion;
         let [first, second] = &models;
         let names = |model: &dyn CellSegmenter| model.classes().iter().map(|class| class.name()).collect::<Vec<_>>();
-        let (found, expected) = (names(&**second), names(&**first));
+        let found = names(&**second);
+        let expected = names(&**first);
         if found != expected {
             let reason = format!(
                 "the classes {} are not those of the model that it is fused with: {}",

@@ -108,7 +108,8 @@ impl ModelFile {
         if self.card.version == expected {
             return Ok(());
         }
-        let (architecture, found) = (self.card.architecture.clone(), self.card.version);
+        let architecture = self.card.architecture.clone();
+        let found = self.card.version;
         Err(SegmentationError::Version { path: self.path.clone(), architecture, found, expected })
     }
 

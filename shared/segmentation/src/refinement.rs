@@ -70,7 +70,8 @@ impl Refinement {
 
 fn buildings(points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]) {
     let high = || points.iter().zip(heights_m).filter(|(_, height_m)| **height_m > BUILDING_M);
-    let (mut min, mut max) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    let mut min = [f64::INFINITY; 2];
+    let mut max = [f64::NEG_INFINITY; 2];
     for (point, _) in high() {
         for (k, value) in [f64::from(point.x), f64::from(point.y)].into_iter().enumerate() {
             (min[k], max[k]) = (min[k].min(value), max[k].max(value));
@@ -119,7 +120,8 @@ mod tests {
     fn ground_on_rough_terrain_becomes_vegetation() {
         let mut random = Random::new(3);
         let mut point = |i: usize| {
-            let (x, y) = (random.range(0.0, 20.0), random.range(-5.0, 5.0));
+            let x = random.range(0.0, 20.0);
+            let y = random.range(-5.0, 5.0);
             let roughness_m = if y > 0.0 { 0.12 } else { 0.01 };
             let class_id = if i.is_multiple_of(2) { Terrain } else { Building } as u8;
             let z = roughness_m * random.gauss();

@@ -40,7 +40,8 @@ mod tests {
 
     #[test]
     fn skylight_is_bluer_than_sunlight() {
-        let (sun, sky) = (sunlight(), skylight());
+        let sun = sunlight();
+        let sky = skylight();
         assert!(sky.at(450.0) / sky.at(850.0) > 1.5 * sun.at(450.0) / sun.at(850.0));
     }
 }

@@ -80,7 +80,8 @@ fn clouds(direction: &Vec3) -> f32 {
         return 0.0;
     }
     let scale = 1.9 / (direction.z + 0.12);
-    let (x, y) = (direction.x * scale, direction.y * scale);
+    let x = direction.x * scale;
+    let y = direction.y * scale;
     let octave = |i: u32| {
         let f = f32::from(1_u16 << i);
         value_noise(u64::from(i) ^ 0x0c10_0d00, x * f, y * f, 0.3 * f) / f
@@ -105,14 +106,16 @@ mod tests {
         let sun = Light::of_sky(&sun_direction());
         let mut dark = f32::INFINITY;
         for i in 0..2000_u16 {
-            let (z, angle) = (f32::from(i) / 2000.0, f32::from(i) * 2.399_963);
+            let z = f32::from(i) / 2000.0;
+            let angle = f32::from(i) * 2.399_963;
             let across = (1.0 - z * z).sqrt();
             let sky = Light::of_sky(&Vec3::new(across * angle.cos(), across * angle.sin(), z));
             assert!(sky.sun >= 0.0 && sky.sky > 0.0 && sky.sun + sky.sky < sun.sun + sun.sky, "{sky:?}");
             dark = dark.min(sky.sun);
         }
         assert!(sun.sun > 20.0 && dark < 0.05, "{dark}");
-        let (low, high) = (Light::of_sky(&Vec3::new(0.0, 1.0, 0.01)), Light::of_sky(&Vec3::new(0.0, 0.6, 0.8)));
+        let low = Light::of_sky(&Vec3::new(0.0, 1.0, 0.01));
+        let high = Light::of_sky(&Vec3::new(0.0, 0.6, 0.8));
         assert!(low.sun / low.sky > 0.2 && low.sky > 0.0 && high.sky > 0.1);
     }
 }

@@ -77,7 +77,8 @@ impl Motion {
     /// Angular rate in the body frame, rad/s.
     pub fn angular_rate(&self, seconds: f64) -> Vector3<f64> {
         let h = 1e-4;
-        let (before, after) = (self.pose(seconds - h).rotation, self.pose(seconds + h).rotation);
+        let before = self.pose(seconds - h).rotation;
+        let after = self.pose(seconds + h).rotation;
         (before.inverse() * after).scaled_axis() / (2.0 * h)
     }
 }
@@ -116,7 +117,8 @@ mod tests {
         for begin in [2.0, 31.0] {
             let dt = 0.002;
             let mut rotation = motion.pose(begin).rotation;
-            let (mut position, mut velocity) = (motion.pose(begin).translation.vector, motion.velocity(begin));
+            let mut position = motion.pose(begin).translation.vector;
+            let mut velocity = motion.velocity(begin);
             for i in 0..2500 {
                 let middle = begin + (f64::from(i) + 0.5) * dt;
                 rotation *= UnitQuaternion::from_scaled_axis(motion.angular_rate(middle) * dt);

@@ -112,9 +112,11 @@ impl Calibration {
         panel: &WhitePanel,
     ) -> Result<Self, SpectralError> {
         let pixels = Pixels::new(mosaic, darks, white, panel)?;
-        let ([x0, y0], [width, height]) = (mosaic.origin().map(|first| first as usize), mosaic.area());
+        let [x0, y0] = mosaic.origin().map(|first| first as usize);
+        let [width, height] = mosaic.area();
         let n = width * height;
-        let (mut darks, mut gains) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        let mut darks = Vec::with_capacity(n);
+        let mut gains = Vec::with_capacity(n);
         let mut dark_rates = Vec::with_capacity(if pixels.dark_grows() { n } else { 0 });
         for y in y0..y0 + height {
             for pixel in (x0..x0 + width).map(|x| pixels.at(x, y)) {
@@ -165,7 +167,8 @@ impl Calibration {
         let mut reflectances = Array2::zeros((height, width));
         let mut valid = Array2::from_elem((height, width), false);
         let mut counts = FrameCounts::default();
-        let (mut darks, mut bits) = (Vec::new(), vec![0; width]);
+        let mut darks = Vec::new();
+        let mut bits = vec![0; width];
         for (y, (mut values, mut valid)) in reflectances.outer_iter_mut().zip(valid.outer_iter_mut()).enumerate() {
             let row = self.row(raw, y, exposure, &mut darks);
             if let Some(values) = values.as_slice_mut() {
@@ -214,13 +217,15 @@ impl Calibration {
         masks: &mut [u32],
     ) -> Result<FrameCounts, SpectralError> {
         let exposure = self.exposure(raw, exposure_nanos)?;
-        let (n_cells, n_bands) = (self.mosaic.n_cells(), self.mosaic.n_bands());
+        let n_cells = self.mosaic.n_cells();
+        let n_bands = self.mosaic.n_bands();
         check_length("correction", correction.n_bands(), n_bands)?;
         check_length("corrected cube", values.len(), correction.n_virtual_bands() * n_cells)?;
         check_length("mask", masks.len(), n_cells)?;
         let columns = self.mosaic.cells()[0] as usize;
         let mut scratch = Scratch::new(self.mosaic.area()[0]);
-        let (mut bands, mut measured) = (vec![0.0; n_bands * columns], vec![0; columns]);
+        let mut bands = vec![0.0; n_bands * columns];
+        let mut measured = vec![0; columns];
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: &mut bands, stride: columns, start: 0 };
             wide_loops::run(

@@ -39,7 +39,8 @@ impl Correction {
         if !is_size(n_bands) {
             return Err(SpectralError::CorrectionSize { what: "bands", n: n_bands });
         }
-        let (mut needs, mut groups) = (Vec::new(), Vec::new());
+        let mut needs = Vec::new();
+        let mut groups = Vec::new();
         for (j, coefficients) in rows.into_iter().enumerate() {
             check_length("row of the correction", coefficients.len(), n_bands)?;
             if let Some(value) = coefficients.iter().find(|value| !value.is_finite()) {
@@ -137,7 +138,8 @@ fn combine_into(group: &[[f32; ROWS]], block: &[[f32; BLOCK]; MAX_BANDS], sums: 
     for lane in 0..BLOCK / LANES {
         let mut chunk = [[0.0; LANES]; ROWS];
         for (coefficients, values) in group.iter().zip(block) {
-            let (values, coefficients) = (values.as_chunks::<LANES>().0[lane], *coefficients);
+            let values = values.as_chunks::<LANES>().0[lane];
+            let coefficients = *coefficients;
             for row in 0..ROWS {
                 for k in 0..LANES {
                     chunk[row][k] += coefficients[row] * values[k];
@@ -170,7 +172,8 @@ mod tests {
     fn corrected_cell_is_the_product_of_matrix_and_bands() {
         let value = |band: usize, cell: usize| (band * 31 + cell * 7 % 53) as f32 / 100.0;
         let bands: Vec<f32> = (0..4).flat_map(|band| (0..N_CELLS).map(move |cell| value(band, cell))).collect();
-        let (mut out, mut masks) = (vec![9.0; 3 * N_CELLS], vec![9; N_CELLS]);
+        let mut out = vec![9.0; 3 * N_CELLS];
+        let mut masks = vec![9; N_CELLS];
         correction().correct_into(&bands, &[0b1111; N_CELLS], &mut out, &mut masks).expect("fits");
         assert_eq!(masks, [0b111; N_CELLS]);
         for (j, row) in matrix().iter().enumerate() {
@@ -185,7 +188,8 @@ mod tests {
     fn invalid_band_invalidates_only_the_rows_that_use_it() {
         let mut masks = [0b1111; N_CELLS];
         (masks[40], masks[76]) = (0b1011, 0b1110);
-        let (mut out, mut valid) = (vec![9.0; 3 * N_CELLS], vec![9; N_CELLS]);
+        let mut out = vec![9.0; 3 * N_CELLS];
+        let mut valid = vec![9; N_CELLS];
         correction().correct_into(&[0.5; 4 * N_CELLS], &masks, &mut out, &mut valid).expect("fits");
         assert_eq!((valid[39], valid[40], valid[76]), (0b111, 0b010, 0b100));
         let at = |cell: usize| [0, 1, 2].map(|j| out[j * N_CELLS + cell]);

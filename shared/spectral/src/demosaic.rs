@@ -101,7 +101,8 @@ impl Demosaicer {
         method: Demosaicing,
         bands: &mut [f32],
     ) -> Result<(), SpectralError> {
-        let (width, n_pixels) = (self.lattice.width, self.lattice.width * self.lattice.height);
+        let width = self.lattice.width;
+        let n_pixels = self.lattice.width * self.lattice.height;
         check_length("bands", bands.len(), n_pixels * self.n_bands())?;
         let mut rows = self.rows(samples, method)?;
         for start in (0..n_pixels).step_by(width) {
@@ -153,7 +154,8 @@ impl Demosaicer {
             }
         }
         difference_into(samples, &self.ppi, &mut self.difference);
-        let (mosaic, shared) = (&self.difference[..], Some(&self.ppi[..]));
+        let mosaic = &self.difference[..];
+        let shared = Some(&self.ppi[..]);
         Ok(Rows::new(Parts { lattice: &self.lattice, mosaic, shared, measured: samples }))
     }
 

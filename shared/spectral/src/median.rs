@@ -41,7 +41,8 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
 /// Cells with an invalid neighbor, and its bands as bits. Cells at the rim have all bits.
 fn gaps(columns: usize, rows: usize, masks: &[u32], bands: u32) -> Vec<(usize, u32)> {
     let lacking = |cell: usize| {
-        let (x, y) = (cell % columns, cell / columns);
+        let x = cell % columns;
+        let y = cell / columns;
         if x == 0 || y == 0 || x + 1 == columns || y + 1 == rows {
             return bands;
         }
@@ -53,8 +54,10 @@ fn gaps(columns: usize, rows: usize, masks: &[u32], bands: u32) -> Vec<(usize, u
 
 /// Median of the valid values around a valid cell.
 fn of_valid(cell: usize, columns: usize, before: &[f32], is_valid: impl Fn(usize) -> bool) -> f32 {
-    let (x, y) = (cell % columns, cell / columns);
-    let (mut around, mut n) = ([0.0; 9], 0);
+    let x = cell % columns;
+    let y = cell / columns;
+    let mut around = [0.0; 9];
+    let mut n = 0;
     for row in y.saturating_sub(1)..(y + 2).min(before.len() / columns) {
         for column in x.saturating_sub(1)..(x + 2).min(columns) {
             let near = row * columns + column;
@@ -84,10 +87,16 @@ impl Row<'_> {
     fn medians(self) {
         let Self { three, sorted: [low, middle, high], out } = self;
         let n = out.len();
-        let (above, here, below) = (&three[..n], &three[n..2 * n], &three[2 * n..3 * n]);
-        let (low, middle, high) = (&mut low[..n], &mut middle[..n], &mut high[..n]);
+        let above = &three[..n];
+        let here = &three[n..2 * n];
+        let below = &three[2 * n..3 * n];
+        let low = &mut low[..n];
+        let middle = &mut middle[..n];
+        let high = &mut high[..n];
         for i in 0..n {
-            let (a, b, c) = (above[i], here[i], below[i]);
+            let a = above[i];
+            let b = here[i];
+            let c = below[i];
             low[i] = min(min(a, b), c);
             middle[i] = median(a, b, c);
             high[i] = max(max(a, b), c);
@@ -155,7 +164,8 @@ mod tests {
             let mut found = cube.clone();
             median_3x3([columns as u32, rows as u32], &mut found, &masks).expect("fits");
             for (at, value) in found.iter().enumerate() {
-                let (band, cell) = (at / n_cells, at % n_cells);
+                let band = at / n_cells;
+                let cell = at % n_cells;
                 let is_valid = |near: usize| masks[near] >> band & 1 == 1;
                 let before = &cube[band * n_cells..(band + 1) * n_cells];
                 let expected = if is_valid(cell) { of_valid(cell, columns, before, is_valid) } else { before[cell] };

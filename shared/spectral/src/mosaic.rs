@@ -86,7 +86,8 @@ impl Mosaic {
     /// The band of a sample of the raw image, by its index; the pattern continues outside of the active area.
     pub(crate) fn band_of(&self, at: usize) -> usize {
         let phase = |v: usize, origin: u32| (v as i64 - i64::from(origin)).rem_euclid(i64::from(self.pattern)) as usize;
-        let (x, y) = (at % self.width as usize, at / self.width as usize);
+        let x = at % self.width as usize;
+        let y = at / self.width as usize;
         phase(y, self.y0) * self.pattern as usize + phase(x, self.x0)
     }
     /// Width and height of all complete cells, px.

@@ -175,13 +175,15 @@ impl<'a> Alone<'a> {
         report.steps_s = self.step_nanos as f64 * 1e-9;
         report.step = Latency::from(&self.step_times);
         report.drive_s = self.drive.map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 * 1e-9);
-        let (inputs, outputs) = (self.program.inputs(), self.program.outputs());
+        let inputs = self.program.inputs();
+        let outputs = self.program.outputs();
         let (ports, traffic) = if inputs.is_empty() { (outputs, &report.outputs) } else { (inputs, &report.inputs) };
         report.points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
         report.points_per_s = if report.steps_s > 0.0 { report.points as f64 / report.steps_s } else { 0.0 };
         Outputs { counters: report.counters, notes: report.notes, doubts: report.doubts, .. } = self.outputs;
         let used = process_usage();
-        (report.cpu_s, report.peak_rss_bytes) = (used.cpu_s, used.peak_rss_bytes);
+        report.cpu_s = used.cpu_s;
+        report.peak_rss_bytes = used.peak_rss_bytes;
         Ok(report)
     }
 
@@ -223,7 +225,8 @@ impl<'a> Alone<'a> {
 
     /// Ticks of a source to its end.
     fn source_ticks(&mut self) -> Result<bool, StepError> {
-        let (mut barrier, mut since) = (0, None);
+        let mut barrier = 0;
+        let mut since = None;
         for tick in 0.. {
             let end = self.step(&mut Inputs::default(), true)? == Flow::End;
             let drive_time = self.outputs.drive_time.unwrap_or_default();
@@ -234,7 +237,8 @@ impl<'a> Alone<'a> {
                 since = Some(drive_time);
             }
             let progress = self.outputs.progress.unwrap_or_default() as f32;
-            let (barrier, end_row) = (if barrier_due { barrier } else { 0 }, u32::from(end));
+            let barrier = if barrier_due { barrier } else { 0 };
+            let end_row = u32::from(end);
             self.complete(TickRow { tick, barrier, drive_time, progress, end: end_row, ..TickRow::default() })?;
             if end {
                 break;

@@ -32,7 +32,9 @@ pub(crate) fn remote_output<T: Message>() -> Box<dyn AnyOutput> {
 }
 
 fn new_output<T: Message>(is_remote: bool) -> Box<dyn AnyOutput> {
-    let (next_seq, published, column) = (0, Vec::new(), None);
+    let next_seq = 0;
+    let published = Vec::new();
+    let column = None;
     Box::new(TypedOutput::<T>(Box::new(MemoryOutput::<T> { next_seq, published, is_remote, column })))
 }
 
@@ -57,7 +59,8 @@ impl<T: Message> Output<T> for MemoryOutput<T> {
 
     fn skip_to(&mut self, seq: u64) -> bool {
         if self.is_remote {
-            (self.next_seq, self.column) = (seq, Some(seq));
+            self.next_seq = seq;
+            self.column = Some(seq);
         }
         true
     }

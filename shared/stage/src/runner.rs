@@ -167,7 +167,9 @@ impl<'a> Runner<'a> {
     /// Waits until all producers and consumers are there; a source then waits for the start. `false` if the run is being
     /// stopped.
     fn connect(&mut self) -> Result<bool, StepError> {
-        let (inputs, outputs, control) = (&self.inputs, &mut self.outputs, &self.control);
+        let inputs = &self.inputs;
+        let outputs = &mut self.outputs;
+        let control = &self.control;
         let missing = std::cell::RefCell::new(String::new());
         let waiter = Rc::clone(&self.ports.waiter);
         let connected = waiter.wait_until(
@@ -196,7 +198,8 @@ impl<'a> Runner<'a> {
         if !self.is_source() {
             return Ok(true);
         }
-        let (control, command) = (&self.control, &mut self.command);
+        let control = &self.control;
+        let command = &mut self.command;
         waiter.wait_until(|| Activity::Ready, || read_command(control, command).map(|()| command.go))
     }
 
@@ -209,8 +212,10 @@ impl<'a> Runner<'a> {
                 Some(false) => {}
             }
         }
-        let (outputs, end) = (&mut self.outputs, self.last_row);
-        let (control, command) = (&self.control, &mut self.command);
+        let outputs = &mut self.outputs;
+        let end = self.last_row;
+        let control = &self.control;
+        let command = &mut self.command;
         let repeats = self.assignment.context.mode == Mode::Live;
         let taken = self.ports.waiter.wait_until(
             || Activity::Draining,
@@ -282,7 +287,9 @@ impl<'a> Runner<'a> {
 
     /// Waits until every input has the whole tick, and checks that all inputs agree on barrier and end.
     fn gather(&mut self) -> Result<Option<TickRow>, StepError> {
-        let (inputs, outputs, tick) = (&mut self.inputs, &mut self.outputs, self.tick);
+        let inputs = &mut self.inputs;
+        let outputs = &mut self.outputs;
+        let tick = self.tick;
         let saving = &mut self.saving;
         let late = std::cell::RefCell::new(String::new());
         let mut agreed: Option<TickRow> = None;
@@ -385,8 +392,11 @@ impl<'a> Runner<'a> {
         let mut health = self.pulse.update();
         health.points = points;
         let Health { step, age, .. } = &mut *health;
-        (*step, *age) = (Latency::from(&self.step_times), Latency::from(&self.ages));
-        (health.inputs, health.outputs, health.arrivals) = (inputs, outputs, arrivals);
+        *step = Latency::from(&self.step_times);
+        *age = Latency::from(&self.ages);
+        health.inputs = inputs;
+        health.outputs = outputs;
+        health.arrivals = arrivals;
         health.waits = self.ports.waiter.waits();
         health.transport_cpu_s = self.ports.waiter.transport_nanos.get() as f64 * 1e-9;
         health.counters.clone_from(&self.outputs.counters);

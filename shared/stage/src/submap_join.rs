@@ -80,7 +80,8 @@ impl JoinedSubmap {
     }
 
     fn check_length(&self, port: &str, n_rows: usize) -> Result<(), StepError> {
-        let (seq, n_points) = (self.submap.seq(), self.submap.rows().len());
+        let seq = self.submap.seq();
+        let n_points = self.submap.rows().len();
         if n_rows == n_points {
             return Ok(());
         }

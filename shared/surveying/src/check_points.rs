@@ -91,7 +91,8 @@ fn surfaces(run: &RunFolder, frame: &TargetFrame<'_>, points: &[CheckPoint]) -> 
         }
     }
     let find = |cloud: &Cloud<'_>, rows: &[u8]| -> Result<Vec<(usize, [f64; 3])>, DeliverError> {
-        let (mut converter, mut found) = (frame.converter(), Vec::new());
+        let mut converter = frame.converter();
+        let mut found = Vec::new();
         for row in rows.chunks_exact(cloud.columns.row_size()) {
             let point = cloud.columns.point(row);
             if point.is_moving || point.xyz.iter().any(|value| !value.is_finite()) {

@@ -108,7 +108,8 @@ impl<'a> Cloud<'a> {
 
 /// All clouds that are in the frame of the run, and the number of points of the others.
 pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), DeliverError> {
-    let (mut clouds, mut n_left_out) = (Vec::new(), 0);
+    let mut clouds = Vec::new();
+    let mut n_left_out = 0;
     for entry in &run.index.clouds {
         match Cloud::open(run, entry)? {
             Some(cloud) => clouds.push(cloud),

@@ -140,12 +140,15 @@ impl Encoder<'_> {
 
     fn part<K>(&self, first: usize, rows: &[u8], key_of: impl Fn([i32; 3]) -> K) -> Result<Part<K>, CrsError> {
         let Self { delivery, cloud, .. } = self;
-        let (row_size, n_bytes) = (cloud.columns.row_size(), delivery.layout.n_bytes());
+        let row_size = cloud.columns.row_size();
+        let n_bytes = delivery.layout.n_bytes();
         // 0 is no source.
         let submap = u16::try_from(cloud.entry.seq + 1).unwrap_or(u16::MAX);
         let n = rows.len() / row_size;
-        let (mut records, mut keys) = (vec![0; n * n_bytes], Vec::with_capacity(n));
-        let (mut converter, mut near) = (delivery.frame.converter(), 0);
+        let mut records = vec![0; n * n_bytes];
+        let mut keys = Vec::with_capacity(n);
+        let mut converter = delivery.frame.converter();
+        let mut near = 0;
         for i in scan_line_order(&cloud.columns, rows) {
             let row = &rows[i * row_size..][..row_size];
             let point = cloud.columns.point(row);

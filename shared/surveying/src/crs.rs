@@ -155,7 +155,9 @@ impl Crs {
 
     /// WKT 1 of this system with a height (OGC 01-009), as LAS 1.4 wants it.
     pub fn wkt(&self, vertical: &VerticalDatum) -> String {
-        let (name, epsg, vertical_name) = (&self.name, self.epsg, vertical.name());
+        let name = &self.name;
+        let epsg = self.epsg;
+        let vertical_name = vertical.name();
         let (method, parameters) = match &self.method {
             Method::TransverseMercator { zone, is_north } => (
                 "Transverse_Mercator",

@@ -96,7 +96,8 @@ impl GrowingCloud {
         let times = records.chunks_exact(self.facts.record_bytes).map(gps_time_of);
         let times_s = times.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], time| [a.min(time), b.max(time)]);
         let bounds = extent.bounds.map(|corner| crate::cloud_delivery::metres(corner, self.facts.offset_m));
-        let (begin, n_all) = (self.end, cloud.len() as u64);
+        let begin = self.end;
+        let n_all = cloud.len() as u64;
         self.end += records.len() as u64;
         self.extent.join(&extent);
         self.write_header()?;
@@ -134,8 +135,11 @@ impl GrowingCloud {
 /// Rows of evenly spread points, and a position of the LiDAR for each sweep.
 fn sampled_rows(cloud: &PlyRows, columns: &Columns) -> Result<(Vec<u8>, Vec<[f64; 3]>), DeliverError> {
     let step = cloud.len().div_ceil(MAX_POINTS).max(1);
-    let (row_size, block_points) = (columns.row_size(), step * 4096);
-    let (mut rows, mut path, mut last_frame) = (Vec::new(), Vec::new(), None);
+    let row_size = columns.row_size();
+    let block_points = step * 4096;
+    let mut rows = Vec::new();
+    let mut path = Vec::new();
+    let mut last_frame = None;
     let mut block = Vec::new();
     for first in (0..cloud.len()).step_by(block_points) {
         block.resize(block_points.min(cloud.len() - first) * row_size, 0);
@@ -155,7 +159,8 @@ fn sampled_rows(cloud: &PlyRows, columns: &Columns) -> Result<(Vec<u8>, Vec<[f64
 /// Horizontal direction from the first to the last position; along x without one.
 fn direction(path: &[[f64; 3]]) -> [f64; 2] {
     let (Some([x0, y0, _]), Some([x1, y1, _])) = (path.first(), path.last()) else { return [1.0, 0.0] };
-    let (x, y) = (x1 - x0, y1 - y0);
+    let x = x1 - x0;
+    let y = y1 - y0;
     let length = x.hypot(y);
     if length > 0.0 { [x / length, y / length] } else { [1.0, 0.0] }
 }

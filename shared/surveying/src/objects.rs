@@ -94,8 +94,11 @@ struct Object {
 impl Objects {
     /// Adds the points of a cloud with the columns `semantic` and `instance`. Points without a finite position are ignored.
     pub fn add(&mut self, cloud: &Vertices) -> Result<(), PlyError> {
-        let (x, y, z) = (cloud.f64s("x")?, cloud.f64s("y")?, cloud.f64s("z")?);
-        let (classes, instances) = (cloud.u8s("semantic")?, cloud.i64s("instance")?);
+        let x = cloud.f64s("x")?;
+        let y = cloud.f64s("y")?;
+        let z = cloud.f64s("z")?;
+        let classes = cloud.u8s("semantic")?;
+        let instances = cloud.i64s("instance")?;
         let scores = if cloud.has("score") { Some(cloud.f32s("score")?) } else { None };
         let mut seen = BTreeSet::new();
         let has_position = |point_idx: usize| [&x, &y, &z].iter().all(|axis| axis[point_idx].is_finite());
@@ -142,7 +145,8 @@ impl ObjectSummary {
         let OrientedRectangle { center: [x, y], length_m, width_m, heading } = self.footprint;
         let (sin, cos) = heading.sin_cos();
         [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[along, across]| {
-            let (u, v) = (along * length_m, across * width_m);
+            let u = along * length_m;
+            let v = across * width_m;
             [x + u * cos - v * sin, y + u * sin + v * cos]
         })
     }
@@ -167,7 +171,8 @@ mod tests {
             let path = folder.path().join(format!("{half}.ply"));
             let mut writer = PlyWriter::create(&path, &header, 40 * 36).expect("creates");
             let encode = |i: usize, row: &mut Row<'_>| {
-                let (x, y) = ((i / 36) as f32 * 0.05 + half as f32 * 2.0 + 0.02, (i % 36) as f32 * 0.05 + 0.02);
+                let x = (i / 36) as f32 * 0.05 + half as f32 * 2.0 + 0.02;
+                let y = (i % 36) as f32 * 0.05 + 0.02;
                 row.f32(x).f32(y).f32(if i == 0 { 1.5 } else { 0.25 }).u8(if i < 9 { 0 } else { 10 }).i32(5);
             };
             writer.write_each(40 * 36, encode).expect("writes");

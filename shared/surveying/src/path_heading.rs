@@ -16,7 +16,8 @@ impl PathHeading {
         let forward = |pose: &geometry::Pose| {
             let ahead = pose.rotation * Vector3::x();
             // Axes that are turned clockwise see directions turned counter-clockwise.
-            let (x, y) = (ahead.x * cos - ahead.y * sin, ahead.x * sin + ahead.y * cos);
+            let x = ahead.x * cos - ahead.y * sin;
+            let y = ahead.x * sin + ahead.y * cos;
             let length = x.hypot(y).max(f64::MIN_POSITIVE);
             [x / length, y / length]
         };

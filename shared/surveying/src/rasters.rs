@@ -134,7 +134,8 @@ impl Pyramid {
     fn new(tiles: &BTreeSet<Tile>) -> Option<Self> {
         let columns = || tiles.iter().map(|tile| tile.0);
         let rows = || tiles.iter().map(|tile| tile.1);
-        let (low, high) = ((columns().min()?, rows().max()?), (columns().max()?, rows().min()?));
+        let low = (columns().min()?, rows().max()?);
+        let high = (columns().max()?, rows().min()?);
         let size = [high.0 - low.0 + 1, low.1 - high.1 + 1].map(|n| n as usize);
         // Numbers from the upper left corner.
         let first = tiles.iter().map(|tile| (tile.0 - low.0, low.1 - tile.1)).collect();

@@ -21,7 +21,8 @@ const CALIB: &str = "P0: 1 0 0 0 0 1 0 0 0 0 1 0\nP1: 1 0 0 0 0 1 0 0 0 0 1 0\nP
 /// The frame of a sweep has its origin at the LiDAR at the first shot, and the axes of the body (forward, left, up). Sweeps have no motion
 /// distortion. Points without finite coordinates are left out.
 pub fn write_semantic_kitti(run: &RunFolder, out: &Path) -> Result<usize, DeliverError> {
-    let (velodyne, labels) = (out.join("velodyne"), out.join("labels"));
+    let velodyne = out.join("velodyne");
+    let labels = out.join("labels");
     for folder in [&velodyne, &labels] {
         std::fs::create_dir_all(folder).map_err(DeliverError::file(folder, "create"))?;
     }
@@ -89,7 +90,8 @@ impl Sweep {
         let first = points.iter().min_by(|a, b| a.time_s.total_cmp(&b.time_s))?;
         let stamp = Stamp::from_seconds(first.time_s);
         // The first shot may lie before the first pose by the rounding of its time.
-        let (begin, end) = (trajectory.poses().first()?.0, trajectory.poses().last()?.0);
+        let begin = trajectory.poses().first()?.0;
+        let end = trajectory.poses().last()?.0;
         let world_from_body = trajectory.at(stamp.clamp(begin, end))?;
         let origin = Translation3::from(Vector3::from(first.lidar_xyz));
         Some(Self { stamp, world_from_sweep: Isometry3::from_parts(origin, turn * world_from_body.rotation) })

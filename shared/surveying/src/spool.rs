@@ -102,7 +102,8 @@ impl<K: Ord + Copy> Spool<K> {
         let most_bytes = most_points.saturating_mul(self.record_bytes);
         let mut bytes: Vec<u8> = Vec::new();
         for piece in pieces {
-            let (mut at, mut left) = (piece.at, piece.n_bytes);
+            let mut at = piece.at;
+            let mut left = piece.n_bytes;
             while left > 0 {
                 let n = left.min(most_bytes - bytes.len());
                 let begin = bytes.len();

@@ -60,7 +60,8 @@ fn rotation_at<E>(
         let step = axis * STEP_M;
         Ok((Vector3::from(map(&(p + step))?) - Vector3::from(map(&(p - step))?)).normalize())
     };
-    let (x, y) = (along(Vector3::x())?, along(Vector3::y())?);
+    let x = along(Vector3::x())?;
+    let y = along(Vector3::y())?;
     let z = x.cross(&y).normalize();
     Ok(UnitQuaternion::from_basis_unchecked(&[x, z.cross(&x), z]))
 }

@@ -4,8 +4,12 @@ use random::{hash, unit};
 
 /// Value noise in three dimensions, within -1 to 1, with period 1 between its random values.
 pub fn value_noise(seed: u64, x: f32, y: f32, z: f32) -> f32 {
-    let (ix, iy, iz) = (x.floor(), y.floor(), z.floor());
-    let (fx, fy, fz) = (smooth(x - ix), smooth(y - iy), smooth(z - iz));
+    let ix = x.floor();
+    let iy = y.floor();
+    let iz = z.floor();
+    let fx = smooth(x - ix);
+    let fy = smooth(y - iy);
+    let fz = smooth(z - iz);
     let corner = |dx: i64, dy: i64, dz: i64| {
         // 21 bits per axis: no repetition within a million cells.
         let part = |v: f32, d: i64| ((v as i64 + d) & 0x1f_ffff) as u64;

@@ -48,7 +48,8 @@ impl GroundPath {
     /// Curvature in the plane, rad/m, positive to the left.
     pub fn curvature(&self, s: f64) -> f64 {
         let h = 0.1;
-        let (before, after) = (self.direction(s - h).xy(), self.direction(s + h).xy());
+        let before = self.direction(s - h).xy();
+        let after = self.direction(s + h).xy();
         before.perp(&after).atan2(before.dot(&after)) / (2.0 * h)
     }
     /// Frame of a vehicle `left_m` to the left of the path: x along the path, tilted with the ground, rotated by `yaw` (rad).

@@ -36,7 +36,8 @@ impl SceneBuilder {
     /// The corners go around. One panel if they are those of a parallelogram, else two triangles; nothing without area, as
     /// where a wall ends at a window's edge.
     pub fn quad(&mut self, [a, b, c, d]: [Vec3; 4], surface: SurfaceId) {
-        let (edge1, edge2) = (b - a, d - a);
+        let edge1 = b - a;
+        let edge2 = d - a;
         if (c - b - edge2).amax() < FLAT_M {
             if edge1.cross(&edge2).norm_squared() == 0.0 {
                 return;
@@ -55,7 +56,8 @@ impl SceneBuilder {
     }
     /// A box from its lowest to its highest corner in the frame `pose`.
     pub fn cuboid(&mut self, pose: &Isometry3<f32>, low: [f32; 3], high: [f32; 3], surface: SurfaceId) {
-        let (low, high) = (Vec3::from(low), Vec3::from(high));
+        let low = Vec3::from(low);
+        let high = Vec3::from(high);
         let center = (pose * Point3::from((low + high) * 0.5)).coords;
         self.add(Shape::Cuboid { center, half: (high - low) * 0.5, rotation: pose.rotation }, surface);
     }

@@ -19,7 +19,8 @@ impl Spectrum {
     pub fn from_anchors(values: [f32; 11]) -> Self {
         Self::from_fn(|nm| {
             let after = ANCHORS_NM.partition_point(|&a| a <= nm).clamp(1, 10);
-            let (a, b) = (ANCHORS_NM[after - 1], ANCHORS_NM[after]);
+            let a = ANCHORS_NM[after - 1];
+            let b = ANCHORS_NM[after];
             let share = (nm - a) / (b - a);
             values[after - 1] * (1.0 - share) + values[after] * share
         })

@@ -67,7 +67,9 @@ impl SpeedProfile {
     fn simulate(path: &GroundPath, driver: &Driver, start_m: f64, start_mps: f64, seconds: f64) -> Self {
         let limits = Limits::new(path, driver);
         let mut stops = driver.stops.iter().copied().filter(|stop| stop.at_m > start_m + 1.0).peekable();
-        let (mut s, mut speed, mut wait) = (start_m, start_mps, 0.0);
+        let mut s = start_m;
+        let mut speed = start_mps;
+        let mut wait = 0.0;
         // The first three knots are equal, so that the vehicle starts at rest.
         let mut lengths = vec![SVector::from([s]); if start_mps > 0.0 { 1 } else { 3 }];
         let step = KNOT_SECONDS / STEPS as f64;
@@ -126,7 +128,8 @@ impl Limits {
     }
     fn at(&self, s: f64) -> f64 {
         let n = self.mps.len() as i64;
-        let (i, t) = (s.floor() as i64, s - s.floor());
+        let i = s.floor() as i64;
+        let t = s - s.floor();
         let at = |i: i64| self.mps[i.rem_euclid(n) as usize];
         at(i) + (at(i + 1) - at(i)) * t
     }
@@ -152,7 +155,8 @@ mod tests {
         let speed = |t: f64| (profile.distance_m(t + 1e-3) - profile.distance_m(t - 1e-3)) / 2e-3;
         assert_eq!(profile.distance_m(0.0), 20.0);
         assert!(speed(0.0).abs() < 1e-9);
-        let (mut fastest, mut standing) = (0.0_f64, 0.0);
+        let mut fastest = 0.0_f64;
+        let mut standing = 0.0;
         for i in 0..600 {
             let t = 0.1 * f64::from(i);
             fastest = fastest.max(speed(t));

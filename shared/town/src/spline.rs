@@ -29,7 +29,10 @@ impl<const D: usize> Spline<D> {
     /// Place at `u`, counted in points.
     pub fn at(&self, u: f64) -> SVector<f64, D> {
         let t = u - u.floor();
-        let (t2, t3, t4, t5) = (t * t, t.powi(3), t.powi(4), t.powi(5));
+        let t2 = t * t;
+        let t3 = t.powi(3);
+        let t4 = t.powi(4);
+        let t5 = t.powi(5);
         self.sum(
             u,
             [
@@ -45,7 +48,9 @@ impl<const D: usize> Spline<D> {
     /// Derivative by `u`.
     pub fn slope(&self, u: f64) -> SVector<f64, D> {
         let t = u - u.floor();
-        let (t2, t3, t4) = (t * t, t.powi(3), t.powi(4));
+        let t2 = t * t;
+        let t3 = t.powi(3);
+        let t4 = t.powi(4);
         self.sum(
             u,
             [

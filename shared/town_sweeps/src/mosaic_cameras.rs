@@ -47,14 +47,16 @@ impl MosaicCameras {
                 let model = spec.sensor.clone();
                 let calibration = sensor_calibration(&model);
                 let filters_nm: Vec<f64> = model.bands().iter().map(|band| f64::from(band.center_nm)).collect();
-                let (area, pattern) = (model.active_area.map(|v| v as u32), model.pattern as u32);
+                let area = model.active_area.map(|v| v as u32);
+                let pattern = model.pattern as u32;
                 let mosaic = Mosaic::new(SIZE.map(|v| v as u32), pattern, area, BIT_DEPTH)?;
                 let sensor = MosaicCamera::new(model, &spec.lens);
                 let reference = |what, frame: &[u16]| {
                     let mut reference = Reference::new(what, &mosaic);
                     reference.add(frame).map(|()| reference)
                 };
-                let (dark, white) = (reference("dark", &sensor.dark(1))?, reference("white", &sensor.white(2))?);
+                let dark = reference("dark", &sensor.dark(1))?;
+                let white = reference("white", &sensor.white(2))?;
                 let target =
                     WhiteTarget { reflectance: f64::from(WHITE_REFLECTANCE), exposure_nanos: WHITE_EXPOSURE_NANOS };
                 let references = Calibration::new(&mosaic, &dark, &white, target)?;
@@ -85,7 +87,8 @@ impl MosaicCameras {
         let stamps = simulation.exposures();
         let stamps: Vec<Stamp> =
             stamps.into_iter().filter(|stamp| (begin - age_nanos..=end + age_nanos).contains(&stamp.0)).collect();
-        let (mut shot, mut models) = (Vec::new(), CubeRegions::default());
+        let mut shot = Vec::new();
+        let mut models = CubeRegions::default();
         for (index, camera) in self.cameras.iter().enumerate() {
             for stamp in &stamps {
                 let raw = simulation.mosaic(&camera.sensor, index, *stamp);
@@ -121,8 +124,10 @@ impl MosaicCameras {
 impl CalibratedCamera {
     /// Header and rows of the cube of a raw frame.
     fn cube(&self, index: usize, raw: &[u16], median: bool) -> Result<(CubeHeader, Vec<u32>), SpectralError> {
-        let (mosaic, wavelengths_nm) = (self.spectral.mosaic(), self.spectral.wavelengths_nm());
-        let ([width, height], [x0, y0]) = (mosaic.cells(), mosaic.origin());
+        let mosaic = self.spectral.mosaic();
+        let wavelengths_nm = self.spectral.wavelengths_nm();
+        let [width, height] = mosaic.cells();
+        let [x0, y0] = mosaic.origin();
         let mut header = CubeHeader {
             camera: index as u32,
             width,

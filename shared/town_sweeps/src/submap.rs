@@ -30,7 +30,8 @@ impl TownSubmap {
         for shot in returns.chunk_by(|a, b| a.nanos == b.nanos) {
             let submap_from_lidar = submap_from_lidar(shot[0].nanos);
             for found in shot {
-                let (azimuth, up) = (found.azimuth_deg.to_radians(), found.elevation_deg.to_radians());
+                let azimuth = found.azimuth_deg.to_radians();
+                let up = found.elevation_deg.to_radians();
                 let range_m = f64::from(found.range_m + RANGE_SIGMA_M * random.gauss());
                 let ray = Vector3::new(up.cos() * azimuth.cos(), -up.cos() * azimuth.sin(), up.sin());
                 let at = submap_from_lidar * Point3::from(ray * range_m);

@@ -112,7 +112,8 @@ fn trace(
 /// Position of the LiDAR when it saw a point, and the point, in the submap frame.
 fn eye_and_point(sweep: &SubmapSweep, point: &SubmapPoint) -> ([f32; 3], [f32; 3]) {
     let share = (point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32).min(1.0);
-    let (begin, end) = (&sweep.submap_from_lidar_begin, &sweep.submap_from_lidar_end);
+    let begin = &sweep.submap_from_lidar_begin;
+    let end = &sweep.submap_from_lidar_end;
     let at = [point.x, point.y, point.z];
     // The point minus the ray of the range image, with the rounding of that subtraction: published experiments depend on it.
     let eye = std::array::from_fn(|axis| at[axis] - (at[axis] - (begin[axis] + share * (end[axis] - begin[axis]))));

@@ -113,7 +113,8 @@ fn shares(labels: &BevLabels) -> Vec<f32> {
 
 /// Mean features of the pixels of each cell, zero for empty cells. A pixel has the features of its folded column.
 fn grid(features: &Planes, labels: &BevLabels, fold: usize) -> Planes {
-    let (side, shares) = (labels.side, shares(labels));
+    let side = labels.side;
+    let shares = shares(labels);
     let mut grid = Planes::zeros(features.channels(), side, side);
     for block in 0..features.n_blocks() {
         each_pixel(labels, features.width(), fold, |row, column, cell| {
@@ -126,7 +127,8 @@ fn grid(features: &Planes, labels: &BevLabels, fold: usize) -> Planes {
 
 /// Derivative with respect to the features from that with respect to [`grid`].
 fn by_features(by_grid: &Planes, features: &Planes, labels: &BevLabels, fold: usize) -> Planes {
-    let (side, shares) = (labels.side, shares(labels));
+    let side = labels.side;
+    let shares = shares(labels);
     let mut by = Planes::zeros(features.channels(), features.height(), features.width());
     for block in 0..features.n_blocks() {
         each_pixel(labels, features.width(), fold, |row, column, cell| {

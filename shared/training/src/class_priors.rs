@@ -69,7 +69,8 @@ impl LabeledMeans {
         std::array::from_fn(|step| {
             let mut confusion = Confusion::new(n_classes);
             for pair in 0..n_classes * n_classes {
-                let (truth, other) = (pair / n_classes, pair % n_classes);
+                let truth = pair / n_classes;
+                let other = pair % n_classes;
                 won[pair] += bins[bin(step, truth, other)];
                 confusion.add_n(truth, class, won[pair]);
                 confusion.add_n(truth, other, totals[pair] - won[pair]);

@@ -45,7 +45,8 @@ pub fn match_classes(start: &mut Weights, of_start: ClassLayer<'_>, random: &Wei
         let mut values = random.values.clone();
         let n_row: usize = taken.shape[1..].iter().product();
         for (row, values) in values.chunks_exact_mut(n_row).enumerate() {
-            let (column, class) = (row / own.classes.len(), row % own.classes.len());
+            let column = row / own.classes.len();
+            let class = row % own.classes.len();
             if let Some(source) = source_of[class] {
                 let row = column * of_start.classes.len() + source;
                 values.copy_from_slice(&taken.values[row * n_row..][..n_row]);

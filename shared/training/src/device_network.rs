@@ -28,7 +28,8 @@ impl DeviceNetwork {
         border: Border,
         device: &Device,
     ) -> Result<Self, SegmentationError> {
-        let (mut variables, mut filters) = (Vec::new(), Vec::new());
+        let mut variables = Vec::new();
+        let mut filters = Vec::new();
         for filter in weights.filters(spec)? {
             let [weights, biases] = tensors_of(&filter, device)?;
             let of_layer = [Var::from_tensor(&weights)?, Var::from_tensor(&biases)?];

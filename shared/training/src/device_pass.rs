@@ -71,7 +71,8 @@ impl<'a> DevicePass<'a> {
                 .push(derived.get(variable).map_or_else(|| variable.zeros_like(), |by| Ok(by.clone()))?.flatten_all()?);
         }
         let values = Tensor::cat(&wanted, 0)?.to_vec1::<f32>()?;
-        let (loss, mut values) = (f64::from(values[0]), &values[1..]);
+        let loss = f64::from(values[0]);
+        let mut values = &values[1..];
         let mut take = |n: usize| {
             let (taken, rest) = values.split_at(n);
             values = rest;
@@ -85,7 +86,8 @@ impl<'a> DevicePass<'a> {
     }
     /// Logits of all pixels, one row for each: sizes of images outermost, then parts of a folded column, images, rows, columns.
     fn run(&self, mut dropout: Option<&mut Random>) -> Result<Tensor, TrainingError> {
-        let (fold, n_classes) = (self.pixels.fold, self.pixels.n_classes);
+        let fold = self.pixels.fold;
+        let n_classes = self.pixels.n_classes;
         let mut rows = Vec::with_capacity(self.of_sizes.len());
         for of_size in self.of_sizes.values() {
             let tensors = of_size.par_iter().map(|&index| self.images[index].to_tensor());
@@ -109,7 +111,8 @@ impl<'a> DevicePass<'a> {
         }
         let of_pixel = |&pixel: &u32| {
             let [image, row, column, part] = self.pixels.place(pixel, |image| self.images[image].width());
-            let ([first_row, place, n_images], input) = (places[image], self.images[image]);
+            let [first_row, place, n_images] = places[image];
+            let input = self.images[image];
             (first_row + ((part * n_images + place) * input.height() + row) * input.width() + column) as u32
         };
         known.par_iter().map(of_pixel).collect()

@@ -177,7 +177,8 @@ impl Executor for Run<'_> {
         self.n_layers += 1;
         let filter = &self.network.filters[layer];
         let images: Vec<&Planes> = sources.iter().map(|source| &self.recording.images[**source]).collect();
-        let (height, width) = (images[0].height(), filter.shape.out_width(images[0].width()));
+        let height = images[0].height();
+        let width = filter.shape.out_width(images[0].width());
         let mut out = Planes::zeros(filter.shape.out_channels, height, width);
         convolve(filter, &images, &mut out);
         let sources = sources.iter().map(|source| **source).collect();
@@ -185,14 +186,16 @@ impl Executor for Run<'_> {
     }
     fn max_pool(&mut self, image: &usize, factor: [usize; 2]) -> Result<usize, SegmentationError> {
         let image_of = &self.recording.images[*image];
-        let (height, width) = (image_of.height() / factor[0], image_of.width() / factor[1]);
+        let height = image_of.height() / factor[0];
+        let width = image_of.width() / factor[1];
         let mut out = Planes::zeros(image_of.channels(), height, width);
         max_pool(image_of, factor, &mut out);
         Ok(self.push(out, Step::MaxPool { source: *image, factor }))
     }
     fn upsample(&mut self, image: &usize, factor: [usize; 2]) -> Result<usize, SegmentationError> {
         let image_of = &self.recording.images[*image];
-        let (height, width) = (image_of.height() * factor[0], image_of.width() * factor[1]);
+        let height = image_of.height() * factor[0];
+        let width = image_of.width() * factor[1];
         let mut out = Planes::zeros(image_of.channels(), height, width);
         upsample(image_of, factor, &mut out);
         Ok(self.push(out, Step::Upsample { source: *image, factor }))

@@ -68,7 +68,8 @@ impl ImageNetwork {
         let recordings: Vec<Recording> =
             views.images.par_iter().zip(streams).map(of_image).collect::<Result<_, SegmentationError>>()?;
         let outputs: Vec<&Planes> = recordings.iter().map(Recording::output).collect();
-        let (Views { pixels, used, classes, n_derived, .. }, n_classes) = (views, criterion.n_classes);
+        let Views { pixels, used, classes, n_derived, .. } = views;
+        let n_classes = criterion.n_classes;
         let RowDerivatives { mut loss, by_logits } = criterion.derive_rows(pixels.gather(&outputs, used), classes)?;
         let by_outputs = pixels.scatter(&by_logits[..n_derived * n_classes], &used[..*n_derived], &outputs);
         let head = self.bev_head.as_ref().filter(|_| criterion.bev_head > 0.0);

@@ -100,7 +100,9 @@ fn check(truth: &[u8], example: usize, [rows, columns]: [usize; 2], n_classes: u
     }
     let is_wrong = |&class: &u8| class != UNKNOWN && usize::from(class) >= n_classes;
     truth.iter().position(is_wrong).map_or(Ok(()), |at| {
-        let (row, column, class) = (at / columns, at % columns, truth[at]);
+        let row = at / columns;
+        let column = at % columns;
+        let class = truth[at];
         wrong(format!(
             "row {row}, column {column} has class {class}, must be below {n_classes}, or {UNKNOWN} if unknown"
         ))
@@ -127,7 +129,8 @@ impl Sample {
 
 /// All channels of a pixel in raster order.
 fn features_of(image: &PlanesRef<'_>, pixel: usize) -> Vec<f32> {
-    let (y, x) = (pixel / image.width(), pixel % image.width());
+    let y = pixel / image.width();
+    let x = pixel % image.width();
     (0..image.channels()).map(|channel| image.row(channel / LANES, y)[x][channel % LANES]).collect()
 }
 
@@ -164,7 +167,8 @@ impl Bank {
         let weight = |of: &Sample| (of.n_seen as f32 / of.features.len().max(1) as f32).sqrt();
         let weights = by_class.iter().map(weight).collect();
         let filter = |examples: &[&Vec<f32>]| {
-            let (in_channels, out_channels) = (vec![examples[0].len()], examples.len());
+            let in_channels = vec![examples[0].len()];
+            let out_channels = examples.len();
             let shape = Shape { kernel: [1, 1], stride_x: 1, in_channels, out_channels, rectify: false };
             let weights: Vec<f32> = examples.iter().flat_map(|features| unit(features)).collect();
             Filter::new(shape, &weights, &vec![0.0; examples.len()])
@@ -251,7 +255,8 @@ mod tests {
     #[test]
     fn search_equals_brute_force() {
         // More examples than fit into a filter, and no multiple of 16.
-        let (examples, pixels) = (features(CHUNK + 37, 19, 1), features(50, 19, 2));
+        let examples = features(CHUNK + 37, 19, 1);
+        let pixels = features(50, 19, 2);
         let bank = Bank::new(&[class_of(examples.clone())]);
         for k in [1, 7, 400] {
             let nearest = bank.nearest(&row_of(&pixels), k);
@@ -276,12 +281,14 @@ mod tests {
         // Three sectors: a linear classifier cannot separate the middle one from the outer two.
         let sector = |first: usize| -> Vec<Vec<f32>> {
             let at = |i: usize| {
-                let (angle, length) = ((first as f32 + 0.5 * i as f32).to_radians(), 1.0 + (7 * i % 10) as f32);
+                let angle = (first as f32 + 0.5 * i as f32).to_radians();
+                let length = 1.0 + (7 * i % 10) as f32;
                 vec![length * angle.cos(), length * angle.sin()]
             };
             (0..60).map(at).collect()
         };
-        let (between, beside) = (sector(30), [sector(0), sector(60)].concat());
+        let between = sector(30);
+        let beside = [sector(0), sector(60)].concat();
         let every_other = |features: &[Vec<f32>]| class_of(features.iter().step_by(2).cloned().collect());
         let bank = Bank::new(&[every_other(&beside), every_other(&between)]);
         let right = |features: &[Vec<f32>], class: usize| {

@@ -35,7 +35,8 @@ impl Pixels {
         let image = self.ends.partition_point(|end| *end <= pixel as usize);
         let within = pixel as usize - self.first_of(image);
         let columns = columns_of(image) * self.fold;
-        let (row, column) = (within / columns, within % columns);
+        let row = within / columns;
+        let column = within % columns;
         [image, row, column / self.fold, column % self.fold]
     }
     /// Image, row, column and first channel of a pixel.

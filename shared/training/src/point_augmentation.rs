@@ -145,7 +145,8 @@ pub fn distort(positions: &mut [[f32; 3]], elastic: Elastic, random: &mut Random
         let first: [usize; 3] = std::array::from_fn(|axis| (at[axis] as usize).min(nodes[axis] - 2));
         let mut displacement = [0.0; 3];
         for corner in 0..8 {
-            let (mut node, mut weight) = (0, 1.0);
+            let mut node = 0;
+            let mut weight = 1.0;
             for axis in 0..3 {
                 let upper = corner >> axis & 1;
                 let fraction = at[axis] - first[axis] as f32;
@@ -264,7 +265,8 @@ mod tests {
 
     #[test]
     fn rotation_keeps_heights_and_distances_from_the_axis() {
-        let (before, mut after) = (cube(100), cube(100));
+        let before = cube(100);
+        let mut after = cube(100);
         rotate(&mut after, 1.2);
         for (before, after) in before.iter().zip(&after) {
             assert_eq!(before[2], after[2]);

@@ -156,8 +156,10 @@ impl<N: Network> Trainer<N> {
         let tree = settings.hierarchy.then_some(tree);
         let criterion = Criterion::new(settings.loss.clone(), tree, n_classes, settings.pixels)
             .with_terms(settings.consistency, settings.bev_head);
-        let (best, averaged) = (network.weights()?, network.copied()?);
-        let (adam, curves) = (Adam::new(settings.learning_rate), Curves::default());
+        let best = network.weights()?;
+        let averaged = network.copied()?;
+        let adam = Adam::new(settings.learning_rate);
+        let curves = Curves::default();
         Ok(Self { settings, criterion, network, averaged, adam, curves, best, frozen: Vec::new() })
     }
     /// Freezes the variables whose names have one of these prefixes: `["down."]` freezes the encoder.
@@ -215,7 +217,8 @@ impl<N: Network> Trainer<N> {
         };
         let mut sum = 0.0;
         prepared(&batches, examples_of, |i, examples| {
-            let (step, n_steps) = (epoch * batches.len() + i, self.settings.epochs * batches.len());
+            let step = epoch * batches.len() + i;
+            let n_steps = self.settings.epochs * batches.len();
             self.adam.rate = self.learning_rate(step, n_steps);
             self.fix_statistics(step, n_steps)?;
             sum += self.step(&examples, Random::of_stream(seed, (epoch * data.len() + i) as u64 | 1 << 63))?;

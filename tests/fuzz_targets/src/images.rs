@@ -29,7 +29,8 @@ pub(crate) fn color(bytes: &[u8]) {
 
 /// A stream of images.
 pub(crate) fn multipart(bytes: &[u8]) {
-    let (mut reader, mut image) = (MultipartReader::new(bytes), Vec::new());
+    let mut reader = MultipartReader::new(bytes);
+    let mut image = Vec::new();
     while let Ok(Some(n_bytes)) = reader.next_header() {
         let read = reader.image(n_bytes, &mut image);
         accepted(&read);

@@ -143,7 +143,8 @@ const fn is_same(mut a: &[u8], mut b: &[u8]) -> bool {
         if *first != *second {
             return false;
         }
-        (a, b) = (rest_a, rest_b);
+        a = rest_a;
+        b = rest_b;
     }
     a.is_empty() && b.is_empty()
 }

@@ -93,7 +93,8 @@ fn mutate(bytes: &mut Vec<u8>, corpus: &[Vec<u8>], random: &mut Random) {
             drop(bytes.splice(at..end.max(at), other[from..to].iter().copied()));
         }
         5 | 6 => {
-            let (n_bytes, value) = (1 << random.index(4), EDGES[random.index(EDGES.len())]);
+            let n_bytes = 1 << random.index(4);
+            let value = EDGES[random.index(EDGES.len())];
             let mut value = value.to_le_bytes()[..n_bytes].to_vec();
             if random.chance(0.5) {
                 value.reverse();

@@ -3,7 +3,8 @@
 /// Whether all bytes of `rows` lie in one mapping of a file in shared memory.
 pub fn is_shared_memory<T>(rows: &[T]) -> bool {
     let range = rows.as_ptr_range();
-    let (start, end) = (range.start.addr(), range.end.addr());
+    let start = range.start.addr();
+    let end = range.end.addr();
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
     let holds = |line: &str| {
         let (from, to) = line.split(' ').next()?.split_once('-')?;

@@ -53,7 +53,8 @@ impl Stage for Sink {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let (lines, look_up) = (settings.lines, settings.look_up);
+        let lines = settings.lines;
+        let look_up = settings.look_up;
         let slow = Duration::from_millis(settings.slow_ms);
         let path = context.output.join("sink.txt");
         Ok(Self { path, slow, lines, look_up, text: String::new(), digest: FINGERPRINT_START })

@@ -76,7 +76,8 @@ pub struct Journal {
 
 impl Journal {
     pub(super) fn new(log: Vec<Change>) -> Self {
-        let (mut of_node, mut created) = (BTreeMap::<u64, Vec<usize>>::new(), BTreeMap::new());
+        let mut of_node = BTreeMap::<u64, Vec<usize>>::new();
+        let mut created = BTreeMap::new();
         for (index, change) in log.iter().enumerate() {
             if let Change::Create { node, is_folder, mode, .. } = change {
                 created.insert(*node, (*is_folder, *mode));

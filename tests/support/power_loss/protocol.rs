@@ -92,7 +92,9 @@ pub(super) enum Request<'a> {
 /// A request and its number.
 pub(super) fn parse(bytes: &[u8]) -> Option<(u64, Request<'_>)> {
     let (header, body) = bytes.split_at_checked(IN_HEADER)?;
-    let (code, unique, node) = (u32_at(header, 4)?, u64_at(header, 8)?, u64_at(header, 16)?);
+    let code = u32_at(header, 4)?;
+    let unique = u64_at(header, 8)?;
+    let node = u64_at(header, 16)?;
     Some((unique, request(code, node, body).unwrap_or(Request::Unknown)))
 }
 

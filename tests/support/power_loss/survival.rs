@@ -38,7 +38,8 @@ impl RecordedRun {
     pub fn new(launch: Launch, earlier: Option<&[&str]>) -> Self {
         let disk = RecordedDisk::mount(&launch.output());
         let mut n_before = 0;
-        let (mut arguments, mut before) = (Vec::new(), None);
+        let mut arguments = Vec::new();
+        let mut before = None;
         if let Some(earlier) = earlier {
             assert_eq!(launch.start_again(earlier).wait(), Some(0), "{}", launch.stderr());
             before = Some(result_files(&launch.output()));

@@ -4,7 +4,8 @@ const HINT: &str = "\nhint: ";
 
 /// The error and its causes, separated by colons. Hints follow on lines of their own.
 pub fn error_text(error: &anyhow::Error) -> String {
-    let (mut causes, mut hints) = (Vec::new(), String::new());
+    let mut causes = Vec::new();
+    let mut hints = String::new();
     for message in error.chain().map(ToString::to_string) {
         match message.split_once(HINT) {
             Some((cause, hint)) => {

@@ -13,7 +13,8 @@ pub fn timestamp(stamp_nanos: i64) -> Timestamp {
 
 /// A pose in Foxglove's numbers.
 pub fn pose(pose: &geometry::Pose) -> Pose {
-    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    let t = pose.translation.vector;
+    let q = pose.rotation.coords;
     Pose {
         position: Some(Vector3 { x: t.x, y: t.y, z: t.z }),
         orientation: Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),

@@ -39,7 +39,8 @@ fn cube(submap: &ShownSubmap, points: &[&ShownPoint]) -> Option<CubePrimitive> {
         points.iter().map(|point| [point.position[0].into(), point.position[1].into()]).collect();
     let OrientedRectangle { center: [x, y], length_m, width_m, heading } = OrientedRectangle::around(&in_plane)?;
     let heights = || points.iter().map(|point| f64::from(point.position[2]));
-    let (low, high) = (heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max));
+    let low = heights().fold(f64::INFINITY, f64::min);
+    let high = heights().fold(f64::NEG_INFINITY, f64::max);
     let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, heading);
     let submap_from_box = Isometry3::from_parts([x, y, 0.5 * (low + high)].into(), turn);
     let [x, y, z] = [length_m, width_m, high - low].map(|side| side.max(SMALLEST_M));

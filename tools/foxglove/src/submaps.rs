@@ -28,7 +28,8 @@ pub struct ShownSubmap {
 impl ShownSubmap {
     fn add_column(&mut self, topic: &str, rows: &[u8]) {
         self.columns.insert(topic.to_owned());
-        let (points, step) = (&mut self.points, self.step);
+        let points = &mut self.points;
+        let step = self.step;
         match topic {
             ColorTopic::TOPIC => {
                 for (point, row) in points.iter_mut().zip(every::<ColorRow>(rows, step)) {
@@ -39,7 +40,8 @@ impl ShownSubmap {
             }
             ClassTopic::TOPIC => {
                 for (point, row) in points.iter_mut().zip(every::<ClassRow>(rows, step)) {
-                    (point.class, point.score) = (row.class_id, row.score);
+                    point.class = row.class_id;
+                    point.score = row.score;
                 }
             }
             _ => points.iter_mut().zip(every::<u32>(rows, step)).for_each(|(point, id)| point.instance = id),

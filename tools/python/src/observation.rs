@@ -68,8 +68,10 @@ impl Observation {
         }
         let received = self.observer.receive();
         let Some(message) = received.map_err(|error: IpcError| failed(&self.output, error))? else { return Ok(None) };
-        let (lease, envelope) = (Lease::default(), *message.envelope());
-        let (header, rows) = (lease.read(message.header()), lease.read(message.rows()));
+        let lease = Lease::default();
+        let envelope = *message.envelope();
+        let header = lease.read(message.header());
+        let rows = lease.read(message.rows());
         self.held.push((lease, message));
         Ok(Some((envelope.seq, envelope.stamp, envelope.tick, header, rows)))
     }

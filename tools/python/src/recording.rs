@@ -45,7 +45,8 @@ impl RecordingFile {
         while let Some(message) = reader.next().map_err(|error| exception(&error))? {
             if topics.contains(&message.topic.name) {
                 let envelope = PyBytes::new(py, bytes_from_rows(std::slice::from_ref(&message.envelope)));
-                let (header, rows) = (PyBytes::new(py, message.header()), PyBytes::new(py, message.rows()));
+                let header = PyBytes::new(py, message.header());
+                let rows = PyBytes::new(py, message.rows());
                 return Ok(Some((message.topic.name.clone(), envelope, header, rows)));
             }
         }

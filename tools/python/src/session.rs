@@ -64,9 +64,13 @@ pub fn receive(inputs: &mut Inputs, ports: &[Port]) -> Vec<ReceivedMessage> {
     let mut received = Vec::new();
     for port in ports {
         for message in inputs.take_untyped(port) {
-            let (lease, envelope) = (Lease::default(), message.envelope());
-            let (seq, stamp, tick) = (envelope.seq, envelope.stamp, envelope.tick);
-            let (header, rows) = (lease.read(message.header()), lease.read(message.rows()));
+            let lease = Lease::default();
+            let envelope = message.envelope();
+            let seq = envelope.seq;
+            let stamp = envelope.stamp;
+            let tick = envelope.tick;
+            let header = lease.read(message.header());
+            let rows = lease.read(message.rows());
             received.push((port.topic(), seq, stamp, tick, header, rows));
             with(|session| session.held.push(Held { lease, topic: port.topic(), message }));
         }
@@ -86,7 +90,8 @@ pub fn still_held(topic: &str) -> Vec<u64> {
 /// At the end: memory that Python still refers to is never given back; the process ends soon.
 pub fn end() {
     with(|session| {
-        let (held, loans) = (std::mem::take(&mut session.held), std::mem::take(&mut session.loans));
+        let held = std::mem::take(&mut session.held);
+        let loans = std::mem::take(&mut session.loans);
         held.into_iter().filter(|held| held.lease.is_used()).for_each(std::mem::forget);
         loans.into_values().filter(|loaned| loaned.lease.is_used()).for_each(std::mem::forget);
     });
@@ -101,7 +106,8 @@ pub fn loan(topic: &str, n_rows: usize) -> PyResult<(u64, Memory, Memory)> {
         let port = port.ok_or_else(|| PyValueError::new_err(format!("{topic} is not among the stage's outputs")))?;
         let mut loan = outputs.loan_untyped(port, n_rows).map_err(|error| session.failed(error))?;
         let lease = Lease::default();
-        let (header, rows) = (lease.write(loan.header_mut()), lease.write(loan.rows_mut()));
+        let header = lease.write(loan.header_mut());
+        let rows = lease.write(loan.rows_mut());
         let number = session.next_loan;
         session.next_loan += 1;
         session.loans.insert(number, Loaned { lease, loan });

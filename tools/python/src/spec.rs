@@ -115,7 +115,8 @@ fn json<T: DeserializeOwned + Serialize>(value: Spanned<DeValue<'_>>, rule: &dyn
 impl Spec {
     /// The values that a table sets, and the problems of the others.
     pub fn read(&self, table: &DeTable<'_>) -> (Map<String, Value>, Vec<Problem>) {
-        let (mut values, mut problems) = (Map::new(), Vec::new());
+        let mut values = Map::new();
+        let mut problems = Vec::new();
         for (key, value) in table {
             let name = key.get_ref().as_ref();
             let problem = |span, text| Problem { key: name.to_owned(), span: Some(span), text };

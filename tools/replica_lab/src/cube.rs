@@ -109,12 +109,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 fn write_cube(frame: &RawMosaic, setup: &CameraSetup, out: &Path, args: &Args) -> anyhow::Result<()> {
     let camera = &setup.camera;
-    let (pattern, cells) = (camera.mosaic().pattern(), camera.mosaic().cells());
+    let pattern = camera.mosaic().pattern();
+    let cells = camera.mosaic().cells();
     let method = args.demosaic.demosaicing();
     let size = if method.is_some() { cells.map(|side| side * pattern) } else { cells };
     let n_cells = size[0] as usize * size[1] as usize;
     let n_bands = camera.wavelengths_nm().len();
-    let (mut values, mut masks) = (vec![0.0; n_cells * n_bands], vec![0; n_cells]);
+    let mut values = vec![0.0; n_cells * n_bands];
+    let mut masks = vec![0; n_cells];
     let exposure_nanos = setup.exposure_nanos(frame, args.exposure_ms)?;
     let counts = match method {
         Some(method) => {

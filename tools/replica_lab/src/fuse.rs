@@ -53,7 +53,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let earlier = priors.insert(class.clone(), *factor);
         anyhow::ensure!(earlier.is_none(), "--priors: {class} is given twice");
     }
-    let (share, every, temperature) = (args.share, usize::from(args.every), args.temperature);
+    let share = args.share;
+    let every = usize::from(args.every);
+    let temperature = args.temperature;
     let mut fusion = Fusion { share, every, priors, temperature };
     if let Some(recipe) = &args.fit_priors {
         fusion.priors = fit(recipe, args, &fusion)?;

@@ -116,7 +116,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let references: Vec<Vec<LibrarySpectrum>> =
         args.reference.iter().map(|path| reference::read(path)).collect::<Result<_, _>>()?;
     let references = references.concat();
-    let (mut sources, mut stretched, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
+    let mut sources = Vec::new();
+    let mut stretched = Vec::new();
+    let mut inputs = Vec::new();
     let stretch = args.clip_threshold.map(Stretch::UpTo).or(args.clip_percent.map(Stretch::AroundMean));
     let folder = tempfile::tempdir().context("cannot create a temporary folder for simulated drives")?;
     let simulated =

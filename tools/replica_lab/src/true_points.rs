@@ -78,7 +78,8 @@ impl TruePoints {
     fn cover(&mut self, first: i64, last: i64) -> anyhow::Result<()> {
         // Clouds follow each other. Only a cloud out of this order makes it necessary to begin again.
         if self.forgotten.is_some_and(|end| first < end) {
-            (self.reader, self.forgotten) = (reader(&self.drive)?, None);
+            self.reader = reader(&self.drive)?;
+            self.forgotten = None;
             self.sweeps.clear();
         }
         self.forget_before(first);
@@ -115,7 +116,8 @@ fn reader(drive: &Drive) -> anyhow::Result<LabelReader> {
 
 /// What the columns of a cloud tell about the returns.
 fn shots(cloud: &Vertices) -> anyhow::Result<Vec<Shot>> {
-    let (times, rings) = (cloud.f64s("timestamp")?, cloud.u8s("ring")?);
+    let times = cloud.f64s("timestamp")?;
+    let rings = cloud.u8s("ring")?;
     let azimuths = cloud.has("azimuth_deg").then(|| cloud.f32s("azimuth_deg")).transpose()?;
     let lidar = ["x_lidar_position", "y_lidar_position", "z_lidar_position"];
     let ranges = lidar.iter().all(|name| cloud.has(name)).then(|| ranges(cloud, lidar)).transpose()?;
@@ -134,7 +136,8 @@ fn shots(cloud: &Vertices) -> anyhow::Result<Vec<Shot>> {
 fn ranges(cloud: &Vertices, lidar: [&str; 3]) -> anyhow::Result<Vec<f32>> {
     let mut squares = vec![0.0_f64; cloud.len()];
     for (point, lidar) in ["x", "y", "z"].into_iter().zip(lidar) {
-        let (point, lidar) = (cloud.f64s(point)?, cloud.f64s(lidar)?);
+        let point = cloud.f64s(point)?;
+        let lidar = cloud.f64s(lidar)?;
         for (square, (point, lidar)) in squares.iter_mut().zip(point.iter().zip(lidar)) {
             *square += (point - lidar) * (point - lidar);
         }

@@ -162,7 +162,8 @@ impl Bridge<'_> {
                 Some(offer) if offer.kind == kind => offer.is_reliable &= is_reliable,
                 Some(_) => {}
                 None => {
-                    let (dds_name, dds_type) = (data.topic_name, data.type_name);
+                    let dds_name = data.topic_name;
+                    let dds_type = data.type_name;
                     offers.insert(topic, Offer { dds_name, dds_type, kind, is_reliable });
                 }
             }
@@ -197,7 +198,8 @@ impl Bridge<'_> {
             eprintln!("waiting for {topic} ({role})");
         }
         if self.found.is_none() && self.args.topics.is_empty() {
-            let (domain, n) = (self.args.domain, offers.len());
+            let domain = self.args.domain;
+            let n = offers.len();
             eprintln!(
                 "waiting: domain {domain} has no topic of a sensor ({n} other topics); see ROS_DOMAIN_ID and the network of the rig"
             );

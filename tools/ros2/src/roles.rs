@@ -187,7 +187,8 @@ fn cameras(topics: &Topics, images: &[&String]) -> (Vec<String>, Vec<String>) {
     for mut candidates in by_info.into_values() {
         // The bytes of compressed images are kept, and raw ones must be compressed here.
         candidates.sort_by_key(|topic| (topics[*topic] != "sensor_msgs/CompressedImage", topic.len(), *topic));
-        let (first, others) = (candidates[0], &candidates[1..]);
+        let first = candidates[0];
+        let others = &candidates[1..];
         notes.extend(others.iter().map(|topic| format!("{topic}: not taken, {first} shows the same camera")));
         chosen.push(first.clone());
     }

@@ -13,7 +13,8 @@ const BINS: usize = 128;
 /// Prints the tables.
 pub fn cubes(inputs: &[PathBuf]) -> anyhow::Result<()> {
     let inputs = inputs_or(inputs, &["photonfocus/frame_02245_nir.tif", "photonfocus/frame_02245_vis.tif"])?;
-    let (mut approaches, mut variants) = (Vec::new(), Vec::new());
+    let mut approaches = Vec::new();
+    let mut variants = Vec::new();
     for path in &inputs {
         let cube = formats::band_image::read(path)?;
         let image = Image::new(cube.size, cube.n_bands, &cube.values).with_context(|| path.display().to_string())?;

@@ -122,8 +122,8 @@ fn scores(example: &Example, method: Method) -> anyhow::Result<[f64; NAMES.len()
     let mut mean = [0.0; 7];
     for segmentation in &example.segmentations {
         let truth = LabelImage::new(image.size[0], &segmentation.labels).context("segmentation without an image")?;
-        let (near, nearest) =
-            (boundary_scores(&regions, &truth, DISTANCE), boundary_scores(&regions, &truth, distance));
+        let near = boundary_scores(&regions, &truth, DISTANCE);
+        let nearest = boundary_scores(&regions, &truth, distance);
         let overlap = overlap_scores(&regions, &truth);
         let found = [
             near.recall,

@@ -201,7 +201,8 @@ mod tests {
 
     /// A road of 40 x 40 m in steps of 1 m, a pole in its middle, and a building.
     fn town() -> ClassifiedCells {
-        let (mut cloud, mut classes) = (CellCloud::default(), Vec::new());
+        let mut cloud = CellCloud::default();
+        let mut classes = Vec::new();
         let mut add = |position: [f32; 3], class: ClassId| {
             cloud.positions.push(position);
             cloud.heights_m.push(position[2]);

@@ -28,7 +28,8 @@ fn main() {
     let number = |bytes: &[u8]| f32::from_le_bytes(bytes.try_into().expect("four bytes"));
     let points: Vec<[f32; 3]> =
         bytes.chunks_exact(12).map(|p| [number(&p[..4]), number(&p[4..8]), number(&p[8..])]).collect();
-    let (k, radius_m): (usize, f32) = (k.parse().expect("a number"), radius_m.parse().expect("a number"));
+    let k: usize = k.parse().expect("a number");
+    let radius_m: f32 = radius_m.parse().expect("a number");
     let only = std::env::var("ONLY").unwrap_or_default();
     if only != "kiddo" {
         let index = timed("ours build", 2, || SpatialIndex::new(&points));

@@ -126,7 +126,8 @@ fn beside_obvhs(name: &str, soup: &[[Vec3; 3]], rays: &[Ray]) {
 
 /// Prints the best rate and gives what the work counted.
 fn report(name: &str, n_rays: usize, mut work: impl FnMut() -> usize) -> usize {
-    let (mut best, mut counted) = (f64::INFINITY, 0);
+    let mut best = f64::INFINITY;
+    let mut counted = 0;
     for _ in 0..ROUNDS {
         let start = cpu_seconds();
         counted = black_box(work());

@@ -44,7 +44,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let steps = ColorSteps { level_exposures: true, reject_sky: !keeps_sky };
     let kind: simulation::Town = town_name.parse()?;
-    let (mut found, mut known) = (Table::default(), Table::default());
+    let mut found = Table::default();
+    let mut known = Table::default();
     let mut spectral: Vec<(String, Table)> = Vec::new();
     for drive in drives.chunks(3) {
         let [seed, seconds, recording] = drive else { return Err("each drive is SEED SECONDS RECORDING".into()) };
@@ -128,7 +129,8 @@ impl Part<'_> {
         let candidates = Candidates { points: &points, exposures, visibility, limits: LIMITS };
         let sampler = images.map(|images| Sampler::new(&candidates, images, self.steps));
         let of_chunk = |(index, truth): (usize, &[Option<TruePoint>])| {
-            let (mut choices, mut chunk) = (Choices::default(), Chunk::default());
+            let mut choices = Choices::default();
+            let mut chunk = Chunk::default();
             points.read_chunk(index, &mut chunk);
             choices.choose(&chunk, &candidates);
             let mut chosen = vec![None; truth.len()];
@@ -157,15 +159,19 @@ impl Part<'_> {
             .map(|c| ProjectionCamera::from(&RigCamera { body_from_camera: c.body_from_camera, model: c.lens.clone() }))
             .collect();
         let color_cameras: Vec<ColorCamera> = specs.iter().map(|c| ColorCamera::new(&c.lens)).collect();
-        let (mut exposures, mut true_exposures, mut images) = (Vec::new(), Vec::new(), Vec::new());
+        let mut exposures = Vec::new();
+        let mut true_exposures = Vec::new();
+        let mut images = Vec::new();
         let mut rendered = Vec::new();
         for image in self.recorded.images.iter().filter(|image| self.is_near(image.stamp())) {
-            let (header, camera) = (image.header(), image.header().camera as usize);
+            let header = image.header();
+            let camera = image.header().camera as usize;
             let Some(odom_from_body) = self.recorded.trajectory.at(Stamp(image.stamp())) else { continue };
             let pixels = ColorImage::new(header.camera as u8, header.width, header.height, image.rows());
             images.push(pixels.ok_or("image: number of bytes does not match width and height")?);
             exposures.push(cameras[camera].exposure(image.stamp(), &odom_from_body, &self.odom_from_submap));
-            let (body_from_camera, lens) = (&specs[camera].body_from_camera, &specs[camera].lens);
+            let body_from_camera = &specs[camera].body_from_camera;
+            let lens = &specs[camera].lens;
             true_exposures.push(self.town.exposure(image.stamp(), body_from_camera, lens));
             rendered.push((&color_cameras[camera], self.town.simulation.color_exposure(camera, Stamp(image.stamp()))));
         }

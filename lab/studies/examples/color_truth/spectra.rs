@@ -19,7 +19,9 @@ impl Part<'_> {
         let spec = &self.town.simulation.rig.mosaics[index];
         let model = spec.lens.clone();
         let camera = ProjectionCamera::from(&RigCamera { body_from_camera: spec.body_from_camera, model });
-        let (mut exposures, mut true_exposures, mut cubes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut exposures = Vec::new();
+        let mut true_exposures = Vec::new();
+        let mut cubes = Vec::new();
         for cube in self.recorded.cubes.iter().filter(|cube| self.is_near(cube.stamp())) {
             let header = cube.header();
             let odom_from_body = self.recorded.trajectory.at(Stamp(cube.stamp()));

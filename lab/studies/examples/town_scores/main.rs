@@ -81,12 +81,19 @@ fn variants() -> Vec<(String, Settings)> {
         settings
     };
     let mut thesis = of_all(&|thing| {
-        (thing.peak_m, thing.min_score, thing.min_share) = (0.0, 0.0, 0.0);
-        (thing.max_speed_mps, thing.join_m) = (0.0, 0.0);
+        thing.peak_m = 0.0;
+        thing.min_score = 0.0;
+        thing.min_share = 0.0;
+        thing.max_speed_mps = 0.0;
+        thing.join_m = 0.0;
     });
-    (thesis.apart_s, thesis.remembered_submaps, thesis.min_ground_around) = (0.0, 0, MIN_GROUND_AROUND);
+    thesis.apart_s = 0.0;
+    thesis.remembered_submaps = 0;
+    thesis.min_ground_around = MIN_GROUND_AROUND;
     let fixed_counts = |thing: &mut Thing| {
-        (thing.min_share, thing.max_speed_mps, thing.join_m) = (0.0, 0.0, 0.0);
+        thing.min_share = 0.0;
+        thing.max_speed_mps = 0.0;
+        thing.join_m = 0.0;
         thing.min_score = if thing.class == ClassId::Vehicles.name() { 0.0 } else { 0.5 };
     };
     let with_ground = |settings: Settings| Settings { min_ground_around: MIN_GROUND_AROUND, ..settings };
@@ -157,6 +164,7 @@ fn together(class: ClassId, scores: &[InstanceScores]) -> InstanceScores {
 fn print(town: &str, name: &str, score: &InstanceScores) {
     let percent = [score.sm(), score.pq(), score.sq(), score.rq(), score.miou()].map(|v| format!("{:.1}", 100.0 * v));
     let class = messages::class_name(score.class);
-    let (n_true, n_found) = (score.n_true, score.n_predicted);
+    let n_true = score.n_true;
+    let n_found = score.n_predicted;
     println!("| {town} | {name} | {class} | {n_true} | {n_found} | {} |", percent.join(" | "));
 }

@@ -15,7 +15,8 @@ pub fn submaps(drive: &Path, recording: &Path) -> (Vec<TownSubmap>, Vec<Vec<Clas
     let labels = Drive::open(drive).expect("opens").true_labels().expect("has labels");
     let topics = [<SubmapTopic as messages::Message>::TOPIC, <ClassTopic as messages::Message>::TOPIC];
     let mut ticks = TickReader::open(recording, &topics).expect("opens");
-    let (mut submaps, mut classes) = (Vec::new(), Vec::new());
+    let mut submaps = Vec::new();
+    let mut classes = Vec::new();
     while let Some(tick) = ticks.next().expect("reads") {
         submaps.extend(tick.messages[0].iter().map(|message| submap(message, &labels)));
         let rows = |message: &RecordedMessage| {
@@ -28,7 +29,8 @@ pub fn submaps(drive: &Path, recording: &Path) -> (Vec<TownSubmap>, Vec<Vec<Clas
 
 fn submap(message: &RecordedMessage, labels: &TrueLabels) -> TownSubmap {
     let message = Received::<SubmapTopic>::from_bytes(&message.bytes).expect("is a submap");
-    let (header, points) = (*message.header(), message.rows().to_vec());
+    let header = *message.header();
+    let points = message.rows().to_vec();
     let label = |point: &messages::SubmapPoint| {
         let stamp = header.sweeps[usize::from(point.sweep_idx)].stamp + i64::from(point.offset_nanos);
         let shot = Shot { stamp, ring: point.ring, azimuth: Some(point.azimuth), range_m: None };

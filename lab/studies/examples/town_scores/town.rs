@@ -56,8 +56,10 @@ impl TownSubmap {
             let (Some(pose), Ok(label)) = (pose_at(found.offset_nanos), truth.labels.find(&shot)) else { continue };
             let p_in_submap = pose * Point3::new(found.x, found.y, found.z).cast();
             let [x, y, z] = p_in_submap.coords.map(|v| v as f32).into();
-            let (offset_nanos, azimuth, intensity, ring) =
-                (found.offset_nanos, found.azimuth, found.intensity, found.ring);
+            let offset_nanos = found.offset_nanos;
+            let azimuth = found.azimuth;
+            let intensity = found.intensity;
+            let ring = found.ring;
             let point =
                 SubmapPoint { x, y, z, offset_nanos, azimuth, intensity, ring, sweep_idx, ..Default::default() };
             self.points.push(point);

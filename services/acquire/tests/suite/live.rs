@@ -79,7 +79,8 @@ impl Sensor {
     pub(crate) fn new(settings: &Settings, capture: PathBuf) -> Self {
         let address = |text: &str| text.parse().expect("an address");
         let first = settings.listen.split(',').next().expect("an address");
-        let (data, position) = (address(first), address(&settings.position_listen));
+        let data = address(first);
+        let position = address(&settings.position_listen);
         Self { socket: UdpSocket::bind("127.0.0.1:0").expect("binds"), data, position, capture, n_bytes: 24 }
     }
 
@@ -420,7 +421,8 @@ fn rig_of_a_simulated_drive_is_not_used_for_a_live_sensor() {
     fs::write(vehicle.join("drive.toml"), manifest).expect("writes");
     for (drive, words) in [(vehicle, "sample is a simulated drive and is not used"), (PathBuf::new(), "none is given")]
     {
-        let (output, settings) = (tempfile::tempdir().expect("a folder"), Settings { quiet_s: 0.3, ..settings() });
+        let output = tempfile::tempdir().expect("a folder");
+        let settings = Settings { quiet_s: 0.3, ..settings() };
         let context = Context { drive, ..live(output.path()) };
         assert_eq!(Acquire::check(&settings, &context), []);
         let mut bench = Bench::<Acquire>::new(&settings, &context).expect("opens");

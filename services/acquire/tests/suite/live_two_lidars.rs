@@ -79,7 +79,8 @@ fn two_lidars_on_two_ports_are_recorded_and_published_as_their_recording() {
         front.push(packet.payload.to_vec());
     }
     let rear: Vec<Vec<u8>> = rear_packets(|_| true).into_iter().map(|(_, payload)| payload).collect();
-    let (settings, context_live) = (settings(2), live(folder.path()));
+    let settings = settings(2);
+    let context_live = live(folder.path());
     let mut bench = Bench::new(&settings, &context_live).expect("opens");
     let recording = folder.path().join("recording");
     let addresses: Vec<&str> = settings.listen.split(',').collect();
@@ -96,7 +97,8 @@ fn two_lidars_on_two_ports_are_recorded_and_published_as_their_recording() {
         front_sender.send(of_front);
         of_rear.next().into_iter().for_each(|burst| rear_sender.send(burst));
     }
-    let (mut found, deadline) = (Vec::new(), Instant::now() + TIMEOUT);
+    let mut found = Vec::new();
+    let deadline = Instant::now() + TIMEOUT;
     while bench.counter("data_packets") < N_PACKETS as u64 {
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
         found.extend(sweeps(&mut bench));

@@ -89,11 +89,13 @@ fn returns_of_second_lidar_are_published_in_the_tick_of_their_time() {
     let folder = drive_of(|_| true);
     let mut bench = open(folder.path());
     let end_of_rear = BEGIN.0 - EARLY_NANOS + N_REAR_PACKETS * PACKET_NANOS;
-    let (mut last, mut n_points) = (None::<i64>, 0);
+    let mut last = None::<i64>;
+    let mut n_points = 0;
     for tick in 0..42 {
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
         let sweeps: Vec<Received<SweepTopic>> = bench.take::<SweepTopic>();
-        let (first, rear) = (&sweeps[0], sweeps.get(1));
+        let first = &sweeps[0];
+        let rear = sweeps.get(1);
         let end = first.stamp() + i64::from(first.header().duration_nanos);
         assert_eq!((first.header().lidar, first.header().n_rings), (0, 32));
         assert_eq!(rear.is_some(), first.stamp() < end_of_rear, "{tick}");

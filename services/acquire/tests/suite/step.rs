@@ -52,7 +52,8 @@ fn drive() -> tempfile::TempDir {
 fn measurements_are_published_with_the_sweep_of_their_time() {
     let folder = drive();
     let mut bench = open(folder.path(), &Settings::default());
-    let (mut n_imu, mut n_fixes) = (0, 0);
+    let mut n_imu = 0;
+    let mut n_fixes = 0;
     for tick in 0..42_i64 {
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
         let begin = BEGIN.0 + tick * 100_000_000;
@@ -285,7 +286,8 @@ fn capture_is_a_drive_of_its_lidar_alone() {
     assert_eq!(Acquire::check(&Settings::default(), &of_capture), []);
     let mut alone = Bench::<Acquire>::new(&Settings::default(), &of_capture).expect("opens");
     let mut whole = open(folder.path(), &Settings::default());
-    let (alone, whole) = (all_ticks(&mut alone), all_ticks(&mut whole));
+    let alone = all_ticks(&mut alone);
+    let whole = all_ticks(&mut whole);
     assert_eq!(alone.len(), whole.len());
     assert!(alone.iter().zip(&whole).all(|(alone, whole)| alone[0] == whole[0]), "the same sweeps");
     assert!(alone.iter().all(|[_, others @ ..]| others.iter().all(Vec::is_empty)), "no other sensor");

@@ -16,7 +16,10 @@ pub const DARK: u16 = 60;
 pub const SATURATION: u16 = 4095;
 
 pub fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
-    let (fx, fy, cx, cy) = (40.0, 40.0, 21.0, 14.0);
+    let fx = 40.0;
+    let fy = 40.0;
+    let cx = 21.0;
+    let cy = 14.0;
     MosaicEntry {
         name: name.to_owned(),
         folder: name.to_owned(),

@@ -11,7 +11,8 @@ use std::collections::BTreeSet;
 
 /// Two surfaces beside each other: the left one gets darker with the band, the right one brighter.
 fn two_surfaces(entry: &MosaicEntry) -> Vec<u16> {
-    let ([x0, y0, ..], p) = (entry.active_area, entry.pattern);
+    let [x0, y0, ..] = entry.active_area;
+    let p = entry.pattern;
     frame(T_RAW, |x, y| {
         let band = f64::from((y + 10 * p - y0) % p * p + (x + 10 * p - x0) % p);
         if x < x0 + 4 * p { 0.5 - 0.015 * band } else { 0.1 + 0.015 * band }
@@ -49,7 +50,8 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
     };
     let rows = |cubes: &[Received<CubeTopic>]| cubes.iter().map(|cube| cube.rows().to_vec()).collect::<Vec<_>>();
 
-    let (off, on) = (cubes_of(ColorLines::Off, 2, false), cubes_of(ColorLines::Regions, 2, false));
+    let off = cubes_of(ColorLines::Off, 2, false);
+    let on = cubes_of(ColorLines::Regions, 2, false);
     let measured = |cube: &Received<CubeTopic>| {
         let header = cube.header();
         cube.rows()[..(header.width * header.height * (header.n_bands + 1)) as usize].to_vec()
@@ -61,7 +63,8 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
         let found = regions(cube);
         let is_saturated = cube.header().camera == 0;
         assert_eq!(found[0] == 0, is_saturated, "a cell with a masked band has no region");
-        let (left, right) = (found[1], found[5]);
+        let left = found[1];
+        let right = found[5];
         assert!(left != 0 && right != 0 && left != right, "{found:?}");
         let width = cube.header().width as usize;
         let expected = |i: usize| if i % width < 4 { left } else { right };
@@ -78,7 +81,8 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
     for (simplified, on) in simplified.iter().zip(&on) {
         assert_eq!(regions(simplified), regions(on));
         let view = |cube| CubeView::new(on.header(), cube).expect("fits");
-        let (simple, exact) = (view(simplified.rows()), view(on.rows()));
+        let simple = view(simplified.rows());
+        let exact = view(on.rows());
         for band in 0..on.header().n_bands as usize {
             let cells = simple.band(band).iter().zip(exact.band(band)).zip(regions(on));
             assert!(cells.clone().all(|((a, b), _)| (a - b).abs() < 0.002), "a surface has one spectrum");
@@ -97,7 +101,8 @@ fn model_files_divide_all_frames_and_others_are_refused_with_place_and_rule() {
     let model_of = |entry: &MosaicEntry| {
         let n_bands = (entry.pattern * entry.pattern) as usize;
         let value = |band: usize, cell: usize| {
-            let (band, is_left) = (band as f32, cell % 8 < 4);
+            let band = band as f32;
+            let is_left = cell % 8 < 4;
             if is_left { 0.5 - 0.015 * band } else { 0.1 + 0.015 * band }
         };
         let values: Vec<f32> = (0..n_bands).flat_map(|band| (0..40).map(move |cell| value(band, cell))).collect();

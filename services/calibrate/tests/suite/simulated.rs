@@ -49,7 +49,8 @@ fn in_bands(camera: &SensorCalibration, spectrum: &[(f64, f64)]) -> Vec<f64> {
     let sunlight = sunlight();
     let reflectance = |nm: f64| {
         let after = spectrum.partition_point(|s| s.0 <= nm).clamp(1, spectrum.len() - 1);
-        let ((a, at_a), (b, at_b)) = (spectrum[after - 1], spectrum[after]);
+        let (a, at_a) = spectrum[after - 1];
+        let (b, at_b) = spectrum[after];
         at_a + (at_b - at_a) * (nm - a) / (b - a)
     };
     (0..camera.bands.len())
@@ -97,7 +98,9 @@ fn sunlit_walls_have_the_spectra_of_their_materials() {
         for stamp in simulation.exposures() {
             let bytes = std::fs::read(drive.join(&entry.folder).join(format!("{}.pgm", stamp.0))).expect("a frame");
             let frame = Pgm::parse(&bytes).expect("a frame");
-            let (width, height, exposure_nanos) = (frame.width, frame.height, entry.exposure_nanos);
+            let width = frame.width;
+            let height = frame.height;
+            let exposure_nanos = entry.exposure_nanos;
             let header = MosaicHeader { camera: index as u32, width, height, bit_depth: 10, exposure_nanos };
             bench.send::<MosaicTopic>(stamp.0, header, frame.samples());
         }

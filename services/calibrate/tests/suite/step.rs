@@ -24,7 +24,8 @@ fn truth(index: usize, band: u32) -> f64 {
 }
 
 fn scene(index: usize, entry: &MosaicEntry) -> Vec<u16> {
-    let ([x0, y0, ..], p) = (entry.active_area, entry.pattern);
+    let [x0, y0, ..] = entry.active_area;
+    let p = entry.pattern;
     frame(T_RAW, |x, y| truth(index, (y + 10 * p - y0) % p * p + (x + 10 * p - x0) % p))
 }
 
@@ -74,7 +75,8 @@ fn frame_becomes_a_cube_of_its_reflectances() {
 
 #[test]
 fn live_vehicle_has_its_rig_and_its_references_in_other_folders() {
-    let (manifest, folder) = (manifest(), tempfile::tempdir().expect("a folder"));
+    let manifest = manifest();
+    let folder = tempfile::tempdir().expect("a folder");
     let rig = folder.path().join("vehicle.toml");
     std::fs::write(&rig, stage::toml::to_string(&manifest).expect("encodes")).expect("written");
     let context =
@@ -212,7 +214,8 @@ fn frames_of_cameras_of_another_stage_are_left_to_it() {
 fn restart_in_mid_stream_gives_the_same_cubes() {
     let manifest = manifest();
     let folder = drive(&manifest);
-    let (settings, context) = (Settings::default(), context(folder.path()));
+    let settings = Settings::default();
+    let context = context(folder.path());
     let mut bench = bench_with_references(folder.path());
     let mut cubes = Vec::new();
     for tick in 0..2 {
@@ -353,7 +356,8 @@ fn demosaiced_cubes_have_a_cell_per_pixel_and_masks_around_invalid_samples() {
 #[test]
 fn dark_folders_by_exposure_and_a_panel_region_are_used() {
     let mut manifest = manifest();
-    let (t_dark, panel) = (50_000_000, [7, 5, 16, 12]);
+    let t_dark = 50_000_000;
+    let panel = [7, 5, 16, 12];
     // Warm: 1 count per ms, so that 5 ms at 0.25 would be off by 1 %.
     let with_current =
         |frame: Vec<u16>, nanos: u64| frame.into_iter().map(|v| v + (nanos / 1_000_000) as u16).collect();

@@ -47,7 +47,9 @@ impl Colorize {
         odom_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<Vec<(usize, Vec<Profile>)>, StepError> {
-        let (mut exposures, mut images, mut shifted) = (Vec::new(), Vec::new(), Vec::new());
+        let mut exposures = Vec::new();
+        let mut images = Vec::new();
+        let mut shifted = Vec::new();
         for (image, odom_from_body) in self.within_reach(&self.held.images, submap.header(), outputs) {
             let Some(pixels) = self.color_image(image) else { continue };
             let camera = &self.cameras[image.header().camera as usize];

@@ -6,7 +6,8 @@ use stage::Outputs;
 
 impl Colorize {
     pub(super) fn report_doubts(&self, outputs: &mut Outputs) {
-        let (images, cubes) = (self.held.images.tallies(), self.held.cubes.tallies());
+        let images = self.held.images.tallies();
+        let cubes = self.held.cubes.tallies();
         let kinds = [
             (self.has_images, ExposureKind::Images, &self.names, images, "points_with_color"),
             (self.has_cubes, ExposureKind::Cubes, &self.mosaic_names, cubes, "points_with_spectrum"),

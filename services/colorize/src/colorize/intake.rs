@@ -58,7 +58,8 @@ impl Colorize {
 
     /// The cells of a cube; `None` if its header does not match the rig.
     pub(super) fn cube_image<'a>(&self, cube: &'a Received<CubeTopic>) -> Option<CubeImage<'a>> {
-        let (header, camera) = (cube.header(), cube.header().camera as usize);
+        let header = cube.header();
+        let camera = cube.header().camera as usize;
         CubeImage::of_camera(self.mosaics.get(camera)?, *self.patterns.get(camera)?, header, cube.rows())
     }
 }

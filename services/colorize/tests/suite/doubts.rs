@@ -68,7 +68,8 @@ fn good_cameras_give_no_doubt() {
 #[test]
 fn exposures_stamped_an_hour_off_are_doubted() {
     for error in [-HOUR, HOUR] {
-        let (image, cube) = (|header| Some((header, error)), |header| Some((header, error)));
+        let image = |header| Some((header, error));
+        let cube = |header| Some((header, error));
         for is_restarted in [false, true] {
             let found = doubts(&Cameras { image: &image, cube: &cube, is_restarted });
             assert_eq!(found, [Some(0.0), Some(1.0), Some(0.0), Some(1.0)], "{error} ns, restarted: {is_restarted}");

@@ -28,7 +28,8 @@ fn reflectance(band: u32) -> f64 {
 
 /// A raw frame from the sample of each band in each column.
 fn frame(entry: &MosaicEntry, sample: impl Fn(u32, u32) -> u16) -> Vec<u16> {
-    let ((width, height), [x0, y0, ..]) = (entry.model.size(), entry.active_area);
+    let (width, height) = entry.model.size();
+    let [x0, y0, ..] = entry.active_area;
     let band = |x: u32, y: u32| (y + 100 - y0) % 4 * 4 + (x + 100 - x0) % 4;
     (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| sample(band(x, y), x)).collect()
 }
@@ -46,7 +47,8 @@ fn write_references(drive: &Path, entry: &MosaicEntry) {
 
 /// The cube of a frame, as `calibrate` publishes it.
 fn cube(camera: &Camera, raw: &[u16], method: Option<Demosaicing>) -> (CubeHeader, Vec<u32>) {
-    let ([columns, rows], [x0, y0]) = (camera.mosaic().cells(), camera.mosaic().origin());
+    let [columns, rows] = camera.mosaic().cells();
+    let [x0, y0] = camera.mosaic().origin();
     let (pattern, scale) = if method.is_some() { (1, 4) } else { (4, 1) };
     let mut header = CubeHeader {
         width: columns * scale,

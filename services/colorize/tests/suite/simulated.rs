@@ -76,7 +76,8 @@ fn cube(simulation: &Simulation, index: usize, stamp: Stamp) -> (CubeHeader, Vec
         reference.add(frame).map(|()| reference).expect("fits")
     };
     let target = WhiteTarget { reflectance: f64::from(WHITE_REFLECTANCE), exposure_nanos: WHITE_EXPOSURE_NANOS };
-    let (dark, white) = (reference("dark", &camera.dark(1)), reference("white", &camera.white(2)));
+    let dark = reference("dark", &camera.dark(1));
+    let white = reference("white", &camera.white(2));
     let calibration = Calibration::new(&mosaic, &dark, &white, target).expect("sound");
     let raw = simulation.mosaic(&camera, index, stamp);
     let mut rows = vec![0; (mosaic.n_bands() + 1) * mosaic.n_cells()];
@@ -156,7 +157,8 @@ fn reject_sky_takes_the_blue_out_of_trees() {
         let trees = color.rows().iter().zip(&classes).filter(|(_, class)| **class == ClassId::Vegetation);
         trees.filter(|(row, _)| row.camera != UNSEEN && row.b > row.g.max(row.r).max(120)).count()
     };
-    let (kept, rejected) = (n_blue(false), n_blue(true));
+    let kept = n_blue(false);
+    let rejected = n_blue(true);
     println!("blue points on trees: {kept}, {rejected} with reject_sky");
     assert!(kept > 50 && 3 * rejected < 2 * kept, "{rejected} instead of {kept}");
 }
@@ -192,7 +194,8 @@ fn vegetation_is_green_and_bright_in_the_near_infrared() {
         (2.0 * g - r - b) / (r + g + b).max(1.0)
     };
     let mean_greenness = |class| mean_of(seen().filter(|(_, of)| **of == class).map(|(row, _)| greenness(row)));
-    let (tree, road) = (mean_greenness(ClassId::Vegetation), mean_greenness(ClassId::Road));
+    let tree = mean_greenness(ClassId::Vegetation);
+    let road = mean_greenness(ClassId::Road);
     println!("greenness of vegetation {tree:.3}, of the road {road:.3}");
     assert!(tree > 0.1 && road.abs() < 0.05);
 
@@ -208,7 +211,8 @@ fn vegetation_is_green_and_bright_in_the_near_infrared() {
         }))
     };
     let red_edge = |class| mean(class, 760.0, 900.0) / mean(class, 620.0, 690.0);
-    let (tree, facade) = (red_edge(ClassId::Vegetation), red_edge(ClassId::Building));
+    let tree = red_edge(ClassId::Vegetation);
+    let facade = red_edge(ClassId::Building);
     println!("near infrared over red: vegetation {tree:.2}, facades {facade:.2}; {} spectra", header.n_spectra);
     // Facades are as bright in red as in the near infrared. Leaves are much brighter there, but through gaps of the crowns the
     // camera sees other surfaces than the beam hit, and some facades are seen through leaves: 2.6 and 1.3.

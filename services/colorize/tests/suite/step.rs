@@ -36,11 +36,13 @@ struct Run<'a> {
 impl Run<'_> {
     /// Ticks of 0.1 s from 1.5 s before the submap. The submap arrives in the tick of its last shot.
     fn publish(&self) -> Published {
-        let (settings, context) = (Settings::default(), context(self.folder));
+        let settings = Settings::default();
+        let context = context(self.folder);
         let mut bench = Bench::<Colorize>::new(&settings, &context).expect("starts");
         let painted = street::points(DURATION_NANOS);
         let points: Vec<_> = painted.iter().map(|painted| painted.point).collect();
-        let (mut found, mut found_at) = (Vec::new(), None);
+        let mut found = Vec::new();
+        let mut found_at = None;
         for tick in 0..self.n_ticks {
             let from = START - 3 * SECOND / 2 + tick * SECOND / 10;
             let until = from + SECOND / 10;
@@ -185,7 +187,8 @@ fn submap_wait_ends_with_next_submap_or_without_cameras() {
     assert_eq!(bench.counter("submaps_colored_early"), 0);
     assert_eq!(bench.notes(), ["no cameras in this drive: points stay without color"]);
     let spectra = bench.take::<SpectraTopic>();
-    let (header, rows) = (spectra[0].header(), spectra[0].rows());
+    let header = spectra[0].header();
+    let rows = spectra[0].rows();
     assert_eq!((header.n_points as usize, header.n_spectra, header.n_bands), (points.len(), 0, 0));
     assert_eq!(rows, vec![NO_SPECTRUM; points.len()]);
 }
@@ -201,7 +204,8 @@ fn materials_are_published_for_points_with_a_spectrum_if_they_are_on() {
     assert_eq!(outputs(&Settings::default()), ["color", "spectra"]);
     assert_eq!(outputs(&on), ["color", "spectra", "material"]);
     let mut bench = Bench::<Colorize>::new(&on, &context(folder.path())).expect("starts");
-    let (from, until) = (START - 2 * SECOND, START + 2 * SECOND);
+    let from = START - 2 * SECOND;
+    let until = START + 2 * SECOND;
     bench.send::<TrajectoryTopic>(from, NoHeader::default(), street::trajectory(from, until));
     for burst in street::bursts() {
         for (header, rows) in &burst.cubes {
@@ -212,7 +216,8 @@ fn materials_are_published_for_points_with_a_spectrum_if_they_are_on() {
     bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &points), points.clone());
     bench.tick().expect("a tick");
     bench.finish().expect("an end");
-    let (spectra, materials) = (bench.take::<SpectraTopic>(), bench.take::<MaterialTopic>());
+    let spectra = bench.take::<SpectraTopic>();
+    let materials = bench.take::<MaterialTopic>();
     assert_eq!((materials.len(), materials[0].seq(), materials[0].rows().len()), (1, 0, points.len()));
     let view = SpectraView::new(spectra[0].header(), spectra[0].rows()).expect("fits");
     let has_spectrum = (0..points.len()).filter(|i| view.spectrum(*i).is_some()).count();
@@ -230,7 +235,8 @@ fn regions_of_cells_are_published_for_their_points_if_they_are_on() {
     let ports = Colorize::outputs_with(&on, folder.path()).expect("ports");
     assert_eq!(ports.iter().map(stage::Port::topic).collect::<Vec<_>>(), ["color", "spectra", "region"]);
     let mut bench = Bench::<Colorize>::new(&on, &context(folder.path())).expect("starts");
-    let (from, until) = (START - 2 * SECOND, START + 2 * SECOND);
+    let from = START - 2 * SECOND;
+    let until = START + 2 * SECOND;
     bench.send::<TrajectoryTopic>(from, NoHeader::default(), street::trajectory(from, until));
     for burst in street::bursts() {
         for (header, rows) in &burst.cubes {
@@ -245,7 +251,8 @@ fn regions_of_cells_are_published_for_their_points_if_they_are_on() {
     bench.send::<SubmapTopic>(START, submap(street::odom_from_submap(), START, &points), points.clone());
     bench.tick().expect("a tick");
     bench.finish().expect("an end");
-    let (spectra, regions) = (bench.take::<SpectraTopic>(), bench.take::<RegionTopic>());
+    let spectra = bench.take::<SpectraTopic>();
+    let regions = bench.take::<RegionTopic>();
     assert_eq!((regions.len(), regions[0].seq(), regions[0].rows().len()), (1, 0, points.len()));
     let view = SpectraView::new(spectra[0].header(), spectra[0].rows()).expect("fits");
     let mut counts = [0; 3];
@@ -304,7 +311,9 @@ fn spectra_of_two_materials_are_exact_and_unmeasured_bands_invalid() {
         (740.0, 500.0, vec![0, 1])
     );
     let view = SpectraView::new(&header, &rows).expect("fits");
-    let (mut n_spectra, mut n_full, mut n_per_material) = (0, 0, [0; 2]);
+    let mut n_spectra = 0;
+    let mut n_full = 0;
+    let mut n_per_material = [0; 2];
     for (point_idx, painted) in painted.iter().enumerate() {
         let Some((valid, reflectances)) = view.spectrum(point_idx) else { continue };
         n_spectra += 1;

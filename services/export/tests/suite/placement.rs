@@ -193,7 +193,8 @@ fn utm_coordinates_equal_proj() {
     // south of the origin.
     let origin = Vector3::<f64>::new(452_048.210_29, 5_410_567.173_59, 104.6);
     let known = Vector3::new(452_165.737_7, 5_410_226.034_09, 112.360_22) - origin;
-    let (east, north) = (Vector3::<f64>::new(120.5, -340.25, 0.0), known);
+    let east = Vector3::<f64>::new(120.5, -340.25, 0.0);
+    let north = known;
     let turn = north.y.atan2(north.x) - east.y.atan2(east.x);
     let scale = north.xy().norm() / east.xy().norm();
     for k in (0..500).step_by(57) {

@@ -50,8 +50,12 @@ fn cloud_contains_every_field_of_every_point() {
     let column = |name: &str| cloud.f64s(name).expect(name);
     let points = street.points(1);
     assert_eq!(cloud.len(), points.len());
-    let (xs, ys, zs) = (column("x"), column("y"), column("z"));
-    let (lx, ly, lz) = (column("x_lidar_position"), column("y_lidar_position"), column("z_lidar_position"));
+    let xs = column("x");
+    let ys = column("y");
+    let zs = column("z");
+    let lx = column("x_lidar_position");
+    let ly = column("y_lidar_position");
+    let lz = column("z_lidar_position");
     for (i, point) in points.iter().enumerate() {
         let expected = street.in_odom(1, [point.x, point.y, point.z].map(f64::from));
         let got = [xs[i], ys[i], zs[i]];
@@ -246,7 +250,8 @@ fn materials_and_regions_are_written_behind_the_other_columns_if_they_are_publis
 
 #[test]
 fn classes_of_a_further_segmenter_are_columns_behind_the_others_across_a_restart() {
-    let (street, folder) = (Street::new(8, 500), tempfile::tempdir().expect("a folder"));
+    let street = Street::new(8, 500);
+    let folder = tempfile::tempdir().expect("a folder");
     let settings = Settings { further_classes: vec!["class_b".to_owned()], ..Settings::default() };
     let context = context(folder.path());
     let mut bench = Bench::<Export>::new(&settings, &context).expect("starts");

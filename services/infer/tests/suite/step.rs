@@ -35,10 +35,12 @@ fn bench() -> Bench<Infer> {
 /// One revolution of an upright HDL-32E, 1.9 m above a road between walls at 9 m on both sides, and which points are road. Without
 /// intensities: with equal ones on road and wall, the model classifies walls as grass.
 fn street_sweep() -> (SubmapHeader, Vec<SubmapPoint>, Vec<bool>) {
-    let (mut points, mut is_road) = (Vec::new(), Vec::new());
+    let mut points = Vec::new();
+    let mut is_road = Vec::new();
     for firing in 0..2170_u32 {
         for ring in 0..32_u8 {
-            let (azimuth, up) = (firing as f32 / 2170.0 * 360.0, (-30.67 + 4.0 / 3.0 * f32::from(ring)).to_radians());
+            let azimuth = firing as f32 / 2170.0 * 360.0;
+            let up = (-30.67 + 4.0 / 3.0 * f32::from(ring)).to_radians();
             let (sin, cos) = azimuth.to_radians().sin_cos();
             let ray = [up.cos() * cos, -up.cos() * sin, up.sin()];
             let to_road = if ray[2] < 0.0 { -1.9 / ray[2] } else { f32::INFINITY };
@@ -135,8 +137,9 @@ fn fused_model_gives_the_class_on_which_both_agree() {
         let columns = bench.take::<ClassTopic>();
         (columns[0].rows().to_vec(), columns[0].header().model_digest)
     };
-    let ((on_images, first), (on_points, second), (fused, both)) =
-        (classes(&street), classes(&points), classes(&fused));
+    let (on_images, first) = classes(&street);
+    let (on_points, second) = classes(&points);
+    let (fused, both) = classes(&fused);
     let class = |rows: &[ClassRow], point: usize| rows[point].class_id;
     let (agreed, open): (Vec<usize>, Vec<usize>) =
         (0..fused.len()).partition(|point| class(&on_images, *point) == class(&on_points, *point));

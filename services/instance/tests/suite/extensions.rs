@@ -53,7 +53,8 @@ fn one_car(n: usize) -> Street {
 #[test]
 fn car_at_a_submap_border_keeps_its_id_even_with_few_points() {
     // The second submap is 15 m further and rotated by 90 degrees: its point (x', y') is (15 - y', x') in odom.
-    let (near, mut far) = (one_car(3000), Street::default());
+    let near = one_car(3000);
+    let mut far = Street::default();
     let mut behind = one_car(490);
     for (point, (class, truth)) in behind.points.drain(..).zip(behind.classes.iter().zip(&behind.truth)) {
         far.points.push(messages::SubmapPoint { x: point.y, y: 15.0 - point.x, ..point });
@@ -74,7 +75,8 @@ fn car_at_a_submap_border_keeps_its_id_even_with_few_points() {
 
 #[test]
 fn unobserved_object_keeps_its_id_for_the_configured_number_of_submaps() {
-    let (car, none) = (one_car(3000), Street::road(&[]));
+    let car = one_car(3000);
+    let none = Street::road(&[]);
     let settings = Settings { remembered_submaps: 2, ..Settings::default() };
     for (n_between, expected) in [(0, 1), (1, 1), (2, 2)] {
         let mut submaps = vec![(HERE, &car)];
@@ -111,7 +113,8 @@ fn passing(cars: &[(f32, f32)], step_m: f32) -> Street {
 fn cars_passing_one_place_one_after_the_other_are_two_instances() {
     let street = passing(&[(0.0, 5.0), (2.2, 5.1)], 0.9);
     let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
-    let (first, second) = (ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2));
+    let first = ids_of_thing(ids, &street, 1);
+    let second = ids_of_thing(ids, &street, 2);
     assert_eq!((first.len(), second.len()), (1, 1), "{first:?} {second:?}");
     assert_ne!(first, second);
     let timeless = Settings { apart_s: 0.0, ..Settings::default() };
@@ -129,7 +132,8 @@ fn parked_car_that_was_occluded_for_a_while_is_one_instance() {
 
 #[test]
 fn moving_car_keeps_its_id_over_the_border_and_the_next_car_gets_a_new_id() {
-    let (first, mut second) = (passing(&[(0.0, 5.0)], 0.9), passing(&[(1.5, 5.0), (2.8, 5.0)], 0.9));
+    let first = passing(&[(0.0, 5.0)], 0.9);
+    let mut second = passing(&[(1.5, 5.0), (2.8, 5.0)], 0.9);
     // The first car continues where it was; the second follows the whole path of the first.
     for (point, _) in second.points.iter_mut().zip(&second.truth).filter(|(_, thing)| **thing == 1) {
         point.x += 13.0;

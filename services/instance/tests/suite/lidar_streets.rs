@@ -72,7 +72,8 @@ fn parked_cars_half_a_meter_apart_stay_two() {
     sparse.sweep(HDL64, [10.0, -4.0], 0, &cars);
     for scan in [&dense, &sparse] {
         let ids = &ids_of(&[scan], &Settings::default())[0];
-        let (first, second) = (ids_of_thing(ids, scan, 1), ids_of_thing(ids, scan, 2));
+        let first = ids_of_thing(ids, scan, 1);
+        let second = ids_of_thing(ids, scan, 2);
         assert_eq!((first.len(), second.len()), (1, 1), "{first:?} {second:?}");
         assert!(first != second && first != [0] && second != [0], "{first:?} {second:?}");
     }
@@ -84,7 +85,8 @@ fn van_ahead(is_marked: bool) -> [Scan; 2] {
         let mut scan = Scan::new(HDL32);
         for idx in sweeps {
             let x = f32::from(idx) * 2.5;
-            let (min, max) = ([x + 15.0, -0.9, 0.3], [x + 20.0, 0.9, 2.2]);
+            let min = [x + 15.0, -0.9, 0.3];
+            let max = [x + 20.0, 0.9, 2.2];
             let van = Block { min, max, class: ClassId::Vehicles, thing: 1, is_marked };
             scan.sweep(HDL32, [x, 0.0], i64::from(idx) * SWEEP_NANOS, &[van]);
         }
@@ -109,7 +111,8 @@ fn car_behind_a_fence_is_one_instance() {
     // Boards of 0.45 m with gaps of 0.3 m, 2 m in front of the car.
     let board = |idx: u8| {
         let x = 3.0 + 0.75 * f32::from(idx);
-        let (min, max) = ([x, 4.0, 0.0], [x + 0.45, 4.05, 2.0]);
+        let min = [x, 4.0, 0.0];
+        let max = [x + 0.45, 4.05, 2.0];
         Block { min, max, class: ClassId::Fence, thing: 0, is_marked: false }
     };
     let mut blocks: Vec<Block> = (0..14).map(board).collect();

@@ -14,8 +14,10 @@ impl Cuboid {
     fn contains(&self, [x, y, z]: [f32; 3]) -> bool {
         let [x0, y0, z0, length, width, height, heading] = self.0;
         let (sin, cos) = heading.sin_cos();
-        let (dx, dy) = (x - x0, y - y0);
-        let (along, across) = (dx * cos + dy * sin, dy * cos - dx * sin);
+        let dx = x - x0;
+        let dy = y - y0;
+        let along = dx * cos + dy * sin;
+        let across = dy * cos - dx * sin;
         2.0 * along.abs() <= length && 2.0 * across.abs() <= width && 2.0 * (z - z0).abs() <= height
     }
 }
@@ -61,7 +63,8 @@ fn sweep() -> (SubmapHeader, Vec<SubmapPoint>) {
 
 /// Boxes with at least 20 points, those of them that an instance matches above an IoU of 1/2, and instances that match no box.
 fn found(settings: &Settings) -> (usize, usize, usize) {
-    let (boxes, (header, points)) = (boxes(), sweep());
+    let boxes = boxes();
+    let (header, points) = sweep();
     let box_of: Vec<Option<usize>> =
         points.iter().map(|p| boxes.iter().position(|cuboid| cuboid.contains([p.x, p.y, p.z]))).collect();
     let class = |(point, in_box): (&SubmapPoint, &Option<usize>)| match in_box {
@@ -76,7 +79,9 @@ fn found(settings: &Settings) -> (usize, usize, usize) {
     bench.send::<ClassTopic>(0, ClassHeader::default(), classes);
     bench.tick().expect("steps");
     let columns = bench.take::<InstanceTopic>();
-    let (mut of_box, mut of_id, mut both) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+    let mut of_box = BTreeMap::new();
+    let mut of_id = BTreeMap::new();
+    let mut both = BTreeMap::new();
     for (&id, in_box) in columns[0].rows().iter().zip(&box_of) {
         if let Some(cuboid) = *in_box {
             *of_box.entry(cuboid).or_insert(0) += 1;
@@ -158,7 +163,8 @@ fn groups(points: &[SubmapPoint], classes: &[ClassRow]) -> Vec<usize> {
             let is_near = |p: &&SubmapPoint| (p.x - member.x).hypot(p.y - member.y) < 1.0;
             let (near, far) = waiting.into_iter().partition(is_near);
             group.extend::<Vec<_>>(near);
-            (waiting, next) = (far, next + 1);
+            waiting = far;
+            next += 1;
         }
         sizes.push(group.len());
     }
@@ -179,7 +185,8 @@ fn cars_of_real_motorway_sweeps_are_found() {
             bench.tick().expect("steps");
             bench.take::<InstanceTopic>()[0].header().n_instances
         };
-        let (now, by_count) = (n_found(&Settings::default()), n_found(&of_thesis));
+        let now = n_found(&Settings::default());
+        let by_count = n_found(&of_thesis);
         println!("sweep {number}: {n_groups} groups with 20 points, {now} instances, {by_count} by 500 points");
         assert!(now.abs_diff(n_groups) <= 1 && by_count < now, "sweep {number}: {n_groups} groups, {now} found");
     }

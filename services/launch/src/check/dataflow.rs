@@ -19,7 +19,8 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
     for (index, stage) in stages.iter().enumerate() {
         for port in &stage.description.outputs {
             if let Some((other, _)) = producers.get(&port.topic) {
-                let (topic, other) = (&port.topic, &stages[*other].name);
+                let topic = &port.topic;
+                let other = &stages[*other].name;
                 let hint = format!("give this one another name, e.g. remap = {{ {topic} = \"{topic}_b\" }}");
                 report(stage, format!("topic {topic} is already produced by [{other}]; {hint}"));
             } else {
@@ -40,7 +41,8 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
                         report(stage, format!("{versions}, [{producer}] produces version {}", output.version));
                     } else if (output.queue, output.borrowed) != (port.queue, port.borrowed) {
                         let bounds = format!("expects topic {} with other bounds than [{producer}]", port.topic);
-                        let (theirs, ours) = ((output.queue, output.borrowed), (port.queue, port.borrowed));
+                        let theirs = (output.queue, output.borrowed);
+                        let ours = (port.queue, port.borrowed);
                         report(stage, format!("{bounds}: queue and borrowed {ours:?}, not {theirs:?}"));
                     } else if output.layout != port.layout {
                         let layouts = format!("expects layout {:016x} of topic {}", port.layout, port.topic);
@@ -93,7 +95,8 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
     let connected: Vec<(Vec<_>, Vec<_>)> =
         stages.iter().map(|s| (of(s, &s.description.inputs), of(s, &s.description.outputs))).collect();
     for (stage, (inputs, outputs)) in stages.iter_mut().zip(connected) {
-        (stage.inputs, stage.outputs) = (inputs, outputs);
+        stage.inputs = inputs;
+        stage.outputs = outputs;
     }
     let mut unordered: Vec<Option<PlannedStage>> = std::mem::take(stages).into_iter().map(Some).collect();
     stages.extend(order.into_iter().filter_map(|index| unordered[index].take()));

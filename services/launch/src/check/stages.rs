@@ -106,6 +106,7 @@ fn planned(
         Some(_) => Vec::new(),
         None => files_of_settings(problems.file(), &name, &description.settings, folder).into_iter().collect(),
     };
-    let (inputs, outputs) = (Vec::new(), Vec::new());
+    let inputs = Vec::new();
+    let outputs = Vec::new();
     Some(PlannedStage { name, span, program, table: keys, remote, description, files, inputs, outputs })
 }

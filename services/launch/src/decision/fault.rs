@@ -262,7 +262,8 @@ fn fault(
         | Activity::Done => return None,
     };
     let seconds = at.saturating_sub(since).as_secs_f64();
-    let (activity, ticks) = (stage.activity.clone(), stage.ticks);
+    let activity = stage.activity.clone();
+    let ticks = stage.ticks;
     (seconds > policy.stall_limit_s(&stage.name)).then_some(FaultKind::Stall { seconds, activity, ticks })
 }
 

@@ -314,7 +314,8 @@ fn restart_delay_doubles_up_to_thirty_seconds() {
 
 #[test]
 fn run_is_given_up_for_one_of_four_reasons() {
-    let (by_signal, misconfigured) = (exit_fault(Exit::Signal(9)), exit_fault(Exit::Code(78)));
+    let by_signal = exit_fault(Exit::Signal(9));
+    let misconfigured = exit_fault(Exit::Code(78));
     for (fault, is_ending, is_memory_low, used, expected) in [
         (&by_signal, true, false, 0, GiveUp::EndRequested),
         (&by_signal, false, true, 0, GiveUp::MemoryLow),

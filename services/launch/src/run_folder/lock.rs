@@ -69,7 +69,8 @@ mod tests {
     #[test]
     fn lock_follows_no_link_and_is_not_readable_by_others() {
         let output = tempfile::tempdir().expect("a folder");
-        let (file, target) = (output.path().join("lock"), output.path().join("target"));
+        let file = output.path().join("lock");
+        let target = output.path().join("target");
         std::fs::write(&target, "of somebody").expect("written");
         std::os::unix::fs::symlink(&target, &file).expect("linked");
         assert!(take(&file, output.path()).is_err(), "a link");

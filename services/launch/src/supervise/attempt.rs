@@ -182,7 +182,8 @@ impl Supervisor {
 
     /// Live: restarts the stages whose pause is over.
     fn restart_due_stages(&mut self, node: &Node, processes: &mut Processes) -> Result<(), SuperviseError> {
-        let (run, restarts) = (&self.run, &mut self.stage_restarts);
+        let run = &self.run;
+        let restarts = &mut self.stage_restarts;
         for process in processes.0.iter_mut().filter(|process| process.awaits_restart) {
             let stage = run.plan.stages.iter().find(|stage| stage.name == process.name);
             let Some(stage) = stage.filter(|stage| restarts.is_due(&stage.name)) else { continue };
@@ -203,7 +204,8 @@ impl Supervisor {
     /// Sources start when all stages and the recorder are ready. To drain, they start at once: no data is in flight yet.
     fn start_sources_when_ready(&mut self, processes: &Processes, polls: &mut Polls) {
         if self.operator.is_ending() && !polls.command.drain {
-            (polls.command.drain, polls.command.go) = (true, true);
+            polls.command.drain = true;
+            polls.command.go = true;
             tracing::warn!("draining in-flight data; press Ctrl-C again to stop immediately");
         }
         if !polls.command.go && self.observers.are_ready() && processes.are_ready() {

@@ -57,7 +57,8 @@ impl StageRestarts {
     /// The process is restarted now: the counts that the next process continues.
     pub fn begin(&mut self, process: &StageProcess) -> Restart {
         let stage = self.0.entry(process.name.clone()).or_default();
-        (stage.due, stage.begun) = (None, Some(Instant::now()));
+        stage.due = None;
+        stage.begun = Some(Instant::now());
         let health = &process.health;
         stage.last = Restart {
             epoch: stage.total,

@@ -22,7 +22,8 @@ pub fn incompatibilities(old: &[PlannedStage], new: &[PlannedStage], stage: &str
             }
             continue;
         }
-        let (was, is) = (&before.description.outputs, &after.description.outputs);
+        let was = &before.description.outputs;
+        let is = &after.description.outputs;
         for port in was {
             match is.iter().find(|other| other.topic == port.topic) {
                 None => reasons.push(format!("[{name}] would not write topic {} any more", port.topic)),
@@ -53,7 +54,8 @@ mod tests {
     }
 
     fn planned(name: &str, inputs: &[PortDescription], outputs: &[PortDescription]) -> PlannedStage {
-        let (inputs, outputs) = (inputs.to_vec(), outputs.to_vec());
+        let inputs = inputs.to_vec();
+        let outputs = outputs.to_vec();
         let description = Description {
             contract: CONTRACT_VERSION,
             name: name.into(),
@@ -62,7 +64,8 @@ mod tests {
             settings: vec![],
             files: [].into(),
         };
-        let (program, table) = ("".into(), StageTable::default());
+        let program = "".into();
+        let table = StageTable::default();
         PlannedStage {
             name: name.into(),
             span: None,

@@ -76,7 +76,8 @@ fn replay_without_topics_that_stages_read_is_doubted() {
 fn record_classes(path: &Path, name: &str) {
     let table = ByteTable { topic: name.to_owned(), ..ByteTable::of::<ClassTopic>() };
     let mut writer = RecordingWriter::create(path, &BTreeMap::new(), &[table]).expect("creates");
-    let (header, rows) = ([ClassHeader::default()], [ClassRow { class_id: 7, score: 9 }]);
+    let header = [ClassHeader::default()];
+    let rows = [ClassRow { class_id: 7, score: 9 }];
     let envelope = Envelope { len: 1, ..Envelope::default() };
     writer.message(name, 0, &envelope, bytes_from_rows(&header), bytes_from_rows(&rows)).expect("writes");
     writer.tick(name, &TickRow { n_published: 1, end: 1, ..TickRow::default() }).expect("writes");

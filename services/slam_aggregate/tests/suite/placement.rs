@@ -287,7 +287,8 @@ fn placement_after_restarts_has_the_same_bytes() {
 /// A drive folder with the street's lidar.
 fn drive_folder(folder: &std::path::Path) {
     let mounting = body_from_lidar();
-    let (t, q) = (mounting.translation, mounting.rotation.coords);
+    let t = mounting.translation;
+    let q = mounting.rotation.coords;
     let text = format!(
         "version = 1\nname = \"street\"\n[lidar]\nmodel = \"hdl32e\"\nformat = \"pcap\"\nfolder = \"lidar\"\n\
          [lidar.body_from_lidar]\ntranslation = [{:?}, {:?}, {:?}]\nrotation = [{:?}, {:?}, {:?}, {:?}]\n",

@@ -34,10 +34,12 @@ fn recorded() -> &'static Recorded {
 
 fn ticks(drive: &Drive) -> Vec<Tick> {
     let lidars: Vec<_> = drive.lidars().collect();
-    let (mut first, mut rear) = (drive.sweeps().unwrap(), SweepSource::open(lidars[1]).unwrap());
+    let mut first = drive.sweeps().unwrap();
+    let mut rear = SweepSource::open(lidars[1]).unwrap();
     let mut ticks = Vec::new();
     loop {
-        let (mut rows, mut of_rear) = (Vec::new(), Vec::new());
+        let mut rows = Vec::new();
+        let mut of_rear = Vec::new();
         let Some(sweep) = first.next_sweep(|piece| rows.extend_from_slice(piece)).unwrap() else { break };
         let window = (sweep.stamp.0, sweep.stamp.0 + i64::from(sweep.duration_nanos));
         let slice = rear.next_slice(window, |piece| of_rear.extend_from_slice(piece)).unwrap().unwrap();
@@ -98,10 +100,13 @@ fn points_of_both_lidars_lie_where_they_are_in_the_world() {
     feed(&mut bench, &recorded().ticks);
     bench.finish().unwrap();
     let submaps = bench.take::<SubmapTopic>();
-    let (truth, drive) = (truth(), Drive::open(&path()).unwrap());
+    let truth = truth();
+    let drive = Drive::open(&path()).unwrap();
     let mountings = [drive.rig().body_from_lidar, drive.rig().body_from_other_lidars[0]];
     let first = truth.at(Stamp(recorded().ticks[0][0].0)).unwrap();
-    let (mut n, mut sums, mut far) = ([0_usize; 2], [0.0_f64; 2], [0_usize; 2]);
+    let mut n = [0_usize; 2];
+    let mut sums = [0.0_f64; 2];
+    let mut far = [0_usize; 2];
     let mut n_rows = 0;
     for submap in &submaps {
         let header = submap.header();
@@ -160,7 +165,8 @@ fn second_lidar_does_not_change_the_path() {
     let n_points = |bench: &mut Bench<SlamAggregate>| -> usize {
         bench.take::<SubmapTopic>().iter().map(|submap| submap.rows().len()).sum()
     };
-    let (both, alone) = (n_points(&mut both), n_points(&mut alone));
+    let both = n_points(&mut both);
+    let alone = n_points(&mut alone);
     assert!(both as f64 > 1.2 * alone as f64, "{both} points, {alone} without the second LiDAR");
 }
 

@@ -91,7 +91,8 @@ fn every_return_is_placed_at_its_true_position() {
     }
     assert_eq!(next_sweep, raws.len());
     errors.sort_by(f64::total_cmp);
-    let (median, most) = (errors[errors.len() / 2], errors[errors.len() * 95 / 100]);
+    let median = errors[errors.len() / 2];
+    let most = errors[errors.len() * 95 / 100];
     assert!(median < 0.06 && most < 0.2, "median {median} m, 95 % below {most} m, on a path of 23 m");
     assert_eq!(bench.counter("sweeps_bridged"), 0);
     assert_eq!(bench.counter("points_out_of_range"), 0);
@@ -104,7 +105,8 @@ fn submap_rows_follow_from_the_sweep_table() {
     let [submap] = &submaps[..] else { panic!("{} submaps", submaps.len()) };
     let mut known = 0;
     for (sweep, raw) in sweeps(submap).iter().zip(&raws) {
-        let (begin, end) = (pose(&sweep.submap_from_lidar_begin), pose(&sweep.submap_from_lidar_end));
+        let begin = pose(&sweep.submap_from_lidar_begin);
+        let end = pose(&sweep.submap_from_lidar_end);
         let rows = &submap.rows()[sweep.first_point as usize..][..sweep.n_points as usize];
         for (row, point) in rows.iter().zip(&raw.rows) {
             assert_eq!((row.offset_nanos, row.azimuth), (point.offset_nanos, point.azimuth));
@@ -275,7 +277,8 @@ fn report_on_bridged_sweeps_names_the_predicting_sensors() {
         assert_eq!(bench.counter("sweeps_bridged"), 4);
         bench.notes().join("; ")
     };
-    let (both, none) = (notes(MotionSensor::ALL), notes(&[]));
+    let both = notes(MotionSensor::ALL);
+    let none = notes(&[]);
     assert!(both.contains("predicted by inertial samples (4 sweeps) and GNSS velocities (4)"), "{both}");
     assert!(none.contains("predicted by constant motion"), "{none}");
 }
@@ -338,7 +341,8 @@ fn invalid_mounting_of_a_drive_is_named() {
 fn drive_folder(rotation: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let mounting = body_from_lidar();
-    let (t, q) = (mounting.translation, mounting.rotation.coords);
+    let t = mounting.translation;
+    let q = mounting.rotation.coords;
     let rotation = match rotation {
         "" => format!("rotation = [{:?}, {:?}, {:?}, {:?}]", q.x, q.y, q.z, q.w),
         other => other.to_owned(),

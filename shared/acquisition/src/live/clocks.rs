@@ -100,7 +100,8 @@ impl Arrivals {
         let (first, first_delay) = *self.first.get_or_insert((arrived.0, delay));
         self.window_nanos = self.window_nanos.max(WINDOW_NANOS);
         let since = arrived.0.saturating_sub(first).max(0);
-        let (time_s, delay_s) = (since as f64 * 1e-9, delay.saturating_sub(first_delay) as f64 * 1e-9);
+        let time_s = since as f64 * 1e-9;
+        let delay_s = delay.saturating_sub(first_delay) as f64 * 1e-9;
         self.n += 1;
         let window = Window { time_s, least_s: delay_s, n: 1.0, sum: delay_s, squares: delay_s * delay_s };
         let index = |time_s: f64, nanos: i64| (time_s * 1e9) as i64 / nanos;
@@ -125,10 +126,12 @@ impl Arrivals {
 
     /// A line through the minima of the windows.
     fn estimate(&self) -> Option<ClockEstimate> {
-        let (last, (_, first_delay)) = (self.windows.last()?, self.first?);
+        let last = self.windows.last()?;
+        let (_, first_delay) = self.first?;
         let n = self.windows.len() as f64;
         let mean = |value: fn(&Window) -> f64| self.windows.iter().map(value).sum::<f64>() / n;
-        let (time_s, least_s) = (mean(|window| window.time_s), mean(|window| window.least_s));
+        let time_s = mean(|window| window.time_s);
+        let least_s = mean(|window| window.least_s);
         let moment = |value: &dyn Fn(&Window) -> f64| {
             self.windows.iter().map(|window| (window.time_s - time_s) * value(window)).sum::<f64>()
         };
@@ -140,7 +143,8 @@ impl Arrivals {
         };
         let least = self.windows.iter().map(|window| window.least_s).fold(f64::INFINITY, f64::min);
         let at = |time: f64| if has_drift { least_s + drift * (time - time_s) } else { least };
-        let (mut squares, mut count) = (0.0, 0.0);
+        let mut squares = 0.0;
+        let mut count = 0.0;
         for window in &self.windows {
             let at = at(window.time_s);
             squares += window.squares - 2.0 * at * window.sum + window.n * at * at;
@@ -158,7 +162,8 @@ impl Arrivals {
 impl Window {
     fn join(&mut self, other: &Self) {
         if other.least_s < self.least_s {
-            (self.time_s, self.least_s) = (other.time_s, other.least_s);
+            self.time_s = other.time_s;
+            self.least_s = other.least_s;
         }
         self.n += other.n;
         self.sum += other.sum;
@@ -172,7 +177,8 @@ mod tests {
 
     /// A clock that is `offset_s` behind the host and `ppm` slower; delays are 2 ms and up to 10 ms more.
     fn estimate(seconds: i64, offset_s: f64, ppm: f64) -> ClockEstimate {
-        let (mut clocks, begin) = (Clocks::default(), 1_700_000_000_000_000_000_i64);
+        let mut clocks = Clocks::default();
+        let begin = 1_700_000_000_000_000_000_i64;
         let mut random = 1_u64;
         for k in 0..seconds * 10 {
             let host = begin + k * 100_000_000;

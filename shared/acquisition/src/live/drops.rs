@@ -29,7 +29,8 @@ mod tests {
         let socket = UdpSocket::bind("127.0.0.1:0").expect("binds");
         // Every Linux with procfs has the table. Without it the stage cannot report drops, and this test must fail.
         assert_eq!(dropped(&socket), Some(0), "{TABLE}");
-        let (sender, address) = (UdpSocket::bind("127.0.0.1:0").expect("binds"), socket.local_addr().expect("bound"));
+        let sender = UdpSocket::bind("127.0.0.1:0").expect("binds");
+        let address = socket.local_addr().expect("bound");
         // Far more than any default buffer size.
         let n_sent = 20_000;
         for _ in 0..n_sent {

@@ -215,7 +215,8 @@ impl Watcher {
 
     /// Records files that no event reported. Files that may still be written are looked at again.
     fn list(&mut self, shared: &Shared) -> Result<(), LiveError> {
-        let (now, begin) = (SystemTime::now(), self.begin.0.max(0) as u64);
+        let now = SystemTime::now();
+        let begin = self.begin.0.max(0) as u64;
         let begin = SystemTime::UNIX_EPOCH + Duration::from_nanos(begin);
         let mut has_young = false;
         for (_, camera) in &self.cameras {
@@ -308,7 +309,8 @@ mod tests {
         }
 
         fn start(&self, begin: Stamp) -> ImageWatch {
-            let (source, recorded) = (self.source(""), self.folder.path().join("recording"));
+            let source = self.source("");
+            let recorded = self.folder.path().join("recording");
             let camera = WatchedCamera { kind: CameraKind::Color, index: 3, delay_nanos: 0, source, recorded };
             ImageWatch::start(vec![camera], begin).expect("starts")
         }
@@ -326,7 +328,8 @@ mod tests {
 
     /// Images until this number has come; far longer than any wait on a busy machine.
     fn wait_for(watch: &ImageWatch, n: usize) -> Vec<ArrivedImage> {
-        let (mut images, deadline) = (Vec::new(), Instant::now() + Duration::from_mins(3));
+        let mut images = Vec::new();
+        let deadline = Instant::now() + Duration::from_mins(3);
         while images.len() < n {
             images.extend(watch.take());
             assert!(Instant::now() < deadline, "{images:?}");

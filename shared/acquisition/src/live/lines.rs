@@ -64,7 +64,8 @@ impl LineLog {
         let size = end_line(&mut file)?;
         let lines = LineFile::at(path, size)?;
         let shared = Arc::new(Shared::default());
-        let (of_thread, address) = (Arc::clone(&shared), address.clone());
+        let of_thread = Arc::clone(&shared);
+        let address = address.clone();
         let thread = std::thread::Builder::new().name("lines".to_owned()).spawn(move || {
             if let Err(error) = receive(Some(link), &address, (&mut file, size), &of_thread) {
                 *of_thread.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);

@@ -93,9 +93,12 @@ struct Shared {
 impl Receiver {
     /// Starts the thread.
     pub(crate) fn start(sockets: Sockets, recorder: Recorder) -> io::Result<Self> {
-        let (sockets, shared, frontier) = (Arc::new(sockets), Arc::new(Shared::default()), recorder.frontier());
+        let sockets = Arc::new(sockets);
+        let shared = Arc::new(Shared::default());
+        let frontier = recorder.frontier();
         let thread = std::thread::Builder::new().name("receiver".to_owned());
-        let (of_thread, sockets_of_thread) = (Arc::clone(&shared), Arc::clone(&sockets));
+        let of_thread = Arc::clone(&shared);
+        let sockets_of_thread = Arc::clone(&sockets);
         let thread = thread.spawn(move || {
             if let Err(error) = receive(&sockets_of_thread, recorder, &of_thread) {
                 *of_thread.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
@@ -182,7 +185,8 @@ impl Drop for Receiver {
 fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Result<()> {
     let mut packet = vec![0; MAX_PACKET];
     let mut flushed = Instant::now();
-    let (mut first_packet, mut last_packet) = (None, None);
+    let mut first_packet = None;
+    let mut last_packet = None;
     while !shared.stop.load(Ordering::Relaxed) {
         let timeout = if recorder.has_unwritten() { FLUSH } else { IDLE };
         let mut n_packets = 0;

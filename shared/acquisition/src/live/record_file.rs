@@ -74,7 +74,8 @@ mod tests {
     #[test]
     fn files_are_recorded_once_and_copies_taken_too_early_are_replaced() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (source, target) = (folder.path().join("a"), folder.path().join("b"));
+        let source = folder.path().join("a");
+        let target = folder.path().join("b");
         assert_eq!(record_file(&source, &target).expect("records"), Recorded::Unreadable);
         fs::write(&source, "").expect("writes");
         assert_eq!(record_file(&source, &target).expect("records"), Recorded::Empty);

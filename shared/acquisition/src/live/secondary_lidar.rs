@@ -125,7 +125,8 @@ impl SecondaryLidar {
 
     /// Names and numbers since the last call.
     pub fn take_counts(&mut self) -> Vec<(String, u64)> {
-        let (n_packets, n_late) = (self.receiver.n_packets(), self.n_late);
+        let n_packets = self.receiver.n_packets();
+        let n_late = self.n_late;
         let (counts, tally, packets_before, late_before) = &mut self.reported;
         let own = [
             ("udp_packets", n_packets - *packets_before),
@@ -134,7 +135,9 @@ impl SecondaryLidar {
         ];
         let of_sweeps = self.tally.since(tally);
         let of_packets = self.reader.as_ref().map(|reader| counts.take_new(reader.stats(), LogStats::default()));
-        (*tally, *packets_before, *late_before) = (self.tally, n_packets, n_late);
+        *tally = self.tally;
+        *packets_before = n_packets;
+        *late_before = n_late;
         named(&self.name, own.into_iter().chain(of_sweeps).chain(of_packets.into_iter().flatten())).collect()
     }
 

@@ -128,13 +128,15 @@ impl LiveSensor {
 
     /// Fails if packets have arrived for too long, all of them were read, and none gave a sweep.
     pub fn check_decoded(&self) -> Result<(), LiveError> {
-        let (seconds, limit) = (self.receiver.span_s(), self.limits.max_undecoded_s);
+        let seconds = self.receiver.span_s();
+        let limit = self.limits.max_undecoded_s;
         if self.n_sweeps > 0 || limit == 0.0 || seconds < limit || self.receiver.frontier().is_closed() {
             return Ok(());
         }
         let reason = match &self.reader {
             Some(reader) => {
-                let (model, stats) = (reader.model().name(), reader.stats());
+                let model = reader.model().name();
+                let stats = reader.stats();
                 format!(
                     "{} data packets of {model}, {} foreign packets, {} late packets",
                     stats.data_packets, stats.foreign_packets, stats.late_packets
@@ -170,7 +172,8 @@ impl LiveSensor {
                 SweepPoll::Pending => return Ok(LivePoll::Waiting),
                 SweepPoll::End => return Ok(LivePoll::Ended),
             };
-            let (n_rings, end_bytes) = (reader.n_rings(), reader.place().1);
+            let n_rings = reader.n_rings();
+            let end_bytes = reader.place().1;
             self.current = CurrentSweep::None;
             if is_passed_on && info.turn >= self.limits.min_turn {
                 let fixes = reader.take_fixes();

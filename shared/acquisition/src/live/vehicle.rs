@@ -60,7 +60,8 @@ impl LivePlan<'_> {
     /// What prevents receiving or recording: settings and texts.
     pub fn problems(&self) -> Vec<(&'static str, String)> {
         let problem = |error: &LiveError| (error.key(), error.to_string());
-        let (mut problems, mut bound) = (Vec::new(), Vec::new());
+        let mut problems = Vec::new();
+        let mut bound = Vec::new();
         let listens = self.listens().map(|value| ("listen", value));
         for (key, value) in listens.chain([("position_listen", self.position_listen)]) {
             match address(value).and_then(bind) {

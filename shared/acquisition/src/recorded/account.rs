@@ -45,7 +45,8 @@ impl News {
         let drive = reader.drive();
         let mut news = Self { counts: named(reader.initial_counts().named()), notes: Vec::new() };
         if drive.is_inferred() {
-            let (model, format) = (drive.model().name(), &drive.manifest().lidar.format);
+            let model = drive.model().name();
+            let format = &drive.manifest().lidar.format;
             news.notes.push(format!("no drive.toml: reading {format} sweeps of one {model} without other sensors"));
         }
         if let Some(path) = drive.strange_files().first() {
@@ -134,7 +135,9 @@ impl DriveAccount {
 
     /// Collects the doubts about what was read.
     pub fn doubt(&self, reader: &DriveReader, doubts: &mut Doubts) {
-        let (source, initial, tally) = (reader.source(), reader.initial_counts(), &self.tally);
+        let source = reader.source();
+        let initial = reader.initial_counts();
+        let tally = &self.tally;
         doubts.captures(&source.lidar_stats(), source.capture_bytes());
         let manifest = reader.drive().manifest();
         let has_cameras = !manifest.cameras.is_empty() || !manifest.mosaics.is_empty();

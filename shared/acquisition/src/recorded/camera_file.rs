@@ -70,7 +70,8 @@ pub fn mosaic_into(path: &Path, entry: &MosaicEntry, samples: &mut [u16]) -> Res
         let bytes = std::fs::read(path)?;
         let pgm = Pgm::parse(&bytes)?;
         check_size((pgm.width, pgm.height), entry.model.size())?;
-        let (bit_depth, limit) = (entry.bit_depth, (1_u32 << entry.bit_depth.min(16)) - 1);
+        let bit_depth = entry.bit_depth;
+        let limit = (1_u32 << entry.bit_depth.min(16)) - 1;
         if pgm.max > limit {
             return Err(CameraFileFault::Depth { max: pgm.max, limit, bit_depth });
         }

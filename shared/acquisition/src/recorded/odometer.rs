@@ -49,7 +49,8 @@ impl Odometer {
 
     /// Path length between two times, m; `None` outside of the fixes and over gaps.
     pub(crate) fn between(&self, from: Stamp, to: Stamp) -> Option<f64> {
-        let (first, last) = (self.mark_before(from)?, self.mark_before(to)?);
+        let first = self.mark_before(from)?;
+        let last = self.mark_before(to)?;
         let known = self.marks[first..=last].iter().all(|mark| mark.is_followed || mark.stamp == to);
         known.then(|| self.path_at(last, to) - self.path_at(first, from))
     }

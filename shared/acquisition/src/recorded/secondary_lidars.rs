@@ -86,7 +86,8 @@ impl SecondaryLidars {
 
     /// Names and numbers of packets and sweeps since the last call, and the errors of damaged files.
     pub fn take_news(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
-        let (mut counts, mut damage) = (Vec::new(), Vec::new());
+        let mut counts = Vec::new();
+        let mut damage = Vec::new();
         for lidar in &mut self.0 {
             let Source::Sweeps(source) = &lidar.source else { continue };
             let before = std::mem::replace(&mut lidar.reported_tally, lidar.tally);
@@ -144,7 +145,8 @@ impl SecondaryLidars {
             if !in_drive {
                 return Err(DriveError::OtherDrive);
             }
-            (lidar.tally, lidar.reported_tally) = (tally, tally);
+            lidar.tally = tally;
+            lidar.reported_tally = tally;
         }
         Ok(())
     }

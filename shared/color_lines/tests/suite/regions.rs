@@ -102,7 +102,8 @@ fn regions_do_not_depend_on_threads_and_become_compact_with_spatial_weight() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         pool.install(|| Model::fit(&image, &settings).expect("pixels"))
     };
-    let (one, two) = (of(0.5, 1), of(0.5, 2));
+    let one = of(0.5, 1);
+    let two = of(0.5, 2);
     assert_eq!((&one.labels, &one.model), (&two.labels, &two.model));
     let extent = |fit: &Fit| shapes(&LabelImage::new(size[0], &fit.labels).expect("an image")).extent;
     let extents = [of(0.0, 1), one, of(1.0, 1)].map(|fit| extent(&fit));
@@ -119,7 +120,8 @@ fn unconstrained_pixels_of_a_real_cube_are_closer_than_constrained_ones() {
         let simplified = found.model.simplified(&image, &found.labels).expect("the image");
         scores::fidelity(&cube.values, &simplified, 25, 255.0).expect("pixels").psnr_db
     };
-    let (constrained, free) = (psnr(true, Start::Count(60), 10), psnr(false, Start::Count(60), 10));
+    let constrained = psnr(true, Start::Count(60), 10);
+    let free = psnr(false, Start::Count(60), 10);
     assert!(free > constrained && constrained > 28.0, "{constrained} {free} dB");
     let k_means = psnr(false, Start::KMeans(60, 1), 1);
     assert!((25.0..free + 1.0).contains(&k_means), "{k_means} dB");

@@ -52,7 +52,8 @@ fn polynomial(function: impl Fn(f64) -> f64) -> [f64; N_COEFFICIENTS] {
     let values: [f64; N_COEFFICIENTS] = std::array::from_fn(|node| function(angle_of(node).cos()));
     let mut sum = [0.0; N_COEFFICIENTS];
     // Chebyshev polynomials of the previous and of this order, as coefficients of powers.
-    let (mut before, mut here) = ([0.0; N_COEFFICIENTS], [0.0; N_COEFFICIENTS]);
+    let mut before = [0.0; N_COEFFICIENTS];
+    let mut here = [0.0; N_COEFFICIENTS];
     here[0] = 1.0;
     for order in 0..N_COEFFICIENTS {
         let weight = if order == 0 { 1.0 } else { 2.0 };
@@ -66,7 +67,8 @@ fn polynomial(function: impl Fn(f64) -> f64) -> [f64; N_COEFFICIENTS] {
                 next[power] += weight * here[power - 1];
             }
         }
-        (before, here) = (here, next);
+        before = here;
+        here = next;
     }
     sum
 }

@@ -29,7 +29,8 @@ impl From<&Pinhole> for PinholeLens {
 
 /// Squared tangent up to which the distortion is monotone, by bisection; at most 89.4 degrees from the axis.
 fn largest_monotone_r2(model: &Pinhole) -> f64 {
-    let (mut low, mut high) = (0.0, 1e4);
+    let mut low = 0.0;
+    let mut high = 1e4;
     if model.is_monotone_to(high) {
         return high;
     }
@@ -58,7 +59,8 @@ impl PinholeLens {
     pub fn pixel(&self, [x, y, z]: [f32; 3]) -> [f32; 2] {
         let is_ahead = z > MIN_DEPTH_M;
         let inverse = 1.0 / z;
-        let (x, y) = (x * inverse, y * inverse);
+        let x = x * inverse;
+        let y = y * inverse;
         let r2 = x * x + y * y;
         let [k1, k2, p1, p2, k3] = self.distortion;
         let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
@@ -77,7 +79,12 @@ mod tests {
 
     #[test]
     fn directions_beyond_monotone_distortion_are_not_visible() {
-        let (width, height, fx, fy, cx, cy) = (1600, 900, 1266.4, 1260.0, 816.3, 491.5);
+        let width = 1600;
+        let height = 900;
+        let fx = 1266.4;
+        let fy = 1260.0;
+        let cx = 816.3;
+        let cy = 491.5;
         let distortion = [-0.3, 0.0, 0.0, 0.0, 0.0];
         let lens = PinholeLens::from(&Pinhole { width, height, fx, fy, cx, cy, distortion });
         assert!((lens.max_r2 - 1.0 / 0.9).abs() < 1e-5);

@@ -84,12 +84,15 @@ impl SplineWarpLens {
         if !((x >= 0.0) & (y >= 0.0) & (x < last) & (y < last)) {
             return super::NOWHERE;
         }
-        let (column, row) = (x as usize, y as usize);
-        let (x, y) = (x - column as f32, y - row as f32);
+        let column = x as usize;
+        let row = y as usize;
+        let x = x - column as f32;
+        let y = y - row as f32;
         let node = row * N_NODES + column;
         let [a, b, c, d] = [node, node + 1, node + N_NODES, node + N_NODES + 1].map(|node| self.residuals[node]);
         [0, 1].map(|axis| {
-            let (above, below) = (a[axis] + x * (b[axis] - a[axis]), c[axis] + x * (d[axis] - c[axis]));
+            let above = a[axis] + x * (b[axis] - a[axis]);
+            let below = c[axis] + x * (d[axis] - c[axis]);
             at[axis] + above + y * (below - above)
         })
     }

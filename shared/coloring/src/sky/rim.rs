@@ -29,7 +29,8 @@ impl RimMap {
     /// Of the cells of a visibility map.
     pub fn new(visibility: &VisibilityMap) -> Self {
         let is_hit = visibility.is_hit();
-        let (all, some) = (erode(&is_hit, WIDTH), dilate(&is_hit, WIDTH));
+        let all = erode(&is_hit, WIDTH);
+        let some = dilate(&is_hit, WIDTH);
         let of_cell = |(all, some): (&bool, &bool)| match (all, some) {
             (true, _) => Surroundings::Surface,
             (false, true) => Surroundings::Rim,

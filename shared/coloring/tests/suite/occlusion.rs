@@ -44,7 +44,8 @@ impl Town {
         let stamp_of = |sweep: usize| self.begin.0 + sweep as i64 * SWEEP_NANOS;
         let sweep = |i| SubmapSweep { stamp: stamp_of(i), ..SubmapSweep::default() };
         let column = |i: usize| {
-            let (sweep_idx, column) = (i / N_COLUMNS as usize, i as u32 % N_COLUMNS);
+            let sweep_idx = i / N_COLUMNS as usize;
+            let column = i as u32 % N_COLUMNS;
             let offset_nanos = (SWEEP_NANOS * i64::from(column) / i64::from(N_COLUMNS)) as u32;
             let seconds = self.seconds(stamp_of(sweep_idx) + i64::from(offset_nanos));
             let [now, later] = [seconds, seconds + 1.0].map(|seconds| self.simulation.scene.at(seconds));
@@ -146,7 +147,8 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
     let cameras: Vec<ProjectionCamera> = (town.simulation.rig.cameras.iter())
         .map(|c| ProjectionCamera::from(&RigCamera { body_from_camera: c.body_from_camera, model: c.lens.clone() }))
         .collect();
-    let (mut exposures, mut truth): (Vec<PosedExposure<'_>>, Vec<TrueExposure>) = (Vec::new(), Vec::new());
+    let mut exposures: Vec<PosedExposure<'_>> = Vec::new();
+    let mut truth: Vec<TrueExposure> = Vec::new();
     for stamp in town.simulation.exposures().into_iter().filter(near) {
         let world_from_body = town.simulation.motion.pose_at(stamp);
         for (camera, spec) in cameras.iter().zip(&town.simulation.rig.cameras) {
@@ -168,7 +170,8 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
     [tested, untested].map(|visibility| {
         let candidates = Candidates { points: &submap, exposures: &exposures, visibility: &visibility, limits: LIMITS };
         let of_chunk = |(index, points): (usize, &[SubmapPoint])| {
-            let (mut choices, mut chunk) = (Choices::default(), Chunk::default());
+            let mut choices = Choices::default();
+            let mut chunk = Chunk::default();
             submap.read_chunk(index, &mut chunk);
             choices.choose(&chunk, &candidates);
             let mut chosen = vec![None; points.len()];
@@ -228,9 +231,11 @@ fn occluded_points_stay_uncolored_and_visible_points_are_colored() {
         }
     }
     let all = |table: &[Score]| table.iter().fold(Score::default(), |sum, score| sum.plus(*score));
-    let (tested, untested) = (all(&sums[0]), all(&sums[1]));
+    let tested = all(&sums[0]);
+    let untested = all(&sums[1]);
     println!("with: {tested:?}\nwithout: {untested:?}");
-    let (wrong, wrong_before) = (tested.wrong_of_colored(), untested.wrong_of_colored());
+    let wrong = tested.wrong_of_colored();
+    let wrong_before = untested.wrong_of_colored();
     assert!(tested.visible > 10_000, "{tested:?}");
     assert!(wrong < MAX_WRONG, "{wrong} of the colored points are occluded from their exposure");
     assert!(wrong_before > 3.0 * wrong, "{wrong} instead of {wrong_before}: occlusion has hardly any effect");

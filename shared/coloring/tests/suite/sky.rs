@@ -84,7 +84,8 @@ fn rim_of_tree_gets_neither_color_of_sky_nor_of_sky_through_leaves() {
     let of_tree = |reject_sky| {
         colors(reject_sky).into_iter().filter(|(point, _)| f64::from(point.y) > EDGE_M).collect::<Vec<_>>()
     };
-    let (plain, tested) = (of_tree(false), of_tree(true));
+    let plain = of_tree(false);
+    let tested = of_tree(true);
     let n_bluish = plain.iter().filter(|(_, row)| is_bluish(*row)).count();
     assert!(n_bluish > 200, "only {n_bluish} points of the plain colors show the sky");
     let bluish = || tested.iter().filter(|(_, row)| is_bluish(*row));

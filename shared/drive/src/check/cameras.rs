@@ -37,14 +37,16 @@ impl Check<'_> {
         });
         let bits = entry.bit_depth;
         self.file.rule(&key("bit_depth"), (1..=16).contains(&bits), || format!("value {bits} must be 1 to 16"));
-        let (side, n_bands) = (entry.pattern, entry.wavelengths_nm.len());
+        let side = entry.pattern;
+        let n_bands = entry.wavelengths_nm.len();
         self.file.rule(&key("pattern"), (1..=5).contains(&side), || format!("value {side} must be 1 to 5"));
         self.file.rule(&key("wavelengths_nm"), n_bands == (side as usize).saturating_pow(2), || {
             format!("{n_bands} values; expected one for each of the {side} x {side} cells of the pattern")
         });
         let are_positive = entry.wavelengths_nm.iter().all(|nm| *nm > 0.0 && nm.is_finite());
         self.file.rule(&key("wavelengths_nm"), are_positive, || "must be positive".into());
-        let ([x, y, w, h], (width, height)) = (entry.active_area, entry.model.size());
+        let [x, y, w, h] = entry.active_area;
+        let (width, height) = entry.model.size();
         let n_values = u64::from(width) * u64::from(height);
         self.fits::<MosaicTopic>(&key("model"), n_values, &format!("{width} x {height} pixels"));
         // Each pixel of the cube has its bands and a mask.
@@ -78,7 +80,8 @@ impl Check<'_> {
             });
         }
         if let Some(region) = panel.region {
-            let ([x, y, w, h], [x0, y0, width, height]) = (region.map(u64::from), entry.active_area.map(u64::from));
+            let [x, y, w, h] = region.map(u64::from);
+            let [x0, y0, width, height] = entry.active_area.map(u64::from);
             let inside = x >= x0 && y >= y0 && x + w <= x0 + width && y + h <= y0 + height;
             self.file.rule(key, inside && w.min(h) >= u64::from(entry.pattern), || {
                 format!(

@@ -99,7 +99,9 @@ impl TryFrom<ManifestFile> for Manifest {
         }
         .into_iter();
         let lidar = lidars.next().ok_or("lidar: expected at least one table")?;
-        let (other_lidars, cameras, mosaics) = (lidars.collect(), camera, mosaic);
+        let other_lidars = lidars.collect();
+        let cameras = camera;
+        let mosaics = mosaic;
         Ok(Self { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, truth })
     }
 }

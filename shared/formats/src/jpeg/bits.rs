@@ -83,7 +83,9 @@ impl<'a> Bits<'a> {
         self.skip(self.n_held % 8);
         let n_held = self.n_held.saturating_sub(self.n_padding) / 8;
         let mut n_rest = self.held.to_be_bytes()[..n_held as usize].iter().filter(|byte| **byte != 0).count();
-        (self.held, self.n_held, self.n_padding) = (0, 0, 0);
+        self.held = 0;
+        self.n_held = 0;
+        self.n_padding = 0;
         while let Some(byte) = self.next_byte() {
             n_rest += usize::from(byte != 0);
         }
@@ -106,14 +108,16 @@ mod tests {
     fn bits_are_those_of_the_bytes_without_stuffing() {
         let mut bytes: Vec<u8> = (0..200_u32).map(|i| (i * i * 7 + 13 * i) as u8).collect();
         bytes.extend([0xff, 1, 2, 3, 4, 5, 6, 7, 0xff, 0xff, 8]);
-        let (mut coded, mut expected) = (Vec::new(), Vec::new());
+        let mut coded = Vec::new();
+        let mut expected = Vec::new();
         for byte in &bytes {
             coded.push(*byte);
             coded.extend((*byte == 0xff).then_some(0));
             expected.extend((0..8).rev().map(|k| byte >> k & 1));
         }
         coded.extend([0xff, 0xd9]);
-        let (mut bits, mut read) = (Bits::new(&coded, 0), Vec::new());
+        let mut bits = Bits::new(&coded, 0);
+        let mut read = Vec::new();
         for n in (1..=16).cycle() {
             let peeked = bits.peek();
             assert!(bits.n_held >= MIN_HELD);

@@ -147,13 +147,15 @@ impl<'a> Scan<'a> {
             return None;
         }
         let max = |side: fn(&Component) -> u32| header.components.iter().map(side).max().unwrap_or(1);
-        let (horizontal, vertical) = (max(|c| c.horizontal), max(|c| c.vertical));
+        let horizontal = max(|c| c.horizontal);
+        let vertical = max(|c| c.vertical);
         let mut blocks = Vec::new();
         let mut alone = None;
         for (index, chosen) in rest[..2 * n].chunks_exact(2).enumerate() {
             let component = *header.components.iter().find(|component| component.id == chosen[0])?;
             let table = |kind: usize, number: u8| header.huffman.get(kind * 4 + usize::from(number & 3))?.as_ref();
-            let (mean, others) = (table(0, chosen[1] >> 4)?, table(1, chosen[1])?);
+            let mean = table(0, chosen[1] >> 4)?;
+            let others = table(1, chosen[1])?;
             let step = header.mean_steps[component.quantization];
             // A component alone is coded block by block.
             let n_blocks = if n == 1 { 1 } else { component.horizontal * component.vertical };
@@ -229,7 +231,8 @@ impl Coded<'_> {
         let mut index = 1;
         while index < 64 {
             let symbol = self.others.next(bits)?;
-            let (run, n_bits) = (u32::from(symbol >> 4), u32::from(symbol & 15));
+            let run = u32::from(symbol >> 4);
+            let n_bits = u32::from(symbol & 15);
             match (run, n_bits) {
                 (0, 0) => return Some(()),
                 (15, 0) => index += 16,

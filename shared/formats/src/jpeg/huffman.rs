@@ -24,7 +24,8 @@ impl Huffman {
     pub(super) fn new(counts: &[u8; N_MAX], symbols: &[u8]) -> Option<Self> {
         let mut table =
             Self { fast: vec![(0, 0); 1 << N_FAST], end: [0; N_MAX], offset: [0; N_MAX], symbols: symbols.to_vec() };
-        let (mut code, mut index) = (0_usize, 0_usize);
+        let mut code = 0_usize;
+        let mut index = 0_usize;
         for (length, count) in (1_u32..).zip(counts) {
             let slot = length as usize - 1;
             table.offset[slot] = index as isize - code as isize;

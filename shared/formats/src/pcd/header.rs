@@ -55,8 +55,13 @@ impl Value {
 
 impl Header {
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, PcdError> {
-        let (mut fields, mut sizes, mut kinds, mut counts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let (mut width, mut height, mut n_points) = (None, None, None);
+        let mut fields = Vec::new();
+        let mut sizes = Vec::new();
+        let mut kinds = Vec::new();
+        let mut counts = Vec::new();
+        let mut width = None;
+        let mut height = None;
+        let mut n_points = None;
         let mut at = 0;
         for line in 1..=MAX_HEADER_LINES {
             let error = |fault: PcdFault| PcdError { line, fault };
@@ -70,7 +75,8 @@ impl Header {
             let words: Vec<&str> = words.take(MAX_ROW_VALUES).collect();
             let count = || {
                 let word = words.first().and_then(|word| word.parse::<usize>().ok());
-                let (keyword, found) = (keyword.to_owned(), words.join(" "));
+                let keyword = keyword.to_owned();
+                let found = words.join(" ");
                 word.ok_or_else(|| error(PcdFault::Count { keyword, found }))
             };
             match keyword {
@@ -121,12 +127,18 @@ fn layout(
         || kinds.len() != fields.len()
         || !(counts.is_empty() || counts.len() == fields.len())
     {
-        let (fields, sizes, types, counts) = (fields.len(), sizes.len(), kinds.len(), counts.len());
+        let fields = fields.len();
+        let sizes = sizes.len();
+        let types = kinds.len();
+        let counts = counts.len();
         return Err(PcdFault::Lists { fields, sizes, types, counts });
     }
-    let (mut values, mut row_bytes, mut row_words) = ([None; N_WANTED], 0, 0);
+    let mut values = [None; N_WANTED];
+    let mut row_bytes = 0;
+    let mut row_words = 0;
     for (index, field) in fields.iter().enumerate() {
-        let (size, count) = (sizes[index], counts.get(index).copied().unwrap_or(1));
+        let size = sizes[index];
+        let count = counts.get(index).copied().unwrap_or(1);
         let kind = kinds[index].bytes().next().unwrap_or_default();
         let is_known = match kind {
             b'F' => matches!(size, 4 | 8),

@@ -81,8 +81,10 @@ impl PlyWriter {
         encode: impl Fn(usize, &mut Row<'_>) + Sync,
         amend: impl Fn(usize, &mut [u8]) -> Result<(), PlyError> + Sync,
     ) -> Result<(), PlyError> {
-        let (path, start) = (self.file.path().to_owned(), self.n_written);
-        let (kinds, row_size) = (self.kinds.clone(), self.row_size);
+        let path = self.file.path().to_owned();
+        let start = self.n_written;
+        let kinds = self.kinds.clone();
+        let row_size = self.row_size;
         self.write_blocks(n, |first, block| {
             for (i, bytes) in block.chunks_exact_mut(row_size.max(1)).enumerate() {
                 // All rows are encoded by the same code, so checking the kinds of the first row is enough.

@@ -77,7 +77,8 @@ pub fn xml(of: &SensorCalibration) -> String {
 /// Writes first, last and step if the steps are even, else every wavelength.
 fn wavelengths(w: &mut Writer, curve: &Curve, [first_name, last_name]: [&str; 2]) {
     let samples: Vec<f64> = curve.samples().map(|(nm, _)| nm).collect();
-    let (first, last) = (samples[0], samples[samples.len() - 1]);
+    let first = samples[0];
+    let last = samples[samples.len() - 1];
     let step = (last - first) / (samples.len().max(2) - 1) as f64;
     if samples.iter().enumerate().all(|(i, nm)| (first + step * i as f64 - nm).abs() < 1e-9) {
         w.value(first_name, first);

@@ -85,7 +85,8 @@ impl Page {
 
     /// The next cell, or the last child of an inner page.
     fn next(&mut self) -> Result<Option<usize>, SqliteFault> {
-        let (begin, index) = (self.begin(), self.next);
+        let begin = self.begin();
+        let index = self.next;
         self.next += 1;
         let first = begin + if self.kind == INNER { 12 } else { 8 };
         if index < self.n_cells {
@@ -111,7 +112,8 @@ impl<'a> Rows<'a> {
             self.push(root, Place { page: 1 })?;
         }
         while let Some(page) = self.stack.last_mut() {
-            let (number, kind) = (page.number, page.kind);
+            let number = page.number;
+            let kind = page.kind;
             let fault = |fault: SqliteFault| self.database.fault(number, fault);
             let Some(at) = page.next().map_err(fault)? else {
                 self.stack.pop();
@@ -175,7 +177,8 @@ impl<'a> Rows<'a> {
         if length > file_bytes {
             return Err(SqliteFault::RowSize(length));
         }
-        let (cell, length) = (&cell[n + m..], length as usize);
+        let cell = &cell[n + m..];
+        let length = length as usize;
         let local = local_bytes(length, header.usable_bytes());
         let record = cell.get(..local).ok_or_else(outside)?.to_vec();
         // Rows that overlap would make a scan longer than the file.

@@ -25,7 +25,8 @@ fn entries(bytes: &[u8]) -> Option<Vec<(u16, u64)>> {
     // Sizes of offsets and of the number of entries: TIFF has 32 bits, BigTIFF 64.
     let (offset_at, wide, count) = if number(2, 2)? == 43 { (8, 8, 8) } else { (4, 4, 2) };
     let directory = usize::try_from(number(offset_at, wide)?).ok()?;
-    let (n_entries, entry_bytes) = (number(directory, count)?, 4 + 2 * wide);
+    let n_entries = number(directory, count)?;
+    let entry_bytes = 4 + 2 * wide;
     let mut entries = Vec::new();
     for index in 0..usize::try_from(n_entries).ok()? {
         let at = index.checked_mul(entry_bytes)?.checked_add(directory)?.checked_add(count)?;

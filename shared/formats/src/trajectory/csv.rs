@@ -14,7 +14,8 @@ const NUMBERS: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
 pub fn csv_from_trajectory(trajectory: &Trajectory) -> String {
     let mut text = String::from("stamp,x,y,z,qx,qy,qz,qw\n");
     for (stamp, pose) in trajectory.poses() {
-        let (t, q) = (pose.translation.vector, pose.rotation.coords);
+        let t = pose.translation.vector;
+        let q = pose.rotation.coords;
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{},{},{},{},{},{},{},{}", stamp.0, t.x, t.y, t.z, q.x, q.y, q.z, q.w);
     }

@@ -10,7 +10,8 @@ use std::fmt::Write;
 pub fn tum_from_trajectory(trajectory: &Trajectory) -> String {
     let mut text = String::new();
     for (stamp, pose) in trajectory.poses() {
-        let (t, q) = (pose.translation.vector, pose.rotation.coords);
+        let t = pose.translation.vector;
+        let q = pose.rotation.coords;
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{stamp} {} {} {} {} {} {} {}", t.x, t.y, t.z, q.x, q.y, q.z, q.w);
     }

@@ -67,7 +67,10 @@ fn damaged_tiffs_do_not_panic() {
 #[test]
 fn tiff_that_needs_more_bytes_than_it_has_is_refused() {
     // Ten rows each are the same strip of 655 340 bytes: 2 GB of image in 120 KB of file.
-    let (width, height, n_bands, n_strips) = (32_767_u32, 30_000_u32, 2_u32, 3_000_u32);
+    let width = 32_767_u32;
+    let height = 30_000_u32;
+    let n_bands = 2_u32;
+    let n_strips = 3_000_u32;
     let table = 8 + 2 + 10 * 12 + 4;
     let fields: [(u16, u16, u32, u32); 10] = [
         (256, 4, 1, width),
@@ -130,7 +133,8 @@ fn damaged_spectra_and_lens_calibrations_do_not_panic() {
 }
 
 fn attack_calibration(seed: u64, rounds: usize, text: &[u8]) {
-    let (mut refused, mut read) = (0, 0);
+    let mut refused = 0;
+    let mut read = 0;
     attack(seed, rounds, text, |bytes| {
         let text = String::from_utf8_lossy(bytes);
         match SensorCalibration::from_xml(&text) {

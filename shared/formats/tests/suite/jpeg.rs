@@ -101,7 +101,8 @@ fn real_jpegs_pass_and_real_damage_is_found() {
         jpegs(&real_data::path(folder), &mut files);
     }
     assert!(files.len() > 100, "{}", files.len());
-    let (mut n_found, mut random) = (0, Random::new(3));
+    let mut n_found = 0;
+    let mut random = Random::new(3);
     for path in &files {
         let mut bytes = std::fs::read(path).expect("reads");
         assert_eq!(check(&bytes), Ok(()), "{}", path.display());

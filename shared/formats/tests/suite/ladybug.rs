@@ -37,7 +37,9 @@ fn pixel_of_real_camera_maps_to_ray_and_back() {
         let [fx, fy] = camera.lens.px_per_rad();
         assert!((1225.0..1245.0).contains(&fx) && (1225.0..1245.0).contains(&fy), "{fx} {fy} px/rad");
         let model = CameraModel::SplineWarp(camera.lens);
-        let (mut n_seen, mut n_all, mut worst) = (0, 0, 0.0_f64);
+        let mut n_seen = 0;
+        let mut n_all = 0;
+        let mut worst = 0.0_f64;
         for u in (0..2448).step_by(17) {
             for v in (0..2048).step_by(19) {
                 n_all += 1;

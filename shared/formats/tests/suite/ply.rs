@@ -106,7 +106,8 @@ fn written_file_equals_the_file_of_ply_rs() {
 #[test]
 fn rows_written_in_pieces_give_the_same_file() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (once, pieces) = (folder.path().join("once.ply"), folder.path().join("pieces.ply"));
+    let once = folder.path().join("once.ply");
+    let pieces = folder.path().join("pieces.ply");
     let points = random_points(10_000, 3);
     write(&once, &points);
     let mut writer = PlyWriter::create(&pieces, &header(), points.len()).expect("creates");
@@ -255,7 +256,8 @@ fn damaged_files_do_not_panic() {
         property uint u\nelement face 1\nproperty list uchar int i\nend_header\n1.5 2 1 2 3\n-1e3 0 7\n0 1 1 1\n3 1 2 3\n";
     let big = String::from_utf8_lossy(ascii).replace("ascii", "binary_big_endian").into_bytes();
     let mut random = Random::new(48);
-    let (mut read, mut refused) = (0, 0);
+    let mut read = 0;
+    let mut refused = 0;
     for round in 0..30_000 {
         let mut file = [&plain[..], ascii, &big][round % 3].to_vec();
         for _ in 0..=random.index(4) {

@@ -123,7 +123,8 @@ fn real_frames_have_known_size_and_exposure() {
 #[real_data::test("photonfocus/frame_02245_vis.tif")]
 fn damaged_and_truncated_real_frame_is_refused() {
     let file = std::fs::read(real_data::path("photonfocus/frame_02245_vis.tif")).expect("readable");
-    let (mut refused, mut random) = (0, Random::new(12_345));
+    let mut refused = 0;
+    let mut random = Random::new(12_345);
     for _ in 0..400 {
         // Nearly all metadata lies in the first 2500 bytes.
         let mut bytes = file[..4000].to_vec();

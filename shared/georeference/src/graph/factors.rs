@@ -98,7 +98,8 @@ mod tests {
 
     #[test]
     fn derivatives_equal_finite_differences() {
-        let (a, b) = (pose(0.3), pose(0.9));
+        let a = pose(0.3);
+        let b = pose(0.9);
         let slightly = Isometry3::new(Vector3::new(0.2, -0.1, 0.1), Vector3::new(0.03, -0.05, 0.2));
         let relative = RelativePose {
             target: 0,

@@ -223,8 +223,8 @@ impl Problem<'_> {
             let RelativeFactor { residual, by_target, by_source } =
                 RelativeFactor::new(relative, &poses[relative.target], &poses[relative.source]);
             let information = relative.information * weight;
-            let (target_weighted, source_weighted) =
-                (by_target.transpose() * information, by_source.transpose() * information);
+            let target_weighted = by_target.transpose() * information;
+            let source_weighted = by_source.transpose() * information;
             system.add_diagonal(relative.target, &(target_weighted * by_target));
             system.add_diagonal(relative.source, &(source_weighted * by_source));
             system.add_off_diagonal(relative.target, relative.source, &(target_weighted * by_source));

@@ -108,7 +108,8 @@ fn information(h: &Matrix6<f64>, target_from_source: &Pose) -> Option<Matrix6<f6
     // A tiny prior keeps directions without any match finite: a kilometre, a radian.
     let loose = Vector6::new(1e-6, 1e-6, 1e-6, 1.0, 1.0, 1.0);
     let covariance = (h / (RESIDUAL_M * RESIDUAL_M) + Matrix6::from_diagonal(&loose)).try_inverse()?;
-    let (m, rad) = (FLOOR_M * FLOOR_M, FLOOR_RAD * FLOOR_RAD);
+    let m = FLOOR_M * FLOOR_M;
+    let rad = FLOOR_RAD * FLOOR_RAD;
     let covariance = covariance + Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
     // The steps are in the source's axes; the graph expects translations in the target's.
     let mut axes = Matrix6::identity();

@@ -44,9 +44,11 @@ impl ScanContext {
     /// one more than a right angle away from it: a street with houses on both sides looks similar in both directions.
     pub fn matches(&self, source: &Self) -> [ContextMatch; 2] {
         let norms = |context: &Self| context.0.iter().map(|column| dot(column, column).sqrt()).collect::<Vec<f32>>();
-        let (target_norms, source_norms) = (norms(self), norms(source));
+        let target_norms = norms(self);
+        let source_norms = norms(source);
         let distance = |shift: usize| {
-            let (mut sum, mut n) = (0.0, 0);
+            let mut sum = 0.0;
+            let mut n = 0;
             for (k, column) in self.0.iter().enumerate() {
                 // Column `k` of the target is column `k - shift` of a source that is rotated by `shift`.
                 let other = (k + SECTORS - shift) % SECTORS;

@@ -53,7 +53,8 @@ pub fn local_map(number: usize) -> LocalMap {
                 // Fronts and heights differ from house to house.
                 let house = (k as f64 * SPACING_M / HOUSE_M) as u64;
                 let of = |what: u64| f64::from(unit(hash(hash(side * 2 + u64::from(outwards > 0.0), house), what)));
-                let (front, height) = (7.0 + 4.0 * of(1), 4.0 + 10.0 * of(2));
+                let front = 7.0 + 4.0 * of(1);
+                let height = 4.0 + 10.0 * of(2);
                 let normal = rotation * Vector3::new(0.0, -outwards, 0.0);
                 for step in 0..(height / SPACING_M) as usize {
                     add(street(k, outwards * front, step as f64 * SPACING_M).coords, normal);
@@ -81,7 +82,8 @@ impl Vehicle {
         let submap = self.n_sweeps / SWEEPS_PER_SUBMAP % LAP_SUBMAPS;
         for k in 0..SWEEPS_PER_SUBMAP {
             let along = |k: usize| (submap as f64 + k as f64 / SWEEPS_PER_SUBMAP as f64) * SUBMAP_M;
-            let (begin, end) = (pose(along(k)), pose(along(k + 1).rem_euclid(4.0 * SIDE_M)));
+            let begin = pose(along(k));
+            let end = pose(along(k + 1).rem_euclid(4.0 * SIDE_M));
             let stamp = self.n_sweeps as i64 * SWEEP_NANOS;
             if k == 0 {
                 georeferencer.begin_submap(begin, stamp);
@@ -106,7 +108,9 @@ impl Vehicle {
 fn fix(stamp: i64, world_from_body: &Pose) -> GnssRow {
     let frame = LocalFrame::new(Geodetic::new(48.846_222, 2.346_414, 104.6).unwrap());
     let place = frame.geodetic_from_world(&Point3::from(world_from_body.translation.vector));
-    let (latitude_deg, longitude_deg, altitude_m) = (place.latitude_deg, place.longitude_deg, place.altitude_m);
+    let latitude_deg = place.latitude_deg;
+    let longitude_deg = place.longitude_deg;
+    let altitude_m = place.altitude_m;
     GnssRow { stamp, latitude_deg, longitude_deg, altitude_m, quality: 1, hdop: 1.0, ..GnssRow::default() }
 }
 

@@ -51,7 +51,8 @@ fn rounds_around_the_same_block_keep_a_keyframe_for_each_place_and_the_measureme
     let (first, _) = live(1);
     println!("{first} bytes after the first of {LAP_SUBMAPS} submaps");
     assert!(first < LAP_SUBMAPS * (MAX_BYTES_PER_PLACE + MAX_BYTES_PER_SUBMAP), "{first} bytes after a round");
-    let (mut before, mut n_laps) = (first, 1);
+    let mut before = first;
+    let mut n_laps = 1;
     // As many rounds again each time.
     for _ in 0..3 {
         let (after, n_loops) = live(n_laps);
@@ -60,6 +61,7 @@ fn rounds_around_the_same_block_keep_a_keyframe_for_each_place_and_the_measureme
         let per_submap = after.saturating_sub(before) / n_submaps;
         println!("{n_laps} more rounds: {n_loops} of {n_submaps} places recognized, {per_submap} bytes per submap");
         assert!(per_submap < MAX_BYTES_PER_SUBMAP, "{per_submap} bytes per submap after {n_laps} more rounds");
-        (before, n_laps) = (after, 2 * n_laps);
+        before = after;
+        n_laps *= 2;
     }
 }

@@ -34,7 +34,8 @@ pub fn settings() -> GeoreferenceSettings {
 /// `world_from_body`: 9 m/s with stops of some seconds, along curves.
 pub fn truth(second: f64) -> Pose {
     let along = 9.0 * second + 20.0 * (second * 0.3).sin();
-    let (x, y) = (along, 60.0 * (along / 90.0).sin());
+    let x = along;
+    let y = 60.0 * (along / 90.0).sin();
     let yaw = (60.0 / 90.0 * (along / 90.0).cos()).atan();
     Isometry3::new(Vector3::new(40.0, -30.0, 5.0) + Vector3::new(x, y, 0.0), Vector3::z() * yaw)
 }
@@ -67,7 +68,8 @@ pub fn placed(fixes: impl Fn(i64) -> Option<GnssRow>) -> Placed {
         if k % 10 == 0 {
             georeferencer.add_gnss(&fixes(k / 10).into_iter().collect::<Vec<_>>(), &settings);
         }
-        let (begin, end) = (odometry(second), odometry(second + 0.1));
+        let begin = odometry(second);
+        let end = odometry(second + 0.1);
         if k % 25 == 0 {
             georeferencer.begin_submap(begin, k * SWEEP_NANOS);
         }

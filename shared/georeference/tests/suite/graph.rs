@@ -40,7 +40,8 @@ fn truth() -> Vec<Pose> {
 }
 
 fn information(sigma_m: f64, sigma_rad: f64) -> Matrix6<f64> {
-    let (m, rad) = (sigma_m.powi(-2), sigma_rad.powi(-2));
+    let m = sigma_m.powi(-2);
+    let rad = sigma_rad.powi(-2);
     Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad))
 }
 
@@ -101,7 +102,9 @@ fn solve_with_exact_measurements_finds_the_truth_from_a_drifted_start() {
 #[test]
 fn loop_closure_halves_the_drift_and_covariances_match_the_errors() {
     let truth = truth();
-    let (mut before, mut after, mut normalized) = (0.0, 0.0, 0.0);
+    let mut before = 0.0;
+    let mut after = 0.0;
+    let mut normalized = 0.0;
     for seed in 0..20 {
         let (mut graph, drifted) = odometry(&truth, &mut Random::new(seed));
         graph.loops.push(exact_loop(&truth, 0, N));
@@ -150,7 +153,8 @@ fn outlying_loops_and_positions_are_rejected() {
     // Plain least squares is metres off.
     let mut all = graph.clone();
     for p in &mut all.positions {
-        (p.sigma_m, p.sigma_above_m) = (p.sigma_m.map(|s| s * 1e3), p.sigma_above_m * 1e3);
+        p.sigma_m = p.sigma_m.map(|s| s * 1e3);
+        p.sigma_above_m *= 1e3;
     }
     all.loops.clear();
     all.odometry.iter_mut().for_each(|r| r.information *= 1e-6);
@@ -174,7 +178,8 @@ fn heights_raised_by_reflections_do_not_raise_the_trajectory() {
         let off = |(found, pose): (&Pose, &Pose)| found.translation.z - pose.translation.z;
         solution.poses.iter().zip(&truth).map(off).sum::<f64>() / truth.len() as f64
     };
-    let (symmetric, asymmetric) = (mean_error_m(1.5), mean_error_m(9.0));
+    let symmetric = mean_error_m(1.5);
+    let asymmetric = mean_error_m(9.0);
     assert!(symmetric > 0.6, "reflections must matter: {symmetric} m");
     assert!(asymmetric.abs() < 0.3, "{asymmetric} m");
 }

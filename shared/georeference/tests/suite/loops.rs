@@ -83,7 +83,8 @@ fn assert_found(source: &(Keyframe, Pose), targets: &[(Keyframe, Pose)], expecte
     assert_eq!(closed.relative.target, expected, "{what}: {closed:?}");
     let truth = targets[expected].1.inv_mul(&source.1);
     let off = truth.inv_mul(&closed.relative.target_from_source);
-    let (m, rad) = (off.translation.vector.norm(), off.rotation.angle());
+    let m = off.translation.vector.norm();
+    let rad = off.rotation.angle();
     assert!(m < 0.08 && rad < 0.004, "{what}: {m} m and {rad} rad off, {closed:?}");
 }
 
@@ -127,7 +128,8 @@ fn place_that_is_visited_again_and_again_is_kept_once() {
     let seconds = [14.0, 26.0, 38.0];
     let frames: Vec<Keyframe> =
         seconds.iter().enumerate().map(|(k, seconds)| keyframe(k, *seconds, &still, &still).0).collect();
-    let (mut places, finder) = (Places::default(), LoopFinder::default());
+    let mut places = Places::default();
+    let finder = LoopFinder::default();
     for round in 0..6 {
         for (k, frame) in frames.iter().enumerate() {
             let mut visit = frame.clone();
@@ -145,7 +147,8 @@ fn place_that_is_visited_again_and_again_is_kept_once() {
 #[test]
 fn number_of_places_is_bounded_and_the_oldest_are_dropped() {
     let (frame, _) = keyframe(0, 20.0, &Pose::identity(), &Pose::identity());
-    let (mut places, finder) = (Places::default(), LoopFinder::default());
+    let mut places = Places::default();
+    let finder = LoopFinder::default();
     for number in 0..50 {
         let mut visit = frame.clone();
         visit.submap = number;

@@ -17,7 +17,8 @@ fn good_fixes_place_the_drive_and_are_all_used() {
 /// Heights were once biased low by 1.2 standard deviations.
 #[test]
 fn white_noise_leaves_heights_unbiased() {
-    let (mut mean, mut squares) = (0.0, 0.0);
+    let mut mean = 0.0;
+    let mut squares = 0.0;
     for stream in 0..10 {
         let placed = placed(|second| Some(fix(second, noise(100 + stream, second, 0.97))));
         let [across, up, _] = errors(&placed);

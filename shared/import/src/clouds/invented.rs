@@ -77,7 +77,9 @@ impl GroundCells {
             let position = [center(x), center(y), cell.lowest_m + SCANNER_M];
             by_tile.entry(divided(block, TILE_BLOCKS)).or_default().push((block, position));
         }
-        let (mut all, mut tiles, mut by_block) = (Vec::new(), Vec::new(), BTreeMap::new());
+        let mut all = Vec::new();
+        let mut tiles = Vec::new();
+        let mut by_block = BTreeMap::new();
         for tile in chained(by_tile.keys().copied().collect()) {
             let first = all.len();
             for (block, position) in by_tile.remove(&tile).unwrap_or_default() {
@@ -100,7 +102,8 @@ fn chained(mut left: Vec<Key>) -> Vec<Key> {
     let mut chain = Vec::with_capacity(left.len());
     let mut at = left.first().copied().unwrap_or_default();
     let distance = |a: Key, b: Key| {
-        let (dx, dy) = (i64::from(a.0) - i64::from(b.0), i64::from(a.1) - i64::from(b.1));
+        let dx = i64::from(a.0) - i64::from(b.0);
+        let dy = i64::from(a.1) - i64::from(b.1);
         dx * dx + dy * dy
     };
     while let Some(next) = (0..left.len()).min_by_key(|&k| (distance(left[k], at), left[k])) {

@@ -134,7 +134,8 @@ impl Columns {
     /// Those of a file.
     pub fn of(layout: Layout, file: &Path) -> Result<Self, ImportError> {
         if layout == Layout::Street3d {
-            let (position, scanner) = ([0, 1, 2], None);
+            let position = [0, 1, 2];
+            let scanner = None;
             // The class is the last column.
             return Ok(Self {
                 layout,

@@ -21,7 +21,10 @@ pub(super) fn each_row(
     mut take: impl FnMut(&[f64]) -> Result<(), ImportError>,
 ) -> Result<(), ImportError> {
     let mut reader = BufReader::with_capacity(1 << 20, File::open(file).at(file)?);
-    let (mut line, mut values, mut n_values, mut number) = (Vec::new(), Vec::new(), 0, 0);
+    let mut line = Vec::new();
+    let mut values = Vec::new();
+    let mut n_values = 0;
+    let mut number = 0;
     loop {
         line.clear();
         number += 1;

@@ -68,8 +68,11 @@ impl Bins {
         let begin = self.by_number.values().next().map_or(0, |bin| nanos(bin.first.time_s));
         // Saturates for times of damaged files, whose points are then invalid.
         let shift_nanos = next_stamp.saturating_sub(begin).max(0);
-        let (mut all, mut tiles) = (Vec::new(), Vec::new());
-        let (mut tile, mut length_m, mut n_points) = (0..0, 0.0, 0);
+        let mut all = Vec::new();
+        let mut tiles = Vec::new();
+        let mut tile = 0..0;
+        let mut length_m = 0.0;
+        let mut n_points = 0;
         for bin in self.by_number.values() {
             let stamp = nanos(bin.first.time_s).saturating_add(shift_nanos);
             let duration_nanos = (nanos(bin.last.time_s) - nanos(bin.first.time_s)) as u32;
@@ -80,7 +83,9 @@ impl Bins {
             let is_full = length_m > TILE_M || n_points > TILE_POINTS || tile.len() == MAX_SWEEPS_PER_SUBMAP;
             if is_full && !tile.is_empty() {
                 tiles.push(tile.clone());
-                (tile, length_m, n_points) = (all.len()..all.len(), 0.0, bin.n_points);
+                tile = all.len()..all.len();
+                length_m = 0.0;
+                n_points = bin.n_points;
             }
             all.push(sweep);
             tile.end = all.len();

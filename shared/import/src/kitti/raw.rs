@@ -93,7 +93,8 @@ fn camera(
     if let Some(first) = stamped.first() {
         let [width, height] = png_size(&first.path)?;
         if [width, height] != size {
-            let ([w, h], file) = (size, calibration.path().display());
+            let [w, h] = size;
+            let file = calibration.path().display();
             let rule = format!(
                 "{width} x {height} px, but {file} has rectified images of {w} x {h}; use the synced and rectified download"
             );

@@ -51,7 +51,8 @@ pub(super) fn check(
     let failed = |error: std::io::Error| format!("chunks: {error}");
     source.seek(SeekFrom::Start(data_at)).map_err(failed)?;
     let table = ChunkTable::read_from(&mut source, vlr).map_err(|error| format!("table of the chunks: {error}"))?;
-    let (mut at, mut left) = (data_at + TABLE_PLACE_BYTES, n_points);
+    let mut at = data_at + TABLE_PLACE_BYTES;
+    let mut left = n_points;
     let mut lengths = vec![0; 4 * n_layers as usize];
     for chunk in 0.. {
         if left == 0 {

@@ -61,7 +61,8 @@ impl Chunks {
         let (first, last) = sweep.files;
         let mut loaded = self.loaded.borrow_mut();
         loaded.retain(|index, _| (first..=last).contains(index));
-        let (from, to) = (sweep.tenth * SWEEP_NANOS, (sweep.tenth + 1) * SWEEP_NANOS);
+        let from = sweep.tenth * SWEEP_NANOS;
+        let to = (sweep.tenth + 1) * SWEEP_NANOS;
         let mut points = Vec::with_capacity(sweep.n_points);
         for index in first..=last {
             let chunk = match loaded.entry(index) {

@@ -105,7 +105,8 @@ impl GnssLog {
             Sentence::Rmc(rmc) if rmc.is_valid && rmc.stamp.is_some() => {
                 let is_of_last = self.epoch == rmc.stamp.map(time_of_day);
                 if let Some(last) = self.fixes.last_mut().filter(|_| is_of_last) {
-                    (last.speed_mps, last.course_deg) = (rmc.speed_mps, rmc.course_deg);
+                    last.speed_mps = rmc.speed_mps;
+                    last.course_deg = rmc.course_deg;
                 }
                 self.rmc = Some(rmc);
             }
@@ -120,16 +121,22 @@ impl GnssLog {
             return Err(format!("{} values; a line has {}: {}", words.len(), VALUES.len(), VALUES.join(" ")));
         }
         let number = |index: usize| -> Result<f64, String> {
-            let (name, word) = (VALUES[index], words[index]);
+            let name = VALUES[index];
+            let word = words[index];
             word.parse().map_err(|_| format!("{name} is {word:?}; it must be a number"))
         };
         let count = |index: usize| -> Result<u32, String> {
-            let (name, word) = (VALUES[index], words[index]);
+            let name = VALUES[index];
+            let word = words[index];
             word.parse().map_err(|_| format!("{name} is {word:?}; it must be a count"))
         };
         let stamp = stamp(words.first().copied())?;
-        let (position, quality, satellites) = ([number(1)?, number(2)?], count(9)?, count(5)?);
-        let (altitude_m, geoid_m, hdop) = (number(3)?, number(6)?, number(4)?);
+        let position = [number(1)?, number(2)?];
+        let quality = count(9)?;
+        let satellites = count(5)?;
+        let altitude_m = number(3)?;
+        let geoid_m = number(6)?;
+        let hdop = number(4)?;
         // Receivers without position send empty fields, which the recorder writes as 0 or NaN.
         if quality == 0 || position == [0.0; 2] || position.iter().any(|value| value.is_nan()) {
             self.n_without += 1;

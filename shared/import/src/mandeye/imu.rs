@@ -26,7 +26,9 @@ pub(super) fn files_of(source: &Path) -> Result<Vec<PathBuf>, ImportError> {
 
 pub(super) fn read(inputs: &[PathBuf]) -> Result<ImuLog, ImportError> {
     let mut samples: Vec<ImuSample> = Vec::new();
-    let (mut unit, mut n_others, mut n_not_rising) = (None, 0, 0);
+    let mut unit = None;
+    let mut n_others = 0;
+    let mut n_not_rising = 0;
     for path in inputs {
         let text = fs::read_to_string(path).at(path)?;
         let mut columns: Vec<&str> = COLUMNS.to_vec();

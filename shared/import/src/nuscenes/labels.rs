@@ -54,7 +54,8 @@ pub(super) fn add(plan: &mut Plan, source: &Path, tables: &Path, frames: Vec<Key
     if !segmented.is_empty() {
         plan.read.push(tables.join("lidarseg.json"));
     }
-    let (mut n_files, n_segmented) = (0, segmented.len());
+    let mut n_files = 0;
+    let n_segmented = segmented.len();
     for frame in frames {
         let points = segmented.get(&frame.data_token).cloned();
         let found = boxes.get(&frame.sample_token);
@@ -63,7 +64,8 @@ pub(super) fn add(plan: &mut Plan, source: &Path, tables: &Path, frames: Vec<Key
         }
         let boxes: Vec<SweepBox> =
             found.into_iter().flatten().map(|found| found.in_sweep(&frame.world_from_lidar)).collect();
-        let (classes, originals) = (classes.clone(), points.iter().cloned().collect());
+        let classes = classes.clone();
+        let originals = points.iter().cloned().collect();
         plan.conversions.push(Conversion {
             place: Path::new(LABELS).join(format!("{:06}.label", frame.seq)),
             originals,

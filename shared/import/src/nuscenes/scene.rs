@@ -165,7 +165,8 @@ fn frames(
         Ok(())
     })?;
     let mut frames: BTreeMap<String, Vec<Frame>> = BTreeMap::new();
-    let (mut n_files, mut absent) = (0, Vec::new());
+    let mut n_files = 0;
+    let mut absent = Vec::new();
     let path = tables.join("sample_data.json");
     table::each_row(&path, |data: SampleData| {
         if !samples.contains(&data.sample_token) {
@@ -260,7 +261,8 @@ fn camera(
     let size = |frame: &Frame| [frame.data.width, frame.data.height];
     let first = frames.first().map(size).unwrap_or_default();
     if let Some(other) = frames.iter().find(|frame| size(frame) != first) {
-        let ([w, h], [width, height]) = (size(other), first);
+        let [w, h] = size(other);
+        let [width, height] = first;
         return Err(ImportError::at(&other.path, format!("{w} x {h} px; the images before have {width} x {height}")));
     }
     let [width, height] = first;

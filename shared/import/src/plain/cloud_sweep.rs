@@ -51,7 +51,9 @@ impl CloudSweep {
         // The errors of the reader name the file.
         let cloud = Vertices::decode(file, Path::new("PLY")).at(path)?;
         let [xs, ys, zs] = ["x", "y", "z"].map(|name| cloud.f32s(name));
-        let (xs, ys, zs) = (xs.at(path)?, ys.at(path)?, zs.at(path)?);
+        let xs = xs.at(path)?;
+        let ys = ys.at(path)?;
+        let zs = zs.at(path)?;
         let first = |names: &[&'static str]| names.iter().copied().find(|name| cloud.has(name));
         let intensities = first(&INTENSITIES).map(|name| cloud.f32s(name)).transpose().at(path)?;
         let intensities = intensities.unwrap_or_else(|| vec![0.0; xs.len()]);
@@ -77,7 +79,8 @@ impl CloudSweep {
 
     /// Reads a LAS or LAZ file.
     pub fn of_las(path: &Path) -> Result<Self, ImportError> {
-        let (mut points, mut times) = (Vec::new(), Vec::new());
+        let mut points = Vec::new();
+        let mut times = Vec::new();
         each_block(path, |block| {
             for LasPoint { point, time_s } in block {
                 points.push(*point);
@@ -86,7 +89,9 @@ impl CloudSweep {
             Ok(())
         })?;
         if let Some(far) = points.iter().find(|p| [p.x, p.y, p.z].iter().any(|value| value.abs() > MAX_COORDINATE_M)) {
-            let (x, y, z) = (far.x, far.y, far.z);
+            let x = far.x;
+            let y = far.y;
+            let z = far.z;
             let rule = format!("a point is at {x} {y} {z} m; sweeps must be in the frame of the LiDAR");
             return Err(ImportError::at(path, rule));
         }
@@ -103,7 +108,10 @@ impl SweepForm {
         model: Model,
         read: fn(&Path) -> Result<CloudSweep, ImportError>,
     ) -> Result<Self, ImportError> {
-        let (mut times, mut rings, mut elevations, mut is_long) = (None, None, Elevations::default(), false);
+        let mut times = None;
+        let mut rings = None;
+        let mut elevations = Elevations::default();
+        let mut is_long = false;
         for path in files.iter().take(EXAMINED) {
             let sweep = read(path)?;
             if let Some(Column { name, values }) = &sweep.times {

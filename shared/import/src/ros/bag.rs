@@ -101,7 +101,9 @@ impl Bag {
         if !in_order || !more.is_empty() {
             opened.sort_by_key(|(part, _)| part.begin());
         }
-        let (mut parts, mut topics, mut topic_of_part) = (Vec::new(), Topics::default(), Vec::new());
+        let mut parts = Vec::new();
+        let mut topics = Topics::default();
+        let mut topic_of_part = Vec::new();
         for (part, _) in &opened {
             topic_of_part.push(part.topics().list().iter().map(|topic| topics.merge(topic)).collect());
         }

@@ -128,7 +128,8 @@ impl<'a> Cursor<'a> {
 
     /// ns since the Unix epoch.
     pub fn time(&mut self, field: &'static str) -> Result<i64, MessageFault> {
-        let (seconds, nanos) = (self.u32(field)?, self.u32(field)?);
+        let seconds = self.u32(field)?;
+        let nanos = self.u32(field)?;
         // Signed in ROS 2, unsigned in ROS 1.
         let seconds = if self.is_cdr { i64::from(seconds as i32) } else { i64::from(seconds) };
         Ok(seconds * 1_000_000_000 + i64::from(nanos))

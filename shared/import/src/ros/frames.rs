@@ -76,7 +76,8 @@ impl Frames {
         let root = self.root_of(frame)?;
         let observed = self.observed.get(root).filter(|observed| !observed.is_fixed())?;
         let Observed { parent, moved_m, turned_rad, .. } = observed;
-        let (mm, degrees) = (moved_m * 1e3, turned_rad.to_degrees());
+        let mm = moved_m * 1e3;
+        let degrees = turned_rad.to_degrees();
         Some(format!("frame {root:?} moves in {parent:?} on tf, by {mm:.0} mm and {degrees:.1} degrees"))
     }
 
@@ -95,7 +96,8 @@ impl Frames {
 
     /// The frame above all others of a frame, and the pose in it. Frames in a circle have none.
     fn root<'a>(&'a self, frame: &'a str) -> Option<(&'a str, Pose)> {
-        let (mut at, mut root_from_frame) = (frame, Pose::identity());
+        let mut at = frame;
+        let mut root_from_frame = Pose::identity();
         for _ in 0..=self.parents.len() {
             let Some((parent, parent_from_at)) = self.parents.get(at) else { return Some((at, root_from_frame)) };
             root_from_frame = parent_from_at * root_from_frame;
@@ -114,7 +116,8 @@ impl Frames {
         if body == frame {
             return Some(Pose::identity());
         }
-        let ((root, root_from_frame), (other, root_from_body)) = (self.root(frame)?, self.root(body)?);
+        let (root, root_from_frame) = self.root(frame)?;
+        let (other, root_from_body) = self.root(body)?;
         (root == other).then(|| root_from_body.inverse() * root_from_frame)
     }
 }

@@ -14,14 +14,16 @@ const N_STEPS: u32 = 3000;
 
 /// The lens of the raw image, or of the rectified one.
 pub(crate) fn lens(info: &CameraInfo, is_rectified: bool) -> Result<CameraModel, String> {
-    let (width, height) = (info.width, info.height);
+    let width = info.width;
+    let height = info.height;
     if info.binning.iter().any(|n| *n > 1) || info.region != [0; 4] && info.region != [0, 0, height, width] {
         return Err(format!(
             "binning {:?} and region {:?} must be those of the whole image",
             info.binning, info.region
         ));
     }
-    let (k, p) = (&info.intrinsics, &info.projection);
+    let k = &info.intrinsics;
+    let p = &info.projection;
     let [fx, fy, cx, cy] = if is_rectified { [p[0], p[5], p[2], p[6]] } else { [k[0], k[4], k[2], k[5]] };
     let is_calibrated = [fx, fy, cx, cy].iter().all(|v| v.is_finite()) && fx > 0.0 && fy > 0.0;
     if !is_calibrated || width == 0 || height == 0 {
@@ -45,7 +47,8 @@ pub(crate) fn lens(info: &CameraInfo, is_rectified: bool) -> Result<CameraModel,
             let mut distortion = [0.0; 4];
             distortion.iter_mut().zip(d).for_each(|(own, value)| *own = *value);
             let corner = |x: f64, y: f64| ((x - cx) / fx).hypot((y - cy) / fy);
-            let (right, bottom) = (f64::from(width), f64::from(height));
+            let right = f64::from(width);
+            let bottom = f64::from(height);
             let radius = [corner(0.0, 0.0), corner(right, 0.0), corner(0.0, bottom), corner(right, bottom)];
             let max_angle = angle_at(&distortion, radius.into_iter().fold(0.0, f64::max));
             Ok(CameraModel::KannalaBrandt(KannalaBrandt { width, height, fx, fy, cx, cy, distortion, max_angle }))
@@ -95,9 +98,11 @@ fn fitted(lens: &Pinhole, d: &[f64]) -> Result<Pinhole, String> {
         return Err(format!("rational_polynomial {d:?}: {n_without} of {n_expected} pixels have no direction"));
     }
     // Linear in k1 k2 p1 p2 k3.
-    let (mut normal, mut right) = (SMatrix::<f64, 5, 5>::zeros(), SVector::<f64, 5>::zeros());
+    let mut normal = SMatrix::<f64, 5, 5>::zeros();
+    let mut right = SVector::<f64, 5>::zeros();
     for [x, y] in &directions {
-        let (r2, [found_x, found_y]) = (x * x + y * y, rational(*x, *y));
+        let r2 = x * x + y * y;
+        let [found_x, found_y] = rational(*x, *y);
         let of_x = SVector::<f64, 5>::from([x * r2, x * r2 * r2, 2.0 * x * y, r2 + 2.0 * x * x, x * r2 * r2 * r2]);
         let of_y = SVector::<f64, 5>::from([y * r2, y * r2 * r2, r2 + 2.0 * y * y, 2.0 * x * y, y * r2 * r2 * r2]);
         normal += of_x * of_x.transpose() + of_y * of_y.transpose();
@@ -129,7 +134,8 @@ fn undistorted(distort: &impl Fn(f64, f64) -> [f64; 2], point: [f64; 2]) -> Opti
     let [mut x, mut y] = point;
     for _ in 0..100 {
         let [found_x, found_y] = distort(x, y);
-        (x, y) = (x + point[0] - found_x, y + point[1] - found_y);
+        x = x + point[0] - found_x;
+        y = y + point[1] - found_y;
     }
     let [found_x, found_y] = distort(x, y);
     ((found_x - point[0]).hypot(found_y - point[1]) < 1e-9).then_some([x, y])

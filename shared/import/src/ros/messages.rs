@@ -88,7 +88,8 @@ pub(crate) struct Image<'a> {
 impl<'a> Image<'a> {
     pub fn read(c: &mut Cursor<'a>) -> Result<Self> {
         let header = Header::read(c)?;
-        let (height, width) = (c.u32("height")?, c.u32("width")?);
+        let height = c.u32("height")?;
+        let width = c.u32("width")?;
         let encoding = c.text("encoding")?;
         let is_big = c.u8("is_bigendian")? != 0;
         Ok(Self { header, height, width, encoding, is_big, step: c.u32("step")?, data: c.blob("data")? })
@@ -130,7 +131,8 @@ pub(crate) struct CameraInfo {
 impl CameraInfo {
     pub fn read(c: &mut Cursor<'_>) -> Result<Self> {
         let header = Header::read(c)?;
-        let (height, width) = (c.u32("height")?, c.u32("width")?);
+        let height = c.u32("height")?;
+        let width = c.u32("width")?;
         let distortion_model = c.text("distortion_model")?;
         let n = c.length("d", size_of::<f64>())?;
         let distortion = (0..n).map(|_| c.f64("d")).collect::<Result<_>>()?;

@@ -74,7 +74,8 @@ mod tests {
     fn frames() -> Frames {
         let mut frames = Frames::default();
         for (parent, child) in [("base_footprint", "base_link"), ("base_link", "velodyne")] {
-            let (parent, child) = (parent.to_owned(), child.to_owned());
+            let parent = parent.to_owned();
+            let child = child.to_owned();
             let transform = Transform { parent, child, translation: [0.0, 0.0, 1.0], rotation: [0.0, 0.0, 0.0, 1.0] };
             frames.add(transform).expect("valid");
         }
@@ -83,7 +84,8 @@ mod tests {
 
     #[test]
     fn body_frame_is_base_link_or_the_root_or_the_lidar() {
-        let (all, options) = (frames(), RosOptions::default());
+        let all = frames();
+        let options = RosOptions::default();
         let height = |rig: &Mountings, frame: &str| rig.body_from(frame).map(|pose| pose.translation.z);
         let rig = Mountings::new(&all, "velodyne", &options).expect("has one");
         assert_eq!((rig.body.as_str(), height(&rig, "velodyne")), ("base_link", Ok(1.0)));

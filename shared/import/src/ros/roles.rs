@@ -258,7 +258,8 @@ fn only(source: &Path, topics: &[Topic], role: Role, candidates: &[usize]) -> Re
         [] => Ok(None),
         [topic] => Ok(Some(*topic)),
         [first, ..] => {
-            let (role, first) = (role.name(), &topics[*first].name);
+            let role = role.name();
+            let first = &topics[*first].name;
             let names = names(topics, candidates);
             let or_none = match role.as_str() {
                 "imu" | "gnss" | "nmea" => format!(" or --topic {role}={NONE}"),
@@ -344,7 +345,9 @@ mod tests {
 
     #[test]
     fn cameras_are_the_images_beside_a_camera_info() {
-        let (image, packed, info) = ("sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/CameraInfo");
+        let image = "sensor_msgs/Image";
+        let packed = "sensor_msgs/CompressedImage";
+        let info = "sensor_msgs/CameraInfo";
         let mut found = topics(&[
             ("/points", CLOUD),
             ("/right/image_raw", image),

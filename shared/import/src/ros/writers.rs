@@ -116,7 +116,8 @@ impl<'a> Writers<'a> {
             let place = if *role == Role::Lidar { LIDAR_FOLDER.to_owned() } else { format!("{LIDAR_FOLDER}_{name}") };
             // The option names the model of the first LiDAR.
             let model = options.model.filter(|_| *role == Role::Lidar);
-            let (kind, path) = (topics[*topic].kind.as_str(), folder(&place)?);
+            let kind = topics[*topic].kind.as_str();
+            let path = folder(&place)?;
             let writer = match PacketsKind::of_type(kind) {
                 Some(PacketsKind::Ouster) if *role != Role::Lidar => {
                     let rule =
@@ -130,7 +131,8 @@ impl<'a> Writers<'a> {
                 None if kind == "sensor_msgs/PointCloud2" => LidarWriter::Clouds(Sweeps::new(path, model)),
                 None => LidarWriter::Livox(Sweeps::new(path, model)),
             };
-            let (name, fields) = (Some(name).filter(|_| has_others), FieldNames::default());
+            let name = Some(name).filter(|_| has_others);
+            let fields = FieldNames::default();
             lidars.insert(*role, LidarFiles { name, folder: place, writer, fields });
         }
         let mut cameras = BTreeMap::new();

@@ -29,7 +29,8 @@ fn sweep() -> Vec<[f32; 6]> {
     for column in 0..10_u8 {
         for laser in 0..128 {
             for range_m in [20.0, 21.0] {
-                let (azimuth, elevation) = (-0.6 * f64::from(column), elevation_deg(laser).to_radians());
+                let azimuth = -0.6 * f64::from(column);
+                let elevation = elevation_deg(laser).to_radians();
                 let level_m = range_m * elevation.cos();
                 let position = [level_m * azimuth.cos(), level_m * azimuth.sin(), range_m * elevation.sin()];
                 let [x, y, z] = position.map(|value| value as f32);

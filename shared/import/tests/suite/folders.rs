@@ -71,7 +71,8 @@ fn nuscenes_folder_is_imported_in_the_order_of_times_with_its_rings() {
     assert!(report.contains(&"not imported: 1 file in samples/CAM_FRONT (camera images)".to_owned()), "{report:?}");
     let drive = Drive::open(&import.out).expect("opens");
     let mut sweeps = drive.sweeps().expect("opens");
-    let (mut stamps, mut rings) = (Vec::new(), Vec::new());
+    let mut stamps = Vec::new();
+    let mut rings = Vec::new();
     while let Some(sweep) = sweeps.next_sweep(|returns| rings.extend(returns.iter().map(|r| r.ring))).expect("reads") {
         stamps.push(sweep.stamp.0);
     }
@@ -122,7 +123,8 @@ fn kind_and_model_of_the_command_line_are_used() {
     write_file(&source.join("0.bin"), kitti::bin_from_points(&points(200.0)));
     let mut import = of(&source, &folder);
     assert!(error(&import).contains("intensity 200 must be 0 to 1"));
-    (import.options.kind, import.options.model) = (Some(Kind::Bin), Some(lidar::velodyne::Model::Vlp16.into()));
+    import.options.kind = Some(Kind::Bin);
+    import.options.model = Some(lidar::velodyne::Model::Vlp16.into());
     let report = import.run().expect("imports");
     assert!(report[0].contains("1 sweep of vlp16"), "{report:?}");
     assert!(report[1].contains("no times"), "{report:?}");

@@ -225,7 +225,8 @@ fn real_sweeps_calibration_and_poses_become_a_drive() {
     }
     let (_, drive) = imported(&of(sequence, &folder));
     let truth = drive.true_trajectory().expect("has one").expect("reads");
-    let (first, second) = (truth.poses()[0].1, truth.poses()[1].1);
+    let first = truth.poses()[0].1;
+    let second = truth.poses()[1].1;
     let expected = poses[94].inverse() * poses[95];
     assert!(((first.inverse() * second).translation.vector - expected.translation.vector).norm() < 1e-6);
 }

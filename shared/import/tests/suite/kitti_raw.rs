@@ -151,7 +151,8 @@ fn true_poses_of_kitti_raw_agree_with_the_mercator_projection_of_its_devkit() {
         let x = scale * 6_378_137.0 * lon.to_radians();
         [x, scale * 6_378_137.0 * (std::f64::consts::FRAC_PI_4 + lat.to_radians() / 2.0).tan().ln()]
     };
-    let ([x0, y0], [x, y]) = (mercator(49.015, 8.434), mercator(49.01503, 8.43403));
+    let [x0, y0] = mercator(49.015, 8.434);
+    let [x, y] = mercator(49.01503, 8.43403);
     let end = poses[3].1.translation.vector;
     assert!((end.x - (x - x0)).abs() < 0.003 * (x - x0) && (end.y - (y - y0)).abs() < 0.003 * (y - y0), "{end:?}");
     assert!(end.x > 2.1 && end.y > 3.3, "{end:?}");

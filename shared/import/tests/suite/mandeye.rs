@@ -55,7 +55,8 @@ fn chunks_of_mandeye_are_cut_into_sweeps_with_times() {
     // 4321.25 to 4321.3 s, then tenths of a second.
     let mut sweeps = drive.sweeps().expect("opens");
     let mut found = Vec::new();
-    let (mut distances, mut times) = (Vec::new(), Vec::new());
+    let mut distances = Vec::new();
+    let mut times = Vec::new();
     let mut take = |returns: &[SweepPoint]| {
         distances.extend(returns.iter().map(|r| r.x));
         times.extend(returns.iter().map(|r| r.offset_nanos));

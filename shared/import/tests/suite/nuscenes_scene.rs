@@ -268,7 +268,8 @@ fn scene_or_log_is_chosen_among_several() {
     let (_, drive) = imported(&import);
     assert_eq!((drive.sweep_files().len(), drive.manifest().name.as_str()), (3, "scene-0103 (nuScenes)"));
     std::fs::remove_dir_all(&import.out).expect("removes");
-    (import.options.scene, import.options.log) = (None, Some(LOG.into()));
+    import.options.scene = None;
+    import.options.log = Some(LOG.into());
     let (report, drive) = imported(&import);
     assert_eq!(drive.sweep_files().len(), 6, "{report:?}");
 }

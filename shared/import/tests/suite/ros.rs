@@ -45,7 +45,8 @@ fn fired(point: &SweepPoint) -> (usize, usize, i64) {
     let beam = 0.5 * ((point.z / range_m).asin().to_degrees() + 15.0);
     let column = (range_m - 10.0) / 0.5;
     assert!((beam - beam.round()).abs() < 1e-3 && (column - column.round()).abs() < 1e-3, "{point:?}");
-    let (beam, column) = (beam.round() as usize, column.round() as usize);
+    let beam = beam.round() as usize;
+    let column = column.round() as usize;
     (beam, column, column as i64 * (TURN / COLUMNS as i64) + beam as i64 * 2000)
 }
 

@@ -16,13 +16,17 @@ const HEADERS: usize = 42;
 /// Number and sum of the packets of a capture, each with the µs of its arrival.
 fn sum(capture: &Path) -> (usize, u32) {
     let bytes = std::fs::read(capture).expect("reads");
-    let (mut rest, mut n, mut hasher) = (&bytes[FILE..], 0, crc32fast::Hasher::new());
+    let mut rest = &bytes[FILE..];
+    let mut n = 0;
+    let mut hasher = crc32fast::Hasher::new();
     while !rest.is_empty() {
         let word = |at: usize| u32::from_le_bytes(rest[at..at + 4].try_into().expect("four bytes"));
-        let (micros, length) = (u64::from(word(0)) * 1_000_000 + u64::from(word(4)), word(8) as usize);
+        let micros = u64::from(word(0)) * 1_000_000 + u64::from(word(4));
+        let length = word(8) as usize;
         hasher.update(&micros.to_le_bytes());
         hasher.update(&rest[RECORD + HEADERS..RECORD + length]);
-        (rest, n) = (&rest[RECORD + length..], n + 1);
+        rest = &rest[RECORD + length..];
+        n += 1;
     }
     (n, hasher.finalize())
 }

@@ -19,12 +19,14 @@ where
     let sources: Vec<PlanesRef<'_>> = sources.iter().map(|source| source.view()).collect();
     let channels: Vec<usize> = sources.iter().map(Planes::channels).collect();
     assert_eq!(channels, shape.in_channels);
-    let (height, width) = (sources[0].height(), sources[0].width());
+    let height = sources[0].height();
+    let width = sources[0].width();
     assert!(sources.iter().all(|source| (source.height(), source.width()) == (height, width)));
     assert_eq!(width % shape.stride_x, 0, "a stride must divide the width");
     let expected = (shape.out_channels, height, shape.out_width(width));
     assert_eq!((out.channels(), out.height(), out.width()), expected);
-    let (sources, out) = (sources.as_slice(), out.view_mut());
+    let sources = sources.as_slice();
+    let out = out.view_mut();
     if winograd_filter::fits(shape, height, width) {
         Arch::new().dispatch(winograd::Job { filter, sources, out });
     } else {

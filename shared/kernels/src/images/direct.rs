@@ -59,7 +59,9 @@ impl Job<'_> {
         block: usize,
         y: usize,
     ) -> usize {
-        let (filter, sources, width) = (self.filter, self.sources, self.out.width());
+        let filter = self.filter;
+        let sources = self.sources;
+        let width = self.out.width();
         let mut x = 0;
         while x + P <= width {
             let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);

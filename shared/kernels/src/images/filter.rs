@@ -37,8 +37,10 @@ impl Filter {
         assert_eq!(biases.len(), shape.out_channels);
         let mut packed = vec![[0.0; LANES]; shape.packed_rows()];
         for (i, &weight) in weights.iter().enumerate() {
-            let (column, row) = (i % columns, i / columns % rows);
-            let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
+            let column = i % columns;
+            let row = i / columns % rows;
+            let input = i / (rows * columns) % n_in;
+            let out = i / (rows * columns * n_in);
             let position = shape.weight_position(out, input, [row, column]);
             packed[position.row][position.lane] = weight;
         }

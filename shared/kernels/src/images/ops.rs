@@ -29,12 +29,14 @@ impl Convolution<'_> {
         let sources: Vec<PlanesRef<'_>> =
             sources.map(|((storage, layout), &n)| planes_of(storage, layout, n)).collect::<Result<_>>()?;
         let mut out = planes_mut_of(out, layout, shape.out_channels)?;
-        let (height, width) = (sources[0].height(), sources[0].width());
+        let height = sources[0].height();
+        let width = sources[0].width();
         let is_equal = sources.iter().all(|source| (source.height(), source.width()) == (height, width));
         let fits = (out.height(), out.width() * shape.stride_x) == (height, width);
         if !(is_equal && fits) {
             let found: Vec<_> = sources.iter().map(|source| [source.height(), source.width()]).collect();
-            let (out, stride) = ([out.height(), out.width()], shape.stride_x);
+            let out = [out.height(), out.width()];
+            let stride = shape.stride_x;
             bail!("convolution of images of {found:?} rows, columns to one of {out:?}, stride {stride}");
         }
         written(&mut out, self.border, |out| convolve(self.filter, &sources.iter().collect::<Vec<_>>(), out))

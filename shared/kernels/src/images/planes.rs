@@ -177,13 +177,15 @@ impl<P: DerefMut<Target = [Feature]>> Planes<P> {
     /// One row of a block without the border. Call [`Planes::fill_border`] after all rows are written.
     #[inline(always)]
     pub fn row_mut(&mut self, block: usize, y: usize) -> &mut [Feature] {
-        let (start, width) = (self.start(block, y), self.width);
+        let start = self.start(block, y);
+        let width = self.width;
         &mut self.pixels[start..][..width]
     }
     /// Writes the pixels without the border. The values are in the order of `PyTorch`: channel, row, column.
     pub fn write_channels_first(&mut self, values: &[f32]) {
         for (i, row) in values.chunks_exact(self.width.max(1)).enumerate() {
-            let (channel, y) = (i / self.height, i % self.height);
+            let channel = i / self.height;
+            let y = i % self.height;
             let pixels = self.row_mut(channel / LANES, y);
             pixels.iter_mut().zip(row).for_each(|(pixel, value)| pixel[channel % LANES] = *value);
         }
@@ -197,7 +199,9 @@ impl<P: DerefMut<Target = [Feature]>> Planes<P> {
     /// # Panics
     /// If a circular image is narrower than its border.
     pub fn fill_border(&mut self, border: Border) {
-        let (pitch, width, rows) = (self.pitch(), self.width, self.height + 2 * BORDER);
+        let pitch = self.pitch();
+        let width = self.width;
+        let rows = self.height + 2 * BORDER;
         assert!(border == Border::Zero || width >= BORDER, "a circular image of {width} columns");
         for block in 0..self.n_blocks() {
             for y in BORDER..rows - BORDER {

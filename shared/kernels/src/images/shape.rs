@@ -52,7 +52,8 @@ impl Shape {
     }
     /// Position of weight `[out, in, row, column]` (the order of `PyTorch`) in the packed filter.
     pub fn weight_position(&self, out: usize, input: usize, [row, column]: [usize; 2]) -> FilterPosition {
-        let (mut block, mut channel) = (0, input);
+        let mut block = 0;
+        let mut channel = input;
         for &channels in &self.in_channels {
             if channel < channels {
                 break;
@@ -74,7 +75,8 @@ impl Shape {
         let n_in: usize = self.in_channels.iter().sum();
         let [rows, columns] = self.kernel;
         let weight = |i: usize| {
-            let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
+            let input = i / (rows * columns) % n_in;
+            let out = i / (rows * columns * n_in);
             let FilterPosition { row, lane } = self.weight_position(out, input, [i / columns % rows, i % columns]);
             packed[row][lane]
         };

@@ -245,8 +245,10 @@ fn write_tile<S: Simd, const N: usize>(
 fn values_of_pixels<S: Simd>(simd: S, p: [S::f32s; IN]) -> [S::f32s; IN] {
     let add = |factor: f32, value, to| simd.mul_add_f32s(simd.splat_f32s(factor), value, to);
     let times = |factor: f32, value| simd.mul_f32s(simd.splat_f32s(factor), value);
-    let (even, odd) = (add(-2.0, p[2], p[4]), add(FRAC_1_SQRT_2, p[3], times(-SQRT_2, p[1])));
-    let (even_far, odd_far) = (add(-0.5, p[2], p[4]), add(SQRT_2, p[3], times(-FRAC_1_SQRT_2, p[1])));
+    let even = add(-2.0, p[2], p[4]);
+    let odd = add(FRAC_1_SQRT_2, p[3], times(-SQRT_2, p[1]));
+    let even_far = add(-0.5, p[2], p[4]);
+    let odd_far = add(SQRT_2, p[3], times(-FRAC_1_SQRT_2, p[1]));
     [
         add(-2.5, p[2], simd.add_f32s(p[0], p[4])),
         simd.add_f32s(even, odd),
@@ -262,8 +264,10 @@ fn values_of_pixels<S: Simd>(simd: S, p: [S::f32s; IN]) -> [S::f32s; IN] {
 fn pixels_of_sums<S: Simd>(simd: S, s: [S::f32s; IN]) -> [S::f32s; OUT] {
     let add = |factor: f32, value, to| simd.mul_add_f32s(simd.splat_f32s(factor), value, to);
     let times = |factor: f32, value| simd.mul_f32s(simd.splat_f32s(factor), value);
-    let (even, odd) = (simd.add_f32s(s[1], s[2]), simd.sub_f32s(s[1], s[2]));
-    let (even_far, odd_far) = (simd.add_f32s(s[3], s[4]), simd.sub_f32s(s[3], s[4]));
+    let even = simd.add_f32s(s[1], s[2]);
+    let odd = simd.sub_f32s(s[1], s[2]);
+    let even_far = simd.add_f32s(s[3], s[4]);
+    let odd_far = simd.sub_f32s(s[3], s[4]);
     [
         simd.add_f32s(s[0], simd.add_f32s(even, even_far)),
         add(SQRT_2, odd_far, times(FRAC_1_SQRT_2, odd)),

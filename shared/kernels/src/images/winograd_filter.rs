@@ -32,7 +32,8 @@ pub(super) fn transformed(shape: &Shape, taps: &[Feature]) -> Vec<Feature> {
         .flat_map(|&channels| (0..blocks(channels) * LANES).map(move |channel| channel >= channels))
         .collect();
     for row in (0..n).filter(|row| !is_padding[row % is_padding.len()]) {
-        let (pair, channel) = (row / LANES, row % LANES);
+        let pair = row / LANES;
+        let channel = row % LANES;
         for y in 0..IN {
             for x in 0..IN {
                 let mut sum = [0.0_f64; LANES];

@@ -50,12 +50,14 @@ impl Activation {
         let of_values = |result: &[f32], gradient: &[f32]| {
             let mut out = vec![0.0; gradient.len()];
             for_each_block(&mut out, 1, BLOCK, |start, out| {
-                let (result, gradient) = (&result[start..], &gradient[start..]);
+                let result = &result[start..];
+                let gradient = &gradient[start..];
                 wide_loops::run(
                     #[inline(always)]
                     || {
                         let n = out.len();
-                        let (result, gradient) = (&result[..n], &gradient[..n]);
+                        let result = &result[..n];
+                        let gradient = &gradient[..n];
                         for i in 0..n {
                             out[i] = if result[i] > 0.0 { gradient[i] } else { self.slope * gradient[i] };
                         }
@@ -87,15 +89,18 @@ impl CustomOp2 for AddActivated {
         if la.shape() != lb.shape() {
             bail!("sum of shapes {:?} and {:?}", la.shape(), lb.shape());
         }
-        let (a, b) = (values(a, la)?, values(b, lb)?);
+        let a = values(a, la)?;
+        let b = values(b, lb)?;
         let mut out = vec![0.0; a.len()];
         for_each_block(&mut out, 1, BLOCK, |start, out| {
-            let (a, b) = (&a[start..], &b[start..]);
+            let a = &a[start..];
+            let b = &b[start..];
             wide_loops::run(
                 #[inline(always)]
                 || {
                     let n = out.len();
-                    let (a, b) = (&a[..n], &b[..n]);
+                    let a = &a[..n];
+                    let b = &b[..n];
                     for i in 0..n {
                         out[i] = self.0.of(a[i] + b[i]);
                     }

@@ -22,11 +22,13 @@ impl CustomOp2 for Concatenate {
         "concatenate-columns"
     }
     fn cpu_fwd(&self, a: &CpuStorage, la: &Layout, b: &CpuStorage, lb: &Layout) -> Result<(CpuStorage, Shape)> {
-        let ((n, a_columns), (n_b, b_columns)) = (la.shape().dims2()?, lb.shape().dims2()?);
+        let (n, a_columns) = la.shape().dims2()?;
+        let (n_b, b_columns) = lb.shape().dims2()?;
         if n != n_b {
             bail!("concatenation of {n} and {n_b} rows");
         }
-        let (a, b) = (values(a, la)?, values(b, lb)?);
+        let a = values(a, la)?;
+        let b = values(b, lb)?;
         let n_columns = a_columns + b_columns;
         let mut out = vec![0.0; n * n_columns];
         for_each_block(&mut out, n_columns, BLOCK, |first, out| {

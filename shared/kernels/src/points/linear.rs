@@ -41,7 +41,8 @@ impl CustomOp3 for Linear {
         if of_weight != n_in || bias_layout.dims() != [n_out] {
             bail!("linear layer: rows {:?}, weight {:?}, bias {:?}", (n, n_in), (n_out, of_weight), bias_layout.dims());
         }
-        let (rows, weight) = (values(rows, rows_layout)?, values(weight, weight_layout)?);
+        let rows = values(rows, rows_layout)?;
+        let weight = values(weight, weight_layout)?;
         let bias = values(bias, bias_layout)?;
         let right = Packed::new(Matrix::of_rows(weight, n_in).transposed(), n_in, n_out);
         Ok((CpuStorage::F32(products(rows, n, n_in, &right, Some(bias), self.0)), (n, n_out).into()))
@@ -55,7 +56,8 @@ impl CustomOp3 for Linear {
         gradient: &Tensor,
     ) -> Result<(Option<Tensor>, Option<Tensor>, Option<Tensor>)> {
         let gradient = self.0.gradient(result, gradient)?;
-        let ((n, n_in), n_out) = (rows.dims2()?, weight.dim(0)?);
+        let (n, n_in) = rows.dims2()?;
+        let n_out = weight.dim(0)?;
         let of_rows = || {
             let right = read(weight, |weight| Packed::new(Matrix::of_rows(weight, n_in), n_out, n_in))?;
             tensor(read(&gradient, |g| products(g, n, n_out, &right, None, Activation::NONE))?, (n, n_in))

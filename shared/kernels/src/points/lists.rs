@@ -25,7 +25,8 @@ pub(super) struct Transposed {
 impl Lists {
     /// Lists of rows. Together they must have fewer than 2^32 items, all less than `n_rows`.
     pub fn new<I: IntoIterator<Item = u32>>(lists: impl IntoIterator<Item = I>, n_rows: usize) -> Self {
-        let (mut ends, mut items) = (Vec::new(), Vec::new());
+        let mut ends = Vec::new();
+        let mut items = Vec::new();
         for list in lists {
             items.extend(list);
             ends.push(items.len() as u32);
@@ -97,7 +98,8 @@ impl Lists {
             // The start of the row; it grows to the end while the row is filled.
             end += std::mem::replace(of_row, end);
         }
-        let (mut lists, mut places) = (vec![0; self.items.len()], vec![0; self.items.len()]);
+        let mut lists = vec![0; self.items.len()];
+        let mut places = vec![0; self.items.len()];
         for list in 0..self.len() {
             for place in self.places(list) {
                 let slot = &mut ends[self.items[place] as usize];

@@ -26,7 +26,8 @@ impl CustomOp1 for NeighborMaximum {
         "neighbor-maximum"
     }
     fn cpu_fwd(&self, rows: &CpuStorage, layout: &Layout) -> Result<(CpuStorage, Shape)> {
-        let ((n, width), (n_in, n_out)) = (layout.shape().dims2()?, self.layer.shape());
+        let (n, width) = layout.shape().dims2()?;
+        let (n_in, n_out) = self.layer.shape();
         let neighbors = &self.neighbors;
         if (n, n) != (neighbors.len(), neighbors.n_rows()) || (width, width) != (n_in, self.shift.len()) {
             bail!(

@@ -57,7 +57,8 @@ impl ColumnStatistics {
                 n_columns,
                 #[inline(always)]
                 |i, sums| {
-                    let (row, means) = (&values[i * n_columns..(i + 1) * n_columns], &means[..n_columns]);
+                    let row = &values[i * n_columns..(i + 1) * n_columns];
+                    let means = &means[..n_columns];
                     for c in 0..n_columns {
                         let difference = f64::from(row[c]) - means[c];
                         sums[c] += difference * difference;
@@ -129,15 +130,18 @@ impl CustomOp3 for Normalize {
             bail!("normalization of {n_columns} columns: weight {:?}, bias {:?}", weight_layout, bias_layout);
         }
         let rows = values(rows, rows_layout)?;
-        let (weight, bias) = (values(weight, weight_layout)?, values(bias, bias_layout)?);
+        let weight = values(weight, weight_layout)?;
+        let bias = values(bias, bias_layout)?;
         let mut out = vec![0.0; n * n_columns];
         for_each_block(&mut out, n_columns, BLOCK, |first, out| {
             wide_loops::run(
                 #[inline(always)]
                 || {
                     let rows = rows[first * n_columns..].chunks_exact(n_columns);
-                    let (means, inverses) = (&self.means[..n_columns], &self.inverses[..n_columns]);
-                    let (weight, bias) = (&weight[..n_columns], &bias[..n_columns]);
+                    let means = &self.means[..n_columns];
+                    let inverses = &self.inverses[..n_columns];
+                    let weight = &weight[..n_columns];
+                    let bias = &bias[..n_columns];
                     for (out, row) in out.chunks_exact_mut(n_columns).zip(rows) {
                         for c in 0..n_columns {
                             let standard = (row[c] - means[c]) * inverses[c];
@@ -233,9 +237,11 @@ impl Normalize {
     #[inline(always)]
     fn each(&self, values: Values<'_>, row: usize, mut use_column: impl FnMut(usize, f32, f32)) {
         let range = row * values.n_columns..(row + 1) * values.n_columns;
-        let (rows, result, gradient) =
-            (&values.rows[range.clone()], &values.result[range.clone()], &values.gradient[range]);
-        let (means, inverses) = (&self.means[..rows.len()], &self.inverses[..rows.len()]);
+        let rows = &values.rows[range.clone()];
+        let result = &values.result[range.clone()];
+        let gradient = &values.gradient[range];
+        let means = &self.means[..rows.len()];
+        let inverses = &self.inverses[..rows.len()];
         for c in 0..rows.len() {
             let slope = if result[c] > 0.0 { 1.0 } else { self.activation.slope };
             use_column(c, slope * gradient[c], (rows[c] - means[c]) * inverses[c]);

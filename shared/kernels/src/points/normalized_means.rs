@@ -35,7 +35,8 @@ impl CustomOp1 for NormalizedMeans {
         if n_rows != self.lists.n_rows() || [self.scale.len(), self.shift.len()] != [n_columns; 2] {
             bail!("means: {n_rows} rows of {n_columns}, lists of {} rows", self.lists.n_rows());
         }
-        let (scale, shift) = (&self.scale[..n_columns], &self.shift[..n_columns]);
+        let scale = &self.scale[..n_columns];
+        let shift = &self.shift[..n_columns];
         let mut out = vec![0.0_f32; self.lists.len() * n_columns];
         for_each_block(&mut out, n_columns, BLOCK, |first, out| {
             wide_loops::run(

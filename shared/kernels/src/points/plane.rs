@@ -140,7 +140,8 @@ impl CustomOp3 for Dense {
     ) -> Result<(CpuStorage, Shape)> {
         let Channels { inputs: n_in, outputs: n_out } =
             check(self.shape, cells_layout, weight_layout, bias_layout, false)?;
-        let (cells, weight) = (values(cells, cells_layout)?, values(weight, weight_layout)?);
+        let cells = values(cells, cells_layout)?;
+        let weight = values(weight, weight_layout)?;
         let by_tap = |i: usize| weight[(i % n_out * n_in + i / n_out % n_in) * TAPS + i / n_out / n_in];
         let by_tap: Vec<f32> = (0..weight.len()).map(by_tap).collect();
         let right = Packed::new(Matrix::of_rows(&by_tap, n_out), TAPS * n_in, n_out);
@@ -202,7 +203,8 @@ impl CustomOp3 for DepthWise {
         bias_layout: &Layout,
     ) -> Result<(CpuStorage, Shape)> {
         let n_channels = check(self.shape, cells_layout, weight_layout, bias_layout, true)?.inputs;
-        let (cells, weight) = (values(cells, cells_layout)?, values(weight, weight_layout)?);
+        let cells = values(cells, cells_layout)?;
+        let weight = values(weight, weight_layout)?;
         let by_tap = weight_by_tap(weight, n_channels, false);
         let bias = Some(values(bias, bias_layout)?);
         let out = depth_wise(self.shape, cells, n_channels, &by_tap, bias, self.activation);

@@ -48,7 +48,8 @@ impl Packed {
     }
     /// Replaces the matrix.
     pub fn pack(&mut self, matrix: Matrix<'_>, depth: usize, n_columns: usize) {
-        (self.depth, self.n_columns) = (depth, n_columns);
+        self.depth = depth;
+        self.n_columns = n_columns;
         self.panels.clear();
         for first in (0..n_columns).step_by(PANEL) {
             let width = PANEL.min(n_columns - first);
@@ -204,13 +205,15 @@ mod tests {
         let mut random = Random::new(1);
         for (m, k, n) in [(1, 1, 1), (9, 300, 33), (17, 5, 64), (8, 513, 20)] {
             let mut matrix = |n: usize| (0..n).map(|_| random.gauss()).collect::<Vec<f32>>();
-            let (a, b) = (matrix(m * k), matrix(k * n));
+            let a = matrix(m * k);
+            let b = matrix(k * n);
             let a_transposed: Vec<f32> = (0..k * m).map(|i| a[i % m * k + i / m]).collect();
             for left in [Matrix::of_rows(&a, k), Matrix::of_rows(&a_transposed, m).transposed()] {
                 let mut out = vec![1.0; m * n];
                 Packed::new(Matrix::of_rows(&b, n), k, n).add_product(left, &mut out);
                 for (i, out) in out.into_iter().enumerate() {
-                    let (row, column) = (i / n, i % n);
+                    let row = i / n;
+                    let column = i % n;
                     let products = (0..k).map(|k_| f64::from(a[row * k + k_]) * f64::from(b[k_ * n + column]));
                     let expected = 1.0 + products.sum::<f64>();
                     assert!((f64::from(out) - expected).abs() < 1e-4, "{m} {k} {n}: {out} for {expected}");

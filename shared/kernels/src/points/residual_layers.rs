@@ -24,9 +24,11 @@ impl InplaceOp2 for ResidualLayers<'_> {
         "residual-layers"
     }
     fn cpu_fwd(&self, rows: &mut CpuStorage, layout: &Layout, cells: &CpuStorage, of_cells: &Layout) -> Result<()> {
-        let ((n, width), (n_cells, cell_width)) = (layout.shape().dims2()?, of_cells.shape().dims2()?);
+        let (n, width) = layout.shape().dims2()?;
+        let (n_cells, cell_width) = of_cells.shape().dims2()?;
         let [first, second] = self.layers;
-        let ((n_in, n_hidden), (n_back, n_out)) = (first.shape(), second.shape());
+        let (n_in, n_hidden) = first.shape();
+        let (n_back, n_out) = second.shape();
         let fits = (n_in, n_hidden, cell_width, n_out) == (width, n_back, width, width);
         if !fits || (n, n_cells) != (self.cell_of.len(), self.cell_of.n_rows()) || self.cell_of.n_items() != n {
             bail!(
@@ -36,7 +38,8 @@ impl InplaceOp2 for ResidualLayers<'_> {
                 (first.shape(), second.shape())
             );
         }
-        let (rows, cells) = (values_mut(rows, layout)?, values(cells, of_cells)?);
+        let rows = values_mut(rows, layout)?;
+        let cells = values(cells, of_cells)?;
         for_each_block(rows, width, BLOCK, |block, rows| {
             for (row, values) in rows.chunks_exact_mut(width).enumerate() {
                 let cell = self.cell_of.item(block + row) as usize;

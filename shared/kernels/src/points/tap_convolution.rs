@@ -30,7 +30,8 @@ pub(super) fn convolve(
     bias: Option<&[f32]>,
     activation: Activation,
 ) -> Vec<f32> {
-    let (n_out, depth) = (right.n_columns(), taps.n_taps() * n_columns);
+    let n_out = right.n_columns();
+    let depth = taps.n_taps() * n_columns;
     let mut out = vec![0.0; taps.n_rows() * n_out];
     if n_out == 0 {
         return out;
@@ -87,7 +88,8 @@ pub(super) fn weight_gradient(
     gradient: &[f32],
     n_out: usize,
 ) -> Vec<f32> {
-    let (n, depth) = (taps.n_rows(), taps.n_taps() * n_columns);
+    let n = taps.n_rows();
+    let depth = taps.n_taps() * n_columns;
     let block = block_rows(depth);
     let part = n.div_ceil(PARTS).next_multiple_of(block);
     let of_part = |start: usize| {
@@ -156,7 +158,8 @@ impl CustomOp3 for KernelPointConvolution {
                 self.kernel.len()
             );
         }
-        let (features, weights) = (values(features, features_layout)?, values(weights, weights_layout)?);
+        let features = values(features, features_layout)?;
+        let weights = values(weights, weights_layout)?;
         let right = Packed::new(Matrix::of_rows(weights, n_out), n_points * n_in, n_out);
         let taps = KernelTaps::forward(&self.at, &self.kernel);
         let bias = Some(values(bias, bias_layout)?);

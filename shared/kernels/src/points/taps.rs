@@ -105,8 +105,9 @@ impl Taps for KernelTaps<'_> {
             for (block_idx, block) in self.kernel.blocks.iter().enumerate() {
                 let mut influences = [0.0_f32; LANES];
                 for lane in 0..LANES {
-                    let (dx, dy, dz) =
-                        (offset[0] - block[0][lane], offset[1] - block[1][lane], offset[2] - block[2][lane]);
+                    let dx = offset[0] - block[0][lane];
+                    let dy = offset[1] - block[1][lane];
+                    let dz = offset[2] - block[2][lane];
                     influences[lane] = 1.0 - (dx * dx + dy * dy + dz * dz).sqrt() * self.kernel.per_extent;
                 }
                 // The bits of the few kernel points with influence.
@@ -128,7 +129,8 @@ impl Taps for KernelTaps<'_> {
 /// `out += weight * input`.
 #[inline(always)]
 fn add_weighted<S: Simd>(simd: S, out: &mut [f32], input: &[f32], weight: f32) {
-    let ((vectors, rest), (input_vectors, input_rest)) = (S::as_mut_simd_f32s(out), S::as_simd_f32s(input));
+    let (vectors, rest) = S::as_mut_simd_f32s(out);
+    let (input_vectors, input_rest) = S::as_simd_f32s(input);
     let weights = simd.splat_f32s(weight);
     for (out, input) in vectors.iter_mut().zip(input_vectors) {
         *out = simd.mul_add_f32s(weights, *input, *out);

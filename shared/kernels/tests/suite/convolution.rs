@@ -26,7 +26,9 @@ impl Image {
     fn of(planes: &Planes) -> Self {
         let size = [planes.channels(), planes.height(), planes.width()];
         let value = |i: usize| {
-            let (channel, y, x) = (i / (size[1] * size[2]), i / size[2] % size[1], i % size[2]);
+            let channel = i / (size[1] * size[2]);
+            let y = i / size[2] % size[1];
+            let x = i % size[2];
             planes.row(channel / LANES, y)[x][channel % LANES]
         };
         Self { size, values: (0..size.iter().product()).map(value).collect() }
@@ -86,7 +88,8 @@ fn by_definition(case: &Case, made: &Operands) -> Vec<(f64, f64)> {
     for channel in 0..shape.out_channels {
         for y in 0..case.height {
             for x in 0..case.width / shape.stride_x {
-                let (mut sum, mut size) = (f64::from(made.biases[channel]), 1.0);
+                let mut sum = f64::from(made.biases[channel]);
+                let mut size = 1.0;
                 let mut input = 0;
                 for source in &made.sources {
                     for c in 0..source.size[0] {
@@ -138,14 +141,16 @@ fn max_pool_takes_maximum_of_each_window_and_upsample_repeats_pixels() {
     let mut random = Random::new(3);
     let image = Image::random([19, 4, 6], &mut random);
     let planes = image.planes(Border::Zero);
-    let (mut pooled, mut large) = (Planes::zeros(19, 2, 2), Planes::zeros(19, 4, 6));
+    let mut pooled = Planes::zeros(19, 2, 2);
+    let mut large = Planes::zeros(19, 4, 6);
     max_pool(&planes, [2, 3], &mut pooled);
     upsample(&pooled, [2, 3], &mut large);
     for channel in 0..19 {
         for y in 0..4 {
             for x in 0..6 {
                 let window = (0..6).map(|i| {
-                    let (y, x) = (y / 2 * 2 + i / 3, x / 3 * 3 + i % 3);
+                    let y = y / 2 * 2 + i / 3;
+                    let x = x / 3 * 3 + i % 3;
                     image.at(channel, y as isize, x as isize, Border::Zero)
                 });
                 let largest = window.fold(f32::NEG_INFINITY, f32::max);

@@ -133,7 +133,9 @@ fn activated_sum_gradient_equals_finite_difference() {
 fn kernel_point_convolution_gradient_equals_finite_difference() {
     let mut random = Random::new(5);
     let mut positions = |n: usize| (0..n).map(|_| std::array::from_fn(|_| random.range(-1.0, 1.0))).collect::<Vec<_>>();
-    let (queries, support, kernel) = (positions(4), positions(6), positions(17));
+    let queries = positions(4);
+    let support = positions(6);
+    let kernel = positions(17);
     let lists = Lists::new([vec![0, 3, 5], vec![1], vec![], vec![2, 1, 0, 4]], 6);
     let at = Neighborhood { queries: Arc::new(queries), support: Arc::new(support), lists: Arc::new(lists) };
     let kernel = KernelPoints::new(&kernel, 0.9);

@@ -63,8 +63,11 @@ fn tensors_of_wrong_size_are_refused() {
     let filter = Filter::new(shape, &[0.0; 9 * 25 * 9], &[0.0; 9]);
     let border = Border::Circular;
     let convolution = Convolution { filter: &filter, border };
-    let (few, many, out) = (zeros(5, 4, 8).expect("memory"), zeros(20, 4, 8).expect("memory"), zeros(9, 4, 4));
-    let (out, small) = (out.expect("memory"), zeros(5, 4, 6).expect("memory"));
+    let few = zeros(5, 4, 8).expect("memory");
+    let many = zeros(20, 4, 8).expect("memory");
+    let out = zeros(9, 4, 4);
+    let out = out.expect("memory");
+    let small = zeros(5, 4, 6).expect("memory");
     out.inplace_op3(&few, &many, &convolution).expect("shapes fit");
     assert!(out.inplace_op2(&few, &convolution).is_err(), "one source is missing");
     assert!(out.inplace_op3(&many, &few, &convolution).is_err(), "the sources are exchanged");

@@ -64,7 +64,8 @@ impl Decoder {
 
 impl MakerDecoder for Decoder {
     fn blocks(&self, payload: &[u8]) -> Blocks {
-        let (layout, timing) = (self.model.layout(), self.model.timing());
+        let layout = self.model.layout();
+        let timing = self.model.timing();
         let n_echoes = layout.n_echoes(payload);
         let n_shots = layout.n_blocks.div_ceil(n_echoes) as i64;
         let block_nanos = i64::from(timing.block_nanos);
@@ -84,8 +85,10 @@ impl MakerDecoder for Decoder {
         packet_nanos: i64,
         scratch: &mut Scratch<MAX_RETURNS_PER_PACKET>,
     ) {
-        let (layout, timing) = (self.model.layout(), self.model.timing());
-        let (n_echoes, unit_m) = (layout.n_echoes(payload), layout.unit_m(payload));
+        let layout = self.model.layout();
+        let timing = self.model.timing();
+        let n_echoes = layout.n_echoes(payload);
+        let unit_m = layout.unit_m(payload);
         for index in range {
             let Some((angle, returns)) = layout.block(payload, index) else { continue };
             let is_second = n_echoes == 2 && index % 2 == 1;

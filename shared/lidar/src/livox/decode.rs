@@ -79,7 +79,8 @@ fn point(format: Format, raw: &[u8]) -> ([f32; 3], u8) {
         Format::Spherical => {
             let range_m = u32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]]) as f32 * 1e-3;
             let angle = |at: usize| (f32::from(u16_at(at)) * 0.01).to_radians().sin_cos();
-            let ((sin_zenith, cos_zenith), (sin_azimuth, cos_azimuth)) = (angle(4), angle(6));
+            let (sin_zenith, cos_zenith) = angle(4);
+            let (sin_azimuth, cos_azimuth) = angle(6);
             let across_m = range_m * sin_zenith;
             ([across_m * cos_azimuth, across_m * sin_azimuth, range_m * cos_zenith], raw[8])
         }

@@ -130,7 +130,8 @@ impl Model {
                     3 => Format::Spherical,
                     _ => return None,
                 };
-                let (bytes, n_points) = (payload.get(36..)?, usize::from(u16_at(5)?));
+                let bytes = payload.get(36..)?;
+                let n_points = usize::from(u16_at(5)?);
                 let is_whole =
                     usize::from(u16_at(1)?) == payload.len() && n_points * format.point_bytes() == bytes.len();
                 let span_nanos = i64::from(u16_at(3)?) * 100;

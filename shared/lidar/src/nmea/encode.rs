@@ -10,7 +10,8 @@ pub fn gga_from_fix(fix: &Fix, geoid_m: f64) -> String {
     let height = fix.altitude_m.map(|altitude| format!("{:.3}", altitude - geoid_m)).unwrap_or_default();
     let hdop = fix.hdop.map(|hdop| format!("{hdop:.1}")).unwrap_or_default();
     let position = position(fix.position_deg);
-    let (quality, satellites) = (fix.quality, fix.satellites);
+    let quality = fix.quality;
+    let satellites = fix.satellites;
     let time = time(fix.stamp);
     sealed(&format!("GPGGA,{time},{position},{quality},{satellites:02},{hdop},{height},M,{geoid_m:.1},M,,"))
 }
@@ -24,7 +25,9 @@ pub fn gga_without_fix(stamp: Stamp) -> String {
 pub fn rmc_from_fix(fix: &Fix) -> String {
     let knots = fix.speed_mps.map(|speed| format!("{:.3}", speed / KNOT_MPS)).unwrap_or_default();
     let course = fix.course_deg.map(|course| format!("{course:.2}")).unwrap_or_default();
-    let (time, position, date) = (time(fix.stamp), position(fix.position_deg), date(fix.stamp));
+    let time = time(fix.stamp);
+    let position = position(fix.position_deg);
+    let date = date(fix.stamp);
     sealed(&format!("GPRMC,{time},A,{position},{knots},{course},{date},,,A"))
 }
 
@@ -83,7 +86,8 @@ fn angle(value: f64, digits: usize, [positive, negative]: [char; 2]) -> String {
     let side = if value < 0.0 { negative } else { positive };
     // Rounded to millionths of a minute first, so that 59.9999996 minutes become the next degree.
     let total = (value.abs() * 60e6).round() as u64;
-    let (degrees, minutes) = (total / 60_000_000, total % 60_000_000);
+    let degrees = total / 60_000_000;
+    let minutes = total % 60_000_000;
     format!("{degrees:0digits$}{:02}.{:06},{side}", minutes / 1_000_000, minutes % 1_000_000)
 }
 

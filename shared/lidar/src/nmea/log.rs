@@ -118,7 +118,8 @@ impl FixJoiner {
 
     /// Completes the current epoch.
     fn emit(&mut self) -> Option<Fix> {
-        let (gga, rmc) = (self.gga.take(), self.rmc.take().filter(|rmc| rmc.is_valid));
+        let gga = self.gga.take();
+        let rmc = self.rmc.take().filter(|rmc| rmc.is_valid);
         if gga.is_none() && rmc.is_none() {
             return None;
         }

@@ -88,7 +88,8 @@ impl Decoder {
         scratch: &mut Scratch<N>,
     ) {
         let number = usize::from(column.number());
-        let (sin_cos, azimuth) = (self.columns[number], self.azimuths[number]);
+        let sin_cos = self.columns[number];
+        let azimuth = self.azimuths[number];
         for (pixel, beam) in column.pixels().zip(&self.beams) {
             let [first, second] = profile.echoes(pixel);
             let mut add = |echo: Echo| {

@@ -46,7 +46,9 @@ fn md5(bytes: &[u8]) -> String {
             };
             let k = ((i as f64 + 1.0).sin().abs() * 4_294_967_296.0) as u32;
             let sum = f.wrapping_add(a).wrapping_add(k).wrapping_add(word(g % 16));
-            (a, d, c) = (d, c, b);
+            a = d;
+            d = c;
+            c = b;
             b = b.wrapping_add(sum.rotate_left(SHIFTS[i / 16][i % 4]));
         }
         for (sum, part) in state.iter_mut().zip([a, b, c, d]) {
@@ -59,7 +61,8 @@ fn md5(bytes: &[u8]) -> String {
 
 /// The bytes of a field of all packets, as the SDK has them: arrays of beams by columns.
 fn field(packets: &[Vec<u8>], metadata: &Metadata, value: impl Fn([Echo; 2]) -> Vec<u8>) -> Vec<u8> {
-    let (profile, n_beams) = (metadata.profile, metadata.n_beams());
+    let profile = metadata.profile;
+    let n_beams = metadata.n_beams();
     let mut bytes = Vec::new();
     for packet in packets {
         for beam in 0..n_beams {
@@ -113,8 +116,10 @@ fn check_points(name: &str, metadata: &Metadata, packets: &[Vec<u8>]) {
     let stats = reader.stats();
     assert!(!stats.has_lost_data() && stats.foreign_packets == 0 && stats.position_packets == 10, "{stats:?}");
     assert!((info.turn - 1.0).abs() < 2e-3 && (99_000_000..101_000_000).contains(&info.duration_nanos), "{info:?}");
-    let (n, origin_mm) = (f64::from(metadata.columns_per_turn), metadata.origin_m[0] * 1e3);
-    let (mut found, mut worst) = (returns.iter(), 0.0_f64);
+    let n = f64::from(metadata.columns_per_turn);
+    let origin_mm = metadata.origin_m[0] * 1e3;
+    let mut found = returns.iter();
+    let mut worst = 0.0_f64;
     let up_mm = metadata.sensor_from_lidar.1[2] * 1e3;
     for packet in packets {
         for index in 0..16 {

@@ -188,7 +188,8 @@ impl Records {
             if head[..4] == SECTION.to_le_bytes() {
                 self.begin_section(&head)?;
             }
-            let (kind, total) = (self.u32_at(&head, 0), self.u32_at(&head, 4));
+            let kind = self.u32_at(&head, 0);
+            let total = self.u32_at(&head, 4);
             if total < 12 || !total.is_multiple_of(4) {
                 return Err(ReadFault::Damage(Damage::BlockLength(total)));
             }
@@ -229,7 +230,8 @@ impl Records {
     fn packet_block(&mut self, kind: u32, first_word: u32) -> Result<Option<(Stamp, u32)>, ReadFault> {
         let words: [u32; 4] =
             std::array::from_fn(|i| if self.frame.len() >= i * 4 + 4 { self.u32_at(&self.frame, i * 4) } else { 0 });
-        let (big_endian, n_bytes) = (self.big_endian, self.frame.len());
+        let big_endian = self.big_endian;
+        let n_bytes = self.frame.len();
         let Format::Ng { interfaces, last_stamp } = &mut self.format else { return Ok(None) };
         if kind == INTERFACE {
             if interfaces.len() == MAX_INTERFACES {
@@ -251,7 +253,8 @@ impl Records {
         if kind != SIMPLE_PACKET {
             *last_stamp = interface.stamp(u64::from(words[0]) << 32 | u64::from(words[1]));
         }
-        let (stamp, link) = (*last_stamp, interface.link);
+        let stamp = *last_stamp;
+        let link = interface.link;
         // A simple packet may be shorter than its length on the wire; its block then ends earlier.
         let room = n_bytes.saturating_sub(header + 4);
         let captured = captured as usize;
@@ -298,7 +301,8 @@ impl Interface {
         let mut interface = Self { link, ticks_per_second: 1_000_000, offset_seconds: 0 };
         let mut options = rest.get(4..rest.len().saturating_sub(4)).unwrap_or_default();
         while let Some((head, tail)) = options.split_first_chunk::<4>() {
-            let (code, length) = (u16_of([head[0], head[1]]), usize::from(u16_of([head[2], head[3]])));
+            let code = u16_of([head[0], head[1]]);
+            let length = usize::from(u16_of([head[2], head[3]]));
             let Some(value) = tail.get(..length) else { break };
             match (code, value) {
                 (0, _) => break,

@@ -46,7 +46,8 @@ impl Fragments {
             if self.partial.len() == MAX_PARTIAL {
                 dropped += self.partial.pop_front().map_or(0, |oldest| oldest.parts.len() as u64);
             }
-            let (parts, bytes) = (Vec::new(), Vec::new());
+            let parts = Vec::new();
+            let bytes = Vec::new();
             self.partial.push_back(Partial { key: fragment.key, begin: offset, parts, total: None, bytes });
             self.partial.len() - 1
         });
@@ -93,7 +94,8 @@ impl Fragments {
 impl Partial {
     /// `false` if the fragment contradicts the others.
     fn add(&mut self, fragment: &Fragment<'_>) -> bool {
-        let (begin, end) = (fragment.at, fragment.at + fragment.bytes.len());
+        let begin = fragment.at;
+        let end = fragment.at + fragment.bytes.len();
         let place = self.parts.partition_point(|part| part.0 < begin);
         let overlaps =
             place > 0 && self.parts[place - 1].1 > begin || self.parts.get(place).is_some_and(|next| next.0 < end);

@@ -49,7 +49,8 @@ pub(super) fn udp(link: u32, frame: &[u8]) -> Option<Udp<'_>> {
     // Short frames are padded on the wire, so the length in the IP header is used.
     let bytes = packet.get(header_len..total.min(packet.len()))?;
     let addresses: &[u8; 8] = packet.get(12..)?.first_chunk()?;
-    let (flags, number) = (u16_at(packet, 6)?, u16_at(packet, 4)?);
+    let flags = u16_at(packet, 6)?;
+    let number = u16_at(packet, 4)?;
     // Neither "more fragments" nor an offset.
     if flags & 0x3fff == 0 {
         return datagram(*addresses, bytes).map(Udp::Whole);
@@ -67,7 +68,8 @@ pub(super) fn datagram(addresses: [u8; 8], udp: &[u8]) -> Option<Datagram<'_>> {
     let length = usize::from(u16_at(udp, 4)?);
     let payload = udp.get(8..length.min(udp.len()))?;
     let [a, b, c, d, ..] = addresses;
-    let (source, port) = (SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), u16_at(udp, 0)?), u16_at(udp, 2)?);
+    let source = SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), u16_at(udp, 0)?);
+    let port = u16_at(udp, 2)?;
     Some(Datagram { source, port, payload, is_cut: length > udp.len() })
 }
 

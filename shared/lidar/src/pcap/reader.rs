@@ -56,7 +56,8 @@ impl PacketReader {
     /// Opens a capture.
     pub fn open(path: &Path) -> Result<Self, PcapError> {
         let records = Records::open(path)?;
-        let (fragments, stats) = (Fragments::default(), ReadStats::default());
+        let fragments = Fragments::default();
+        let stats = ReadStats::default();
         Ok(Self { records, fragments, stats, ended: false, frontier: None, waiting: false })
     }
 
@@ -105,7 +106,8 @@ impl PacketReader {
             match next? {
                 Next::End => self.stats.foreign_frames += self.fragments.drop_all(),
                 Next::Cut => {
-                    (self.stats.cut_records, self.stats.whole_bytes) = (1, self.records.offset());
+                    self.stats.cut_records = 1;
+                    self.stats.whole_bytes = self.records.offset();
                     self.stats.foreign_frames += self.fragments.drop_all();
                 }
                 Next::Record(record) => {

@@ -40,7 +40,8 @@ impl<W: Write> Writer<W> {
 
     /// Appends a packet, captured at `stamp` (1970 to 2106, truncated to µs), that a sensor broadcasts from and to `port`.
     pub fn write_udp(&mut self, stamp: Stamp, port: u16, payload: &[u8]) -> io::Result<()> {
-        let (source, target) = (SocketAddrV4::new(SENSOR, port), SocketAddrV4::new(Ipv4Addr::BROADCAST, port));
+        let source = SocketAddrV4::new(SENSOR, port);
+        let target = SocketAddrV4::new(Ipv4Addr::BROADCAST, port);
         self.write_datagram(stamp, source, target, payload)
     }
 

@@ -64,14 +64,16 @@ impl Decoder {
 
     /// Packets do not name the return mode, their content shows it.
     fn sequence(&self, payload: &[u8]) -> Sequence {
-        let (n_beams, round_nanos) = (self.model.n_beams(), self.model.round_nanos());
+        let n_beams = self.model.n_beams();
+        let round_nanos = self.model.round_nanos();
         if n_beams == N_RETURNS {
             let angle = |index: usize| block(payload, index).map(|(angle, _)| angle);
             let in_pairs = (0..N_BLOCKS).step_by(2).all(|index| angle(index) == angle(index + 1));
             return Sequence { block_nanos: round_nanos, in_pairs, in_halves: false };
         }
         // Most shots have one echo, which is in both halves. Two shots hardly ever have equal ranges and intensities.
-        let (mut n_returns, mut n_equal) = (0, 0);
+        let mut n_returns = 0;
+        let mut n_equal = 0;
         for (_, returns) in (0..N_BLOCKS).filter_map(|index| block(payload, index)) {
             let (upper, lower) = returns.split_at(n_beams * 3);
             for (one, other) in upper.chunks_exact(3).zip(lower.chunks_exact(3)).filter(|(one, _)| one[..2] != [0, 0]) {
@@ -89,7 +91,8 @@ impl Decoder {
         let [sin, cos] = self.turns.sin_cos(azimuth);
         let sin_a = sin * beam.cos_azimuth + cos * beam.sin_azimuth;
         let cos_a = cos * beam.cos_azimuth - sin * beam.sin_azimuth;
-        let (ahead_m, radius_m) = (range_m * beam.cos_elevation, self.model.radius_m());
+        let ahead_m = range_m * beam.cos_elevation;
+        let radius_m = self.model.radius_m();
         [ahead_m * cos_a + radius_m * cos, -ahead_m * sin_a - radius_m * sin, range_m * beam.sin_elevation]
     }
 }
@@ -123,7 +126,8 @@ impl MakerDecoder for Decoder {
             let first = first.map_or(&[][..], |(_, returns)| returns);
             let block_nanos = packet_nanos + i64::from(sequence.nanos(index));
             for (number, raw) in returns.chunks_exact(3).enumerate().take(N_RETURNS) {
-                let (laser, round) = (number % n_beams, number / n_beams);
+                let laser = number % n_beams;
+                let round = number / n_beams;
                 let Some(beam) = self.beams.get(laser) else { continue };
                 let of_first = if sequence.in_halves && round == 1 {
                     returns.get(laser * 3..laser * 3 + 3)

@@ -46,7 +46,8 @@ impl SweepReader {
         if self.others.iter().any(is_of_other) {
             return;
         }
-        let (payload, stats) = (self.captures.payload(), &mut self.at.stats);
+        let payload = self.captures.payload();
+        let stats = &mut self.at.stats;
         // The sensor sends other packets from other ports.
         if arrival.source.ip() != self.sensor.ip() {
             stats.foreign_packets += 1;

@@ -93,7 +93,8 @@ impl SweepReader {
     ) -> bool {
         let Some(place) = self.at.packet.as_mut() else { return false };
         let time_of = |block: usize| self.blocks.get(block).map(|(nanos, _)| place.stamp.0 + nanos);
-        let (from, n_blocks) = (place.block, self.blocks.len());
+        let from = place.block;
+        let n_blocks = self.blocks.len();
         let next_from = |from: usize, nanos: i64| {
             (from..n_blocks).find(|&block| time_of(block).is_some_and(|at| at >= nanos)).unwrap_or(n_blocks)
         };

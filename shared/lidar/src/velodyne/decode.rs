@@ -163,7 +163,8 @@ impl Decoder {
 
     /// Times and angles of the blocks of a packet.
     pub(crate) fn blocks(&self, packet: DataPacket<'_>) -> Blocks {
-        let (slots, block_nanos) = (self.slots(packet), self.model.timing().block_nanos);
+        let slots = self.slots(packet);
+        let block_nanos = self.model.timing().block_nanos;
         let mut blocks = Blocks::new(i64::from(self.n_slots(slots)) * i64::from(block_nanos), i64::from(block_nanos));
         for (index, slot) in slots.into_iter().enumerate() {
             blocks.push(i32::from(slot) * block_nanos as i32, packet.azimuth(index));

@@ -130,7 +130,8 @@ impl Model {
     /// to 31 of a block.
     pub fn firing_nanos(self, block: usize, return_idx: usize) -> u32 {
         let timing = self.timing();
-        let (round, laser) = (return_idx / timing.round_lasers, return_idx % timing.round_lasers);
+        let round = return_idx / timing.round_lasers;
+        let laser = return_idx % timing.round_lasers;
         block as u32 * timing.block_nanos
             + round as u32 * timing.round_nanos
             + (laser / timing.lasers_at_once) as u32 * timing.laser_nanos

@@ -59,7 +59,8 @@ fn match_points(ours: &[[f32; 3]], theirs: &[[f32; 3]], limit_m: f32) -> f32 {
     for (index, point) in ours.iter().enumerate() {
         cells.entry(cell(point)).or_default().push(index);
     }
-    let (mut used, mut worst) = (vec![false; ours.len()], 0.0_f32);
+    let mut used = vec![false; ours.len()];
+    let mut worst = 0.0_f32;
     for point in theirs {
         let [i, j, k] = cell(point);
         let near = (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| [i + a, j + b, k + c])));
@@ -120,7 +121,10 @@ fn compare_velodyne(
         let across = x.hypot(y);
         (across.hypot(z), z.atan2(across).to_degrees(), f64::from(-y).atan2(f64::from(x)).to_degrees())
     };
-    let (mut next, mut n_turned, mut skipped, mut worst) = (0, 0, Vec::new(), [0.0_f64; 3]);
+    let mut next = 0;
+    let mut n_turned = 0;
+    let mut skipped = Vec::new();
+    let mut worst = [0.0_f64; 3];
     for point in ours {
         let Some((of_driver, rest)) = theirs.get(next) else {
             skipped.push(point.azimuth);
@@ -139,8 +143,8 @@ fn compare_velodyne(
         next += 1;
         let after_turn_deg = (off_deg - later_deg(point)).abs();
         if after_turn_deg < 0.03 {
-            (n_turned, worst) =
-                (n_turned + 1, [worst[0].max(off[0]), worst[1].max(off[1]), worst[2].max(after_turn_deg)]);
+            n_turned += 1;
+            worst = [worst[0].max(off[0]), worst[1].max(off[1]), worst[2].max(after_turn_deg)];
         } else {
             assert!(off_deg.abs() < step_deg, "{point:?}: {off_deg}");
         }

@@ -16,7 +16,8 @@ fn every_fix_of_real_log_is_found_and_agrees_with_its_speed() {
     let mut ratios = Vec::new();
     for pair in fixes.windows(2) {
         let seconds = pair[1].stamp.seconds_since(pair[0].stamp);
-        let (a, b) = (pair[0].position_deg, pair[1].position_deg);
+        let a = pair[0].position_deg;
+        let b = pair[1].position_deg;
         let Some(speed_mps) = pair[1].speed_mps else { continue };
         if speed_mps < 20.0 || seconds > 2.0 {
             continue;

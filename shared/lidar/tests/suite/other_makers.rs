@@ -49,7 +49,8 @@ fn angle_at(nanos: i64) -> u16 {
 }
 
 fn check_direction(point: &SweepPoint, range_m: f32, elevation_deg: f32, azimuth_deg: f32, radius_m: f32) {
-    let (elevation, azimuth) = (elevation_deg.to_radians(), azimuth_deg.to_radians());
+    let elevation = elevation_deg.to_radians();
+    let azimuth = azimuth_deg.to_radians();
     let across = range_m * elevation.cos() + radius_m;
     let expected = [across * azimuth.cos(), -across * azimuth.sin(), range_m * elevation.sin()];
     let off = [point.x - expected[0], point.y - expected[1], point.z - expected[2]].map(f32::abs);
@@ -116,7 +117,8 @@ fn rs16_blocks_with_two_echoes_are_recognized() {
     assert!(!reader.stats().has_lost_data(), "{:?}", reader.stats());
     let returns = &sweeps[1].1;
     assert_eq!(returns.len() % 17, 0);
-    let (first, second) = (&returns[0], &returns[16]);
+    let first = &returns[0];
+    let second = &returns[16];
     assert_eq!((first.offset_nanos, first.azimuth, first.ring), (second.offset_nanos, second.azimuth, second.ring));
     check_direction(second, 20.0, -15.0, f32::from(second.azimuth) / 100.0, 0.038_25);
 }
@@ -142,7 +144,8 @@ fn rs32_needs_the_angles_of_its_unit() {
         let point = &returns[320 + laser];
         assert_eq!(point.offset_nanos - returns[320].offset_nanos, nanos);
         let azimuth_deg = f32::from(point.azimuth) / 100.0;
-        let (elevation, turned) = ((laser as f32 - 16.0).to_radians(), (azimuth_deg + (laser % 2) as f32).to_radians());
+        let elevation = (laser as f32 - 16.0).to_radians();
+        let turned = (azimuth_deg + (laser % 2) as f32).to_radians();
         let expected_x = 10.0 * elevation.cos() * turned.cos() + 0.039_97 * azimuth_deg.to_radians().cos();
         assert!((point.x - expected_x).abs() < 1e-4, "{point:?} {expected_x}");
         assert_eq!((usize::from(point.ring), usize::from(point.intensity)), (laser, laser));
@@ -221,7 +224,8 @@ fn mid360(nanos: i64, points: &[[i32; 3]]) -> Vec<u8> {
 fn mid360_sweeps_are_tenths_of_a_second_without_rings() {
     let folder = tempfile::tempdir().expect("a folder");
     // The clock of the sensor began with its start.
-    let (start, step) = (7_040_000_000, 96 * 5_000);
+    let start = 7_040_000_000;
+    let step = 96 * 5_000;
     let packet = |number: i64| {
         let point = |k: i64| [1000 * (k as i32 % 30 - 15), 5000, -1700 + 10 * k as i32];
         let mut points: Vec<[i32; 3]> = (0..96).map(point).collect();
@@ -246,7 +250,8 @@ fn mid360_sweeps_are_tenths_of_a_second_without_rings() {
         assert!(returns.len() > 10_000 && returns.len().is_multiple_of(95), "{}", returns.len());
         assert!(returns.windows(2).all(|pair| pair[0].offset_nanos < pair[1].offset_nanos));
         assert!(returns.iter().all(|point| point.ring == 0));
-        let (point, before) = (&returns[95 + 3], &returns[95 + 2]);
+        let point = &returns[95 + 3];
+        let before = &returns[95 + 2];
         assert_eq!(([point.x, point.y, point.z], point.intensity), ([-11.0, 5.0, -1.66], 4));
         assert_eq!(point.offset_nanos - before.offset_nanos, 10_000);
         assert!((f32::from(point.azimuth) / 100.0 - (360.0 - 5.0_f32.atan2(-11.0).to_degrees())).abs() < 0.01);

@@ -169,7 +169,8 @@ fn two_echoes_of_one_shot_share_its_time_and_equal_echoes_are_merged() {
         payload[1204] = 0x39;
         for pair in 0..6 {
             let azimuth = (1000 + (number * 6 + pair) as u16 * 18).to_le_bytes();
-            let (first, second) = (pair * 200, pair * 200 + 100);
+            let first = pair * 200;
+            let second = pair * 200 + 100;
             payload.copy_within(first..second, second);
             // The last echo of laser 3 is farther than the strongest.
             payload[first + 4 + 9..first + 4 + 12].copy_from_slice(&[0x10, 0x27, 9]);
@@ -264,7 +265,8 @@ fn fragments(number: u16, sender: SocketAddrV4, (stamp, port, payload): &Sent) -
     let mut writer = Writer::new(&mut record).expect("writes");
     let target = SocketAddrV4::new(Ipv4Addr::BROADCAST, *port);
     writer.write_datagram(*stamp, sender, target, payload).expect("writes");
-    let (time, frame) = (record[24..32].to_vec(), &record[40..]);
+    let time = record[24..32].to_vec();
+    let frame = &record[40..];
     let (head, datagram) = frame.split_at(34);
     let one = |(index, part): (usize, &[u8])| {
         let mut frame = [head, part].concat();

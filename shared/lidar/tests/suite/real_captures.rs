@@ -80,14 +80,16 @@ fn real_hdl64e_capture_decodes_to_plausible_sweeps() {
         assert!((0.5..135.0).contains(&range_m(found)), "{found:?}");
     }
     // Upper lasers fire three times as often as lower ones.
-    let (lower, upper): (usize, usize) = (by_ring[..32].iter().sum(), by_ring[32..].iter().sum());
+    let lower: usize = by_ring[..32].iter().sum();
+    let upper: usize = by_ring[32..].iter().sum();
     assert!(upper > lower && by_ring.iter().filter(|n| **n > 100).count() >= 60, "{by_ring:?}");
     // Each laser has its own angles and offsets; with them the road is one plane (this table is that of another device, so
     // some centimetres are left; without distance corrections of 1.2 m it would be no plane at all).
     let near = |found: &&SweepPoint| (5.0..12.0).contains(&found.x.hypot(found.y)) && found.z < -1.3;
     let road: Vec<Vector3<f64>> =
         returns.iter().filter(near).map(|found| Vector3::new(found.x, found.y, found.z).cast()).collect();
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    let mut normal = Matrix3::zeros();
+    let mut right = Vector3::zeros();
     for p in &road {
         let row = Vector3::new(1.0, p.x, p.y);
         normal += row * row.transpose();

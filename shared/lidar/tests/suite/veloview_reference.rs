@@ -27,7 +27,8 @@ fn decoded_revolution_equals_veloview_export() {
 
     let expected = viewer_points(&export);
     assert_eq!(returns.len(), expected.len());
-    let (mut sum, mut worst) = (0.0, 0.0_f64);
+    let mut sum = 0.0;
+    let mut worst = 0.0_f64;
     for (i, (ours, theirs)) in returns.iter().zip(&expected).enumerate() {
         assert_eq!(f64::from(ours.intensity), theirs[3], "point {i}");
         // Their y is forward, their x right.

@@ -20,7 +20,8 @@ impl Images {
         self.0.index(n as usize) as u64
     }
     fn image(&mut self, levels: u64) -> Array2<u8> {
-        let (rows, cols) = (1 + self.below(14) as usize, 1 + self.below(14) as usize);
+        let rows = 1 + self.below(14) as usize;
+        let cols = 1 + self.below(14) as usize;
         Array2::from_shape_fn((rows, cols), |_| self.below(levels) as u8)
     }
     fn mask(&mut self, like: &Array2<u8>) -> Array2<bool> {
@@ -29,7 +30,8 @@ impl Images {
 }
 
 fn touch(a: (usize, usize), b: (usize, usize), connectivity: Connectivity) -> bool {
-    let (rows, cols) = (a.0.abs_diff(b.0), a.1.abs_diff(b.1));
+    let rows = a.0.abs_diff(b.0);
+    let cols = a.1.abs_diff(b.1);
     match connectivity {
         Connectivity::Four => rows + cols == 1,
         Connectivity::Eight => rows.max(cols) == 1,
@@ -100,7 +102,8 @@ fn memory_order_does_not_change_results() {
     assert_ne!(by_column.strides(), by_row.strides());
     assert_eq!(dilate(&by_column, 2), dilate(&by_row, 2));
     assert_eq!(area_opening(&by_column, 4, Connectivity::Four), area_opening(&by_row, 4, Connectivity::Four));
-    let (mask_by_column, mask_by_row) = (by_column.mapv(|v| v > 4), by_row.mapv(|v| v > 4));
+    let mask_by_column = by_column.mapv(|v| v > 4);
+    let mask_by_row = by_row.mapv(|v| v > 4);
     let labels = connected_components(&mask_by_column, Connectivity::Eight);
     assert_eq!(labels, connected_components(&mask_by_row, Connectivity::Eight));
 }
@@ -111,7 +114,8 @@ fn openings_and_closings_are_idempotent_and_bounded_by_the_image() {
     for _ in 0..100 {
         let image = random.image(30);
         for radius in [1, 2, 5] {
-            let (opened, closed) = (opening(&image, radius), closing(&image, radius));
+            let opened = opening(&image, radius);
+            let closed = closing(&image, radius);
             assert!(opened.iter().zip(&image).all(|(o, i)| o <= i) && closed.iter().zip(&image).all(|(c, i)| c >= i));
             assert_eq!(opening(&opened, radius), opened);
             assert_eq!(closing(&closed, radius), closed);
@@ -193,7 +197,8 @@ fn zones_over_gaps_join_the_nearest_valid_pixels_of_a_line() {
             let in_line = (a.0 == b.0) != (a.1 == b.1);
             let clear = in_line
                 && (1..gap).all(|i| {
-                    let (row, col) = (a.0.min(b.0), a.1.min(b.1));
+                    let row = a.0.min(b.0);
+                    let col = a.1.min(b.1);
                     !mask[if a.0 == b.0 { [row, col + i] } else { [row + i, col] }]
                 });
             clear && gap <= steps.len() && (heights[a] - heights[b]).abs() <= steps[gap - 1]
@@ -271,7 +276,8 @@ fn reconstruction_is_the_limit_of_geodesic_dilations() {
                 truth = grown;
             }
             assert_eq!(reconstruct_by_dilation(&marker, &mask, connectivity), truth);
-            let (low_marker, low_mask) = (marker.mapv(|v| 8 - v), mask.mapv(|v| 8 - v));
+            let low_marker = marker.mapv(|v| 8 - v);
+            let low_mask = mask.mapv(|v| 8 - v);
             let dual = reconstruct_by_erosion(&low_marker, &low_mask, connectivity);
             assert_eq!(dual, truth.mapv(|v| 8 - v));
         }

@@ -36,7 +36,8 @@ fn check(offsets: &[(isize, isize)], element: &Element) {
         assert_eq!(dilate(&floats, element), extremum(&floats, offsets, -1, f32::NEG_INFINITY, f32::max));
         assert_eq!(erode(&floats, element), extremum(&floats, offsets, 1, f32::INFINITY, f32::min));
         assert_eq!(dilate(&bools, element), extremum(&bools, offsets, -1, false, bool::sup));
-        let (opened, closed) = (opening(&image, element), closing(&image, element));
+        let opened = opening(&image, element);
+        let closed = closing(&image, element);
         assert!(opened.iter().zip(&image).all(|(o, i)| o <= i) && closed.iter().zip(&image).all(|(c, i)| c >= i));
         assert_eq!(opening(&opened, element), opened);
         assert_eq!(closing(&closed, element), closed);
@@ -46,7 +47,8 @@ fn check(offsets: &[(isize, isize)], element: &Element) {
 #[test]
 fn rectangles_of_all_sizes() {
     for (row_radius, col_radius) in [(0, 0), (0, 3), (5, 0), (1, 2), (2, 1), (7, 33), (60, 90)] {
-        let (r, c) = (row_radius as isize, col_radius as isize);
+        let r = row_radius as isize;
+        let c = col_radius as isize;
         let offsets: Vec<_> = (-r..=r).flat_map(|row| (-c..=c).map(move |col| (row, col))).collect();
         check(&offsets, &Element::rectangle(row_radius, col_radius));
         check(&offsets, &Element::of_offsets(offsets.iter().copied()));

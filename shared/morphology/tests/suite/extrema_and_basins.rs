@@ -17,7 +17,8 @@ fn noise(shape: (usize, usize), seed: usize, levels: u8) -> Array2<u8> {
 
 fn neighbors(shape: (usize, usize), at: (usize, usize), connectivity: Connectivity) -> Vec<(usize, usize)> {
     let all = ndarray::indices(shape).into_iter().filter(|&other| {
-        let (rows, cols) = (at.0.abs_diff(other.0), at.1.abs_diff(other.1));
+        let rows = at.0.abs_diff(other.0);
+        let cols = at.1.abs_diff(other.1);
         if connectivity == Connectivity::Four { rows + cols == 1 } else { rows.max(cols) == 1 }
     });
     all.collect()
@@ -96,7 +97,8 @@ fn basins_grow_at_the_lowest_and_oldest_adjacent_pixel() {
                 }
             }
             assert_eq!(watershed(&image, &markers, &mask, connectivity), truth);
-            let (floats, words) = (image.mapv(|v| f32::from(v) - 3.0), image.mapv(u16::from));
+            let floats = image.mapv(|v| f32::from(v) - 3.0);
+            let words = image.mapv(u16::from);
             assert_eq!(watershed(&floats, &markers, &mask, connectivity), truth);
             assert_eq!(watershed(&words, &markers, &mask, connectivity), truth);
         }
@@ -135,7 +137,8 @@ fn bent_bar_is_elongated() {
     let mut mask = Array2::from_elem((60, 60), false);
     mask.slice_mut(ndarray::s![2, 3..43]).fill(true); // a bar of 40 x 1
     for (at, inside) in mask.indexed_iter_mut() {
-        let (row, col) = (at.0 as f64 - 30.0, at.1 as f64 - 30.0);
+        let row = at.0 as f64 - 30.0;
+        let col = at.1 as f64 - 30.0;
         *inside |= row.hypot(col) < 9.5; // a disc
     }
     mask.slice_mut(ndarray::s![45..58, 5]).fill(true); // an L of 13 and 21

@@ -33,7 +33,8 @@ fn pixels_without_crossing_line_get_the_nearest_height() {
     }
     let filled = fill_gaps(&heights, &known).expect("two pixels are known");
     for ((row, col), &z) in filled.indexed_iter() {
-        let (first, second) = (row + col, 5 - row + 6 - col);
+        let first = row + col;
+        let second = 5 - row + 6 - col;
         if first != second {
             assert_eq!(z, if first < second { 1.0 } else { 2.0 }, "({row}, {col})");
         }

@@ -17,8 +17,10 @@ fn result_is_the_minimum_of_all_cones() {
         let limited = limit_rise(&image, 0.75);
         for ((row, col), &value) in limited.indexed_iter() {
             let cone = |((at_row, at_col), &z): ((usize, usize), &f32)| {
-                let (down, along) = (row.abs_diff(at_row), col.abs_diff(at_col));
-                let (corners, edges) = (down.min(along) as f32, down.abs_diff(along) as f32);
+                let down = row.abs_diff(at_row);
+                let along = col.abs_diff(at_col);
+                let corners = down.min(along) as f32;
+                let edges = down.abs_diff(along) as f32;
                 z + 0.75 * (corners * std::f32::consts::SQRT_2 + edges)
             };
             let least = image.indexed_iter().map(cone).fold(f32::INFINITY, f32::min);

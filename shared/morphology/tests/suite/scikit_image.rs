@@ -59,7 +59,8 @@ fn results_equal_scikit_image() {
     let photo = image_of(shape, photo);
     let mut n = 0;
     for words in lines {
-        let (job @ [operator, argument], truth) = ([words[0], words[1]], image_of(shape, words[3]));
+        let job @ [operator, argument] = [words[0], words[1]];
+        let truth = image_of(shape, words[3]);
         let connectivity = if words[2] == "4" { Connectivity::Four } else { Connectivity::Eight };
         n += 1;
         if let Some(result) = of_any_type(&photo, job, connectivity, |v| v) {

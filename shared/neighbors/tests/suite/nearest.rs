@@ -37,7 +37,8 @@ fn nearest_of_a_real_sweep_equal_a_search_over_all_points() {
 fn nearest_of_own_equal_those_of_the_same_queries() {
     for points in [uniform(5000, 3), awkward(5000, 3)] {
         let index = SpatialIndex::new(&points);
-        let (own, each) = (index.nearest_of_own(16), index.nearest_of_each(&points, 16));
+        let own = index.nearest_of_own(16);
+        let each = index.nearest_of_each(&points, 16);
         assert_eq!(own.len(), points.len());
         for point_idx in 0..points.len() {
             assert_eq!(own.of(point_idx), each.of(point_idx), "{point_idx}");

@@ -18,6 +18,7 @@ fn results_are_equal_for_one_and_two_threads() {
             (index.order().to_vec(), lists.collect::<Vec<_>>(), mapped, index.farthest_points(100, 1), voxels)
         })
     };
-    let (one, two) = (results(1), results(2));
+    let one = results(1);
+    let two = results(2);
     assert!(one == two, "the number of threads changes a result");
 }

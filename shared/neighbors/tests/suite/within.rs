@@ -44,7 +44,8 @@ fn within_of_a_real_sweep_equal_a_search_over_all_points() {
 fn within_of_own_equal_those_of_the_same_queries() {
     let points = awkward(3000, 5);
     let index = SpatialIndex::new(&points);
-    let (own, each) = (index.within_of_own(0.5), index.within_of_each(&points, 0.5));
+    let own = index.within_of_own(0.5);
+    let each = index.within_of_each(&points, 0.5);
     let mapped = index.map_within_of_own(0.5, |point_idx, found| (point_idx, found.to_vec()));
     assert_eq!(own.n_items(), each.n_items());
     assert_eq!(mapped.len(), points.len());

@@ -33,7 +33,8 @@ pub(super) fn record(path: &Path, now: u64, leave_out: Option<u64>) {
         };
         let points = vec![SweepPoint { x: tick as f32, ..SweepPoint::default() }; n_points];
         let classes = vec![ClassRow { class_id: tick as u8, score: 9 }; n_points];
-        let (sweep, class) = ([SweepHeader::default()], [ClassHeader::default()]);
+        let sweep = [SweepHeader::default()];
+        let class = [ClassHeader::default()];
         let parts = [
             ("class", bytes_from_rows(&class), bytes_from_rows(&classes)),
             ("sweep", bytes_from_rows(&sweep), bytes_from_rows(&points)),
@@ -99,7 +100,8 @@ fn recorded_messages_read_back_tick_by_tick() {
 #[test]
 fn recording_does_not_depend_on_the_clock() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (one, other) = (file(&folder, "a.mcap"), file(&folder, "b.mcap"));
+    let one = file(&folder, "a.mcap");
+    let other = file(&folder, "b.mcap");
     record(&one, 5, None);
     record(&other, 123_456, None);
     assert!(std::fs::read(one).expect("written") == std::fs::read(other).expect("written"));
@@ -108,7 +110,8 @@ fn recording_does_not_depend_on_the_clock() {
 #[test]
 fn truncated_file_is_read_up_to_the_cut_and_reported() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (whole, cut) = (file(&folder, "whole.mcap"), file(&folder, "cut.mcap"));
+    let whole = file(&folder, "whole.mcap");
+    let cut = file(&folder, "cut.mcap");
     // Two chunks: the first ends when it has a MiB.
     let about = BTreeMap::new();
     let mut writer = RecordingWriter::create(&whole, &about, &[ByteTable::of::<SweepTopic>()]).expect("creates");
@@ -138,7 +141,8 @@ fn truncated_file_is_read_up_to_the_cut_and_reported() {
 #[test]
 fn changed_byte_is_detected_anywhere() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (whole, changed) = (file(&folder, "whole.mcap"), file(&folder, "changed.mcap"));
+    let whole = file(&folder, "whole.mcap");
+    let changed = file(&folder, "changed.mcap");
     record(&whole, 5, None);
     let bytes = std::fs::read(&whole).expect("written");
     let mut unseen = Vec::new();
@@ -157,7 +161,8 @@ fn changed_byte_is_detected_anywhere() {
 #[test]
 fn record_that_exceeds_its_chunk_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (whole, changed) = (file(&folder, "whole.mcap"), file(&folder, "changed.mcap"));
+    let whole = file(&folder, "whole.mcap");
+    let changed = file(&folder, "changed.mcap");
     record(&whole, 5, None);
     let mut bytes = std::fs::read(&whole).expect("written");
     let length_at = |bytes: &[u8], at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
@@ -167,7 +172,8 @@ fn record_that_exceeds_its_chunk_is_refused() {
         chunk += 9 + length_at(&bytes, chunk + 1) as usize;
     }
     // In the body of a chunk: 24 bytes, the sum (0: none), the length of a name (0), the length of the records.
-    let (sum, length) = (chunk + 9 + 24, chunk + 9 + 32);
+    let sum = chunk + 9 + 24;
+    let length = chunk + 9 + 32;
     bytes[sum..sum + 4].fill(0);
     let shorter = length_at(&bytes, length) - 1;
     bytes[length..length + 8].copy_from_slice(&shorter.to_le_bytes());

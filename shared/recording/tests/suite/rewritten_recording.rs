@@ -21,7 +21,8 @@ fn record_of(kind: u8, body: &[u8]) -> Vec<u8> {
 
 fn schema_and_channel(channel: &mcap::Channel<'_>) -> Vec<u8> {
     let schema = channel.schema.as_ref().expect("has a schema");
-    let (schema_id, id) = (channel.id + 1, channel.id);
+    let schema_id = channel.id + 1;
+    let id = channel.id;
     let length = (schema.data.len() as u32).to_le_bytes();
     let texts = [text(&schema.name), text(&schema.encoding)].concat();
     let schema = [&schema_id.to_le_bytes()[..], &texts, &length, &schema.data].concat();
@@ -48,7 +49,10 @@ fn chunk(compression: &str, content: &[u8]) -> Vec<u8> {
 /// Writes the recording `from` again. The first `n_early` channels are declared before all messages.
 fn rewrite(from: &Path, to: &Path, compression: &str, has_summary: bool, n_early: usize) {
     let bytes = std::fs::read(from).expect("reads");
-    let (mut declared, mut summary, mut chunks, mut content) = (BTreeSet::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut declared = BTreeSet::new();
+    let mut summary = Vec::new();
+    let mut chunks = Vec::new();
+    let mut content = Vec::new();
     for message in mcap::MessageStream::new(&bytes).expect("a recording") {
         let channel = message.expect("a message").channel;
         if declared.len() < n_early && declared.insert(channel.id) {
@@ -92,7 +96,8 @@ fn ticks(path: &Path) -> Vec<String> {
 #[test]
 fn rewritten_recording_has_the_ticks_of_the_original() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (original, rewritten) = (folder.path().join("a.mcap"), folder.path().join("b.mcap"));
+    let original = folder.path().join("a.mcap");
+    let rewritten = folder.path().join("b.mcap");
     record(&original, 5, None);
     let expected = ticks(&original);
     for compression in ["", "lz4", "zstd"] {
@@ -107,7 +112,8 @@ fn rewritten_recording_has_the_ticks_of_the_original() {
 #[test]
 fn topic_that_begins_late_and_is_in_no_summary_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (original, rewritten) = (folder.path().join("a.mcap"), folder.path().join("b.mcap"));
+    let original = folder.path().join("a.mcap");
+    let rewritten = folder.path().join("b.mcap");
     record(&original, 5, None);
     rewrite(&original, &rewritten, "", false, 0);
     let error = TickReader::open(&rewritten, &["class"]).err().expect("refused").to_string();
@@ -132,7 +138,8 @@ fn cut_recording_has_declared_its_topics_before() {
 #[test]
 fn damaged_or_unknown_compression_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (original, rewritten) = (folder.path().join("a.mcap"), folder.path().join("b.mcap"));
+    let original = folder.path().join("a.mcap");
+    let rewritten = folder.path().join("b.mcap");
     record(&original, 5, None);
     for (compression, expected) in [("zstd", "chunk compressed with zstd"), ("lz4", "chunk compressed with lz4")] {
         rewrite(&original, &rewritten, compression, true, 0);

@@ -55,7 +55,8 @@ fn nine_lists(
     let mut order: Vec<u32> = (0..features.len() as u32).collect();
     for list in 0..9 {
         let strongest_first = |a: &u32, b: &u32| influence(*b, list).total_cmp(&influence(*a, list)).then(a.cmp(b));
-        let (mut n_taken, mut begin) = (0, 0);
+        let mut n_taken = 0;
+        let mut begin = 0;
         // The head of the list usually suffices, because few features are far from the model.
         while n_taken < per_list && begin < order.len() {
             let end = (begin + 2 * per_list).min(order.len());
@@ -109,7 +110,8 @@ mod tests {
         let mut features = Vec::new();
         for i in 0..20_u8 {
             for k in 0..20_u8 {
-                let (u, v) = (f32::from(i) - 9.5, 0.1 * f32::from(k));
+                let u = f32::from(i) - 9.5;
+                let v = 0.1 * f32::from(k);
                 features.push(feature([u, f32::from(k) * 0.4 - 4.0, -2.0], [0.0, 0.0, 1.0], 0.9));
                 features.push(feature([u, 5.0, v], [0.0, -1.0, 0.0], 0.9));
                 features.push(feature([u, -5.0, v], [0.0, 1.0, 0.0], 0.9));

@@ -130,8 +130,10 @@ impl Model {
     pub fn surface(&self, position: &Vector3<f64>, settings: &ImlsSettings) -> Option<Surface> {
         let limit = (settings.radius_m * settings.radius_m) as f32;
         let per_h2 = (1.0 / (settings.h_m * settings.h_m)) as f32;
-        let (mut weights, mut heights) = (0.0_f64, 0.0_f64);
-        let (mut nearest, mut normal) = (f32::INFINITY, Vector3::zeros());
+        let mut weights = 0.0_f64;
+        let mut heights = 0.0_f64;
+        let mut nearest = f32::INFINITY;
+        let mut normal = Vector3::zeros();
         self.visit(position, settings.radius_m, |cell, offset| {
             for point in &cell.points {
                 let away = offset - point.position();
@@ -144,7 +146,8 @@ impl Model {
                 weights += f64::from(weight);
                 heights += f64::from(weight * its_normal.dot(&away));
                 if square < nearest {
-                    (nearest, normal) = (square, its_normal);
+                    nearest = square;
+                    normal = its_normal;
                 }
             }
         });
@@ -170,7 +173,8 @@ impl Model {
     /// Visits the cells around a position with the position relative to their corners, m.
     fn visit(&self, position: &Vector3<f64>, radius_m: f64, mut visit: impl FnMut(&Cell, Vector3<f32>)) {
         let corner = |sign: f64| VoxelIndex::containing(position.map(|v| v + sign * radius_m).into(), 1.0 / CELL_M).0;
-        let (low, high) = (corner(-1.0), corner(1.0));
+        let low = corner(-1.0);
+        let high = corner(1.0);
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
                 for x in low[0]..=high[0] {
@@ -243,12 +247,16 @@ mod tests {
         assert_eq!(model.len(), points.len(), "nothing is thinned");
         for i in 0..200 {
             let x = Vector3::new(f64::from(i) * 0.007 - 0.7, 0.3, 0.15);
-            let (mut weights, mut heights, mut nearest) = (0.0, 0.0, (f64::MAX, Vector3::zeros()));
+            let mut weights = 0.0;
+            let mut heights = 0.0;
+            let mut nearest = (f64::MAX, Vector3::zeros());
             for (position, normal) in &points {
-                let (away, normal) = (x - position, normal.cast::<f64>());
+                let away = x - position;
+                let normal = normal.cast::<f64>();
                 if away.norm() <= 0.2 {
                     let weight = (-away.norm_squared() / 0.0036).exp();
-                    (weights, heights) = (weights + weight, heights + weight * away.dot(&normal));
+                    weights += weight;
+                    heights += weight * away.dot(&normal);
                     nearest = if away.norm() < nearest.0 { (away.norm(), normal) } else { nearest };
                 }
             }

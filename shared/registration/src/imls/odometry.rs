@@ -145,7 +145,8 @@ impl ImlsOdometry {
 
     fn features(&self, sweep: &Sweep) -> SweepFeatures {
         let up = (self.state.begin.rotation.inverse() * Vector3::z()).cast();
-        let (axes, sampling) = (&self.state.begin.rotation, self.settings.matching.sampling);
+        let axes = &self.state.begin.rotation;
+        let sampling = self.settings.matching.sampling;
         SweepFeatures::new(sweep, &up, &self.settings.features, |features| sampled(features, sampling, axes, |_| true))
     }
 
@@ -164,7 +165,8 @@ impl ImlsOdometry {
         let stamps = [first.features.mid_stamp, second.mid_stamp];
         let seconds = stamps[1].seconds_since(stamps[0]);
         let initial = InitialMotion::of(&self.state.log, stamps, &self.settings.mounting);
-        let (begin, matching) = (&self.state.begin, &self.settings.matching);
+        let begin = &self.state.begin;
+        let matching = &self.settings.matching;
         let Some(start) = initialize(&first.features, &second, seconds, begin, &initial, matching) else {
             // The motion is unknown: the second sweep becomes the first one, at the same pose.
             let at_rest = registered(&first.features, SweepMotion::still(self.state.begin), None);
@@ -178,7 +180,8 @@ impl ImlsOdometry {
         let mounting = &self.settings.mounting;
         let velocity_in_body = mounting.body_from_lidar.rotation * velocity.linear;
         self.state.navigation = Some(Navigation::begin(&velocity_in_body, false, &self.state.log, stamps));
-        let (end, mid) = (motion.end(), motion.mid);
+        let end = motion.end();
+        let mid = motion.mid;
         let end_stamp = first.features.stamp.plus_nanos(i64::from(first.features.duration_nanos));
         let last = Last { end_stamp, end, velocity, mid_stamp: stamps[0], mid };
         let first = registered(&first.features, motion, Some(start.second));
@@ -203,7 +206,8 @@ impl ImlsOdometry {
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !points.is_empty();
         if map_restarted {
-            (self.model, self.maps) = (Model::default(), Maps::default());
+            self.model = Model::default();
+            self.maps = Maps::default();
             self.state.bridged_in_a_row = 0;
             self.state.grown_at = None;
             self.state.moving = MovingDetector::default();
@@ -214,7 +218,8 @@ impl ImlsOdometry {
         let velocity = Velocity::between(&last.end, &end, seconds);
         let covariance = self.update_covariance(features, last, &motion, matched.as_ref());
         let moving = self.update_outputs(features, sweep, &motion, matched.is_some(), map_restarted);
-        let (mid_stamp, mid) = (features.mid_stamp, motion.mid);
+        let mid_stamp = features.mid_stamp;
+        let mid = motion.mid;
         self.state.last = Some(Last { end_stamp, end, velocity, mid_stamp, mid });
         Registered { map_restarted, covariance, moving, ..registered(features, motion, matched) }
     }
@@ -243,7 +248,8 @@ impl ImlsOdometry {
     ) -> Matrix6<f64> {
         let settings = &self.settings;
         let Some(navigation) = &mut self.state.navigation else { return Matrix6::zeros() };
-        let (stamps, mounting) = ([last.mid_stamp, features.mid_stamp], &settings.mounting);
+        let stamps = [last.mid_stamp, features.mid_stamp];
+        let mounting = &settings.mounting;
         let rate = &last.velocity.angular;
         let acceleration = settings.matching.acceleration;
         let prediction = navigation.predict(&mut self.state.log, mounting, &last.mid, stamps, acceleration, rate);

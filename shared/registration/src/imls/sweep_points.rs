@@ -44,7 +44,8 @@ impl SweepPoints {
             let point = &sweep.points()[idx];
             table.deskew(point.position, point.offset_nanos)
         });
-        let (rows, cols) = (image.rows(), image.cols());
+        let rows = image.rows();
+        let cols = image.cols();
         let planes = Planes::new(&image, 1);
         let shapes: Vec<Vec<Shape>> = (0..rows).into_par_iter().map(|row| row_shapes(&planes, row)).collect();
         let level = level_from_end.cast::<f32>().to_rotation_matrix();
@@ -60,7 +61,8 @@ impl SweepPoints {
             }
             let normal = Vector3::from(normal);
             let towards_lidar = if normal.dot(&image.position(row, col)) > 0.0 { -normal } else { normal };
-            let (position, offset_nanos) = (point.position, point.offset_nanos);
+            let position = point.position;
+            let offset_nanos = point.offset_nanos;
             Some(SweepPoint { position, offset_nanos, normal: towards_lidar.into(), planarity })
         };
         let points = sweep.points().iter().enumerate().filter_map(point).collect();
@@ -141,7 +143,8 @@ mod tests {
                 let floor = if ray.z < 0.0 { -2.0 / ray.z } else { f32::MAX };
                 let wall = if ray.x > 0.0 { 25.0 / ray.x } else { f32::MAX };
                 let on_box = if ray.x > 0.0 { 8.0 / ray.x } else { f32::MAX };
-                let (side, up) = (ray.y * on_box, ray.z * on_box);
+                let side = ray.y * on_box;
+                let up = ray.z * on_box;
                 let hits_box = side.abs() < 1.0 && (-1.95..-0.2).contains(&up);
                 let range = if hits_box { on_box } else { floor.min(wall) };
                 if range < 80.0 {
@@ -155,7 +158,8 @@ mod tests {
     #[test]
     fn small_objects_are_removed_and_ground_and_walls_stay() {
         let sweep = street();
-        let (still, level) = (Pose::identity(), UnitQuaternion::identity());
+        let still = Pose::identity();
+        let level = UnitQuaternion::identity();
         let found = SweepPoints::new(&sweep, &still, &level, &(1.0..=100.0));
         let of = |is: fn(&[f32; 3]) -> bool, points: &mut dyn Iterator<Item = [f32; 3]>| points.filter(is).count();
         let all = || sweep.points().iter().map(|point| point.position);

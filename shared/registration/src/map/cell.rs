@@ -86,7 +86,9 @@ impl Cell {
         let limit = (kernel.radius_m * kernel.radius_m) as f32;
         let per_limit = 1.0 / limit;
         for [x, y, z, nx, ny, nz, elevation, turn] in &self.blocks {
-            let (mut squares, mut weights, mut heights) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            let mut squares = [0.0; LANES];
+            let mut weights = [0.0; LANES];
+            let mut heights = [0.0; LANES];
             for lane in 0..LANES {
                 let d = [position[0] - x[lane], position[1] - y[lane], position[2] - z[lane]];
                 let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];

@@ -246,7 +246,8 @@ mod tests {
         let up = Vector3::z();
         let mut found = 0;
         for query in scattered(5700).iter().skip(5000) {
-            let (mut weights, mut heights) = (0.0, 0.0);
+            let mut weights = 0.0;
+            let mut heights = 0.0;
             for p in map.points() {
                 let offset = Vector3::from(query.position) - Vector3::from(p.position);
                 let weight = (1.0 - (offset.norm() / 0.5).powi(2)).max(0.0).powi(2);

@@ -6,12 +6,14 @@ use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
 /// Rows and columns of the upper triangle of a symmetric 6 x 6 matrix, column by column.
 const TRIANGLE: [(usize, usize); 21] = {
     let mut places = [(0, 0); 21];
-    let (mut at, mut col) = (0, 0);
+    let mut at = 0;
+    let mut col = 0;
     while col < 6 {
         let mut row = 0;
         while row <= col {
             places[at] = (row, col);
-            (at, row) = (at + 1, row + 1);
+            at += 1;
+            row += 1;
         }
         col += 1;
     }

@@ -113,7 +113,8 @@ mod tests {
         let mut points = Vec::new();
         for i in -300..300_i32 {
             for k in -100..100_i32 {
-                let (x, y) = (0.1 * i as f32, 0.1 * k as f32);
+                let x = 0.1 * i as f32;
+                let y = 0.1 * k as f32;
                 let slope = 0.05 * x;
                 let kerb = if y > 4.0 { 0.15 } else { 0.0 };
                 let is_car = (8.0..12.0).contains(&x) && (-1.0..1.0).contains(&y);

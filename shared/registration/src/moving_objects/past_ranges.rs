@@ -30,7 +30,8 @@ impl PastRanges {
     /// `dynamic` are the indices of the points on moving objects, ascending.
     pub fn new(sweep: &Sweep, motion: SweepMotion, dynamic: &[u32]) -> Self {
         let image = sweep.image();
-        let (rows, cols) = (image.rows(), image.cols());
+        let rows = image.rows();
+        let cols = image.cols();
         let mut ranges = vec![0; rows * cols];
         let mut sums = vec![(0.0_f64, 0_u32); rows];
         wide_loops::run(

@@ -148,7 +148,8 @@ impl Labels {
             extents[*label as usize].add(&placed[*cell as usize]);
         }
         // Where the cells of an object begin, and then where they end.
-        let (mut places, mut n_cells) = (vec![NONE; extents.len()], 0);
+        let mut places = vec![NONE; extents.len()];
+        let mut n_cells = 0;
         for (place, extent) in places.iter_mut().zip(&extents).filter(|(_, extent)| extent.is_small()) {
             *place = n_cells;
             n_cells += extent.n;
@@ -165,7 +166,8 @@ impl Labels {
     }
 
     fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
+        let a = self.root(a);
+        let b = self.root(b);
         self.parents[a.max(b) as usize] = a.min(b);
     }
     /// The root; halves the path to it.
@@ -186,7 +188,8 @@ mod tests {
     #[test]
     fn post_across_the_image_seam_is_one_object_and_a_long_wall_is_not() {
         // Rings 2 m apart in height at a range of 10 m, a full turn of 360 columns, floor far below.
-        let (cols, rows) = (360, 6);
+        let cols = 360;
+        let rows = 6;
         let mut placed = vec![[f32::NAN; 3]; rows * cols];
         for row in 0..rows {
             for col in 0..cols {
@@ -211,13 +214,16 @@ mod tests {
 
     #[test]
     fn gap_between_rows_changes_no_object() {
-        let (cols, rows, stride) = (360, 6, 364);
+        let cols = 360;
+        let rows = 6;
+        let stride = 364;
         let mut random = random::Random::new(5);
         let mut narrow = vec![[f32::NAN; 3]; rows * cols];
         let mut wide = vec![[f32::NAN; 3]; rows * stride];
         for row in 0..rows {
             for col in (0..cols).filter(|col| col % 50 < 40) {
-                let (angle, range) = ((col as f32).to_radians(), 8.0 + random.range(0.0, 0.05));
+                let angle = (col as f32).to_radians();
+                let range = 8.0 + random.range(0.0, 0.05);
                 let point = [range * angle.cos(), range * angle.sin(), 0.3 * row as f32];
                 (narrow[row * cols + col], wide[row * stride + col]) = (point, point);
             }

@@ -101,7 +101,8 @@ impl DegenerateStretches {
             );
         }
         let seconds = |stamp: i64| (stamp - self.begin.unwrap_or(stamp)) as f64 * 1e-9;
-        let (begin, end) = (seconds(stretch.begin), seconds(stretch.end));
+        let begin = seconds(stretch.begin);
+        let end = seconds(stretch.end);
         let Stretch { n_sweeps, n_bridged, max_directions, sigma_m: [before_m, after_m], .. } = stretch;
         Some(format!(
             "degenerate geometry from {begin:.1} to {end:.1} s of the drive: {n_sweeps} sweeps, {n_bridged} without a match, up to \
@@ -147,7 +148,9 @@ mod tests {
 
     #[test]
     fn stretch_is_reported_once_with_its_times() {
-        let (determined, degenerate, bridged) = (Some(0), Some(2), None);
+        let determined = Some(0);
+        let degenerate = Some(2);
+        let bridged = None;
         let sweeps = [
             [determined, determined, degenerate, degenerate, bridged, determined],
             [degenerate, degenerate, determined, degenerate, degenerate, degenerate],

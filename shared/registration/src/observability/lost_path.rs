@@ -93,7 +93,8 @@ mod tests {
     fn stretch_in_which_the_deviation_grows_is_named_with_its_times() {
         let found = after(&[vec![[0.01, 1e-4]; 30], vec![[2.0, 0.0]; 9], vec![[0.01, 1e-4]; 50]].concat());
         let doubt = found.doubt(5.0).expect("the way is lost");
-        let (growth_m, text) = (doubt.size(), doubt.to_string());
+        let growth_m = doubt.size();
+        let text = doubt.to_string();
         assert!((growth_m - 6.0).abs() < 0.01, "{growth_m}");
         assert!(text.contains("0.9 s of the drive (3.0 to 3.9 s)") && text.contains("more than 5 m"), "{text}");
         assert_eq!(found.doubt(7.0), None);
@@ -103,7 +104,8 @@ mod tests {
     fn lost_heading_counts_where_it_is_lost_and_not_on_the_way_after() {
         let found = after(&[vec![[0.01, 1e-4]; 10], vec![[0.0, 0.2]], vec![[0.01, 1e-4]; 500]].concat());
         let doubt = found.doubt(5.0).expect("the way is lost");
-        let (growth_m, text) = (doubt.size(), doubt.to_string());
+        let growth_m = doubt.size();
+        let text = doubt.to_string();
         assert!((growth_m - 10.0).abs() < 0.01, "0.2 rad at 50 m: {growth_m}");
         assert!(text.contains("0.1 s of the drive (1.0 to 1.1 s)"), "{text}");
     }

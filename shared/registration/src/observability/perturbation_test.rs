@@ -63,7 +63,8 @@ fn growth(
     let mid = *motion.mid.rotation.to_rotation_matrix().matrix();
     let [translation, rotation] = [0, 3].map(|at| step.fixed_rows::<3>(at).into_owned());
     let cost = |r: f64| (r / scale_m).powi(2).min(1.0);
-    let (mut found, mut predicted) = (0.0, 0.0);
+    let mut found = 0.0;
+    let mut predicted = 0.0;
     for feature in features.iter().step_by(EVERY) {
         let share = f64::from(feature.share);
         let arm = motion.rotated(&mid, &feature.position, share);
@@ -112,7 +113,8 @@ mod tests {
         };
         for number in 0..n {
             let along = random.range(-20.0, 20.0);
-            let (across, up) = (random.range(-4.0, 4.0), random.range(-1.5, 3.0));
+            let across = random.range(-4.0, 4.0);
+            let up = random.range(-1.5, 3.0);
             match number % 3 {
                 0 => add([along, across, -1.5], [0.0, 0.0, 1.0], &mut random),
                 1 => add([along, -4.0, up], [0.0, 1.0, 0.0], &mut random),

@@ -157,7 +157,8 @@ impl Navigation {
         self.velocity = body_from_lidar.rotation * velocity;
         self.level_from_begin = odom_from_lidar.rotation * body_from_lidar.rotation.inverse();
         self.north_is_known = false;
-        (self.rate_bias, self.force_bias) = (Vector3::zeros(), Vector3::zeros());
+        self.rate_bias = Vector3::zeros();
+        self.force_bias = Vector3::zeros();
         let parts: [(usize, [f64; 3]); 4] = [
             (VELOCITY, [MEASURED_SPEED; 3]),
             (ATTITUDE, [FIRST_TILT, FIRST_TILT, 0.0]),
@@ -350,7 +351,8 @@ mod tests {
 
     /// The covariance after ten steps a second of 1 m along x, each measured with `drift_information`.
     fn covariance_after(n_steps: u32, drift_information: &Matrix6<f64>) -> Matrix6<f64> {
-        let (mounting, mut log) = (SensorMounting::default(), SensorLog::default());
+        let mounting = SensorMounting::default();
+        let mut log = SensorLog::default();
         let stamp = |step: u32| Stamp(i64::from(step) * 100_000_000);
         let mut navigation = Navigation::begin(&(Vector3::x() * 10.0), true, &log, [stamp(0), stamp(1)]);
         for axis in [VELOCITY, VELOCITY + 1, VELOCITY + 2] {
@@ -396,7 +398,8 @@ mod tests {
 
     /// Deviation of the heading, rad, after ten seconds of sweeps that measure it with 1 mrad each, with samples of an inertial unit.
     fn heading_deviation_with_samples() -> f64 {
-        let (mounting, mut log) = (SensorMounting::default(), SensorLog::default());
+        let mounting = SensorMounting::default();
+        let mut log = SensorLog::default();
         for number in 0..1100 {
             let stamp = Stamp(i64::from(number) * 10_000_000);
             log.push_inertial(InertialSample { stamp, force: Vector3::new(0.0, 0.0, 9.806), rate: Vector3::zeros() });
@@ -442,7 +445,8 @@ mod tests {
 
     #[test]
     fn standstill_shows_the_bias_of_the_gyroscopes() {
-        let (mounting, mut log) = (SensorMounting::default(), SensorLog::default());
+        let mounting = SensorMounting::default();
+        let mut log = SensorLog::default();
         let bias = Vector3::new(0.001, -0.002, 0.004);
         for number in 0..120 {
             let stamp = Stamp(i64::from(number) * 10_000_000);

@@ -141,7 +141,8 @@ impl SensorLog {
         let after = self.samples.partition_point(|sample| sample.stamp <= begin).saturating_sub(1);
         let pairs = self.samples[after..].windows(2).take_while(move |pair| pair[0].stamp < end);
         pairs.map(move |pair| {
-            let (from, to) = (pair[0].stamp.max(begin), pair[1].stamp.min(end));
+            let from = pair[0].stamp.max(begin);
+            let to = pair[1].stamp.min(end);
             (to.seconds_since(from), (pair[0].force + pair[1].force) * 0.5, (pair[0].rate + pair[1].rate) * 0.5)
         })
     }

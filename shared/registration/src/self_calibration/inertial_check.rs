@@ -146,7 +146,8 @@ impl InertialCheck {
         let mean = |of: fn(&InertialSample) -> Vector3<f64>| {
             samples.iter().map(of).sum::<Vector3<f64>>() / samples.len() as f64
         };
-        let (force, rate) = (mean(|sample| sample.force), mean(|sample| sample.rate));
+        let force = mean(|sample| sample.force);
+        let rate = mean(|sample| sample.rate);
         let is_first = self.n_samples == 0;
         self.n_samples += samples.len() as u64;
         let in_g = FORCE_MPS2.map(|force| force / GRAVITY_MPS2);
@@ -269,7 +270,8 @@ impl InertialCheck {
             lines.push(format!("stamps {:.0} ms late (deviation {:.1})", late_s * 1e3, late_sigma_s * 1e3));
             // Unknown until the vehicle has turned.
             if rotation_sigma.max() < 1.0 {
-                let (angles, deviations) = (list(rotation), list(rotation_sigma));
+                let angles = list(rotation);
+                let deviations = list(rotation_sigma);
                 lines.push(format!("rotated about x, y, z by {angles} degrees (deviations {deviations})"));
             }
         }

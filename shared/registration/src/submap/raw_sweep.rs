@@ -40,7 +40,8 @@ impl RawSweep<'_> {
 /// Groups messages: a sweep of the first LiDAR, then those of the other LiDARs that begin during it. Also returns the number of messages
 /// of other LiDARs without one of the first, which are dropped: live, either may be lost.
 pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> (Vec<Vec<M>>, u64) {
-    let (mut ticks, mut n_dropped) = (Vec::<Vec<M>>::new(), 0);
+    let mut ticks = Vec::<Vec<M>>::new();
+    let mut n_dropped = 0;
     for message in messages {
         match ticks.last_mut() {
             _ if raw(&message).header.lidar == 0 => ticks.push(vec![message]),

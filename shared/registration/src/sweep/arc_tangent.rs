@@ -4,7 +4,8 @@
 /// minimax one of degree 11 for the arc tangent on 0 to 1.
 #[inline(always)]
 pub(crate) fn fast_atan2(y: f32, x: f32) -> f32 {
-    let (short, long) = (x.abs().min(y.abs()), x.abs().max(y.abs()));
+    let short = x.abs().min(y.abs());
+    let long = x.abs().max(y.abs());
     let a = if long > 0.0 { short / long } else { 0.0 };
     let s = a * a;
     let p = ((((-0.011_721_2 * s + 0.052_653_32) * s - 0.116_432_87) * s + 0.193_543_46) * s - 0.332_623_47) * s

@@ -10,12 +10,22 @@ pub(crate) type Symmetric = [f64; 6];
 pub(crate) fn smallest_eigenvector(m: &Symmetric) -> ([f64; 3], [f64; 3]) {
     let values = eigenvalues(m);
     let [xx, xy, xz, yy, yz, zz] = *m;
-    let (xx, yy, zz) = (xx - values[2], yy - values[2], zz - values[2]);
+    let xx = xx - values[2];
+    let yy = yy - values[2];
+    let zz = zz - values[2];
     // Rows of the shifted matrix span the plane normal to the eigenvector; the longest cross product is the most accurate.
-    let (ax, ay, az) = (xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy);
-    let (bx, by, bz) = (yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz);
-    let (cx, cy, cz) = (yz * xz - zz * xy, zz * xx - xz * xz, xz * xy - yz * xx);
-    let (aa, bb, cc) = (ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, cx * cx + cy * cy + cz * cz);
+    let ax = xy * yz - xz * yy;
+    let ay = xz * xy - xx * yz;
+    let az = xx * yy - xy * xy;
+    let bx = yy * zz - yz * yz;
+    let by = yz * xz - xy * zz;
+    let bz = xy * yz - yy * xz;
+    let cx = yz * xz - zz * xy;
+    let cy = zz * xx - xz * xz;
+    let cz = xz * xy - yz * xx;
+    let aa = ax * ax + ay * ay + az * az;
+    let bb = bx * bx + by * by + bz * bz;
+    let cc = cx * cx + cy * cy + cz * cz;
     let (x, y, z, square) = if bb >= aa { (bx, by, bz, bb) } else { (ax, ay, az, aa) };
     let (x, y, z, square) = if cc >= square { (cx, cy, cz, cc) } else { (x, y, z, square) };
     let norm = square.sqrt();
@@ -29,7 +39,9 @@ pub(crate) fn smallest_eigenvector(m: &Symmetric) -> ([f64; 3], [f64; 3]) {
 #[inline(always)]
 fn eigenvalues(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> [f64; 3] {
     let q = (xx + yy + zz) / 3.0;
-    let (a, b, c) = (xx - q, yy - q, zz - q);
+    let a = xx - q;
+    let b = yy - q;
+    let c = zz - q;
     let p = ((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0).sqrt().max(1e-30);
     let det = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz);
     let half_det = (det / (p * p * p) / 2.0).clamp(-1.0, 1.0);
@@ -37,7 +49,8 @@ fn eigenvalues(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> [f64; 3] {
     let smallest = -cosine_of_third(-half_det);
     let root = (smallest * smallest - half_det / smallest).max(0.0).sqrt();
     let largest = 0.5 * (root - smallest);
-    let (largest, smallest) = (q + 2.0 * p * largest, q + 2.0 * p * smallest);
+    let largest = q + 2.0 * p * largest;
+    let smallest = q + 2.0 * p * smallest;
     [largest, 3.0 * q - largest - smallest, smallest]
 }
 

@@ -45,22 +45,36 @@ fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
     let center = planes.block(row, first, 0);
     let (left, right) = (planes.block(row, first, BESIDE), planes.block(row, first, -BESIDE));
     // At the image's rim the cell itself replaces the missing neighbor.
-    let (above, below) = (planes.above(row).unwrap_or(row), planes.below(row).unwrap_or(row));
+    let above = planes.above(row).unwrap_or(row);
+    let below = planes.below(row).unwrap_or(row);
     let (above, below) = (planes.block(above, first, 0), planes.block(below, first, 0));
     let mut cosines = [0.0; LANES];
     for lane in 0..LANES {
-        let (x, y, z) = (center[0][lane], center[1][lane], center[2][lane]);
+        let x = center[0][lane];
+        let y = center[1][lane];
+        let z = center[2][lane];
         let range = (x * x + y * y + z * z).sqrt();
         // Branch-free. NaN of an empty cell is not near. If one of two neighbors is missing, the other and the center are used.
         let near = |block: &[&[f32; LANES]; 3]| {
-            let (dx, dy, dz) = (block[0][lane] - x, block[1][lane] - y, block[2][lane] - z);
+            let dx = block[0][lane] - x;
+            let dy = block[1][lane] - y;
+            let dz = block[2][lane] - z;
             let is_near = dx * dx + dy * dy + dz * dz < gate(range);
             if is_near { (dx, dy, dz) } else { (0.0, 0.0, 0.0) }
         };
-        let ((lx, ly, lz), (rx, ry, rz), (ax, ay, az), (bx, by, bz)) =
-            (near(&left), near(&right), near(&above), near(&below));
-        let (ux, uy, uz, vx, vy, vz) = (lx - rx, ly - ry, lz - rz, ax - bx, ay - by, az - bz);
-        let (nx, ny, nz) = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
+        let (lx, ly, lz) = near(&left);
+        let (rx, ry, rz) = near(&right);
+        let (ax, ay, az) = near(&above);
+        let (bx, by, bz) = near(&below);
+        let ux = lx - rx;
+        let uy = ly - ry;
+        let uz = lz - rz;
+        let vx = ax - bx;
+        let vy = ay - by;
+        let vz = az - bz;
+        let nx = uy * vz - uz * vy;
+        let ny = uz * vx - ux * vz;
+        let nz = ux * vy - uy * vx;
         let norm = (nx * nx + ny * ny + nz * nz).sqrt();
         // Without neighbors 0 / 0: NaN.
         let cosine = (nx * x + ny * y + nz * z).abs() / (norm * range);

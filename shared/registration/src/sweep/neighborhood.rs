@@ -30,7 +30,8 @@ pub(crate) struct Planes {
 
 impl Planes {
     pub fn new(image: &RangeImage, step: usize) -> Self {
-        let (n, before) = (image.cols().div_ceil(step), FARTHEST.div_ceil(step));
+        let n = image.cols().div_ceil(step);
+        let before = FARTHEST.div_ceil(step);
         let len = n.next_multiple_of(LANES) + 2 * before;
         let empty = || vec![f32::NAN; image.rows() * step * len];
         let mut planes = Self {
@@ -50,7 +51,8 @@ impl Planes {
     }
     #[inline(always)]
     fn copy_row(&mut self, image: &RangeImage, row: usize) {
-        let (step, rim) = (self.step, self.before * self.step);
+        let step = self.step;
+        let rim = self.before * self.step;
         for phase in 0..step {
             let start = (row * step + phase) * self.len;
             // The rim repeats columns of the other end; past the last column only what a neighborhood needs.
@@ -127,15 +129,21 @@ impl Shapes {
         let range = planes.ranges(row, first);
         let Moments { n, first: [x, y, z], second: [xx, xy, xz, yy, yz, zz] } =
             Moments::around(planes, row, first, &range);
-        let (mut nx, mut ny, mut nz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        let (mut planarity, mut roughness, mut thickness) = ([-1.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let mut nx = [0.0; LANES];
+        let mut ny = [0.0; LANES];
+        let mut nz = [0.0; LANES];
+        let mut planarity = [-1.0; LANES];
+        let mut roughness = [0.0; LANES];
+        let mut thickness = [0.0; LANES];
         if !n.iter().fold(false, |is_any, n| is_any | (*n >= MIN_NEIGHBORS)) {
             return Self { range, normal: [nx, ny, nz], planarity, roughness, thickness };
         }
         for lane in 0..LANES {
             let per_n = 1.0 / f64::from(n[lane]);
             let mean = |sums: &[f32; LANES]| f64::from(sums[lane]) * per_n;
-            let (mx, my, mz) = (mean(&x), mean(&y), mean(&z));
+            let mx = mean(&x);
+            let my = mean(&y);
+            let mz = mean(&z);
             let covariance = [
                 mean(&xx) - mx * mx,
                 mean(&xy) - mx * my,
@@ -145,7 +153,9 @@ impl Shapes {
                 mean(&zz) - mz * mz,
             ];
             let ([l1, l2, l3], [x, y, z]) = smallest_eigenvector(&covariance);
-            let (s1, s2, s3) = (l1.max(0.0).sqrt(), l2.max(0.0).sqrt(), l3.max(0.0).sqrt());
+            let s1 = l1.max(0.0).sqrt();
+            let s2 = l2.max(0.0).sqrt();
+            let s3 = l3.max(0.0).sqrt();
             let is_known = (n[lane] >= MIN_NEIGHBORS) & (x * x + y * y + z * z > 0.5);
             (nx[lane], ny[lane], nz[lane]) = (x as f32, y as f32, z as f32);
             planarity[lane] = if is_known { ((s2 - s3) / s1) as f32 } else { -1.0 };

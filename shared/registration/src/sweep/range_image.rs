@@ -65,7 +65,8 @@ impl RangeImage {
             reach: 2,
             has_rings: rings_known,
         };
-        let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
+        let mut lowest = f32::MAX;
+        let mut highest = f32::MIN;
         for ((point, &slope), &azimuth) in points.iter().zip(&directions.slopes).zip(&directions.azimuths) {
             if slope.is_nan() {
                 image.cell_of.push(EMPTY);

@@ -38,8 +38,10 @@ fn rings(directions: &Directions) -> Option<Rings> {
     let ring_at = |turned: f32| ((turned - cut) / TAU).floor() as i32;
     // The cut is known to a sector: a shorter piece before the first or behind the last cut belongs to its neighbor.
     let margin = 2.0 * TAU / SECTORS as f32 * turns.total.signum();
-    let (begin, end) = (ring_at(margin), ring_at(turns.total - margin));
-    let (first, last) = (begin.min(end), begin.max(end));
+    let begin = ring_at(margin);
+    let end = ring_at(turns.total - margin);
+    let first = begin.min(end);
+    let last = begin.max(end);
     let n = (last - first + 1) as usize;
     if !RINGS.contains(&n) {
         return None;
@@ -75,7 +77,9 @@ struct Turns {
 impl Turns {
     #[inline(always)]
     fn of(directions: &Directions) -> Option<Self> {
-        let (mut turned, mut total, mut last) = (Vec::with_capacity(directions.slopes.len()), 0.0_f64, None);
+        let mut turned = Vec::with_capacity(directions.slopes.len());
+        let mut total = 0.0_f64;
+        let mut last = None;
         for (slope, &azimuth) in directions.slopes.iter().zip(&directions.azimuths) {
             if !slope.is_nan() {
                 let step = azimuth - last.unwrap_or(azimuth);
@@ -133,7 +137,8 @@ mod tests {
 
     /// Rings from the highest to the lowest, each a turn that begins at `begin` rad; every seventh point is missing.
     fn ring_by_ring(n_rings: u8, begin: f32) -> (Vec<TimedPoint>, Vec<u8>) {
-        let (mut points, mut rings) = (Vec::new(), Vec::new());
+        let mut points = Vec::new();
+        let mut rings = Vec::new();
         for ring in (0..n_rings).rev() {
             for col in (0..900_u16).filter(|col| (col + u16::from(ring)) % 7 != 0) {
                 let azimuth = begin + f32::from(col) / 900.0 * TAU;

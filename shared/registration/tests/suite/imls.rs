@@ -36,7 +36,8 @@ fn imls_on_street_at_10_mps_follows_the_truth() {
     assert!(registered.iter().all(|sweep| !sweep.is_bridged() && !sweep.map_restarted));
     for (number, sweep) in registered.iter().enumerate() {
         let truth = truth_at_end(sweep);
-        let (off, path) = (distance(&sweep.end(), &truth), number as f64);
+        let off = distance(&sweep.end(), &truth);
+        let path = number as f64;
         let turned = sweep.end().rotation.angle_to(&truth.rotation);
         println!("sweep {number}: {off:.3} m, {turned:.4} rad off");
         assert!(off < 0.03 + 0.005 * path, "sweep {number}: {off} m off");
@@ -63,7 +64,8 @@ fn imls_without_point_times_has_twice_the_error() {
         let moved = registered[2].end().inverse() * registered[19].end();
         distance(&moved, &(truth_at_end(&registered[2]).inverse() * truth_at_end(&registered[19])))
     };
-    let (with, without) = (error(&timed), error(&rigid));
+    let with = error(&timed);
+    let without = error(&rigid);
     assert!(without > 2.0 * with, "with point times {with} m, without {without} m");
 }
 

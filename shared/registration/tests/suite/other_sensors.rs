@@ -48,7 +48,8 @@ fn run(
     samples: &[InertialSample],
     velocities: &[GroundVelocity],
 ) -> Vec<Registered> {
-    let (mut samples, mut velocities) = (samples.iter().peekable(), velocities.iter().peekable());
+    let mut samples = samples.iter().peekable();
+    let mut velocities = velocities.iter().peekable();
     let mut registered = Vec::new();
     for sweep in sweeps {
         let end = sweep.stamp().plus_nanos(SWEEP_NANOS);
@@ -107,7 +108,8 @@ fn covariance_grows_when_velocities_end_and_samples_continue() {
 
 #[test]
 fn reflected_velocity_is_rejected() {
-    let (samples, mut velocities) = (samples(&PLAIN, 3.0), velocities(&PLAIN, 3.0));
+    let samples = samples(&PLAIN, 3.0);
+    let mut velocities = velocities(&PLAIN, 3.0);
     let before = error(&PLAIN, &drive(&PLAIN, 20, &samples, &velocities)).0;
     velocities[2].east_north = [-30.0, 12.0];
     let after = error(&PLAIN, &drive(&PLAIN, 20, &samples, &velocities)).0;
@@ -163,7 +165,8 @@ fn start_in_a_rotation_is_tracked_with_inertial_samples() {
 
 #[test]
 fn loaded_odometry_with_sensors_continues_with_the_same_bits() {
-    let (samples, velocities) = (samples(&PLAIN, 2.0), velocities(&PLAIN, 2.0));
+    let samples = samples(&PLAIN, 2.0);
+    let velocities = velocities(&PLAIN, 2.0);
     let sweeps: Vec<Sweep> = (0..8).map(|number| PLAIN.sweep(number)).collect();
     let begin = PLAIN.world_from_lidar(0.0);
     let uninterrupted = run(&mut Odometry::new(settings(), begin), &sweeps, &samples, &velocities);

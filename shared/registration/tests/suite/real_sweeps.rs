@@ -82,7 +82,8 @@ fn sweeps_without_rings_and_order_give_the_same_trajectory() {
     let poses = |registered: &[Registered]| -> Vec<Pose> {
         registered.iter().map(|sweep| registered[0].motion.mid.inverse() * sweep.motion.mid).collect()
     };
-    let (with_rings, without) = (poses(&with_rings), poses(&without));
+    let with_rings = poses(&with_rings);
+    let without = poses(&without);
     for (found, expected) in without.iter().zip(&with_rings) {
         let off = (found.translation.vector - expected.translation.vector).norm();
         println!("{off:.4} m, {:.5} rad", found.rotation.angle_to(&expected.rotation));
@@ -100,8 +101,9 @@ fn times_from_azimuth_fit_best_clockwise() {
         let registered = register_all(&kitti_raw(&folder, spin)[..10]);
         registered.iter().filter_map(|sweep| sweep.matched.as_ref()).map(|matched| matched.rms_m).sum::<f64>() / 10.0
     };
-    let (right, none, wrong) =
-        (rms_m(Some(SpinDirection::Clockwise)), rms_m(None), rms_m(Some(SpinDirection::Counterclockwise)));
+    let right = rms_m(Some(SpinDirection::Clockwise));
+    let none = rms_m(None);
+    let wrong = rms_m(Some(SpinDirection::Counterclockwise));
     println!("distances from the map: {right:.4} m, rigid {none:.4} m, counterclockwise {wrong:.4} m");
     assert!(right < 0.97 * none && none < wrong, "{right} {none} {wrong}");
 }
@@ -147,7 +149,8 @@ fn range_images(drive: &str, numbers: std::ops::Range<usize>) -> Vec<Sweep> {
             if range > 1.5 && range < 120.0 {
                 let azimuth = std::f32::consts::PI - std::f32::consts::TAU * (col as f32 + 0.5) / image.width() as f32;
                 let elevation = -values[5 + row as usize].to_radians();
-                let (x, y) = (elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin());
+                let x = elevation.cos() * azimuth.cos();
+                let y = elevation.cos() * azimuth.sin();
                 points.push([range * x, range * y, range * elevation.sin(), 0.0]);
             }
         }
@@ -214,7 +217,8 @@ fn flat_road_stays_flat_though_rings_err() {
     let registered = register_all(&range_images("muehlburger", 150..341));
     let [first, last] = [&registered[0], &registered[190]].map(|sweep| sweep.motion.mid);
     let forward = first.rotation.inverse() * last.rotation * geometry::Vector3::x();
-    let (pitch_deg, height_m) = (-forward.z.asin().to_degrees(), last.translation.z - first.translation.z);
+    let pitch_deg = -forward.z.asin().to_degrees();
+    let height_m = last.translation.z - first.translation.z;
     println!("pitch {pitch_deg:.2} degrees, height {height_m:.2} m");
     assert!(pitch_deg.abs() < 1.0 && height_m.abs() < 1.0, "{pitch_deg} degrees, {height_m} m");
 }

@@ -45,7 +45,8 @@ fn street_at_10_mps_is_tracked_from_the_first_shot() {
     let mut path = 0.0;
     for (sweep, raw) in registered.iter().zip(&sweeps) {
         assert_eq!((sweep.stamp, sweep.duration_nanos), (raw.stamp(), raw.duration_nanos()));
-        let (begin, end) = (truth_at(&STREET, sweep, 0.0), truth_at(&STREET, sweep, 1.0));
+        let begin = truth_at(&STREET, sweep, 0.0);
+        let end = truth_at(&STREET, sweep, 1.0);
         path += distance(&begin, &end);
         let moved_off = distance(&(sweep.begin().inverse() * sweep.end()), &(begin.inverse() * end));
         assert!(moved_off < 0.04, "motion during the sweep is {moved_off} m off, of 1 m");
@@ -67,7 +68,8 @@ fn sweeps_without_point_times_have_three_times_the_error() {
     let deskewed = register_all(&mut odometry(&STREET), &sweeps);
     let skewed = register_all(&mut odometry(&STREET), &rigid);
     let error = |registered: &[Registered]| motion_error(&STREET, &registered[2], &registered[29]);
-    let (with, without) = (error(&deskewed), error(&skewed));
+    let with = error(&deskewed);
+    let without = error(&skewed);
     println!("with point times {with:.3} m, without {without:.3} m");
     assert!(without > 3.0 * with, "with point times {with} m, without {without} m");
 }
@@ -233,7 +235,8 @@ fn bare_ground_keeps_position_and_heading_at_the_prediction() {
     for sweep in &registered[10..] {
         let matched = sweep.matched.as_ref().unwrap();
         assert_eq!(matched.n_degenerate_directions, 3, "forward, sideways, heading: {matched:?}");
-        let (found, truth) = (sweep.motion.mid, truth_at(&STREET, sweep, 0.5));
+        let found = sweep.motion.mid;
+        let truth = truth_at(&STREET, sweep, 0.5);
         assert!((found.translation.z - truth.translation.z).abs() < 0.03, "the height is measured");
         assert!(distance(&found, &truth) < 0.5, "the position is predicted");
     }
@@ -244,7 +247,8 @@ fn sweeps_out_of_order_are_rejected() {
     let sweeps = sweeps_of(&STREET, 0..3);
     let mut odometry = odometry(&STREET);
     register_all(&mut odometry, &sweeps[..2]);
-    let (last, got) = (sweeps[1].mid_stamp(), sweeps[0].mid_stamp());
+    let last = sweeps[1].mid_stamp();
+    let got = sweeps[0].mid_stamp();
     assert_eq!(odometry.register(&sweeps[0]), Err(RegistrationError::Order { last, got }));
     assert_eq!(odometry.register(&sweeps[2]).unwrap().len(), 1, "the odometry continues");
 }

@@ -32,7 +32,8 @@ fn driven(drive: &Drive) -> Registered {
     let velocity = |fix: &lidar::nmea::Fix| GroundVelocity::new(fix.stamp, fix.speed_mps?, fix.course_deg, fix.hdop);
     let mut velocities = fixes.iter().filter_map(velocity).peekable();
     let mut sweeps = drive.sweeps().unwrap();
-    let (mut points, mut last) = (Vec::new(), None);
+    let mut points = Vec::new();
+    let mut last = None;
     while let Some(info) = sweeps.next_sweep(|piece| points.extend(piece.iter().map(timed))).unwrap() {
         let points = std::mem::take(&mut points);
         if info.turn < 0.95 {
@@ -50,7 +51,8 @@ fn driven(drive: &Drive) -> Registered {
 /// By the match alone it moves by 0.3 m, as the queue does.
 #[test]
 fn inertial_unit_and_receiver_keep_the_own_motion_in_a_queue() {
-    let (rig, traffic) = ("nuscenes".to_owned(), Traffic::Dense);
+    let rig = "nuscenes".to_owned();
+    let traffic = Traffic::Dense;
     let spec = DriveSettings { seed: 811, seconds: 7.0, rig, traffic, ..DriveSettings::default() }.spec().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive");

@@ -102,7 +102,8 @@ impl<'a> CameraScores<'a> {
             stated += self.peaks[*camera].max(0.0).powi(2);
         }
         let best = (0..delays.len()).reduce(|best, i| if squares[i] > squares[best] { i } else { best })?;
-        let (found, stated) = (squares[best].sqrt(), stated.sqrt());
+        let found = squares[best].sqrt();
+        let stated = stated.sqrt();
         (found >= MIN_PEAK && found > stated + MIN_GAIN).then(|| (delays[best] as f64 * 1e-9, found))
     }
 }

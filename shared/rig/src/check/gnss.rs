@@ -34,7 +34,8 @@ pub(super) struct Turning {
 impl Turning {
     /// `None` if the vehicle hardly turned, or without a receiver.
     pub fn of(survey: &Survey) -> Option<Self> {
-        let (mut squares, mut products) = (0.0, 0.0);
+        let mut squares = 0.0;
+        let mut products = 0.0;
         for pair in survey.fixes.windows(2) {
             let [Some(a), Some(b)] = [&pair[0], &pair[1]].map(heading_of) else { continue };
             let [Some(from), Some(to)] = [&pair[0], &pair[1]].map(|fix| survey.trajectory.at(fix.stamp)) else {

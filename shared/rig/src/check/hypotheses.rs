@@ -47,14 +47,16 @@ pub(super) fn lenses(camera: &RigCamera) -> Vec<Hypothesis> {
             found.push(Hypothesis::new("lens", text, advice, with(CameraModel::KannalaBrandt(fisheye))));
             if m.distortion != [0.0; 5] {
                 let plain = Pinhole { distortion: [0.0; 5], ..m.clone() };
-                let (text, advice) = ("the images are rectified already", "remove the distortion of the model");
+                let text = "the images are rectified already";
+                let advice = "remove the distortion of the model";
                 found.push(Hypothesis::new("lens", text, advice, with(CameraModel::Pinhole(plain))));
             }
         }
         CameraModel::KannalaBrandt(m) => {
             let KannalaBrandt { width, height, fx, fy, cx, cy, .. } = *m;
             let pinhole = Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] };
-            let (text, advice) = ("the images are those of a pinhole lens", "set model.kind = \"pinhole\"");
+            let text = "the images are those of a pinhole lens";
+            let advice = "set model.kind = \"pinhole\"";
             found.push(Hypothesis::new("lens", text, advice, with(CameraModel::Pinhole(pinhole))));
         }
         CameraModel::SplineWarp(_) => {}

@@ -71,7 +71,8 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
         );
         return vec![Verdict::unknown("level", "lidar", reason)];
     };
-    let (tilt, up) = (found.tilt(), found.up);
+    let tilt = found.tilt();
+    let up = found.up;
     // The ground falls ahead: the LiDAR looks up.
     let [roll, pitch] = [up.y.atan2(up.z), -up.x.atan2(up.z)].map(f64::to_degrees);
     let value = format!(

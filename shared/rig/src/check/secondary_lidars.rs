@@ -47,7 +47,8 @@ fn verdict(name: &str, index: usize, found: &SecondaryMounting) -> Verdict {
         list(3),
         on_surface * 100.0
     );
-    let (t, q) = (found.body_from_lidar.translation, found.body_from_lidar.rotation.coords);
+    let t = found.body_from_lidar.translation;
+    let q = found.body_from_lidar.rotation.coords;
     let advice = format!(
         "set lidar[{index}].body_from_lidar = {{ translation = [{:.3}, {:.3}, {:.3}], rotation = [{:.5}, {:.5}, {:.5}, {:.5}] }}, or \
          refine it by `replica rig calibrate`",

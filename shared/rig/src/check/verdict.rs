@@ -53,7 +53,8 @@ impl Verdict {
 
     /// A check without an answer.
     pub(crate) fn unknown(check: &'static str, subject: &str, reason: impl Into<String>) -> Self {
-        let (limit, advice) = (String::new(), String::new());
+        let limit = String::new();
+        let advice = String::new();
         Self { check, subject: subject.to_owned(), answer: Answer::Unknown, value: reason.into(), limit, advice }
     }
 

@@ -34,7 +34,8 @@ pub(super) fn refine(survey: &Survey, refined: &mut Refined) {
     let correction = check.correction();
     let mut rotation = Vector3::zeros();
     for axis in 0..3 {
-        let (difference, sigma) = (found.rotation[axis], found.rotation_sigma[axis]);
+        let difference = found.rotation[axis];
+        let sigma = found.rotation_sigma[axis];
         if sigma > MAX_SIGMA {
             let text = format!(
                 "deviation {:.1} degrees: the vehicle turned too little about the other axes",
@@ -47,7 +48,8 @@ pub(super) fn refine(survey: &Survey, refined: &mut Refined) {
         if outcome == Outcome::Replaced {
             rotation[axis] = difference;
         }
-        let (difference, sigma) = (difference.to_degrees(), sigma.to_degrees());
+        let difference = difference.to_degrees();
+        let sigma = sigma.to_degrees();
         refined.changes.push(Change { difference, sigma, outcome, ..unknown(NAMES[axis], "") });
     }
     let axes = correction.rate.axes;
@@ -69,7 +71,8 @@ pub(super) fn refine(survey: &Survey, refined: &mut Refined) {
         });
     }
     refined.changes.push(unknown("position", "only rotations are measured"));
-    let (late_ms, sigma_ms) = (found.late_s * 1e3, found.late_sigma_s * 1e3);
+    let late_ms = found.late_s * 1e3;
+    let sigma_ms = found.late_sigma_s * 1e3;
     refined.changes.push(if found.late_sigma_s > MAX_LATE_SIGMA_S {
         let text = format!("deviation {sigma_ms:.0} ms: the vehicle turned too little");
         Change { unit: "ms", ..unknown("delay", &text) }

@@ -80,7 +80,8 @@ fn detrended(errors: &[RingError]) -> Vec<RingError> {
     if weight == 0.0 {
         return errors.to_vec();
     }
-    let (middle, mean) = (total(&|ring| ring as f64) / weight, total(&|ring| errors[ring].mean) / weight);
+    let middle = total(&|ring| ring as f64) / weight;
+    let mean = total(&|ring| errors[ring].mean) / weight;
     let at = |ring: usize| ring as f64 - middle;
     let square = total(&|ring| at(ring).powi(2));
     let slope = if square > 0.0 { total(&|ring| at(ring) * errors[ring].mean) / square } else { 0.0 };

@@ -31,7 +31,8 @@ pub(super) fn refine(
         };
         let mut kept = [0.0; 6];
         for (i, kept) in kept.iter_mut().enumerate() {
-            let (raw, axis) = (if i < 3 { found.shift_m[i] } else { found.turn[i - 3] }, AXES[i % 3]);
+            let raw = if i < 3 { found.shift_m[i] } else { found.turn[i - 3] };
+            let axis = AXES[i % 3];
             let (quantity, unit, scale) = if i < 3 {
                 (format!("position along {axis} of the body"), "m", 1.0)
             } else {
@@ -46,7 +47,8 @@ pub(super) fn refine(
                 Outcome::NotObservable => "the surfaces that both LiDARs see do not determine it",
                 _ => "",
             };
-            let (difference, sigma) = (raw * scale, sigma * scale);
+            let difference = raw * scale;
+            let sigma = sigma * scale;
             refined.changes.push(Change {
                 subject: subject.clone(),
                 quantity,

@@ -105,7 +105,8 @@ fn of_raw(folder: &Path, path: &Path, options: &SourceOptions) -> Result<RigPart
 /// R and T of a file.
 fn rigid(path: &Path) -> Result<Pose, RigError> {
     let table = table(path)?;
-    let (rotation, position) = (numbers(path, &table, "R", 9)?, numbers(path, &table, "T", 3)?);
+    let rotation = numbers(path, &table, "R", 9)?;
+    let position = numbers(path, &table, "T", 3)?;
     let row = |row: usize| [rotation[3 * row], rotation[3 * row + 1], rotation[3 * row + 2], position[row]];
     pose(path, "R, T", &[row(0), row(1), row(2)].concat())
 }
@@ -131,7 +132,10 @@ fn cameras(
             continue;
         }
         let p = numbers(path, table, key, 12)?;
-        let (fx, cx, fy, cy) = (p[0], p[2], p[5], p[6]);
+        let fx = p[0];
+        let cx = p[2];
+        let fy = p[5];
+        let cy = p[6];
         if !(fx > 0.0 && fy > 0.0) || p[8..11] != [0.0, 0.0, 1.0] {
             let rule = "is no projection of a rectified camera; must be fx 0 cx tx, 0 fy cy ty, 0 0 1 tz";
             return Err(RigError::source(path, key, rule));

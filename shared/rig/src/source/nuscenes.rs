@@ -81,7 +81,8 @@ pub(super) fn read(path: &Path, options: &SourceOptions) -> Result<RigParts, Rig
             left.push(channel);
         }
     }
-    let (n_cameras, body) = (parts.cameras.len(), "body: the ego frame, on the road under the rear axle");
+    let n_cameras = parts.cameras.len();
+    let body = "body: the ego frame, on the road under the rear axle";
     parts.notes.push(format!("nuScenes: {n_cameras} cameras, LiDAR {LIDAR}; {body}"));
     if !left.is_empty() {
         parts.notes.push(format!("not taken: {}", left.join(", ")));

@@ -108,7 +108,8 @@ impl FrameTree {
     /// Pose of a frame in the body.
     pub fn body_from(&self, frame: &str, options: &SourceOptions) -> Result<Pose, String> {
         let body = self.body(options)?;
-        let (of_frame, of_body) = (self.up_from(frame)?, self.up_from(&body)?);
+        let of_frame = self.up_from(frame)?;
+        let of_body = self.up_from(&body)?;
         let common = of_frame.iter().find_map(|(name, from_frame)| {
             of_body.iter().find(|(other, _)| other == name).map(|(_, from_body)| from_body.inverse() * from_frame)
         });

@@ -35,9 +35,11 @@ pub struct GroundPlane {
 pub fn ground_plane(features: &[Feature], up: &Vector3<f32>) -> Option<GroundPlane> {
     let up = up.cast::<f64>();
     let candidate = |feature: &Feature| {
-        let (at, normal) = (Vector3::from(feature.position), Vector3::from(feature.normal));
+        let at = Vector3::from(feature.position);
+        let normal = Vector3::from(feature.normal);
         let is_near = (RANGE_M[0]..RANGE_M[1]).contains(&at.norm()) && !feature.is_rough;
-        let (at, normal) = (at.cast::<f64>(), normal.cast::<f64>());
+        let at = at.cast::<f64>();
+        let normal = normal.cast::<f64>();
         (is_near && normal.dot(&up) > MAX_TILT.cos() && -normal.dot(&at) > MIN_HEIGHT_M).then_some((at, normal))
     };
     let candidates: Vec<(Vector3<f64>, Vector3<f64>)> = features.iter().filter_map(candidate).collect();
@@ -103,7 +105,8 @@ mod tests {
         let normal = Vector3::new(0.1_f32, -0.05, 1.0).normalize();
         let mut features = Vec::new();
         for i in 0..400_u16 {
-            let (x, y) = (f32::from(i % 20) - 10.0, f32::from(i / 20) - 10.0);
+            let x = f32::from(i % 20) - 10.0;
+            let y = f32::from(i / 20) - 10.0;
             // On the plane 1.8 m below the sensor.
             let z = (-1.8 - normal.x * x - normal.y * y) / normal.z;
             features.push(feature([x, y, z], normal));

@@ -40,7 +40,8 @@ fn other_axes_inverse_pose_and_exchanged_folders_are_found() {
 fn wrong_lens_is_found() {
     let mut copied = Copied::of(with_cameras());
     let CameraModel::Pinhole(lens) = &mut copied.manifest.cameras[0].model else { panic!("a pinhole") };
-    (lens.fx, lens.fy) = (2.0 * lens.fx, 2.0 * lens.fy);
+    lens.fx *= 2.0;
+    lens.fy *= 2.0;
     assert_eq!(copied.doubts(), [format!("{CAMERA} lens")]);
 
     // The camera with the widest view.

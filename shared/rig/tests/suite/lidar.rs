@@ -34,7 +34,8 @@ fn wrong_mounting_of_the_lidar_is_found() {
 fn as_clouds(is_mirrored: bool) -> Copied {
     let mut copied = Copied::of(with_turns());
     let drive = Drive::open(&with_turns().path()).expect("a drive");
-    let (mut source, mut times) = (drive.sweeps().expect("opens"), String::new());
+    let mut source = drive.sweeps().expect("opens");
+    let mut times = String::new();
     let folder = copied.replaced("lidar");
     fs::create_dir(&folder).expect("made");
     for index in 0.. {

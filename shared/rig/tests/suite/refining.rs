@@ -100,7 +100,8 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
     let new = found.manifest.imu.as_ref().expect("a unit");
     assert!((new.delay_nanos as f64 * 1e-6 - change.difference).abs() < 1e-5, "{new:?}");
     let new = new.mounting();
-    let (given, remaining) = (body_from_unit.angle(), new.rotation.angle_to(&body_from_unit));
+    let given = body_from_unit.angle();
+    let remaining = new.rotation.angle_to(&body_from_unit);
     assert!(remaining < 0.1 * given, "{remaining} of {given} rad");
 }
 
@@ -164,7 +165,8 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
         corrections[usize::from(ring)] = new - old;
     }
     let rest: Vec<f64> = truth.iter().zip(&corrections).map(|(truth, correction)| truth - correction).collect();
-    let (before, after) = (rms(&detrended(&truth)), rms(&detrended(&rest)));
+    let before = rms(&detrended(&truth));
+    let after = rms(&detrended(&rest));
     assert!(after < 0.8 * before, "{after} after {before} degrees: {corrections:?}");
     assert_eq!(of(&found, "lidar", "elevation of all rings").outcome, Outcome::NotObservable);
 }

@@ -26,7 +26,8 @@ fn moved(degrees: f64, shift_m: [f64; 3]) -> Copied {
 }
 
 fn verdict_of_rear(copied: &Copied) -> (bool, String) {
-    let (drive, settings) = (copied.open(), SurveySettings::default());
+    let drive = copied.open();
+    let settings = SurveySettings::default();
     let survey = Survey::of(&drive, &settings).expect("surveyed");
     let report = Report::of(&drive, &survey, &settings).expect("checked");
     let rear = report.verdicts.iter().find(|verdict| verdict.subject == "rear").expect("is judged");
@@ -53,7 +54,8 @@ fn refined_mounting_of_second_lidar_is_the_true_one_within_its_deviations() {
     for (degrees, shift_m) in [(0.0, [0.0; 3]), (1.5, [0.08, -0.06, 0.1]), (4.0, [-0.15, 0.2, 0.1])] {
         let copied = moved(degrees, shift_m);
         let before = mounting(&copied.manifest);
-        let (drive, settings) = (copied.open(), SurveySettings::default());
+        let drive = copied.open();
+        let settings = SurveySettings::default();
         let survey = Survey::of(&drive, &settings).expect("surveyed");
         let found = Refined::of(&drive, &survey, &settings).expect("refined");
         let changes: Vec<_> = found.changes.iter().filter(|change| change.subject == "rear").collect();
@@ -63,7 +65,8 @@ fn refined_mounting_of_second_lidar_is_the_true_one_within_its_deviations() {
             let shift = (pose.translation.vector - truth.translation.vector).norm();
             [shift, pose.rotation.angle_to(&truth.rotation).to_degrees()]
         };
-        let ([shift_before, turn_before], [shift_after, turn_after]) = (off(&before), off(&after));
+        let [shift_before, turn_before] = off(&before);
+        let [shift_after, turn_after] = off(&after);
         assert!(shift_after < 0.05 && turn_after < 0.2, "{degrees} {shift_m:?}: {shift_after} m {turn_after} degrees");
         assert!(shift_after < shift_before.max(0.03) && turn_after < turn_before.max(0.1));
         let is_sure = |outcome: Outcome| matches!(outcome, Outcome::Replaced | Outcome::Kept);

@@ -107,8 +107,10 @@ camera_matrix:
 distortion_model: plumb_bob
 distortion_coefficients: {rows: 1, cols: 5, data: [-0.2, 0.05, 0.0, 0.0, 0.0]}
 ";
-    let ((_a, tree_path), (_b, camera_path)) = (written("tf.yaml", tree_text), written("front.yaml", camera_text));
-    let (options, mut tree) = (SourceOptions::default(), FrameTree::default());
+    let (_a, tree_path) = written("tf.yaml", tree_text);
+    let (_b, camera_path) = written("front.yaml", camera_text);
+    let options = SourceOptions::default();
+    let mut tree = FrameTree::default();
     let mut parts = read(&tree_path, &options, &mut tree).expect("reads");
     parts.merge(read(&camera_path, &options, &mut tree).expect("reads"));
     parts.mount(&tree, &options).expect("connected");

@@ -24,7 +24,9 @@ impl Patch {
     /// The patch of all points within `radius_m` of `center`. `None` if there are fewer than 3.
     pub fn around(index: &PointIndex, center: [f32; 3], radius_m: f32) -> Option<Self> {
         // Moments about the center, to avoid cancellation.
-        let (mut n, mut sum, mut products) = (0.0, [0.0_f64; 3], [0.0_f64; 6]);
+        let mut n = 0.0;
+        let mut sum = [0.0_f64; 3];
+        let mut products = [0.0_f64; 6];
         index.visit_ball(center, radius_m, |point, _| {
             let [x, y, z] = std::array::from_fn(|k| f64::from(point[k] - center[k]));
             n += 1.0;
@@ -65,9 +67,11 @@ mod tests {
     fn patch_of_tilted_plane_has_its_normal_and_thickness() {
         // Two sheets 2 cm to either side: deviation 2 cm.
         let normal = Vector3::new(0.6, 0.0, 0.8);
-        let (u, v) = (Vector3::new(0.8, 0.0, -0.6), Vector3::y());
+        let u = Vector3::new(0.8, 0.0, -0.6);
+        let v = Vector3::y();
         let place = |i: i32| {
-            let (a, b) = (f64::from(i % 100) * 0.01 - 0.5, f64::from(i / 100 % 100) * 0.01 - 0.5);
+            let a = f64::from(i % 100) * 0.01 - 0.5;
+            let b = f64::from(i / 100 % 100) * 0.01 - 0.5;
             let side = if i < 10_000 { 0.02 } else { -0.02 };
             (u * a + v * b + normal * side + Vector3::new(500.0, -200.0, 30.0)).cast::<f32>().into()
         };

@@ -40,12 +40,15 @@ pub fn contour_density(image: &LabelImage<'_>) -> ContourDensity {
 /// Compares boundaries. Near: at most `distance` px in x and in y. The thesis has 2, the benchmark 0.0025 of the diagonal, rounded.
 /// Both images must have the same size.
 pub fn boundary_scores(superpixels: &LabelImage<'_>, segmentation: &LabelImage<'_>, distance: usize) -> BoundaryScores {
-    let (found, truth) = (boundary(superpixels), boundary(segmentation));
+    let found = boundary(superpixels);
+    let truth = boundary(segmentation);
     let near_found = widened(&found, superpixels.columns, distance);
     let near_truth = widened(&truth, segmentation.columns, distance);
     let count = |is_counted: &dyn Fn(usize) -> bool| (0..truth.len()).filter(|at| is_counted(*at)).count();
-    let (n_truth, n_recalled) = (count(&|at| truth[at]), count(&|at| truth[at] && near_found[at]));
-    let (n_found, n_false) = (count(&|at| found[at]), count(&|at| found[at] && !near_truth[at]));
+    let n_truth = count(&|at| truth[at]);
+    let n_recalled = count(&|at| truth[at] && near_found[at]);
+    let n_found = count(&|at| found[at]);
+    let n_false = count(&|at| found[at] && !near_truth[at]);
     let share = |part: usize, all: usize| if all > 0 { part as f64 / all as f64 } else { 0.0 };
     BoundaryScores {
         recall: share(n_recalled, n_truth),
@@ -86,7 +89,8 @@ mod tests {
 
     #[test]
     fn shifted_boundary_counts_up_to_the_distance() {
-        let (truth, found) = (halves(4), halves(7));
+        let truth = halves(4);
+        let found = halves(7);
         let [truth, found] = [&truth, &found].map(|labels| LabelImage::new(10, labels).expect("an image"));
         // Boundary pixels: columns 3 and 4, and 6 and 7.
         let at = |distance| boundary_scores(&found, &truth, distance);
@@ -98,8 +102,8 @@ mod tests {
     #[test]
     fn precision_falls_with_false_boundaries() {
         // Boundaries at columns 4 and 8; the truth is at 4.
-        let (truth, found) =
-            (halves(4), (0..40).map(|at| u32::from(at % 10 >= 4) + u32::from(at % 10 >= 8)).collect::<Vec<_>>());
+        let truth = halves(4);
+        let found = (0..40).map(|at| u32::from(at % 10 >= 4) + u32::from(at % 10 >= 8)).collect::<Vec<_>>();
         let [truth, found] = [&truth, &found].map(|labels| LabelImage::new(10, labels).expect("an image"));
         let scores = boundary_scores(&found, &truth, 0);
         assert_eq!(scores, BoundaryScores { recall: 1.0, precision: 0.5, benchmark_precision: 0.5 });

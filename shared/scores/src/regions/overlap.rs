@@ -40,7 +40,8 @@ pub fn overlap_scores(superpixels: &LabelImage<'_>, segmentation: &LabelImage<'_
 /// Share of the variance of an image, band-sequential, that is between regions (Moore et al.), 0 to 1. 1 for a flat image.
 pub fn explained_variation(image: &LabelImage<'_>, values: &[f32]) -> f64 {
     let areas = image.areas();
-    let (mut between, mut all) = (0.0, 0.0);
+    let mut between = 0.0;
+    let mut all = 0.0;
     for band in values.chunks_exact(image.labels.len()) {
         let mut sums = vec![0.0; areas.len()];
         image.labels.iter().zip(band).for_each(|(label, value)| sums[*label as usize] += f64::from(*value));
@@ -60,7 +61,8 @@ mod tests {
     #[test]
     fn superpixel_over_two_segments_leaks_its_smaller_part() {
         // Superpixel 1 has 3 px in segment 0 and 1 in segment 1; superpixel 2 lies in segment 1.
-        let (superpixels, segments) = ([1, 1, 1, 1, 2, 2, 2, 2], [0, 0, 0, 1, 1, 1, 1, 1]);
+        let superpixels = [1, 1, 1, 1, 2, 2, 2, 2];
+        let segments = [0, 0, 0, 1, 1, 1, 1, 1];
         let image = |labels| LabelImage::new(8, labels).expect("an image");
         let found = overlap_scores(&image(&superpixels), &image(&segments));
         assert_eq!(found.under_segmentation_bergh, 0.125);

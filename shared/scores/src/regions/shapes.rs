@@ -22,7 +22,10 @@ pub fn shapes(image: &LabelImage<'_>) -> Shapes {
     for (at, label) in image.labels.iter().enumerate() {
         perimeters[*label as usize] += u64::from(image.open_sides(at).iter().sum::<u32>());
     }
-    let (mut extent, mut solidity, mut compactness, mut n) = (0.0, 0.0, 0.0, 0.0);
+    let mut extent = 0.0;
+    let mut solidity = 0.0;
+    let mut compactness = 0.0;
+    let mut n = 0.0;
     for ((area, outline), perimeter) in areas.iter().zip(&outlines).zip(perimeters).filter(|((area, _), _)| **area > 0)
     {
         let area = *area as f64;
@@ -117,7 +120,8 @@ fn rim(points: &[[i64; 2]], direction: i64) -> Vec<[i64; 2]> {
 /// Where a rim crosses a row: numerator and positive denominator of x.
 fn crossing(rim: &[[i64; 2]], y: i64) -> (i64, i64) {
     let above = rim.partition_point(|point| point[1] <= y).clamp(1, rim.len() - 1);
-    let ([x0, y0], [x1, y1]) = (rim[above - 1], rim[above]);
+    let [x0, y0] = rim[above - 1];
+    let [x1, y1] = rim[above];
     (x0 * (y1 - y0) + (x1 - x0) * (y - y0), y1 - y0)
 }
 

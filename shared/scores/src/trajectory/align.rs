@@ -65,10 +65,13 @@ pub fn align(pairs: &[PosePair], alignment: Alignment) -> Result<Similarity, Ali
 fn umeyama(pairs: &[PosePair], with_scale: bool) -> Result<Similarity, AlignError> {
     let n = pairs.len() as f64;
     let mean = |position: fn(&PosePair) -> Vector3<f64>| pairs.iter().map(position).sum::<Vector3<f64>>() / n;
-    let (truth, estimate) = (mean(|pair| pair.truth.translation.vector), mean(|pair| pair.estimate.translation.vector));
-    let (mut covariance, mut variance) = (Matrix3::zeros(), 0.0);
+    let truth = mean(|pair| pair.truth.translation.vector);
+    let estimate = mean(|pair| pair.estimate.translation.vector);
+    let mut covariance = Matrix3::zeros();
+    let mut variance = 0.0;
     for pair in pairs {
-        let (y, x) = (pair.truth.translation.vector - truth, pair.estimate.translation.vector - estimate);
+        let y = pair.truth.translation.vector - truth;
+        let x = pair.estimate.translation.vector - estimate;
         covariance += y * x.transpose() / n;
         variance += x.norm_squared() / n;
     }

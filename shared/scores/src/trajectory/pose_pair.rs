@@ -26,7 +26,8 @@ pub fn rotation_errors(pairs: &[PosePair]) -> Vec<f64> {
 
 /// Distance along the truth from the first pair to each pair, m.
 pub fn distances_along(pairs: &[PosePair]) -> Vec<f64> {
-    let (mut distance_m, mut last) = (0.0, None);
+    let mut distance_m = 0.0;
+    let mut last = None;
     let step = |pair: &PosePair| {
         let position = pair.truth.translation.vector;
         distance_m += last.map_or(0.0, |last: geometry::Vector3<f64>| (position - last).norm());

@@ -39,7 +39,8 @@ pub fn intervals_by_distance(pairs: &[PosePair], least_m: f64) -> Vec<(usize, us
 /// The error of each interval: the estimated motion relative to the true motion.
 pub fn relative_errors(pairs: &[PosePair], intervals: &[(usize, usize)]) -> Vec<RelativeError> {
     let error = |&(first, last): &(usize, usize)| {
-        let (a, b) = (&pairs[first], &pairs[last]);
+        let a = &pairs[first];
+        let b = &pairs[last];
         let truth = a.truth.inv_mul(&b.truth);
         let error = truth.inv_mul(&a.estimate.inv_mul(&b.estimate));
         RelativeError {

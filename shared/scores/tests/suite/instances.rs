@@ -70,7 +70,8 @@ fn void_and_crowd_points_are_ignored() {
 #[test]
 fn instance_of_wrong_class_is_a_miss_and_a_false_positive() {
     let mut overlaps = overlaps(&[(label(CAR, 1), label(4, 1), 10)]);
-    let (car, person) = (overlaps.score(CAR, VOID, 1), overlaps.score(4, VOID, 1));
+    let car = overlaps.score(CAR, VOID, 1);
+    let person = overlaps.score(4, VOID, 1);
     assert_eq!((car.n_true, car.n_predicted, car.pq()), (1, 0, 0.0));
     assert_eq!((person.n_true, person.n_predicted, person.pq()), (0, 1, 0.0));
     assert!(person.sm().is_nan() && car.sq().is_nan());

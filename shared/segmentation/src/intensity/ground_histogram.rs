@@ -48,7 +48,8 @@ impl GroundHistogram {
             return None;
         }
         Some(SHARES.map(|share| {
-            let (wanted, mut sum) = ((f64::from(share) * total as f64) as u64, 0);
+            let wanted = (f64::from(share) * total as f64) as u64;
+            let mut sum = 0;
             let reached = |n: &u64| {
                 sum += n;
                 sum > wanted

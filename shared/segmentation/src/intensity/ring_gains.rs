@@ -107,7 +107,8 @@ fn between(found: GroundIntensities, trained: GroundIntensities) -> impl Fn(f32)
     }
     move |intensity| {
         let after = knots.iter().position(|knot| knot.0 >= intensity).unwrap_or(knots.len() - 1).max(1);
-        let ((x0, y0), (x1, y1)) = (knots[after - 1], knots[after]);
+        let (x0, y0) = knots[after - 1];
+        let (x1, y1) = knots[after];
         (y0 + (y1 - y0) * (intensity - x0) / (x1 - x0)).round() as u8
     }
 }

@@ -33,7 +33,8 @@ impl Inference {
     /// If a tensor is missing or has another shape.
     pub fn new(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, SegmentationError> {
         let filters = weights.filters(&spec)?;
-        let (pool, input_pool) = (ImagePool::default(), ImagePool::default());
+        let pool = ImagePool::default();
+        let input_pool = ImagePool::default();
         Ok(Self { spec, filters, on_device: None, border, pool, input_pool })
     }
     /// The network with an identity as last layer: its output are the features of the classifier, all sources concatenated.
@@ -119,7 +120,8 @@ impl Inference {
         (0..inputs.len()).map(output).collect()
     }
     fn check(&self, input: &Tensor) -> Result<(), SegmentationError> {
-        let ([rows, columns], channels) = (self.spec.multiple_of(), self.spec.inputs());
+        let [rows, columns] = self.spec.multiple_of();
+        let channels = self.spec.inputs();
         let [height, width] = size_of_image(input)?;
         let fits = height.is_multiple_of(rows) && width.is_multiple_of(columns);
         if !fits || input.dims()[0] != blocks(channels) {

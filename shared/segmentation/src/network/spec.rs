@@ -64,7 +64,9 @@ impl NetworkSpec {
     }
     /// The first violated rule, if any.
     pub fn problem(&self) -> Option<String> {
-        let (inputs, outputs, widths) = (self.inputs(), self.outputs(), self.widths());
+        let inputs = self.inputs();
+        let outputs = self.outputs();
+        let widths = self.widths();
         // More channels would not run beside the other stages.
         let in_range = |n: usize| (1..=1024).contains(&n);
         let head = if let Self::Unet { head: Some(head), .. } = self { *head } else { 1 };

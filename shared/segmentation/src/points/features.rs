@@ -87,7 +87,8 @@ mod tests {
         let values = cloud.features(&features);
         assert_eq!(values[..10], [1.0, 0.5, 1.0, 1.0, -2.0, 3.0, 0.25, 0.5, 1.0, 2.0]);
         assert!((values[10] - (2.0_f32 / 0.3).tanh()).abs() < 1e-6 && values[11] == 0.5, "{values:?}");
-        (cloud.intensities, cloud.colors) = (Vec::new(), Vec::new());
+        cloud.intensities = Vec::new();
+        cloud.colors = Vec::new();
         assert_eq!(cloud.features(&[Intensity, ColorHeight]), [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
     }
 }

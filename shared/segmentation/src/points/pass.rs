@@ -111,12 +111,14 @@ impl<'a> Pass<'a> {
         activation: Activation,
     ) -> Result<Tensor, SegmentationError> {
         let of = |suffix: &str| self.get(&format!("{name}.{suffix}"));
-        let (weight, bias) = (of("weight")?, of("bias")?);
+        let weight = of("weight")?;
+        let bias = of("bias")?;
         if !self.of_batch {
             let values = |suffix: &str| -> Result<Vec<f64>, SegmentationError> {
                 Ok(of(suffix)?.to_vec1::<f32>()?.into_iter().map(f64::from).collect())
             };
-            let (means, variances) = (values("running_mean")?, values("running_var")?);
+            let means = values("running_mean")?;
+            let variances = values("running_var")?;
             let running = ColumnStatistics { n_rows: 0, means, variances };
             let by = Normalization { statistics: &running, source: Source::Constant, epsilon: EPSILON };
             return Ok(normalize(rows, by, weight, bias, activation)?);

@@ -76,7 +76,8 @@ impl CloudPrediction<'_> {
         let mut votes = Votes::new(positions.len(), self.network.outputs());
         let mut regions = self.regions.of(positions)?.peekable();
         while regions.peek().is_some() {
-            let (mut together, mut n_points) = (Vec::new(), 0);
+            let mut together = Vec::new();
+            let mut n_points = 0;
             while let Some(region) =
                 regions.next_if(|_| together.len() < REGIONS_AT_A_TIME && n_points < POINTS_AT_A_TIME)
             {
@@ -96,9 +97,11 @@ impl CloudPrediction<'_> {
     }
     fn scores(&self, input: RegionInput) -> Result<Vec<f32>, SegmentationError> {
         let RegionInput { positions, features } = input;
-        let (n, inputs) = (positions.len(), self.network.inputs());
+        let n = positions.len();
+        let inputs = self.network.inputs();
         if features.len() != n * inputs {
-            let (found, expected) = (features.len() / inputs.max(1), n);
+            let found = features.len() / inputs.max(1);
+            let expected = n;
             return Err(SegmentationError::Length { column: "features", found, expected });
         }
         let features = tensor(features, (n, inputs))?;

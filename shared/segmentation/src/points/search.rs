@@ -57,7 +57,8 @@ impl Clouds {
     }
     /// The barycenters of the occupied voxels of each cloud.
     pub fn subsampled(&self, cell_m: f32) -> Result<Self, SegmentationError> {
-        let (mut positions, mut lengths) = (Vec::new(), Vec::new());
+        let mut positions = Vec::new();
+        let mut lengths = Vec::new();
         for range in ranges(&self.lengths) {
             let cloud = &self.positions[range];
             let grid = VoxelGrid::new(cloud, cell_m).map_err(|error| SegmentationError::Settings(error.to_string()))?;

@@ -69,9 +69,11 @@ impl PointSettings {
         if let Some(problem) = self.squares.and_then(|squares| squares.problem()) {
             return Err(wrong(format!("squares: {problem}")));
         }
-        let (inputs, outputs) = (self.network.inputs(), self.network.outputs());
+        let inputs = self.network.inputs();
+        let outputs = self.network.outputs();
         let n_values = PointFeature::channels(&self.features);
-        let (cell_m, radius_m) = (self.cell_m, self.spheres.radius_m);
+        let cell_m = self.cell_m;
+        let radius_m = self.spheres.radius_m;
         let rules = [
             (
                 (1..=ClassId::ALL.len()).contains(&classes.len()),

@@ -42,7 +42,8 @@ impl SquareSettings {
     /// If the settings are invalid.
     pub fn squares(&self, points: &[[f32; 3]]) -> Result<Vec<Region>, SegmentationError> {
         self.problem().map_or(Ok(()), |problem| Err(SegmentationError::Settings(problem)))?;
-        let (side, margin) = (f64::from(self.side_m), f64::from(self.margin_m));
+        let side = f64::from(self.side_m);
+        let margin = f64::from(self.margin_m);
         let spacing = side - 2.0 * margin;
         let places = |v: f32| {
             let place = |v: f64| (v / spacing).floor() as i64;

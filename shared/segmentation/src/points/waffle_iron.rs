@@ -85,7 +85,8 @@ impl WaffleIron {
         std::array::from_fn(|axis| ((self.high_m[axis] - self.low_m[axis]) / self.cell_m).ceil() as usize)
     }
     pub(super) fn parameters(&self, list: &mut ParameterList) {
-        let (w, inputs) = (self.width, self.inputs);
+        let w = self.width;
+        let inputs = self.inputs;
         list.norm("embed.norm", inputs);
         list.layer("embed.conv1", &[w, inputs, 1], true);
         list.norm("embed.conv2.0", inputs);

@@ -69,7 +69,8 @@ impl<'a> CameraColumns<'a> {
 
 /// The weighted mean of the measured bands. `None` if none of them counts.
 fn resampled((measured, reflectances): (u64, &[f32]), weights: &[f32; MAX_BANDS]) -> Option<f32> {
-    let (mut sum, mut total) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut total = 0.0;
     for (band, (reflectance, weight)) in reflectances.iter().zip(weights).enumerate() {
         if measured >> band & 1 != 0 && *weight > 0.0 && reflectance.is_finite() {
             sum += weight * reflectance;

@@ -29,16 +29,21 @@ pub(super) fn of_tile(
     has_intensity: bool,
 ) -> [Tile; N_FEATURES] {
     let known = f32::from(u8::from(has_intensity));
-    let (mut features, mut log_range) = ([[0.0; LANES]; N_FEATURES], [0.0; LANES]);
+    let mut features = [[0.0; LANES]; N_FEATURES];
+    let mut log_range = [0.0; LANES];
     // A separate loop: the logarithm of the library is not vectorized.
     for i in 0..LANES {
         log_range[i] = (1.0 + surface.range_m[i]).ln() - 2.0;
     }
     for i in 0..LANES {
-        let (range_m, ray, normal) = (surface.range_m[i], &surface.ray, &surface.normal);
+        let range_m = surface.range_m[i];
+        let ray = &surface.ray;
+        let normal = &surface.normal;
         let is_valid = range_m > 0.0;
         let mut set = |feature: usize, value: f32| features[feature][i] = if is_valid { value } else { 0.0 };
-        let (x, y, z) = (ray[0][i] / range_m, ray[1][i] / range_m, ray[2][i] / range_m);
+        let x = ray[0][i] / range_m;
+        let y = ray[1][i] / range_m;
+        let z = ray[2][i] / range_m;
         set(0, 1.0);
         set(1, log_range[i]);
         set(2, tanh(height_m[i] / 0.3));

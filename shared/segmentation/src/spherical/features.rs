@@ -57,7 +57,8 @@ impl NullaryFnOnce for Job<'_> {
         for row in 0..image.rows {
             let pixels = &image.pixels[row * image.columns..][..image.columns];
             for (tile, (values, pixels)) in of_row.chunks_exact_mut(LANES).zip(pixels.chunks(LANES)).enumerate() {
-                let (mut height_m, mut intensity) = ([0.0; LANES], [0.0; LANES]);
+                let mut height_m = [0.0; LANES];
+                let mut intensity = [0.0; LANES];
                 for (i, pixel) in pixels.iter().enumerate() {
                     (height_m[i], intensity[i]) = (pixel.height_m, f32::from(pixel.intensity));
                 }

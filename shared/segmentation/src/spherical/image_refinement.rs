@@ -52,7 +52,8 @@ fn poles(image: &PolarImage, pole: usize, votes: &mut [Vote]) {
     let structures = connected_components(&candidates, Connectivity::Eight);
     let elongations = geodesic_elongations(&structures);
     let is_thin = |label: u32| {
-        let (area, elongation) = (structures.area(label) as f64, elongations[label as usize - 1]);
+        let area = structures.area(label) as f64;
+        let elongation = elongations[label as usize - 1];
         let length = (4.0 * area * elongation / std::f64::consts::PI).sqrt();
         elongation > area / length
     };
@@ -118,7 +119,8 @@ mod tests {
 
     /// A wall at 9 m that the network classifies as `class` everywhere.
     fn wall(class: usize) -> (PolarImage, Vec<Vote>) {
-        let (rows, columns) = (32, 64);
+        let rows = 32;
+        let columns = 64;
         let pixels = vec![PolarPixel { ray: [9.0, 0.0, 0.0], height_m: 1.0, intensity: 0 }; rows * columns];
         let mut vote = [0; MAX_CLASSES];
         vote[class] = 200;

@@ -122,7 +122,8 @@ impl SphericalModel {
     /// The shares of the classes in the votes of all sweeps.
     fn cells(&self, input: &ModelInput<'_>, prepared: &Prepared) -> Result<CellProbabilities, SegmentationError> {
         let source = self.images.source(input, prepared);
-        let (sweeps, batch) = (&prepared.sweeps, self.images.options().batch);
+        let sweeps = &prepared.sweeps;
+        let batch = self.images.options().batch;
         let mut of_points = self.point_votes.take(input.points.len());
         let mut of_sweeps = votes_of_sweeps(&mut of_points, sweeps.iter().map(|of| &of.points));
         // Sweeps on all threads, not rows of one sweep: this scales better.
@@ -169,13 +170,15 @@ fn votes_of_sweeps<'a>(
     mut votes: &'a mut [Vote],
     sweeps: impl Iterator<Item = &'a Range<usize>>,
 ) -> Vec<&'a mut [Vote]> {
-    let (mut of_sweeps, mut end) = (Vec::new(), 0);
+    let mut of_sweeps = Vec::new();
+    let mut end = 0;
     for points in sweeps {
         let (between, rest) = votes.split_at_mut(points.start - end);
         between.fill(NO_VOTE);
         let (of_sweep, rest) = rest.split_at_mut(points.len());
         of_sweeps.push(of_sweep);
-        (votes, end) = (rest, points.end);
+        votes = rest;
+        end = points.end;
     }
     votes.fill(NO_VOTE);
     of_sweeps

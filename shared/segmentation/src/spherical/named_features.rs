@@ -40,13 +40,15 @@ impl NullaryFnOnce for NamedFeatures<'_> {
     fn call(self) {
         let Self { image, features, mut planes } = self;
         let n = features.len();
-        let (sources, surface) = (sources(features), Surface::of(image));
+        let sources = sources(features);
+        let surface = Surface::of(image);
         let mut of_row = vec![0.0_f32; n * image.columns.next_multiple_of(LANES)];
         for row in 0..image.rows {
             let first = row * image.columns;
             let pixels = &image.pixels[first..][..image.columns];
             for (tile, (values, pixels)) in of_row.chunks_exact_mut(n * LANES).zip(pixels.chunks(LANES)).enumerate() {
-                let (mut height_m, mut intensity) = ([0.0; LANES], [0.0; LANES]);
+                let mut height_m = [0.0; LANES];
+                let mut intensity = [0.0; LANES];
                 for (i, pixel) in pixels.iter().enumerate() {
                     (height_m[i], intensity[i]) = (pixel.height_m, f32::from(pixel.intensity));
                 }
@@ -72,7 +74,8 @@ impl NullaryFnOnce for NamedFeatures<'_> {
 }
 
 fn sources(features: &Features) -> Vec<Source> {
-    let (usual, bands) = (Features::default(), features.camera_bands());
+    let usual = Features::default();
+    let bands = features.camera_bands();
     let source = |feature: &Feature| {
         let band = feature.camera_band().and_then(|band| bands.iter().position(|of| *of == band));
         match (band, usual.as_slice().iter().position(|of| of == feature)) {
@@ -90,12 +93,15 @@ fn sources(features: &Features) -> Vec<Source> {
 fn further(feature: Feature, surface: &SurfaceTile) -> Tile {
     let mut values = [0.0; LANES];
     for i in 0..LANES {
-        let (range_m, ray, normal) = (surface.range_m[i], &surface.ray, &surface.normal);
+        let range_m = surface.range_m[i];
+        let ray = &surface.ray;
+        let normal = &surface.normal;
         if range_m <= 0.0 {
             continue;
         }
         let flat_m = (ray[0][i] * ray[0][i] + ray[1][i] * ray[1][i]).sqrt().max(1e-6);
-        let (x, y) = (ray[0][i] / flat_m, ray[1][i] / flat_m);
+        let x = ray[0][i] / flat_m;
+        let y = ray[1][i] / flat_m;
         values[i] = match feature {
             Feature::NormalX => x * normal[0][i] + y * normal[1][i],
             Feature::NormalY => x * normal[1][i] - y * normal[0][i],
@@ -110,7 +116,8 @@ fn further(feature: Feature, surface: &SurfaceTile) -> Tile {
 /// A measurement of the cameras at up to 16 pixels; 0 where it is unknown or there is no point.
 #[inline(always)]
 fn camera(image: &PolarImage, pixels: Range<usize>, range_m: &Tile, number: usize, value: impl Fn(f32) -> f32) -> Tile {
-    let (mut values, n) = ([0.0; LANES], image.n_camera_bands());
+    let mut values = [0.0; LANES];
+    let n = image.n_camera_bands();
     if n == 0 {
         return values;
     }

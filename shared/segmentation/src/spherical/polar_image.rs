@@ -86,7 +86,8 @@ mod tests {
 
     /// A LiDAR 2 m above a floor, with a wall 5 m to the left.
     fn room() -> PolarImage {
-        let (rows, columns) = (32, 1024);
+        let rows = 32;
+        let columns = 1024;
         let pixel = |i: usize| {
             let elevation = (10.0 - 1.33 * (i / columns) as f32).to_radians();
             let azimuth = (i % columns) as f32 / columns as f32 * std::f32::consts::TAU;
@@ -132,7 +133,8 @@ mod tests {
         let room = room();
         let surface = Surface::of(&room);
         let normal = |row, column| surface.tile(row, column / 16 * 16).normal.map(|of_tile| of_tile[column % 16]);
-        let (mut n_floor, mut n_wall) = (0, 0);
+        let mut n_floor = 0;
+        let mut n_wall = 0;
         for row in 1..31 {
             for column in 0..1024 {
                 let pixel = &room.pixels[row * room.columns + column];

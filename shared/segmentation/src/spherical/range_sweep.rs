@@ -69,7 +69,8 @@ struct ElevationRows {
 impl ElevationRows {
     fn of(points: &[SubmapPoint]) -> Self {
         let elevations = || points.iter().map(|point| point.elevation);
-        let (highest, lowest) = (elevations().max().unwrap_or(0), elevations().min().unwrap_or(0));
+        let highest = elevations().max().unwrap_or(0);
+        let lowest = elevations().min().unwrap_or(0);
         Self { highest, steps: (i32::from(highest) - i32::from(lowest)) as usize + 1 }
     }
 
@@ -120,7 +121,8 @@ fn range_sweep(source: &ImageSource<'_>, sweep: &SubmapSweep, points: Range<usiz
     let of_sweep = &input.points[points.clone()];
     let ray = |point: &SubmapPoint| {
         let share = point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32;
-        let (begin, end) = (&sweep.submap_from_lidar_begin, &sweep.submap_from_lidar_end);
+        let begin = &sweep.submap_from_lidar_begin;
+        let end = &sweep.submap_from_lidar_end;
         let origin = |i: usize| begin[i] + share.min(1.0) * (end[i] - begin[i]);
         [point.x - origin(0), point.y - origin(1), point.z - origin(2)]
     };
@@ -141,7 +143,8 @@ fn range_sweep(source: &ImageSource<'_>, sweep: &SubmapSweep, points: Range<usiz
         if elevation_rows.is_some() { Cow::Borrowed(&image.nearest[..]) } else { shown_points(&image, of_sweep) };
     let has_intensity = of_sweep.iter().any(|point| point.intensity > 0);
     let mut polar = PolarImage::showing(&shown, columns, has_intensity, |index| {
-        let (point, height_m) = (&of_sweep[index], heights_m[points.start + index]);
+        let point = &of_sweep[index];
+        let height_m = heights_m[points.start + index];
         let ray = ray(point);
         let height_m = if height_m.is_finite() { height_m } else { ray[2] + 2.0 };
         PolarPixel { ray, height_m, intensity: point.intensity }

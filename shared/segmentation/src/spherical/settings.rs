@@ -66,7 +66,8 @@ impl Settings {
     /// The valid settings of a model file.
     pub(super) fn of_file(file: &ModelFile) -> Result<Self, SegmentationError> {
         if file.card.architecture != ARCHITECTURE {
-            let (path, found) = (file.path.clone(), file.card.architecture.clone());
+            let path = file.path.clone();
+            let found = file.card.architecture.clone();
             return Err(SegmentationError::Architecture { path, found, known: ARCHITECTURE });
         }
         file.expect_version(VERSION)?;
@@ -90,7 +91,8 @@ impl Settings {
             return Err(wrong(problem));
         }
         let n_features = self.features.len();
-        let (inputs, outputs) = (self.network.inputs(), self.network.outputs());
+        let inputs = self.network.inputs();
+        let outputs = self.network.outputs();
         let [rows, columns] = self.network.multiple_of();
         let rules = [
             ((64..=8192).contains(&self.columns), format!("columns = {}, must be 64 to 8192", self.columns)),

@@ -126,10 +126,17 @@ fn take_same(end: &mut [Tile; 4], neighbor: &[Tile; 4], here: &[Tile; 4], limit_
 fn normal(ends: &[[Tile; 4]; 4], here: &[Tile; 4]) -> [Tile; 3] {
     let mut normal = [[0.0; LANES]; 3];
     for i in 0..LANES {
-        let (along, across) = (|k: usize| ends[1][k][i] - ends[0][k][i], |k: usize| ends[3][k][i] - ends[2][k][i]);
-        let (ax, ay, az) = (along(0), along(1), along(2));
-        let (bx, by, bz) = (across(0), across(1), across(2));
-        let (x, y, z) = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx);
+        let along = |k: usize| ends[1][k][i] - ends[0][k][i];
+        let across = |k: usize| ends[3][k][i] - ends[2][k][i];
+        let ax = along(0);
+        let ay = along(1);
+        let az = along(2);
+        let bx = across(0);
+        let by = across(1);
+        let bz = across(2);
+        let x = ay * bz - az * by;
+        let y = az * bx - ax * bz;
+        let z = ax * by - ay * bx;
         let length = (x * x + y * y + z * z).sqrt();
         let towards = x * here[0][i] + y * here[1][i] + z * here[2][i];
         let scale = if towards > 0.0 { -1.0 } else { 1.0 } / length;

@@ -110,7 +110,9 @@ impl SweepImages {
     /// Votes of the pixels of an image in raster order from the scores of the network. Those of pixels without a point are not
     /// written.
     pub(super) fn softmax(&self, image: &PolarImage, scores: PlanesRef<'_>, votes: &mut [Vote]) {
-        let (fold, n_classes, temperature) = (self.settings.fold, self.classes.len(), self.settings.temperature);
+        let fold = self.settings.fold;
+        let n_classes = self.classes.len();
+        let temperature = self.settings.temperature;
         Arch::new().dispatch(Softmax { image, logits: scores, fold, n_classes, temperature, votes });
     }
     /// Writes the votes of the points of a sweep. `of_pixels` writes those of the pixels that have a point.

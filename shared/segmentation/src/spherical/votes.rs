@@ -76,7 +76,9 @@ impl NullaryFnOnce for Cast<'_> {
     #[inline(always)]
     fn call(self) -> Ballots {
         let Self { votes, points, cell_m } = self;
-        let (mut numbers, mut cells, mut sums) = (Cells::default(), Vec::new(), Vec::new());
+        let mut numbers = Cells::default();
+        let mut cells = Vec::new();
+        let mut sums = Vec::new();
         let mut number_of_point = Vec::with_capacity(points.len());
         // The next point of a ring is mostly in the cell of the last one.
         let mut last_of_ring = vec![Last { cell: u64::MAX, number: 0, sums: [0; MAX_CLASSES] }; 256];

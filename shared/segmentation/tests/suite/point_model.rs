@@ -65,7 +65,9 @@ fn model(settings: &PointSettings) -> PointModel {
 fn street(n: usize) -> Vec<SubmapPoint> {
     let mut random = Random::new(1);
     let point = |i: usize| {
-        let (along, across, up) = (random.range(0.0, 40.0), random.range(-4.0, 4.0), random.range(0.0, 6.0));
+        let along = random.range(0.0, 40.0);
+        let across = random.range(-4.0, 4.0);
+        let up = random.range(0.0, 6.0);
         let [x, y, z] = [[along, across, 0.0], [along, -4.0, up], [along, 4.0, up]][i % 3];
         SubmapPoint { x, y, z, intensity: random.index(25) as u8, ..SubmapPoint::default() }
     };

@@ -50,7 +50,8 @@ impl Reference {
         let expected = tensor(&self.bytes, name);
         assert_eq!(got.dims(), expected.dims(), "{name}");
         let values = |t: &Tensor| t.flatten_all().and_then(|t| t.to_vec1::<f32>()).expect("f32");
-        let (got, expected) = (values(got), values(&expected));
+        let got = values(got);
+        let expected = values(&expected);
         // The gradient of a bias before a normalization is 0 in exact numbers: its rounding errors are those of the weight's.
         let scale = name.strip_suffix(".bias").map(|layer| format!("{layer}.weight"));
         let file = SafeTensors::deserialize(&self.bytes).expect("safetensors");

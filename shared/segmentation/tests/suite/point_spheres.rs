@@ -12,7 +12,9 @@ use segmentation::points::{
 fn street(n: usize) -> Vec<[f32; 3]> {
     let mut random = Random::new(1);
     let point = |i: usize| {
-        let (along, across, up) = (random.range(0.0, 60.0), random.range(-4.0, 4.0), random.range(0.0, 12.0));
+        let along = random.range(0.0, 60.0);
+        let across = random.range(-4.0, 4.0);
+        let up = random.range(0.0, 12.0);
         [[along, across, 0.0], [along, -4.0, up], [along, 4.0, up]][i % 3]
     };
     (0..n).map(point).collect()
@@ -112,7 +114,9 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     assert!(means.chunks(3).all(|means| (means.iter().sum::<f32>() - 1.0).abs() < 1e-5));
 
     // The same by hand for one point.
-    let (index, mut sum, mut n) = (SpatialIndex::new(&points), [0.0; 3], 0);
+    let index = SpatialIndex::new(&points);
+    let mut sum = [0.0; 3];
+    let mut n = 0;
     for center in settings.centers(&points).expect("valid") {
         let members = sphere(&index, center, 10.0);
         let Some(place) = members.iter().position(|point| *point == 77) else { continue };

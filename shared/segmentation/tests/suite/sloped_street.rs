@@ -31,7 +31,8 @@ fn street(seed: u64) -> LabeledCloud {
     let mut random = Random::new(seed);
     let mut cloud = LabeledCloud::default();
     for _ in 0..80_000 {
-        let (x, y) = (random.range(0.0, LENGTH_M), random.range(-8.0, 8.0));
+        let x = random.range(0.0, LENGTH_M);
+        let y = random.range(-8.0, 8.0);
         if !under_car(x, y) && !is_occluded(x, y) {
             cloud.push([x, y, street_z(x, y) + random.range(-0.04, 0.04)], Some(true));
         }
@@ -43,7 +44,8 @@ fn street(seed: u64) -> LabeledCloud {
     }
     for car in CARS {
         for _ in 0..3000 {
-            let (x, y) = (car[0] + random.range(-2.25, 2.25), car[1] + random.range(-0.9, 0.9));
+            let x = car[0] + random.range(-2.25, 2.25);
+            let y = car[1] + random.range(-0.9, 0.9);
             cloud.push([x, y, street_z(x, y) + 1.5], Some(false));
             // The visible side, from the sill up.
             let side = car[1] - 0.9 * car[1].signum();
@@ -52,7 +54,8 @@ fn street(seed: u64) -> LabeledCloud {
     }
     // Reflections below the street.
     for _ in 0..400 {
-        let (x, y) = (random.range(0.0, LENGTH_M), random.range(-8.0, 8.0));
+        let x = random.range(0.0, LENGTH_M);
+        let y = random.range(-8.0, 8.0);
         cloud.push([x, y, street_z(x, y) - random.range(0.5, 3.0)], Some(false));
     }
     cloud
@@ -77,13 +80,15 @@ fn only_lowest_centimeters_of_hedge_are_ground() {
     let mut cloud = LabeledCloud::default();
     let mut random = Random::new(7);
     for _ in 0..80_000 {
-        let (x, y) = (random.range(0.0, LENGTH_M), random.range(-8.0, 8.0));
+        let x = random.range(0.0, LENGTH_M);
+        let y = random.range(-8.0, 8.0);
         cloud.push([x, y, street_z(x, y) + random.range(-0.02, 0.02)], Some(true));
     }
     let first = cloud.points.len();
     // A hedge from the ground up: a tenth of its points is within 10 cm.
     for _ in 0..10_000 {
-        let (x, y) = (random.range(0.0, LENGTH_M), random.range(5.0, 5.5));
+        let x = random.range(0.0, LENGTH_M);
+        let y = random.range(5.0, 5.5);
         cloud.push([x, y, street_z(x, y) + random.range(0.0, 1.0)], Some(false));
     }
     let classes = classes_of(model.as_ref(), &cloud.points);
@@ -100,7 +105,8 @@ fn isolated_roof_is_not_ground() {
     // Eaves 4 m above the street, rising by 10 % to a ridge: a flat zone without walls or ground around it.
     let mut random = Random::new(9);
     for _ in 0..20_000 {
-        let (x, y) = (random.range(10.0, 30.0), random.range(14.0, 24.0));
+        let x = random.range(10.0, 30.0);
+        let y = random.range(14.0, 24.0);
         cloud.push([x, y, street_z(x, 8.0) + 4.0 + 0.1 * (y - 14.0)], Some(false));
     }
     let n_roof = |slope: f64| {

@@ -70,8 +70,10 @@ fn load(bytes: &[u8]) -> Result<SphericalModel, SegmentationError> {
 fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>, Vec<[f32; 3]>) {
     let mut random = Random::new(8);
     let mut header: Box<SubmapHeader> = Box::default();
-    (header.n_rings, header.n_sweeps) = (u32::from(RINGS), 2);
-    let (mut points, mut rays) = (Vec::new(), Vec::new());
+    header.n_rings = u32::from(RINGS);
+    header.n_sweeps = 2;
+    let mut points = Vec::new();
+    let mut rays = Vec::new();
     for sweep in 0..2_u16 {
         let begin_x = f32::from(sweep);
         let first_point = points.len() as u32;
@@ -80,8 +82,8 @@ fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>, Vec<[f32; 3]>) {
                 if random.unit() < 0.2 {
                     continue;
                 }
-                let (azimuth, up) =
-                    ((firing as f32 + 0.5) / FIRINGS as f32 * 360.0, (f32::from(ring) * 2.0 - 25.0).to_radians());
+                let azimuth = (firing as f32 + 0.5) / FIRINGS as f32 * 360.0;
+                let up = (f32::from(ring) * 2.0 - 25.0).to_radians();
                 let (sin, cos) = azimuth.to_radians().sin_cos();
                 let range = random.range(3.0, 40.0);
                 let ray = [up.cos() * cos, -up.cos() * sin, up.sin()].map(|v| v * range);
@@ -143,11 +145,13 @@ fn points_without_rings_are_placed_by_elevation() {
     let (mut header, mut points, rays) = submap();
     header.n_rings = 0;
     for (point, ray) in points.iter_mut().zip(&rays) {
-        (point.ring, point.elevation) = (0, (ray[2].atan2(ray[0].hypot(ray[1])).to_degrees() * 100.0).round() as i16);
+        point.ring = 0;
+        point.elevation = (ray[2].atan2(ray[0].hypot(ray[1])).to_degrees() * 100.0).round() as i16;
     }
     // A pattern that does not repeat has no order of angles either.
     for sweep in &header.sweeps[..2] {
-        let (first, n) = (sweep.first_point as usize, sweep.n_points as usize);
+        let first = sweep.first_point as usize;
+        let n = sweep.n_points as usize;
         let mut random = Random::new(3);
         for index in (1..n).rev() {
             points.swap(first + index, first + random.index(index + 1));
@@ -303,7 +307,8 @@ fn features_by_name_have_the_values_of_the_default_ones() {
     let named = features(&image, &Features::new(named), 1, 1);
     for row in 0..image.rows {
         for column in 0..image.columns {
-            let (usual, named) = (usual.row(0, row)[column], named.row(0, row)[column]);
+            let usual = usual.row(0, row)[column];
+            let named = named.row(0, row)[column];
             assert!((0..10).all(|feature| usual[feature] == named[9 - feature]), "{row} {column}");
             let range_m = image.pixels[row * image.columns + column].range_m();
             assert!((named[10] - range_m / 50.0).abs() < 1e-6, "{row} {column}");
@@ -329,7 +334,8 @@ fn points_without_color_have_flag_zero() {
     };
     let (with, sweep) = planes(Some(&colors));
     let (without, _) = planes(None);
-    let (mut n_known, mut n_unknown) = (0, 0);
+    let mut n_known = 0;
+    let mut n_unknown = 0;
     for (pixel, &shown) in sweep.image.nearest.iter().enumerate() {
         let at = |planes: &Planes| planes.row(0, pixel / 512)[pixel % 512];
         let [known, blue, red, valid, ..] = at(&with);
@@ -337,7 +343,8 @@ fn points_without_color_have_flag_zero() {
         let expected = if is_known { [1.0, 1.0, 0.2] } else { [0.0; 3] };
         assert_eq!([known, blue, red], expected, "pixel {pixel}");
         assert_eq!(at(&without)[..4], [0.0, 0.0, 0.0, valid]);
-        (n_known, n_unknown) = (n_known + usize::from(is_known), n_unknown + usize::from(!is_known));
+        n_known += usize::from(is_known);
+        n_unknown += usize::from(!is_known);
     }
     assert!(n_known > 1000 && n_unknown > 1000);
 }

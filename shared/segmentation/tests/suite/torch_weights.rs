@@ -33,7 +33,9 @@ fn network_with_torch_weights_gives_output_of_torch() {
         let got = Planes::from_tensor(&got, network.out_channels()).expect("an image");
         assert_eq!([got.channels(), got.height(), got.width()], shape);
         for (i, expected) in expected.iter().enumerate() {
-            let (channel, y, x) = (i / (height * width), i / width % height, i % width);
+            let channel = i / (height * width);
+            let y = i / width % height;
+            let x = i % width;
             let got = got.row(channel / LANES, y)[x][channel % LANES];
             assert!(
                 (got - expected).abs() < 1e-5 * largest,

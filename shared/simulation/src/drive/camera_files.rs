@@ -45,7 +45,8 @@ pub fn write_mosaics(
 ) -> Result<u32, SimulationError> {
     let mut defects = "camera,u,v,fault\n".to_owned();
     for (index, mosaic) in simulation.rig.mosaics.iter().enumerate() {
-        let (name, model) = (&mosaic.name, mosaic.sensor.clone());
+        let name = &mosaic.name;
+        let model = mosaic.sensor.clone();
         folder.write(&format!("{name}/sensor.xml"), sensor_calibration(&model).to_xml().as_bytes())?;
         for (u, v, fault) in Chip::new(model.sensor_id).defects() {
             let _ = writeln!(defects, "{name},{u},{v},{fault:?}");

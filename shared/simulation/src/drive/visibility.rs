@@ -127,7 +127,8 @@ mod tests {
     fn leaves_stop_each_ray_by_its_own_chance() {
         let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
         let exposure = near_exposure(&simulation, *simulation.exposures().last().expect("exposures"));
-        let (mut n_leaves, mut n_mixed) = (0, 0);
+        let mut n_leaves = 0;
+        let mut n_mixed = 0;
         for view in &exposure.views[..6] {
             let world_from_camera = view.camera_from_world.inverse();
             let (width, height) = view.model.size();

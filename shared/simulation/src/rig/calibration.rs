@@ -88,17 +88,21 @@ mod tests {
         let rig = RigSpec::l3d2();
         assert_eq!(rig.with_true_mountings(CalibrationError::default(), 1), rig);
         let error = CalibrationError { rotation_deg: 0.5, translation_m: 0.02 };
-        let (mut turns, mut shifts, mut n) = (0.0, 0.0, 0.0_f64);
+        let mut turns = 0.0;
+        let mut shifts = 0.0;
+        let mut n = 0.0_f64;
         for seed in 0..200 {
             let truth = rig.with_true_mountings(error, seed);
             for (found, nominal) in truth.cameras.iter().zip(&rig.cameras) {
-                let (found, nominal) = (found.body_from_camera, nominal.body_from_camera);
+                let found = found.body_from_camera;
+                let nominal = nominal.body_from_camera;
                 turns += nominal.rotation.angle_to(&found.rotation).to_degrees().powi(2);
                 shifts += (nominal.translation.vector - found.translation.vector).norm_squared();
                 n += 3.0;
             }
         }
-        let (turn, shift) = ((turns / n).sqrt(), (shifts / n).sqrt());
+        let turn = (turns / n).sqrt();
+        let shift = (shifts / n).sqrt();
         assert!((turn - 0.5).abs() < 0.025 && (shift - 0.02).abs() < 0.001, "{turn} {shift}");
         assert_ne!(rig.with_true_mountings(error, 1), rig.with_true_mountings(error, 2));
     }

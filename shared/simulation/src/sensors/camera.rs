@@ -147,7 +147,8 @@ impl ColorCamera {
     /// Whether a pixel differs from those around it.
     fn needs_samples(&self, levels: &[f32], i: usize) -> bool {
         let [width, height] = self.sides();
-        let (u, v) = (i % width, i / width);
+        let u = i % width;
+        let v = i / width;
         let around = [
             (u > 0).then(|| i - 1),
             (u + 1 < width).then_some(i + 1),

@@ -47,7 +47,8 @@ mod tests {
         let white = Spectrum::from_fn(|_| 1.0);
         assert!((Filter::gauss(700.0, 8.0).signal(&flat, &white) - 0.4).abs() < 1e-6);
         let edge = Spectrum::from_fn(|nm| if nm > 700.0 { 1.0 } else { 0.0 });
-        let (below, above) = (Filter::gauss(670.0, 8.0), Filter::gauss(730.0, 8.0));
+        let below = Filter::gauss(670.0, 8.0);
+        let above = Filter::gauss(730.0, 8.0);
         assert!(below.signal(&edge, &white) < 0.01 && above.signal(&edge, &white) > 0.99);
         // Also where the filter is narrower than the steps of the spectrum.
         let rise = Spectrum::from_fn(|nm| nm / 1000.0);

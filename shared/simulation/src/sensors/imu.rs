@@ -232,7 +232,8 @@ mod tests {
         let motion = motion();
         for grade in Grade::ALL {
             let [force, rate] = grade.errors();
-            let (mut biases, mut n) = ([0.0; 2], 0.0);
+            let mut biases = [0.0; 2];
+            let mut n = 0.0;
             for seed in 0..60 {
                 let samples = record(&motion, &spec(grade, [0.0; 3]), 0.3, seed);
                 let off = [

@@ -59,7 +59,8 @@ impl Palette {
     /// A palette for these filters. `unit(sun, sky)` is the signal that counts as 1 for a band in which a perfect white gives
     /// `sun` and `sky`.
     pub fn new(filters: &[Filter], unit: impl Fn(f32, f32) -> f32) -> Self {
-        let (sunlight, skylight) = (sunlight(), skylight());
+        let sunlight = sunlight();
+        let skylight = skylight();
         let properties: Vec<Properties> = Material::ALL.iter().map(|material| material.properties()).collect();
         let white = Spectrum::from_fn(|_| 1.0);
         let spectra = || properties.iter().map(|p| &p.spectrum).chain([&white]);

@@ -98,7 +98,8 @@ impl MosaicCamera {
         let seen: Vec<Seen> = (0..rows).into_par_iter().flat_map_iter(row).collect();
         let weights = [0, 1].map(spread);
         self.expose(self.exposure_nanos, seed, |[x, y], band| {
-            let (wx, wy) = (&weights[x % BLOCK], &weights[y % BLOCK]);
+            let wx = &weights[x % BLOCK];
+            let wy = &weights[y % BLOCK];
             let mut sum = 0.0;
             for (dy, wy) in wy.iter().enumerate() {
                 let row = (y / BLOCK + dy).saturating_sub(1).min(rows - 1) * columns;
@@ -130,7 +131,8 @@ impl MosaicCamera {
     fn sample(&self, exposure: &Exposure<'_>, i: usize) -> Option<Sample> {
         let center = self.rays[i]?;
         let columns = self.blocks[0];
-        let (x, y) = (i % columns, i / columns);
+        let x = i % columns;
+        let y = i / columns;
         let random = hash(i as u64, 0x3051);
         // A random point in the block; the rays of neighboring blocks give its angular size.
         let toward = |neighbor: usize, random: u64| {
@@ -160,7 +162,8 @@ impl MosaicCamera {
             let in_rows = (top..top + rows * pattern).contains(&v);
             for (u, sample) in row.iter_mut().enumerate() {
                 let light = if in_rows && (left..left + columns * pattern).contains(&u) {
-                    let (x, y) = (u - left, v - top);
+                    let x = u - left;
+                    let y = v - top;
                     let band = y % pattern * pattern + x % pattern;
                     reflectance([x, y], band) * self.counts_per_ms[band] * exposure_ms * shading(u, v)
                 } else {
@@ -175,7 +178,8 @@ impl MosaicCamera {
 
 /// Counts per ms of a perfect white in full light, by band.
 fn counts_per_ms(filters: &[Filter]) -> Vec<f32> {
-    let (sunlight, skylight) = (sunlight(), skylight());
+    let sunlight = sunlight();
+    let skylight = skylight();
     let white = Spectrum::from_fn(|_| 1.0);
     let signal = |filter: &Filter| {
         filter.signal(&white, &sunlight) + crate::light::SKY_STRENGTH * filter.signal(&white, &skylight)
@@ -217,7 +221,8 @@ mod tests {
                 let mut sum = 0.0;
                 for row in 0..rows {
                     for column in 0..columns {
-                        let (v, u) = (top + row * n + band / n, left + column * n + band % n);
+                        let v = top + row * n + band / n;
+                        let u = left + column * n + band % n;
                         sum += f32::from(samples[v * SIZE[0] + u]);
                     }
                 }

@@ -43,10 +43,12 @@ impl SkyView {
         step: usize,
         direction: impl Fn(usize, usize) -> Option<Vec3> + Sync,
     ) -> Self {
-        let (columns, rows) = (width.div_ceil(step) + 1, height.div_ceil(step) + 1);
+        let columns = width.div_ceil(step) + 1;
+        let rows = height.div_ceil(step) + 1;
         let snapshot = exposure.snapshot(MIDDLE);
         let place = |i: usize| {
-            let (u, v) = ((i % columns * step).min(width - 1), (i / columns * step).min(height - 1));
+            let u = (i % columns * step).min(width - 1);
+            let v = (i / columns * step).min(height - 1);
             // A seed that differs from those of the pixels: rays in leaves end elsewhere.
             let ray = exposure.ray(MIDDLE, &direction(u, v)?, i as u64 ^ 0x51c7_0000_0000);
             let hit = exposure.scene.cast(snapshot, &ray, FAR_M)?;
@@ -60,11 +62,15 @@ impl SkyView {
 
     /// Share of the sky visible from a hit at pixel `[u, v]`, 0 to 1, weighted by the cosine.
     pub fn open(&self, exposure: &Exposure<'_>, instant: usize, ray: &Ray, hit: &SceneHit, [u, v]: [f32; 2]) -> f32 {
-        let (x, y) = (u / self.step, v / self.step);
-        let (column, row) = ((x as usize).min(self.columns - 2), (y as usize).min(self.rows - 2));
-        let (fx, fy) = (x - column as f32, y - row as f32);
+        let x = u / self.step;
+        let y = v / self.step;
+        let column = (x as usize).min(self.columns - 2);
+        let row = (y as usize).min(self.rows - 2);
+        let fx = x - column as f32;
+        let fy = y - row as f32;
         let point = ray.at(hit.range_m);
-        let (mut sum, mut weights) = (0.0, 0.0);
+        let mut sum = 0.0;
+        let mut weights = 0.0;
         for (dx, dy, near) in
             [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)]
         {

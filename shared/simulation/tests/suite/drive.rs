@@ -22,12 +22,16 @@ fn drive(spec: &DriveSpec, threads: usize) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn drive_bytes_do_not_depend_on_thread_count() {
     let spec = DriveSpec { lidar_step: 8, cameras: false, truth_visibility: true, ..DriveSpec::urban(5, 0.4) };
-    let (one, two) = (drive(&spec, 1), drive(&spec, 2));
+    let one = drive(&spec, 1);
+    let two = drive(&spec, 2);
     assert!(one.contains_key("drive.toml") && one.keys().any(|name| name.starts_with("hs02/")));
     assert!(one == two, "a file differs");
     // Images of a sixteenth of the size, so that the test stays short.
     let CameraModel::KannalaBrandt(lens) = RigSpec::l3d2().cameras[0].lens.clone() else { panic!("another lens") };
-    let (fx, fy, cx, cy) = (lens.fx / 4.0, lens.fy / 4.0, lens.cx / 4.0, lens.cy / 4.0);
+    let fx = lens.fx / 4.0;
+    let fy = lens.fy / 4.0;
+    let cx = lens.cx / 4.0;
+    let cy = lens.cy / 4.0;
     let camera = ColorCamera::new(&CameraModel::KannalaBrandt(KannalaBrandt {
         width: 154,
         height: 128,
@@ -42,14 +46,16 @@ fn drive_bytes_do_not_depend_on_thread_count() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         pool.install(|| simulation.images(&camera, &[0, 1, 2, 3, 4, 5], simulation.exposures()[0]))
     };
-    let (one, two) = (images(1), images(3));
+    let one = images(1);
+    let two = images(3);
     assert!(one == two, "an image differs");
     assert!(simulation.image(&camera, 2, simulation.exposures()[0]) == one[2], "an image does not depend on the group");
 }
 
 #[test]
 fn different_seed_gives_different_drive() {
-    let (a, b) = (&SHARED_DRIVE.files, drive(&DriveSpec::urban(5, 2.2).sparse(3), 2));
+    let a = &SHARED_DRIVE.files;
+    let b = drive(&DriveSpec::urban(5, 2.2).sparse(3), 2);
     for name in ["lidar/000000.pcap", "truth/labels/000000.label", "imu.csv", "gnss.nmea"] {
         assert!(a[name] != b[name], "{name} does not depend on the seed");
     }
@@ -65,7 +71,8 @@ fn every_return_has_a_label_in_firing_order() {
     for (sweep, labels) in sweeps.iter().zip(&labels) {
         assert_eq!(labels.len(), sweep.len() * 4);
         for label in labels.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().expect("4 bytes"))) {
-            let (class, instance) = (label & 0xffff, label >> 16);
+            let class = label & 0xffff;
+            let instance = label >> 16;
             assert!(class <= 22);
             assert_eq!(instance > 0, class == 4 || class == 10, "pedestrians and vehicles have instances, others none");
         }

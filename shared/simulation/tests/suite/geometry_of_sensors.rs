@@ -21,12 +21,14 @@ fn look(scene: &Scene, snapshot: &Snapshot, from: &Point3<f64>, direction: &Vect
 /// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and mesh,
 /// which end rays at random, aside.
 fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64) -> Pose) -> f64 {
-    let (mut on, mut all) = (0, 0);
+    let mut on = 0;
+    let mut all = 0;
     for shot in shots.iter().step_by(7) {
         let world_from_lidar = pose(shot.seconds) * simulation.rig.lidar.body_from_lidar;
         let origin = world_from_lidar * Point3::origin();
         let direction = world_from_lidar * Vector3::from(shot.direction);
-        let (scene, snapshot) = (&simulation.scene, simulation.scene.at(shot.seconds));
+        let scene = &simulation.scene;
+        let snapshot = simulation.scene.at(shot.seconds);
         let Some(hit) = look(scene, &snapshot, &origin, &direction) else {
             all += 1;
             continue;
@@ -75,7 +77,8 @@ fn decoded_points_lie_on_scene_at_true_poses_only() {
 /// Error of each sent range, and the range that a ray along the middle of the beam meets, of one revolution at rest.
 fn ranges(simulation: &Simulation, model: LidarModel) -> Vec<(f64, LidarReturn, Option<SceneHit>)> {
     let lidar = simulation.lidar_of(model, simulation.rig.lidar.body_from_lidar, 3);
-    let (lasers, per_second) = (model.model.lasers(), model.turns_per_second);
+    let lasers = model.model.lasers();
+    let per_second = model.turns_per_second;
     let snapshot = simulation.scene.at(0.0);
     let mut found = Vec::new();
     for packet in 0..model.n_packets(1.0 / per_second) {
@@ -135,7 +138,8 @@ fn echoes_mix_surfaces_only_at_edges() {
 fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp, shift: f64) -> [Option<[f64; 3]>; 2] {
     let seconds = stamp.seconds_since(simulation.motion.begin);
     let world_from_camera = simulation.motion.pose(seconds) * simulation.rig.cameras[index].body_from_camera;
-    let (lens, eye) = (&simulation.rig.cameras[index].lens, world_from_camera * Point3::origin());
+    let lens = &simulation.rig.cameras[index].lens;
+    let eye = world_from_camera * Point3::origin();
     let snapshot = simulation.scene.at(seconds);
     let (width, height) = lens.size();
     let mut sums = [([0.0; 3], 0_u32); 2];

@@ -100,7 +100,8 @@ fn manifest_does_not_depend_on_true_mountings() {
         let manifest: Manifest = toml::from_str(&manifest).expect("a manifest");
         (Manifest { name: String::new(), ..manifest }, truth["truth/calibration.toml"].clone())
     };
-    let ((one, true_one), (other, true_other)) = (of(1), of(2));
+    let (one, true_one) = of(1);
+    let (other, true_other) = of(2);
     assert_eq!(one, other, "mountings are those of the maker");
     assert!(true_one != true_other, "and each drive has its own true ones");
 }

@@ -36,7 +36,8 @@ fn beams_of_imperfect_unit_differ_from_nominal_by_its_table() {
         let elevation = |direction: &Vector3<f32>| {
             (world_from_lidar.rotation.inverse() * direction.cast::<f64>()).z.asin().to_degrees()
         };
-        let (blocks, rays) = (real.packet(0), nominal.rays(0).into_iter().zip(real.rays(0)));
+        let blocks = real.packet(0);
+        let rays = nominal.rays(0).into_iter().zip(real.rays(0));
         for (slot, (nominal, real)) in rays.enumerate() {
             let laser = slot % 32 % model.n_rings() + if blocks[slot / 32].is_lower { 32 } else { 0 };
             let [expected_deg, ..] = table[usize::from(rings[laser])];
@@ -58,7 +59,8 @@ fn ranges_and_intensities_of_imperfect_unit_err_by_ring_and_truth_does_not() {
     let rings = Model::Hdl32e.rings();
     let mut sums = vec![[0.0, 0.0, 0.0, 0.0]; 32];
     for packet in 0..200 {
-        let (nominal, real) = (nominal.packet(packet), real.packet(packet));
+        let nominal = nominal.packet(packet);
+        let real = real.packet(packet);
         for (a, b) in nominal.iter().zip(&real) {
             for (laser, (a, b)) in a.returns.iter().zip(&b.returns).enumerate() {
                 // With equal beams, both see the same.

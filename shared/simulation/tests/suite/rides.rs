@@ -74,7 +74,8 @@ fn rides_are_gentle_and_stop_at_red_lights() {
     for (kind, seed) in [(Town::Urban, 1), (Town::Urban, 7), (Town::Suburban, 2), (Town::Rural, 3), (Town::Motorway, 4)]
     {
         let motion = town(kind, seed, 60.0).motion;
-        let (mut fastest, mut standing) = (0.0_f64, 0);
+        let mut fastest = 0.0_f64;
+        let mut standing = 0;
         for i in 10..580 {
             let seconds = 0.1 * f64::from(i);
             let in_body = motion.pose(seconds).rotation.inverse() * motion.acceleration(seconds);
@@ -94,9 +95,12 @@ fn rides_are_gentle_and_stop_at_red_lights() {
 #[test]
 fn integrated_motion_gives_pose_after_turns_and_stops() {
     let motion = town(Town::Urban, 1, 50.0).motion;
-    let (dt, begin, end) = (0.002, 3.0, 48.0);
+    let dt = 0.002;
+    let begin = 3.0;
+    let end = 48.0;
     let mut rotation = motion.pose(begin).rotation;
-    let (mut position, mut velocity) = (motion.pose(begin).translation.vector, motion.velocity(begin));
+    let mut position = motion.pose(begin).translation.vector;
+    let mut velocity = motion.velocity(begin);
     let mut turned = 0.0;
     for i in 0..((end - begin) / dt) as usize {
         let middle = begin + (i as f64 + 0.5) * dt;
@@ -122,7 +126,8 @@ fn classes_seen(simulation: &Simulation, step_seconds: f64) -> BTreeMap<ClassId,
         let origin: Vec3 = (pose * Point3::new(-1.0, 0.0, 2.2)).coords.cast();
         for ray in 0..600_u64 {
             // The golden angle spreads directions from 35 degrees down to 12 up.
-            let (azimuth, elevation) = (ray as f32 * 2.399_963, -0.61 + 0.82 * ray as f32 / 600.0);
+            let azimuth = ray as f32 * 2.399_963;
+            let elevation = -0.61 + 0.82 * ray as f32 / 600.0;
             let (sin, cos) = elevation.sin_cos();
             let direction = Vec3::new(cos * azimuth.cos(), cos * azimuth.sin(), sin);
             let ray = Ray { origin, direction, seed: ray + 1000 * i as u64 };
@@ -183,7 +188,8 @@ fn urban_class_shares_match_real_recordings() {
 fn fields_are_empty_and_tunnels_are_closed() {
     let seen = |kind, from: f64, to: f64| {
         let simulation = town(kind, 2, to);
-        let (mut above, mut beside) = (0, 0);
+        let mut above = 0;
+        let mut beside = 0;
         for i in 0..20 {
             let seconds = from + (to - from) * f64::from(i) / 20.0;
             let pose = simulation.motion.pose(seconds);

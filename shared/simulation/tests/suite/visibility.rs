@@ -12,7 +12,8 @@ use town::Snapshot;
 fn parse(bytes: &[u8]) -> (Vec<i64>, Vec<&[u8]>) {
     assert_eq!(&bytes[..8], b"REPLVIS1");
     let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes")) as usize;
-    let (n_exposures, n_returns) = (number(8), number(12));
+    let n_exposures = number(8);
+    let n_returns = number(12);
     let stamps = bytes[16..16 + 8 * n_exposures].as_chunks::<8>().0.iter().map(|b| i64::from_le_bytes(*b)).collect();
     let masks = &bytes[16 + 8 * n_exposures..];
     let masks: Vec<&[u8]> = masks.chunks_exact(masks.len() / n_returns).collect();
@@ -29,7 +30,10 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
     let simulation = Simulation::new(&spec).expect("a town");
     let mut reader =
         SweepReader::open(vec![drive.join("lidar/000000.pcap")], Some(&Model::Hdl32e.into())).expect("a capture");
-    let (mut seen, mut all, mut hidden, mut wrong) = (0_u32, 0_u32, 0_u32, 0_u32);
+    let mut seen = 0_u32;
+    let mut all = 0_u32;
+    let mut hidden = 0_u32;
+    let mut wrong = 0_u32;
     for seq in 0..45 {
         let mut returns = Vec::new();
         let sweep = reader.next_sweep(|some| returns.extend_from_slice(some)).expect("sound").expect("a sweep");
@@ -97,11 +101,14 @@ fn more_than_eight_cameras_take_two_mask_bytes() {
         write_drive(spec, &folder.path().join(name), &mut |_| ()).expect("a drive");
         std::fs::read(folder.path().join(name).join("truth/visibility/000025.visibility")).expect("a file")
     };
-    let (eight, ten) = (file("eight", &eight), file("ten", &ten));
-    let ((stamps, eight), (same, ten)) = (parse(&eight), parse(&ten));
+    let eight = file("eight", &eight);
+    let ten = file("ten", &ten);
+    let (stamps, eight) = parse(&eight);
+    let (same, ten) = parse(&ten);
     assert_eq!((stamps.len(), eight.len()), (same.len(), ten.len()));
     assert!(!stamps.is_empty() && eight[0].len() == stamps.len());
-    let (mut n_first, mut n_mosaic) = (0, 0);
+    let mut n_first = 0;
+    let mut n_mosaic = 0;
     for (eight, ten) in eight.into_iter().zip(ten) {
         for (mask, ten) in eight.iter().zip(ten.as_chunks::<2>().0) {
             let colors = mask & 0b11_1111;

@@ -128,7 +128,8 @@ fn check(
     }
     check_length("white", white.mosaic().n_samples(), mosaic.n_samples())?;
     white.check()?;
-    let ([x0, y0], [width, height]) = (mosaic.origin().map(u64::from), mosaic.area().map(|side| side as u64));
+    let [x0, y0] = mosaic.origin().map(u64::from);
+    let [width, height] = mosaic.area().map(|side| side as u64);
     match panel.region {
         Some(region) => {
             let [x, y, w, h] = region.map(u64::from);
@@ -166,7 +167,8 @@ impl<'a> DarkLines<'a> {
     /// Bias, counts, and dark current, counts per ns. `None` if a sample was saturated.
     #[inline]
     fn at(&self, at: usize) -> Option<(f64, f64)> {
-        let (mut sum, mut products) = (0.0, 0.0);
+        let mut sum = 0.0;
+        let mut products = 0.0;
         for (offset, dark) in &self.darks {
             let counts = f64::from(dark.mean(at)?);
             sum += counts;

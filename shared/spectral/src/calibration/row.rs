@@ -19,7 +19,9 @@ impl Row<'_> {
     // Numbers instead of conditions: branch-free loops vectorize.
     #[inline(always)]
     pub fn reflectances_into(&self, values: &mut [f32]) -> FrameCounts {
-        let (mut n_dead, mut n_saturated, mut n_clipped) = (0_u32, 0_u32, 0_u32);
+        let mut n_dead = 0_u32;
+        let mut n_saturated = 0_u32;
+        let mut n_clipped = 0_u32;
         let pixels = self.samples.iter().zip(self.darks.iter().zip(self.gains));
         for (value, (sample, (dark, gain))) in values.iter_mut().zip(pixels) {
             let [dead, saturated, clipped] = self.faults(*sample, *dark, *gain);

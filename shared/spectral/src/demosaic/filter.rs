@@ -23,7 +23,8 @@ pub fn tent_into(lattice: &Lattice, samples: &[f32], out: &mut Vec<f32>, scratch
 
 /// Convolution with the same symmetric kernel of odd length along rows and columns.
 fn separable_into(lattice: &Lattice, samples: &[f32], kernel: &[f32], out: &mut Vec<f32>, scratch: &mut Vec<f32>) {
-    let (width, margin) = (lattice.width, kernel.len() / 2);
+    let width = lattice.width;
+    let margin = kernel.len() / 2;
     let columns = lattice.folded(width, margin);
     let mut padded = vec![0.0; width + 2 * margin];
     scratch.clear();

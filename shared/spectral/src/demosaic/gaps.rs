@@ -7,7 +7,8 @@ use super::lattice::Lattice;
 pub fn bridge(lattice: &Lattice, samples: &mut [f32], valid: &[bool]) {
     let Lattice { width, height, pattern } = *lattice;
     for at in (0..samples.len()).filter(|at| !valid[*at]) {
-        let (x, y) = (at % width, at / width);
+        let x = at % width;
+        let y = at / width;
         let before = [(x >= pattern).then(|| at - pattern), (y >= pattern).then(|| at - pattern * width)];
         let after =
             [(x + pattern < width).then_some(at + pattern), (y + pattern < height).then_some(at + pattern * width)];

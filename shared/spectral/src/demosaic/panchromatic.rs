@@ -26,13 +26,16 @@ fn directions() -> [([isize; 2], Vec<Term>); 8] {
 /// The PPI at each pixel: its sample, and the mean of `difference` (the blurred PPI minus the sample) at the eight nearest samples of
 /// its band, weighted by the similarity of the two neighborhoods.
 pub fn sharpen(lattice: &Lattice, samples: &[f32], difference: &[f32], ppi: &mut [f32]) {
-    let (width, pattern) = (lattice.width, lattice.pattern as isize);
+    let width = lattice.width;
+    let pattern = lattice.pattern as isize;
     // The terms extend one pixel beyond the next sample.
     let margin = lattice.pattern + 1;
     let stride = (width + 2 * margin) as isize;
     let [samples_padded, difference_padded] = [samples, difference].map(|image| lattice.padded(image, margin));
     let directions = directions();
-    let (mut dissimilarity, mut sum, mut weights) = (vec![0.0; width], vec![0.0; width], vec![0.0; width]);
+    let mut dissimilarity = vec![0.0; width];
+    let mut sum = vec![0.0; width];
+    let mut weights = vec![0.0; width];
     let rows = samples.chunks_exact(width).zip(ppi.chunks_exact_mut(width));
     for (y, (samples, ppi)) in rows.enumerate() {
         let start = (y + margin) as isize * stride + margin as isize;

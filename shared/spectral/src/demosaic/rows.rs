@@ -50,7 +50,8 @@ impl<'a> Rows<'a> {
         let shared = self.parts.shared.map(|image| &image[y * width..][..width]);
         let measured = &self.parts.measured[y * width..][..width];
         for band in 0..pattern * pattern {
-            let (ky, kx) = (band / pattern, band % pattern);
+            let ky = band / pattern;
+            let kx = band % pattern;
             let out = &mut planes.values[band * planes.stride + planes.start..][..width];
             // Before its first samples a band has only a row below.
             let above = if y < ky { &self.below } else { &self.above };

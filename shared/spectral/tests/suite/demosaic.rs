@@ -27,7 +27,8 @@ fn demosaiced(width: usize, height: usize, pattern: usize, samples: &[f32], meth
 #[test]
 fn mosaic_constant_per_band_is_reproduced() {
     for pattern in 1..=5 {
-        let (width, height) = (pattern * 7, pattern * 4);
+        let width = pattern * 7;
+        let height = pattern * 4;
         let samples = mosaic(width, height, pattern, &|band, _, _| 0.03 + 0.036 * band as f32);
         for method in METHODS {
             let bands = demosaiced(width, height, pattern, &samples, method);
@@ -44,13 +45,15 @@ fn mosaic_constant_per_band_is_reproduced() {
 #[test]
 fn measured_samples_are_kept_bit_by_bit() {
     for pattern in [4, 5] {
-        let (width, height) = (pattern * 6, pattern * 5);
+        let width = pattern * 6;
+        let height = pattern * 5;
         // Without any structure that a method could use.
         let samples = mosaic(width, height, pattern, &|band, x, y| ((x * 37 + y * 101 + band * 11) % 89) as f32 / 89.0);
         for method in METHODS {
             let bands = demosaiced(width, height, pattern, &samples, method);
             for (index, sample) in samples.iter().enumerate() {
-                let (x, y) = (index % width, index / width);
+                let x = index % width;
+                let y = index / width;
                 let band = (y % pattern) * pattern + x % pattern;
                 assert_eq!(bands[band * samples.len() + index], *sample, "{method:?} at {x} {y}");
             }
@@ -61,7 +64,9 @@ fn measured_samples_are_kept_bit_by_bit() {
 
 #[test]
 fn bilinear_method_reproduces_a_ramp() {
-    let (width, height, pattern) = (40, 30, 5);
+    let width = 40;
+    let height = 30;
+    let pattern = 5;
     let scene = |band: usize, x: usize, y: usize| 0.1 + 0.002 * x as f32 + 0.003 * y as f32 + 0.01 * band as f32;
     let samples = mosaic(width, height, pattern, &scene);
     let bands = demosaiced(width, height, pattern, &samples, Demosaicing::WeightedBilinear);
@@ -77,7 +82,9 @@ fn bilinear_method_reproduces_a_ramp() {
 
 #[test]
 fn bands_are_valid_only_between_valid_samples() {
-    let (width, height, pattern) = (12, 12, 4);
+    let width = 12;
+    let height = 12;
+    let pattern = 4;
     let demosaicer = Demosaicer::new(width, height, pattern).expect("whole cells");
     let mut valid = vec![true; width * height];
     valid[5 * width + 6] = false; // Band 1 * 4 + 2, of the cell in the middle.
@@ -91,7 +98,9 @@ fn bands_are_valid_only_between_valid_samples() {
 
 #[test]
 fn bridged_gap_does_not_darken_its_surroundings() {
-    let (width, height, pattern) = (24, 24, 4);
+    let width = 24;
+    let height = 24;
+    let pattern = 4;
     let whole = mosaic(width, height, pattern, &|band, x, y| 0.2 + 0.01 * band as f32 + 0.004 * (x + y) as f32);
     let demosaicer = Demosaicer::new(width, height, pattern).expect("whole cells");
     let mut valid = vec![true; width * height];
@@ -123,11 +132,14 @@ fn bridged_gap_does_not_darken_its_surroundings() {
 
 #[test]
 fn rows_equal_those_of_the_whole_image() {
-    let (width, height, pattern) = (20, 15, 5);
+    let width = 20;
+    let height = 15;
+    let pattern = 5;
     let samples = mosaic(width, height, pattern, &|band, x, y| ((x * 37 + y * 101 + band * 11) % 89) as f32 / 89.0);
     for method in METHODS {
         let bands = demosaiced(width, height, pattern, &samples, method);
-        let (mut y, mut demosaicer) = (0, Demosaicer::new(width, height, pattern).expect("whole cells"));
+        let mut y = 0;
+        let mut demosaicer = Demosaicer::new(width, height, pattern).expect("whole cells");
         let each = |row: &[f32]| {
             for (row, plane) in row.chunks_exact(width).zip(bands.chunks_exact(width * height)) {
                 assert_eq!(row, &plane[y * width..][..width]);
@@ -159,7 +171,9 @@ fn cave_band(index: usize) -> image::ImageBuffer<image::Luma<u16>, Vec<u16>> {
 
 #[real_data::test("cave/chart_and_stuffed_toy_ms_09.png", "cave/chart_and_stuffed_toy_ms_24.png")]
 fn errors_on_a_real_scene_are_as_small_as_published() {
-    let (side, rim, pattern) = (512_usize, 8_usize, 4);
+    let side = 512_usize;
+    let rim = 8_usize;
+    let pattern = 4;
     let truth: Vec<_> = (9..25).map(cave_band).collect();
     let scene = |band: usize, x: usize, y: usize| f32::from(truth[band][(x as u32, y as u32)].0[0]) / 65535.0;
     let samples = mosaic(side, side, pattern, &scene);

@@ -36,8 +36,10 @@ fn bands_of_a_real_mosaic_have_distinct_means() {
     let (mosaic, cube, masks) = cube(&raw, 4);
     assert_eq!(mosaic.cells(), [512, 256]);
     for (index, sample) in raw.iter().enumerate() {
-        let (x, y) = (index % 2048, index / 2048);
-        let (band, cell) = ((y % 4) * 4 + x % 4, (y / 4) * 512 + x / 4);
+        let x = index % 2048;
+        let y = index / 2048;
+        let band = (y % 4) * 4 + x % 4;
+        let cell = (y / 4) * 512 + x / 4;
         let measured = *sample < 255;
         assert_eq!(masks[cell] >> band & 1 == 1, measured);
         let expected = if measured { f32::from(*sample) / 250.0 } else { 0.0 };

@@ -97,7 +97,8 @@ fn equal_samples_have_equal_reflectances_bit_by_bit() {
     let dark = camera.reference("dark", &[frame(10)]);
     let white = camera.reference("white", &[frame(810)]);
     let calibration = Calibration::new(&camera.mosaic, &dark, &white, TARGET).expect("sound");
-    let (mut cube, mut masks) = (vec![0.0; 1600], vec![0; 64]);
+    let mut cube = vec![0.0; 1600];
+    let mut masks = vec![0; 64];
     calibration.cube_into(&frame(210), T_WHITE, &mut cube, &mut masks).expect("fits");
     for plane in cube.chunks_exact(64) {
         assert!(plane.iter().all(|r| r.to_bits() == plane[0].to_bits()), "{plane:?}");
@@ -127,7 +128,8 @@ fn binned_reflectances_equal_those_per_pixel() {
         let pattern = camera.mosaic.pattern() as usize;
         let columns = camera.mosaic.cells()[0] as usize;
         for ((y, x), r) in pixels.indexed_iter() {
-            let (band, cell) = ((y % pattern) * pattern + x % pattern, (y / pattern) * columns + x / pattern);
+            let band = (y % pattern) * pattern + x % pattern;
+            let cell = (y / pattern) * columns + x / pattern;
             assert_eq!(cube[band * camera.mosaic.n_cells() + cell].to_bits(), r.to_bits());
             assert_eq!(masks[cell] >> band & 1 == 1, valid[(y, x)]);
         }
@@ -153,7 +155,8 @@ fn saturated_clipped_and_dead_samples_are_masked_and_counted() {
     let white = camera.reference("white", &whites);
     let calibration = Calibration::new(&camera.mosaic, &dark, &white, TARGET).expect("sound");
     let n_cells = camera.mosaic.n_cells();
-    let (mut cube, mut masks) = (vec![0.0; 16 * n_cells], vec![0; n_cells]);
+    let mut cube = vec![0.0; 16 * n_cells];
+    let mut masks = vec![0; n_cells];
     let counts = calibration.cube_into(&raw, T_RAW, &mut cube, &mut masks).expect("fits");
     assert_eq!(counts, FrameCounts { dead: 2, saturated: 1, clipped: 1 });
     assert_eq!(counts.masked(), 4);
@@ -212,7 +215,8 @@ fn buffers_and_references_of_wrong_size_are_rejected() {
     let [camera, _] = cameras();
     let calibration = camera.calibration();
     let n_cells = camera.mosaic.n_cells();
-    let (mut cube, mut masks) = (vec![0.0; 16 * n_cells], vec![0; n_cells]);
+    let mut cube = vec![0.0; 16 * n_cells];
+    let mut masks = vec![0; n_cells];
     let raw = camera.expose(T_RAW, |_, _| 0.5);
     let length = |result: Result<FrameCounts, SpectralError>| match result {
         Err(SpectralError::Length { what, .. }) => what,
@@ -252,12 +256,15 @@ fn frame_corrected_row_by_row_equals_the_corrected_cube() {
         (0..15).map(|j| (0..16).map(|k| 1.0 / 16.0 + f64::from((j * k) % 5) / 10.0 - 0.2).collect()).collect();
     let correction = Correction::new(16, rows.iter().map(|row| &row[..])).expect("sound");
     let n_cells = camera.mosaic.n_cells();
-    let (mut cube, mut masks) = (vec![0.0; 16 * n_cells], vec![0; n_cells]);
+    let mut cube = vec![0.0; 16 * n_cells];
+    let mut masks = vec![0; n_cells];
     let counts = calibration.cube_into(&raw, T_RAW, &mut cube, &mut masks).expect("fits");
     assert!(counts.saturated > 20 && counts.dead == 0, "{counts:?}");
-    let (mut expected, mut expected_masks) = (vec![0.0; 15 * n_cells], vec![0; n_cells]);
+    let mut expected = vec![0.0; 15 * n_cells];
+    let mut expected_masks = vec![0; n_cells];
     correction.correct_into(&cube, &masks, &mut expected, &mut expected_masks).expect("fits");
-    let (mut found, mut found_masks) = (vec![9.0; 15 * n_cells], vec![9; n_cells]);
+    let mut found = vec![9.0; 15 * n_cells];
+    let mut found_masks = vec![9; n_cells];
     let again = calibration.corrected_cube_into(&raw, T_RAW, &correction, &mut found, &mut found_masks).expect("fits");
     assert_eq!((again, found_masks), (counts, expected_masks));
     assert_eq!(found, expected);
@@ -273,7 +280,8 @@ fn dark_frames_of_two_exposures_determine_bias_and_dark_current() {
         frame.into_iter().enumerate().map(|sample| counts(sample).round() as u16).collect()
     };
     let dark = |nanos: u64| camera.reference("dark", &[with_current(camera.bias.clone(), nanos)]);
-    let (short, long) = (dark(1_000_000), dark(40_000_000));
+    let short = dark(1_000_000);
+    let long = dark(40_000_000);
     let white = camera.reference("white", &[with_current(camera.expose(T_WHITE, |_, _| RHO_WHITE), T_WHITE)]);
     let panel = WhitePanel { exposure_nanos: T_WHITE, reflectances: vec![RHO_WHITE], region: None };
     let raw = with_current(camera.expose(20_000_000, |_, _| 0.1), 20_000_000);
@@ -300,7 +308,8 @@ fn panel_region_with_reflectances_per_band_calibrates_the_frame() {
         // Of one band all pixels are alike; the lens shades nothing.
         for (at, sensitivity) in camera.sensitivity.iter_mut().enumerate() {
             let [width, _] = camera.mosaic.size();
-            let (x, y) = (at as u32 % width, at as u32 / width);
+            let x = at as u32 % width;
+            let y = at as u32 / width;
             *sensitivity = 400.0 + 10.0 * band_at(&camera.mosaic, x, y) as f64;
         }
         let [x0, y0] = camera.mosaic.origin();
@@ -311,10 +320,8 @@ fn panel_region_with_reflectances_per_band_calibrates_the_frame() {
         let mosaic = camera.mosaic.clone();
         let scene = |x: u32, y: u32| if is_panel(x, y) { rho(band_at(&mosaic, x, y)) } else { 0.3 };
         let frame = camera.expose(T_WHITE, scene);
-        let (dark, white) = (
-            camera.reference("dark", std::slice::from_ref(&camera.bias)),
-            camera.reference("white", std::slice::from_ref(&frame)),
-        );
+        let dark = camera.reference("dark", std::slice::from_ref(&camera.bias));
+        let white = camera.reference("white", std::slice::from_ref(&frame));
         let reflectances: Vec<f64> = (0..mosaic.n_bands()).map(rho).collect();
         let panel = WhitePanel { exposure_nanos: T_WHITE, reflectances, region: Some(region) };
         let with = |panel: &WhitePanel| Calibration::with_panel(&mosaic, &[(T_WHITE, &dark)], &white, panel);
@@ -332,6 +339,7 @@ fn panel_region_with_reflectances_per_band_calibrates_the_frame() {
 }
 
 fn band_at(mosaic: &Mosaic, x: u32, y: u32) -> usize {
-    let (p, [x0, y0]) = (mosaic.pattern(), mosaic.origin());
+    let p = mosaic.pattern();
+    let [x0, y0] = mosaic.origin();
     (((y + 100 * p - y0) % p) * p + (x + 100 * p - x0) % p) as usize
 }

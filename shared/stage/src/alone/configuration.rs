@@ -83,7 +83,8 @@ pub(super) fn configure(
         (None, Some(text)) => Ok(Some(folder.join(text))),
         (None, None) => Ok(None),
     };
-    let (drive, output) = (place(&arguments.drive, "drive")?, place(&arguments.output, "output")?);
+    let drive = place(&arguments.drive, "drive")?;
+    let output = place(&arguments.output, "output")?;
     if drive.is_none() && program.inputs().is_empty() {
         faults.push(ConfigurationError::NoDrive);
     }
@@ -128,7 +129,8 @@ fn recorded_topics(stage: &'static str, inputs: &[Port], path: &Path) -> Result<
     let recorded: Vec<String> =
         reader.topics().iter().filter_map(|topic| topic.ticks_of()).map(str::to_owned).collect();
     for port in inputs.iter().map(Port::describe) {
-        let (path, topic) = (path.to_owned(), port.topic);
+        let path = path.to_owned();
+        let topic = port.topic;
         let Some(found) = reader.topics().iter().find(|found| found.name == topic) else {
             if port.optional {
                 tracing::info!(topic, recording = %path.display(), "the optional topic is not recorded and stays empty");
@@ -136,7 +138,8 @@ fn recorded_topics(stage: &'static str, inputs: &[Port], path: &Path) -> Result<
             }
             return Err(ConfigurationError::NoTopic { path, topic, stage });
         };
-        let (recorded, expected) = ((found.table.version, found.table.layout), (port.version, port.layout));
+        let recorded = (found.table.version, found.table.layout);
+        let expected = (port.version, port.layout);
         if recorded != expected {
             return Err(ConfigurationError::Layout { path, topic, stage, recorded, expected });
         }

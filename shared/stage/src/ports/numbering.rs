@@ -20,7 +20,8 @@ mod tests {
         // The last report of the first process; then one bit for each process: whether it reported after its messages.
         for first_reported in [0, 1, 299, 300, 301, 999, 1000, 1001, 5998] {
             for reports in 0..1_u32 << 8 {
-                let (mut reported, mut used) = (first_reported, first_reported + 700);
+                let mut reported = first_reported;
+                let mut used = first_reported + 700;
                 for epoch in 1..=8 {
                     let first = next_number(reported, epoch);
                     assert!(

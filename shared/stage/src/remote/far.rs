@@ -228,7 +228,9 @@ impl<'a> Far<'a> {
         self.answers.send(&Answer::Reported(Report::of(&self.outputs)), [])?;
         for (topic, output) in &mut self.outputs.by_topic {
             output.take_published(&mut |envelope, column, header, rows| {
-                let (topic, stamp, n_rows) = ((*topic).to_owned(), envelope.stamp, u64::from(envelope.len));
+                let topic = (*topic).to_owned();
+                let stamp = envelope.stamp;
+                let n_rows = u64::from(envelope.len);
                 self.answers.send(&Answer::Message { topic, stamp, column, n_rows }, [header, rows])
             })?;
         }

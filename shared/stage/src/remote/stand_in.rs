@@ -84,7 +84,8 @@ impl ConfiguredStage for ConfiguredRemote {
     fn build(&self, context: &Context) -> Result<Box<dyn RunningStage>, StepError> {
         let connection = (self.connect)(&self.remote, &self.launch.table, Some(&self.session))?;
         let mut far = Far::new(&self.remote, connection);
-        let (now, before) = (far.describe(&self.launch)?.files, &self.remote.files);
+        let now = far.describe(&self.launch)?.files;
+        let before = &self.remote.files;
         if let Some((file, _)) = now.iter().find(|(file, digest)| before.get(*file) != Some(digest)) {
             let text = format!("{file} on {} has changed since the run was started", self.remote.host);
             return Err(StepError::configuration(text));

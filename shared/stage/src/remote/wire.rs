@@ -114,7 +114,9 @@ impl Report {
     }
 
     pub(super) fn replace(self, outputs: &mut Outputs) {
-        (outputs.counters, outputs.notes, outputs.doubts) = (self.counters, self.notes, self.doubts);
+        outputs.counters = self.counters;
+        outputs.notes = self.notes;
+        outputs.doubts = self.doubts;
     }
 }
 

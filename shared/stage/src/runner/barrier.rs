@@ -34,9 +34,11 @@ impl Runner<'_> {
         if !stage.is_empty() {
             self.stage.load(&stage).map_err(|error| error.at(path.display()))?;
         }
-        (self.tick, self.barrier) = (state.tick, state.barrier);
+        self.tick = state.tick;
+        self.barrier = state.barrier;
         self.pulse.update().barrier = state.barrier;
-        (self.drive_begin, self.barrier_time) = (state.drive_begin, state.barrier_time);
+        self.drive_begin = state.drive_begin;
+        self.barrier_time = state.barrier_time;
         for output in Self::ticked_outputs(&mut self.outputs) {
             let traffic = state.outputs.get(output.topic()).cloned().unwrap_or_default();
             output.resume(traffic);

@@ -12,14 +12,18 @@ use std::cell::Cell;
 impl Runner<'_> {
     /// Live: a step over all messages that have arrived, as soon as there is a new one.
     pub(super) fn live_tick(&mut self) -> Result<Option<bool>, StepError> {
-        let (inputs, saving, n_ticks) = (&mut self.inputs, &mut self.saving, self.tick);
+        let inputs = &mut self.inputs;
+        let saving = &mut self.saving;
+        let n_ticks = self.tick;
         let news = Cell::new(None);
         let here = self.ports.waiter.wait_until(
             || Activity::Waiting("any".to_owned()),
             || {
                 saving.check()?;
                 let mut newest: Option<TickRow> = None;
-                let (mut barrier, mut has_messages, mut all_ended) = (0, false, true);
+                let mut barrier = 0;
+                let mut has_messages = false;
+                let mut all_ended = true;
                 for input in inputs.iter_mut() {
                     let found = input.gather_newest()?;
                     barrier = barrier.max(found.barrier);

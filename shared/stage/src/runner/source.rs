@@ -57,7 +57,8 @@ impl Runner<'_> {
     fn pause(&mut self) -> Result<bool, StepError> {
         self.saving.settle()?;
         self.pulse.announce(Activity::Paused);
-        let (control, command) = (&self.control, &mut self.command);
+        let control = &self.control;
+        let command = &mut self.command;
         let continues = || read_command(control, command).map(|()| !command.pause);
         self.ports.waiter.wait_until(|| Activity::Paused, continues)
     }

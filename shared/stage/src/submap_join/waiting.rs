@@ -62,7 +62,8 @@ impl<T: Message> Waiting<T> {
 impl<T: Message> WaitingColumn for Waiting<T> {
     fn take(&mut self, inputs: &mut Inputs, is_live: bool) -> Result<(), StepError> {
         for message in inputs.take_named::<T>(self.port) {
-            let (seq, due) = (message.seq(), self.next_seq);
+            let seq = message.seq();
+            let due = self.next_seq;
             if seq < due || (seq > due && !is_live) {
                 let text = format!("{} of submap {seq} arrived when that of {due} was due", self.port);
                 return Err(StepError::contract(text));
@@ -96,7 +97,8 @@ impl<T: Message> WaitingColumn for Waiting<T> {
     }
 
     fn check_bound(&self) -> Result<(), StepError> {
-        let (n_held, limit) = (self.held.len(), T::BORROWED);
+        let n_held = self.held.len();
+        let limit = T::BORROWED;
         if n_held <= limit {
             return Ok(());
         }

@@ -33,15 +33,20 @@ impl PlaneSums {
         let n = self.n as f64;
         let [x, y, z] = self.first.map(|sum| sum / n);
         let [xx, xy, yy, xz, yz, zz] = self.second.map(|sum| sum / n);
-        let (xx, xy, yy) = (xx - x * x, xy - x * y, yy - y * y);
-        let (xz, yz, zz) = (xz - x * z, yz - y * z, zz - z * z);
+        let xx = xx - x * x;
+        let xy = xy - x * y;
+        let yy = yy - y * y;
+        let xz = xz - x * z;
+        let yz = yz - y * z;
+        let zz = zz - z * z;
         let determinant = xx * yy - xy * xy;
         // The smaller eigenvalue is at least the determinant over the trace.
         let is_wide = determinant > MIN_VARIANCE * (xx + yy);
         if !is_wide {
             return None;
         }
-        let (slope_x, slope_y) = ((xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant);
+        let slope_x = (xz * yy - yz * xy) / determinant;
+        let slope_y = (yz * xx - xz * xy) / determinant;
         let variance = zz - slope_x * xz - slope_y * yz;
         Some((z - slope_x * x - slope_y * y, variance.max(0.0).sqrt()))
     }
@@ -55,7 +60,8 @@ mod tests {
     fn plane_of_a_slope_is_found_beside_its_points() {
         let mut sums = PlaneSums::default();
         for i in 0..100 {
-            let (x, y) = (f64::from(i % 10) * 0.03 + 0.1, f64::from(i / 10) * 0.03 - 0.2);
+            let x = f64::from(i % 10) * 0.03 + 0.1;
+            let y = f64::from(i / 10) * 0.03 - 0.2;
             // Alternating 5 mm above and below.
             sums.add([x, y, 0.02 + 0.1 * x - 0.3 * y + if (i % 10 + i / 10) % 2 == 0 { 0.005 } else { -0.005 }]);
         }

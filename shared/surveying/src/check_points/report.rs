@@ -78,7 +78,8 @@ pub(super) fn table(residuals: &[Residual]) -> String {
     for Residual { point, horizontal_m, up_m, n_points, roughness_m } in residuals {
         let [x, y, z] = point.xyz;
         let [dx, dy] = [0, 1].map(|axis| metres(horizontal_m.map(|residual| residual[axis])));
-        let (dz, roughness) = (metres(*up_m), metres(*roughness_m));
+        let dz = metres(*up_m);
+        let roughness = metres(*roughness_m);
         let _ = writeln!(text, "{},{x},{y},{z},{dx},{dy},{dz},{n_points},{roughness}", point.name);
     }
     text

@@ -81,7 +81,8 @@ impl Columns {
         };
         let xyz = run_of(&["x", "y", "z"], coordinates)?;
         let lidar_xyz = run_of(&["x_lidar_position", "y_lidar_position", "z_lidar_position"], coordinates)?;
-        let (mut present, mut offsets) = (Vec::new(), BTreeMap::new());
+        let mut present = Vec::new();
+        let mut offsets = BTreeMap::new();
         for column in table.iter().filter(|column| !column.fields.is_empty()) {
             let mut found = Vec::new();
             for field in column.fields {

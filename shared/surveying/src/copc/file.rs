@@ -48,7 +48,8 @@ pub(super) fn write(
     let n_points = |(_, keys): &(&NodeKey, &Vec<NodeKey>)| keys.iter().map(|key| sizes[key]).sum::<u64>();
     let mut rest = &nodes[..];
     while !rest.is_empty() {
-        let (mut n, mut n_batch) = (0, 0);
+        let mut n = 0;
+        let mut n_batch = 0;
         while n < rest.len() && (n == 0 || n_batch < POINTS_AT_A_TIME) {
             n_batch += n_points(&rest[n]);
             n += 1;
@@ -71,7 +72,8 @@ pub(super) fn write(
         chunks?.iter().try_for_each(|chunk| writer.add(chunk)).map_err(DeliverError::file(path, "write"))?;
         progress(n_batch);
     }
-    let (facts, offset_m) = (&delivery.facts, delivery.facts.offset_m);
+    let facts = &delivery.facts;
+    let offset_m = delivery.facts.offset_m;
     let extent = writer.finish(facts, octree, &laz, offset_m).map_err(DeliverError::file(path, "write"))?;
     file.commit_unsynced().map_err(DeliverError::file(path, "write"))?;
     Ok(extent)
@@ -135,7 +137,8 @@ impl<'a> CopcWriter<'a> {
 
     fn add(&mut self, chunk: &Chunk) -> io::Result<()> {
         self.writer.write_all(&chunk.bytes)?;
-        let (n_bytes, n_points) = (chunk.bytes.len(), chunk.extent.n_points as usize);
+        let n_bytes = chunk.bytes.len();
+        let n_points = chunk.extent.n_points as usize;
         self.entries.push(Entry { key: chunk.key, at: self.at, n_bytes, n_points });
         self.table.push(ChunkTableEntry { point_count: chunk.extent.n_points, byte_count: n_bytes as u64 });
         self.at += n_bytes as u64;
@@ -145,7 +148,8 @@ impl<'a> CopcWriter<'a> {
     }
 
     fn finish(mut self, facts: &HeaderFacts, octree: &Octree, laz: &LazVlr, offset_m: [f64; 3]) -> io::Result<Extent> {
-        let (points_at, table_at) = (self.points_at(), self.at);
+        let points_at = self.points_at();
+        let table_at = self.at;
         let mut table = Vec::new();
         self.table.write_to(&mut table, laz)?;
         self.writer.write_all(&table)?;

@@ -111,7 +111,8 @@ impl Node {
             // Bits of a voxel that lie below the side of the node.
             let voxel = |axis: usize| (position[axis] >> (bits - VOXEL_BITS) & ((1 << VOXEL_BITS) - 1)) as usize;
             let voxel = voxel(0) | voxel(1) << VOXEL_BITS | voxel(2) << (2 * VOXEL_BITS);
-            let (word, bit) = (voxel / 64, 1 << (voxel % 64));
+            let word = voxel / 64;
+            let bit = 1 << (voxel % 64);
             if self.occupied[word] & bit == 0 {
                 self.occupied[word] |= bit;
                 placed.push((i, level));

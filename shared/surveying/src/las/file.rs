@@ -44,7 +44,8 @@ impl Extent {
             self.n_points += 1;
             let [low, high] = &mut self.bounds;
             for ((low, high), value) in low.iter_mut().zip(high).zip(position) {
-                (*low, *high) = ((*low).min(value), (*high).max(value));
+                *low = (*low).min(value);
+                *high = (*high).max(value);
             }
         }
     }
@@ -141,7 +142,8 @@ impl<'a> LasFile<'a> {
 
     /// Completes the file and gives it its name.
     pub(crate) fn finish(mut self) -> Result<Extent, DeliverError> {
-        (self.header.n_points, self.header.bounds) = (self.extent.n_points, self.extent.bounds);
+        self.header.n_points = self.extent.n_points;
+        self.header.bounds = self.extent.bounds;
         let header = self.header.bytes(self.facts);
         let path = self.file.path().to_owned();
         let write = || -> io::Result<()> {
@@ -167,7 +169,8 @@ mod tests {
     use super::*;
 
     fn facts(record_bytes: usize) -> HeaderFacts {
-        let (system, software) = ("system".to_owned(), "software".to_owned());
+        let system = "system".to_owned();
+        let software = "software".to_owned();
         HeaderFacts { system, software, begin_nanos: 0, offset_m: [0.0; 3], record_bytes }
     }
 

@@ -190,7 +190,8 @@ mod tests {
     fn record_has_wide_colors_gps_time_and_extra_bytes() {
         let point = point([1.0, 2.0, -3.0005]);
         let floats = ["x", "y", "z", "x_lidar_position", "y_lidar_position", "z_lidar_position"];
-        let (header, row) = (Header::new(floats.map(|name| (name, Kind::Float))), vec![0; 24]);
+        let header = Header::new(floats.map(|name| (name, Kind::Float)));
+        let row = vec![0; 24];
         let uchar = Kind::UChar;
         let fields: [(&str, Kind, &[u8]); 12] = [
             ("timestamp", Kind::Double, &point.time_s.to_le_bytes()),

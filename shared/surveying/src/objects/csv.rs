@@ -24,7 +24,8 @@ pub(super) fn table_in_frame(summaries: &[ObjectSummary], frame: &TargetFrame<'_
     for summary in summaries {
         let at = |[x, y]: [f64; 2]| frame.from_cloud([x, y, summary.low_m]);
         let [a, b, ..] = summary.corners();
-        let ([ax, ay, _], [bx, by, _]) = (at(a)?, at(b)?);
+        let [ax, ay, _] = at(a)?;
+        let [bx, by, _] = at(b)?;
         push(&mut text, summary, at(summary.footprint.center)?, (by - ay).atan2(bx - ax));
     }
     Ok(text)

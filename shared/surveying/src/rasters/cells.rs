@@ -56,7 +56,8 @@ impl Cells {
         let half = TILE / 2;
         for (number, quarter) in quarters.iter().enumerate() {
             let Some(quarter) = quarter else { continue };
-            let (left, top) = (number % 2 * half, number / 2 * half);
+            let left = number % 2 * half;
+            let top = number / 2 * half;
             for (row, column) in (0..half).flat_map(|row| (0..half).map(move |column| (row, column))) {
                 let first = 2 * row * TILE + 2 * column;
                 let four = [first, first + 1, first + TILE, first + TILE + 1];

@@ -85,7 +85,8 @@ impl Tags {
         let Self { layout, entries } = self;
         let entry_bytes = 4 + 2 * layout.word_bytes();
         let head_bytes = layout.count_bytes() + entry_bytes * entries.len() + layout.word_bytes();
-        let (mut head, mut tail) = (Vec::with_capacity(head_bytes), Vec::new());
+        let mut head = Vec::with_capacity(head_bytes);
+        let mut tail = Vec::new();
         head.extend(Layout::number(entries.len() as u64, layout.count_bytes()));
         for Entry { tag, kind, n, mut values } in entries {
             head.extend(tag.to_le_bytes());

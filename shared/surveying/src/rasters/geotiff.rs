@@ -302,7 +302,8 @@ mod tests {
             let tile = |begin: u64, size: u64| &bytes[begin as usize..(begin + size) as usize];
             assert_eq!(tile(begins[0], sizes[0]), empty, "{layout:?}");
             assert_eq!(tile(begins[1], sizes[1]), tiles[0], "{layout:?}");
-            let ((begins, last), (sizes, _)) = (values(bytes, layout, second, 324), values(bytes, layout, second, 325));
+            let (begins, last) = values(bytes, layout, second, 324);
+            let (sizes, _) = values(bytes, layout, second, 325);
             assert_eq!((tile(begins[0], sizes[0]), last), (&tiles[1][..], 0), "{layout:?}");
             assert_eq!(values(bytes, layout, first, 256).0, [2 * TILE as u64]);
         }

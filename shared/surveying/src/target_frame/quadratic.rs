@@ -29,7 +29,8 @@ impl Quadratic {
         let at = |steps: [f64; 3]| function(std::array::from_fn(|axis| center[axis] + steps[axis] * STEP_M));
         let middle = at([0.0; 3])?;
         let unit = |axis: usize, sign: f64| std::array::from_fn(|k| if k == axis { sign } else { 0.0 });
-        let (mut up, mut down) = ([[0.0; 5]; 3], [[0.0; 5]; 3]);
+        let mut up = [[0.0; 5]; 3];
+        let mut down = [[0.0; 5]; 3];
         for axis in 0..3 {
             (up[axis], down[axis]) = (at(unit(axis, 1.0))?, at(unit(axis, -1.0))?);
         }
@@ -47,7 +48,10 @@ impl Quadratic {
                     }
                 }))
             };
-            let (pp, pm, mp, mm) = (corner(1.0, 1.0)?, corner(1.0, -1.0)?, corner(-1.0, 1.0)?, corner(-1.0, -1.0)?);
+            let pp = corner(1.0, 1.0)?;
+            let pm = corner(1.0, -1.0)?;
+            let mp = corner(-1.0, 1.0)?;
+            let mm = corner(-1.0, -1.0)?;
             *mixed = std::array::from_fn(|v| (pp[v] - pm[v] - mp[v] + mm[v]) / (4.0 * STEP_M * STEP_M));
         }
         let coefficients = std::array::from_fn(|v| {

@@ -32,9 +32,11 @@ fn quadratics_differ_from_the_exact_projection_by_less_than_a_hundredth_of_a_mil
             let frame = TargetFrame::projected(&georeference, crs, Some(geoid())).expect("a frame");
             let mut converter = frame.converter();
             for i in 0..500 {
-                let (s, t) = (f64::from(i) * 37.3, f64::from(i % 40) * 3.0 - 60.0);
+                let s = f64::from(i) * 37.3;
+                let t = f64::from(i % 40) * 3.0 - 60.0;
                 let p = [start[0] + s * (s * 1e-3).sin(), start[1] - s, start[2] + t];
-                let (fast, exact) = (converter.convert(p).expect("converts"), frame.from_cloud(p).expect("converts"));
+                let fast = converter.convert(p).expect("converts");
+                let exact = frame.from_cloud(p).expect("converts");
                 let off = (0..3).map(|k| (fast[k] - exact[k]).abs()).fold(0.0, f64::max);
                 assert!(off < 1e-5, "EPSG:{epsg} {p:?}: {off} m");
             }
@@ -45,7 +47,8 @@ fn quadratics_differ_from_the_exact_projection_by_less_than_a_hundredth_of_a_mil
 #[test]
 fn clouds_in_utm_and_in_the_local_frame_have_the_same_coordinates() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (local, utm) = (georeference(folder.path(), false), georeference(folder.path(), true));
+    let local = georeference(folder.path(), false);
+    let utm = georeference(folder.path(), true);
     let p = [300.0, -800.0, 12.0];
     let in_utm = TargetFrame::projected(&local, Crs::from_epsg(32_631).expect("is supported"), None).expect("a frame");
     let in_utm = in_utm.from_cloud(p).expect("converts");
@@ -55,7 +58,8 @@ fn clouds_in_utm_and_in_the_local_frame_have_the_same_coordinates() {
         let crs = Crs::from_epsg(2154).expect("is supported");
         TargetFrame::projected(georeference, crs, Some(geoid())).expect("a frame").from_cloud(p).expect("converts")
     };
-    let (a, b) = (lambert(&local, p), lambert(&utm, in_utm));
+    let a = lambert(&local, p);
+    let b = lambert(&utm, in_utm);
     assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-6), "{a:?} {b:?}");
     // 104.6 + 12 m, 6 cm of curvature, 43.3 m of geoid.
     assert!((a[2] - (116.6 + 0.057 - 43.3)).abs() < 0.01, "{a:?}");

@@ -22,14 +22,16 @@ pub(super) fn bytes(trajectory: &Trajectory, local: &LocalFrame) -> Vec<u8> {
         let time_s = first_s + stamp.seconds_since(poses[0].0);
         let place = local.geodetic_from_world(&Point3::from(pose.translation.vector));
         let level = level_pose(pose, local);
-        let (before, after) = (&poses[i.saturating_sub(1)], &poses[(i + 1).min(poses.len() - 1)]);
+        let before = &poses[i.saturating_sub(1)];
+        let after = &poses[(i + 1).min(poses.len() - 1)];
         let seconds = after.0.seconds_since(before.0).max(1e-9);
         let velocity = (level.rotation * pose.rotation.inverse())
             * ((after.1.translation.vector - before.1.translation.vector) / seconds);
         let turn = (before.1.rotation.inverse() * after.1.rotation).scaled_axis() / seconds;
         let (roll, pitch, heading) = attitude(&level);
         let heading = heading.rem_euclid(std::f64::consts::TAU);
-        let (latitude, longitude) = (place.latitude_deg.to_radians(), place.longitude_deg.to_radians());
+        let latitude = place.latitude_deg.to_radians();
+        let longitude = place.longitude_deg.to_radians();
         let doubles = [time_s, latitude, longitude, place.altitude_m, velocity.y, velocity.x, -velocity.z];
         let doubles = doubles.into_iter().chain([roll, pitch, heading, 0.0, 0.0, 0.0, 0.0, turn.x, -turn.y, -turn.z]);
         bytes.extend(doubles.flat_map(f64::to_le_bytes));

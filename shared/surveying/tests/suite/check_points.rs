@@ -8,11 +8,13 @@ use surveying::check_points::{load_check_points, write_check_points};
 #[test]
 fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let run = folder.path().join("run");
+    let out = folder.path().join("out");
     std::fs::create_dir(&out).expect("made");
     // A road that rises by 5 %, and a roof 3 m over it.
     let road = |i: usize| {
-        let (x, y) = ((i % 200) as f64 * 0.1, (i / 200) as f64 * 0.1);
+        let x = (i % 200) as f64 * 0.1;
+        let y = (i / 200) as f64 * 0.1;
         ([x, y, 0.05 * x + if i.is_multiple_of(3) { 3.0 } else { 0.0 }], 7)
     };
     write_run(&run, &[((0..8000).map(road).collect(), true)]);
@@ -23,7 +25,10 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
         let [east, north, up] = frame.from_cloud([x, y, 0.05 * x]).expect("converts");
         (east, north, up + off)
     };
-    let (a, b, c, d) = (at(5.03, 1.02, -0.07), at(12.0, 2.0, 0.03), at(-50.0, 0.0, 0.0), at(15.0, 2.0, 0.0));
+    let a = at(5.03, 1.02, -0.07);
+    let b = at(12.0, 2.0, 0.03);
+    let c = at(-50.0, 0.0, 0.0);
+    let d = at(15.0, 2.0, 0.0);
     let file = folder.path().join("points.csv");
     let mut text = "name,x,y,z,cloud_x,cloud_y,cloud_z\n".to_owned();
     for (name, (x, y, z)) in [("A", a), ("B", b), ("C", c)] {

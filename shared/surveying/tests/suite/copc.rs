@@ -15,7 +15,8 @@ fn deliver(run: &Path, out: &Path) -> LasContent {
 #[test]
 fn every_point_is_in_the_cube_of_its_node_and_those_of_the_run_are_there() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let run = folder.path().join("run");
+    let out = folder.path().join("out");
     write_run(&run, &[(street(150_000), true)]);
     let copc = deliver(&run, &out);
     let bytes = &copc.bytes;
@@ -24,17 +25,22 @@ fn every_point_is_in_the_cube_of_its_node_and_those_of_the_run_are_there() {
     let int = |at: usize| i32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"));
     // The description of the octree is the first record.
     assert_eq!(&bytes[377..381], b"copc");
-    let (center, half) = ([429, 437, 445].map(double), double(453));
+    let center = [429, 437, 445].map(double);
+    let half = double(453);
     assert_eq!(double(461), half / 64.0, "spacing");
-    let (hierarchy_at, hierarchy_bytes) = (long(469), long(477));
+    let hierarchy_at = long(469);
+    let hierarchy_bytes = long(477);
     assert_eq!(hierarchy_at + hierarchy_bytes, bytes.len());
     assert!(double(485) < double(493), "times");
     // Chunks follow one another in the order of the table.
     let points_at = u32::from_le_bytes(bytes[96..100].try_into().expect("4 bytes")) as usize;
-    let (mut chunk_at, mut first, mut deepest) = (points_at + 8, 0, 0);
+    let mut chunk_at = points_at + 8;
+    let mut first = 0;
+    let mut deepest = 0;
     let mut n_nodes = 0;
     for entry in (hierarchy_at..bytes.len()).step_by(32) {
-        let (level, cell) = (int(entry), [4, 8, 12].map(|at| f64::from(int(entry + at))));
+        let level = int(entry);
+        let cell = [4, 8, 12].map(|at| f64::from(int(entry + at)));
         assert_eq!(long(entry + 16), chunk_at);
         chunk_at += int(entry + 24) as usize;
         let n_points = int(entry + 28) as usize;

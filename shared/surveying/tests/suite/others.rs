@@ -10,7 +10,8 @@ use surveying::{RunFolder, TargetFrame, write_cloudcompare, write_semantic_kitti
 
 /// A run of two clouds and a folder for deliveries.
 fn prepare(folder: &Path) -> (PathBuf, PathBuf) {
-    let (run, out) = (folder.join("run"), folder.join("out"));
+    let run = folder.join("run");
+    let out = folder.join("out");
     std::fs::create_dir(&out).expect("made");
     write_run(&run, &[(street(600), true), (street(400), true)]);
     (run, out)
@@ -82,7 +83,8 @@ fn fields_for_cloudcompare_are_floats_with_relative_times() {
     assert!(cloud.infos().iter().any(|info| info.starts_with(&format!("scalar_time s since {BEGIN_S}.000000000 s"))));
     let times = cloud.f64s("scalar_time").expect("is there");
     assert!((times[100] - 1.001).abs() < 1e-6, "{}", times[100]);
-    let (x, classes) = (cloud.f64s("x").expect("is there"), cloud.u8s("scalar_class").expect("is there"));
+    let x = cloud.f64s("x").expect("is there");
+    let classes = cloud.u8s("scalar_class").expect("is there");
     for (i, (xyz, class)) in street(400).iter().enumerate() {
         let expected = frame.from_cloud(*xyz).expect("converts");
         assert!((x[i] - expected[0]).abs() < 1e-5 && classes[i] == *class);

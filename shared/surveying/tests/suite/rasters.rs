@@ -16,7 +16,8 @@ fn read(path: &Path) -> (Vec<Level>, Vec<u8>) {
     let bytes = std::fs::read(path).expect("is there");
     let word = |at: usize| usize::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]));
     let long = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes")) as usize;
-    let (mut at, mut levels) = (long(4), Vec::new());
+    let mut at = long(4);
+    let mut levels = Vec::new();
     while at != 0 {
         let n = word(at);
         let entry =
@@ -42,7 +43,8 @@ fn read(path: &Path) -> (Vec<Level>, Vec<u8>) {
 #[test]
 fn cells_have_the_heights_classes_and_colors_of_their_points() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let run = folder.path().join("run");
+    let out = folder.path().join("out");
     std::fs::create_dir(&out).expect("made");
     // A road along 100 m, and a wall over its begin. Every fifth point moves, and is left out.
     let mut points: Vec<([f64; 3], u8)> = (0..500).map(|i| ([f64::from(i) * 0.2, 0.0, 1.0], 7)).collect();
@@ -56,7 +58,8 @@ fn cells_have_the_heights_classes_and_colors_of_their_points() {
     assert_eq!(names, ["height.tif", "terrain.tif", "class.tif", "color.tif"]);
     // The wall and the ground at the same cell.
     let [x, y, z] = frame.from_cloud([0.2, 0.0, 6.0]).expect("converts");
-    let (column, row) = ((x / 0.2).floor() as i64, (y / 0.2).floor() as i64);
+    let column = (x / 0.2).floor() as i64;
+    let row = (y / 0.2).floor() as i64;
     for (name, bytes_of_cell) in [("height.tif", 4), ("terrain.tif", 4), ("class.tif", 1), ("color.tif", 4)] {
         let (levels, bytes) = read(&out.join(name));
         let first = &levels[0];

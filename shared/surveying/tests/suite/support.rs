@@ -121,7 +121,8 @@ impl LasContent {
         let bytes = std::fs::read(path).expect("is there");
         let short = |at: usize| usize::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]));
         let long = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes")) as usize;
-        let (points_at, record_bytes) = (long(96), short(105));
+        let points_at = long(96);
+        let record_bytes = short(105);
         let n_points = u64::from_le_bytes(bytes[247..255].try_into().expect("8 bytes")) as usize;
         let mut all = vec![0; n_points * record_bytes];
         if bytes[104] & 0x80 == 0 {
@@ -129,7 +130,8 @@ impl LasContent {
         } else {
             let mut at = short(94);
             let laszip = (0..long(100)).find_map(|_| {
-                let (begin, length) = (at, short(at + 20));
+                let begin = at;
+                let length = short(at + 20);
                 at += 54 + length;
                 (short(begin + 18) == 22_204).then(|| LazVlr::from_buffer(&bytes[begin + 54..at]).expect("a record"))
             });

@@ -25,7 +25,8 @@ fn cloud_and_point(record: &[u8]) -> (usize, usize) {
 #[test]
 fn points_lie_by_sweep_and_laser_and_then_in_their_order() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let run = folder.path().join("run");
+    let out = folder.path().join("out");
     write_run(&run, &[(street(1000), true)]);
     let (files, _) = deliver(&run, &out, Tiling { side_m: 0, is_compressed: true });
     let places = LasContent::read(&out.join(&files[0].file))
@@ -43,7 +44,8 @@ fn points_lie_by_sweep_and_laser_and_then_in_their_order() {
 #[test]
 fn every_point_is_in_its_tile_once_with_its_values() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let run = folder.path().join("run");
+    let out = folder.path().join("out");
     let points = street(1000);
     write_run(&run, &[(points[..600].to_vec(), true), (points[600..].to_vec(), true)]);
     let (files, left_out) = deliver(&run, &out, LAZ_20_M);
@@ -91,7 +93,9 @@ fn las_and_laz_have_the_same_records_for_any_number_of_threads() {
         assert_eq!(files.len(), 1);
         LasContent::read(&out.join(&files[0].file))
     };
-    let (laz, again, las) = (write("a", 1, true), write("b", 3, true), write("c", 2, false));
+    let laz = write("a", 1, true);
+    let again = write("b", 3, true);
+    let las = write("c", 2, false);
     assert!(laz.bytes == again.bytes, "the bytes do not depend on threads");
     assert_eq!(laz.records, las.records);
     assert_eq!(laz.records.len(), 5000);
@@ -100,7 +104,8 @@ fn las_and_laz_have_the_same_records_for_any_number_of_threads() {
 #[test]
 fn points_without_place_or_finite_coordinates_are_counted() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let run = folder.path().join("run");
+    let out = folder.path().join("out");
     let mut points = street(100);
     points[7].0[1] = f64::NAN;
     points[8].0[2] = f64::INFINITY;
@@ -113,7 +118,8 @@ fn points_without_place_or_finite_coordinates_are_counted() {
 #[test]
 fn local_coordinates_are_those_of_the_clouds_without_reference_system() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let run = folder.path().join("run");
+    let out = folder.path().join("out");
     let points = street(50);
     write_run(&run, &[(points.clone(), true)]);
     std::fs::create_dir(&out).expect("made");
@@ -126,7 +132,8 @@ fn local_coordinates_are_those_of_the_clouds_without_reference_system() {
     let content = LasContent::read(&out.join(&files[0].file));
     assert_eq!(content.records.len(), points.len());
     for record in &content.records {
-        let (xyz, position) = (points[cloud_and_point(record).1].0, content.position(record));
+        let xyz = points[cloud_and_point(record).1].0;
+        let position = content.position(record);
         assert!((0..3).all(|k| (position[k] - xyz[k]).abs() < 6e-4), "{position:?} {xyz:?}");
     }
     let text = String::from_utf8_lossy(&content.bytes[..2000]).into_owned();

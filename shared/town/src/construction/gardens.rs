@@ -57,7 +57,8 @@ impl TownBuilder {
         let middle = 0.5 * (from + to) + if is_drive_first { 1.2 } else { -1.2 };
         // The house looks to the street along its -y.
         let yaw = line.heading(middle) + if side > 0.0 { 0.0 } else { PI };
-        let (house_width, depth) = ((width - 6.5).clamp(7.0, 13.0) as f32, random.range(7.5, 9.5));
+        let house_width = (width - 6.5).clamp(7.0, 13.0) as f32;
+        let depth = random.range(7.5, 9.5);
         let pose = self.stand_at(&at(middle, setback + 0.5 * f64::from(depth)), LAWN_H, yaw);
         if width > 18.0 && random.chance(0.2) {
             house::apartments(&mut self.builder, &pose, house_width, depth, 3 + random.index(2), random);

@@ -66,8 +66,9 @@ fn row(town: &mut TownBuilder, number: usize, [s0, s1]: [f64; 2]) {
     for side in [-1.0, 1.0] {
         let at = |s: f64, t: f64, h: f64| vertex(town, &street.plan(s, side * t), h);
         if profile.has_kerb() {
-            let (t, low, high) =
-                (profile.kerb_t, profile.road_height(profile.kerb_t) - 0.02, profile.side_height(profile.kerb_t));
+            let t = profile.kerb_t;
+            let low = profile.road_height(profile.kerb_t) - 0.02;
+            let high = profile.side_height(profile.kerb_t);
             quads.push(([at(s0, t, low), at(s1, t, low), at(s1, t, high), at(s0, t, high)], Paving::Kerb));
         }
         if let Some(Skirt { width_m, far_height_m, paving }) = skirt(street) {

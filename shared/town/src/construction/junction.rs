@@ -36,7 +36,8 @@ pub fn pave(town: &mut TownBuilder, node: usize) {
     let middle = town.network.nodes[node].at;
     let asphalt = town.pavings.id(Paving::Asphalt);
     for i in 0..edge.len() {
-        let (this, next) = (edge[i], edge[(i + 1) % edge.len()]);
+        let this = edge[i];
+        let next = edge[(i + 1) % edge.len()];
         for ring in 0..OUTWARD {
             let at = |(p, h): Spot, ring: usize| {
                 let share = ring as f64 / OUTWARD as f64;

@@ -19,7 +19,8 @@ impl TownBuilder {
     pub fn kerbside(&mut self, street: usize, side: f64, random: &mut Random) {
         let [begin, end] = self.network.mouths(street);
         // Rows of trees have one kind.
-        let (tree_kind, tree_every) = (random.index(3), 2 + random.index(2));
+        let tree_kind = random.index(3);
+        let tree_every = 2 + random.index(2);
         let mut slot = random.index(12);
         let mut s = begin + CLEAR_M + f64::from(random.range(0.0, 3.0));
         while s < end - CLEAR_M {

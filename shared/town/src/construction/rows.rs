@@ -34,7 +34,8 @@ impl Plot {
     /// Street coordinates at `share` of the front and `back_m` behind it.
     fn point(&self, share: f64, back_m: f64) -> (f64, f64) {
         let along = |ends: [f64; 2]| ends[0] + (ends[1] - ends[0]) * share;
-        let (front, back) = (along(self.front), along(self.back));
+        let front = along(self.front);
+        let back = along(self.back);
         (front + (back - front) * (back_m / DEPTH_M).clamp(0.0, 1.5), self.side * (self.t + back_m))
     }
 }
@@ -128,7 +129,8 @@ impl TownBuilder {
                 self.builder.quad(corners.map(|(s, back)| point(s, back, -0.01)), cobble);
             }
         }
-        let (wide, end) = (3.0 * half, YARD_M + 4.0);
+        let wide = 3.0 * half;
+        let end = YARD_M + 4.0;
         for [(s0, b0), (s1, b1)] in [
             [(middle - wide, end), (middle + wide, end)],
             [(middle - wide, DEPTH_M), (middle - wide, end)],
@@ -154,7 +156,8 @@ impl TownBuilder {
         let pose = self.stand_at(p, h, 0.0);
         let rubble = self.builder.surface(ClassId::Unlabeled, 0, Material::Fieldstone);
         for _ in 0..24 {
-            let (angle, out) = (random.range(0.0, TAU), random.range(0.0, 0.9));
+            let angle = random.range(0.0, TAU);
+            let out = random.range(0.0, 0.9);
             let center = Vec3::new(out * angle.cos(), out * angle.sin(), 0.55 * (1.0 - out) * random.range(0.3, 1.0));
             let size = Vec3::new(random.range(0.12, 0.3), random.range(0.12, 0.3), random.range(0.1, 0.2));
             let turned = pose * Isometry3::new(center, Vec3::z() * angle);

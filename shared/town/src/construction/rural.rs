@@ -86,7 +86,8 @@ impl TownBuilder {
         self.trees(street, side, [outer + 8.0, outer + 35.0], 2.2, random);
         self.trees(street, -side, [outer + 12.0, outer + 40.0], 7.0, random);
         let line = &self.network.streets[street];
-        let (t, span) = (-side * (line.profile.kerb_t + 0.9), [0.08, 0.92].map(|share| share * line.length_m));
+        let t = -side * (line.profile.kerb_t + 0.9);
+        let span = [0.08, 0.92].map(|share| share * line.length_m);
         self.guard_rail(street, t, side > 0.0, span);
         let [begin, end] = self.network.mouths(street);
         let feet = self.feet(street, [begin + 5.0, end - 5.0], side * f64::from(outer), 32.0);

@@ -50,7 +50,8 @@ pub(super) fn curve(percent: [f32; 11]) -> Spectrum {
 /// straight line to 750 nm (measured on all lawns and crowns of the Berlin library). The value at 700 nm is not used.
 pub(super) fn plant(percent: [f32; 11]) -> Spectrum {
     let anchors = curve(percent);
-    let (low, high) = (anchors.at(650.0), anchors.at(750.0));
+    let low = anchors.at(650.0);
+    let high = anchors.at(750.0);
     Spectrum::from_fn(|nm| {
         if (650.0..750.0).contains(&nm) { low + (high - low) * ((nm - 676.0) / 74.0).max(0.0) } else { anchors.at(nm) }
     })

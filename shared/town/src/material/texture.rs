@@ -62,7 +62,8 @@ fn blocks(p: &Vec3, normal: &Vec3, width: f32, height: f32, joint: f32) -> f32 {
     };
     let row = (up / height).floor();
     let column = along / width + 0.5 * (row as i64).rem_euclid(2) as f32;
-    let (in_row, in_column) = (up / height - row, column - column.floor());
+    let in_row = up / height - row;
+    let in_column = column - column.floor();
     let gap = 0.08;
     if in_row < gap || in_column < gap * height / width {
         return 1.0 + joint;

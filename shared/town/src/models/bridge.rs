@@ -31,7 +31,9 @@ impl Overpass {
         let mut f = Frame::new(b, pose);
         let concrete = *random.pick(&[Material::Concrete, Material::ConcreteNew, Material::Limestone, Material::Brick]);
         let [body, deck, steel] = [concrete, Material::Concrete, Material::Steel].map(|m| f.surface(Bridge, m));
-        let (x, y, low) = (0.5 * self.width_m, 0.5 * self.span_m, self.clearance_m);
+        let x = 0.5 * self.width_m;
+        let y = 0.5 * self.span_m;
+        let low = self.clearance_m;
         let top = low + Self::DECK_M;
         f.cuboid([-x, -y - 1.5, low + 0.5], [x, y + 1.5, top], deck);
         let girders = (self.width_m / 2.2).ceil().max(2.0) as usize;
@@ -77,7 +79,8 @@ pub fn tunnel(b: &mut SceneBuilder, middle: &[Vec3], half_width_m: f32, random: 
         b.surface(Bridge, 0, Material::Lamp),
     ];
     let line = Line::new(middle, 1.5);
-    let (seed, lengths) = (random.bits(), line.lengths());
+    let seed = random.bits();
+    let lengths = line.lengths();
     let spring = 3.0;
     let rise = (0.55 * half_width_m).min(3.0);
     let vault: Vec<[f32; 2]> = (0..=STEPS)

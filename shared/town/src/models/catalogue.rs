@@ -252,7 +252,8 @@ mod tests {
                 let [low, high] = extent(&b);
                 let above = Vec3::new(high.x - low.x, high.y - low.y, high.z);
                 for axis in 0..3 {
-                    let (is, at_most) = (above[axis], entry.largest[axis]);
+                    let is = above[axis];
+                    let at_most = entry.largest[axis];
                     assert!(
                         is <= at_most,
                         "{} of seed {seed}: {is} m along axis {axis}, {at_most} allowed",

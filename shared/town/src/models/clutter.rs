@@ -50,7 +50,9 @@ pub fn bags(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     for _ in 0..3 + random.index(4) {
         let skin = *random.pick(&[Material::BlackPlastic, Material::BluePlastic, Material::BlackPlastic]);
         let skin = f.surface(Dynamic, skin);
-        let (x, y, size) = (random.range(-0.5, 0.5), random.range(-0.3, 0.3), random.range(0.18, 0.28));
+        let x = random.range(-0.5, 0.5);
+        let y = random.range(-0.3, 0.3);
+        let size = random.range(0.18, 0.28);
         f.ball([x, y, 0.85 * size], size, skin);
         f.cone([x, y, 1.6 * size], [x + 0.03, y, 2.3 * size], [0.5 * size, 0.06], skin);
     }

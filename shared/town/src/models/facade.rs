@@ -125,7 +125,8 @@ impl Front<'_> {
         };
         match self.gate {
             Some([from, to]) => {
-                let (left, right) = (evenly([0.0, from - GATE_PIER_M]), evenly([to + GATE_PIER_M, self.length]));
+                let left = evenly([0.0, from - GATE_PIER_M]);
+                let right = evenly([to + GATE_PIER_M, self.length]);
                 left.chain(right).collect()
             }
             None => evenly([0.0, self.length]).collect(),
@@ -155,7 +156,8 @@ impl Front<'_> {
         let point = |u: f32, z: f32| plan(u, z, self.uneven(u, z));
         for u in us.windows(2) {
             for z in zs.windows(2) {
-                let (u_middle, z_middle) = (0.5 * (u[0] + u[1]), 0.5 * (z[0] + z[1]));
+                let u_middle = 0.5 * (u[0] + u[1]);
+                let z_middle = 0.5 * (z[0] + z[1]);
                 if hole.holds(u_middle, z_middle) {
                     continue;
                 }
@@ -166,7 +168,8 @@ impl Front<'_> {
 
     /// Cornice, quoins and the rain pipe.
     fn edges(&self, b: &mut SceneBuilder, plan: WallFrame<'_>, looks: &FacadeSurfaces) {
-        let (style, top) = (self.style, self.style.height(self.floors));
+        let style = self.style;
+        let top = self.style.height(self.floors);
         if style.cornice_m > 0.0 {
             let out = style.cornice_m;
             course(b, plan, [0.0, self.length], [top - 0.5, top - 0.25], [-0.05, 0.4 * out], looks.trim);
@@ -175,7 +178,8 @@ impl Front<'_> {
         if style.quoins {
             let n = (top / 0.45) as usize;
             for i in 0..n {
-                let (z, wide) = (0.45 * i as f32, if i % 2 == 0 { 0.5 } else { 0.3 });
+                let z = 0.45 * i as f32;
+                let wide = if i % 2 == 0 { 0.5 } else { 0.3 };
                 for u in [[0.0, wide], [self.length - wide, self.length]] {
                     block(b, plan, u, [z + 0.02, z + 0.43], [-0.05, 0.06], looks.trim);
                 }

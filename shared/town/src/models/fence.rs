@@ -86,7 +86,8 @@ pub fn pasture_fence(b: &mut SceneBuilder, feet: &[Vec3], random: &mut Random) {
     for pair in stakes.windows(2) {
         for up in [0.4, 0.75, 1.1] {
             let mut end = |foot: &Vec3| foot + Vec3::z() * (up + random.range(-0.04, 0.04));
-            let (from, to) = (end(&pair[0]), end(&pair[1]));
+            let from = end(&pair[0]);
+            let to = end(&pair[1]);
             b.add(Shape::cylinder(from, to, 0.04), wood);
         }
     }

@@ -70,7 +70,8 @@ impl<'a> Frame<'a> {
     }
     /// A squared timber between two distinct points, `width` across and `height` at right angles to that.
     pub fn beam(&mut self, from: At, to: At, [width, height]: [f32; 2], surface: SurfaceId) {
-        let (from, to) = (self.at(from), self.at(to));
+        let from = self.at(from);
+        let to = self.at(to);
         self.add(beam(&from, &to, [width, height]), surface);
     }
     pub fn quad(&mut self, corners: [At; 4], surface: SurfaceId) {

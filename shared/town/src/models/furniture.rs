@@ -18,7 +18,8 @@ pub fn bench(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
         f.cuboid([-0.9, y, 0.42], [0.9, y + 0.095, 0.46], wood);
     }
     for plank in 0..3 {
-        let (y, z) = (0.23 + 0.03 * plank as f32, 0.55 + 0.125 * plank as f32);
+        let y = 0.23 + 0.03 * plank as f32;
+        let z = 0.55 + 0.125 * plank as f32;
         f.beam([-0.9, y, z], [0.9, y, z], [0.03, 0.1], wood);
     }
     for x in [-0.75, 0.0, 0.75] {
@@ -141,7 +142,8 @@ pub fn fountain(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random
             let angle = TAU * i as f32 / RIM as f32;
             [out * angle.cos(), out * angle.sin()]
         };
-        let ([ax, ay], [cx, cy]) = (corner(i, radius), corner(i + 1, radius));
+        let [ax, ay] = corner(i, radius);
+        let [cx, cy] = corner(i + 1, radius);
         f.beam([ax, ay, 0.1], [cx, cy, 0.1], [0.3, 0.8], stone);
         f.beam([ax, ay, 0.53], [cx, cy, 0.53], [0.46, 0.1], stone);
     }
@@ -153,7 +155,8 @@ pub fn fountain(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random
     f.ball([0.0, 0.0, 2.38], 0.16, stone);
     for i in 0..8 {
         let angle = TAU * i as f32 / 8.0;
-        let (c, s) = (angle.cos(), angle.sin());
+        let c = angle.cos();
+        let s = angle.sin();
         // Falling water: drops that some rays pass.
         for step in 0..4 {
             let share = step as f32 / 3.0;

@@ -28,7 +28,8 @@ pub struct Lot {
 
 /// A house on a lot: front, back, sides, roof, and the passage through it.
 pub fn row_house(b: &mut SceneBuilder, plan: WallFrame<'_>, lot: &Lot, style: &Style, random: &mut Random) {
-    let (width, depth) = (lot.width, lot.depth);
+    let width = lot.width;
+    let depth = lot.depth;
     let back = style.back();
     let gate = (lot.gate && width >= 9.0).then(|| {
         let middle = width * random.range(0.4, 0.6);
@@ -133,7 +134,8 @@ fn free_standing(
     door: Option<f32>,
     random: &mut Random,
 ) {
-    let (width, depth) = (lot.width, lot.depth);
+    let width = lot.width;
+    let depth = lot.depth;
     let side = |turn: usize, u: f32, z: f32, out: f32| match turn {
         0 => plan(u, z, out),
         1 => plan(width + out, z, -u),
@@ -186,7 +188,8 @@ fn garage(b: &mut SceneBuilder, plan: WallFrame<'_>, style: &Style, [width, dept
 
 /// A barn of planks, brick or stone, 14 to 20 m long, with a large gate in its front on -y.
 pub fn barn(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
-    let (width, depth) = (random.range(14.0, 20.0), random.range(9.0, 12.0));
+    let width = random.range(14.0, 20.0);
+    let depth = random.range(9.0, 12.0);
     let wall = *random.pick(&[Material::Wood, Material::WoodGray, Material::Brick, Material::Fieldstone]);
     let height = random.range(4.0, 5.5);
     let style = Style::blank(random, wall, height);
@@ -226,7 +229,8 @@ pub fn church(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) 
         recess_m: 0.35,
         ..Style::blank(random, wall, 8.5)
     };
-    let (length, depth) = (20.0, 10.0);
+    let length = 20.0;
+    let depth = 10.0;
     let nave = pose * Isometry3::translation(3.0, 0.0, 0.0);
     let plan = around(&nave, length, depth);
     let lot = Lot { width: length, depth, floors: 1, open: [true; 2], gate: false };
@@ -244,7 +248,8 @@ pub fn church(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) 
 
 /// A square tower of 5.6 m and 19 m height under a spire.
 fn tower(b: &mut SceneBuilder, pose: &Isometry3<f32>, wall: Material, random: &mut Random) {
-    let (size, height) = (5.6, 19.0);
+    let size = 5.6;
+    let height = 19.0;
     let style = Style {
         roof: Roof::Flat,
         cornice_m: 0.3,
@@ -305,7 +310,8 @@ mod tests {
             let mut random = Random::of_hash(8, 0);
             let top = style.height(4);
             for _ in 0..4000 {
-                let (u, z) = (random.range(0.05, WIDTH - 0.05), random.range(0.0, top - 0.05));
+                let u = random.range(0.05, WIDTH - 0.05);
+                let z = random.range(0.0, top - 0.05);
                 for (y, toward) in [(-20.0, 1.0), (DEPTH + 20.0, -1.0)] {
                     let ray = Ray { origin: Vec3::new(u, y, z), direction: Vec3::y() * toward, seed: 0 };
                     let (range, _) = tree.nearest(&ray, 60.0).expect("a wall");
@@ -340,7 +346,8 @@ mod tests {
         // Between the windows of the first floor; blocks on the wall are boxes and the wall is not.
         let depths: Vec<f32> = (0..3000)
             .filter_map(|i| {
-                let (u, z) = (0.3 + 0.0048 * i as f32, style.floor_z(1) + 0.35);
+                let u = 0.3 + 0.0048 * i as f32;
+                let z = style.floor_z(1) + 0.35;
                 let ray = Ray { origin: Vec3::new(u, -20.0, z), direction: Vec3::y(), seed: 0 };
                 let (range, primitive) = tree.nearest(&ray, 60.0)?;
                 (primitive.surface as usize == wall).then_some(20.0 - range)

@@ -26,7 +26,8 @@ impl Line {
         }
         let left = (0..feet.len())
             .map(|i| {
-                let (before, after) = (feet[i.saturating_sub(1)], feet[(i + 1).min(feet.len() - 1)]);
+                let before = feet[i.saturating_sub(1)];
+                let after = feet[(i + 1).min(feet.len() - 1)];
                 let along = (after - before).xy().try_normalize(1e-6).unwrap_or_else(nalgebra::Vector2::x);
                 Vec3::new(-along.y, along.x, 0.0)
             })

@@ -58,7 +58,8 @@ impl Shop {
 impl Opening {
     /// In the middle of a bay whose storey begins at `z`.
     pub fn new(style: &Style, kind: OpeningKind, bay: [f32; 2], z: f32, storey: f32, gate: Option<[f32; 2]>) -> Self {
-        let (middle, width) = (0.5 * (bay[0] + bay[1]), bay[1] - bay[0]);
+        let middle = 0.5 * (bay[0] + bay[1]);
+        let width = bay[1] - bay[0];
         let [window, height, sill] = style.window;
         let (half, heights) = match kind {
             OpeningKind::Window => (0.5 * window.min(0.8 * width), [sill, (sill + height).min(storey - 0.3)]),
@@ -99,7 +100,8 @@ impl Opening {
         // A gateway's reveals are those of the passage behind it.
         let recess = if self.kind == OpeningKind::Shop { 0.12 } else { style.recess_m };
         for i in 0..4 {
-            let ((ua, za), (uc, zc)) = (rim[i], rim[(i + 1) % 4]);
+            let (ua, za) = rim[i];
+            let (uc, zc) = rim[(i + 1) % 4];
             if self.kind == OpeningKind::Gate && i == 0 {
                 continue;
             }
@@ -133,7 +135,8 @@ impl Opening {
         looks: &FacadeSurfaces,
         random: &mut Random,
     ) {
-        let ([u0, u1], [z0, z1]) = (self.u, self.z);
+        let [u0, u1] = self.u;
+        let [z0, z1] = self.z;
         let mut bar = |u: [f32; 2], z: [f32; 2]| {
             let corners = [(u[0], z[0]), (u[1], z[0]), (u[1], z[1]), (u[0], z[1])];
             b.quad(corners.map(|(u, z)| point(u, z, 0.045 - style.recess_m)), looks.frame);
@@ -174,7 +177,8 @@ impl Opening {
     }
 
     fn door(&self, b: &mut SceneBuilder, plan: WallFrame<'_>, style: &Style, looks: &FacadeSurfaces) {
-        let ([u0, u1], [z0, z1]) = (self.u, self.z);
+        let [u0, u1] = self.u;
+        let [z0, z1] = self.z;
         let back = -style.recess_m;
         // Panels stand out of the leaf, a window above it.
         for z in [[z0 + 0.2, z0 + 0.75], [z0 + 0.9, z0 + 1.85]] {
@@ -198,7 +202,8 @@ impl Opening {
         shop: &Shop,
         random: &mut Random,
     ) {
-        let ([u0, u1], [z0, z1]) = (self.u, self.z);
+        let [u0, u1] = self.u;
+        let [z0, z1] = self.z;
         let board = b.surface(Building, 0, shop.board);
         block(b, plan, [u0 - 0.16, u1 + 0.16], [z1 + 0.05, z1 + 0.6], [-0.02, 0.13], board);
         block(b, plan, [u0, u1], [z0 - 0.4, z0], [-0.02, 0.06], board);
@@ -236,7 +241,8 @@ impl Opening {
 
 /// A cloth on two arms that slopes 1.3 m out over the sidewalk, with a valance.
 fn awning(b: &mut SceneBuilder, plan: WallFrame<'_>, u: [f32; 2], z: f32, cloth: SurfaceId, iron: SurfaceId) {
-    let (out, low) = (1.3, z - 0.45);
+    let out = 1.3;
+    let low = z - 0.45;
     let corner = |i: usize, z: f32, out: f32| plan(u[i], z, out);
     b.quad([corner(0, z, 0.1), corner(1, z, 0.1), corner(1, low, out), corner(0, low, out)], cloth);
     b.quad([corner(0, low, out), corner(1, low, out), corner(1, low - 0.22, out), corner(0, low - 0.22, out)], cloth);

@@ -244,7 +244,8 @@ pub fn figure(f: &mut Frame<'_>, appearance: &PersonAppearance, posture: &Postur
     };
     let h = appearance.height_m;
     let reach = |side: usize| {
-        let (thigh, shin) = (posture.thighs[side], posture.thighs[side] - posture.knees[side]);
+        let thigh = posture.thighs[side];
+        let shin = posture.thighs[side] - posture.knees[side];
         LEG * h * (thigh.cos() + shin.cos())
     };
     // Ankles are 4.5 % of the height above the soles.
@@ -281,7 +282,8 @@ fn swing([x, y, z]: At, length: f32, angle: f32) -> At {
 }
 
 fn leg(f: &mut Frame<'_>, appearance: &PersonAppearance, posture: &Posture, side: usize, hips: f32, clothes: &Clothes) {
-    let (h, g) = (appearance.height_m, appearance.girth);
+    let h = appearance.height_m;
+    let g = appearance.girth;
     let y = if side == 0 { 0.052 * h } else { -0.052 * h };
     let thigh = posture.thighs[side];
     let shin = thigh - posture.knees[side];
@@ -301,7 +303,8 @@ fn leg(f: &mut Frame<'_>, appearance: &PersonAppearance, posture: &Posture, side
 }
 
 fn trunk(f: &mut Frame<'_>, appearance: &PersonAppearance, up: &dyn Fn(f32, f32) -> At, clothes: &Clothes) {
-    let (h, g) = (appearance.height_m, appearance.girth);
+    let h = appearance.height_m;
+    let g = appearance.girth;
     // A body is wider than deep: two cones side by side.
     for y in [-0.035 * h, 0.035 * h] {
         let aside = |[x, _, z]: At| [x, y, z];

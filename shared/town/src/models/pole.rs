@@ -86,7 +86,8 @@ pub fn traffic_light_arm(b: &mut SceneBuilder, pose: &Isometry3<f32>, reach_m: f
 fn signal(f: &mut Frame<'_>, [x, y, z]: [f32; 3], scale: f32) {
     let class = TrafficLight;
     let casing = f.surface(class, Material::BlackPlastic);
-    let (half, depth) = (0.16 * scale, 0.1 * scale);
+    let half = 0.16 * scale;
+    let depth = 0.1 * scale;
     f.cuboid([x - depth, y - half, z], [x + depth, y + half, z + 0.95 * scale], casing);
     let lamps = [Material::LightGreen, Material::LightAmber, Material::LightRed];
     for (i, material) in lamps.into_iter().enumerate() {
@@ -134,7 +135,8 @@ pub fn utility_line(b: &mut SceneBuilder, feet: &[Vec3], random: &mut Random) {
     let insulator = b.surface(Pole, 0, Material::WhitePlastic);
     let wire = b.surface(Pole, 0, Material::DarkMetal);
     for (i, foot) in feet.iter().enumerate() {
-        let (before, after) = (feet[i.saturating_sub(1)], feet[(i + 1).min(feet.len() - 1)]);
+        let before = feet[i.saturating_sub(1)];
+        let after = feet[(i + 1).min(feet.len() - 1)];
         let across = side_of(&before, &after);
         let top = foot + Vec3::new(random.range(-0.1, 0.1), random.range(-0.1, 0.1), WIRE_M + 0.4);
         b.add(Shape::cone(foot - Vec3::z() * ROOT_M, top, [0.15, 0.1]), wood);

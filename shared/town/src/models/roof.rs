@@ -54,11 +54,13 @@ fn outline(body: &Body, style: &Style, random: &mut Random) -> Outline {
     let depth = body.depth;
     match style.roof {
         Roof::Mansard => {
-            let (steep, back) = (random.range(2.2, 2.6), 1.2);
+            let steep = random.range(2.2, 2.6);
+            let back = 1.2;
             vec![[0.02, 0.0], [-back, steep], [-0.5 * depth, steep + 0.7], [back - depth, steep], [-depth - 0.02, 0.0]]
         }
         Roof::Gabled => {
-            let (rise, eave) = ((depth * random.range(0.32, 0.46)).min(5.0), 0.4);
+            let rise = (depth * random.range(0.32, 0.46)).min(5.0);
+            let eave = 0.4;
             let drop = -eave * rise / (0.5 * depth);
             vec![[eave, drop], [-0.5 * depth, rise], [-depth - eave, drop]]
         }
@@ -120,7 +122,8 @@ fn chimneys(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, foot: f32, r
     for _ in 0..=random.index(3) {
         let u = random.range(0.6, body.width - 0.6);
         let out = -body.depth * random.range(0.3, 0.6);
-        let (half, top) = (random.range(0.35, 0.8), body.top + foot + random.range(1.6, 2.4));
+        let half = random.range(0.35, 0.8);
+        let top = body.top + foot + random.range(1.6, 2.4);
         block(b, plan, [u - 0.25, u + 0.25], [body.top + foot - 1.0, top], [out - half, out + half], stack);
         let n = (half / 0.2) as usize;
         for i in 0..=n {
@@ -132,7 +135,8 @@ fn chimneys(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, foot: f32, r
 
 /// A parapet around a flat roof, and what stands behind it.
 fn parapet(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, style: &Style, random: &mut Random) {
-    let (wall, z) = (b.surface(Building, 0, style.wall), [body.top - 0.05, body.top + 0.8]);
+    let wall = b.surface(Building, 0, style.wall);
+    let z = [body.top - 0.05, body.top + 0.8];
     for out in [[-0.25, 0.02], [-body.depth - 0.02, 0.25 - body.depth]] {
         super::wall::course(b, plan, [0.0, body.width], z, out, wall);
     }
@@ -144,7 +148,8 @@ fn parapet(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, style: &Style
     let u = random.range(0.2, 0.6) * body.width;
     block(b, plan, [u, u + 2.5], [body.top, body.top + 2.4], [-0.7 * body.depth, -0.4 * body.depth], concrete);
     for _ in 0..=random.index(3) {
-        let (u, out) = (random.range(1.0, body.width - 1.5), -random.range(1.5, body.depth - 1.5));
+        let u = random.range(1.0, body.width - 1.5);
+        let out = -random.range(1.5, body.depth - 1.5);
         block(b, plan, [u, u + 0.9], [body.top, body.top + 0.9], [out - 0.4, out + 0.4], metal);
     }
 }

@@ -115,7 +115,8 @@ fn round(f: &mut Frame<'_>, z: f32, rim: Material) {
 
 fn board(f: &mut Frame<'_>, [width, height]: [f32; 2], z: f32, surface: SurfaceId) {
     let back = back(f);
-    let (w, h) = (0.5 * width, 0.5 * height);
+    let w = 0.5 * width;
+    let h = 0.5 * height;
     f.cuboid([FACE_X, -w, z - h], [FACE_X + 0.012, w, z + h], surface);
     f.cuboid([FACE_X + 0.0125, -w, z - h], [FACE_X + 0.02, w, z + h], back);
 }

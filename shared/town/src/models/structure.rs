@@ -51,7 +51,8 @@ pub fn market_stall(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Ra
     f.cuboid([-1.45, -0.95, 0.75], [1.45, 0.1, 0.8], wood);
     f.cuboid([-1.45, -0.97, 0.05], [1.45, -0.95, 0.78], cloth);
     for i in 0..10 {
-        let (x, y) = (-1.2 + 0.6 * (i % 5) as f32, -0.7 + 0.45 * (i / 5) as f32);
+        let x = -1.2 + 0.6 * (i % 5) as f32;
+        let y = -0.7 + 0.45 * (i / 5) as f32;
         let goods = *random.pick(&[Material::OrangePlastic, Material::LeavesYoung, Material::RedCloth, Material::Wood]);
         let goods = f.surface(Other, goods);
         f.cuboid([x - 0.22, y - 0.17, 0.8], [x + 0.22, y + 0.17, 0.92], wood);
@@ -68,7 +69,8 @@ pub fn tent(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let [cloth, steel] = [f.surface(Other, cloth), f.surface(Other, Material::Steel)];
     let corners = [[-1.5, -1.5], [1.5, -1.5], [1.5, 1.5], [-1.5, 1.5]];
     for i in 0..4 {
-        let ([ax, ay], [cx, cy]) = (corners[i], corners[(i + 1) % 4]);
+        let [ax, ay] = corners[i];
+        let [cx, cy] = corners[(i + 1) % 4];
         f.tube([ax, ay, 0.0], [ax, ay, 2.2], 0.03, steel);
         f.triangle([[ax, ay, 2.2], [cx, cy, 2.2], [0.0, 0.0, 3.2]], cloth);
         f.quad([[ax, ay, 2.2], [cx, cy, 2.2], [cx, cy, 1.95], [ax, ay, 1.95]], cloth);

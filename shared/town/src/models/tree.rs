@@ -132,7 +132,8 @@ pub fn poplar(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) 
     for i in 0..n {
         let share = i as f32 / n as f32;
         let width = 1.15 * (std::f32::consts::PI * (0.12 + 0.85 * share)).sin();
-        let (angle, out) = (i as f32 * GOLDEN, 0.5 * width);
+        let angle = i as f32 * GOLDEN;
+        let out = 0.5 * width;
         let radius = 0.25 + 0.5 * width * random.range(0.7, 1.0);
         let z = 1.5 + share * (height - 2.2);
         f.leaves([out * angle.cos(), out * angle.sin(), z], radius, 0.4, leaves);
@@ -157,7 +158,8 @@ pub fn conifer(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random)
         for i in 0..n {
             let angle = turn + TAU * i as f32 / n as f32;
             let tip = reach * random.range(0.85, 1.1);
-            let (cos, sin) = (angle.cos(), angle.sin());
+            let cos = angle.cos();
+            let sin = angle.sin();
             f.tube([0.0, 0.0, z], [tip * cos, tip * sin, z - 0.22 * tip], 0.015, bark);
             for share in [0.45, 0.85] {
                 let radius = 0.14 + 0.18 * reach * (1.2 - share);
@@ -177,11 +179,13 @@ pub fn bush(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let leaf = *random.pick(&[Material::Leaves, Material::LeavesDark, Material::LeavesYoung]);
     let leaves = f.surface(Vegetation, leaf);
     let blossom = f.surface(Vegetation, Material::Blossom);
-    let (height, spread) = (random.range(0.8, 1.6), random.range(0.4, 0.8));
+    let height = random.range(0.8, 1.6);
+    let spread = random.range(0.4, 0.8);
     let blooms = random.chance(0.33);
     for i in 0..14 {
         let share = (i as f32 + 0.5) / 14.0;
-        let (angle, out) = (i as f32 * GOLDEN, spread * random.range(0.2, 0.6));
+        let angle = i as f32 * GOLDEN;
+        let out = spread * random.range(0.2, 0.6);
         let radius = spread * random.range(0.28, 0.42);
         let at = [out * angle.cos(), out * angle.sin(), radius + share * (height - 2.0 * radius).max(0.0)];
         f.tube([0.2 * at[0], 0.2 * at[1], -0.1], at, 0.012, bark);
@@ -200,8 +204,11 @@ pub fn tuft(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let grass = f.surface(Vegetation, grass);
     for i in 0..24 {
         let angle = i as f32 * GOLDEN;
-        let (out, bend, height) = (random.range(0.0, 0.2), random.range(0.03, 0.22), random.range(0.15, 0.5));
-        let (c, s) = (angle.cos(), angle.sin());
+        let out = random.range(0.0, 0.2);
+        let bend = random.range(0.03, 0.22);
+        let height = random.range(0.15, 0.5);
+        let c = angle.cos();
+        let s = angle.sin();
         f.cone([out * c, out * s, -0.02], [(out + bend) * c, (out + bend) * s, height], [0.009, 0.002], grass);
     }
     f.leaves([0.0, 0.0, 0.06], 0.2, 0.15, grass);

@@ -103,12 +103,15 @@ fn draw_bicycle(f: &mut Frame<'_>, random: &mut Random, pedals: f32) {
     ]);
     let [frame, metal, rubber, lamp, tail] =
         [paint, Material::Steel, Material::Rubber, Material::Lamp, Material::TailLamp].map(|m| f.surface(Vehicles, m));
-    let (rear, front) = ([-0.52, 0.0, 0.34], [0.53, 0.0, 0.34]);
+    let rear = [-0.52, 0.0, 0.34];
+    let front = [0.53, 0.0, 0.34];
     for hub in [rear, front] {
         spoked_wheel(f, hub, 0.33, [rubber, metal]);
     }
-    let (crank, seat, head_low, head_high) =
-        ([-0.08, 0.0, 0.29], [-0.25, 0.0, 0.8], [0.4, 0.0, 0.65], [0.35, 0.0, 0.85]);
+    let crank = [-0.08, 0.0, 0.29];
+    let seat = [-0.25, 0.0, 0.8];
+    let head_low = [0.4, 0.0, 0.65];
+    let head_high = [0.35, 0.0, 0.85];
     for (from, to) in
         [(crank, seat), (crank, head_low), (seat, head_high), (rear, crank), (rear, seat), (head_low, head_high)]
     {

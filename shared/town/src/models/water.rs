@@ -22,7 +22,9 @@ pub fn canal(b: &mut SceneBuilder, middle: &[Vec3], width_m: f32, random: &mut R
         b.surface(Ground, 0, Material::Granite),
     ];
     let line = Line::new(middle, 1.0);
-    let (half, seed, lengths) = (0.5 * width_m, random.bits(), line.lengths());
+    let half = 0.5 * width_m;
+    let seed = random.bits();
+    let lengths = line.lengths();
     let columns = (width_m / 2.0).ceil() as usize;
     let surface: Vec<[f32; 2]> =
         (0..=columns).map(|i| [-half - 0.2 + (width_m + 0.4) * i as f32 / columns as f32, -DROP_M]).collect();
@@ -50,7 +52,8 @@ pub fn pond(b: &mut SceneBuilder, pose: &Isometry3<f32>, radius_m: f32, random: 
     for i in 0..n {
         let angle = TAU * i as f32 / n as f32;
         let size = random.range(0.14, 0.24);
-        let (c, s) = (angle.cos(), angle.sin());
+        let c = angle.cos();
+        let s = angle.sin();
         f.ball([radius_m * c, radius_m * s, 0.06], size, stone);
         if i % 2 == 0 {
             let out = radius_m + random.range(0.2, 0.5);

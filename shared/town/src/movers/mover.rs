@@ -78,7 +78,8 @@ impl Mover {
     pub fn striding(models: Vec<Vec<Primitive>>, stride_m: f64, route: Route) -> Option<Self> {
         let models: Vec<Bvh> = models.into_iter().map(Bvh::new).collect();
         let [low, high] = hull(&models)?;
-        let (center, radius) = ((low + high) * 0.5, (high - low).norm() * 0.5);
+        let center = (low + high) * 0.5;
+        let radius = (high - low).norm() * 0.5;
         Some(Self { models, stride_m, center, radius, route })
     }
     /// `world_from_object`, `seconds` after the start of the drive.

@@ -40,7 +40,8 @@ pub fn build(seed: u64, style: &GridStyle) -> Network {
     // Streets that go on across a node keep their direction there.
     let mut turns =
         || -> Vec<f64> { (0..NODES * NODES).map(|_| f64::from(random.range(-style.bend, style.bend))).collect() };
-    let (east_turns, north_turns) = (turns(), turns());
+    let east_turns = turns();
+    let north_turns = turns();
     let axis = (places[node(N, 0)] - places[node(0, 0)]).normalize();
     let street = |from: usize, to: usize, is_east: bool, profile: Profile| {
         let along = if is_east { axis } else { Vector2::new(-axis.y, axis.x) };
@@ -50,7 +51,8 @@ pub fn build(seed: u64, style: &GridStyle) -> Network {
     };
     // A street keeps its width from end to end of the town.
     let mut widths = || [(); NODES].map(|()| f64::from(random.range(2.9, 4.6)));
-    let (rows, columns) = (widths(), widths());
+    let rows = widths();
+    let columns = widths();
     let profile = |walk_m: f64| if style.is_urban { Profile::urban(walk_m) } else { Profile::residential() };
     let mut streets = Vec::new();
     for (j, width) in rows.into_iter().enumerate() {
@@ -100,7 +102,8 @@ fn places(style: &GridStyle, random: &mut Random) -> Vec<Vector2<f64>> {
         }
         lines.iter().map(|line| line - 0.5 * at).collect::<Vec<f64>>()
     };
-    let (xs, ys) = (lines(), lines());
+    let xs = lines();
+    let ys = lines();
     let turn = Rotation2::new(f64::from(random.range(0.0, std::f32::consts::TAU)));
     let mut places = Vec::new();
     for y in ys {
@@ -114,8 +117,10 @@ fn places(style: &GridStyle, random: &mut Random) -> Vec<Vector2<f64>> {
 
 /// Around a square of 4 by 4 blocks with a corner cut out: turns both ways.
 fn round(random: &mut Random) -> Vec<Leg> {
-    let (cut_x, cut_y) = (1 + random.index(2), 1 + random.index(2));
-    let (low, high) = (1, N - 1);
+    let cut_x = 1 + random.index(2);
+    let cut_y = 1 + random.index(2);
+    let low = 1;
+    let high = N - 1;
     let corners = [
         (low, low),
         (high, low),

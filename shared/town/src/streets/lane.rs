@@ -68,7 +68,8 @@ pub fn between_mouths(network: &Network, leg: Leg) -> (f64, f64) {
 
 /// Points through the junction between two legs, the ends left out.
 fn turn(network: &Network, leg: Leg, next: Leg, t: f64) -> Vec<Vector2<f64>> {
-    let (street, next_street) = (&network.streets[leg.street], &network.streets[next.street]);
+    let street = &network.streets[leg.street];
+    let next_street = &network.streets[next.street];
     let (_, last) = between_mouths(network, leg);
     let (first, _) = between_mouths(network, next);
     let place = |leg: Leg, street: &crate::streets::street::Street, at: f64| {
@@ -78,7 +79,8 @@ fn turn(network: &Network, leg: Leg, next: Leg, t: f64) -> Vec<Vector2<f64>> {
         };
         (on(at), (on(at + 0.05) - on(at - 0.05)).normalize())
     };
-    let ((a, a_direction), (b, b_direction)) = (place(leg, street, last), place(next, next_street, first));
+    let (a, a_direction) = place(leg, street, last);
+    let (b, b_direction) = place(next, next_street, first);
     let is_beside_road = t.abs() > street.profile.kerb_t;
     let handle = if is_beside_road { SHARP_HANDLE } else { HANDLE } * (b - a).norm();
     let controls = [a, a + a_direction * handle, b - b_direction * handle, b];

@@ -92,7 +92,8 @@ impl Network {
     }
     /// Where the facades along a side (1 left, -1 right) begin and end, as `s`.
     pub fn facade_ends(&self, street: usize, side: f64) -> [f64; 2] {
-        let (begin, end) = (self.arm(street, 0), self.arm(street, 1));
+        let begin = self.arm(street, 0);
+        let end = self.arm(street, 1);
         let (first, last) = if side > 0.0 { (begin.left, end.right) } else { (begin.right, end.left) };
         [first.outer_m, self.streets[street].length_m - last.outer_m]
     }
@@ -168,9 +169,12 @@ fn arms(streets: &[Street], node: usize) -> Vec<Arm> {
         return arms;
     }
     for k in 0..n {
-        let (this, next) = (arms[k], arms[(k + 1) % n]);
-        let (a, b) = (&streets[this.street], &streets[next.street]);
-        let (p, q) = (&a.profile, &b.profile);
+        let this = arms[k];
+        let next = arms[(k + 1) % n];
+        let a = &streets[this.street];
+        let b = &streets[next.street];
+        let p = &a.profile;
+        let q = &b.profile;
         arms[k].left = Corner {
             kerb_m: meeting(a, this.end, p.kerb_t, b, q.kerb_t),
             outer_m: meeting(a, this.end, p.outer_t, b, q.outer_t),
@@ -213,7 +217,8 @@ fn meeting(street: &Street, end: usize, t: f64, other: &Street, reach: f64) -> f
     if high <= 0.0 {
         return 0.0;
     }
-    let (mut low, mut high) = (high, (high + 0.5).min(far + 0.5));
+    let mut low = high;
+    let mut high = (high + 0.5).min(far + 0.5);
     for _ in 0..24 {
         let middle = 0.5 * (low + high);
         if is_near(middle) { low = middle } else { high = middle }
@@ -259,7 +264,8 @@ mod tests {
             assert!((arms[1].left.outer_m - expected(profile.outer_t, std::f64::consts::PI - angle)).abs() < 1e-3);
             // Neighbors agree on the place.
             for k in 0..4 {
-                let (this, next) = (arms[k], arms[(k + 1) % 4]);
+                let this = arms[k];
+                let next = arms[(k + 1) % 4];
                 let place = |arm: Arm, s: f64, t: f64| {
                     let street = &network.streets[arm.street];
                     let (s, t) = street.at_node(arm.end, s, t);

@@ -122,7 +122,8 @@ pub fn bezier(c: &[Vector2<f64>; 4], u: f64) -> Vector2<f64> {
 pub fn resample(line: &[Vector2<f64>], n: usize) -> Vec<Vector2<f64>> {
     let total: f64 = line.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
     let n = n.max(1);
-    let (mut segment, mut before) = (0, 0.0);
+    let mut segment = 0;
+    let mut before = 0.0;
     (0..=n)
         .map(|i| {
             let target = total * i as f64 / n as f64;
@@ -176,7 +177,8 @@ mod tests {
     #[test]
     fn leaning_frame_follows_ground_and_upright_frame_does_not() {
         let street = street();
-        let (leaning, upright) = (street.leaning(50.0, 2.0, 0.0, 0.3), street.upright(50.0, 2.0, 0.0, 0.3));
+        let leaning = street.leaning(50.0, 2.0, 0.0, 0.3);
+        let upright = street.upright(50.0, 2.0, 0.0, 0.3);
         let gradient = street.terrain.gradient(&street.plan(50.0, 2.0));
         let up = Vector3::new(-gradient.x, -gradient.y, 1.0).normalize();
         assert!(((leaning.rotation * Vec3::z()).cast::<f64>() - up).norm() < 1e-5);

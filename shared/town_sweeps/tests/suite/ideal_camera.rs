@@ -14,7 +14,8 @@ fn further_rays_reach_leaves_and_change_no_other_values() {
         let camera = IdealCamera::of_bands(&[650]).with_rays(n_rays);
         camera.values(&simulation, &submap.header, &submap.points, &shown)
     };
-    let (one, many) = (values(1), values(32));
+    let one = values(1);
+    let many = values(32);
     let share = |values: &[f32], class: ClassId| {
         let of: Vec<bool> =
             values.iter().zip(&submap.truth).filter(|(_, c)| **c == class as u8).map(|(v, _)| !v.is_nan()).collect();

@@ -8,7 +8,8 @@ pub fn max_pool_gradient(image: &Planes, pooled: &Planes, gradient: &Planes, [ro
     for block in 0..pooled.n_blocks() {
         for y in 0..pooled.height() {
             let mut taken = vec![[false; LANES]; pooled.width()];
-            let (largest, gradient) = (pooled.row(block, y), gradient.row(block, y));
+            let largest = pooled.row(block, y);
+            let gradient = gradient.row(block, y);
             for row in y * rows..(y + 1) * rows {
                 let pixels = image.row(block, row).chunks_exact(columns);
                 let out = out.row_mut(block, row).chunks_exact_mut(columns);

@@ -70,7 +70,8 @@ impl CustomOp2 for Sums {
         if of_p.shape() != of_y.shape() {
             bail!("class_sums: shapes {:?} and {:?} must be equal", of_p.shape(), of_y.shape());
         }
-        let ((p_range, n_classes), (y_range, _)) = (rows(of_p)?, rows(of_y)?);
+        let (p_range, n_classes) = rows(of_p)?;
+        let (y_range, _) = rows(of_y)?;
         let out = match (p, y) {
             (CpuStorage::F32(p), CpuStorage::F32(y)) => {
                 CpuStorage::F32(sums(&p[p_range], &y[y_range], n_classes, self.power))
@@ -101,7 +102,9 @@ impl CustomOp3 for SumsGradient {
         by: &CpuStorage,
         of_by: &Layout,
     ) -> Result<(CpuStorage, Shape)> {
-        let ((p_range, _), (y_range, _), (by_range, _)) = (rows(of_p)?, rows(of_y)?, rows(of_by)?);
+        let (p_range, _) = rows(of_p)?;
+        let (y_range, _) = rows(of_y)?;
+        let (by_range, _) = rows(of_by)?;
         let out = match (p, y, by) {
             (CpuStorage::F32(p), CpuStorage::F32(y), CpuStorage::F32(by)) => {
                 CpuStorage::F32(gradient(&p[p_range], &y[y_range], &by[by_range], self.power))
@@ -142,7 +145,8 @@ fn sums<T: Real>(p: &[T], y: &[T], n_classes: usize, power: f64) -> Vec<T> {
 
 fn gradient<T: Real>(p: &[T], y: &[T], by: &[T], power: f64) -> Vec<T> {
     let n_classes = by.len() / N_SUMS;
-    let (by_both, by_powers) = (&by[..n_classes], &by[n_classes..2 * n_classes]);
+    let by_both = &by[..n_classes];
+    let by_powers = &by[n_classes..2 * n_classes];
     let n = ROWS * n_classes;
     let mut out = vec![T::default(); p.len()];
     out.par_chunks_mut(n).zip(p.par_chunks(n)).zip(y.par_chunks(n)).for_each(|((out, p), y)| {

@@ -55,7 +55,8 @@ impl Hierarchy {
         let mut nodes: Vec<Vec<usize>> = (0..n_classes).map(|class| vec![class]).collect();
         while nodes.len() > n_nodes.max(1) {
             let of_pair = |&(first, second): &(usize, usize)| -> f64 {
-                let (first, second) = (&nodes[first], &nodes[second]);
+                let first = &nodes[first];
+                let second = &nodes[second];
                 let pairs = first.iter().flat_map(|&a| second.iter().map(move |&b| share(a, b) + share(b, a)));
                 pairs.sum::<f64>() / (first.len() * second.len()) as f64
             };

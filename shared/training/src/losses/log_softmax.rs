@@ -52,7 +52,8 @@ impl CustomOp2 for LogSoftmaxGradient {
         by: &CpuStorage,
         of_by: &Layout,
     ) -> Result<(CpuStorage, Shape)> {
-        let ((range, n_classes), (of_by, _)) = (rows(layout)?, rows(of_by)?);
+        let (range, n_classes) = rows(layout)?;
+        let (of_by, _) = rows(of_by)?;
         let out = match (log_p, by) {
             (CpuStorage::F32(log_p), CpuStorage::F32(by)) => {
                 CpuStorage::F32(gradient(&log_p[range], &by[of_by], n_classes))

@@ -66,7 +66,8 @@ impl<N: Network> Trainer<N> {
             return Err(wrong("this file is a model, not a checkpoint"));
         }
         let state: State<N::Spec> = file.settings()?;
-        let (epochs, patience) = (self.settings.epochs, self.settings.patience);
+        let epochs = self.settings.epochs;
+        let patience = self.settings.patience;
         if (TrainSettings { epochs, patience, ..state.settings }) != self.settings
             || &state.network != self.network.spec()
         {
@@ -96,7 +97,10 @@ impl<N: Network> Trainer<N> {
             let values = file.tensor(&format!("best.{name}"), shape)?;
             best.tensors.insert(name.clone(), WeightTensor { shape: shape.clone(), values });
         }
-        (self.best, self.curves, self.adam.steps, self.adam.means) = (best, state.curves, state.steps, means);
+        self.best = best;
+        self.curves = state.curves;
+        self.adam.steps = state.steps;
+        self.adam.means = means;
         Ok(())
     }
 }

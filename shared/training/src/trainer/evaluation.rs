@@ -23,7 +23,8 @@ impl<N: Network> Trainer<N> {
     /// If the data does not fit the network.
     pub fn evaluate(&self, data: &dyn Dataset<N::Example>) -> Result<(f64, Confusion), TrainingError> {
         let mut confusion = Confusion::new(self.criterion.n_classes);
-        let (mut sum, mut n) = (0.0, 0);
+        let mut sum = 0.0;
+        let mut n = 0;
         self.each_batch(data, &mut |logits, classes| {
             sum += f64::from(self.criterion.of_logits(logits, classes)?.to_scalar::<f32>()?);
             n += 1;

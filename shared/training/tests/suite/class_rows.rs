@@ -23,7 +23,8 @@ fn output(weights: &Weights, row: usize) -> (&[f32], f32) {
 
 /// Weights of a start with its own biases, with which variables of `own` classes begin.
 fn begin(of_start: &[&str], own: &[&str], folds: [usize; 2]) -> (usize, Weights, Weights, Weights) {
-    let (of_start, own) = (names(of_start), names(own));
+    let of_start = names(of_start);
+    let own = names(own);
     let mut start = variables(folds[0] * of_start.len(), 1).weights().expect("weights");
     let biases = start.tensors.get_mut(TENSORS[1]).expect("biases");
     biases.values.iter_mut().enumerate().for_each(|(row, bias)| *bias = row as f32);

@@ -36,7 +36,8 @@ fn convolution_derivatives_are_adjoint_to_convolution() {
         let shape = Shape { kernel, stride_x, in_channels: in_channels.to_vec(), out_channels, rectify: false };
         let n_in: usize = in_channels.iter().sum();
         let mut values = |n: usize| (0..n).map(|_| random.range(-0.5, 0.5)).collect::<Vec<f32>>();
-        let (weights, biases) = (values(out_channels * n_in * kernel[0] * kernel[1]), values(out_channels));
+        let weights = values(out_channels * n_in * kernel[0] * kernel[1]);
+        let biases = values(out_channels);
         let filter = Filter::new(shape.clone(), &weights, &biases);
         let sources: Vec<Planes> =
             in_channels.iter().map(|&n| random_planes([n, height, width], border, &mut random)).collect();

@@ -53,7 +53,8 @@ fn compare_derivatives(device: &Device) {
         let derive = |mut network: ImageNetwork| {
             network.derive(&batch, &criterion(), Random::new(8)).expect("derives").expect("pixels have classes")
         };
-        let (expected, got) = (derive(network()), derive(network().on_device(device.clone())));
+        let expected = derive(network());
+        let got = derive(network().on_device(device.clone()));
         assert!((got.loss - expected.loss).abs() < 1e-5 * expected.loss, "{} for {}", got.loss, expected.loss);
         assert_eq!(got.gradients.len(), expected.gradients.len());
         for (name, expected) in &expected.gradients {

@@ -127,7 +127,8 @@ pub fn relative_error(loss: impl Fn(&Values) -> f64 + Sync, values: &Values, nam
 fn derivatives_of_all_variables_equal_central_differences_in_f64() {
     for spec in specs() {
         let variables = Variables::random(&spec, 3).expect("variables");
-        let (values, inputs) = (values_of(&variables), inputs());
+        let values = values_of(&variables);
+        let inputs = inputs();
         let gradients = gradients(&variables, &inputs);
         let mut largest = 0.0_f64;
         for (name, _) in variables.iter() {
@@ -145,7 +146,8 @@ fn derivatives_of_all_variables_equal_central_differences_in_f64() {
 fn derivative_check_detects_planted_errors_of_a_few_percent() {
     let spec = &specs()[1];
     let variables = Variables::random(spec, 3).expect("variables");
-    let (values, inputs) = (values_of(&variables), inputs());
+    let values = values_of(&variables);
+    let inputs = inputs();
     let gradients = gradients(&variables, &inputs);
     for name in ["down.0.0.raw", "up.0.1.raw", "classes.bias", "down.1.1.gain"] {
         let gradient = &gradients[name];

@@ -111,7 +111,9 @@ fn correct_prediction_has_lowest_loss() {
         sure.iter().enumerate().map(|(i, _)| sure[i / CLASSES * CLASSES + (i + 1) % CLASSES]).collect();
     for loss in all() {
         let of = |logits: &[f64]| value(&loss.of_logits(&matrix(logits), &matrix(&truth)).expect("a loss"));
-        let (best, unsure, worst) = (of(&sure), of(&vec![0.0; sure.len()]), of(&wrong));
+        let best = of(&sure);
+        let unsure = of(&vec![0.0; sure.len()]);
+        let worst = of(&wrong);
         assert!(best.abs() < 1e-3, "{loss:?}: {best}");
         assert!(best < unsure && unsure < worst, "{loss:?}: {best} {unsure} {worst}");
     }
@@ -166,7 +168,8 @@ fn power_above_two_penalizes_certainty() {
         let logits: Vec<f64> = truth.iter().map(|y| logit * y).collect();
         value(&Loss::PowerJaccard { power }.of_logits(&matrix(&logits), &matrix(&truth)).expect("a loss"))
     };
-    let (nearly, sure) = (4.0, 40.0);
+    let nearly = 4.0;
+    let sure = 40.0;
     assert!(of(3.0, nearly) < of(3.0, sure));
     assert!(of(2.0, nearly) > of(2.0, sure));
     assert!(of(1.5, nearly) > of(1.5, sure));

@@ -34,7 +34,8 @@ fn settings() -> Settings {
 fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     let mut random = Random::new(8);
     let mut header: Box<SubmapHeader> = Box::default();
-    (header.n_rings, header.n_sweeps) = (u32::from(RINGS), 2);
+    header.n_rings = u32::from(RINGS);
+    header.n_sweeps = 2;
     let mut points = Vec::new();
     for sweep in 0..2_u16 {
         let begin_x = f32::from(sweep);
@@ -44,8 +45,8 @@ fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
                 if random.unit() < 0.2 {
                     continue;
                 }
-                let (azimuth, up) =
-                    ((firing as f32 + 0.5) / FIRINGS as f32 * 360.0, (f32::from(ring) * 2.0 - 25.0).to_radians());
+                let azimuth = (firing as f32 + 0.5) / FIRINGS as f32 * 360.0;
+                let up = (f32::from(ring) * 2.0 - 25.0).to_radians();
                 let (sin, cos) = azimuth.to_radians().sin_cos();
                 let range = random.range(3.0, 40.0);
                 let ray = [up.cos() * cos, -up.cos() * sin, up.sin()].map(|v| v * range);
@@ -126,7 +127,9 @@ fn nearest_examples_beat_untrained_last_layer() {
     };
     let all = draw(usize::MAX, 1);
     assert_eq!(all.len(), points.len());
-    let (last_layer, own, few) = (share_right(None), share_right(Some(all)), share_right(Some(draw(200, 5))));
+    let last_layer = share_right(None);
+    let own = share_right(Some(all));
+    let few = share_right(Some(draw(200, 5)));
     assert!(last_layer < 0.5, "{last_layer}");
     // Every pixel is its own nearest example; errors share a cell with other points.
     assert!(own > 0.98, "{own}");
@@ -148,7 +151,8 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
         change(&mut data.0[1].1);
         NearestExamples::draw(&settings, &weights, &data, 10, 1).err().expect("is rejected").to_string()
     };
-    let (n_classes, columns) = (settings.classes.len(), settings.columns);
+    let n_classes = settings.classes.len();
+    let columns = settings.columns;
     assert_eq!(
         rejected(&|truth| truth[2 * columns + 5] = n_classes as u8),
         format!(

@@ -15,9 +15,12 @@ impl Dataset<PointExample> for Streets {
     }
     fn example(&self, index: usize, random: Option<&mut Random>) -> PointExample {
         let mut own = Random::of_stream(9, index as u64);
-        let (mut positions, mut features, mut truth) = (Vec::new(), Vec::new(), Vec::new());
+        let mut positions = Vec::new();
+        let mut features = Vec::new();
+        let mut truth = Vec::new();
         for i in 0..240 {
-            let (a, b) = (own.range(-3.0, 3.0), own.range(0.0, 3.0));
+            let a = own.range(-3.0, 3.0);
+            let b = own.range(0.0, 3.0);
             let class = i % CLASSES;
             positions.push([[a, 2.0 * b - 3.0, 0.0], [a, 3.0, b], [0.02 * a, 0.0, b]][class]);
             features.extend([positions[i][0], positions[i][1], positions[i][2], own.gauss()]);

@@ -101,7 +101,8 @@ impl Executor for Reference<'_> {
 
     fn convolution(&mut self, layer: &Layer, sources: &[&Image]) -> Result<Image, SegmentationError> {
         let shape = &layer.shape;
-        let (filters, biases) = (self.filters(layer), &self.values[&format!("{}.bias", layer.name)]);
+        let filters = self.filters(layer);
+        let biases = &self.values[&format!("{}.bias", layer.name)];
         let [rows, columns] = shape.kernel;
         self.features = Some(sources[0].clone());
         let size = [shape.out_channels, sources[0].height, shape.out_width(sources[0].width)];

@@ -64,7 +64,8 @@ fn planes(image: &Image) -> Planes {
 
 /// Logarithms of the probabilities at a pixel.
 fn log_p(output: &Image, pixel: usize, fold: usize) -> Vec<f64> {
-    let (row, column) = (pixel / (output.width * fold), pixel % (output.width * fold));
+    let row = pixel / (output.width * fold);
+    let column = pixel % (output.width * fold);
     let first = column % fold * CLASSES;
     let logits: Vec<f64> =
         (first..first + CLASSES).map(|c| output.values[output.index(c, row, column / fold)]).collect();
@@ -86,7 +87,8 @@ fn grid(case: &Case, features: &Image) -> Image {
         let pixels: Vec<usize> = (0..case.cells.len()).filter(|&pixel| case.cells[pixel] as usize == cell).collect();
         for channel in 0..FEATURES {
             let value = |&pixel: &usize| {
-                let (row, column) = (pixel / (FULL[1] * FOLD), pixel % (FULL[1] * FOLD));
+                let row = pixel / (FULL[1] * FOLD);
+                let column = pixel % (FULL[1] * FOLD);
                 features.values[features.index(channel, row, column / FOLD)]
             };
             let at = grid.index(channel, cell / SIDE, cell % SIDE);

@@ -49,7 +49,8 @@ impl Dataset for BarsTwice {
         self.0.len()
     }
     fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
-        let ([height, width], example) = (SIZE, self.0.example(index, random));
+        let [height, width] = SIZE;
+        let example = self.0.example(index, random);
         let input =
             Planes::from_fn([1, height / 2, width], Border::Circular, |_, y, x| example.input.row(0, 2 * y)[x][0]);
         let pixels = (0..height / 2 * width).map(|i| [i, i + i / width * width].map(|i| i as u32)).collect();
@@ -116,7 +117,8 @@ fn network_learns_classes_from_context() {
     train(&mut trainer, 30);
     assert!(trainer.is_done());
     let (_, after) = trainer.evaluate(&Bars(8)).expect("evaluates");
-    let (before, after) = (before.mean_iou().expect("some"), after.mean_iou().expect("some"));
+    let before = before.mean_iou().expect("some");
+    let after = after.mean_iou().expect("some");
     assert!(before < 0.5 && after > 0.95, "{before} {after}");
     assert_eq!(trainer.curves().csv().lines().count(), 31);
     assert!(trainer.curves().svg().contains("mIoU"));
@@ -210,7 +212,8 @@ fn finished_training_continues_with_more_epochs() {
 fn number_of_threads_does_not_change_weights() {
     let learned = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        let (mut plain, mut with_terms) = (trainer(settings()), trainer_with_terms());
+        let mut plain = trainer(settings());
+        let mut with_terms = trainer_with_terms();
         pool.install(|| train(&mut plain, 2));
         pool.install(|| train_with_views(&mut with_terms, 2));
         [plain, with_terms].map(|trainer| trainer.best().clone())

@@ -253,7 +253,8 @@ pub fn mcap(compression: &str) -> Vec<u8> {
     let record = |kind: u8, body: &[u8]| [&[kind][..], &(body.len() as u64).to_le_bytes(), body].concat();
     let mut content = Vec::new();
     for (number, (name, kind)) in (0_u16..).zip(topics(CDR)) {
-        let (id, schema) = (number.to_le_bytes(), (number + 1).to_le_bytes());
+        let id = number.to_le_bytes();
+        let schema = (number + 1).to_le_bytes();
         content.extend(record(3, &[&schema[..], &text(kind), &text("ros2msg"), &text("")].concat()));
         content.extend(record(4, &[&id[..], &schema, &text(name), &text("cdr"), &text("")].concat()));
     }
@@ -292,7 +293,9 @@ fn varint(value: usize) -> Vec<u8> {
 /// A leaf of these records, whose ids count from 1. Records that do not fit continue on the pages from `next_page`, which are
 /// returned as well.
 fn leaf(begin: usize, records: &[Vec<u8>], mut next_page: u32) -> (Vec<u8>, Vec<Vec<u8>>) {
-    let (mut page, mut others, mut end) = (vec![0; PAGE], Vec::new(), PAGE);
+    let mut page = vec![0; PAGE];
+    let mut others = Vec::new();
+    let mut end = PAGE;
     page[begin] = 13;
     page[begin + 3..begin + 5].copy_from_slice(&(records.len() as u16).to_be_bytes());
     for (index, record) in records.iter().enumerate() {
@@ -341,7 +344,8 @@ pub fn database() -> Vec<u8> {
     let (second, _) = leaf(0, &topics(CDR).into_iter().map(topic).collect::<Vec<_>>(), 0);
     let messages = street(CDR);
     // An inner page, then a leaf for each message and the rest of its record.
-    let (mut pages, mut children) = (Vec::new(), Vec::new());
+    let mut pages = Vec::new();
+    let mut children = Vec::new();
     for (number, (name, _, message)) in (1_u8..).zip(&messages) {
         let id = [number_of(name) as u8 + 1];
         let time = (i64::from(SECONDS) * 1_000_000_000 + i64::from(number)).to_be_bytes();

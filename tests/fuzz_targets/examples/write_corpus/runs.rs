@@ -94,7 +94,8 @@ fn zeros<R: Pod>(n: usize) -> Vec<R> {
 }
 
 pub fn state_head() -> Vec<u8> {
-    let (fixes, poses) = (message::<GnssTopic>(zeros(2)), message::<TrajectoryTopic>(zeros(1)));
+    let fixes = message::<GnssTopic>(zeros(2));
+    let poses = message::<TrajectoryTopic>(zeros(1));
     let mut state = StateBytes::with_head(2, &SourcePosition::Clouds { next: 4, taken: 0, n_bad: 1 }).expect("encodes");
     state.push(&fixes);
     state.push(&poses);

@@ -404,7 +404,8 @@ fn sensor() -> SensorCalibration {
         fwhm_nm: 10.0,
         coefficients: vec![0.5, 0.5, 0.25, -0.25],
     });
-    let (name, kind) = ("hsi".to_owned(), "hyperspectral".to_owned());
+    let name = "hsi".to_owned();
+    let kind = "hyperspectral".to_owned();
     SensorCalibration {
         version: 1,
         sensor_id: "1.2.3".to_owned(),

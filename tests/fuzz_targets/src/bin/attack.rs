@@ -68,7 +68,8 @@ fn attack(name: &str, args: &Args) -> std::io::Result<()> {
     }
     let progress = args.progress.as_ref().map(std::fs::File::create).transpose()?;
     let begin = Instant::now();
-    let (mut n, mut slowest) = (0, (Duration::ZERO, 0));
+    let mut n = 0;
+    let mut slowest = (Duration::ZERO, 0);
     while n < args.count && begin.elapsed().as_secs_f64() < args.seconds {
         let number = args.from + n;
         let bytes = input(&corpus, args.seed, number);
@@ -93,14 +94,16 @@ fn attack(name: &str, args: &Args) -> std::io::Result<()> {
         slowest = slowest.max((used, number));
         n += 1;
     }
-    let ((slowest, number), seconds) = (slowest, begin.elapsed().as_secs_f64());
+    let (slowest, number) = slowest;
+    let seconds = begin.elapsed().as_secs_f64();
     println!("{name}: {n} executions in {seconds:.1} s; slowest {} ms (input {number})", slowest.as_millis());
     Ok(())
 }
 
 /// Instructions of one call: those of a process with the input, less those of a process without.
 fn instructions_of_input(name: &str, seed: u64, number: u64) -> std::io::Result<u64> {
-    let (seed, number) = (seed.to_string(), number.to_string());
+    let seed = seed.to_string();
+    let number = number.to_string();
     let of_count = |count: &str| instructions(&[name, "--seed", &seed, "--from", &number, "--count", count]);
     Ok(of_count("1")?.saturating_sub(of_count("0")?))
 }

@@ -87,7 +87,9 @@ fn main() -> ExitCode {
 
 /// Instructions of one call with a piece at a size: those of a process with the call, less those of a process without.
 fn instructions_of_piece(name: &str, seed: u64, number: u64, size: usize) -> std::io::Result<u64> {
-    let (seed, number, size) = (seed.to_string(), number.to_string(), size.to_string());
+    let seed = seed.to_string();
+    let number = number.to_string();
+    let size = size.to_string();
     let of_count =
         |count: &str| instructions(&[name, "--seed", &seed, "--from", &number, "--size", &size, "--count", count]);
     Ok(of_count("1")?.saturating_sub(of_count("0")?))

@@ -65,7 +65,8 @@ fn only<T: Decode>(file: &Path, topic: &str) -> T {
 #[test]
 fn submap_becomes_a_cloud_with_its_columns_and_boxes() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (recording, out) = (recording(folder.path(), &tables()), folder.path().join("foxglove.mcap"));
+    let recording = recording(folder.path(), &tables());
+    let out = folder.path().join("foxglove.mcap");
     convert(&recording, &out, 100).expect("converts");
     let cloud: PointCloud = only(&out, "/points");
     assert_eq!((cloud.frame_id.as_str(), cloud.data.len()), ("odom", N * cloud.point_stride as usize));
@@ -96,7 +97,8 @@ fn submap_becomes_a_cloud_with_its_columns_and_boxes() {
 #[test]
 fn more_points_than_wanted_are_left_out_evenly() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (recording, out) = (recording(folder.path(), &tables()), folder.path().join("foxglove.mcap"));
+    let recording = recording(folder.path(), &tables());
+    let out = folder.path().join("foxglove.mcap");
     // Every second point would do: with beams that alternate, that is half of the beams.
     convert(&recording, &out, 5).expect("converts");
     let cloud: PointCloud = only(&out, "/points");
@@ -107,7 +109,8 @@ fn more_points_than_wanted_are_left_out_evenly() {
 #[test]
 fn submap_without_columns_is_shown_and_an_existing_file_is_kept() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (recording, out) = (recording(folder.path(), &tables()[..1]), folder.path().join("foxglove.mcap"));
+    let recording = recording(folder.path(), &tables()[..1]);
+    let out = folder.path().join("foxglove.mcap");
     convert(&recording, &out, 100).expect("converts");
     let cloud: PointCloud = only(&out, "/points");
     assert_eq!(cloud.data.len(), N * 24);

@@ -25,7 +25,8 @@ impl Channel {
     /// No values yet.
     pub fn new(wavelength_nm: f32) -> Self {
         let bins = vec![0; N_BINS];
-        let (min, max) = (f64::INFINITY, f64::NEG_INFINITY);
+        let min = f64::INFINITY;
+        let max = f64::NEG_INFINITY;
         Self { wavelength_nm, bins, n: 0, n_invalid: 0, sum: 0.0, sum_of_squares: 0.0, min, max }
     }
 
@@ -45,7 +46,8 @@ impl Channel {
         self.n += n;
         self.sum += value * n as f64;
         self.sum_of_squares += value * value * n as f64;
-        (self.min, self.max) = (self.min.min(value), self.max.max(value));
+        self.min = self.min.min(value);
+        self.max = self.max.max(value);
     }
 
     /// Number of valid values.
@@ -89,11 +91,13 @@ impl Channel {
     pub fn densest(&self, width: f64) -> (f64, f64) {
         let n_inside = ((width / BIN).round() as usize).clamp(1, N_BINS);
         let mut inside: u64 = self.bins[..n_inside].iter().sum();
-        let (mut best, mut start) = (inside, 0);
+        let mut best = inside;
+        let mut start = 0;
         for first in 1..=N_BINS - n_inside {
             inside = inside - self.bins[first - 1] + self.bins[first + n_inside - 1];
             if inside > best {
-                (best, start) = (inside, first);
+                best = inside;
+                start = first;
             }
         }
         (LOW + start as f64 * BIN, best as f64 / self.n.max(1) as f64)
@@ -114,13 +118,16 @@ impl Channel {
         let mut by_distance: Vec<(f64, f64, u64)> =
             self.filled().map(|(middle, n)| ((middle - mean).abs(), middle, n)).collect();
         by_distance.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut n, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
+        let mut n = 0;
+        let mut low = f64::INFINITY;
+        let mut high = f64::NEG_INFINITY;
         for (_, middle, count) in by_distance {
             if n as f64 >= share * self.n as f64 {
                 break;
             }
             n += count;
-            (low, high) = (low.min(middle), high.max(middle));
+            low = low.min(middle);
+            high = high.max(middle);
         }
         [low.max(self.min), high.min(self.max)]
     }

@@ -29,7 +29,9 @@ pub fn distribution(sources: &[Source], channels: &[Vec<Channel>], quantity: &st
         // The bars of several inputs are drawn beside each other.
         let aside = (wavelengths.range[1] - wavelengths.range[0]) * 0.006 * group as f64;
         let bar = |channel: &Channel| {
-            let (mean, deviation, at) = (channel.mean()?, channel.deviation()?, nm(channel) + aside);
+            let mean = channel.mean()?;
+            let deviation = channel.deviation()?;
+            let at = nm(channel) + aside;
             Some(line(group, &source.name, vec![[at, mean - deviation], [at, mean + deviation]]))
         };
         lines.extend(channels.iter().filter_map(bar));

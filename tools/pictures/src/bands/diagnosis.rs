@@ -39,7 +39,8 @@ pub fn diagnose(source: &Source) -> Vec<String> {
     }
     findings.extend(about(&channels, "clipped", |channel| {
         let max = channel.max()?;
-        let (end, before) = (channel.share(max - END, f64::INFINITY), channel.share(max - 2.0 * END, max - END));
+        let end = channel.share(max - END, f64::INFINITY);
+        let before = channel.share(max - 2.0 * END, max - END);
         (end >= CUT_SHARE && end > CUT_CONTRAST * before).then(|| (end, format!("at {max:.2}")))
     }));
     findings.extend(about(&channels, "concentrated", |channel| {
@@ -63,7 +64,9 @@ fn about(channels: &[&Channel], what: &str, find: impl Fn(&Channel) -> Option<(f
         .filter_map(|channel| find(channel).map(|(share, place)| (channel.wavelength_nm, share, place)))
         .collect();
     let (nm, share, place) = found.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let (n, of, percent) = (found.len(), channels.len(), share * 100.0);
+    let n = found.len();
+    let of = channels.len();
+    let percent = share * 100.0;
     Some(format!("{what}: {n} of {of} channels, most at {nm:.0} nm with {percent:.1} % of its values {place}"))
 }
 

@@ -129,7 +129,8 @@ fn picture(image: &BandImage, [x, y, width, height]: Region) -> RgbImage {
     let is_on = |at: usize, start: usize, length: usize| at + 1 == start || at == start + length;
     let is_in = |at: usize, start: usize, length: usize| at + 1 >= start && at <= start + length;
     RgbImage::from_fn(columns as u32, rows as u32, |column, row| {
-        let (column, row) = (column as usize, row as usize);
+        let column = column as usize;
+        let row = row as usize;
         let is_frame =
             is_in(column, x, width) && is_in(row, y, height) && (is_on(column, x, width) || is_on(row, y, height));
         if is_frame {

@@ -92,7 +92,9 @@ pub fn render_bev(
     let mut n_ignored = 0_u64;
     for file in files {
         let vertices = Vertices::load(file)?;
-        let (x, y, feature) = (vertices.f64s("x")?, vertices.f64s("y")?, vertices.f64s(&request.feature)?);
+        let x = vertices.f64s("x")?;
+        let y = vertices.f64s("y")?;
+        let feature = vertices.f64s(&request.feature)?;
         for ((x, y), value) in x.iter().zip(&y).zip(&feature) {
             n_ignored += u64::from(!values.add(*x, *y, *value));
         }
@@ -100,7 +102,8 @@ pub fn render_bev(
     let image = values.image(request.statistic);
     let range = percentiles(&image.iter().copied().flatten().collect::<Vec<_>>());
     let grid = values.grid();
-    let (width, height) = (grid.rows, grid.cols);
+    let width = grid.rows;
+    let height = grid.cols;
     let mut pixels = Vec::with_capacity(width * height * 3);
     // Rows of the grid follow x, its columns y; the picture has x to the right and y up.
     for col in (0..grid.cols).rev() {

@@ -29,7 +29,8 @@ pub struct Canvas<const N: usize> {
 impl<const N: usize> Canvas<N> {
     /// An empty canvas.
     pub fn new(size: PictureSize) -> Self {
-        let (width, height) = (size.width * SUPERSAMPLING, size.height * SUPERSAMPLING);
+        let width = size.width * SUPERSAMPLING;
+        let height = size.height * SUPERSAMPLING;
         let n = width * height;
         Self { size, width, height, depths_m: vec![f32::INFINITY; n], colors: vec![[[0; 3]; N]; n] }
     }
@@ -37,7 +38,8 @@ impl<const N: usize> Canvas<N> {
     /// Draws a point, except where a nearer point was drawn.
     pub fn splat(&mut self, camera: &Camera, position: [f64; 3], colors: [[u8; 3]; N]) {
         let Some(at) = camera.project(position) else { return };
-        let (u, v) = (at.u * SUPERSAMPLING as f64, at.v * SUPERSAMPLING as f64);
+        let u = at.u * SUPERSAMPLING as f64;
+        let v = at.v * SUPERSAMPLING as f64;
         let radius = (POINT_M * at.px_per_m * SUPERSAMPLING as f64).clamp(MIN_WIDTH_PX, MAX_WIDTH_PX) / 2.0;
         // Pixels whose centers lie inside. Casts of floats to integers stop at the ends of their range.
         let range = |center: f64, half: f64, end: usize| {
@@ -126,7 +128,8 @@ mod tests {
 
     #[test]
     fn nearer_point_wins_in_either_order() {
-        let (near, far) = ([10.2, 20.2, 5.0], [10.2, 20.2, 1.0]);
+        let near = [10.2, 20.2, 5.0];
+        let far = [10.2, 20.2, 1.0];
         for order in [[near, far], [far, near]] {
             let mut canvas = Canvas::new(SIZE);
             for position in order {
@@ -164,7 +167,8 @@ mod tests {
     fn depth_step_darkens_the_far_side() {
         let mut canvas = Canvas::new(SIZE);
         for i in 0..128 * 64 {
-            let (x, y) = (f64::from(i % 128) / 2.0 + 0.25, f64::from(i / 128) / 2.0 + 0.25);
+            let x = f64::from(i % 128) / 2.0 + 0.25;
+            let y = f64::from(i / 128) / 2.0 + 0.25;
             canvas.splat(&camera(), [x, y, if x < 32.0 { 9.0 } else { 0.0 }], [[200; 3]]);
         }
         let [pixels] = canvas.finish(Background::White);

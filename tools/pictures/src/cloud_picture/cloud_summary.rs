@@ -196,7 +196,8 @@ fn by_frequency(points: &BTreeMap<&'static str, usize>) -> Vec<&'static str> {
 /// Extends the range by a value.
 fn extend(range: &mut Option<[f64; 2]>, value: f64) {
     let [low, high] = range.get_or_insert([value; 2]);
-    (*low, *high) = (low.min(value), high.max(value));
+    *low = low.min(value);
+    *high = high.max(value);
 }
 
 /// Length of a polyline, m.

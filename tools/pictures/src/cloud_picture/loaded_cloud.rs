@@ -137,7 +137,9 @@ fn axes(v: &Vertices, names: [&str; 3]) -> anyhow::Result<[Vec<f64>; 3]> {
 }
 
 fn color(v: &Vertices) -> anyhow::Result<Vec<Option<[u8; 3]>>> {
-    let (r, g, b) = (v.u8s("red")?, v.u8s("green")?, v.u8s("blue")?);
+    let r = v.u8s("red")?;
+    let g = v.u8s("green")?;
+    let b = v.u8s("blue")?;
     let camera = v.has("camera").then(|| v.u8s("camera")).transpose()?;
     let is_seen = |i: usize| camera.as_ref().is_none_or(|camera| camera[i] != UNSEEN);
     Ok((0..r.len()).map(|i| is_seen(i).then(|| [r[i], g[i], b[i]])).collect())

@@ -201,7 +201,8 @@ mod tests {
     fn consecutive_instances_get_different_colors() {
         assert_eq!(instance_color(0), GRAY);
         for id in 1..200 {
-            let (a, b) = (instance_color(id), instance_color(id + 1));
+            let a = instance_color(id);
+            let b = instance_color(id + 1);
             assert!((0..3).map(|k| a[k].abs_diff(b[k]) as u32).sum::<u32>() > 100, "{id}: {a:?} {b:?}");
         }
     }

@@ -105,7 +105,8 @@ fn starts(
     drives: &[BatchDrive],
     overwrite: bool,
 ) -> anyhow::Result<Result<Vec<Start>, Vec<String>>> {
-    let (mut starts, mut faults) = (Vec::new(), Vec::new());
+    let mut starts = Vec::new();
+    let mut faults = Vec::new();
     for drive in drives {
         match launches.start_of(drive)? {
             Ok(start) => starts.push(start),
@@ -123,7 +124,8 @@ fn process(
     starts: &[Start],
     stop_at_first: bool,
 ) -> anyhow::Result<Vec<Row>> {
-    let (n, mut must_stop) = (drives.len(), false);
+    let n = drives.len();
+    let mut must_stop = false;
     let mut rows = Vec::new();
     for (i, (drive, start)) in drives.iter().zip(starts).enumerate() {
         must_stop |= launches.must_stop();

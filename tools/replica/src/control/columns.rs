@@ -40,7 +40,8 @@ impl Table<'_> {
         let mut text = String::new();
         for row in std::iter::once(&headings).chain(&self.rows) {
             for &index in &shown {
-                let (cell, width) = (&row[index], widths[index]);
+                let cell = &row[index];
+                let width = widths[index];
                 // Writing to a string cannot fail.
                 let _ = if index < self.n_texts {
                     write!(text, "{cell:<width$} ")

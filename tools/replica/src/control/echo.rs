@@ -58,7 +58,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let Some(mut reader) = TopicReader::open(run, &args.topic, mode, stop)? else { return Ok(()) };
     let mut stdout = BufWriter::new(std::io::stdout().lock());
     stdout.write_all(message_text.title().as_bytes())?;
-    let (mut n_printed, mut n_missed) = (0, 0);
+    let mut n_printed = 0;
+    let mut n_missed = 0;
     while args.count.is_none_or(|count| n_printed < count) {
         match reader.next(None)? {
             Some(TopicEvent::Message(message, missed)) => {

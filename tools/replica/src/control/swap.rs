@@ -62,7 +62,8 @@ fn changes(args: &Args) -> anyhow::Result<Vec<Change>> {
     for text in &args.set {
         let (key, value) =
             text.split_once('=').with_context(|| format!("--set {text}: must have the form KEY=VALUE"))?;
-        let (key, value) = (key.trim().to_owned(), value.trim().to_owned());
+        let key = key.trim().to_owned();
+        let value = value.trim().to_owned();
         changes.push(Change::Set { table: table(), key, value });
     }
     Ok(changes)

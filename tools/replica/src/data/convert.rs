@@ -59,7 +59,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     say!("{} of {}", args.capture.display(), reader.model().name())?;
     say!("revolution    points  turn deg       ms  lost  file")?;
-    let (mut returns, mut n_points) = (Vec::new(), 0);
+    let mut returns = Vec::new();
+    let mut n_points = 0;
     while let Some(info) = reader.next_sweep(|piece| returns.extend_from_slice(piece))? {
         let Format::Ply = args.format;
         let path = args.out.join(format!("{stem}_{:06}.ply", info.seq));

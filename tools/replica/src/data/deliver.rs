@@ -127,7 +127,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Tiles read and write each point, COPC also places it.
     let bar = progress_bar("deliver", run.index.n_points * if args.copc { 5 } else { 2 });
     let (mut files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
-    let (n_points, n_tiles) = (files.iter().map(|file| file.n_points).sum(), files.len());
+    let n_points = files.iter().map(|file| file.n_points).sum();
+    let n_tiles = files.len();
     if args.copc {
         files.push(write_copc(&run, target, &options, (&args.out, COPC_FILE), |n| bar.inc(n))?.0);
     }

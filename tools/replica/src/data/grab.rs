@@ -95,7 +95,8 @@ fn with_max(bytes: &[u8], max: u16) -> Result<Vec<u8>, String> {
     let image = Pgm::parse(bytes).map_err(|error| error.to_string())?;
     let samples = image.samples();
     if let Some(at) = samples.iter().position(|sample| *sample > max) {
-        let (row, column) = (at / image.width as usize, at % image.width as usize);
+        let row = at / image.width as usize;
+        let column = at % image.width as usize;
         let sample = samples[at];
         return Err(format!("sample {sample} at row {row}, column {column}; at most {max} with this --bit-depth"));
     }

@@ -175,7 +175,8 @@ mod tests {
         let header = Header::new(fields.chain([("semantic", Kind::UChar), ("instance", Kind::Int)]));
         let mut writer = PlyWriter::create(path, &header, 400 * 100).expect("creates");
         let encode = |i: usize, row: &mut formats::ply::Row<'_>| {
-            let (x, y) = ((i / 100) as f32 * 0.1, (i % 100) as f32 * 0.1 - 5.0);
+            let x = (i / 100) as f32 * 0.1;
+            let y = (i % 100) as f32 * 0.1 - 5.0;
             let is_car = (20.0..24.0).contains(&x) && (1.0..3.0).contains(&y);
             row.f32(x).f32(y).f32(if is_car { 1.5 } else { 0.0 }).f32(x).f32(0.0).f32(2.0);
             row.u8(if is_car { 10 } else { 7 }).i32(if is_car { 4 } else { 0 });
@@ -198,7 +199,8 @@ mod tests {
         }
         for (view, by) in [("street", "class"), ("top", "instance"), ("top", "height")] {
             let picture = folder.path().join(format!("{view}_{by}.png"));
-            let (input, output) = (folder.path().to_string_lossy(), picture.to_string_lossy());
+            let input = folder.path().to_string_lossy();
+            let output = picture.to_string_lossy();
             let words = ["", &input, "--picture", &output, "--view", view, "--by", by, "--size", "320x180", "--plain"];
             run(&Cli::parse_from(words).args).expect("renders");
             let image = image::open(&picture).expect("is a picture").to_rgb8();
@@ -215,7 +217,8 @@ mod tests {
         let cloud = folder.path().join("street.ply");
         write_street(&cloud);
         let picture = folder.path().join("car.png");
-        let (input, output) = (cloud.to_string_lossy(), picture.to_string_lossy());
+        let input = cloud.to_string_lossy();
+        let output = picture.to_string_lossy();
         let words = ["", &input, "--picture", &output, "--by", "class", "--size", "320x180", "--plain"];
         let n_car = |more: &[&str]| {
             run(&Cli::parse_from([&words[..], more].concat()).args).expect("renders");
@@ -241,7 +244,8 @@ mod tests {
         let cloud = folder.path().join("street.ply");
         write_street(&cloud);
         let picture = folder.path().join("bev.png");
-        let (input, output) = (cloud.to_string_lossy(), picture.to_string_lossy());
+        let input = cloud.to_string_lossy();
+        let output = picture.to_string_lossy();
         run(&Cli::parse_from(["", &input, "--picture", &output, "--bev", "z:max:1", "--background", "white"]).args)
             .expect("renders");
         let image = image::open(&picture).expect("is a picture").to_rgb8();

@@ -113,7 +113,8 @@ fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
 /// Writes both files, each whole or not at all.
 fn write(folder: &Path, [page_name, facts_name]: [&str; 2], page: &str, facts: &impl Serialize) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let (page_file, facts_file) = (folder.join(page_name), folder.join(facts_name));
+    let page_file = folder.join(page_name);
+    let facts_file = folder.join(facts_name);
     let facts = serde_json::to_string_pretty(facts)? + "\n";
     write_atomic(&facts_file, facts.as_bytes()).with_context(|| facts_file.display().to_string())?;
     write_atomic(&page_file, page.as_bytes()).with_context(|| page_file.display().to_string())?;

@@ -129,7 +129,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let socket = UdpSocket::bind("0.0.0.0:0").context("cannot open a UDP socket")?;
     socket.set_broadcast(true).context("cannot enable broadcasts")?;
     let begin = Instant::now();
-    let (drive, targets) = (drive.as_ref(), &targets);
+    let drive = drive.as_ref();
+    let targets = &targets;
     let mut player = Player {
         args,
         drive,
@@ -245,7 +246,8 @@ impl Player<'_> {
                 };
                 // A clock of the capture that was set back must not cause a wait.
                 let due = Duration::try_from_secs_f64(since).unwrap_or_default().max(at);
-                (last_gap, at) = (due.saturating_sub(at), due);
+                last_gap = due.saturating_sub(at);
+                at = due;
                 if !self.send_others(&mut others, first, at)? || !self.wait_for(at) {
                     break 'files;
                 }
@@ -269,7 +271,8 @@ impl Player<'_> {
         let lead = if self.args.start > 0.0 { 0 } else { AROUND.as_nanos() as i64 };
         others.skip_before(Stamp(begin.0.saturating_sub(lead)))?;
         if self.args.restamp {
-            let (due, clock) = (self.due(Duration::ZERO), Instant::now());
+            let due = self.due(Duration::ZERO);
+            let clock = Instant::now();
             // The begin of this repetition is due a little later, or was a little earlier.
             let now = SystemTime::now() + due.saturating_duration_since(clock) - clock.saturating_duration_since(due);
             let now = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64;
@@ -394,7 +397,8 @@ mod tests {
         let path = capture(folder.path());
         let [data, position] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").expect("binds"));
         let address = |socket: &UdpSocket| socket.local_addr().expect("is bound");
-        let (to, port) = (address(&data).to_string(), address(&position).port().to_string());
+        let to = address(&data).to_string();
+        let port = address(&position).port().to_string();
         let words = [&["", path.to_str().expect("UTF-8"), "--to", &to, "--position-port", &port], words].concat();
         run(&Cli::parse_from(words).args).expect("sends");
         let received = |socket: UdpSocket, length: usize| {

@@ -6,7 +6,8 @@ use std::process::Command;
 #[test]
 fn simulated_capture_is_converted_and_inspected() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, clouds) = (folder.path().join("drive"), folder.path().join("clouds"));
+    let drive = folder.path().join("drive");
+    let clouds = folder.path().join("clouds");
     succeeded(&replica(&["simulate", "--seed", "3", "--seconds", "0.3", "--out", text(&drive)]));
     assert!(drive.join("drive.toml").is_file());
     let again = replica(&["simulate", "--seconds", "0.3", "--out", text(&drive)]);
@@ -38,7 +39,8 @@ fn simulated_capture_is_converted_and_inspected() {
 #[test]
 fn custom_rig_is_simulated_and_invalid_rig_is_reported_completely() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (file, drive) = (folder.path().join("mine.toml"), folder.path().join("drive"));
+    let file = folder.path().join("mine.toml");
+    let drive = folder.path().join("drive");
     let rig =
         "name = \"mine\"\nbody_height_m = 0.5\n[lidar]\nmodel = \"hdl32e\"\nmounting = { position = [0, 0, 2] }\n";
     let simulate = |error: &str| {
@@ -63,7 +65,8 @@ fn custom_rig_is_simulated_and_invalid_rig_is_reported_completely() {
         let lidar = table.get("lidar").and_then(toml::Value::as_table).unwrap_or(&table);
         lidar["body_from_lidar"]["translation"][2].as_float().expect("a number")
     };
-    let (nominal, actual) = (height(&read("drive.toml")), height(&read("truth/calibration.toml")));
+    let nominal = height(&read("drive.toml"));
+    let actual = height(&read("truth/calibration.toml"));
     assert!(nominal == 2.0 && actual != 2.0 && (actual - 2.0).abs() < 0.04, "{nominal} {actual}");
 }
 
@@ -96,7 +99,8 @@ fn file_that_is_no_capture_is_reported() {
 #[test]
 fn imported_sweeps_are_links() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (source, drive) = (folder.path().join("velodyne"), folder.path().join("drive"));
+    let source = folder.path().join("velodyne");
+    let drive = folder.path().join("drive");
     std::fs::create_dir(&source).expect("made");
     for name in ["000000.bin", "000001.bin"] {
         let point = [5.0_f32, 1.0, -1.0, 0.5].map(f32::to_le_bytes).concat();

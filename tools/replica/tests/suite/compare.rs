@@ -41,7 +41,8 @@ fn complete_recording_equals_itself() {
 #[test]
 fn cut_recording_compared_with_itself_is_not_complete() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (whole, cut) = (folder.path().join("whole.mcap"), folder.path().join("cut.mcap"));
+    let whole = folder.path().join("whole.mcap");
+    let cut = folder.path().join("cut.mcap");
     record(&whole, true);
     let bytes = std::fs::read(&whole).expect("reads");
     for n_bytes in [60, bytes.len() / 4, bytes.len() / 2, bytes.len() - 20] {
@@ -94,7 +95,8 @@ fn run_with_classes(folder: &Path, begin: f64, classes: &[[u8; 2]]) {
 #[test]
 fn classes_of_a_run_and_of_two_runs_are_counted() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    let a = folder.path().join("a");
+    let b = folder.path().join("b");
     // Road, sidewalk, vegetation.
     run_with_classes(&a, 1.0, &[[7, 7], [7, 8], [7, 8], [9, 9], [8, 7]]);
     run_with_classes(&b, 1.0, &[[7, 7], [7, 8], [7, 8], [9, 9], [7, 7]]);
@@ -120,7 +122,8 @@ fn classes_of_a_run_and_of_two_runs_are_counted() {
 #[test]
 fn runs_with_other_points_and_runs_without_a_second_column_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    let a = folder.path().join("a");
+    let b = folder.path().join("b");
     run_with_classes(&a, 1.0, &[[7, 7], [7, 8]]);
     for (begin, classes) in [(2.0, &[[7, 7], [7, 8]][..]), (1.0, &[[7, 7]])] {
         run_with_classes(&b, begin, classes);

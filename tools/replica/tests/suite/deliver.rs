@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 /// A run of two sweeps at the origin of its drive, with these doubts of export.
 pub fn run_with_doubts(folder: &Path, doubts: &Value) -> (PathBuf, FinishedRun) {
-    let (drive, run) = (folder.join("drive"), folder.join("run"));
+    let drive = folder.join("drive");
+    let run = folder.join("run");
     if !drive.exists() {
         let arguments = ["simulate", "--seed", "1", "--seconds", "0.25", "--rig", "survey", "--out", text(&drive)];
         succeeded(&replica(&arguments));
@@ -53,7 +54,8 @@ pub fn names(out: &Path) -> Vec<String> {
 fn everything_is_written_in_utm_of_the_place() {
     let folder = tempfile::tempdir().expect("a folder");
     let (run, written) = run_with_doubts(folder.path(), &json!([]));
-    let (out, points) = (folder.path().join("out"), folder.path().join("points.csv"));
+    let out = folder.path().join("out");
+    let points = folder.path().join("points.csv");
     std::fs::write(&points, "name,x,y,z\nA,0,0,0\n").expect("writes");
     let said = succeeded(&replica(&[
         "deliver",

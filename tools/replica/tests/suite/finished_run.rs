@@ -64,7 +64,8 @@ pub fn write_run(drive: &Path, run: &Path, options: &RunOptions) -> FinishedRun 
     let truth = drive.true_trajectory().expect("has a trajectory").expect("reads");
     let folder = Folder::new(run);
     folder.keep_only(&[]).expect("made");
-    let (mut written, mut entries) = (FinishedRun::default(), Vec::new());
+    let mut written = FinishedRun::default();
+    let mut entries = Vec::new();
     for sweeps in sweeps_of(&drive).chunks(SWEEPS) {
         let submap = Submap::new(sweeps, &truth, &drive.rig().body_from_lidar, options);
         if submap.points.is_empty() {
@@ -132,7 +133,8 @@ impl Submap {
             }
             let odom_from_submap = header.odom_from_submap.to_pose().expect("is sound");
             let from_lidar = |body: Pose| odom_from_submap.inverse() * run_from_truth(options) * body * body_from_lidar;
-            let (begin, end) = (from_lidar(begin), from_lidar(end));
+            let begin = from_lidar(begin);
+            let end = from_lidar(end);
             let sweep_idx = header.n_sweeps as u16;
             let duration_nanos = sweep.duration_nanos;
             header.stamp_end = sweep.stamp.0 + i64::from(duration_nanos);
@@ -168,7 +170,9 @@ impl Submap {
         folder: &Folder,
         written: &mut FinishedRun,
     ) -> delivery::CloudEntry {
-        let (mut classes, mut instances, mut colors) = (Vec::new(), Vec::new(), Vec::new());
+        let mut classes = Vec::new();
+        let mut instances = Vec::new();
+        let mut colors = Vec::new();
         for (number, index) in &self.origins {
             let (sweep, returns) = &sweeps[*number];
             let found = &returns[*index];
@@ -189,7 +193,8 @@ impl Submap {
             let keeps = label.instance != 0 && !(is_person && i.is_multiple_of(4));
             if is_person {
                 let [n, n_kept] = written.pedestrians.entry(label.instance).or_default();
-                (*n, *n_kept) = (*n + 1, *n_kept + u64::from(keeps));
+                *n += 1;
+                *n_kept += u64::from(keeps);
             }
             let is_colored = !i.is_multiple_of(3);
             written.n_colored += u64::from(is_colored);
@@ -211,7 +216,8 @@ impl Submap {
         };
         let mut entry = write_submap(&received, Kind::Float, folder, None).expect("writes");
         assert_eq!(Stamp(entry.stamp_begin), sweeps[self.origins[0].0].0.stamp);
-        (entry.sigma_m, entry.sigma_rad) = (Some(SIGMA_M), Some([0.01; 3]));
+        entry.sigma_m = Some(SIGMA_M);
+        entry.sigma_rad = Some([0.01; 3]);
         entry
     }
 }

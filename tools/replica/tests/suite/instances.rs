@@ -8,7 +8,8 @@ use messages::ClassId;
 #[test]
 fn list_has_a_line_for_each_instance() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, run) = (folder.path().join("drive"), folder.path().join("run"));
+    let drive = folder.path().join("drive");
+    let run = folder.path().join("run");
     succeeded(&replica(&["simulate", "--seed", "1", "--seconds", "0.3", "--out", text(&drive)]));
     let returns = Returns::of(&drive);
     returns.write(&run.join("clouds/00000.ply"));

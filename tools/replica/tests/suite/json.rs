@@ -23,7 +23,8 @@ fn write_cloud(path: &Path) {
     }
     ply.push_str("end_header\n");
     for k in 0..8 {
-        let (x, instance) = (k % 4, 1 + k / 4);
+        let x = k % 4;
+        let instance = 1 + k / 4;
         let _ = writeln!(ply, "{x} {instance} 0.5 10 {instance}");
     }
     std::fs::write(path, ply).expect("written");
@@ -50,7 +51,8 @@ fn clouds_drives_and_objects_are_one_object_each() {
 #[test]
 fn rigs_are_one_object_each() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (rig, drive) = (folder.path().join("rig.toml"), folder.path().join("drive"));
+    let rig = folder.path().join("rig.toml");
+    let drive = folder.path().join("drive");
     let facts = object(&["rig", "new", text(&rig), "--lidar", "vlp16", "--lidar-position", "0,0,1.8"]);
     assert_eq!((&facts["lidar"], &facts["n_cameras"]), (&"vlp16".into(), &0.into()));
     let simulate = ["simulate", "--seed", "1", "--seconds", "2", "--rig", "survey", "--out", text(&drive)];

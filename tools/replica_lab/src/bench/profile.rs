@@ -75,7 +75,8 @@ fn sample(line: &str) -> Option<Sample<'_>> {
     let (thread_name, pid) = before.rsplit_once(' ')?;
     let (tid, after) = after.split_once(' ')?;
     let (address, function) = after.trim_start().split_once(' ')?;
-    let (pid, tid) = (pid.parse().ok()?, tid.parse().ok()?);
+    let pid = pid.parse().ok()?;
+    let tid = tid.parse().ok()?;
     Some(Sample { thread_name: thread_name.trim(), pid, tid, in_kernel: address.starts_with("ffff"), function })
 }
 

@@ -109,7 +109,8 @@ impl Report {
         };
         for a in &self.series {
             for b in &self.series {
-                let (x, y) = (a.configuration, b.configuration);
+                let x = a.configuration;
+                let y = b.configuration;
                 if x.cores < y.cores {
                     line(&format!("{y} / {x}"), a, b);
                 }

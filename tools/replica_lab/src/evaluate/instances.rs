@@ -70,12 +70,14 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<(Overlaps, u64)> 
         return Ok((overlaps, n_unknown));
     }
     let true_files = cloud_files(truth)?;
-    let (n_true, n_predicted) = (true_files.len(), predicted_files.len());
+    let n_true = true_files.len();
+    let n_predicted = predicted_files.len();
     ensure!(n_true == n_predicted, "{n_true} true clouds, but {n_predicted} predicted clouds");
     for (true_file, file) in true_files.iter().zip(&predicted_files) {
         let truth = point_labels(&Vertices::load(true_file)?, true_file)?;
         let predicted = point_labels(&Vertices::load(file)?, file)?;
-        let (n_true, n_points) = (truth.len(), predicted.len());
+        let n_true = truth.len();
+        let n_points = predicted.len();
         ensure!(n_true == n_points, "{}: {n_points} points, but {n_true} in the truth", file.display());
         truth.into_iter().zip(predicted).for_each(|(truth, predicted)| overlaps.add(truth, predicted));
     }
@@ -135,7 +137,8 @@ mod tests {
     #[test]
     fn clouds_are_scored_together_and_mismatches_are_reported() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (truth, found) = (folder.path().join("truth"), folder.path().join("found"));
+        let truth = folder.path().join("truth");
+        let found = folder.path().join("found");
         for (name, n) in [("a", 6), ("b", 4)] {
             for (side, id) in [(&truth, 3), (&found, 7)] {
                 std::fs::create_dir_all(side).expect("made");

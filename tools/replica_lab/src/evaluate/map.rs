@@ -117,7 +117,8 @@ fn evaluate(args: &Args) -> anyhow::Result<Vec<MapReport>> {
         let distances = truth.as_ref().map(|(truth, _)| {
             [distances(&index, truth, &distance_settings), distances(truth, &index, &distance_settings)]
         });
-        let (name, n_points) = (path.display().to_string(), index.points().len());
+        let name = path.display().to_string();
+        let n_points = index.points().len();
         reports.push(MapReport { name, n_points, crispness, distances });
     }
     Ok(reports)

@@ -63,7 +63,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if !args.seeds.is_empty() {
         sets.push((format!("Simulated town, {}", args.town), town_sweeps(args)?));
     }
-    let (mut charts, mut text, mut facts) = (Vec::new(), String::new(), Vec::new());
+    let mut charts = Vec::new();
+    let mut text = String::new();
+    let mut facts = Vec::new();
     for (name, sweeps) in &sets {
         let losses: Vec<Losses> = SIZES.iter().map(|size| Losses::of(*size, sweeps)).collect();
         text += &table(&format!("{name}, {} sweeps", sweeps.len()), &losses);

@@ -49,7 +49,8 @@ impl RecordedTruth {
         let number = cloud.comments().iter().find_map(|comment| comment.strip_prefix(NUMBER)?.parse().ok());
         let seq: u64 = number.with_context(|| format!("no comment \"{NUMBER}N\" in the header of the cloud"))?;
         let submap = self.submap(seq)?;
-        let (points, classes) = (submap.points.unwrap_or_default(), submap.classes.unwrap_or_default());
+        let points = submap.points.unwrap_or_default();
+        let classes = submap.classes.unwrap_or_default();
         let instances = submap.instances.unwrap_or_else(|| vec![0; points.len()]);
         let lengths = [cloud.len(), points.len(), classes.len(), instances.len()];
         ensure!(
@@ -65,7 +66,8 @@ impl RecordedTruth {
         let hundredths = |name: &str| -> anyhow::Result<Vec<i32>> {
             Ok(cloud.f32s(name)?.into_iter().map(|degrees| (degrees * 100.0).round() as i32).collect())
         };
-        let (azimuths, elevations) = (hundredths("azimuth_deg")?, hundredths("elevation_deg")?);
+        let azimuths = hundredths("azimuth_deg")?;
+        let elevations = hundredths("elevation_deg")?;
         let rings = cloud.u8s("ring")?;
         let label = |i: usize| {
             let point = &points[i];

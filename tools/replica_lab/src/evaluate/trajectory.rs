@@ -196,7 +196,9 @@ fn step_times(run: &Path) -> Option<String> {
     let summary: Value = serde_json::from_str(&text).ok()?;
     let stage = summary["stages"].as_array()?.iter().find(|stage| stage["name"] == "slam_aggregate")?;
     let ms = |name: &str| stage["step"][name].as_f64();
-    let (median, p99, max) = (ms("p50_ms")?, ms("p99_ms")?, ms("max_ms")?);
+    let median = ms("p50_ms")?;
+    let p99 = ms("p99_ms")?;
+    let max = ms("max_ms")?;
     Some(format!("median {median:.1} ms, p99 {p99:.1} ms, max {max:.1} ms"))
 }
 

@@ -37,7 +37,8 @@ pub type Kind = (String, MaterialId, Vec<f32>);
 
 /// Mean reflectances of the samples of each kind, at these wavelengths. Names without a material are returned, too.
 pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<(Vec<Kind>, Vec<String>)> {
-    let (mut kinds, mut others) = (BTreeMap::<String, Vec<Vec<f64>>>::new(), Vec::new());
+    let mut kinds = BTreeMap::<String, Vec<Vec<f64>>>::new();
+    let mut others = Vec::new();
     for spectrum in reference::read(path)? {
         let kind = kind_of(&spectrum.name);
         match (material_of(kind), in_bands(&spectrum, wavelengths_nm)) {

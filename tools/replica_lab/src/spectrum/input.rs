@@ -97,13 +97,15 @@ fn read_drive(path: &Path, selection: &InputSelection<'_>) -> anyhow::Result<Sou
         None => (mosaics.len() == 1).then_some(0),
     };
     let index = index.with_context(|| format!("{}: --camera must be one of {}", path.display(), names()))?;
-    let (entry, sensor) = (&mosaics[index], drive.sensors()[index].as_ref());
+    let entry = &mosaics[index];
+    let sensor = drive.sensors()[index].as_ref();
     let camera = spectral::Camera::read(drive.folder(), entry, sensor.filter(|_| selection.correction))
         .map_err(anyhow::Error::msg)?;
     let wavelengths_nm = camera.wavelengths_nm().to_vec();
     let [columns, rows] = camera.mosaic().cells().map(|side| side as usize);
     let n_cells = columns * rows;
-    let (values, masks) = (vec![0.0; n_cells * wavelengths_nm.len()], vec![0; n_cells]);
+    let values = vec![0.0; n_cells * wavelengths_nm.len()];
+    let masks = vec![0; n_cells];
     let mut cube = BandImage { size: [columns, rows], wavelengths_nm, values, masks };
     let frames: Vec<_> = drive.mosaic_frames().iter().filter(|frame| frame.camera == index).collect();
     if selection.frame.is_some_and(|frame| frame >= frames.len()) {

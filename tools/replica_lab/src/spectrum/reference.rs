@@ -37,8 +37,10 @@ pub fn at(spectrum: &LibrarySpectrum, nm: f32) -> Option<f64> {
         spectrum.wavelengths_nm.iter().copied().zip(spectrum.reflectances.iter().copied()).collect();
     samples.sort_by(|a, b| a.0.total_cmp(&b.0));
     let after = samples.partition_point(|sample| sample.0 < nm);
-    let ((_, last), first) = (samples.get(after)?, samples.get(after.checked_sub(usize::from(after > 0))?)?);
-    let (a, b) = (first.0, samples[after].0);
+    let (_, last) = samples.get(after)?;
+    let first = samples.get(after.checked_sub(usize::from(after > 0))?)?;
+    let a = first.0;
+    let b = samples[after].0;
     if nm < a {
         return None;
     }
@@ -59,7 +61,9 @@ pub fn spectral_angle(wavelengths_nm: &[f32], signature: &[f64], reference: &Lib
         return None;
     }
     let dot = |f: fn(&(f64, f64)) -> f64| pairs.iter().map(f).sum::<f64>();
-    let (ab, aa, bb) = (dot(|(a, b)| a * b), dot(|(a, _)| a * a), dot(|(_, b)| b * b));
+    let ab = dot(|(a, b)| a * b);
+    let aa = dot(|(a, _)| a * a);
+    let bb = dot(|(_, b)| b * b);
     (aa > 0.0 && bb > 0.0).then(|| (ab / (aa * bb).sqrt()).clamp(-1.0, 1.0).acos())
 }
 

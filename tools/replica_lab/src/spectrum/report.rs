@@ -152,8 +152,10 @@ impl Report {
             let per_cent = |value: &dyn Fn(&ChannelReport) -> f64| {
                 format!("{:.1}%", 100.0 * mean(&|channel| Some(value(channel))).unwrap_or_default())
             };
-            let (center, width) = (number(mean(&|channel| channel.mean)), number(mean(&|channel| channel.deviation)));
-            let (invalid, densest) = (per_cent(&|channel| channel.invalid), per_cent(&|channel| channel.densest[0]));
+            let center = number(mean(&|channel| channel.mean));
+            let width = number(mean(&|channel| channel.deviation));
+            let invalid = per_cent(&|channel| channel.invalid);
+            let densest = per_cent(&|channel| channel.densest[0]);
             let begin = mean(&|channel| Some(channel.densest[1])).unwrap_or_default();
             let _ = write!(text, "| {} | {center} | {width} | {invalid} | {densest} from {begin:.2} |", input.name);
             for (i, _) in self.thresholds.iter().enumerate() {

@@ -63,7 +63,8 @@ fn lose_returns(image: &mut PolarImage, truth: &mut [u8], random: &mut Random) {
             // The farther beyond the limit, the fewer returns.
             let is_far = random.unit() * pixel.range_m() > far_m;
             if row_lost || is_hidden || is_far || !pixel.is_valid() || random.chance(lost) {
-                (*pixel, *truth) = (PolarPixel::default(), UNKNOWN);
+                *pixel = PolarPixel::default();
+                *truth = UNKNOWN;
             }
         }
     }
@@ -76,7 +77,8 @@ fn thin_out(image: &mut PolarImage, truth: &mut [u8], step_m: f32) {
         for (pixel, truth) in row.iter_mut().zip(truth).filter(|(pixel, _)| pixel.is_valid()) {
             let square: f32 = pixel.ray.iter().zip(last).map(|(v, last)| (v - last) * (v - last)).sum();
             if square < step_m * step_m {
-                (*pixel, *truth) = (PolarPixel::default(), UNKNOWN);
+                *pixel = PolarPixel::default();
+                *truth = UNKNOWN;
             } else {
                 last = pixel.ray;
             }
@@ -98,7 +100,8 @@ fn roughen(image: &mut PolarImage, truth: &[u8], class: Option<u8>, random: &mut
 /// Rotates and mirrors the image: the sensor starts its revolution anywhere, and streets have no right and left.
 fn turn(image: &mut PolarImage, truth: &mut [u8], random: &mut Random) {
     let columns = image.columns;
-    let (turn, mirror) = (random.index(columns), random.chance(0.5));
+    let turn = random.index(columns);
+    let mirror = random.chance(0.5);
     let (sin, cos) = random.range(-std::f32::consts::PI, std::f32::consts::PI).sin_cos();
     turn_camera(image, turn, mirror);
     for (row, truth) in image.pixels.chunks_exact_mut(columns).zip(truth.chunks_exact_mut(columns)) {
@@ -158,7 +161,8 @@ mod tests {
 
     /// A floor 2 m below the sensor, in 32 rows; class 0 on the left and 1 on the right.
     fn floor() -> LabeledImage {
-        let (rows, columns) = (32, 512);
+        let rows = 32;
+        let columns = 512;
         let pixel = |i: usize| {
             let down = (5.0 + (i / columns) as f32).to_radians();
             let azimuth = (i % columns) as f32 / columns as f32 * std::f32::consts::TAU;

@@ -57,7 +57,8 @@ mod tests {
     #[test]
     fn colors_and_spectra_of_a_sweep_are_dropped_with_their_probabilities() {
         let augmentation = ImageAugmentation { color_dropout: 0.2, spectrum_dropout: 0.5 };
-        let (mut random, mut n_dropped) = (Random::new(1), [0; 2]);
+        let mut random = Random::new(1);
+        let mut n_dropped = [0; 2];
         for _ in 0..2000 {
             let mut image = image();
             augmentation.apply(&mut image, &BANDS, &mut random);
@@ -72,7 +73,8 @@ mod tests {
 
     #[test]
     fn models_without_cameras_use_no_random_numbers() {
-        let (mut random, mut untouched) = (Random::new(1), Random::new(1));
+        let mut random = Random::new(1);
+        let mut untouched = Random::new(1);
         let mut empty = PolarImage { camera: Vec::new(), ..image() };
         ImageAugmentation::default().apply(&mut empty, &[], &mut random);
         assert_eq!(random.bits(), untouched.bits());

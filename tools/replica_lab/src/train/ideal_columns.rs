@@ -45,7 +45,8 @@ impl IdealCameras {
         for (center, nm) in header.wavelengths_nm.iter_mut().zip(&self.wavelengths_nm) {
             *center = f32::from(*nm);
         }
-        let (mut rows, mut table) = (Vec::with_capacity(of_points().len()), Vec::new());
+        let mut rows = Vec::with_capacity(of_points().len());
+        let mut table = Vec::new();
         let measured = u64::MAX >> (MAX_BANDS - n_bands);
         for spectrum in of_points() {
             if spectrum[0].is_nan() {
@@ -87,7 +88,8 @@ mod tests {
         let columns = cameras.columns(&simulation, submap);
         let shown: Vec<usize> = (0..submap.points.len()).collect();
         let values = |camera: IdealCamera| camera.values(&simulation, &submap.header, &submap.points, &shown);
-        let (colors, spectra) = (columns.colors.expect("colors"), columns.spectra.expect("spectra"));
+        let colors = columns.colors.expect("colors");
+        let spectra = columns.spectra.expect("spectra");
         let of_color = values(IdealCamera::of_color());
         for (row, values) in colors.iter().zip(of_color.chunks_exact(3)) {
             assert_eq!(row.camera == UNSEEN, values[0].is_nan());

@@ -38,7 +38,8 @@ impl TrainingRecipe for Recipe {
                 &variables.weights()?,
                 class_layer(tensors, &settings),
             );
-            let (n_taken, n_layers) = (variables.begin_with(&weights)?, settings.network.layers().len());
+            let n_taken = variables.begin_with(&weights)?;
+            let n_layers = settings.network.layers().len();
             anyhow::ensure!(
                 n_taken > 0,
                 "{}: no layer matches a layer of the recipe in name and shape",

@@ -85,8 +85,8 @@ impl PointDataset {
         let center = submap.cloud.positions[*random.pick(&submap.points_of(class))];
         let mut sphere = submap.sphere(center, self.settings.spheres.radius_m);
         let cloud = &mut sphere.cloud;
-        let (factor, error_m) =
-            (self.augmentation.apply(&mut cloud.positions, &mut cloud.colors, random), random_height_error_m(random));
+        let factor = self.augmentation.apply(&mut cloud.positions, &mut cloud.colors, random);
+        let error_m = random_height_error_m(random);
         cloud.heights_m.iter_mut().for_each(|height| *height = *height * factor + error_m);
         let gain = random_gain(random);
         cloud.intensities.iter_mut().for_each(|intensity| *intensity = (*intensity * gain).min(255.0));
@@ -106,7 +106,8 @@ fn cells_of(
     scale: IntensityScale,
 ) -> anyhow::Result<(ClassifiedCells, GroundHistogram)> {
     let of_all_m = whole.ground().heights(whole.points);
-    let (points, heights_m) = (removed_classes.kept(whole.points, classes), removed_classes.kept(&of_all_m, classes));
+    let points = removed_classes.kept(whole.points, classes);
+    let heights_m = removed_classes.kept(&of_all_m, classes);
     let colors = whole.colors.map(|colors| removed_classes.kept(colors, classes));
     let kept_classes = removed_classes.kept(classes, classes);
     let input = ModelInput { points: &points, colors: colors.as_deref(), spectra: None, ..*whole };
@@ -122,7 +123,9 @@ fn cells_of(
 
 impl TrainingData for PointDataset {
     fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
-        let (outputs, settings, needs) = (self.outputs.clone(), self.settings.clone(), self.needs.clone());
+        let outputs = self.outputs.clone();
+        let settings = self.settings.clone();
+        let needs = self.needs.clone();
         let removed_classes = self.removed_classes.clone();
         let convert = |of: Labeled<'_>| cells_of(&of, (&outputs, &removed_classes), &settings, IntensityScale::Own);
         simulate((data, seeds), &needs, convert, |cells| self.push(cells, 1.0), progress)
@@ -131,7 +134,8 @@ impl TrainingData for PointDataset {
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
         let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
         let scale = IntensityScale::of(source, &self.ground);
-        let (mut n_submaps, mut n_labeled) = (0, 0);
+        let mut n_submaps = 0;
+        let mut n_labeled = 0;
         while let Some(submap) = recording.next()? {
             if n_submaps % source.every == 0 {
                 let removed = (self.outputs.as_slice(), &self.removed_classes);

@@ -35,7 +35,8 @@ impl TrainingRecipe for PointRecipe {
             let (model, mut weights) = PointModel::load(&start)?;
             let n_classes =
                 match_classes(&mut weights, class_layer(model.settings()), &network.weights()?, class_layer(&settings));
-            let (n_taken, n_tensors) = (network.begin_with(&weights)?, network.n_tensors());
+            let n_taken = network.begin_with(&weights)?;
+            let n_tensors = network.n_tensors();
             anyhow::ensure!(n_taken > 0, "{}: no tensor matches one of the recipe in name and shape", start.display());
             eprintln!(
                 "starting from {n_taken} of {n_tensors} tensors of {}, and {n_classes} of {} classes",

@@ -251,7 +251,8 @@ impl Recipe {
     /// Settings of the model file.
     pub fn settings(&self) -> anyhow::Result<Settings> {
         let model = &self.model;
-        let (inputs, outputs) = (model.fold * model.features.len(), model.fold * model.classes.len());
+        let inputs = model.fold * model.features.len();
+        let outputs = model.fold * model.classes.len();
         let widths = model.widths.clone();
         let network = match model.kind.as_str() {
             "unet" => NetworkSpec::Unet { inputs, outputs, widths, head: model.head },

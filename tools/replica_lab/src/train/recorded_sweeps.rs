@@ -89,11 +89,14 @@ impl RecordedSweeps {
 
 /// Adds a message to its submap.
 fn add(join: &mut SubmapJoin, truth: &mut Truth, message: Recorded<'_>) -> anyhow::Result<()> {
-    let (seq, topic) = (message.envelope.seq, message.topic.name.as_str());
-    let (needs_color, needs_spectra) = (join.needs().color.is_some(), join.needs().spectra().is_some());
+    let seq = message.envelope.seq;
+    let topic = message.topic.name.as_str();
+    let needs_color = join.needs().color.is_some();
+    let needs_spectra = join.needs().spectra().is_some();
     if topic == SubmapTopic::TOPIC {
         let header: Vec<SubmapHeader> = rows(message.header())?;
-        let (header, points) = (header[0], rows(message.rows())?);
+        let header = header[0];
+        let points = rows(message.rows())?;
         header.checked(seq).and_then(|checked| checked.check_points(&points))?;
         let classes = match truth {
             Truth::Drive(labels) => Some(classes_of_drive(labels, &header, &points)?),
@@ -118,7 +121,8 @@ fn add(join: &mut SubmapJoin, truth: &mut Truth, message: Recorded<'_>) -> anyho
         }
     } else if topic == SpectraTopic::TOPIC && needs_spectra {
         let header: Vec<SpectraHeader> = rows(message.header())?;
-        let (header, spectra) = (Box::new(header[0]), rows(message.rows())?);
+        let header = Box::new(header[0]);
+        let spectra = rows(message.rows())?;
         let missing = join.needs().without_band(&header).filter(|_| header.n_bands > 0);
         ensure!(
             missing.is_none(),
@@ -143,7 +147,8 @@ fn classes_of_drive(labels: &mut TruePoints, header: &SubmapHeader, points: &[Su
 
 fn shot(point: &SubmapPoint, sweep: &SubmapSweep) -> Shot {
     let share = point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32;
-    let (begin, end) = (&sweep.submap_from_lidar_begin, &sweep.submap_from_lidar_end);
+    let begin = &sweep.submap_from_lidar_begin;
+    let end = &sweep.submap_from_lidar_end;
     let lidar = [0, 1, 2].map(|axis| begin[axis] + share * (end[axis] - begin[axis]));
     let square: f32 = [point.x, point.y, point.z].iter().zip(lidar).map(|(p, lidar)| (p - lidar) * (p - lidar)).sum();
     Shot {

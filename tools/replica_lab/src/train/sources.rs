@@ -23,7 +23,9 @@ pub fn simulate<T: Send>(
     mut push: impl FnMut(T) -> anyhow::Result<()>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> anyhow::Result<()> {
-    let (towns, mounts, cameras) = (data.towns()?, data.mounts()?, IdealCameras::new(needs));
+    let towns = data.towns()?;
+    let mounts = data.mounts()?;
+    let cameras = IdealCameras::new(needs);
     let seeds: Vec<u64> = seeds.iter().collect();
     let of_drive = |seed: &u64| -> anyhow::Result<Vec<T>> {
         let n_towns = towns.len() as u64;

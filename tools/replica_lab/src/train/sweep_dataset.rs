@@ -126,8 +126,9 @@ impl SweepDataset {
 impl TrainingData for SweepDataset {
     fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
         let first = self.file.len();
-        let (settings, removed_classes, needs) =
-            (self.settings.clone(), self.removed_classes.clone(), self.needs.clone());
+        let settings = self.settings.clone();
+        let removed_classes = self.removed_classes.clone();
+        let needs = self.needs.clone();
         let convert = |of: Labeled<'_>| Ok(images_of(&of, &settings, &removed_classes, IntensityScale::Own));
         let push =
             |images: Vec<LabeledImage>| images.iter().try_for_each(|image| self.push(image, IntensityScale::Own));
@@ -140,7 +141,8 @@ impl TrainingData for SweepDataset {
         let first = self.file.len();
         let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
         let scale = IntensityScale::of(source, &self.ground);
-        let (mut n_sweeps, mut n_labeled) = (0, 0);
+        let mut n_sweeps = 0;
+        let mut n_labeled = 0;
         while let Some(submap) = recording.next()? {
             for image in images_of(&submap.labeled(), &self.settings, &self.removed_classes, scale) {
                 if n_sweeps % source.every == 0 {

@@ -74,7 +74,8 @@ fn recorded_colors_and_spectra_come_into_the_images() {
     data.add_recording(&clouds(), folder.path()).expect("read");
     assert_eq!(data.n_sweeps(), 6);
     let image = data.image(3);
-    let (mut n_known, mut n_unknown) = (0, 0);
+    let mut n_known = 0;
+    let mut n_unknown = 0;
     for (pixel, values) in image.pixels.iter().zip(image.camera.as_chunks::<4>().0) {
         if !pixel.is_valid() {
             assert!(values.iter().all(|value| value.is_nan()));
@@ -149,7 +150,8 @@ fn simulated_towns_have_colors_and_reflectances() {
     let recipe = recipe(CLASSES, "features = ['valid', 'red', 'green', 'band_670', 'band_800']", &towns);
     let mut data = SweepDataset::new(&recipe, folder.path()).expect("a file");
     data.add_towns(&recipe.data, recipe.data.seeds.expect("seeds"), &mut |_, _| ()).expect("simulated");
-    let (image, truth) = (data.image(0), data.example(0, None).truth);
+    let image = data.image(0);
+    let truth = data.example(0, None).truth;
     let shown = || image.pixels.iter().zip(image.camera.as_chunks::<4>().0).zip(&truth);
     let n_valid = shown().filter(|((pixel, _), _)| pixel.is_valid()).count();
     let n_known = shown().filter(|((_, values), _)| !values[0].is_nan() && !values[3].is_nan()).count();
@@ -278,12 +280,15 @@ fn sparse_views_and_labels_of_cells_are_added_to_unchanged_training_examples() {
         data.add_recording(&clouds(), folder.path()).expect("read");
         data
     };
-    let (plain, both) = (dataset(""), dataset("consistency = 1.0\nbev_head = 0.5"));
+    let plain = dataset("");
+    let both = dataset("consistency = 1.0\nbev_head = 0.5");
     for index in 0..plain.len() {
         let random = || random::Random::new(index as u64);
-        let (off, on) = (plain.example(index, Some(&mut random())), both.example(index, Some(&mut random())));
+        let off = plain.example(index, Some(&mut random()));
+        let on = both.example(index, Some(&mut random()));
         assert!(off.input == on.input && off.truth == on.truth && off.sparse_view.is_none() && off.bev.is_none());
-        let (sparse, bev) = (on.sparse_view.expect("a sparse view"), on.bev.expect("labels"));
+        let sparse = on.sparse_view.expect("a sparse view");
+        let bev = on.bev.expect("labels");
         assert_eq!(bev.cells.len(), on.truth.len());
         // Pixels of both views are within them.
         let n_sparse = sparse.input.height() * sparse.input.width() * 2;
@@ -309,7 +314,8 @@ fn training_with_consistency_and_bev_head_gives_a_model_without_the_head() {
         let text = recipe_text(CLASSES, "", TOWNS).replace("[train]", &format!("[train]\n{terms}"));
         SphericalModel::load(&train(folder.path(), name, &text)).expect("loads").1
     };
-    let (off, on) = (weights("off", ""), weights("on", "consistency = 1.0\nbev_head = 0.5"));
+    let off = weights("off", "");
+    let on = weights("on", "consistency = 1.0\nbev_head = 0.5");
     assert!(off != on && off.tensors.keys().eq(on.tensors.keys()));
 }
 

@@ -47,7 +47,8 @@ fn references_with_other_exposures_give_reflectances_and_mark_unknown_values() {
         _ => 50 + 100 + 25 * band as u16,
     });
     let out = folder.join("out");
-    let (dark, white) = (folder.join("dark"), folder.join("white"));
+    let dark = folder.join("dark");
+    let white = folder.join("white");
     let arguments_of_frame =
         [text(&frame), "--pattern", "2", "--dark", text(&dark), "--white", text(&white), "--out", text(&out)];
     let refused = cube(&arguments_of_frame);
@@ -87,7 +88,8 @@ fn panel_in_the_frame_serves_as_white_reference() {
     let Image { header, values } = read(folder.path(), "frame.hdr");
     for (at, value) in values.iter().enumerate() {
         let cell = at % (header.samples * header.lines);
-        let (x, y) = (2 * (cell % header.samples) as u32, 2 * (cell / header.samples) as u32);
+        let x = 2 * (cell % header.samples) as u32;
+        let y = 2 * (cell / header.samples) as u32;
         let expected = if is_panel(x, y) { 0.98 } else { 0.49 };
         assert!((value - expected).abs() < 1e-5, "{value} at {x} {y}");
     }
@@ -116,7 +118,8 @@ fn real_frames_with_calibration_files_give_cubes() {
         assert_eq!(([header.samples, header.lines], header.bands), (cells, n_bands));
         let raw = formats::tiff::Tiff::parse(&std::fs::read(&frame).expect("readable")).expect("a TIFF");
         for (at, value) in values.iter().enumerate() {
-            let (band, cell) = (at / (cells[0] * cells[1]), at % (cells[0] * cells[1]));
+            let band = at / (cells[0] * cells[1]);
+            let cell = at % (cells[0] * cells[1]);
             let sample = raw.samples[cell * n_bands + band];
             let expected = if sample == 255 { -9999.0 } else { f32::from(sample) / 255.0 };
             assert!((value - expected).abs() < 1e-5, "{name}: {value}, not {expected}");

@@ -16,11 +16,14 @@ const OTHER_OBJECT: u32 = 99;
 
 /// A sweep of a sensor 1.73 m above a road, 3 to 45 m away, with a box that has two labels. The instance is in the upper half of a label.
 fn write_sweep(sequence: &Path, number: usize, intensity: f32) {
-    let (mut cloud, mut labels) = (Vec::new(), Vec::new());
+    let mut cloud = Vec::new();
+    let mut labels = Vec::new();
     for ring in 0..60_u8 {
         for step in 0..900_u16 {
-            let (angle, range_m) = ((f32::from(step) * 0.4).to_radians(), 3.0 + 0.7 * f32::from(ring));
-            let (x, y) = (range_m * angle.cos(), range_m * angle.sin());
+            let angle = (f32::from(step) * 0.4).to_radians();
+            let range_m = 3.0 + 0.7 * f32::from(ring);
+            let x = range_m * angle.cos();
+            let y = range_m * angle.sin();
             let (z, label) = match (ring, step) {
                 (10..=12, 100..=140) => (-1.0, MOVING_CAR | 7 << 16),
                 (13, 100..=140) => (-1.0, OTHER_OBJECT),
@@ -47,7 +50,8 @@ fn json(arguments: &[&str]) -> Value {
 #[test]
 fn sequence_in_layout_of_semantic_kitti_is_scored_with_and_without_intensities() {
     let root = tempfile::tempdir().expect("a folder");
-    let (sequence, out) = (root.path().join("dataset/sequences/08"), root.path().join("scores"));
+    let sequence = root.path().join("dataset/sequences/08");
+    let out = root.path().join("scores");
     write_sweep(&sequence, 0, 0.05);
     write_sweep(&sequence, 1, 0.3);
     let street = model("street.safetensors");
@@ -127,7 +131,8 @@ fn label_files_are_scored_by_both_class_tables() {
         path
     };
     // Unlabeled, building, wall, road; wall and building are manmade.
-    let (truth, predicted) = (write("truth.label", [0, 1, 11, 7]), write("predicted.label", [7, 11, 11, 6]));
+    let truth = write("truth.label", [0, 1, 11, 7]);
+    let predicted = write("predicted.label", [7, 11, 11, 6]);
     let scores = json(&[text(&truth), text(&predicted)]);
     assert_eq!(scores[0]["overall_accuracy"], 1.0 / 3.0);
     assert_eq!(scores[0]["seven_classes"]["overall_accuracy"], 1.0);

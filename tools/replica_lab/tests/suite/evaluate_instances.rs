@@ -20,7 +20,8 @@ fn lines(table: &str) -> Vec<(String, u32, u32, String)> {
 #[test]
 fn true_labels_score_100_and_errors_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, run) = (folder.path().join("drive"), folder.path().join("run"));
+    let drive = folder.path().join("drive");
+    let run = folder.path().join("run");
     simulate(&DriveSpec::urban(1, 0.3), &drive);
     let mut returns = Returns::of(&drive);
     returns.write(&run.join("clouds/00000.ply"));

@@ -45,7 +45,8 @@ fn by_hand(written: &FinishedRun, class: ClassId) -> [f64; 3] {
         scored().filter(|((truth, found), _)| is(*truth, *found, class)).map(|(_, n)| *n as f64).sum()
     };
     let both = sum(|truth, found, class| truth == class && found == class);
-    let (n_true, n_found) = (sum(|truth, _, class| truth == class), sum(|_, found, class| found == class));
+    let n_true = sum(|truth, _, class| truth == class);
+    let n_found = sum(|_, found, class| found == class);
     [both / (n_true + n_found - both), both / n_found, both / n_true]
 }
 
@@ -66,7 +67,8 @@ fn assert_scores_are_those_counted_by_hand(scores: &Value, written: &FinishedRun
         }
         assert_eq!(iou < 1.0, is_wrong, "{id:?}");
     }
-    let (road, sidewalk) = (ClassId::Road as u8, ClassId::Sidewalk as u8);
+    let road = ClassId::Road as u8;
+    let sidewalk = ClassId::Sidewalk as u8;
     let moved = written.by_class[&(road, sidewalk)];
     assert!(moved > 500, "{moved} points of the road are called sidewalk");
     assert_eq!(scores["classes"]["confusion"][usize::from(road)][usize::from(sidewalk)].as_u64(), Some(moved));
@@ -95,7 +97,8 @@ fn assert_scores_are_those_counted_by_hand(scores: &Value, written: &FinishedRun
 #[test]
 fn scores_of_a_finished_run_equal_counts_by_hand() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, run) = (simulated(folder.path(), "urban"), folder.path().join("run"));
+    let drive = simulated(folder.path(), "urban");
+    let run = folder.path().join("run");
     // East by 2 m and up by 1 m; the run states 1.5 m and 0.5 m.
     let written = write_run(&drive, &run, &RunOptions { off_m: [2.0, 1.0], ..RunOptions::default() });
     let scores = scores(&run, &drive);
@@ -148,7 +151,8 @@ fn rewritten_without_times(timed: &Path, untimed: &Path) -> usize {
     "lidar".clone_into(&mut manifest.lidar.folder);
     manifest.imu = None;
     let mut source = drive.sweeps().expect("opens");
-    let (mut times, mut n_sweeps) = (String::new(), 0);
+    let mut times = String::new();
+    let mut n_sweeps = 0;
     loop {
         let mut bytes = Vec::new();
         let next = source.next_sweep(|found| {
@@ -180,7 +184,8 @@ fn rewritten_without_times(timed: &Path, untimed: &Path) -> usize {
 #[test]
 fn run_of_another_drive_is_refused_with_numbers() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, other) = (simulated(folder.path(), "urban"), simulated(folder.path(), "suburban"));
+    let drive = simulated(folder.path(), "urban");
+    let other = simulated(folder.path(), "suburban");
     let run = folder.path().join("run");
     let written = write_run(&drive, &run, &RunOptions::default());
     // Both drives have the same times and the same LiDAR: only the ranges differ.
@@ -207,7 +212,8 @@ fn run_of_another_drive_is_refused_with_numbers() {
 #[test]
 fn points_without_truth_are_counted_and_few_of_them_change_the_exit_code() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, run) = (simulated(folder.path(), "urban"), folder.path().join("run"));
+    let drive = simulated(folder.path(), "urban");
+    let run = folder.path().join("run");
     write_run(&drive, &run, &RunOptions::default());
     // One of several clouds is an hour late.
     let late = folder.path().join("late");
@@ -228,7 +234,8 @@ fn points_without_truth_are_counted_and_few_of_them_change_the_exit_code() {
 #[test]
 fn points_of_unlabeled_sweeps_are_counted_apart_and_only_others_change_the_exit_code() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, run) = (simulated(folder.path(), "urban"), folder.path().join("run"));
+    let drive = simulated(folder.path(), "urban");
+    let run = folder.path().join("run");
     let written = write_run(&drive, &run, &RunOptions::default());
     let late = folder.path().join("late");
     write_run(&drive, &late, &RunOptions { late_nanos: 3_600_000_000_000, ..RunOptions::default() });
@@ -270,7 +277,8 @@ fn points_of_unlabeled_sweeps_are_counted_apart_and_only_others_change_the_exit_
 #[test]
 fn wrong_arguments_and_folders_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (drive, run) = (simulated(folder.path(), "urban"), folder.path().join("run"));
+    let drive = simulated(folder.path(), "urban");
+    let run = folder.path().join("run");
     write_run(&drive, &run, &RunOptions::default());
     let refused = |arguments: &[&str], code: i32, words: &str| {
         let output = replica_lab(&[&["evaluate"], arguments].concat());

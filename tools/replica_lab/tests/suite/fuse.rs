@@ -11,7 +11,8 @@ fn model(name: &str) -> PathBuf {
 fn command_of_the_model_card_writes_the_shipped_model() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("fused.safetensors");
-    let (street, points) = (model("street.safetensors"), model("points.safetensors"));
+    let street = model("street.safetensors");
+    let points = model("points.safetensors");
     let priors =
         "bridge=4.95,guard-rail=1.82,pedestrian=1.11,static=5.47,terrain=1.35,traffic-light=2.72,traffic-sign=2.46";
     let settings = ["--share", "0.5", "--every", "3", "--temperature", "0.75", "--priors", priors];
@@ -24,7 +25,8 @@ fn command_of_the_model_card_writes_the_shipped_model() {
 fn fitted_priors_are_printed_as_the_command_takes_them() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
-    let (street, points) = (model("street.safetensors"), model("points.safetensors"));
+    let street = model("street.safetensors");
+    let points = model("points.safetensors");
     let [recipe, fitted, given] = ["recipe.toml", "fitted.safetensors", "given.safetensors"].map(path);
     let group = "[[group]]\ntowns = ['urban']\nseeds = { first = 1, last = 1 }\nsensors = ['rig']\nintensity = 'auto'\n\
                  seconds = 2.0\nsubmaps = 1\nsweeps = 2\n";

@@ -23,7 +23,8 @@ fn write_cloud(path: &Path) {
     }
     ply.push_str("end_header\n");
     for k in 0..8 {
-        let (x, instance) = (k % 4, 1 + k / 4);
+        let x = k % 4;
+        let instance = 1 + k / 4;
         let _ = writeln!(ply, "{x} {instance} 0.5 10 {instance}");
     }
     std::fs::write(path, ply).expect("written");

@@ -103,7 +103,8 @@ fn region_is_compared_with_reference_spectra_and_must_be_inside() {
         path.to_str().expect("UTF-8").to_owned()
     };
     // The cube's bands are as 1 : 2 : 2 everywhere.
-    let (same, other) = (known("same", [20.0, 40.0, 40.0]), known("other", [40.0, 40.0, 20.0]));
+    let same = known("same", [20.0, 40.0, 40.0]);
+    let other = known("other", [40.0, 40.0, 20.0]);
     let text = printed(&spectrum(&[cube, "--region", "5,5,10,4", "--reference", &other, "--reference", &same]));
     let same_row = text.find("| same | 0.00° |").unwrap_or_else(|| panic!("{text}"));
     assert!(same_row < text.find("| other |").expect("the second-nearest reference"), "{text}");

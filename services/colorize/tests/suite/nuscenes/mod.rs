@@ -23,7 +23,10 @@ fn colors(sample: &NuScenesSample, delay_nanos: i64) -> Vec<ColorRow> {
     manifest.lidar.body_from_lidar = PoseEntry::from(sample.body_from_lidar);
     for entry in &sample.cameras {
         let k = entry.image_from_camera;
-        let (fx, fy, cx, cy) = (k[(0, 0)], k[(1, 1)], k[(0, 2)], k[(1, 2)]);
+        let fx = k[(0, 0)];
+        let fy = k[(1, 1)];
+        let cx = k[(0, 2)];
+        let cy = k[(1, 2)];
         let (width, height) = entry.picture.dimensions();
         let model = CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] });
         manifest.cameras.push(camera(&entry.name, entry.body_from_camera, model));
@@ -39,7 +42,8 @@ fn colors(sample: &NuScenesSample, delay_nanos: i64) -> Vec<ColorRow> {
     }
     poses.sort_by_key(|(stamp, _)| *stamp);
     // The trajectory is extrapolated for exposures with later stamps.
-    let (a, b) = (poses[0], poses[poses.len() - 1]);
+    let a = poses[0];
+    let b = poses[poses.len() - 1];
     poses.push((2 * b.0 - a.0, b.1 * a.1.inverse() * b.1));
     let rows = poses.iter().map(|(stamp, pose)| stamped(*stamp, *pose)).collect();
     bench.send::<TrajectoryTopic>(sample.stamp, NoHeader::default(), rows);
@@ -58,14 +62,17 @@ fn colors(sample: &NuScenesSample, delay_nanos: i64) -> Vec<ColorRow> {
 /// Largest difference of a channel between the point's color and the picture at the pixel, between pixel centers.
 fn difference(picture: &RgbImage, (u, v): (f64, f64), row: ColorRow) -> f64 {
     let clamp = |at: f64, len: u32| at.clamp(0.0, f64::from(len - 1));
-    let (u, v) = (clamp(u, picture.width()), clamp(v, picture.height()));
+    let u = clamp(u, picture.width());
+    let v = clamp(v, picture.height());
     let colors = [row.r, row.g, row.b];
     let at = |x: f64, y: f64, i: usize| {
-        let (x, y) = ((x as u32).min(picture.width() - 1), (y as u32).min(picture.height() - 1));
+        let x = (x as u32).min(picture.width() - 1);
+        let y = (y as u32).min(picture.height() - 1);
         f64::from(picture.get_pixel(x, y)[i])
     };
     let mixed = |i: usize| {
-        let (a, b) = (u.fract(), v.fract());
+        let a = u.fract();
+        let b = v.fract();
         let top = (1.0 - a) * at(u, v, i) + a * at(u + 1.0, v, i);
         (1.0 - b) * top + b * ((1.0 - a) * at(u, v + 1.0, i) + a * at(u + 1.0, v + 1.0, i))
     };
@@ -80,7 +87,8 @@ fn real_sweep_gets_colors_of_six_real_images() {
     pictures::write(&sample, &colors);
 
     let mut n_seen = [0; 6];
-    let (mut n_off, mut n_visible) = (0, 0);
+    let mut n_off = 0;
+    let mut n_visible = 0;
     for (point, row) in sample.points.iter().zip(&colors) {
         let visible: Vec<Option<(f64, f64)>> = sample.cameras.iter().map(|camera| pixel(camera, point)).collect();
         n_visible += usize::from(visible.iter().any(Option::is_some));
@@ -115,7 +123,8 @@ fn real_sweep_gets_colors_of_six_real_images() {
 #[real_data::test("nuscenes")]
 fn delay_of_40_ms_changes_colors() {
     let sample = read_sample(&real_data::path("nuscenes"));
-    let (right, late) = (colors(&sample, 0), colors(&sample, 40_000_000));
+    let right = colors(&sample, 0);
+    let late = colors(&sample, 40_000_000);
     let changed = |(a, b): &(&ColorRow, &ColorRow)| a.r.abs_diff(b.r) > 3 || a.g.abs_diff(b.g) > 3;
     let n_changed = right.iter().zip(&late).filter(changed).count();
     println!("{n_changed} colors change with a delay of 40 ms");

@@ -89,7 +89,9 @@ fn outline(vehicle: &Vehicle) -> impl Iterator<Item = [f64; 2]> {
     let (sine, cosine) = vehicle.yaw.sin_cos();
     let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
     (0..400).map(move |i| {
-        let (a, b, share) = (corners[i / 100], corners[(i / 100 + 1) % 4], (i % 100) as f64 / 100.0);
+        let a = corners[i / 100];
+        let b = corners[(i / 100 + 1) % 4];
+        let share = (i % 100) as f64 / 100.0;
         let [along, across] = [0, 1].map(|axis| (a[axis] + share * (b[axis] - a[axis])) * vehicle.size[axis]);
         [vehicle.center[0] + along * cosine - across * sine, vehicle.center[1] + along * sine + across * cosine]
     })
@@ -111,7 +113,8 @@ fn unrolled(sample: &NuScenesSample, colors: &[ColorRow]) -> RgbImage {
 /// Draws a square, clipped to the picture.
 fn dot(picture: &mut RgbImage, [u, v]: [f32; 2], side: i32, color: Rgb<u8>) {
     for (dx, dy) in (0..side * side).map(|i| (i % side - side / 2, i / side - side / 2)) {
-        let (x, y) = (u as i32 + dx, v as i32 + dy);
+        let x = u as i32 + dx;
+        let y = v as i32 + dy;
         if x >= 0 && y >= 0 && (x as u32) < picture.width() && (y as u32) < picture.height() {
             picture.put_pixel(x as u32, y as u32, color);
         }

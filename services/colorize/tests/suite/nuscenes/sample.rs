@@ -32,7 +32,8 @@ impl Vehicle {
         let [x, y, z] = [point.x, point.y, point.z].map(f64::from);
         let [dx, dy, dz] = [x - self.center[0], y - self.center[1], z - self.center[2]];
         let (sine, cosine) = self.yaw.sin_cos();
-        let (along, across) = (dx * cosine + dy * sine, dy * cosine - dx * sine);
+        let along = dx * cosine + dy * sine;
+        let across = dy * cosine - dx * sine;
         let [length, width, height] = self.size.map(|side| 0.5 * side);
         along.abs() < length && across.abs() < width && dz.abs() < height
     }
@@ -113,7 +114,8 @@ pub fn read_sample(folder: &Path) -> NuScenesSample {
 pub fn pixel(camera: &Camera, point: &SubmapPoint) -> Option<(f64, f64)> {
     let p = camera.camera_from_lidar.transform_point(&Point3::new(point.x, point.y, point.z).cast());
     let h = camera.image_from_camera * p.coords;
-    let (u, v) = (h.x / h.z, h.y / h.z);
+    let u = h.x / h.z;
+    let v = h.y / h.z;
     let (width, height) = camera.picture.dimensions();
     (h.z > 1e-3 && u > -0.5 && v > -0.5 && u < f64::from(width) - 0.5 && v < f64::from(height) - 0.5).then_some((u, v))
 }

@@ -17,7 +17,8 @@ const SQUARE_M: f64 = 0.5;
 /// 10 m/s, turning by 0.2 rad/s, far from the origin of odom.
 pub fn odom_from_body(stamp: i64) -> Pose {
     let t = (stamp - START) as f64 * 1e-9;
-    let (speed, turn) = (10.0, 0.2);
+    let speed = 10.0;
+    let turn = 0.2;
     let position = Vector3::new((turn * t).sin() * speed / turn, (1.0 - (turn * t).cos()) * speed / turn, 1.8);
     Isometry3::from_parts(
         (position + Vector3::new(400.0, -300.0, 20.0)).into(),
@@ -51,12 +52,22 @@ fn looking_left(yaw: f64) -> Pose {
 }
 
 fn pinhole() -> CameraModel {
-    let (width, height, fx, fy, cx, cy) = (400, 300, 240.0, 242.0, 203.0, 148.0);
+    let width = 400;
+    let height = 300;
+    let fx = 240.0;
+    let fy = 242.0;
+    let cx = 203.0;
+    let cy = 148.0;
     CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [-0.08, 0.01, 0.001, -0.002, 0.0] })
 }
 
 fn fisheye() -> CameraModel {
-    let (width, height, fx, fy, cx, cy) = (500, 360, 230.0, 231.0, 247.0, 182.0);
+    let width = 500;
+    let height = 360;
+    let fx = 230.0;
+    let fy = 231.0;
+    let cx = 247.0;
+    let cy = 182.0;
     let distortion = [-0.02, 0.003, 0.0, 0.0];
     CameraModel::KannalaBrandt(KannalaBrandt { width, height, fx, fy, cx, cy, distortion, max_angle: 1.3 })
 }
@@ -77,7 +88,8 @@ pub fn manifest() -> Manifest {
 /// The square (side, along, up) that a ray hits; `None` if it runs along the street or too far.
 fn square_of_ray(odom_from_camera: &Pose, ray: &Vector3<f64>) -> Option<[i64; 3]> {
     let street_from_camera = street_from_odom() * odom_from_camera;
-    let (origin, direction) = (street_from_camera.translation.vector, street_from_camera.rotation * ray);
+    let origin = street_from_camera.translation.vector;
+    let direction = street_from_camera.rotation * ray;
     let wall = WALL_M.copysign(direction.y);
     let range_m = (wall - origin.y) / direction.y;
     (range_m > 0.0 && range_m < 100.0).then(|| square(&(origin + direction * range_m)))
@@ -176,7 +188,9 @@ pub fn expose_cube(index: usize, stamp: i64) -> (CubeHeader, Vec<u32>) {
     let odom_from_camera = odom_from_body(stamp) * entry.body_from_camera.to_pose().expect("a pose");
     let [x0, y0, width, height] = entry.active_area;
     let pattern = entry.pattern;
-    let (columns, rows, n_bands) = (width / pattern, height / pattern, (pattern * pattern) as usize);
+    let columns = width / pattern;
+    let rows = height / pattern;
+    let n_bands = (pattern * pattern) as usize;
     let valid_bands = if index == 1 { 0xffff & !(1 << 3) } else { (1 << 25) - 1 };
     let mut header = CubeHeader {
         camera: index as u32,
@@ -196,7 +210,8 @@ pub fn expose_cube(index: usize, stamp: i64) -> (CubeHeader, Vec<u32>) {
     let n_cells = (columns * rows) as usize;
     let mut words = vec![0; (n_bands + 1) * n_cells];
     for cell in 0..n_cells {
-        let (column, row) = (cell as u32 % columns, cell as u32 / columns);
+        let column = cell as u32 % columns;
+        let row = cell as u32 / columns;
         let middle = |first: u32, i: u32| f64::from(first + i * pattern) + 0.5 * f64::from(pattern - 1);
         let ray = entry.model.ray_from_pixel(&Vector2::new(middle(x0, column), middle(y0, row)));
         let along_m = ray

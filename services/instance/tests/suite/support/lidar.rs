@@ -59,7 +59,8 @@ impl Scan {
     /// Adds a sweep from this place at this time.
     pub fn sweep(&mut self, lidar: Lidar, [x, y]: [f32; 2], stamp: i64, blocks: &[Block]) {
         let place = [x, y, HEIGHT_M];
-        let (first_point, sweep_idx) = (self.street.points.len(), self.header.n_sweeps as u16);
+        let first_point = self.street.points.len();
+        let sweep_idx = self.header.n_sweeps as u16;
         for column in 0..lidar.n_columns {
             let azimuth = std::f32::consts::TAU * f32::from(column) / f32::from(lidar.n_columns);
             for ring in 0..lidar.n_rings {
@@ -104,10 +105,12 @@ fn nearest(place: [f32; 3], ray: [f32; 3], blocks: &[Block]) -> Option<(f32, Opt
 }
 
 fn hit(place: [f32; 3], ray: [f32; 3], block: &Block) -> Option<f32> {
-    let (mut enter, mut leave) = (0.0_f32, f32::INFINITY);
+    let mut enter = 0.0_f32;
+    let mut leave = f32::INFINITY;
     for axis in 0..3 {
         let ends = [block.min[axis], block.max[axis]].map(|side| (side - place[axis]) / ray[axis]);
-        (enter, leave) = (enter.max(ends[0].min(ends[1])), leave.min(ends[0].max(ends[1])));
+        enter = enter.max(ends[0].min(ends[1]));
+        leave = leave.min(ends[0].max(ends[1]));
     }
     (enter > 0.0 && enter <= leave).then_some(enter)
 }

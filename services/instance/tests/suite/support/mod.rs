@@ -26,7 +26,8 @@ impl Street {
     pub fn road(holes: &[[f32; 4]]) -> Self {
         let mut street = Self::default();
         for (row, col) in (0..300_u16).flat_map(|row| (0..140_u16).map(move |col| (row, col))) {
-            let (x, y) = (f32::from(row) * 0.1 + 0.05, f32::from(col) * 0.1 + 0.05);
+            let x = f32::from(row) * 0.1 + 0.05;
+            let y = f32::from(col) * 0.1 + 0.05;
             if !holes.iter().any(|&[x0, y0, x1, y1]| x > x0 && x < x1 && y > y0 && y < y1) {
                 street.push([x, y, slope(x)], ClassId::Road, 0);
             }
@@ -40,7 +41,8 @@ impl Street {
         for i in 0..n {
             let share = i as f32 / n as f32;
             let along = (share * 50.0).fract() * perimeter;
-            let (dx, dy) = (x1 - x0, y1 - y0);
+            let dx = x1 - x0;
+            let dy = y1 - y0;
             let (x, y) = match along {
                 a if a < dx => (x0 + a, y0),
                 a if a < dx + dy => (x1, y0 + a - dx),

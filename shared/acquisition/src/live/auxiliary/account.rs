@@ -33,7 +33,8 @@ impl AuxiliarySensors {
         doubts.files(&self.tally, 0, 0);
         doubts.log(&self.log_stats(of_packets), self.tally.gnss_rows, self.tally.fixes);
         if let Some(frames) = &self.frames {
-            let (counts, n_frames) = (frames.counts(), frames.n_recorded());
+            let counts = frames.counts();
+            let n_frames = frames.n_recorded();
             doubts.outside(counts.before + counts.after, n_frames);
             doubts.late(counts.late, n_frames, self.limits.max_late_s);
         }

@@ -155,7 +155,8 @@ impl Frames {
     /// Names and numbers of images since the last call.
     pub(super) fn take_counts(&mut self) -> Vec<(&'static str, u64)> {
         self.counts.files = self.watch.counts();
-        let (now, before) = (self.counts, std::mem::replace(&mut self.reported, self.counts));
+        let now = self.counts;
+        let before = std::mem::replace(&mut self.reported, self.counts);
         vec![
             ("images_recorded", now.files.recorded - before.files.recorded),
             ("strange_files", now.files.strange - before.files.strange),

@@ -41,7 +41,8 @@ pub(super) struct TakenFixes {
 
 impl FixLog {
     pub(super) fn new(path: PathBuf, log: LineLog, delay_nanos: i64) -> Self {
-        let (joiner, waiting) = (FixJoiner::default(), VecDeque::new());
+        let joiner = FixJoiner::default();
+        let waiting = VecDeque::new();
         Self { path, log, joiner, delay_nanos, waiting, is_closed: false, n_left_out: 0, n_interruptions: 0 }
     }
 

@@ -53,7 +53,8 @@ impl References {
             return (0, Vec::new());
         }
         self.searched = Some(Instant::now());
-        let (mut n_added, mut notes) = (0, Vec::new());
+        let mut n_added = 0;
+        let mut notes = Vec::new();
         for folder in &mut self.folders {
             let later = later_files(&folder.source, &folder.recorded, 1);
             n_added += (later.len() as u64).saturating_sub(folder.n_added);

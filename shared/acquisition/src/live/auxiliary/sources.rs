@@ -67,7 +67,8 @@ impl AuxiliarySources {
             let parsed = (!text.is_empty()).then(|| text.parse::<LineAddress>())?;
             parsed.map_err(|source| problems.push(LiveError::Line { key, source })).ok()
         };
-        let (gnss, imu) = (address("gnss", gnss), address("imu", imu));
+        let gnss = address("gnss", gnss);
+        let imu = address("imu", imu);
         let rig = match found {
             LiveRig::File(path, manifest) => Some((path.parent().unwrap_or(Path::new("")).to_owned(), *manifest)),
             LiveRig::Simulated(_) | LiveRig::Default => None,
@@ -109,7 +110,9 @@ impl AuxiliarySources {
     ) -> Result<Option<(Frames, References)>, LiveError> {
         let (Some(root), Some((rig, _))) = (&self.cameras, &self.rig) else { return Ok(None) };
         let fault = |path: &Path, source: io::Error| LiveError::File { path: path.to_owned(), source };
-        let (mut watched, mut names, mut references) = (Vec::new(), BTreeMap::new(), References::default());
+        let mut watched = Vec::new();
+        let mut names = BTreeMap::new();
+        let mut references = References::default();
         let color = entries
             .cameras
             .iter()
@@ -121,7 +124,8 @@ impl AuxiliarySources {
             .enumerate()
             .map(|(index, entry)| ((CameraKind::Mosaic, index, entry.delay_nanos), &entry.folder, &entry.name));
         for ((kind, index, delay_nanos), folder, name) in color.chain(mosaic) {
-            let (source, recorded) = (root.join(folder), recording.join(folder));
+            let source = root.join(folder);
+            let recorded = recording.join(folder);
             for path in [&source, &recorded] {
                 fs::create_dir_all(path).map_err(|error| fault(path, error))?;
             }

@@ -58,7 +58,8 @@ impl Mcap {
             || ImportError::at(path, "ends without footer: the recording was not closed; run `mcap recover`");
         let end = end.ok_or_else(not_closed)?;
         file.seek(SeekFrom::Start(end)).at(path)?;
-        let (mut footer, mut tail) = ([0; (HEAD_BYTES + FOOTER_BYTES) as usize], [0; MAGIC.len()]);
+        let mut footer = [0; (HEAD_BYTES + FOOTER_BYTES) as usize];
+        let mut tail = [0; MAGIC.len()];
         file.read_exact(&mut footer).at(path)?;
         file.read_exact(&mut tail).at(path)?;
         if tail != *MAGIC || footer[0] != FOOTER {
@@ -80,7 +81,9 @@ impl Mcap {
             let rule = format!("the summary is at byte {summary}; must be before the footer");
             return Err(ImportError::at_part(&self.path, &format!("byte {}", self.end), rule));
         }
-        let (mut at, mut bytes, mut counts) = (summary, Vec::new(), None);
+        let mut at = summary;
+        let mut bytes = Vec::new();
+        let mut counts = None;
         file.seek(SeekFrom::Start(at)).at(&self.path)?;
         while at < self.end {
             let (kind, length) = self.head(file, at)?;
@@ -160,11 +163,15 @@ impl Index {
     /// Adds a schema or channel.
     fn add(&mut self, kind: u8, mut body: Body<'_>) -> io::Result<()> {
         if kind == SCHEMA {
-            let (id, name) = (body.u16()?, body.text()?);
+            let id = body.u16()?;
+            let name = body.text()?;
             self.schemas.insert(id, name);
             return Ok(());
         }
-        let (id, schema, topic, encoding) = (body.u16()?, body.u16()?, body.text()?, body.text()?);
+        let id = body.u16()?;
+        let schema = body.u16()?;
+        let topic = body.text()?;
+        let encoding = body.text()?;
         let encoding = match encoding.as_str() {
             "cdr" => Some(Encoding::Cdr),
             "ros1" => Some(Encoding::Ros1),
@@ -189,7 +196,8 @@ struct Pass<'a, 'b> {
 
 impl Pass<'_, '_> {
     fn chunk(&mut self, file: &mut BufReader<File>, length: u64) -> Result<(), ImportError> {
-        let (path, at) = (self.path, self.at);
+        let path = self.path;
+        let at = self.at;
         let mut part = file.by_ref().take(length);
         let head = body::ChunkHead::read(&mut part).at_byte(path, at)?;
         self.content_limit.take(head.content_bytes).at_byte(path, at)?;
@@ -206,7 +214,8 @@ impl Pass<'_, '_> {
     }
 
     fn record(&mut self, reader: &mut impl Skip, kind: u8, length: u64) -> Result<(), ImportError> {
-        let (path, at) = (self.path, self.at);
+        let path = self.path;
+        let at = self.at;
         match kind {
             SCHEMA | CHANNEL => {
                 read_bytes(reader, length, &mut self.bytes).at_byte(path, at)?;
@@ -217,7 +226,8 @@ impl Pass<'_, '_> {
                 let data_bytes = length.checked_sub(MESSAGE_HEAD);
                 let data_bytes = data_bytes.ok_or(io::ErrorKind::UnexpectedEof.into()).at_byte(path, at)?;
                 let mut body = Body::new(&head);
-                let (channel, _sequence) = (body.u16().at_byte(path, at)?, body.u32().at_byte(path, at)?);
+                let channel = body.u16().at_byte(path, at)?;
+                let _sequence = body.u32().at_byte(path, at)?;
                 let received = body.u64().at_byte(path, at)? as i64;
                 let Some(&topic) = self.index.channels.get(&channel) else {
                     let rule = format!("a message of channel {channel}, which the file does not describe");

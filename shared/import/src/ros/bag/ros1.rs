@@ -79,7 +79,8 @@ impl Ros1 {
     fn read_index(&mut self, file: &mut BufReader<File>, mut at: u64, n_bytes: u64) -> Result<(), ImportError> {
         let path = self.path.clone();
         file.seek(SeekFrom::Start(at)).at(&path)?;
-        let (mut data, mut counts) = (Vec::new(), Vec::new());
+        let mut data = Vec::new();
+        let mut counts = Vec::new();
         while at < n_bytes {
             let header = Header::read(file).at_byte(&path, at)?;
             let n_data = length(file).at_byte(&path, at)?;
@@ -88,7 +89,8 @@ impl Ros1 {
                 Some(CONNECTION) => {
                     let connection = header.u32("conn").at_byte(&path, at)?;
                     let fields = Header::of_bytes(&data).at_byte(&path, at)?;
-                    let (topic, kind) = (header.text("topic"), fields.text("type"));
+                    let topic = header.text("topic");
+                    let kind = fields.text("type");
                     let index =
                         self.topics.add(&topic.unwrap_or_default(), &kind.unwrap_or_default(), Some(Encoding::Ros1));
                     self.connections.insert(connection, index);

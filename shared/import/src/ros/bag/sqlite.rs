@@ -27,7 +27,8 @@ pub(super) struct Sqlite {
 impl Sqlite {
     pub fn open(path: &Path) -> Result<Self, ImportError> {
         let database = Database::open(path).map_err(ImportError::of_database)?;
-        let (mut topics, mut ids) = (Topics::default(), BTreeMap::new());
+        let mut topics = Topics::default();
+        let mut ids = BTreeMap::new();
         let mut rows = table(&database, path, "topics")?;
         while let Some(mut row) = rows.next_row().map_err(ImportError::of_database)? {
             rows.load(&mut row).map_err(ImportError::of_database)?;

@@ -75,7 +75,8 @@ impl Value {
 impl<'a> Fields<'a> {
     pub fn read(c: &mut Cursor<'a>) -> Result<Self, MessageFault> {
         let header = Header::read(c)?;
-        let (height, width) = (c.u32("height")?, c.u32("width")?);
+        let height = c.u32("height")?;
+        let width = c.u32("width")?;
         // A name, two numbers and a byte.
         let n_fields = c.length("fields", 13)?;
         if n_fields > MAX_FIELDS {
@@ -83,12 +84,15 @@ impl<'a> Fields<'a> {
         }
         let mut fields = Vec::new();
         for _ in 0..n_fields {
-            let (name, offset) = (c.text("fields.name")?, c.u32("fields.offset")?);
-            let (datatype, count) = (c.u8("fields.datatype")?, c.u32("fields.count")?);
+            let name = c.text("fields.name")?;
+            let offset = c.u32("fields.offset")?;
+            let datatype = c.u8("fields.datatype")?;
+            let count = c.u32("fields.count")?;
             fields.push((name, Value { offset: offset as usize, datatype }, count));
         }
         let is_big = c.u8("is_bigendian")? != 0;
-        let (point_step, row_step) = (c.u32("point_step")? as usize, c.u32("row_step")? as usize);
+        let point_step = c.u32("point_step")? as usize;
+        let row_step = c.u32("row_step")? as usize;
         let data = c.blob("data")?;
         let find = |names: &[&'static str]| {
             names.iter().find_map(|wanted| {
@@ -103,7 +107,9 @@ impl<'a> Fields<'a> {
             let missing = || MessageFault::Rule(format!("no field {name}; the fields are {}", names.join(", ")));
             *value = find(&[name]).ok_or_else(missing)?.1;
         }
-        let (intensity, ring, time) = (find(&INTENSITY), find(&RING), find(&TIME));
+        let intensity = find(&INTENSITY);
+        let ring = find(&RING);
+        let time = find(&TIME);
         let cloud = Self {
             header,
             height,
@@ -134,7 +140,8 @@ impl<'a> Fields<'a> {
                 return rule(format!("a field ends at byte {}; point_step is {}", value.offset + n, self.point_step));
             }
         }
-        let (height, step) = (self.height as usize, self.row_step);
+        let height = self.height as usize;
+        let step = self.row_step;
         let row_bytes = self.width.saturating_mul(self.point_step);
         if height > 1 && row_bytes > step {
             return rule(format!("row_step {step} must be at least width x point_step, {row_bytes}"));

@@ -17,7 +17,8 @@ pub(crate) fn livox_points(c: &mut Cursor<'_>) -> Result<(Header, Vec<RawPoint>)
         let time = Some(f64::from(c.u32("points.offset_time")?));
         let position = [c.f32("points.x")?, c.f32("points.y")?, c.f32("points.z")?];
         let intensity = f32::from(c.u8("points.reflectivity")?);
-        let (_tag, _line) = (c.u8("points.tag")?, c.u8("points.line")?);
+        let _tag = c.u8("points.tag")?;
+        let _line = c.u8("points.line")?;
         Ok(RawPoint { position, intensity, ring: None, time })
     };
     let points = (0..n).map(|_| one(c)).collect::<Result<Vec<_>, _>>()?;

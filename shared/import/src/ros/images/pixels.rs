@@ -111,11 +111,13 @@ fn yuv422<'a>(image: &Image<'a>, brightness: [usize; 2], colors: [usize; 2]) -> 
 
 /// The rows without the gaps between them.
 fn rows<'a>(image: &Image<'a>, pixel_bytes: usize) -> Result<Cow<'a, [u8]>, String> {
-    let (height, step) = (image.height as usize, image.step as usize);
+    let height = image.height as usize;
+    let step = image.step as usize;
     let row_bytes = image.width as usize * pixel_bytes;
     let n_bytes = if height == 0 { 0 } else { step.saturating_mul(height - 1).saturating_add(row_bytes) };
     if row_bytes == 0 || height == 0 || step < row_bytes || n_bytes > image.data.len() {
-        let (width, found) = (image.width, image.data.len());
+        let width = image.width;
+        let found = image.data.len();
         return Err(format!(
             "{width} x {height} pixels of {pixel_bytes} bytes in rows of {step} bytes need {n_bytes} bytes; {found} are there"
         ));
@@ -129,7 +131,8 @@ fn rows<'a>(image: &Image<'a>, pixel_bytes: usize) -> Result<Cow<'a, [u8]>, Stri
 /// Colors (0 red, 1 green, 2 blue) of the four cells of the filter, row by row.
 fn bayer<'a>(image: &Image<'a>, colors: [usize; 4]) -> Result<Pixels<'a>, String> {
     let samples: Vec<f32> = rows(image, 1)?.iter().map(|value| f32::from(*value) / 255.0).collect();
-    let (width, height) = (image.width as usize, image.height as usize);
+    let width = image.width as usize;
+    let height = image.height as usize;
     let fault = |error: spectral::SpectralError| error.to_string();
     let mut demosaicer = Demosaicer::new(width, height, 2).map_err(fault)?;
     let mut pixels = Vec::with_capacity(3 * samples.len());

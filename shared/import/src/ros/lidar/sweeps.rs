@@ -123,7 +123,9 @@ impl Sweeps {
         if begin < 0 {
             return Err(format!("time {begin} ns is before 1970; must be a time since 1970"));
         }
-        let (mut points, mut n_bright, mut n_without) = (Vec::with_capacity(times.len()), 0, 0);
+        let mut points = Vec::with_capacity(times.len());
+        let mut n_bright = 0;
+        let mut n_without = 0;
         for (point, time) in cloud.points.iter().zip(times) {
             let ring = match &decision.rings {
                 Some(rings) => point.ring.and_then(|beam| rings.of(beam)),
@@ -134,13 +136,15 @@ impl Sweeps {
                 continue;
             };
             n_bright += u64::from(point.intensity > MAX_INTENSITY);
-            let ([x, y, z], intensity) = (point.position, point.intensity);
+            let [x, y, z] = point.position;
+            let intensity = point.intensity;
             let offset_nanos = (time - begin) as u32;
             points.push(FiredPoint { point: CloudPoint { x, y, z, intensity }, ring, offset_nanos });
         }
         self.counts.bright += n_bright;
         self.counts.without_ring += n_without;
-        let (has_rings, has_times) = (decision.rings.is_some(), decision.form.is_some());
+        let has_rings = decision.rings.is_some();
+        let has_times = decision.form.is_some();
         // All have 19 digits since 2001, so the order of the names is that of the stamps.
         let path = self.folder.join(format!("{begin:019}.pcd"));
         let mut file = match File::create_new(&path) {

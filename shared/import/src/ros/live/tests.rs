@@ -9,7 +9,8 @@ struct Message(Vec<u8>);
 impl Message {
     /// With a header.
     fn at(stamp: i64) -> Self {
-        let (seconds, nanos) = (stamp / 1_000_000_000, stamp % 1_000_000_000);
+        let seconds = stamp / 1_000_000_000;
+        let nanos = stamp % 1_000_000_000;
         Self(vec![0, 1, 0, 0]).number((seconds as u32).to_le_bytes()).number((nanos as u32).to_le_bytes()).text("front")
     }
 
@@ -170,7 +171,9 @@ fn packets_are_those_of_the_sensor() {
         scan.0.extend(packet(seed));
         scan
     });
-    let (one, two, three) = (packet(1), packet(2), packet(3));
+    let one = packet(1);
+    let two = packet(2);
+    let three = packet(3);
     let read = topic("velodyne_msgs/VelodyneScan").read(&scan.0, RECEIVED).map(|data| match data {
         LiveData::Packets(packets) => packets.into_iter().map(<[u8]>::to_vec).collect::<Vec<_>>(),
         other => panic!("{other:?}"),

@@ -71,9 +71,12 @@ impl Writers<'_> {
         let topic_of = |role: Role| roles.topics.get(&role).map_or("", |topic| topics[*topic].name.as_str());
         let frame = |role: Role| frame_of.get(&role).cloned().unwrap_or_else(|| OUSTER_FRAME.to_owned());
         let mut rig = Mountings::new(&frames, &frame(Role::Lidar), &options.ros)?;
-        let (mut entries, mut texts, mut report) = (Vec::new(), Vec::new(), Vec::new());
+        let mut entries = Vec::new();
+        let mut texts = Vec::new();
+        let mut report = Vec::new();
         for (role, files) in lidars {
-            let (name, folder) = (files.name.clone(), files.folder.clone());
+            let name = files.name.clone();
+            let folder = files.folder.clone();
             let lidar = match role {
                 Role::Lidar => finish_lidar(source, topic_of(role), files, options.model, metadata.clone())?,
                 _ => finish_lidar(source, topic_of(role), files, None, None)?,

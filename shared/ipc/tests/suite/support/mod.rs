@@ -48,7 +48,8 @@ fn pair_of<T: Message>(domain: &Domain, channel: Channel) -> Pair<T> {
     services.create_channel(&supervisor, &channel).expect("created");
     services.create_wake(&supervisor, "producer.wake", 1).expect("created");
     services.create_wake(&supervisor, "consumer.wake", 1).expect("created");
-    let (producer, consumer) = (domain.node("producer").expect("node"), domain.node("consumer").expect("node"));
+    let producer = domain.node("producer").expect("node");
+    let consumer = domain.node("consumer").expect("node");
     let consumer_wake = consumer.open_wake("consumer.wake").expect("opened");
     let publisher = Publisher::open(&producer, &channel).expect("opened");
     let subscriber = Subscriber::open(&consumer, &channel, "consumer.wake").expect("opened");

@@ -24,7 +24,8 @@ impl<'a> Cdr<'a> {
     }
 
     fn stamp(&mut self) -> Stamp {
-        let (seconds, nanos) = (self.u32(), self.u32());
+        let seconds = self.u32();
+        let nanos = self.u32();
         Stamp(i64::from(seconds) * 1_000_000_000 + i64::from(nanos))
     }
 }

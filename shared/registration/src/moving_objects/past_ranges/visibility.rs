@@ -44,7 +44,8 @@ impl PastRanges {
         let near = SweepMotion { mid, ..self.motion };
         let pose = |&share: &f32| {
             let Isometry3 { rotation, translation } = near.at(f64::from(share)).inverse().cast::<f32>();
-            let ([i, j, k, w], [x, y, z]) = (rotation.coords.into(), translation.vector.into());
+            let [i, j, k, w] = rotation.coords.into();
+            let [x, y, z] = translation.vector.into();
             [i, j, k, w, x, y, z, 0.0]
         };
         let cols = self.ranges.len() / self.slopes.len();
@@ -120,7 +121,8 @@ impl PlacedRanges<'_> {
             }
         }
         let [x, y, z] = moved(&poses, &from_mid);
-        let (mut ranges, mut slopes) = ([0.0; LANES], [0.0; LANES]);
+        let mut ranges = [0.0; LANES];
+        let mut slopes = [0.0; LANES];
         for lane in 0..LANES {
             let flat = x[lane] * x[lane] + y[lane] * y[lane];
             ranges[lane] = (flat + z[lane] * z[lane]).sqrt();
@@ -142,7 +144,8 @@ impl PlacedRanges<'_> {
         }
         let mut rows = [NO_ROW; LANES];
         for (lane, row) in rows.iter_mut().enumerate() {
-            let (above, slope) = (above[lane], slopes[lane]);
+            let above = above[lane];
+            let slope = slopes[lane];
             if above > 0 && (above as usize) < of_rows.len() {
                 let to_above = of_rows[above as usize] - slope;
                 *row = if to_above < slope - of_rows[above as usize - 1] { above } else { above - 1 };
@@ -166,9 +169,12 @@ impl PlacedRanges<'_> {
                 is_counted[number] = COUNTED;
             }
         }
-        let (rays, is_counted) = (rays.as_flattened(), is_counted.as_flattened());
+        let rays = rays.as_flattened();
+        let is_counted = is_counted.as_flattened();
         let mut is_hit = [0_u32; 4 * RAYS];
-        let (mut n_hits, mut n_beyond, mut n_before) = (0, 0, 0);
+        let mut n_hits = 0;
+        let mut n_beyond = 0;
+        let mut n_before = 0;
         for at in 0..4 * RAYS {
             let range_m = range_m(rays[at]);
             is_hit[at] = u32::from((range_m - range).abs() < tolerance) & is_counted[at];
@@ -228,7 +234,9 @@ fn moved(poses: &[[f32; LANES]; 7], positions: &[[f32; LANES]; 3]) -> [[f32; LAN
     for lane in 0..LANES {
         let [i, j, k, w, tx, ty, tz] = std::array::from_fn(|part| poses[part][lane]);
         let [x, y, z] = std::array::from_fn(|axis| positions[axis][lane]);
-        let (a, b, c) = ((j * z - k * y) * 2.0, (k * x - i * z) * 2.0, (i * y - j * x) * 2.0);
+        let a = (j * z - k * y) * 2.0;
+        let b = (k * x - i * z) * 2.0;
+        let c = (i * y - j * x) * 2.0;
         moved[0][lane] = a * w + (j * c - k * b) + x + tx;
         moved[1][lane] = b * w + (k * a - i * c) + y + ty;
         moved[2][lane] = c * w + (i * b - j * a) + z + tz;
@@ -249,19 +257,22 @@ mod tests {
         let near = SweepMotion { mid, ..past.motion };
         let from_mid = Point3::from((position - past.motion.mid.translation.vector).cast::<f32>());
         let cols = past.ranges.len() / past.slopes.len();
-        let (mut col, mut local) = (cols / 2, Point3::origin());
+        let mut col = cols / 2;
+        let mut local = Point3::origin();
         for _ in 0..2 {
             local = near.at(f64::from(past.shares[col / SECTOR])).inverse().cast::<f32>() * from_mid;
             col = RangeImage::column(local.x, local.y);
         }
-        let (range, slope) = (local.coords.norm(), local.z / (local.x * local.x + local.y * local.y).sqrt());
+        let range = local.coords.norm();
+        let slope = local.z / (local.x * local.x + local.y * local.y).sqrt();
         let above = past.slopes.partition_point(|of_row| *of_row < slope);
         if above == 0 || above == past.slopes.len() {
             return Visibility::Unknown;
         }
         let is_above = past.slopes[above] - slope < slope - past.slopes[above - 1];
         let row = if is_above { above } else { above - 1 };
-        let (mut n_beyond, mut is_blocked) = (0, false);
+        let mut n_beyond = 0;
+        let mut is_blocked = false;
         for row in
             [Some(row), row.checked_sub(1), Some(row + 1)].into_iter().flatten().filter(|row| *row < past.slopes.len())
         {
@@ -286,7 +297,8 @@ mod tests {
                 let azimuth = std::f32::consts::PI - column as f32 * std::f32::consts::TAU / 2000.0;
                 let elevation = (-30.67 + f32::from(ring) * 1.333_f32).to_radians();
                 let range = if column % 40 < 6 { 7.0 } else { 15.0 + 5.0 * (3.0 * azimuth).sin() };
-                let (flat, up) = (range * elevation.cos(), range * elevation.sin());
+                let flat = range * elevation.cos();
+                let up = range * elevation.sin();
                 let position = [flat * azimuth.cos(), flat * azimuth.sin(), up];
                 points.push(TimedPoint { position, offset_nanos: column * 50_000, ring });
             }
@@ -308,7 +320,8 @@ mod tests {
         let mut counts = [0; 4];
         for _ in 0..2000 {
             let each: [[f64; 3]; LANES] = std::array::from_fn(|_| {
-                let (azimuth, range) = (random.range(-3.2, 3.2), random.range(0.0, 25.0));
+                let azimuth = random.range(-3.2, 3.2);
+                let range = random.range(0.0, 25.0);
                 let [x, y, z] = [range * azimuth.cos(), range * azimuth.sin(), random.range(-3.0, 4.0)];
                 [3000.0 + f64::from(x), -40.0 + f64::from(y), 1.0 + f64::from(z)]
             });

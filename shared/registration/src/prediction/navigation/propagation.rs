@@ -75,7 +75,8 @@ impl Navigation {
     /// axes of the body there.
     fn integrate(&mut self, log: &SensorLog, [from, to]: [Stamp; 2]) -> (Vector3<f64>, Matrix3<f64>) {
         let gravity = self.gravity();
-        let (begin, mut integral) = (self.rotation, Vector3::zeros());
+        let begin = self.rotation;
+        let mut integral = Vector3::zeros();
         for (seconds, force, rate) in log.between(from, to) {
             let half_rotation = UnitQuaternion::from_scaled_axis((rate - self.rate_bias) * (seconds * 0.5));
             let half_way = self.rotation * half_rotation;
@@ -117,7 +118,8 @@ impl Navigation {
         self.velocity = end_from_begin * self.velocity;
         self.level_from_begin *= self.rotation;
         self.level_from_begin.renormalize();
-        (self.displacement, self.rotation) = (Vector3::zeros(), UnitQuaternion::identity());
+        self.displacement = Vector3::zeros();
+        self.rotation = UnitQuaternion::identity();
     }
 
     fn begin_from_level(&self) -> Matrix3<f64> {

@@ -132,7 +132,8 @@ impl InertialCheck {
     /// Why the current correction does not fit.
     fn disagreement(&self, rates: &Sums, rate: &Evidence) -> Option<String> {
         let residual = rates.residual(&self.correction.rate);
-        let (n, signal) = (rates.n(), rates.signal());
+        let n = rates.n();
+        let signal = rates.signal();
         let rotation = (signal / n).sqrt();
         if rate.over_current > DECISIVE && residual > MAX_UNEXPLAINED * signal && rotation > MIN_ROTATION {
             return Some("its angular rates do not follow the rotation of the LiDAR".into());
@@ -163,7 +164,8 @@ impl InertialCheck {
             let late_s = self.correction.late_s;
             let rotation = if is_new { UnitQuaternion::identity() } else { self.correction.rotation };
             self.correction = InertialCorrection { rate, force, rotation, late_s };
-            (self.trust, self.has_changed) = (Trust::Verified, true);
+            self.trust = Trust::Verified;
+            self.has_changed = true;
         }
     }
 
@@ -209,7 +211,8 @@ impl InertialCheck {
         // A rotation about an axis shows in the rates about the two others.
         let rotation_sigma = Vector3::new(y + z, z + x, x + y).map(|sum| (variance / sum.max(1e-12)).sqrt());
         let Some(mounting) = &mut self.mounting else { return };
-        (mounting.rotation, mounting.rotation_sigma) = (rotation, rotation_sigma);
+        mounting.rotation = rotation;
+        mounting.rotation_sigma = rotation_sigma;
         let clear = Vector3::from_fn(|axis, _| {
             if rotation[axis].abs() > SIGNIFICANT * rotation_sigma[axis] { rotation[axis] } else { 0.0 }
         });

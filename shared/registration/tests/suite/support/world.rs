@@ -120,7 +120,8 @@ fn facade_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) 
     let front = front(house, side);
     let range_to = |out: f64| (side * out - from.y) / ray.y;
     let range = range_to(front);
-    let (along, height) = (from.x + range * ray.x, from.z + range * ray.z);
+    let along = from.x + range * ray.x;
+    let height = from.z + range * ray.z;
     let inside = along >= f64::from(house) * 7.0 && along < f64::from(house + 1) * 7.0 && height < 9.0;
     if range > 0.0 && inside { range_to(front - relief(along, height, side)) } else { f64::MAX }
 }
@@ -128,8 +129,10 @@ fn facade_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) 
 /// The side wall where a house stands back from the previous one.
 fn corner_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
     let range = (f64::from(house) * 7.0 - from.x) / ray.x;
-    let (out, height) = (side * (from.y + range * ray.y), from.z + range * ray.z);
-    let (before, after) = (front(house - 1, side), front(house, side));
+    let out = side * (from.y + range * ray.y);
+    let height = from.z + range * ray.z;
+    let before = front(house - 1, side);
+    let after = front(house, side);
     let inside = out > before.min(after) && out < before.max(after) && height < 9.0;
     if range > 0.0 && inside { range } else { f64::MAX }
 }
@@ -148,9 +151,11 @@ fn box_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> 
     }
     let low = Vector3::new(f64::from(house) * 7.0 + 1.0 + noise(house), side * 5.0 - 0.9, 0.2);
     let high = low + Vector3::new(4.0, 1.8, 1.3);
-    let (mut enter, mut leave) = (0.0_f64, f64::MAX);
+    let mut enter = 0.0_f64;
+    let mut leave = f64::MAX;
     for axis in 0..3 {
-        let (a, b) = ((low[axis] - from[axis]) / ray[axis], (high[axis] - from[axis]) / ray[axis]);
+        let a = (low[axis] - from[axis]) / ray[axis];
+        let b = (high[axis] - from[axis]) / ray[axis];
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }
@@ -159,7 +164,8 @@ fn box_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> 
 
 /// A pole of 12 cm radius at the kerb.
 fn pole_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
-    let (dx, dy) = (f64::from(house) * 7.0 + 3.0 * noise(house + 500) - from.x, side * 6.6 - from.y);
+    let dx = f64::from(house) * 7.0 + 3.0 * noise(house + 500) - from.x;
+    let dy = side * 6.6 - from.y;
     let height = |range: f64| from.z + range * ray.z;
     let a = ray.x * ray.x + ray.y * ray.y;
     let b = ray.x * dx + ray.y * dy;

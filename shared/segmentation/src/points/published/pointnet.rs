@@ -82,7 +82,8 @@ impl PointNet {
         local: &Tensor,
         batch: &PointBatch,
     ) -> Result<Tensor, SegmentationError> {
-        let (weight, n_global) = (pass.matrix("conv1")?, 16 * self.width);
+        let weight = pass.matrix("conv1")?;
+        let n_global = 16 * self.width;
         let bias = pass.bias("conv1", 8 * self.width)?;
         let of_global = weight.narrow(1, 0, n_global)?;
         let of_local = weight.narrow(1, n_global, self.width)?;

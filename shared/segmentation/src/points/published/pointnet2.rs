@@ -161,7 +161,8 @@ impl PointNet2 {
 impl Scale {
     fn group(&self, fine: &Clouds, coarse: &Clouds) -> Result<Group, SegmentationError> {
         let found = fine.near(coarse, self.radius_m, self.neighbors);
-        let (mut points, mut offsets) = (Vec::new(), Vec::new());
+        let mut points = Vec::new();
+        let mut offsets = Vec::new();
         for (center, near) in coarse.positions.iter().zip(&found) {
             for i in 0..self.neighbors {
                 // Never empty: the center is a point of the finer cloud.

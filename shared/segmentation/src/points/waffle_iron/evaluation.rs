@@ -49,7 +49,8 @@ impl WaffleIron {
         let of_neighbors = neighbor_maximum(&products, bias.to_vec1()?, &plan.neighbors, layer)?;
         // `embed.conv1` has no activation: it is a part of the last layer.
         let last = pass.matrix("embed.final")?;
-        let (of_point, rest) = (last.narrow(1, 0, self.width)?, last.narrow(1, self.width, self.width)?);
+        let of_point = last.narrow(1, 0, self.width)?;
+        let rest = last.narrow(1, self.width, self.width)?;
         let bias = of_point.matmul(&pass.bias("embed.conv1", self.width)?.unsqueeze(1)?)?.flatten_all()?;
         let bias = (bias + pass.bias("embed.final", self.width)?)?;
         let weight = Tensor::cat(&[&of_point.matmul(&pass.matrix("embed.conv1")?)?, &rest], 1)?;

@@ -78,7 +78,8 @@ mod tests {
             let mean = image.iter().map(|b| f64::from(*b)).sum::<f64>() / image.len() as f64;
             (image.iter().map(|b| (f64::from(*b) - mean).powi(2)).sum::<f64>() / image.len() as f64).sqrt()
         };
-        let (low, high) = (spread(1.0), spread(8.0));
+        let low = spread(1.0);
+        let high = spread(8.0);
         // Shot noise of 2100 and of 262 electrons, through a matrix and a curve.
         assert!(low > 1.0 && high > 2.4 * low && high < 4.0 * low, "{low} {high}");
         assert_eq!(develop(&[[9.0; 3]], &[1.0], 1.0, 3), [255, 255, 255]);

@@ -73,7 +73,8 @@ fn record_in<S: Surroundings>(
     let n = seconds as i64 + 1;
     let sky = Sky::new(hash(seed, 0));
     let receive = |i: i64| {
-        let (at, noise) = (i as f64, hash(hash(seed, 1), i as u64));
+        let at = i as f64;
+        let noise = hash(hash(seed, 1), i as u64);
         let antenna_in_body = Point3::from(spec.antenna_in_body);
         let place = (motion.pose(at) * antenna_in_body).coords;
         let around = around(at);
@@ -88,7 +89,8 @@ fn record_in<S: Surroundings>(
 }
 
 fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, signals: &[(Satellite, Signal)]) -> Epoch {
-    let (at, stamp) = (i as f64, motion.begin.plus_nanos(i * 1_000_000_000));
+    let at = i as f64;
+    let stamp = motion.begin.plus_nanos(i * 1_000_000_000);
     let n_in_sight = signals.iter().filter(|(_, signal)| !signal.is_reflected).count() as u32;
     let Some(position) = tracking.next(signals) else {
         return Epoch { stamp, fix: None, n_in_sight, n_reflected: 0, error: None };
@@ -181,7 +183,8 @@ mod tests {
     }
 
     fn drives(around: Canyon, receiver: Receiver) -> Vec<Vec<Epoch>> {
-        let (motion, spec) = (motion(), spec(receiver));
+        let motion = motion();
+        let spec = spec(receiver);
         (0..30).map(|seed| record_in(|_| around, &motion, &spec, 20.0, seed)).collect()
     }
 
@@ -212,16 +215,19 @@ mod tests {
     /// Bias that drives of some minutes cannot average out; `docs/experiments/georeferencing.md` quotes it.
     #[test]
     fn one_minute_mean_keeps_a_bias() {
-        let (motion, spec) = (motion(), spec(Receiver::Differential));
+        let motion = motion();
+        let spec = spec(Receiver::Differential);
         let mean = |seed: u64| {
             let epochs = record_in(|_| FIELD, &motion, &spec, 59.0, seed);
             epochs.iter().filter_map(|epoch| epoch.error).sum::<Vector3<f64>>() / epochs.len() as f64
         };
         let means: Vec<Vector3<f64>> = (0..200).map(mean).collect();
         let rms = |square: fn(&Vector3<f64>) -> f64| (means.iter().map(square).sum::<f64>() / 200.0).sqrt();
-        let (across, up) = (rms(|m| m.xy().norm_squared()), rms(|m| m.z * m.z));
+        let across = rms(|m| m.xy().norm_squared());
+        let up = rms(|m| m.z * m.z);
         let n_within = |is: fn(&Vector3<f64>) -> bool| means.iter().filter(|m| is(m)).count();
-        let (n_across, n_up) = (n_within(|m| m.xy().norm() < 0.5), n_within(|m| m.z.abs() < 0.5));
+        let n_across = n_within(|m| m.xy().norm() < 0.5);
+        let n_up = n_within(|m| m.z.abs() < 0.5);
         println!(
             "means are {across:.2} m off across and {up:.2} m in height, within 0.5 m under {n_across} and {n_up} of 200 skies"
         );
@@ -231,10 +237,12 @@ mod tests {
     #[test]
     fn street_canyon_has_fewer_satellites_and_larger_errors() {
         let canyon = Canyon { half_width: 20.0, height: motion().pose(10.0).translation.z as f32 + 25.0 };
-        let (open, narrow) = (drives(FIELD, Receiver::SingleFrequency), drives(canyon, Receiver::SingleFrequency));
+        let open = drives(FIELD, Receiver::SingleFrequency);
+        let narrow = drives(canyon, Receiver::SingleFrequency);
         let in_sight = |drives: &[Vec<Epoch>]| drives.iter().flatten().map(|e| f64::from(e.n_in_sight)).sum::<f64>();
         assert!(in_sight(&narrow) < 0.75 * in_sight(&open), "{} {}", in_sight(&narrow), in_sight(&open));
-        let ([before, _], [after, _]) = (rms(&open), rms(&narrow));
+        let [before, _] = rms(&open);
+        let [after, _] = rms(&narrow);
         assert!(after > 1.5 * before && after < 30.0, "{before} m, {after} m");
         assert!(narrow.iter().flatten().any(|epoch| epoch.n_reflected > 0));
         let hdop = |drives: &[Vec<Epoch>]| drives[0][15].fix.and_then(|fix| fix.hdop).unwrap_or(99.0);
@@ -243,7 +251,8 @@ mod tests {
 
     #[test]
     fn tunnel_gives_an_outage_in_the_nmea_log() {
-        let (motion, spec) = (motion(), spec(Receiver::SingleFrequency));
+        let motion = motion();
+        let spec = spec(Receiver::SingleFrequency);
         let tunnel = |at: f64| Underground((20.0..28.0).contains(&at));
         let epochs = record_in(tunnel, &motion, &spec, 40.0, 3);
         let without: Vec<usize> = (0..epochs.len()).filter(|i| epochs[*i].fix.is_none()).collect();
@@ -256,7 +265,8 @@ mod tests {
 
     #[test]
     fn nmea_log_contains_the_fixes() {
-        let (motion, spec) = (motion(), spec(Receiver::Differential));
+        let motion = motion();
+        let spec = spec(Receiver::Differential);
         let epochs = record_in(|_| FIELD, &motion, &spec, 10.0, 9);
         let (read, stats) = lidar::nmea::fixes(nmea(&epochs).as_bytes());
         assert_eq!((read.len(), stats.sentences, stats.bad_lines), (11, 22, 0));
@@ -284,7 +294,8 @@ mod tests {
     /// Regression: the fix had the velocity of the body origin, which differs by 0.4 m/s in turns.
     #[test]
     fn fix_velocity_is_that_of_the_antenna() {
-        let (motion, spec) = (motion(), spec(Receiver::Differential));
+        let motion = motion();
+        let spec = spec(Receiver::Differential);
         let antenna = Point3::from(spec.antenna_in_body);
         // In the first turn.
         let at = 34;

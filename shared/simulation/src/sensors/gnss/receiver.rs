@@ -134,7 +134,8 @@ impl Tracking {
         let error_m = slow_m + noise_m * self.draw(satellite.index as u64) + signal.detour_m;
         // Receivers allow for multipath of one meter at the zenith, and more below.
         let sigma_m = noise_m.hypot(slant * errors.slow_m.hypot(1.0));
-        let (system, direction) = (satellite.system, satellite.direction);
+        let system = satellite.system;
+        let direction = satellite.direction;
         Some(CodeRange { system, direction, error_m, sigma_m, is_reflected: signal.is_reflected })
     }
 

@@ -76,7 +76,8 @@ impl Sky {
                 for slot in 0..n / planes {
                     let along = f64::from(slot * planes) + f64::from(plane * shift);
                     let anomaly = phase + TAU * along / f64::from(n) + rate * seconds;
-                    let (x, y) = (anomaly.cos(), anomaly.sin());
+                    let x = anomaly.cos();
+                    let y = anomaly.sin();
                     let at = Vector3::new(
                         x * node.cos() - y * cos_i * node.sin(),
                         x * node.sin() + y * cos_i * node.cos(),

@@ -65,7 +65,9 @@ fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
     if ranges.len() < n_unknowns(ranges) {
         return None;
     }
-    let (mut weighted, mut plain, mut right) = (Matrix5::zeros(), Matrix5::zeros(), Vector5::zeros());
+    let mut weighted = Matrix5::zeros();
+    let mut plain = Matrix5::zeros();
+    let mut right = Vector5::zeros();
     for range in ranges {
         let row = row(range);
         let weight = range.sigma_m.powi(-2);

@@ -54,7 +54,8 @@ impl Beams {
                 start: [ahead as f32, laser.left_m as f32, up as f32],
             }
         });
-        let (slots, rings) = (slots(model.model), model.model.rings());
+        let slots = slots(model.model);
+        let rings = model.model.rings();
         let mut order: Vec<usize> = (0..N_SLOTS).collect();
         order.sort_by_key(|slot| {
             let Slot { laser, firing_nanos, .. } = slots[*slot];
@@ -83,8 +84,10 @@ impl Beams {
         // An HDL-64E's corrections hold for the angle at the block's begin.
         let nanos = packet_nanos + i64::from(if self.carries_angle { firing_nanos } else { block_nanos });
         let azimuth = self.turns(nanos).fract() * std::f64::consts::TAU - laser.left;
-        let (sin, cos) = (azimuth.sin() as f32, azimuth.cos() as f32);
-        let (sin_e, cos_e) = (laser.sin_elevation, laser.cos_elevation);
+        let sin = azimuth.sin() as f32;
+        let cos = azimuth.cos() as f32;
+        let sin_e = laser.sin_elevation;
+        let cos_e = laser.cos_elevation;
         // Azimuth 0 is along x, 90 degrees to the right, along -y.
         let [ahead, left, up] = laser.start;
         let start = Point3::new(ahead * cos + left * sin, left * cos - ahead * sin, up);

@@ -87,7 +87,8 @@ impl<'a> Lidar<'a> {
         step: u32,
     ) -> Self {
         let errors = errors.of_lasers(model.model);
-        let (beams, receiver) = (Beams::new(&model, &errors), Receiver::new(&model, &errors));
+        let beams = Beams::new(&model, &errors);
+        let receiver = Receiver::new(&model, &errors);
         Self { scene, motion, model, beams, receiver, body_from_lidar, seed, step: step.max(1) }
     }
 
@@ -228,7 +229,8 @@ impl<'a> Lidar<'a> {
 
     /// Side rays of a beam.
     fn sides(&self, beam: &Beam, edges: [bool; 4]) -> impl Iterator<Item = Ray> {
-        let (beam, Optics { aperture_m, divergence, .. }) = (*beam, self.model.optics);
+        let beam = *beam;
+        let Optics { aperture_m, divergence, .. } = self.model.optics;
         (0..SIDES.len()).filter(move |side| edges[*side]).map(move |side| {
             let [right, up] = SIDES[side];
             let across = |[width, height]: [f32; 2]| -> Vec3 { beam.right * (right * width) + beam.up * (up * height) };

@@ -70,12 +70,14 @@ pub struct Slot {
 
 /// The slots of a packet.
 pub fn slots(model: Model) -> Vec<Slot> {
-    let (n_lasers, rings) = (model.n_rings(), model.rings());
+    let n_lasers = model.n_rings();
+    let rings = model.rings();
     // Blocks of an HDL-64E come in pairs that fire at once: lasers 0 to 31 and 32 to 63.
     let blocks_at_once = n_lasers.div_ceil(LASERS_PER_BLOCK);
     let round = n_lasers.min(LASERS_PER_BLOCK);
     let place = |slot: usize| {
-        let (block, in_block) = (slot / LASERS_PER_BLOCK, slot % LASERS_PER_BLOCK);
+        let block = slot / LASERS_PER_BLOCK;
+        let in_block = slot % LASERS_PER_BLOCK;
         let laser = in_block % round + block % blocks_at_once * LASERS_PER_BLOCK;
         (block - block % blocks_at_once, in_block / round, laser)
     };

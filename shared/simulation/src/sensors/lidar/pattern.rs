@@ -78,7 +78,8 @@ impl Pattern {
     fn firing(self, shot: i64) -> Firing {
         match self {
             Self::Rings128 => {
-                let (column, ring) = (shot.div_euclid(N_RINGS), shot.rem_euclid(N_RINGS));
+                let column = shot.div_euclid(N_RINGS);
+                let ring = shot.rem_euclid(N_RINGS);
                 Firing {
                     nanos: column * TURN_NANOS / N_COLUMNS,
                     azimuth_deg: column.rem_euclid(N_COLUMNS) as f64 * 360.0 / N_COLUMNS as f64,
@@ -167,7 +168,8 @@ impl<'a> PatternLidar<'a> {
             [firing.azimuth_deg, firing.elevation_deg].map(|degrees| (degrees as f32).to_radians().sin_cos());
         let turn = |v: Vec3| world_from_lidar.rotation * v;
         let direction = turn(Vec3::new(cos_e * cos, -cos_e * sin, sin_e));
-        let (right, up) = (turn(Vec3::new(-sin, -cos, 0.0)), turn(Vec3::new(-sin_e * cos, sin_e * sin, cos_e)));
+        let right = turn(Vec3::new(-sin, -cos, 0.0));
+        let up = turn(Vec3::new(-sin_e * cos, sin_e * sin, cos_e));
         let seed = hash(hash(self.seed, firing.nanos as u64), firing.ring.into());
         std::array::from_fn(|part| {
             let [x, y] = part.checked_sub(1).map_or([0.0, 0.0], |side| SIDES[side]);
@@ -207,7 +209,8 @@ mod tests {
         assert!(first.iter().any(|f| across(f) > 34.0) && first.iter().any(|f| f.elevation_deg < -38.0));
         let cell = |f: &Firing| [across(f), f.elevation_deg].map(|degrees| (degrees / 0.5).floor() as i32);
         let cells = |firings: &[Firing]| firings.iter().map(cell).collect::<std::collections::BTreeSet<_>>();
-        let (first, second) = (cells(&first), cells(&second));
+        let first = cells(&first);
+        let second = cells(&second);
         let new = second.difference(&first).count();
         assert!(5 * new > second.len(), "{new} of {}", second.len());
     }

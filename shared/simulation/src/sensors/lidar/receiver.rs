@@ -234,10 +234,12 @@ mod tests {
             let light = parts.iter().map(Part::light).sum::<f32>() / parts.len().max(1) as f32;
             (parts.len(), light)
         };
-        let (retro, oblique) = (seen(Material::Glass, 0.0), seen(Material::Glass, 30.0));
+        let retro = seen(Material::Glass, 0.0);
+        let oblique = seen(Material::Glass, 30.0);
         assert!(retro.0 == 500 && oblique.0 < 120, "{retro:?} {oblique:?}");
         assert!(retro.1 > 50.0 * oblique.1, "a pane mirrors: {retro:?} {oblique:?}");
-        let (wall, slanted) = (seen(Material::Concrete, 0.0), seen(Material::Concrete, 60.0));
+        let wall = seen(Material::Concrete, 0.0);
+        let slanted = seen(Material::Concrete, 60.0);
         assert_eq!((wall.0, slanted.0), (500, 500));
         assert!((slanted.1 / wall.1 - 0.5).abs() < 1e-3);
     }

@@ -69,7 +69,8 @@ pub struct Shot {
 /// The returns by revolution, from the packets alone.
 pub fn revolutions(capture: &[u8]) -> Vec<Vec<Shot>> {
     let mut revolutions = vec![Vec::new()];
-    let (mut first_micros, mut last_azimuth) = (None, 0);
+    let mut first_micros = None;
+    let mut last_azimuth = 0;
     for (_, payload) in udp_payloads(capture).into_iter().filter(|(port, bytes)| *port == 2368 && bytes.len() == 1206) {
         let micros = u32::from_le_bytes(payload[1200..1204].try_into().expect("4 bytes"));
         let since = micros - *first_micros.get_or_insert(micros);

@@ -72,14 +72,16 @@ fn frames(f: &mut Frame<'_>, body: &Body, paint: SurfaceId) {
     let [rear, rear_head, front_head, front] = body.cabin;
     for side in [-1.0_f32, 1.0] {
         for (foot, head) in [(rear, rear_head), (front, front_head)] {
-            let (low, high) = (body.section(foot), body.section(head));
+            let low = body.section(foot);
+            let high = body.section(head);
             let place = |s: &Section| [s.x, side * s.ring[3][0], s.ring[3][1]];
             post(f, place(&low), place(&high), 0.06);
         }
         for x in body.posts {
             let section = body.section(*x);
             let place = |i: usize| [*x, side * (section.ring[i][0] + 0.014), section.ring[i][1]];
-            let (low, high) = (place(2), place(3));
+            let low = place(2);
+            let high = place(3);
             f.quad([shifted(low, -0.05), shifted(low, 0.05), shifted(high, 0.05), shifted(high, -0.05)], paint);
         }
     }
@@ -113,7 +115,8 @@ fn fittings(f: &mut Frame<'_>, body: &Body, dark: SurfaceId) {
     let is_tall = body.roof[0] > 1.9;
     let [nose, nose_half] = body.at(front);
     let [tail_height, tail_half] = body.at(rear);
-    let (lamp_z, tail_z) = (nose - if is_tall { 0.3 } else { 0.02 }, tail_height - if is_tall { 0.25 } else { 0.02 });
+    let lamp_z = nose - if is_tall { 0.3 } else { 0.02 };
+    let tail_z = tail_height - if is_tall { 0.25 } else { 0.02 };
     for side in [-1.0_f32, 1.0] {
         let lamp_y = side * (nose_half - 0.16);
         f.cuboid([front - 0.14, lamp_y - 0.14, lamp_z - 0.07], [front + 0.012, lamp_y + 0.14, lamp_z + 0.06], lamp);
@@ -134,7 +137,8 @@ fn fittings(f: &mut Frame<'_>, body: &Body, dark: SurfaceId) {
     }
     for (end, inward, half) in [(front, -1.0_f32, nose_half), (rear, 1.0, tail_half)] {
         let span = |from: f32, to: f32| {
-            let (a, c) = (end - inward * from, end + inward * to);
+            let a = end - inward * from;
+            let c = end + inward * to;
             [a.min(c), a.max(c)]
         };
         let low = body.clearance + 0.03;

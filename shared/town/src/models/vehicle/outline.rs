@@ -168,7 +168,8 @@ impl Body {
     /// Shoulder height and half width at x.
     pub fn at(&self, x: f32) -> [f32; 2] {
         let after = self.outline.partition_point(|o| o[0] <= x).clamp(1, self.outline.len() - 1);
-        let ([x0, z0, w0], [x1, z1, w1]) = (self.outline[after - 1], self.outline[after]);
+        let [x0, z0, w0] = self.outline[after - 1];
+        let [x1, z1, w1] = self.outline[after];
         let share = ((x - x0) / (x1 - x0)).clamp(0.0, 1.0);
         [z0 + share * (z1 - z0), w0 + share * (w1 - w0)]
     }

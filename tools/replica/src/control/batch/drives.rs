@@ -20,7 +20,8 @@ pub struct BatchDrive {
 impl BatchDrive {
     /// The drives at these paths with their outputs in `out`, or all faults of the list.
     pub fn list(paths: &[PathBuf], out: &Path) -> Result<Vec<Self>, Vec<String>> {
-        let (mut drives, mut faults) = (Vec::new(), Vec::new());
+        let mut drives = Vec::new();
+        let mut faults = Vec::new();
         let mut owners: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
         let out = without_links(out);
         for path in paths {
@@ -135,7 +136,8 @@ mod tests {
     #[test]
     fn output_has_one_path_before_and_after_the_first_batch() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        let real = folder.path().join("real");
+        let link = folder.path().join("link");
         std::fs::create_dir(&real).expect("made");
         std::os::unix::fs::symlink(&real, &link).expect("linked");
         let out = link.join("a/b");

@@ -104,7 +104,8 @@ impl Row {
 
     /// Marks the drive as failed, whatever its run has left.
     pub fn fail(&mut self, exit_code: Option<i32>) {
-        (self.outcome, self.exit_code) = (DriveOutcome::Failed, exit_code);
+        self.outcome = DriveOutcome::Failed;
+        self.exit_code = exit_code;
     }
 
     /// Whether the run has finished.
@@ -119,7 +120,8 @@ impl fmt::Display for Row {
         if !self.is_finished() {
             return Ok(());
         }
-        let (wall_s, points) = (self.wall_s, self.points as f64 * 1e-6);
+        let wall_s = self.wall_s;
+        let points = self.points as f64 * 1e-6;
         write!(
             f,
             ", {:.1} s of drive in {wall_s:.1} s ({:.2} times real time), {points:.2} M points",

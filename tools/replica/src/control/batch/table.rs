@@ -61,7 +61,9 @@ pub fn totals(rows: &[Row]) -> String {
         .map(|(n, text)| format!("{n} {text}"))
         .collect();
     let sum = |of: fn(&Row) -> f64| rows.iter().filter(|row| row.is_finished()).map(of).sum::<f64>();
-    let (drive_s, wall_s, cpu_s) = (sum(|row| row.drive_s), sum(|row| row.wall_s), sum(|row| row.cpu_s));
+    let drive_s = sum(|row| row.drive_s);
+    let wall_s = sum(|row| row.wall_s);
+    let cpu_s = sum(|row| row.cpu_s);
     let times = if wall_s > 0.0 { drive_s / wall_s } else { 0.0 };
     let plural = if rows.len() == 1 { "" } else { "s" };
     format!(
@@ -77,7 +79,9 @@ fn csv(rows: &[Row]) -> String {
     let mut text = "drive,outcome,drive_s,wall_s,times_real_time,points,cpu_s,doubts\n".to_owned();
     for row in rows {
         let Row { drive_s, wall_s, times_real_time, points, cpu_s, .. } = row;
-        let (drive, outcome, doubts) = (quoted(&row.drive), row.outcome.text(), doubt_names(&row.doubts));
+        let drive = quoted(&row.drive);
+        let outcome = row.outcome.text();
+        let doubts = doubt_names(&row.doubts);
         let _ = writeln!(
             text,
             "{drive},{outcome},{drive_s:.3},{wall_s:.3},{times_real_time:.3},{points},{cpu_s:.3},{doubts}"

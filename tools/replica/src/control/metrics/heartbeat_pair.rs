@@ -14,14 +14,16 @@ pub struct HeartbeatPair {
 impl HeartbeatPair {
     /// Time between the two, s. `None` before there are two.
     pub fn seconds(&self) -> Option<f64> {
-        let (base, last) = (self.base.as_ref()?, self.last.as_ref()?);
+        let base = self.base.as_ref()?;
+        let last = self.last.as_ref()?;
         let nanos = last.beat_nanos.checked_sub(base.beat_nanos).filter(|nanos| *nanos > 0)?;
         Some(nanos as f64 * 1e-9)
     }
 
     /// Increase of a count per second. A restart sets counts back: then 0.
     pub fn rate(&self, count: impl Fn(&Health) -> f64) -> Option<f64> {
-        let (base, last) = (self.base.as_ref()?, self.last.as_ref()?);
+        let base = self.base.as_ref()?;
+        let last = self.last.as_ref()?;
         Some(((count(last) - count(base)) / self.seconds()?).max(0.0))
     }
 }

@@ -130,7 +130,8 @@ impl Attachment {
         let n = self.pending.iter().take_while(|message| message.envelope().tick <= row.tick).count();
         let messages: Vec<Observed> = self.pending.drain(..n).collect();
         for message in &messages {
-            let (seq, due) = (message.envelope().seq, topic.next_seq);
+            let seq = message.envelope().seq;
+            let due = topic.next_seq;
             anyhow::ensure!(
                 seq == due || (may_drop && seq > due),
                 "{}: received message {seq}, expected {due}: the recording has a gap",
@@ -141,7 +142,8 @@ impl Attachment {
             topic.n_messages += 1;
             topic.n_rows += u64::from(message.envelope().len);
         }
-        let (next, expected) = (topic.next_seq, row.n_published);
+        let next = topic.next_seq;
+        let expected = row.n_published;
         anyhow::ensure!(
             next == expected || (may_drop && next < expected),
             "{}: received {next} messages up to tick {}, {expected} were published: the recording has a gap",

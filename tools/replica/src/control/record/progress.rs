@@ -19,7 +19,11 @@ pub struct Progress {
 impl Progress {
     /// No progress yet.
     pub fn new(name: String) -> Self {
-        let (next_tick, next_seq, n_messages, n_rows, n_dropped) = (None, 0, 0, 0, 0);
+        let next_tick = None;
+        let next_seq = 0;
+        let n_messages = 0;
+        let n_rows = 0;
+        let n_dropped = 0;
         Self { name, next_tick, next_seq, n_messages, n_rows, n_dropped, begun: false, ended: false }
     }
     /// Name of the topic.

@@ -114,11 +114,14 @@ impl ClassComparison {
 impl Pair {
     fn new(a: Column, b: Column, counts: &Confusion) -> Self {
         let name = |class: usize| class_name(class as u8);
-        let (mut classes, mut differences) = (Vec::new(), Vec::new());
+        let mut classes = Vec::new();
+        let mut differences = Vec::new();
         for class in 0..N_CLASSES {
             let scores = counts.class(class);
             if let Some(iou) = scores.iou {
-                let (n_a, n_b, n_both) = (scores.n_truth, scores.n_predicted, counts.count(class, class));
+                let n_a = scores.n_truth;
+                let n_b = scores.n_predicted;
+                let n_both = counts.count(class, class);
                 classes.push(Class { class: name(class), n_a, n_b, n_both, iou });
             }
             let others =
@@ -139,11 +142,13 @@ impl Pair {
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{name}: {} of {}", column.topic, column.run.display());
         }
-        let (n_same, n_points) = (self.n_same, self.n_points);
+        let n_same = self.n_same;
+        let n_points = self.n_points;
         let _ = writeln!(text, "{n_points} points, {n_same} of the same class ({:.1} %)", percent(n_same));
         let _ = writeln!(text, "\nclass              points in a      %  points in b      %      in both    IoU");
         for Class { class, n_a, n_b, n_both, iou } in &self.classes {
-            let (share_a, share_b) = (percent(*n_a), percent(*n_b));
+            let share_a = percent(*n_a);
+            let share_b = percent(*n_b);
             let _ =
                 writeln!(text, "{class:<16} {n_a:>13} {share_a:>6.1} {n_b:>12} {share_b:>6.1} {n_both:>12} {iou:>6.3}");
         }
@@ -167,7 +172,8 @@ fn columns_of_a_run(args: &Args, known: &[String]) -> anyhow::Result<Vec<[String
     let topics = if args.topics.is_empty() { known } else { &args.topics };
     let [first, others @ ..] = topics else { return Err(no_classes(&args.a)) };
     if others.is_empty() {
-        let (run, known) = (args.a.display(), known.join(", "));
+        let run = args.a.display();
+        let known = known.join(", ");
         let text = format!(
             "{run}: needs two columns of classes, its clouds have {known}; set export.further_classes, or name a second run"
         );

@@ -39,11 +39,13 @@ impl FieldRule {
         let mut largest = 0.0_f64;
         for index in 0..self.field.count {
             let at = self.field.offset + index * self.bytes;
-            let (a, b) = (a.get(at..at + self.bytes)?, b.get(at..at + self.bytes)?);
+            let a = a.get(at..at + self.bytes)?;
+            let b = b.get(at..at + self.bytes)?;
             if a == b {
                 continue;
             }
-            let (a, b) = (number(&self.field.kind, a).ok()?, number(&self.field.kind, b).ok()?);
+            let a = number(&self.field.kind, a).ok()?;
+            let b = number(&self.field.kind, b).ok()?;
             let distance = a.distance(b);
             // Without a tolerance the bits are compared: -0.0 differs from 0.0. NaN exceeds every tolerance.
             if self.tolerance > 0.0 && distance <= self.tolerance {

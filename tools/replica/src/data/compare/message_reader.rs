@@ -49,7 +49,8 @@ impl MessageReader {
                     return Ok(());
                 }
                 Err(cut @ RecordingError::Cut { .. }) => {
-                    (self.envelope, self.cut) = (None, Some(cut.to_string()));
+                    self.envelope = None;
+                    self.cut = Some(cut.to_string());
                     return Ok(());
                 }
                 Err(error) => return Err(error.into()),

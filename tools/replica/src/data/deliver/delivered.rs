@@ -41,7 +41,8 @@ impl Delivered<'_> {
     /// The answer for people. `n_tiles` are the files of points but the octree.
     pub fn text(&self, n_tiles: usize) -> String {
         let Others { path, n_objects, rasters, accuracy, cloudcompare, semantic_kitti } = &self.others;
-        let (mut text, facts) = (String::new(), &self.facts);
+        let mut text = String::new();
+        let facts = &self.facts;
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{} points in {n_tiles} files", facts.n_points);
         let left = &facts.left_out;
@@ -75,7 +76,9 @@ fn accuracy_text(accuracy: &Accuracy) -> String {
     let mut text = String::new();
     for (name, axis) in ["x", "y", "z"].iter().zip(accuracy.axes).filter(|(_, axis)| axis.n > 0) {
         // Writing to a string cannot fail.
-        let (n, rmse_m, mean_m) = (axis.n, axis.rmse_m, axis.mean_m);
+        let n = axis.n;
+        let rmse_m = axis.rmse_m;
+        let mean_m = axis.mean_m;
         let _ = writeln!(text, "check points, {name}: {n} points, RMSE {rmse_m:.3} m, mean {mean_m:.3} m");
     }
     for (name, value) in [("CE90", accuracy.ce90_m), ("LE90", accuracy.le90_m)] {

@@ -18,7 +18,8 @@ pub struct OffsetFacts {
 impl OffsetFacts {
     /// The notes, one per line, and the counts.
     pub fn text(&self) -> String {
-        let (known, far) = (self.cameras_with_known_offset, self.cameras_with_large_offset);
+        let known = self.cameras_with_known_offset;
+        let far = self.cameras_with_large_offset;
         let notes = self.notes.join("\n");
         format!("{notes}\n{known} cameras with a known offset, {far} of them beyond max_offset_mrad\n")
     }

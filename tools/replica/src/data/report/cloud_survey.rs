@@ -80,7 +80,9 @@ impl CloudSurvey {
         let grid = BevGrid::covering(corner(bounds[0]), corner(bounds[1]), CELL_M, MAX_CELLS);
         let mut covered = vec![false; grid.as_ref().map_or(0, BevGrid::n_cells)];
         let mut canvas = Canvas::new(size);
-        let (mut objects, mut by_camera, mut n_read) = (Objects::default(), BTreeMap::new(), 0);
+        let mut objects = Objects::default();
+        let mut by_camera = BTreeMap::new();
+        let mut n_read = 0;
         let mut has = [false; 3];
         let step = thinned.each(MAX_POINTS, |vertices| {
             let cloud = LoadedCloud::from_vertices(vertices)?;
@@ -108,7 +110,8 @@ impl CloudSurvey {
         // Colors that no camera gave would be a picture of intensities.
         has[0] &= !by_camera.is_empty();
         let mut pixels = canvas.finish(Background::White).map(Some);
-        let (width, height) = (size.width as u32, size.height as u32);
+        let width = size.width as u32;
+        let height = size.height as u32;
         let views = std::array::from_fn(|k| RgbImage::from_raw(width, height, pixels[k].take().filter(|_| has[k])?));
         let mut objects = objects.summaries();
         for object in &mut objects {

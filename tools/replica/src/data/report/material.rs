@@ -42,7 +42,8 @@ impl Material {
         let of_clouds = || (CloudSurvey::of(run), pictures(run, drive.as_ref()));
         let ((drive_report, bands), (survey, (overlays, without_overlays, range_picture))) =
             rayon::join(of_drive, of_clouds);
-        let (bands, survey) = (bands?, survey?);
+        let bands = bands?;
+        let survey = survey?;
         let band_charts = bands.as_ref().map(Bands::charts);
         Ok(Self { drive, drive_report, survey, overlays, without_overlays, range_picture, bands, band_charts })
     }

@@ -69,14 +69,16 @@ fn to_local(run: &FinishedRun, points: &mut [MomentPoint]) -> anyhow::Result<()>
     let mut converter = frame.converter();
     let mut convert = |p: Point3<f64>| Ok::<_, CrsError>(Point3::from(converter.convert(p.coords.into())?));
     for point in points {
-        (point.position, point.lidar) = (convert(point.position)?, convert(point.lidar)?);
+        point.position = convert(point.position)?;
+        point.lidar = convert(point.lidar)?;
     }
     Ok(())
 }
 
 /// The first row that is not before `time_s`, within the disorder.
 fn partition(rows: &PlyRows, time_s: f64) -> Result<usize, PlyError> {
-    let (mut low, mut high) = (0, rows.len());
+    let mut low = 0;
+    let mut high = rows.len();
     while low < high {
         let middle = low.midpoint(high);
         let is_before = rows.select(once(middle..middle + 1))?.f64s("timestamp")?.first().is_some_and(|t| *t < time_s);
@@ -92,8 +94,11 @@ fn add(vertices: &Vertices, [begin_s, end_s]: [f64; 2], points: &mut Vec<MomentP
     };
     let positions = axes(["x", "y", "z"])?;
     let lidars = axes(["x_lidar_position", "y_lidar_position", "z_lidar_position"])?;
-    let (times_s, sweeps, rings) = (vertices.f64s("timestamp")?, vertices.i64s("index_frame")?, vertices.u8s("ring")?);
-    let (azimuths, elevations) = (vertices.f32s("azimuth_deg")?, vertices.f32s("elevation_deg")?);
+    let times_s = vertices.f64s("timestamp")?;
+    let sweeps = vertices.i64s("index_frame")?;
+    let rings = vertices.u8s("ring")?;
+    let azimuths = vertices.f32s("azimuth_deg")?;
+    let elevations = vertices.f32s("elevation_deg")?;
     let at = |axes: &[Vec<f64>; 3], i: usize| Point3::new(axes[0][i], axes[1][i], axes[2][i]);
     let inside = (0..vertices.len()).filter(|i| (begin_s..=end_s).contains(&times_s[*i]));
     points.extend(inside.map(|i| MomentPoint {
@@ -133,7 +138,8 @@ mod tests {
     fn points_of_clouds_in_utm_are_in_the_frame_of_the_path() {
         let folder = tempfile::tempdir().expect("a folder");
         let origin = Geodetic::new(48.8, 2.3, 50.0).expect("valid");
-        let (local, utm) = (LocalFrame::new(origin), Utm::of(&origin).expect("has a zone"));
+        let local = LocalFrame::new(origin);
+        let utm = Utm::of(&origin).expect("has a zone");
         let expected = [Point3::new(300.0, -400.0, 5.0), Point3::new(290.0, -390.0, 2.0)];
         let [point, lidar] = expected.map(|p| utm.project(&local.geodetic_from_world(&p)).expect("projects"));
         let path = folder.path().join("a.ply");

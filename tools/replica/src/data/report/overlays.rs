@@ -56,7 +56,8 @@ fn brightness(mosaic: &RawMosaic, pattern: u32) -> Option<RgbImage> {
     let [columns, rows] = [mosaic.width, mosaic.height].map(|side| side.checked_div(pattern).unwrap_or(0));
     let sample = |u: u32, v: u32| f64::from(mosaic.samples[v as usize * mosaic.width as usize + u as usize]);
     let mean = |cell: u32| {
-        let (u, v) = (cell % columns * pattern, cell / columns * pattern);
+        let u = cell % columns * pattern;
+        let v = cell / columns * pattern;
         let sum: f64 = (0..pattern * pattern).map(|k| sample(u + k % pattern, v + k / pattern)).sum();
         sum / f64::from(pattern * pattern)
     };

@@ -45,7 +45,8 @@ impl Place {
     /// `None` without a trajectory.
     pub fn of(run: &FinishedRun, drive: Option<&Drive>, fixes: &[Fix]) -> Option<Self> {
         let poses = run.trajectory.poses();
-        let (first, last) = (poses.first()?, poses.last()?);
+        let first = poses.first()?;
+        let last = poses.last()?;
         let step = poses.len().div_ceil(MAX_VERTICES);
         let vertices = poses.iter().step_by(step).chain([last]);
         let path = vertices.map(|(_, pose)| [pose.translation.x, pose.translation.y]).collect();

@@ -24,7 +24,8 @@ pub fn range_picture(points: &[MomentPoint]) -> Option<RgbImage> {
     let mut elevations: BTreeMap<u8, (f64, usize)> = BTreeMap::new();
     for point in of_sweep() {
         let (sum, n) = elevations.entry(point.ring).or_default();
-        (*sum, *n) = (*sum + f64::from(point.elevation_deg), *n + 1);
+        *sum += f64::from(point.elevation_deg);
+        *n += 1;
     }
     let mut rings: Vec<(f64, u8)> = elevations.iter().map(|(ring, (sum, n))| (sum / *n as f64, *ring)).collect();
     rings.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

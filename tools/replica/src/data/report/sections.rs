@@ -75,7 +75,8 @@ fn map(page: &mut Page, facts: &Facts, material: &Material) {
     let mut lines = vec![format!("{:.1} m in {:.1} s", place.length_m, place.seconds)];
     if let Some(georeference) = &facts.georeference {
         lines.push(format!("frame: {}", georeference.frame));
-        let (fixes, loops) = (&georeference.fixes, &georeference.closed_loops);
+        let fixes = &georeference.fixes;
+        let loops = &georeference.closed_loops;
         lines.push(format!(
             "{} fixes used, {} refused; {} loop closures used, {} refused",
             fixes.used, fixes.refused, loops.used, loops.refused
@@ -212,7 +213,8 @@ fn objects(page: &mut Page, facts: &Facts) {
         let m = |value: f64| format!("{value:.2}");
         let [x, y, _] = object.position_m;
         let [length, width, height] = object.size_m.map(m);
-        let (id, class) = (object.id.to_string(), object.class.to_owned());
+        let id = object.id.to_string();
+        let class = object.class.to_owned();
         table.row([id, class, grouped(object.points), m(x), m(y), length, width, height]);
     }
     page.table(&table);

@@ -91,7 +91,8 @@ pub fn deviations(run: &FinishedRun) -> Option<String> {
     let placed: Vec<(f64, [f64; 3])> = clouds
         .iter()
         .filter_map(|cloud| {
-            let ([along, across, up], [_, _, heading]) = (cloud.sigma_m?, cloud.sigma_rad?);
+            let [along, across, up] = cloud.sigma_m?;
+            let [_, _, heading] = cloud.sigma_rad?;
             let horizontal = f64::from(along).hypot(f64::from(across));
             let at_s = cloud.stamp_begin.saturating_sub(begin) as f64 * 1e-9;
             Some((at_s, [horizontal, f64::from(up), f64::from(heading).to_degrees()]))

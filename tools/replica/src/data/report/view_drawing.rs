@@ -11,7 +11,8 @@ const MAX_BAR: f64 = 220.0;
 pub fn drawing(view: &RgbImage, source: &str, scale: f64, has_north: bool) -> String {
     let (width, height) = view.dimensions();
     let bar_m = round_length(MAX_BAR.min(0.4 * f64::from(width)) / scale);
-    let (bar, bottom) = (bar_m * scale, f64::from(height) - 18.0);
+    let bar = bar_m * scale;
+    let bottom = f64::from(height) - 18.0;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"view\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
          font-family=\"sans-serif\" font-size=\"15\">\n<image href=\"{source}\" width=\"{width}\" height=\"{height}\"/>\n"

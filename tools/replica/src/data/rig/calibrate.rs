@@ -44,7 +44,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let refined = Refined::of(&drive, &survey, &settings)?;
     let in_place = args.write.then(|| drive.folder().join(MANIFEST_FILE));
     let out = args.out.clone().or(in_place);
-    let (has_out, has_changes) = (out.is_some(), refined.has_changes());
+    let has_out = out.is_some();
+    let has_changes = refined.has_changes();
     let written = match out.filter(|_| has_changes) {
         Some(out) => write(&refined, out, args.write)?,
         None => Vec::new(),

@@ -178,7 +178,8 @@ fn parts(args: &Args) -> anyhow::Result<RigParts> {
         log: args.log.clone(),
         camera_name: args.camera.clone(),
     };
-    let (mut parts, mut tree) = (RigParts::default(), FrameTree::default());
+    let mut parts = RigParts::default();
+    let mut tree = FrameTree::default();
     for path in &args.from {
         parts.merge(source::read(path, &options, &mut tree)?);
     }

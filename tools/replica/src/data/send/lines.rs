@@ -115,7 +115,8 @@ mod tests {
             quality: 1,
         };
         let path = folder.path().join("gnss.nmea");
-        let (first, second) = (fix(0), fix(1));
+        let first = fix(0);
+        let second = fix(1);
         let lines = [
             "noise".to_owned(),
             gga_from_fix(&first, 44.0),

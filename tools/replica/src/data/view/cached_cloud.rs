@@ -32,7 +32,9 @@ impl CachedCloud {
     pub fn of(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool) -> anyhow::Result<Self> {
         let folder = run.path().join(FOLDER);
         let sources = sources(run, frame, has_bands)?;
-        let (cloud, objects_file, sources_file) = (folder.join(COPC_FILE), folder.join(OBJECTS), folder.join(SOURCES));
+        let cloud = folder.join(COPC_FILE);
+        let objects_file = folder.join(OBJECTS);
+        let sources_file = folder.join(SOURCES);
         let is_same = fs::read_to_string(&sources_file).is_ok_and(|text| text == sources);
         if is_same
             && cloud.exists()

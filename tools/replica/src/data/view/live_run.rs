@@ -101,7 +101,9 @@ impl LiveRun {
             fs::write(file, []).with_context(|| file.display().to_string())?;
         }
         self.seen.clear();
-        (self.begun, self.growing, self.has_moved_clouds) = (begun, None, false);
+        self.begun = begun;
+        self.growing = None;
+        self.has_moved_clouds = false;
         // A page without points need not begin anew.
         let run = self.state.run + u64::from(self.state.parts_bytes > 0);
         self.state = LiveState { run, ..LiveState::default() };

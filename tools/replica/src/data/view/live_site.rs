@@ -38,16 +38,19 @@ impl LiveSite {
     /// For the run into `output`.
     pub fn of(output: &Path) -> anyhow::Result<Self> {
         let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
-        let (points, parts) = (folder.path().join(POINTS), folder.path().join(PARTS));
+        let points = folder.path().join(POINTS);
+        let parts = folder.path().join(PARTS);
         let run = LiveRun::new(output, points.clone(), parts.clone())?;
         let mut site = Site::default();
         page_files::add(&mut site);
         site.add(POINTS, Content::File(points));
         site.add(PARTS, Content::File(parts));
-        let (state, wants_final) = (Arc::<Mutex<LiveState>>::default(), Arc::<AtomicBool>::default());
+        let state = Arc::<Mutex<LiveState>>::default();
+        let wants_final = Arc::<AtomicBool>::default();
         let shown = Arc::clone(&state);
         site.add(STATE, Content::OnRequest(Box::new(move || serde_json::to_vec(&*lock(&shown)).ok())));
-        let (wanted, shown) = (Arc::clone(&wants_final), Arc::clone(&state));
+        let wanted = Arc::clone(&wants_final);
+        let shown = Arc::clone(&state);
         let ask = move || {
             let is_finished = lock(&shown).phase == Phase::Finished;
             wanted.fetch_or(is_finished, Ordering::Relaxed);
@@ -60,7 +63,9 @@ impl LiveSite {
 
     /// Serves until Ctrl-C (false), or until the page has asked for the final cloud (true).
     pub fn serve(mut self, server: &Server, stop: &StopFlag) -> anyhow::Result<bool> {
-        let (site, state, wants_final) = (&self.site, &self.state, &self.wants_final);
+        let site = &self.site;
+        let state = &self.state;
+        let wants_final = &self.wants_final;
         let has_failed = AtomicBool::new(false);
         let is_over = || stop.is_set() || wants_final.load(Ordering::Relaxed) || has_failed.load(Ordering::Relaxed);
         let run = &mut self.run;

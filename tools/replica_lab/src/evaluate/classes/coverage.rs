@@ -56,9 +56,12 @@ impl Coverage {
     /// Share of the points kept and accuracy of these, by falling threshold.
     pub fn curve(&self) -> Vec<[f64; 2]> {
         let total: u64 = self.by_score.iter().map(|[n, _]| n).sum();
-        let (mut n_kept, mut n_correct, mut curve) = (0, 0, Vec::new());
+        let mut n_kept = 0;
+        let mut n_correct = 0;
+        let mut curve = Vec::new();
         for [n, correct] in self.by_score.iter().rev().filter(|[n, _]| *n > 0) {
-            (n_kept, n_correct) = (n_kept + n, n_correct + correct);
+            n_kept += n;
+            n_correct += correct;
             curve.push([n_kept as f64 / total as f64, n_correct as f64 / n_kept as f64]);
         }
         curve

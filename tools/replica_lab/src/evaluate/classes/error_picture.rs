@@ -33,7 +33,8 @@ pub fn write(path: &Path, points: &[SubmapPoint], truth: &[u8], predicted: &[u8]
     let width = side as u32;
     let mut image = RgbImage::from_pixel(3 * width + 2 * GAP, width, BACKGROUND);
     for (cell, index) in highest.iter().enumerate().filter_map(|(cell, index)| Some((cell, (*index)?))) {
-        let (u, v) = ((side - 1 - cell % side) as u32, (side - 1 - cell / side) as u32);
+        let u = (side - 1 - cell % side) as u32;
+        let v = (side - 1 - cell / side) as u32;
         let right = if truth[index] == predicted[index] { RIGHT } else { WRONG };
         let colors = [Rgb(class_color(truth[index])), Rgb(class_color(predicted[index])), right];
         for (k, color) in (0..).zip(colors) {

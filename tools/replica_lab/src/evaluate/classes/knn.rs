@@ -25,7 +25,8 @@ pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalMod
     );
     let seeds = of_recipe.data.seeds;
     let seeds = seeds.with_context(|| format!("{}: has no seeds of simulated towns", recipe.display()))?;
-    let (first, last) = (seeds.first, seeds.last.min(seeds.first + of_recipe.data.towns.len() as u64 - 1));
+    let first = seeds.first;
+    let last = seeds.last.min(seeds.first + of_recipe.data.towns.len() as u64 - 1);
     let mut dataset = SweepDataset::new(&of_recipe, &std::env::temp_dir())?;
     dataset.add_towns(&of_recipe.data, Range { first, last }, &mut |_, _| ())?;
     let examples = NearestExamples::draw(&settings, &weights, &dataset, PER_CLASS, k)?;

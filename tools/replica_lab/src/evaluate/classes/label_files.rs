@@ -22,7 +22,8 @@ pub fn sources(truth: &Path, prediction: &Path, empty: &Tally) -> anyhow::Result
     };
     anyhow::ensure!(!pairs.is_empty(), "{}: no .label files", truth.display());
     let of_pair = |(truth, prediction): &(PathBuf, PathBuf)| {
-        let (true_classes, predicted) = (classes(truth)?, classes(prediction)?);
+        let true_classes = classes(truth)?;
+        let predicted = classes(prediction)?;
         anyhow::ensure!(
             true_classes.len() == predicted.len(),
             "{} has {} points, {} has {}",

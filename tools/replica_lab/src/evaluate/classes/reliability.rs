@@ -42,8 +42,10 @@ impl fmt::Display for Reliability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "| score | points | mean score | correct |\n|---|---|---|---|")?;
         for (tenth, bin) in self.bins.iter().enumerate().filter(|(_, bin)| bin.n > 0.0) {
-            let (from, to) = (tenth as f64 / 10.0, (tenth + 1) as f64 / 10.0);
-            let (scores, correct) = (100.0 * bin.scores / bin.n, 100.0 * bin.correct / bin.n);
+            let from = tenth as f64 / 10.0;
+            let to = (tenth + 1) as f64 / 10.0;
+            let scores = 100.0 * bin.scores / bin.n;
+            let correct = 100.0 * bin.correct / bin.n;
             writeln!(f, "| {from:.1} to {to:.1} | {} | {scores:.1} % | {correct:.1} % |", bin.n)?;
         }
         Ok(())
@@ -56,7 +58,8 @@ mod tests {
 
     #[test]
     fn calibration_error_weights_bins_by_points() {
-        let (mut sure, mut unsure) = (Reliability::default(), Reliability::default());
+        let mut sure = Reliability::default();
+        let mut unsure = Reliability::default();
         (0..3).for_each(|i| sure.add(0.95, i < 2));
         unsure.add(0.55, true);
         sure.merge(&unsure);

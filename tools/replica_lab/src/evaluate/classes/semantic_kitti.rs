@@ -57,8 +57,10 @@ pub fn sources(models: &Models, folder: &Path, empty: &Tally) -> anyhow::Result<
 }
 
 fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> anyhow::Result<Source> {
-    let (name, n_sweeps) = (sequence.name.clone(), sequence.sweeps.len());
-    let (origin, tally) = (Origin::Real, empty.clone());
+    let name = sequence.name.clone();
+    let n_sweeps = sequence.sweeps.len();
+    let origin = Origin::Real;
+    let tally = empty.clone();
     let mut source = Source { name, origin, n_sweeps, has_intensities: false, tally, other_uses: Vec::new() };
     let mut other_uses: Vec<Tally> = models.other_uses.iter().map(|_| empty.clone()).collect();
     let begin = Instant::now();
@@ -125,7 +127,8 @@ fn submap(sweep: &LabelledSweep) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     };
     let rows: Vec<SubmapPoint> = sweep.points.iter().zip(&sweep.intensities).map(row).collect();
     let mut header: Box<SubmapHeader> = Box::default();
-    (header.n_rings, header.n_sweeps) = (GRID.rows as u32, 1);
+    header.n_rings = GRID.rows as u32;
+    header.n_sweeps = 1;
     let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     header.sweeps[0] = SubmapSweep {
         n_points: rows.len() as u32,

@@ -25,7 +25,8 @@ pub fn sources(model: &dyn Segmenter, args: &Args, empty: &Tally) -> anyhow::Res
             let simulation = drive.simulation()?;
             for sensor in &args.sensor {
                 let mount = Mount::from_name(sensor).with_context(|| format!("unknown sensor {sensor}"))?;
-                let (mut tally, mut time) = (empty.clone(), Duration::ZERO);
+                let mut tally = empty.clone();
+                let mut time = Duration::ZERO;
                 for mut submap in drive.submaps_in(&simulation, args.submaps, args.sweeps, 1, mount)? {
                     scale_intensities(&mut submap, args.gain);
                     time += add(&mut tally, model, &submap, picture.take())?;

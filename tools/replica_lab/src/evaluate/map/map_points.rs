@@ -37,7 +37,8 @@ pub fn read(path: &Path, selection: &PointSelection) -> anyhow::Result<LocalPoin
     let mut has_origin = selection.origin.is_some();
     let mut push = |position: Vector3<f64>| -> anyhow::Result<()> {
         if !has_origin && position.iter().all(|value| value.is_finite()) {
-            (found.origin, has_origin) = (position.map(f64::round), true);
+            found.origin = position.map(f64::round);
+            has_origin = true;
         }
         ensure!(found.points.len() < MAX_POINTS, "{}: more than {MAX_POINTS} points", path.display());
         found.points.push((position - found.origin).cast::<f32>().into());
@@ -84,7 +85,8 @@ fn place_sweeps_of(
     let mut returns: Vec<SweepPoint> = Vec::new();
     while let Some(sweep) = source.next_sweep(|some| returns.extend_from_slice(some))? {
         // Returns of one firing are consecutive and have the same time: 32 of an HDL-32E.
-        let (mut offset_nanos, mut world_from_lidar) = (None, None);
+        let mut offset_nanos = None;
+        let mut world_from_lidar = None;
         for point in returns.drain(..) {
             if offset_nanos != Some(point.offset_nanos) {
                 offset_nanos = Some(point.offset_nanos);

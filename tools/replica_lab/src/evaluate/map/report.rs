@@ -27,9 +27,12 @@ pub fn markdown(reports: &[MapReport]) -> String {
             .to_owned();
     for MapReport { name, n_points, crispness, .. } in reports {
         let cm = |value: fn(Statistics) -> f64| number(crispness.thickness_m.map(|found| 100.0 * value(found)), 2);
-        let (median, mean, p95) = (cm(|s| s.median), cm(|s| s.mean), cm(|s| s.p95));
+        let median = cm(|s| s.median);
+        let mean = cm(|s| s.mean);
+        let p95 = cm(|s| s.p95);
         let n_facades = crispness.thickness_m.map_or(0, |found| found.n);
-        let (entropy, n) = (number(crispness.mean_entropy, 4), crispness.n_entropies);
+        let entropy = number(crispness.mean_entropy, 4);
+        let n = crispness.n_entropies;
         let too_thick = crispness.n_too_thick;
         // Writing to a string cannot fail.
         let _ = writeln!(
@@ -48,7 +51,9 @@ pub fn markdown(reports: &[MapReport]) -> String {
         for (direction, found) in directions.iter().zip(distances.iter().flatten()) {
             let cm = |value: fn(Statistics) -> f64| number(found.near_m.map(|near| 100.0 * value(near)), 2);
             let within = found.within.map(|share| format!("{:.2}", 100.0 * share)).join(" | ");
-            let (median, rmse, p95) = (cm(|s| s.median), cm(|s| s.rmse), cm(|s| s.p95));
+            let median = cm(|s| s.median);
+            let rmse = cm(|s| s.rmse);
+            let p95 = cm(|s| s.p95);
             let far = 100.0 * found.far;
             let _ = writeln!(text, "| {name} | {direction} | {median} | {rmse} | {p95} | {within} | {far:.2} |");
         }

@@ -59,7 +59,8 @@ impl Report<'_> {
         );
         for (method, smoothing, tally) in self.tallies {
             let _ = write!(text, "| {} | {} |", method.name(), smoothing.name());
-            let ([sun, shade], [known, other]) = (&tally.light, &tally.surfaces);
+            let [sun, shade] = &tally.light;
+            let [known, other] = &tally.surfaces;
             for confusion in [&tally.all(), sun, shade, known, other] {
                 let _ =
                     write!(text, " {} ({}) |", percent(confusion.overall_accuracy()), percent(confusion.mean_iou()));
@@ -159,7 +160,8 @@ impl Report<'_> {
 }
 
 fn row(name: &str, confusion: &Confusion) -> String {
-    let (accuracy, iou) = (percent(confusion.overall_accuracy()), percent(confusion.mean_iou()));
+    let accuracy = percent(confusion.overall_accuracy());
+    let iou = percent(confusion.mean_iou());
     format!("| {name} | {} | {accuracy} | {iou} |\n", confusion.n())
 }
 

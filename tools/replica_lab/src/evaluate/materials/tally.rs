@@ -41,7 +41,8 @@ impl Tally {
                 continue;
             };
             let row = best_row(found);
-            let (truth, predicted) = (truth as usize, usize::from(row.material_id));
+            let truth = truth as usize;
+            let predicted = usize::from(row.material_id);
             self.light[usize::from(!surface.is_sunlit)].add(truth, predicted);
             self.surfaces[usize::from(is_held_out(surface.material))].add(truth, predicted);
             let range_m = town.range_m(i);

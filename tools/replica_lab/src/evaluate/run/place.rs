@@ -64,7 +64,8 @@ mod tests {
     #[test]
     fn frames_with_different_origins_are_converted_to_each_other() {
         let frame = |place: [f64; 3]| LocalFrame::new(Geodetic::new(place[0], place[1], place[2]).expect("a place"));
-        let (a, b) = (frame([48.8, 2.3, 100.0]), frame([48.81, 2.32, 90.0]));
+        let a = frame([48.8, 2.3, 100.0]);
+        let b = frame([48.81, 2.32, 90.0]);
         let a_from_b = between(&a, &b);
         for p in [[0.0, 0.0, 0.0], [700.0, -300.0, 12.0], [-4000.0, 2500.0, -30.0]].map(Point3::from) {
             let expected = a.world_from_geodetic(&b.geodetic_from_world(&p));

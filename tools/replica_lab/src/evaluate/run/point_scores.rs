@@ -73,7 +73,8 @@ impl PointScores {
         let truth = self.truth.labels_of(cloud)?;
         for time_s in cloud.f64s("timestamp")?.into_iter().filter(|time_s| time_s.is_finite()) {
             let [first, last] = self.times_s.get_or_insert([time_s; 2]);
-            (*first, *last) = (first.min(time_s), last.max(time_s));
+            *first = first.min(time_s);
+            *last = last.max(time_s);
         }
         self.n_points += truth.len() as u64;
         for label in &truth {

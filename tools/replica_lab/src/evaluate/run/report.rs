@@ -40,7 +40,8 @@ impl RunReport {
         let with_instances = points.as_mut().filter(|points| points.n_without[1] < points.n_points);
         let instances = with_instances
             .map(|points| things.iter().map(|class| points.overlaps.score(*class as u8, void, min_points)).collect());
-        let (run, truth) = (run.display().to_string(), truth.display().to_string());
+        let run = run.display().to_string();
+        let truth = truth.display().to_string();
         Self { run, truth, points, confusion, instances, poses }
     }
 

@@ -53,12 +53,14 @@ fn plane(frame: &Frame, model: &Model, n_lines: usize, bands: [usize; 2]) -> Cha
     }
     for (number, line) in model.lines.iter().take(n_lines).enumerate() {
         let points: Vec<[f64; 2]> = line.nodes.iter().map(|index| node(*index)).collect();
-        let (name, color) = (format!("line {}", number + 1), COLORS[number % 5]);
+        let name = format!("line {}", number + 1);
+        let color = COLORS[number % 5];
         series.push(Series::dots(name.clone(), color, points.clone()));
         series.push(Series { name, color, mark: Mark::Line { points, width: 2.4 } });
     }
     let axis = |band: usize| Axis::new(name(frame, band), [0.0, largest * 1.02]);
-    let (x, y) = (axis(bands[0]), axis(bands[1]));
+    let x = axis(bands[0]);
+    let y = axis(bands[1]);
     Chart { size: [SIDE, SIDE], ..Chart::new("", x, y, series) }
 }
 

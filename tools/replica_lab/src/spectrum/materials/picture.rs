@@ -84,8 +84,8 @@ pub fn spectra(model: &Model, spectra: &Spectra, rows: &[MaterialRow], size: [us
     let low = points().map(|point| point[0]).fold(f64::INFINITY, f64::min);
     let high = points().map(|point| point[0]).fold(0.0, f64::max);
     let top = points().map(|point| point[1]).fold(1.0, f64::max);
-    let (x, y) =
-        (Axis::new("wavelength, nm", [low.min(high), high]), Axis::new("spectrum / its mean", [0.0, top * 1.02]));
+    let x = Axis::new("wavelength, nm", [low.min(high), high]);
+    let y = Axis::new("spectrum / its mean", [0.0, top * 1.02]);
     Chart::new("Mean spectra, and the nearest references (thin)", x, y, lines)
 }
 

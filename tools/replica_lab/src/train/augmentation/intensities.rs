@@ -28,7 +28,8 @@ pub fn augment_intensities(
     let of_class: Vec<f32> = (0..=u8::MAX).map(|_| (0.3 * random.gauss()).exp()).collect();
     // The lasers of some units differ by a factor of two.
     let of_row: Vec<f32> = (0..image.rows).map(|_| (0.4 * random.gauss()).exp()).collect();
-    let (columns, median) = (image.columns, f32::from(trained[trained.len() / 2]).max(1.0));
+    let columns = image.columns;
+    let median = f32::from(trained[trained.len() / 2]).max(1.0);
     change(image, |range_m, intensity, pixel| {
         let factor = gain * of_row[pixel / columns] * of_class[usize::from(truth[pixel])];
         factor * median * (intensity / median).powf(exponent) * (range_m / 10.0).powf(by_range)

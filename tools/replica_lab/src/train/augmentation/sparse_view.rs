@@ -67,7 +67,9 @@ mod tests {
     fn pixels_of_sparse_view_show_the_points_of_the_sweep() {
         for rows in [64, 32, 16, 5] {
             let of = sweep(rows);
-            let (mut fewest, mut most, mut n_thinned) = (usize::MAX, 0, 0);
+            let mut fewest = usize::MAX;
+            let mut most = 0;
+            let mut n_thinned = 0;
             for seed in 0..60 {
                 let (image, pixels) = sparse_view(&of, &mut Random::new(seed));
                 assert_eq!(image.pixels.len(), image.rows * of.image.columns);
@@ -75,7 +77,8 @@ mod tests {
                 for [sparse, full] in pixels.iter().map(|pair| pair.map(|pixel| pixel as usize)) {
                     assert!(image.pixels[sparse] == of.image.pixels[full] && image.pixels[sparse].is_valid());
                 }
-                (fewest, most) = (fewest.min(image.rows), most.max(image.rows));
+                fewest = fewest.min(image.rows);
+                most = most.max(image.rows);
                 n_thinned += usize::from(pixels.len() * 10 < image.pixels.len() * 7);
             }
             let least = (rows / 4).max(8).min(rows);

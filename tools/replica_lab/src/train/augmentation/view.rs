@@ -55,7 +55,8 @@ fn sector(columns: usize, rows: usize) -> usize {
 pub fn view(of: &LabeledImage, rows: &[usize], first: usize, columns: usize) -> LabeledImage {
     let n_bands = of.image.n_camera_bands();
     let n = rows.len() * columns;
-    let (mut pixels, mut truth) = (vec![PolarPixel::default(); n], vec![UNKNOWN; n]);
+    let mut pixels = vec![PolarPixel::default(); n];
+    let mut truth = vec![UNKNOWN; n];
     let mut camera = vec![f32::NAN; n * n_bands];
     for (row, &from_row) in rows.iter().enumerate() {
         for column in 0..columns {

@@ -91,7 +91,8 @@ impl Camera<'_> {
             Reading::All => (0..n).collect(),
         };
         chosen.dedup();
-        let (mut brightness, mut n_bad) = (Vec::new(), 0);
+        let mut brightness = Vec::new();
+        let mut n_bad = 0;
         for index in &chosen {
             match load(frames[*index]) {
                 Ok(decoded) => {

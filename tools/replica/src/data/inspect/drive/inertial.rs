@@ -24,8 +24,12 @@ pub fn add(drive: &Drive, report: &mut DriveReport) -> anyhow::Result<()> {
     };
     let path = drive.folder().join(&entry.file);
     let reader = drive.imu().with_context(|| path.display().to_string())?;
-    let (mut stamps, mut n_bad, mut first_error) = (Vec::new(), 0_u64, None);
-    let (mut force, mut length, mut squares) = (Vector3::zeros(), 0.0, 0.0);
+    let mut stamps = Vec::new();
+    let mut n_bad = 0_u64;
+    let mut first_error = None;
+    let mut force = Vector3::zeros();
+    let mut length = 0.0;
+    let mut squares = 0.0;
     for sample in reader.into_iter().flatten() {
         match sample {
             Ok(sample) => {
@@ -52,7 +56,9 @@ pub fn add(drive: &Drive, report: &mut DriveReport) -> anyhow::Result<()> {
         return Ok(());
     }
     let n = n_samples as f64;
-    let (force, length, rate) = (force / n, length / n, (squares / n).sqrt());
+    let force = force / n;
+    let length = length / n;
+    let rate = (squares / n).sqrt();
     let lines = vec![
         format!(
             "mean specific force: {length:.3} m/s^2; vector {:.2} {:.2} {:.2} in the body frame",

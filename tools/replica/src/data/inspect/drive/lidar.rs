@@ -285,8 +285,11 @@ pub fn utc(stamp: Stamp) -> String {
     use files::calendar::{DAY_NANOS, date_from_days};
     let (year, month, day) = date_from_days(stamp.0.div_euclid(DAY_NANOS));
     let millis = stamp.0.rem_euclid(DAY_NANOS) / 1_000_000;
-    let (seconds, millis) = (millis / 1000, millis % 1000);
-    let (hour, minute, second) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    let seconds = millis / 1000;
+    let millis = millis % 1000;
+    let hour = seconds / 3600;
+    let minute = seconds / 60 % 60;
+    let second = seconds % 60;
     format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}.{millis:03}")
 }
 

@@ -57,7 +57,8 @@ fn rates(streams: &[Stream], origin: Stamp) -> String {
     let mut rated: Vec<(f64, &Stream)> = streams.iter().filter_map(|s| Some((s.rate_hz()?, s))).collect();
     rated.sort_by(|a, b| b.0.total_cmp(&a.0));
     let spans = || streams.iter().filter_map(Stream::span).flatten().map(|stamp| seconds_between(stamp, origin));
-    let (begin, end) = (spans().fold(0.0, f64::min), spans().fold(1e-3, f64::max));
+    let begin = spans().fold(0.0, f64::min);
+    let end = spans().fold(1e-3, f64::max);
     let mut charts = Vec::new();
     while let Some((fastest, _)) = rated.first().copied() {
         let n_similar = rated.partition_point(|(rate, _)| *rate * RATE_SPREAD >= fastest);

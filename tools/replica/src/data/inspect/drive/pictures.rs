@@ -86,7 +86,8 @@ pub fn top_view(points: &[SweepPoint], body_from_lidar: &Pose) -> Option<Picture
     let mut view = RgbImage::from_pixel(SIDE, SIDE, Rgb([18, 20, 26]));
     let scale = 0.5 * SIDE as f32 / reach_m;
     let place = |x: f32, y: f32| {
-        let (u, v) = (0.5 * SIDE as f32 - y * scale, 0.5 * SIDE as f32 - x * scale);
+        let u = 0.5 * SIDE as f32 - y * scale;
+        let v = 0.5 * SIDE as f32 - x * scale;
         let is_inside = (0.0..SIDE as f32).contains(&u) && (0.0..SIDE as f32).contains(&v);
         is_inside.then_some((u as u32, v as u32))
     };

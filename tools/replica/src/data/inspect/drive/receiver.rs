@@ -103,7 +103,10 @@ fn path(fixes: &[Fix], report: &mut DriveReport) -> Vec<String> {
     let frame = LocalFrame::new(origin);
     let places: Vec<(&Fix, Vector3<f64>)> =
         fixes.iter().filter_map(|fix| Some((fix, frame.world_from_geodetic(&geodetic(fix)?).coords))).collect();
-    let (mut length_m, mut unknown_s, mut n_jumps, mut first_jump) = (0.0, 0.0, 0, None);
+    let mut length_m = 0.0;
+    let mut unknown_s = 0.0;
+    let mut n_jumps = 0;
+    let mut first_jump = None;
     for pair in places.windows(2) {
         let [(before, from), (fix, to)] = [pair[0], pair[1]];
         let seconds = fix.stamp.seconds_since(before.stamp);

@@ -89,7 +89,8 @@ impl Stream {
     }
     /// Stamps of the first and of the last message.
     pub fn span(&self) -> Option<[Stamp; 2]> {
-        let (first, last) = (*self.stamps.first()?, *self.stamps.last()?);
+        let first = *self.stamps.first()?;
+        let last = *self.stamps.last()?;
         Some([Stamp(first), Stamp(self.end.unwrap_or(last).max(last))])
     }
     /// Median time between two messages, s.

@@ -37,7 +37,8 @@ pub fn data(sources: &[Source], groups: &[Group], intensity: &str) -> String {
 fn line(name: &str, n_sweeps: usize, tally: &Tally) -> String {
     let Tally { classes, seven, .. } = tally;
     let [miou, of_seven] = [classes, seven].map(|confusion| percent(confusion.mean_iou()));
-    let (accuracy, error) = (percent(classes.overall_accuracy()), percent(tally.calibration_error()));
+    let accuracy = percent(classes.overall_accuracy());
+    let error = percent(tally.calibration_error());
     let sweeps = if n_sweeps > 0 { n_sweeps.to_string() } else { "-".to_owned() };
     format!("| {name} | {sweeps} | {} | {miou} | {of_seven} | {accuracy} | {error} |\n", classes.n())
 }
@@ -45,7 +46,8 @@ fn line(name: &str, n_sweeps: usize, tally: &Tally) -> String {
 /// How many points have no class, and how many of the others are correct.
 pub fn unknown(tally: &Tally) -> String {
     let Tally { classes, n_unknown, .. } = tally;
-    let (n, n_correct) = (classes.n(), (0..ClassId::ALL.len()).map(|class| classes.count(class, class)).sum::<u64>());
+    let n = classes.n();
+    let n_correct = (0..ClassId::ALL.len()).map(|class| classes.count(class, class)).sum::<u64>();
     let share = percent(Some(*n_unknown as f64 / n as f64));
     let n_known = n - n_unknown;
     let accuracy = percent((n_known > 0).then(|| n_correct as f64 / n_known as f64));

@@ -27,7 +27,8 @@ impl LabelledSweep {
     pub fn read(files: &SweepFiles) -> anyhow::Result<Self> {
         let is_array = files.points.extension().is_some_and(|extension| extension == "npy");
         let sweep = if is_array { of_arrays(files)? } else { of_kitti(files)? };
-        let (n_points, n_labels) = (sweep.points.len(), sweep.ids.len());
+        let n_points = sweep.points.len();
+        let n_labels = sweep.ids.len();
         anyhow::ensure!(
             n_points == n_labels,
             "{}: {n_labels} labels, but {} has {n_points} points",
