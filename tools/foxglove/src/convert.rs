@@ -2,8 +2,8 @@
 
 use crate::scene::Scene;
 use anyhow::{Context as _, bail};
-use recording::RecordingReader;
 use foxglove::{Context, McapWriter};
+use recording::RecordingReader;
 use std::path::Path;
 
 /// Converts a recording. A cut recording is converted up to its end, and the error says so.

@@ -1,10 +1,10 @@
 //! A recording, message by message.
 
-use recording::{RecordingError, RecordingReader};
 use messages::pod::bytes_from_rows;
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use recording::{RecordingError, RecordingReader};
 use stage::messages;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

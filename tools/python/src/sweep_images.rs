@@ -65,7 +65,9 @@ impl SweepImages {
             points: rows(py, &submap.1)?,
             colors: color.map(|color| rows(py, &color.1)).transpose()?,
             spectra: spectra
-                .map(|spectra| Ok::<_, PyErr>(OwnedSpectra { header: header(py, &spectra.0)?, rows: rows(py, &spectra.1)? }))
+                .map(|spectra| {
+                    Ok::<_, PyErr>(OwnedSpectra { header: header(py, &spectra.0)?, rows: rows(py, &spectra.1)? })
+                })
                 .transpose()?,
         };
         let sweeps = py.detach(|| SubmapSweeps::new(Arc::clone(&self.images), submap));

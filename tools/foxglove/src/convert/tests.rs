@@ -1,5 +1,4 @@
 use super::*;
-use recording::RecordingWriter;
 use foxglove::Decode;
 use foxglove::messages::{FrameTransforms, PointCloud, SceneUpdate};
 use messages::pod::bytes_from_rows;
@@ -7,6 +6,7 @@ use messages::{
     ByteTable, ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, Envelope, InstanceHeader,
     InstanceTopic, Message, PoseRow, SubmapHeader, SubmapPoint, SubmapTopic, UNSEEN,
 };
+use recording::RecordingWriter;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
