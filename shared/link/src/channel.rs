@@ -323,7 +323,8 @@ mod tests {
         let mut newer = hello();
         newer[12] += 1;
         let error = refused(&newer).to_string();
-        assert!(error.contains("has version 2 of the link, this program has 1"), "{error}");
+        let expected = format!("has version {} of the link, this program has {VERSION}", VERSION + 1);
+        assert!(error.contains(&expected), "{error}");
         assert!(matches!(refused(b"GET / HTTP/1.1\r\n\r\n"), LinkError::Foreign { .. }));
     }
 

@@ -41,7 +41,7 @@ struct Group {
 impl PriorRecipe {
     /// Reads and checks a recipe.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
-        let recipe: Self = read_toml(path)?;
+        let recipe: Self = read_toml(path).with_context(|| path.display().to_string())?;
         anyhow::ensure!(!recipe.group.is_empty(), "{}: has no group", path.display());
         for (number, group) in (1..).zip(&recipe.group) {
             group.check().with_context(|| format!("{}: group {number}", path.display()))?;
@@ -139,7 +139,6 @@ mod tests {
             ("'urban'", "'moon'", "moon"),
             ("'rig'", "'radar'", "unknown sensor \"radar\", must be one of rig, kitti"),
             ("['rig']", "[]", "towns and sensors must not be empty"),
-            ("'off'", "'of'", "value \"of\" must be one of auto, normalized, raw, off"),
             ("first = 1", "first = 3", "seeds: first = 3 is above last = 2"),
             ("submaps = 1", "submaps = 0", "submaps and sweeps must be at least 1"),
             ("sweeps = 1", "sweeps = 21", "21 sweeps do not fit in seconds = 2: each takes 0.1 s"),
@@ -149,6 +148,10 @@ mod tests {
             let error = format!("{:#}", PriorRecipe::load(&path).expect_err("is refused"));
             assert!(error.contains("recipe.toml: group 2: ") && error.contains(rule), "{error}");
         }
+        std::fs::write(&path, [GROUP, &GROUP.replace("'off'", "'of'")].concat()).expect("writes");
+        let error = format!("{:#}", PriorRecipe::load(&path).expect_err("is refused"));
+        assert!(error.contains("recipe.toml: TOML parse error at line 13"), "{error}");
+        assert!(error.contains("value \"of\" must be one of auto, normalized, raw, off"), "{error}");
         std::fs::write(&path, "group = []").expect("writes");
         let error = PriorRecipe::load(&path).expect_err("is refused").to_string();
         assert!(error.contains("recipe.toml: has no group"), "{error}");
