@@ -19,8 +19,8 @@
 //! Errors of poses are in the axes of the submap, translation (m) before rotation vector (rad).
 //!
 //! This crate must never move points against their submap, and never change the path within a submap: it moves submaps as rigid
-//! bodies. It must never hide a contradiction: fixes that disagree with the majority are rejected, counted and reported as a
-//! [`FixDoubt`]. Everything is a pure function of its inputs, without clocks and files.
+//! bodies. It must never hide a contradiction: fixes that disagree with the majority are rejected, counted and reported by
+//! [`fix_doubts()`]. Everything is a pure function of its inputs, without clocks and files.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -7,7 +7,7 @@
 //!
 //! To add a column:
 //!
-//! 1. Write its payload type: a file beside `region.rs`, with [`Message`](crate::Message) for the topic.
+//! 1. Write its payload type: a file beside `region.rs`, with [`Message`] for the topic.
 //! 2. Write its entry in `table.rs`.
 //!
 //! Then `REPLICA_WRITE_DOCS=1 cargo test -p replica-tests --test suite column_pages` writes it into the pages under `docs/reference`.

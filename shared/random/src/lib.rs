@@ -4,7 +4,7 @@
 //! model and many tests depend on these exact numbers, and a crate may change its generator with any release.
 //!
 //! [`Random`] is a sequence. Parallel work takes one sequence for each item, [`Random::of_stream`], so that results do not depend on the
-//! order in which threads run. [`hash()`], [`unit`] and [`gauss`] are functions of a key, for values that belong to a place
+//! order in which threads run. [`hash()`], [`unit()`] and [`gauss`] are functions of a key, for values that belong to a place
 //! and not to a sequence.
 //!
 //! The numbers of a seed never change: a different number changes towns, models and test data. There is no seed from the clock or the

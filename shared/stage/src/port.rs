@@ -145,7 +145,7 @@ impl Inputs {
 }
 
 impl Outputs {
-    /// Publishes a message that was kept as bytes ([`Received::to_bytes`]), under the next number of the topic.
+    /// Publishes a message that was kept as bytes ([`Received::to_bytes`](ipc::Received::to_bytes)), under the next number of the topic.
     pub fn publish_bytes(&mut self, port: &Port, bytes: &[u8]) -> Result<(), StepError> {
         (port.make.publish_bytes)(self, port.topic(), bytes)
     }

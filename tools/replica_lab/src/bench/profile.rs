@@ -49,7 +49,7 @@ pub fn check() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Reads what [`recording`] wrote.
+/// Reads what [`recording()`] wrote.
 pub fn read(data: &Path) -> anyhow::Result<Vec<ProcessProfile>> {
     let args: [OsString; 5] = ["script".into(), "-i".into(), data.into(), "-F".into(), "comm,pid,tid,ip,sym".into()];
     let output = Command::new("perf").args(args).output().context("perf script")?;
