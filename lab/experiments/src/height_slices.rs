@@ -13,8 +13,7 @@ use segmentation::ModelInput;
 use simulation::Town;
 use std::ops::RangeInclusive;
 use town_sweeps::{Mount, TownDrive, TownSubmap};
-use training::Hierarchy;
-use training::{Dataset, Example};
+use training::{Dataset, Example, Hierarchy};
 
 /// A range of heights above the ground, m, and the classes to distinguish in it.
 #[derive(Clone, Copy)]

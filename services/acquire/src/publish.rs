@@ -1,7 +1,6 @@
 //! Publishing shared by recorded drives and live sensors.
 
-use crate::Settings;
-use crate::sweep;
+use crate::{Settings, sweep};
 use acquisition::doubts::{DoubtLimits, Doubts};
 use acquisition::recorded::{CameraFileError, News, image_into, mosaic_into};
 use acquisition::rows::{gnss_row, sweep_header};

@@ -6,9 +6,8 @@ use crate::error::DeliveryError;
 use crate::frame::is_placed;
 use crate::index::CloudEntry;
 use files::atomic_file::write_atomic;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// Folder of the clouds.
 pub const CLOUDS: &str = "clouds";

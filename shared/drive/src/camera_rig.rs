@@ -1,7 +1,6 @@
 //! The cameras of a vehicle without their images: mounting, lenses, bands and calibrations.
 
-use super::check;
-use super::{Drive, LiveRig};
+use super::{Drive, LiveRig, check};
 use crate::manifest::{CameraEntry, Manifest, MosaicEntry};
 use files::problems::{FileError, FileProblem};
 use files::toml_file::TomlFile;

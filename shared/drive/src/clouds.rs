@@ -2,8 +2,7 @@
 
 use formats::cloud::{CloudPoint, FiredPoint};
 use formats::{kitti, nuscenes, pcd};
-use lidar::velodyne;
-use lidar::{Lidar, Model, SweepPoint, SweepReader};
+use lidar::{Lidar, Model, SweepPoint, SweepReader, velodyne};
 use std::io;
 use std::path::Path;
 

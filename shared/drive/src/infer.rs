@@ -7,8 +7,7 @@ use crate::manifest::{LidarEntry, Manifest, PoseEntry};
 use files::problems::{FileError, FileProblem};
 use formats::cloud::check_points;
 use formats::kitti;
-use lidar::velodyne;
-use lidar::{Lidar, Model, SweepReader};
+use lidar::{Lidar, Model, SweepReader, velodyne};
 use std::path::{Path, PathBuf};
 
 /// Formats by file name extension, in the order of the search.

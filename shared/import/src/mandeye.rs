@@ -13,8 +13,7 @@ use crate::{Kind, Options};
 use chunks::Chunks;
 use drive::imu::csv_from_samples;
 use drive::manifest::{ImuEntry, LidarEntry, PoseEntry};
-use lidar::SweepReader;
-use lidar::livox;
+use lidar::{SweepReader, livox};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 

@@ -16,8 +16,7 @@ use drive::imu::csv_from_samples;
 use drive::manifest::{ImuEntry, LidarEntry, PoseEntry};
 use formats::trajectory::TrajectoryFile;
 use geometry::Trajectory;
-use lidar::Model;
-use lidar::velodyne;
+use lidar::{Model, velodyne};
 use stamp_table::stamped;
 use std::path::{Path, PathBuf};
 

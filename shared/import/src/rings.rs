@@ -1,7 +1,6 @@
 //! Rings: drivers count the beams from the lowest or the highest, or in firing order; a drive counts from the lowest.
 
-use lidar::Model;
-use lidar::{hesai, livox, velodyne};
+use lidar::{Model, hesai, livox, velodyne};
 use std::collections::BTreeMap;
 
 /// Fewest points that show the elevation of a beam.

@@ -55,8 +55,7 @@ pub use messages;
 pub use outputs::Outputs;
 pub use port::Port;
 pub use program::{ConfiguredStage, Program, RunningStage};
-pub use run::space;
-pub use run::{Context, Mode, StateError, exit, find_file};
+pub use run::{Context, Mode, StateError, exit, find_file, space};
 pub use settings::{
     Field, Problem, Rule, Settings, Word, any, at_least, list_of_words, one_word, parse_table, settings, toml, within,
     words,

@@ -51,6 +51,16 @@ pub struct Args {
 }
 
 impl Args {
+    /// Whether the data of a role have a target.
+    pub fn has_target(&self, role: &Role) -> bool {
+        match role {
+            Role::Camera(_) | Role::Mosaic(_) => self.cameras.is_some(),
+            Role::Imu => self.imu.is_some(),
+            Role::Gnss | Role::Nmea => self.nmea.is_some(),
+            Role::Lidar(index) => *index < self.lidar.len(),
+        }
+    }
+
     /// Reads the arguments of the process. Wrong ones end it with exit code 2.
     pub fn read() -> Self {
         let args = Self::parse();
@@ -65,7 +75,7 @@ impl Args {
             return Err("no target: set at least one of --cameras, --imu, --nmea and --lidar".into());
         }
         for (index, (role, topic)) in self.topics.iter().enumerate() {
-            if !role.has_target(self) {
+            if !self.has_target(role) {
                 let option = role.option();
                 return Err(format!("--topic {role}={topic} needs the target {option}, one for each sensor"));
             }

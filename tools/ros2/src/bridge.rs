@@ -1,9 +1,10 @@
 //! Finds topics, subscribes to them, and passes their messages on.
 
 use crate::arguments::Args;
+use crate::choice::{Topics, choose};
 use crate::feed::Feed;
 use crate::names::{topic_from_dds, type_from_dds};
-use crate::roles::{Role, Topics, choose};
+use crate::roles::Role;
 use crate::sinks::Sink;
 use crate::subscription::Subscription;
 use anyhow::{Context, anyhow};

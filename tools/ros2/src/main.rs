@@ -2,6 +2,7 @@
 
 mod arguments;
 mod bridge;
+mod choice;
 mod counts;
 mod feed;
 mod names;

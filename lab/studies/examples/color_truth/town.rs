@@ -9,8 +9,7 @@ use rayon::prelude::*;
 use raytrace::Ray;
 use simulation::Simulation;
 use std::collections::BTreeMap;
-use town::Material;
-use town::Snapshot;
+use town::{Material, Snapshot};
 
 /// Largest distance of a point from the surface that its beam hits, m. Farther points are mixed returns.
 const MAX_DISTANCE_M: f64 = 0.3;

@@ -12,8 +12,7 @@ use simulation::light::sun_direction;
 use simulation::{DriveSpec, Simulation, write_drive};
 use stage::testing::{Bench, context};
 use std::path::Path;
-use town::Material;
-use town::SceneHit;
+use town::{Material, SceneHit};
 
 /// The sunlit wall at a pixel of a mosaic camera.
 fn sunlit(simulation: &Simulation, index: usize, stamp: Stamp, [u, v]: [f64; 2]) -> Option<SceneHit> {

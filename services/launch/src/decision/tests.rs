@@ -1,8 +1,7 @@
 //! Tables of every rule of [`judge`], [`restart_stage`] and [`restart_run`].
 
 use super::cause::Cause;
-use super::fault::Exit;
-use super::fault::FaultKind;
+use super::fault::{Exit, FaultKind};
 use super::*;
 use run::health::Activity;
 use run::health::Activity::{Blocked, Connecting, Done, Draining, Paused, Ready, Saving, Starting, Waiting, Working};

@@ -8,9 +8,8 @@ use drive::manifest::{LidarEntry, Manifest, PoseEntry};
 use files::atomic_file::write_atomic;
 use lidar::Lidar;
 use lidar::pcap::Recorder;
-use std::fs;
-use std::io;
 use std::path::{Component, Path, PathBuf};
+use std::{fs, io};
 
 /// Folder of the captures of the first LiDAR in the recording, as in [`LidarEntry::of_captures`].
 pub(crate) const LIDAR: &str = "lidar";

@@ -3,10 +3,9 @@
 //! Classes without a counterpart are [`Unlabeled`]: they are not scored.
 
 use super::Layout;
-use messages::ClassId::Ground;
 use messages::ClassId::{
-    self, Building, Dynamic, Fence, GuardRail, Other, Pedestrian, Pole, Road, RoadLine, Sidewalk, Static, Terrain,
-    TrafficLight, TrafficSign, Unlabeled, Vegetation, Vehicles, Wall,
+    self, Building, Dynamic, Fence, Ground, GuardRail, Other, Pedestrian, Pole, Road, RoadLine, Sidewalk, Static,
+    Terrain, TrafficLight, TrafficSign, Unlabeled, Vegetation, Vehicles, Wall,
 };
 
 /// The class of an id.

@@ -2,8 +2,7 @@
 
 use crate::support::bag::capture_of_bag;
 use crate::support::sweeps;
-use lidar::velodyne;
-use lidar::{Lidar, Model, SweepPoint, SweepReader};
+use lidar::{Lidar, Model, SweepPoint, SweepReader, velodyne};
 use std::collections::HashMap;
 use std::path::Path;
 

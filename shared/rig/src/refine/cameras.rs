@@ -1,8 +1,7 @@
 //! Rotations and the common delay of the cameras, by the outlines of objects.
 
 use super::{Change, Outcome, Refined, delayed, outcome};
-use crate::check::CameraScores;
-use crate::check::turned;
+use crate::check::{CameraScores, turned};
 use crate::survey::Survey;
 use drive::Drive;
 use drive::manifest::{CameraEntry, MosaicEntry, PoseEntry};

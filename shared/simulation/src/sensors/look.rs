@@ -7,9 +7,8 @@ use crate::illuminants::{skylight, sunlight};
 use crate::light::{Light, SKY_STRENGTH, mirrored, sun_on};
 use crate::sensors::filter::Filter;
 use raytrace::Ray;
-use town::SceneHit;
-use town::Spectrum;
 use town::material::{Material, Properties};
+use town::{SceneHit, Spectrum};
 
 /// One contribution to a camera ray: a material under some light, or the sky.
 #[derive(Clone, Copy, Debug, Default)]

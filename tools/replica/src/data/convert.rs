@@ -3,8 +3,7 @@
 use anyhow::Context;
 use clap::ValueEnum;
 use command_line::argument::InvalidValue;
-use command_line::exit_code;
-use command_line::say;
+use command_line::{exit_code, say};
 use files::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use formats::ply::{Header, Kind, PlyWriter};
 use lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};

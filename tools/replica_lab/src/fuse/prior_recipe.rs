@@ -1,6 +1,6 @@
 //! Recipes of priors: the simulated drives that they are fitted to.
 
-use crate::train::recipe::{Range, named_mounts};
+use crate::train::recipe_data::{Range, named_mounts};
 use anyhow::Context;
 use files::text_file::read_toml;
 use messages::ClassId;

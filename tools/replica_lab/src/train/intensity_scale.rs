@@ -1,6 +1,6 @@
 //! The scale of the intensities of labeled points.
 
-use super::recipe::RecordingSource;
+use super::recipe_data::RecordingSource;
 use messages::SubmapPoint;
 use segmentation::intensity::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse, SubmapIntensities};
 

@@ -5,7 +5,7 @@ use super::augmentation::{random_gain, random_height_error_m};
 use super::camera_columns::CameraNeeds;
 use super::intensity_scale::IntensityScale;
 use super::point_recipe::PointRecipe;
-use super::recipe::{Data, Range, RecordingSource};
+use super::recipe_data::{Data, Range, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
 use super::removed_classes::RemovedClasses;
 use super::sources::{Labeled, simulate};

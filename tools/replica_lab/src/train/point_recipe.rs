@@ -1,6 +1,6 @@
 //! Recipes of networks on points. Data and training are those of all recipes.
 
-use super::recipe::{Data, check_data_and_training};
+use super::recipe_data::{Data, check_data_and_training};
 use anyhow::ensure;
 use segmentation::points::{PointFeature, PointNetworkSpec, PointSettings, SphereSettings, SquareSettings};
 use serde::{Deserialize, Serialize};

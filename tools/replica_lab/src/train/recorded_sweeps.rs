@@ -2,7 +2,7 @@
 //! runs whose predicted classes are taken for the truth.
 
 use super::camera_columns::CameraNeeds;
-use super::recipe::RecordingSource;
+use super::recipe_data::RecordingSource;
 use super::submap_join::{LabeledSubmap, SubmapJoin};
 use crate::recorded_classes::{has_topic, has_true_classes, rows};
 use crate::true_points::TruePoints;

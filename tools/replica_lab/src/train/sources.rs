@@ -2,7 +2,7 @@
 
 use super::camera_columns::CameraNeeds;
 use super::ideal_columns::IdealCameras;
-use super::recipe::{Data, Range};
+use super::recipe_data::{Data, Range};
 use rayon::prelude::*;
 use segmentation::ModelInput;
 use town_sweeps::{TownDrive, TownSubmap};

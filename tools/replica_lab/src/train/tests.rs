@@ -2,7 +2,8 @@
 
 use super::camera_columns::CameraColumns;
 use super::point_dataset::PointDataset;
-use super::recipe::{AnyRecipe, Recipe, RecordingSource};
+use super::recipe::{AnyRecipe, Recipe};
+use super::recipe_data::RecordingSource;
 use super::sweep_dataset::SweepDataset;
 use super::test_recordings::{submaps, write_recording};
 use super::{Args, TrainingData, TrainingRecipe, run};

@@ -2,10 +2,9 @@
 //! run have the references of its start.
 
 use crate::live::record_file::record_folder;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use std::{fs, io};
 
 /// Folders beside the images of a mosaic camera.
 const FOLDERS: [&str; 2] = ["dark", "white"];

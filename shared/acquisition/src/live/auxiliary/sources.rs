@@ -17,9 +17,8 @@ use drive::{CameraRig, LiveRig};
 use files::atomic_file::write_atomic;
 use geometry::Stamp;
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// Names of the logs in the recording.
 const GNSS_FILE: &str = "gnss.nmea";

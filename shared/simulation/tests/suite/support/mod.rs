@@ -2,8 +2,7 @@
 
 use simulation::{DriveSpec, Simulation, write_drive};
 use std::collections::BTreeMap;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 /// A drive that several tests read.

@@ -1,7 +1,8 @@
 //! A model with a k-nearest-neighbor classifier in place of its last layer.
 
 use crate::train::TrainingData;
-use crate::train::recipe::{Range, Recipe};
+use crate::train::recipe::Recipe;
+use crate::train::recipe_data::Range;
 use crate::train::sweep_dataset::SweepDataset;
 use anyhow::Context;
 use segmentation::spherical::{Settings, SphericalModel};

@@ -3,10 +3,9 @@
 mod json;
 mod tables;
 
-use super::semantic_kitti;
-use super::seven;
 use super::source::{Group, Source, groups};
 use super::tally::Tally;
+use super::{semantic_kitti, seven};
 use chart::{Axis, COLORS, Chart, Series};
 use messages::ClassId;
 use scores::ScoreTable;

@@ -1,9 +1,8 @@
 //! Evaluates a model on simulated towns.
 
-use super::Args;
-use super::error_picture;
 use super::source::{Origin, Source};
 use super::tally::{Tally, TrueClass};
+use super::{Args, error_picture};
 use anyhow::Context;
 use messages::{ClassId, ClassRow};
 use segmentation::{ModelInput, Segmenter};

@@ -3,8 +3,7 @@
 use super::DriveReport;
 use delivery::{CloudFields, SpaceNeed, space_need};
 use drive::Drive;
-use lidar::Model;
-use lidar::velodyne;
+use lidar::{Model, velodyne};
 use messages::{ColorTopic, Message};
 use run::space::size_text;
 use std::path::Path;

@@ -95,15 +95,3 @@ fn sensors_without_target_are_not_chosen() {
     let (roles, notes) = choose(&found, &args).expect("chooses");
     assert_eq!((roles, notes), (BTreeMap::from([(Role::Imu, "/imu".to_owned())]), Vec::new()));
 }
-
-#[test]
-fn wishes_name_a_role_and_a_topic() {
-    assert_eq!(Role::parse_wish("camera.3=/a=b"), Ok((Role::Camera(3), "/a=b".into())));
-    assert_eq!(Role::parse_wish("mosaic.hs02=/h"), Ok((Role::Mosaic("hs02".into()), "/h".into())));
-    assert_eq!(Role::parse_wish("lidar.1=/p"), Ok((Role::Lidar(1), "/p".into())));
-    assert_eq!(Role::parse_wish("imu"), Err(WishError::NoTopic));
-    assert_eq!(Role::parse_wish("imu=data"), Err(WishError::Relative("data".into())));
-    for role in ["mosaic.../x", "mosaic.", "camera.256", "camera.-1", "lidar.0", "points"] {
-        assert_eq!(Role::parse_wish(&format!("{role}=/a")), Err(WishError::Role(role.into())));
-    }
-}
