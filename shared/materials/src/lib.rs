@@ -12,7 +12,7 @@
 //!
 //! The crate must never guess: a spectrum that is far from all references, or that was measured in too few bands, has the material
 //! `unknown`. It never uses bands that were masked, and it knows no files, cameras or topics: the built-in model is part of the
-//! program, and `replica train materials` fits others.
+//! program, and `replica-lab fit-materials` fits others.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -1,4 +1,14 @@
 //! `replica-foxglove`: shows recordings and running pipelines in Foxglove.
+//!
+//! `convert` writes a recording of topics as an MCAP file of Foxglove's messages; `live` observes a run and serves the same messages over
+//! Foxglove's WebSocket protocol. Both take their messages from `scene`, so that a recording and a run look the same.
+//!
+//! Clouds are in the frame of their submap, and submaps move in the frame `odom`, also after placement.
+//!
+//! It must never slow a run down or change it: it observes without back-pressure, and points above `--points` are left out evenly. It
+//! listens on the address that is given and on no other.
+//!
+//! Begin with `scene`, which turns one message of a topic into Foxglove's, then `convert` and `live`.
 
 mod clouds;
 mod convert;

@@ -1,4 +1,14 @@
 //! `replica-ros2`: takes images, samples, positions and packets from a running ROS 2 into a live run.
+//!
+//! It subscribes by DDS, without an installation of ROS. Images become files that are named by their stamps, in the folders that
+//! `acquire` watches; samples of an IMU, sentences and packets of LiDARs are sent to its ports by UDP. `acquire` then treats them as it
+//! treats sensors without ROS.
+//!
+//! It must never change a measurement: bytes of compressed images and of packets stay as they are. Messages that are lost or left out are
+//! counted, and the exit code says so. Clouds are refused, because a cloud has lost the times and returns of its packets.
+//!
+//! Begin with `bridge` (finds topics, runs the subscriptions), then `choice` (which topic is which sensor) and `sinks` (where messages
+//! go).
 
 mod arguments;
 mod bridge;
