@@ -3,7 +3,7 @@
 //! `convert` writes a recording of topics as an MCAP file of Foxglove's messages; `live` observes a run and serves the same messages over
 //! Foxglove's WebSocket protocol. Both take their messages from `scene`, so that a recording and a run look the same.
 //!
-//! Clouds are in the frame of their submap, and submaps move in the frame `odom`, also after placement.
+//! Clouds, boxes and transforms are in the frame `odom`. The placement of the submaps in the world is not applied.
 //!
 //! It must never slow a run down or change it: it observes without back-pressure, and points above `--points` are left out evenly. It
 //! listens on the address that is given and on no other.
