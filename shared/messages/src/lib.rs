@@ -55,9 +55,10 @@ pub(crate) use pod::pod;
 pub use raw::{GnssRow, GnssTopic, ImageHeader, ImageTopic, ImuRow, ImuTopic, MosaicHeader, MosaicTopic, NoHeader};
 pub use ring_counts::RingCounts;
 #[cfg(feature = "geometry")]
+pub use submap::pose_numbers;
 pub use submap::{
     CheckedSubmap, MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapError, SubmapHeader,
-    SubmapPoint, SubmapSweep, SubmapTopic, pose_numbers,
+    SubmapPoint, SubmapSweep, SubmapTopic,
 };
 pub use sweep::{MAX_LIDARS, SweepHeader, SweepPoint, SweepTopic};
 pub use tick::{NO_DRIVE_TIME, TickRow, TickTopic};
