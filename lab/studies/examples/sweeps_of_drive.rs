@@ -4,6 +4,7 @@
 //! for a queue, with `--lidar-errors poor` (or typical) for a unit with errors. The simulated drive itself is deleted.
 
 use anyhow::Context;
+use candle_core::{Device, Tensor, WithDType};
 use drive::{Drive, SweepInfo};
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
 use lidar::SweepPoint;
@@ -100,7 +101,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     for (name, instances) in labelled {
         fs::create_dir_all(out.join("moving"))?;
         let flags: Vec<u8> = instances.iter().map(|instance| u8::from(moving.contains(instance))).collect();
-        npyz::to_file_1d(out.join("moving").join(format!("{name}.npy")), flags)?;
+        write_npy(&out.join("moving").join(format!("{name}.npy")), flags)?;
     }
     println!("{}: {n_sweeps} sweeps, {} moving objects", out.display(), moving.len());
     Ok(())
@@ -110,11 +111,17 @@ fn write_returns(out: &Path, name: &str, returns: &[SweepPoint], has_times: bool
     let numbers = returns.iter().flat_map(|p| [p.x, p.y, p.z, f32::from(p.intensity)]);
     fs::write(out.join(format!("velodyne/{name}.bin")), numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?;
     if has_times {
-        let times = returns.iter().map(|point| f64::from(point.offset_nanos) * 1e-9);
-        npyz::to_file_1d(out.join(format!("times/{name}.npy")), times)?;
-        npyz::to_file_1d(out.join(format!("rings/{name}.npy")), returns.iter().map(|point| point.ring))?;
+        let times: Vec<f64> = returns.iter().map(|point| f64::from(point.offset_nanos) * 1e-9).collect();
+        write_npy(&out.join(format!("times/{name}.npy")), times)?;
+        write_npy(&out.join(format!("rings/{name}.npy")), returns.iter().map(|point| point.ring).collect())?;
     }
     Ok(())
+}
+
+/// Writes a row of numbers as an array of `NumPy`.
+fn write_npy<T: WithDType>(path: &Path, numbers: Vec<T>) -> anyhow::Result<()> {
+    let n = numbers.len();
+    Tensor::from_vec(numbers, n, &Device::Cpu)?.write_npy(path).with_context(|| path.display().to_string())
 }
 
 /// The measurements of inertial unit and receiver.

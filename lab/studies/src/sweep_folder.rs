@@ -14,6 +14,7 @@
 //! ```
 
 use anyhow::Context;
+use candle_core::{Tensor, WithDType};
 use geometry::{Point3, Pose, Stamp};
 use registration::{GroundVelocity, InertialSample, SensorMounting, Sweep, TimedPoint};
 use std::fs;
@@ -78,10 +79,12 @@ impl SweepFolder {
         self.array("moving", &format!("{number:06}"))
     }
     /// An array of `NumPy`; `None` if there is no such file.
-    fn array<T: npyz::Deserialize>(&self, kind: &str, name: &str) -> anyhow::Result<Option<Vec<T>>> {
+    fn array<T: WithDType>(&self, kind: &str, name: &str) -> anyhow::Result<Option<Vec<T>>> {
         let path = self.folder.join(kind).join(format!("{name}.npy"));
-        let Ok(file) = fs::File::open(&path) else { return Ok(None) };
-        let array = npyz::NpyFile::new(std::io::BufReader::new(file)).and_then(npyz::NpyFile::into_vec);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let array = Tensor::read_npy(&path).and_then(|array| array.flatten_all()?.to_vec1());
         array.map(Some).with_context(|| path.display().to_string())
     }
     /// Truth: `world_from_lidar` at the last shots; empty if the folder has none.

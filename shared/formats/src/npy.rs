@@ -1,4 +1,4 @@
-//! NPY files (`NumPy`): checks of the header that the reader, npyz, does not make.
+//! NPY files (`NumPy`): checks of the header that the reader, candle, does not make.
 
 /// A header that is not read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

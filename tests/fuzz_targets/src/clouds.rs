@@ -1,10 +1,12 @@
 //! Point clouds.
 
 use crate::accepted::accepted;
+use candle_core::Tensor;
 use drive::returns_from_cloud;
 use formats::cloud::check_points;
 use formats::ply::Vertices;
 use lidar::velodyne::Model;
+use std::io::Write;
 use std::path::Path;
 
 pub(crate) fn ply(bytes: &[u8]) {
@@ -54,9 +56,10 @@ pub(crate) fn nuscenes(bytes: &[u8]) {
 pub(crate) fn npy(bytes: &[u8]) {
     let checked = formats::npy::check_header(bytes);
     accepted(&checked);
-    if checked.is_ok()
-        && let Ok(file) = npyz::NpyFile::new(bytes)
-    {
-        let _ = file.into_vec::<f32>();
+    if checked.is_ok() {
+        // The reader takes a path.
+        let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
+        file.write_all(bytes).expect("writes");
+        let _ = Tensor::read_npy(file.path());
     }
 }

@@ -2,6 +2,7 @@
 
 use super::sweep_files::{self, SweepFiles};
 use anyhow::Context;
+use candle_core::{Tensor, WithDType};
 use formats::kitti::{labels_from_bytes, points_from_bin};
 use formats::semantic_kitti::{CLASS_OF_BENCHMARK_ID, benchmark_id_of_label};
 use std::path::Path;
@@ -69,13 +70,12 @@ fn of_arrays(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
 }
 
 /// The numbers of a `.npy` file in C order.
-fn read_npy<T: npyz::Deserialize>(path: &Path) -> anyhow::Result<Vec<T>> {
+fn read_npy<T: WithDType>(path: &Path) -> anyhow::Result<Vec<T>> {
     let about = || path.display().to_string();
     let bytes = std::fs::read(path).with_context(about)?;
     formats::npy::check_header(&bytes).with_context(about)?;
-    let file = npyz::NpyFile::new(&bytes[..]).with_context(about)?;
-    anyhow::ensure!(file.order() == npyz::Order::C, "{}: Fortran order; must be C order", path.display());
-    file.into_vec().with_context(about)
+    let array = Tensor::read_npy(path).with_context(about)?;
+    array.flatten_all()?.to_vec1().with_context(about)
 }
 
 #[cfg(test)]
