@@ -4,11 +4,27 @@ mod promises;
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn read(path: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).expect("readable")
+}
+
+/// All Rust files below a folder, but for what builds have made.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("readable").flatten() {
+        let path = entry.path();
+        if path.is_dir() && !["target", "node_modules"].map(OsString::from).contains(&entry.file_name()) {
+            files.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    files
 }
 
 /// The libraries in the order of `workspace.dependencies` in Cargo.toml: each may use only those before it.
@@ -31,15 +47,20 @@ fn page_lists_the_libraries_in_their_order() {
     assert_eq!(listed, libraries());
 }
 
+/// What Cargo knows of the packages of the workspace.
+fn metadata() -> Value {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("cargo starts");
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
 /// Package name -> (folder under the root, names of its normal dependencies).
 fn packages() -> BTreeMap<String, (String, Vec<String>)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
-        .current_dir(root)
-        .output()
-        .expect("cargo starts");
-    let metadata: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let metadata = metadata();
     let text = |value: &Value| value.as_str().expect("a string").to_owned();
     let package = |package: &Value| {
         let manifest = text(&package["manifest_path"]);
@@ -89,7 +110,9 @@ fn only_ipc_uses_iceoryx2_and_only_networks_use_candle() {
     for (name, (_, dependencies)) in packages() {
         for dependency in dependencies {
             assert!(!dependency.starts_with("iceoryx2") || name == "ipc", "{name} must not use {dependency}");
-            let may_use_candle = ["kernels", "segmentation", "training"].contains(&name.as_str());
+            // The last three read and write arrays of NumPy with it.
+            let may_use_candle = ["kernels", "segmentation", "training", "replica_lab", "studies", "fuzz_targets"]
+                .contains(&name.as_str());
             assert!(!dependency.starts_with("candle") || may_use_candle, "{name} must not use {dependency}");
         }
     }
@@ -131,6 +154,33 @@ fn product_needs_no_crate_of_the_laboratory() {
     }
 }
 
+/// Targets without tests are not compiled a second time for them (`test = false` in Cargo.toml). A test in such a target would never
+/// run.
+#[test]
+fn targets_that_are_not_tested_contain_no_tests() {
+    let metadata = metadata();
+    let mut n_targets = 0;
+    for package in metadata["packages"].as_array().expect("a list") {
+        let is_program = |kind: &Value| ["lib", "proc-macro", "bin", "cdylib"].map(Value::from).contains(kind);
+        let targets = package["targets"].as_array().expect("a list").iter();
+        let targets = targets.filter(|target| is_program(&target["kind"][0]));
+        let (tested, untested): (Vec<&Value>, Vec<&Value>) = targets.partition(|target| target["test"] == true);
+        for target in untested {
+            n_targets += 1;
+            let root = Path::new(target["src_path"].as_str().expect("a path"));
+            // Modules belong to the tested target of the package, if there is one.
+            let files =
+                if tested.is_empty() { sources(root.parent().expect("a folder")) } else { vec![root.to_owned()] };
+            for file in files {
+                let text = std::fs::read_to_string(&file).expect("text");
+                let has_tests = text.lines().any(|line| ["#[test]", "#[cfg(test)]"].contains(&line.trim()));
+                assert!(!has_tests, "{}: remove `test = false` from the target in Cargo.toml", file.display());
+            }
+        }
+    }
+    assert!(n_targets > 20, "{n_targets} targets without tests were found");
+}
+
 #[test]
 fn foreign_stage_needs_only_the_stage_crate() {
     let packages = packages();
@@ -141,26 +191,13 @@ fn foreign_stage_needs_only_the_stage_crate() {
 #[test]
 fn unsafe_code_stands_in_one_file_of_ipc() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut folders =
-        ["services", "shared", "tools", "tests", "examples", "lab", "benches"].map(|name| root.join(name)).to_vec();
-    let mut allowed = Vec::new();
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("readable").flatten() {
-            let path = entry.path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                let text = std::fs::read_to_string(&path).expect("text");
-                // The lint denies unsafe code everywhere; only such a line can lift it.
-                if text.contains(concat!("allow(", "unsafe_code")) {
-                    let relative = path.strip_prefix(root).expect("inside").to_string_lossy().into_owned();
-                    allowed.push(relative);
-                }
-            }
-        }
-    }
-    allowed.sort();
-    assert_eq!(allowed, ["shared/ipc/src/slot.rs"]);
+    let folders = ["services", "shared", "tools", "tests", "examples", "lab", "benches"];
+    // The lint denies unsafe code everywhere; only such a line can lift it.
+    let allows =
+        |path: &PathBuf| std::fs::read_to_string(path).expect("text").contains(concat!("allow(", "unsafe_code"));
+    let files = folders.iter().flat_map(|name| sources(&root.join(name))).filter(allows);
+    let allowed: Vec<PathBuf> = files.map(|path| path.strip_prefix(root).expect("inside").to_owned()).collect();
+    assert_eq!(allowed, [Path::new("shared/ipc/src/slot.rs")]);
 }
 
 #[test]
@@ -202,18 +239,12 @@ fn crates_behind_a_step_deny_clocks_files_and_environment() {
 
 /// Lines of code of the files below a folder: without tests, comments and blank lines.
 fn lines_of_code(folder: &Path) -> usize {
-    let mut n_lines = 0;
-    for entry in std::fs::read_dir(folder).expect("readable").flatten() {
-        let path = entry.path();
-        if path.is_dir() {
-            n_lines += lines_of_code(&path);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let text = std::fs::read_to_string(&path).expect("text");
-            let code = text.lines().map(str::trim).take_while(|line| *line != "#[cfg(test)]");
-            n_lines += code.filter(|line| !line.is_empty() && !line.starts_with("//")).count();
-        }
-    }
-    n_lines
+    let lines_of_file = |path: &PathBuf| {
+        let text = std::fs::read_to_string(path).expect("text");
+        let code = text.lines().map(str::trim).take_while(|line| *line != "#[cfg(test)]");
+        code.filter(|line| !line.is_empty() && !line.starts_with("//")).count()
+    };
+    sources(folder).iter().map(lines_of_file).sum()
 }
 
 /// What a stage may use beside the project's crates: its saved state, its errors, and the threads on which libraries compute.
