@@ -24,13 +24,13 @@ impl std::str::FromStr for ClassId {
 id_table! {
     /// A class by its id.
     ClassId {
-        /// Not known.
+        /// The class is unknown.
         Unlabeled = 0, "unlabeled";
         /// Houses and what is fixed to them.
         Building = 1, "building";
         /// Fences, see-through.
         Fence = 2, "fence";
-        /// None of the others.
+        /// An object of no other class.
         Other = 3, "other";
         /// People.
         Pedestrian = 4, "pedestrian";
@@ -52,7 +52,7 @@ id_table! {
         TrafficSign = 12, "traffic-sign";
         /// Never hit by a beam.
         Sky = 13, "sky";
-        /// Horizontal, none of the other ground classes.
+        /// Horizontal surface of no other ground class.
         Ground = 14, "ground";
         /// Bridges.
         Bridge = 15, "bridge";

@@ -1,17 +1,17 @@
 //! Columns of a submap: numbers of every point, each declared once.
 //!
-//! A column has the same length and order as the points of its submap; the envelope's seq is the submap's. [`COLUMNS`] says of each
-//! column on which topic it comes, which fields it has, and how these look in files: property of PLY clouds, extra byte of LAS
-//! records, unit, value for "none", description. `export`, `delivery`, `surveying`, pictures, the viewer, the Python package and the
-//! test bench iterate over it.
+//! A column has the same length and order as the points of its submap; its envelope's seq is the seq of the submap.
+//! [`COLUMNS`] lists for each column its topic, its fields, and how they look in files: property of PLY clouds, extra
+//! byte of LAS records, unit, value for "none", description. `export`, `delivery`, `surveying`, pictures, the viewer, the
+//! Python package and the test bench iterate over it.
 //!
 //! To add a column:
 //!
-//! 1. Write its payload type: a file beside `region.rs`, with [`Message`] for the topic.
+//! 1. Write its payload type: a file next to `region.rs`, with [`Message`] for the topic.
 //! 2. Write its entry in `table.rs`.
 //!
 //! Then `REPLICA_WRITE_DOCS=1 cargo test -p replica-tests --test suite column_pages` writes it into the pages under `docs/reference`.
-//! `tests/suite/added_column.rs` adds a column in this way and finds it in every kind of file.
+//! `tests/suite/added_column.rs` adds a column by these steps and finds it in every kind of file.
 
 mod class;
 mod color;
@@ -35,5 +35,6 @@ pub use table::{COLUMNS, visit_columns};
 
 use crate::{Message, SubmapTopic};
 
-/// Columns that may be published in one tick: the last tick has those of the held submap and of the submaps that arrive.
+/// Columns that may be published in one tick: the last tick has the columns of the held submap and of the submaps that
+/// arrive.
 const COLUMN_QUEUE: usize = SubmapTopic::QUEUE + 1;

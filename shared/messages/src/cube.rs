@@ -16,9 +16,10 @@ pod! {
         pub height: u32,
         /// Bands in use.
         pub n_bands: u32,
-        /// Side of a cell in raw pixels: that of the mosaic's pattern, or 1 if the cube is demosaiced; cell (c, r) covers raw columns `x0 + c*pattern ..`.
+        /// Side of a cell in raw pixels: the side of the mosaic's pattern, or 1 if the cube is demosaiced; cell (c, r)
+        /// covers raw columns `x0 + c*pattern ..`.
         pub pattern: u32,
-        /// Bit b: band b is usable at all.
+        /// Bit b: band b is usable in some cells.
         pub valid_bands: u32,
         /// Left column of the active area in the raw image.
         pub x0: u32,
@@ -38,11 +39,11 @@ pub struct CubeTopic;
 impl Message for CubeTopic {
     const TOPIC: &'static str = "cube";
     const VERSION: u32 = 1;
-    // As `image`, by two cameras. 9 MB each of 25 bands, 72 MB if all wait.
+    // As for `image`, with two cameras. 9 MB each with 25 bands, 72 MB if all wait.
     const QUEUE: usize = 8;
-    // As `image`, by two cameras.
+    // As for `image`, with two cameras.
     const BORROWED: usize = 32;
-    // 2045 x 1085 px of 25 bands, a mask and a region, demosaiced: 59.9 million. Unwritten rows take no memory.
+    // 2045 x 1085 px with 25 bands, a mask and a region, demosaiced: 59.9 million. Unwritten rows take no memory.
     const MAX_ROWS: usize = 1 << 26;
     type Header = CubeHeader;
     type Row = u32;

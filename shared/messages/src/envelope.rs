@@ -1,4 +1,4 @@
-//! The envelope of every message, and what a topic is.
+//! The envelope of every message, and the definition of a topic.
 
 use crate::{Pod, pod};
 
@@ -7,7 +7,7 @@ pod! {
     ///
     /// | offset | field | meaning |
     /// |---|---|---|
-    /// | 0 | `seq` | 0, 1, 2 … per topic; a gap is a loss; on a column, the submap's |
+    /// | 0 | `seq` | 0, 1, 2 … per topic; a gap is a loss; on a column, the seq of its submap |
     /// | 8 | `stamp` | nanoseconds since the Unix epoch: when the content was measured |
     /// | 16 | `tick` | step of the source that this message belongs to |
     /// | 24 | `born_nanos` | monotonic clock when the source began the tick |
@@ -46,10 +46,10 @@ pub trait Message: Send + Sync + 'static {
     const QUEUE: usize;
     /// Messages that a consumer may keep after its step.
     const BORROWED: usize;
-    /// Largest number of rows of a message. Every slot has this size; memory that is never written is never used.
+    /// Largest number of rows of a message. Every slot has this size; memory that is never written is never allocated.
     const MAX_ROWS: usize;
-    /// Whether every number of every row must be finite; those of the header always must. It is checked when a message is
-    /// published, so only topics with few rows set it.
+    /// Whether every number of every row must be finite; numbers of the header always must be. It is checked when a
+    /// message is published, so only topics with few rows set it.
     const FINITE_ROWS: bool = false;
     /// Fixed part.
     type Header: Pod + Default;

@@ -13,7 +13,7 @@ pub struct NotFinite {
     pub place: String,
     /// Name of the field, with the index of an array's element.
     pub field: String,
-    /// As found.
+    /// The number found.
     pub value: f64,
 }
 

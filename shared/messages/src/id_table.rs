@@ -9,18 +9,18 @@ macro_rules! id_table {
         pub enum $table { $($(#[$doc])* $variant = $id),* }
 
         impl $table {
-            /// All by id.
+            /// All ids in ascending order.
             pub const ALL: &'static [$table] = &[$($table::$variant),*];
 
-            /// Lower case, words joined by hyphens.
+            /// Name of the id: lower case, words joined by hyphens.
             pub const fn name(self) -> &'static str {
                 match self { $($table::$variant => $name),* }
             }
-            /// `None` past the last id.
+            /// The id with this number. `None` past the last id.
             pub const fn from_id(id: u8) -> Option<Self> {
                 match id { $($id => Some($table::$variant),)* _ => None }
             }
-            /// The one of that name.
+            /// The id with this name.
             pub fn from_name(name: &str) -> Option<Self> {
                 match name { $($name => Some($table::$variant),)* _ => None }
             }

@@ -6,18 +6,19 @@
 //!
 //! | idea | module |
 //! |---|---|
-//! | what a topic is; the first bytes of each message | [`Message`], [`Envelope`] |
-//! | types that are nothing but their bytes; their layout for other languages | [`pod`], [`ByteTable`] |
+//! | definition of a topic; the first bytes of each message | [`Message`], [`Envelope`] |
+//! | plain-data types; their layout for other languages | [`pod`], [`ByteTable`] |
 //! | sensors: sweeps, images, mosaics, fixes, inertial samples | [`SweepTopic`], [`ImageTopic`], [`GnssTopic`] |
-//! | points of a stretch of street; their final pose; path of the vehicle | [`SubmapTopic`], [`PlacementTopic`], [`TrajectoryTopic`] |
+//! | points of a stretch of street; their final pose; trajectory of the vehicle | [`SubmapTopic`], [`PlacementTopic`], [`TrajectoryTopic`] |
 //! | numbers of each point, and how they look in files | [`columns`] |
 //! | names of classes and materials | [`ClassId`], [`MaterialId`] |
 //! | steps of the source | [`TickTopic`] |
 //!
-//! This crate must never compute with messages, open files or know who sends them: it says what bytes mean. A change of a layout
-//! changes [`Message::LAYOUT`], a change of meaning must raise [`Message::VERSION`]; programs that differ in either do not connect.
+//! This crate defines what the bytes mean. It must never compute with messages, open files or depend on their senders. A
+//! change of a layout changes [`Message::LAYOUT`], a change of meaning must raise [`Message::VERSION`]; programs that
+//! differ in either do not connect.
 //!
-//! Begin reading with `envelope.rs`, then `submap.rs`, then `columns.rs`.
+//! Start reading with `envelope.rs`, then `submap.rs`, then `columns.rs`.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

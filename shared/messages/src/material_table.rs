@@ -1,4 +1,4 @@
-//! The materials that 36 bands from 470 to 975 nm can tell apart.
+//! The materials that 36 bands from 470 to 975 nm can distinguish.
 
 use crate::id_table::id_table;
 
@@ -8,7 +8,7 @@ pub const MATERIAL_TABLE_VERSION: u64 = 1;
 id_table! {
     /// A material by its id.
     MaterialId {
-        /// No mosaic camera saw the point, or its spectrum fits none of the others.
+        /// No mosaic camera saw the point, or its spectrum fits no other material.
         Unknown = 0, "unknown";
         /// Asphalt, bitumen.
         Asphalt = 1, "asphalt";

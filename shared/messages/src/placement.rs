@@ -1,11 +1,11 @@
-//! Topic `placement`: the poses of the submaps after loop closure. Points stay in their submaps; this moves the submaps.
+//! Topic `placement`: the poses of the submaps after loop closure. Points stay in their submaps; only the submaps move.
 
 use crate::{Message, PoseRow, SubmapTopic, TrajectoryTopic, pod};
 
-/// [`PlacementHeader::frame`]: the world has position and heading of the vehicle at the first shot. Its z axis points up if
-/// gravity was measured, otherwise it is the z axis of odom.
+/// [`PlacementHeader::frame`]: the world frame is the pose of the vehicle at the first shot: its position and heading.
+/// Its z axis points up if gravity was measured, otherwise it is the z axis of odom.
 pub const FRAME_LOCAL: u32 = 0;
-/// [`PlacementHeader::frame`]: the world is east, north and up around the origin in the header.
+/// [`PlacementHeader::frame`]: the axes of the world are east, north and up; its origin is in the header.
 pub const FRAME_EAST_NORTH_UP: u32 = 1;
 
 pod! {
@@ -16,9 +16,9 @@ pod! {
     /// | 0 | `submap` u64 | seq of the submap |
     /// | 8 | `stamp` i64 | ns since the Unix epoch, its first shot |
     /// | 16 | `world_from_submap` 7 f64 | m; unit quaternion x y z w |
-    /// | 72 | `odom_from_submap` 7 f64 | pose in its header |
+    /// | 72 | `odom_from_submap` 7 f64 | pose in the submap's header |
     /// | 128 | `sigma_m` 3 f32 | standard deviation along the submap's x y z, m |
-    /// | 140 | `sigma_rad` 3 f32 | standard deviation of turns about the submap's x y z, rad |
+    /// | 140 | `sigma_rad` 3 f32 | standard deviation of the rotation about the submap's x y z, rad |
     pub struct PlacementRow {
         /// Number of the submap.
         pub submap: u64,
@@ -40,8 +40,8 @@ pod! {
     ///
     /// | offset | field | unit |
     /// |---|---|---|
-    /// | 0 | `latitude_deg` f64 | WGS84, of the world's origin; 0 without |
-    /// | 8 | `longitude_deg` f64 | the same |
+    /// | 0 | `latitude_deg` f64 | WGS84, of the world's origin; 0 if the world has no geographic origin |
+    /// | 8 | `longitude_deg` f64 | as for `latitude_deg` |
     /// | 16 | `altitude_m` f64 | above the ellipsoid |
     /// | 24 | `frame` u32 | [`FRAME_LOCAL`] or [`FRAME_EAST_NORTH_UP`] |
     /// | 28 | `n_loops` u32 | accepted loop closures |
@@ -50,11 +50,11 @@ pod! {
     /// | 40 | `n_fixes_refused` u32 | rejected fixes |
     /// | 44 | `n_uprights` u32 | submaps in which gravity was measured |
     pub struct PlacementHeader {
-        /// WGS84, degrees, of the world's origin; 0 without.
+        /// Latitude of the world's origin, WGS84, degrees; 0 if the world has no geographic origin.
         pub latitude_deg: f64,
-        /// WGS84, degrees, of the world's origin; 0 without.
+        /// Longitude of the world's origin, WGS84, degrees; 0 if the world has no geographic origin.
         pub longitude_deg: f64,
-        /// Above the ellipsoid, m.
+        /// Height of the world's origin above the ellipsoid, m.
         pub altitude_m: f64,
         /// [`FRAME_LOCAL`] or [`FRAME_EAST_NORTH_UP`].
         pub frame: u32,
@@ -83,7 +83,7 @@ pub struct PoseDeviation {
 }
 
 impl PoseDeviation {
-    /// The larger deviation of each.
+    /// The larger of both deviations, for each component.
     #[must_use]
     pub fn max(self, other: Self) -> Self {
         Self {
@@ -95,7 +95,7 @@ impl PoseDeviation {
 }
 
 impl PlacementRow {
-    /// Standard deviations in the world. A submap is not tilted: its z axis is vertical.
+    /// Standard deviations in the world frame. A submap is not tilted: its z axis is vertical.
     pub fn deviation(&self) -> PoseDeviation {
         let [x, y, z] = self.sigma_m.map(f64::from);
         let heading_deg = f64::from(self.sigma_rad[2]).to_degrees().min(180.0);
@@ -107,7 +107,7 @@ impl PlacementRow {
 pub struct PlacementTopic;
 
 impl PlacementTopic {
-    /// Topics in odom. Without `placement` they cannot be moved to the world.
+    /// Topics in the odom frame. Without `placement` they cannot be moved to the world frame.
     pub const MOVES: [&str; 2] = [SubmapTopic::TOPIC, TrajectoryTopic::TOPIC];
 }
 

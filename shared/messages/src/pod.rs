@@ -2,13 +2,13 @@
 
 use crate::ByteField;
 
-/// A type that is nothing but its bytes: `repr(C)`, no padding, no pointers, every bit pattern valid. `bytemuck` proves it
-/// at compile time. The `pod!` macro of this crate adds the fields.
+/// A plain-data type: `repr(C)`, no padding, no pointers, every bit pattern valid. `bytemuck` proves it at compile time.
+/// The `pod!` macro of this crate adds the fields.
 pub trait Pod: bytemuck::Pod + Send + Sync {
     /// Fingerprint of the field names and types in order. Two processes that differ in it must not exchange messages.
     const LAYOUT: u64;
 
-    /// Appends the fields of a value called `name` that begins at byte `offset` to `fields`. A number is one field, and
+    /// Appends the fields of a value called `name` that starts at byte `offset` to `fields`. A number is one field, and
     /// so is an array of numbers; the fields of a struct are listed one by one.
     fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>);
 
@@ -26,7 +26,7 @@ pub const fn fingerprint(mut state: u64, bytes: &[u8]) -> u64 {
     state
 }
 
-/// Where a fingerprint starts: the FNV-1a offset basis.
+/// Initial state of a fingerprint: the FNV-1a offset basis.
 pub const FINGERPRINT_START: u64 = 0xcbf2_9ce4_8422_2325;
 
 macro_rules! pod_number {
@@ -67,7 +67,8 @@ where
     }
 }
 
-/// Declares a `repr(C)` struct that is [`Pod`]. The derive fails to compile if a field is not, or if padding is left.
+/// Declares a `repr(C)` struct that is [`Pod`]. The derive fails to compile if a field is not [`Pod`] or if there is
+/// padding.
 macro_rules! pod {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $kind:ty),* $(,)? }) => {
         $(#[$meta])*
@@ -89,7 +90,7 @@ macro_rules! pod {
                 let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
                 $(
                     <$kind as $crate::Pod>::describe(&format!("{prefix}{}", stringify!($field)), offset, fields);
-                    // There is no padding: the next field follows at once.
+                    // There is no padding: the next field follows immediately.
                     offset += size_of::<$kind>();
                 )*
             }
@@ -118,13 +119,13 @@ pub fn bytes_from_rows_mut<T: Pod>(rows: &mut [T]) -> &mut [u8] {
     bytemuck::cast_slice_mut(rows)
 }
 
-/// `n` rows whose bytes are all zero. Memory of this size comes from the operating system as zeros, so that rows that are
-/// never written cost nothing.
+/// `n` rows whose bytes are all zero. The operating system provides memory of this size as zeros, so rows that are never
+/// written cost nothing.
 pub fn zeroed_rows<T: Pod>(n: usize) -> Vec<T> {
     bytemuck::zeroed_vec(n)
 }
 
-/// Copies `bytes` into rows. `None` if the length is no multiple of the row's size.
+/// Copies `bytes` into rows. `None` if the length is not a multiple of the row's size.
 pub fn rows_from_bytes<T: Pod>(bytes: &[u8]) -> Option<Vec<T>> {
     if size_of::<T>() == 0 || !bytes.len().is_multiple_of(size_of::<T>()) {
         return None;
@@ -134,12 +135,13 @@ pub fn rows_from_bytes<T: Pod>(bytes: &[u8]) -> Option<Vec<T>> {
     Some(rows)
 }
 
-/// `bytes` read in place as rows. `None` if the length is no multiple of the row's size, or the bytes are not aligned for it.
+/// Reads `bytes` in place as rows. `None` if the length is not a multiple of the row's size, or the bytes are not aligned
+/// for it.
 pub fn rows_in_bytes<T: Pod>(bytes: &[u8]) -> Option<&[T]> {
     bytemuck::try_cast_slice(bytes).ok()
 }
 
-/// The same memory read as rows of another type of the same size and alignment, e.g. `u32` words as `f32`.
+/// Reads rows in place as another type of the same size and alignment, e.g. `u32` words as `f32`.
 pub fn cast_slice<T: Pod, U: Pod>(rows: &[T]) -> &[U] {
     const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
     bytemuck::cast_slice(rows)
@@ -162,7 +164,7 @@ mod tests {
             pub b: f32 }
     }
     pod! {
-        /// The same bytes under other names.
+        /// The layout of [`Pair`] with the names of its fields swapped.
         pub struct Swapped { /// First.
             pub b: u32, /// Second.
             pub a: f32 }

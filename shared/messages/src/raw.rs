@@ -30,7 +30,7 @@ impl Message for ImageTopic {
     const TOPIC: &'static str = "image";
     const VERSION: u32 = 1;
     // Six cameras at 1 Hz, bursts at least 0.95 s apart: four in 3 s, twice the longest step of `colorize`. 1.4 MB each in the
-    // sample drive, 35 MB if all wait; of a Ladybug5 15 MB, 360 MB.
+    // sample drive, 35 MB if all wait; 15 MB each for a Ladybug5, 360 MB.
     const QUEUE: usize = 24;
     // A submap lasts 5 s at most, at 1 Hz by six cameras, plus the burst before and after it, in both of two submaps.
     const BORROWED: usize = 96;
@@ -75,15 +75,15 @@ pod! {
     pub struct GnssRow {
         /// ns since the Unix epoch.
         pub stamp: i64,
-        /// WGS84, degrees, north positive.
+        /// Latitude, WGS84, degrees, north positive.
         pub latitude_deg: f64,
-        /// WGS84, degrees, east positive.
+        /// Longitude, WGS84, degrees, east positive.
         pub longitude_deg: f64,
-        /// Above the ellipsoid, m.
+        /// Height above the ellipsoid, m.
         pub altitude_m: f64,
-        /// Over ground, m/s; negative = unknown.
+        /// Speed over ground, m/s; negative = unknown.
         pub speed_mps: f64,
-        /// Over ground, degrees clockwise from north; negative = unknown.
+        /// Course over ground, degrees clockwise from north; negative = unknown.
         pub course_deg: f64,
         /// Horizontal dilution of precision; 0 = unknown.
         pub hdop: f32,
@@ -103,7 +103,7 @@ impl Message for GnssTopic {
     const VERSION: u32 = 1;
     const QUEUE: usize = 8;
     const BORROWED: usize = 4;
-    // One tick is a tenth of a second; receivers give 20 fixes per second at most, logs may repeat themselves.
+    // One tick is a tenth of a second; receivers give 20 fixes per second at most, logs may contain duplicates.
     const MAX_ROWS: usize = 1 << 12;
     type Header = NoHeader;
     type Row = GnssRow;

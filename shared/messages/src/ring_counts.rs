@@ -7,7 +7,7 @@ use crate::MAX_LIDARS;
 pub struct RingCounts([u32; MAX_LIDARS]);
 
 impl RingCounts {
-    /// Of the first LiDAR and of the others.
+    /// Counts of the first LiDAR and of the other LiDARs.
     pub fn new(first: u32, others: [u32; MAX_LIDARS - 1]) -> Self {
         let mut counts = [first; MAX_LIDARS];
         counts[1..].copy_from_slice(&others);
@@ -21,7 +21,7 @@ impl RingCounts {
 }
 
 impl From<u32> for RingCounts {
-    /// Of a single LiDAR.
+    /// Counts of a vehicle with a single LiDAR.
     fn from(first: u32) -> Self {
         Self::new(first, [0; MAX_LIDARS - 1])
     }

@@ -11,7 +11,7 @@ pub const MAX_SWEEPS_PER_SUBMAP: usize = 256;
 /// Bit of [`SubmapPoint::flags`]: the point is on a moving object.
 pub const POINT_DYNAMIC: u8 = 1;
 
-/// [`SubmapPoint::incidence`] where the surface around the point is not known.
+/// [`SubmapPoint::incidence`] where the surface around the point is unknown.
 pub const POINT_INCIDENCE_UNKNOWN: u8 = 255;
 
 pod! {
@@ -74,20 +74,21 @@ pod! {
         pub lidar: u32,
         /// Lidar position and rotation (x y z, qx qy qz qw) in the submap frame at the first shot.
         pub submap_from_lidar_begin: [f32; 7],
-        /// The same at the last shot; in between, positions are interpolated linearly and rotations by slerp.
+        /// Lidar pose in the submap frame at the last shot. Between first and last shot, positions are interpolated
+        /// linearly and rotations by slerp.
         pub submap_from_lidar_end: [f32; 7],
     }
 }
 
 pod! {
-    /// Data of the whole submap. The envelope's seq is the submap's number, its stamp that of the first shot.
+    /// Data of the whole submap. The envelope's seq is the submap's number; its stamp is the stamp of the first shot.
     pub struct SubmapHeader {
         /// ns since the Unix epoch, first shot.
         pub stamp_begin: i64,
         /// ns since the Unix epoch, last shot.
         pub stamp_end: i64,
-        /// Pose of the submap in odom, m: position and heading of the body at the first shot, z axis parallel to odom's. Topic
-        /// `placement` holds its pose in the world.
+        /// Pose of the submap in odom, m: position and heading of the body at the first shot, z axis parallel to the z
+        /// axis of odom. Topic `placement` holds its pose in the world.
         pub odom_from_submap: PoseRow,
         /// Smallest x y z, m, submap frame.
         pub min: [f32; 3],
@@ -101,12 +102,12 @@ pod! {
         pub n_rings_of_others: [u32; MAX_LIDARS - 1],
         /// LiDARs of the vehicle; 0 counts as one.
         pub n_lidars: u32,
-        /// The sweeps that it was made of.
+        /// The sweeps that make up the submap.
         pub sweeps: [SubmapSweep; MAX_SWEEPS_PER_SUBMAP],
     }
 }
 
-/// A pose as in [`SubmapSweep`]: x y z, qx qy qz qw.
+/// A pose in the format of [`SubmapSweep`]: x y z, qx qy qz qw.
 #[cfg(feature = "geometry")]
 pub fn pose_numbers(pose: &Pose) -> [f32; 7] {
     let t = pose.translation.vector;
@@ -114,33 +115,33 @@ pub fn pose_numbers(pose: &Pose) -> [f32; 7] {
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|value| value as f32)
 }
 
-/// A submap whose content breaks a rule of the topic.
+/// Error of a submap whose content breaks a rule of the topic.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SubmapError {
-    /// [`SubmapHeader::odom_from_submap`].
+    /// [`SubmapHeader::odom_from_submap`] is not a rigid transform.
     #[error("submap {seq}: odom_from_submap: {source}")]
     Pose {
         /// Number of the submap.
         seq: u64,
-        /// Its numbers.
+        /// Error with the numbers of the pose.
         source: PoseError,
     },
-    /// [`SubmapHeader::n_sweeps`].
+    /// [`SubmapHeader::n_sweeps`] exceeds the table.
     #[error("submap {seq}: {n_sweeps} sweeps; at most {MAX_SWEEPS_PER_SUBMAP} are allowed")]
     Sweeps {
         /// Number of the submap.
         seq: u64,
-        /// As found.
+        /// The number of sweeps found.
         n_sweeps: u32,
     },
-    /// [`SubmapPoint::sweep_idx`].
+    /// [`SubmapPoint::sweep_idx`] is not a row of the table.
     #[error("submap {seq}: point {point} is of sweep {sweep_idx}; the header has {n_sweeps}")]
     Point {
         /// Number of the submap.
         seq: u64,
         /// Index of the point.
         point: usize,
-        /// As found.
+        /// The index found.
         sweep_idx: u16,
         /// Sweeps of the submap.
         n_sweeps: usize,

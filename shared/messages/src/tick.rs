@@ -40,8 +40,8 @@ pub struct TickTopic;
 impl Message for TickTopic {
     const TOPIC: &'static str = "tick";
     const VERSION: u32 = 1;
-    // How many ticks a producer may run ahead: 6.4 s of drive at 10 Hz, longer than a submap of 5 s. So the next submap is made while
-    // the stages behind work on one.
+    // How many ticks a producer may run ahead: 6.4 s of drive at 10 Hz, longer than a submap of 5 s. The next submap is
+    // thus made while the later stages process the previous one.
     const QUEUE: usize = 64;
     const BORROWED: usize = 1;
     const MAX_ROWS: usize = 1;

@@ -22,15 +22,15 @@ impl From<Pose> for PoseRow {
     }
 }
 
-/// A pose that is not a rigid transform.
+/// Error of a pose that is not a rigid transform.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "translation {translation:?}, rotation {rotation:?} is not a rigid transform: all numbers must be finite and the quaternion (x y z w) of norm 1"
 )]
 pub struct PoseError {
-    /// As found, m.
+    /// The translation found, m.
     pub translation: [f64; 3],
-    /// As found, x y z w.
+    /// The rotation found, x y z w.
     pub rotation: [f64; 4],
 }
 
@@ -43,7 +43,7 @@ impl PoseRow {
         if is_rigid { Ok(()) } else { Err(PoseError { translation, rotation }) }
     }
 
-    /// As [`PoseRow::to_pose`]; the error shows the numbers.
+    /// The transform, as [`PoseRow::to_pose`]; the error shows the numbers.
     #[cfg(feature = "geometry")]
     pub fn checked(&self) -> Result<Pose, PoseError> {
         self.check()?;
@@ -69,8 +69,8 @@ pod! {
     }
 }
 
-/// The poses of the sweeps registered in the tick: for each the one at its first and at its last shot. Stamps never fall.
-/// The first sweep's poses come with the second's, because a speed needs two.
+/// The poses of the sweeps registered in the tick: two for each sweep, at its first and its last shot. Stamps never
+/// decrease. The poses of the first sweep are published with the poses of the second, because a speed needs two sweeps.
 pub struct TrajectoryTopic;
 impl Message for TrajectoryTopic {
     const TOPIC: &'static str = "trajectory";

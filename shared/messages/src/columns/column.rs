@@ -7,14 +7,14 @@ use serde::Serialize;
 /// Fields of every point that are present together, and the topic on which they come.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Column {
-    /// Name of the column: its topic, or what it is if the topic is `submap`.
+    /// Name of the column: its topic, or its content if the topic is `submap`.
     pub name: &'static str,
     /// [`Message::TOPIC`].
     pub topic: &'static str,
     /// Layout of the topic's messages.
     #[serde(skip)]
     pub layout: fn() -> ByteTable,
-    /// Which runs have it.
+    /// Runs that have the column.
     pub presence: Presence,
     /// Place among the columns of PLY clouds. A new column takes the next number, so that rows keep their layout.
     pub place: u8,
@@ -22,32 +22,32 @@ pub struct Column {
     pub fields: &'static [ColumnField],
     /// Lines `obj_info` in the header of PLY clouds, in addition to names of values.
     pub header_lines: &'static [&'static str],
-    /// What it is, for people.
+    /// Content of the column, in plain words.
     pub description: &'static str,
 }
 
-/// Which runs have a column.
+/// Runs that have a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Presence {
-    /// All.
+    /// All runs.
     Always,
-    /// Those of several LiDARs.
+    /// Runs with several LiDARs.
     SeveralLidars,
-    /// Those with a stage that publishes it, as stages do by default. `export` notes its absence.
+    /// Runs with a stage that publishes it, as stages do by default. `export` notes its absence.
     Default,
-    /// Those with this setting.
+    /// Runs with this setting.
     Setting(&'static str),
 }
 
 /// Receives the type of each column's topic, which the table itself cannot name.
 pub trait ColumnVisitor {
-    /// Called for each column on a topic of its own.
+    /// Called for each column that has a topic of its own.
     fn visit<T: Message>(&mut self, column: &'static Column);
 }
 
 impl Column {
-    /// Whether the column comes on a topic of its own, and not with the points.
+    /// Whether the column has a topic of its own and is not part of the points.
     pub fn has_own_topic(&self) -> bool {
         self.topic != crate::SubmapTopic::TOPIC
     }

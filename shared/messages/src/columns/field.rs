@@ -7,23 +7,23 @@ use serde::Serialize;
 pub struct ColumnField {
     /// Name in extra bytes of LAS records, fields of CloudCompare, pictures and the viewer.
     pub name: &'static str,
-    /// Name of the property in PLY clouds: where Paris-CARLA-3D has a name, that one.
+    /// Name of the property in PLY clouds: the name in Paris-CARLA-3D, if it has one.
     pub property: &'static str,
     /// Name of the field in the row of the topic; empty if the row is a plain number.
     pub row_field: &'static str,
     /// Type in the row and in files.
     pub kind: FieldType,
-    /// Unit of the value in files; empty if it has none.
+    /// Unit of the value in files; empty for values without a unit.
     pub unit: &'static str,
-    /// Value of points without one. `None`: every point has one.
+    /// Value of points without one. `None`: every point has a value.
     pub none: Option<f64>,
-    /// The field behind the standard ones of a LAS record. `None`: LAS has a standard field for it, or the file lacks it.
+    /// The field after the standard ones of a LAS record. `None`: LAS has a standard field for it, or the file omits it.
     pub extra_byte: Option<ExtraByte>,
     /// How pictures show it.
     pub shown: Shown,
     /// Names of the values.
     pub names: Option<NamedIds>,
-    /// What it is, for people.
+    /// Content of the field, in plain words.
     pub description: &'static str,
 }
 
@@ -31,7 +31,7 @@ pub struct ColumnField {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldType {
-    /// f32, m. PLY: `float`, or `double` as `[export] coordinates` has it.
+    /// f32, m. PLY: `float` or `double`, as set in `[export] coordinates`.
     Coordinate,
     /// f64. PLY: `double`.
     F64,
@@ -56,7 +56,7 @@ impl FieldType {
     }
 }
 
-/// A field behind the standard fields of a LAS record.
+/// A field after the standard fields of a LAS record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ExtraByte {
     /// Place among the extra bytes of all columns. A new column takes the next number, so that records keep their layout.
@@ -69,9 +69,9 @@ pub struct ExtraByte {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shown {
-    /// Not by itself.
+    /// Not shown.
     No,
-    /// The first of red, green and blue, which are shown as they are.
+    /// The first of red, green and blue, which are shown unchanged.
     Color,
     /// A color for each named value: [`ColumnField::names`].
     Names,
@@ -79,13 +79,13 @@ pub enum Shown {
     Ids,
     /// Points with a value other than 0 are marked.
     Flag,
-    /// Smallest to largest value by a ramp of colors.
+    /// A color ramp from the smallest to the largest value.
     Ramp,
-    /// The square root of the values by a ramp of colors: a few values are much larger than most.
+    /// A color ramp of the square root, for fields in which a few values are much larger than most.
     RootRamp,
 }
 
-/// Names of the values of a field of ids.
+/// Names of the values of an id field.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct NamedIds {
     /// Raised when an id changes its meaning.
@@ -102,7 +102,7 @@ impl PartialEq for NamedIds {
 }
 
 impl ColumnField {
-    /// A field of one name everywhere, without unit, value for none and extra byte.
+    /// A field with the same name everywhere, without unit, value for none and extra byte.
     pub const fn new(name: &'static str, kind: FieldType, description: &'static str) -> Self {
         Self {
             name,
@@ -117,37 +117,37 @@ impl ColumnField {
             description,
         }
     }
-    /// With another name in PLY clouds.
+    /// Sets the name in PLY clouds.
     #[must_use]
     pub const fn property(self, property: &'static str) -> Self {
         Self { property, ..self }
     }
-    /// With another name in the row of the topic; empty for a row that is a plain number.
+    /// Sets the name in the row of the topic; empty for a row that is a plain number.
     #[must_use]
     pub const fn row_field(self, row_field: &'static str) -> Self {
         Self { row_field, ..self }
     }
-    /// With a unit.
+    /// Sets the unit.
     #[must_use]
     pub const fn unit(self, unit: &'static str) -> Self {
         Self { unit, ..self }
     }
-    /// With a value of points without one.
+    /// Sets the value of points without one.
     #[must_use]
     pub const fn none(self, none: f64) -> Self {
         Self { none: Some(none), ..self }
     }
-    /// With an extra byte of LAS records.
+    /// Adds an extra byte of LAS records.
     #[must_use]
     pub const fn extra_byte(self, place: u8, description: &'static str) -> Self {
         Self { extra_byte: Some(ExtraByte { place, description }), ..self }
     }
-    /// With colors in pictures.
+    /// Sets how pictures show the field.
     #[must_use]
     pub const fn shown(self, shown: Shown) -> Self {
         Self { shown, ..self }
     }
-    /// With names of its values, which are their colors in pictures.
+    /// Adds names of the values; pictures then show a color for each name.
     #[must_use]
     pub const fn named(self, version: u64, names: fn() -> Vec<&'static str>) -> Self {
         Self { names: Some(NamedIds { version, names }), shown: Shown::Names, ..self }

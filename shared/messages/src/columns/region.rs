@@ -9,8 +9,9 @@ pod! {
         pub n_points: u64 }
 }
 
-/// Region of the cell in which a mosaic camera saw each point: 0 = none. A region is the cells of a Gaussian of a model of the camera's
-/// cubes; its number occurs in no other model of the run. Of several cameras, the first that has a region counts.
+/// Region of the cell in which a mosaic camera saw each point: 0 = none. A region is the set of cells that belong to one
+/// Gaussian of a model of the camera's cubes; its number occurs in no other model of the run. With several cameras, the
+/// first camera with a region for the point is used.
 pub struct RegionTopic;
 impl Message for RegionTopic {
     const TOPIC: &'static str = "region";

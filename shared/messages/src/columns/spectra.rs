@@ -28,7 +28,7 @@ pod! {
     }
 }
 
-/// Spectra of the points that a mosaic camera saw: most points have none, so the column is an index and a table.
+/// Spectra of the points that a mosaic camera saw. Most points have no spectrum, so the column is an index and a table.
 /// Rows are 4-byte words: `n_points` indices into the table ([`NO_SPECTRUM`] = unseen), then per spectrum
 /// two words of validity (bit b of the 64: band b was measured) and `n_bands` reflectances (f32). See [`SpectraView`].
 pub struct SpectraTopic;

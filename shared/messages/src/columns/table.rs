@@ -9,12 +9,12 @@ use crate::{ByteTable, CLASS_TABLE_VERSION, ClassId, MATERIAL_TABLE_VERSION, Mat
 /// Declares the table: topics and their columns.
 macro_rules! columns {
     ($($topic:ty => { $($key:ident: $value:expr),* $(,)? })*) => {
-        /// All columns, in the order of the pipeline. The only place where a column is declared.
+        /// All columns, in the order of the pipeline. Columns are declared only here.
         pub static COLUMNS: &[Column] = &[$(
             Column { topic: <$topic as Message>::TOPIC, layout: ByteTable::of::<$topic>, $($key: $value),* }
         ),*];
 
-        /// Passes each column on a topic of its own to the visitor, with the type of its topic.
+        /// Passes each column with a topic of its own to the visitor, with the type of its topic.
         pub fn visit_columns(visitor: &mut impl ColumnVisitor) {
             let mut columns = COLUMNS.iter();
             $(
