@@ -1,4 +1,4 @@
-//! When the blocks of a packet begin, and where the sensor looks then.
+//! Firing times of the blocks of a packet, and the encoder angles at which they start.
 
 /// Most blocks of a packet.
 pub(crate) const MAX_BLOCKS: usize = 16;
@@ -26,8 +26,8 @@ impl Blocks {
         Self { packet_nanos, block_nanos, ..Self::default() }
     }
 
-    /// Adds a block; further ones than [`MAX_BLOCKS`] are ignored. `turned`: encoder counts since the begin of the revolution, 0 to
-    /// 35999; `None` if the block cannot be decoded.
+    /// Adds a block; blocks beyond [`MAX_BLOCKS`] are ignored. `turned`: encoder counts since the start of the
+    /// revolution, 0 to 35999; `None` if the block cannot be decoded.
     pub(crate) fn push(&mut self, nanos: i32, turned: Option<u16>) {
         self.add(nanos, turned.unwrap_or(INVALID));
     }
@@ -50,7 +50,7 @@ impl Blocks {
         self.len
     }
 
-    /// First firing of a block, ns after the time of the packet, and encoder counts since the begin of the revolution.
+    /// First firing of a block, ns after the time of the packet, and encoder counts since the start of the revolution.
     pub(crate) fn get(&self, index: usize) -> Option<(i64, u16)> {
         let nanos = *self.nanos[..self.len].get(index)?;
         let turned = self.turned[index];

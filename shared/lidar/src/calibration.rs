@@ -3,29 +3,29 @@
 use crate::ouster::MetadataError;
 use crate::velodyne::LaserFileError;
 
-/// A calibration file that cannot be used.
+/// Error of a calibration file that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// A model without calibration files.
+    /// The model has no calibration files.
     #[error("a {0} needs no calibration file; remove the entry")]
     NotNeeded(&'static str),
-    /// A file of a Velodyne.
+    /// The file of a Velodyne is invalid.
     #[error(transparent)]
     Lasers(#[from] LaserFileError),
-    /// A metadata file of an Ouster.
+    /// The metadata file of an Ouster is invalid.
     #[error(transparent)]
     Metadata(#[from] MetadataError),
-    /// A line of a table of angles.
+    /// A line of a table of angles is invalid.
     #[error("line {line}: {text:?}; must be {rule}")]
     Angles {
         /// Line in the file.
         line: usize,
         /// The line found.
         text: String,
-        /// What it must be.
+        /// Rule that the line breaks.
         rule: &'static str,
     },
-    /// A table of angles with too few or too many lines.
+    /// A table of angles has too few or too many lines.
     #[error("has {found} beams; a {model} has {expected}")]
     NumberOfBeams {
         /// Beams found.

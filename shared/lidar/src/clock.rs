@@ -11,15 +11,16 @@ use serde::{Deserialize, Serialize};
 const HOUR_NANOS: i64 = 3_600_000_000_000;
 /// A smaller step backwards is a reordered packet, not a clock that was set.
 const LATE_NANOS: i64 = 50_000_000;
-/// Largest difference of the two clocks between two packets: buffers hold a fraction of a second.
+/// Largest difference of the two clocks between two packets: buffers delay packets by a fraction of a second.
 const TOLERANCE_NANOS: i64 = 2_000_000_000;
-/// Largest difference of a synchronized clock to the clock of the capture: as much as for a clock that tells only the time past the hour.
+/// Largest difference of a synchronized clock to the clock of the capture: the same as for a clock that reports only the
+/// time past the hour.
 const UNSET_NANOS: i64 = HOUR_NANOS / 2;
 
-/// What the times in packets count from.
+/// Origin of the times in packets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Epoch {
-    /// The begin of the hour.
+    /// The start of the hour.
     Hour,
     /// 1970, or the start of the sensor if its clock was never set.
     Unix,
@@ -74,7 +75,7 @@ impl Clock {
         self.base == TimeBase::Sensor
     }
 
-    /// The time of a packet by its time in ns. A late packet does not change the state.
+    /// Stamp of a packet from its time in ns. A late packet does not change the state.
     pub(super) fn step(&mut self, nanos: i64, captured: Stamp) -> Step {
         let captured = Stamp(captured.0.saturating_sub(self.host_ahead_nanos));
         let step = match (self.base, self.last) {
@@ -184,7 +185,7 @@ mod tests {
         let clock = || Clock::new(TimeBase::Sensor, Epoch::Unix, 0);
         let sent = HOUR.0 - 1_500_000_000;
         assert_eq!(clock().step(sent, HOUR), Step::Forward { stamp: Stamp(sent), nanos: 0 });
-        // 40 s after the start of a sensor without a reference: the capture gives the begin, the sensor the rest.
+        // 40 s after the start of a sensor without a reference: the capture determines the start, the sensor the rest.
         let mut unset = clock();
         assert_eq!(unset.step(40_000_000_000, HOUR), Step::Forward { stamp: HOUR, nanos: 0 });
         let next = unset.step(40_000_123_456, HOUR.plus_nanos(777_000));

@@ -1,4 +1,4 @@
-//! What a LiDAR reports about the reference of its clock.
+//! The clock reference that a LiDAR reports.
 
 use std::fmt;
 
@@ -15,7 +15,7 @@ pub enum ClockReference {
     PulseError,
     /// A clock on the network (IEEE 1588 or 802.1AS).
     Ptp,
-    /// None: the time since the start of the sensor.
+    /// No reference: times count from the start of the sensor.
     FreeRunning,
 }
 

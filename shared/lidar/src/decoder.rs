@@ -27,7 +27,7 @@ impl PacketDecoder {
         &self.lidar
     }
 
-    /// Number of rings; 0 if the sensor has none.
+    /// Number of rings; 0 for a sensor without rings.
     pub fn n_rings(&self) -> usize {
         self.n_rings
     }

@@ -1,7 +1,7 @@
 //! Detects sensor, model, port and clock from the beginning of a recording.
 //!
-//! The sender of most data packets within the first second is the sensor: one stray packet, or a second sensor that sends less,
-//! decides nothing.
+//! The sender of most data packets within the first second is the sensor. A single stray packet, or a second sensor that
+//! sends fewer packets, does not change the result.
 
 use super::capture::{Arrival, Captures};
 use super::clock::{Clock, Epoch, Step, TimeBase};
@@ -88,7 +88,7 @@ impl Lidar {
         if !self.receives_calibration() || files.is_empty() {
             return self;
         }
-        // What is wrong with a capture is reported when it is read.
+        // Errors of a capture are reported when it is read.
         match detect(Captures::new(files.to_vec()), Some(&self)) {
             Ok(Detection::Found(stream)) => stream.lidar,
             _ => self,
@@ -178,7 +178,7 @@ impl Search {
         self.candidates.iter().rev().max_by_key(|candidate| candidate.n_packets)
     }
 
-    /// Whether enough was examined.
+    /// Whether enough packets were examined.
     fn is_complete(&self, now: Stamp) -> bool {
         let is_after = |nanos: i64| self.first.is_some_and(|first| now.0.saturating_sub(first.0) >= nanos);
         if is_after(MAX_SPAN_NANOS) {
@@ -205,10 +205,10 @@ impl Search {
     }
 }
 
-/// Name of the sensor of a data packet that is not considered; `None` if it is no data packet of a LiDAR.
+/// Name of the sensor of a data packet that is not considered; `None` if it is not a data packet of a LiDAR.
 fn other_name(named: Option<Model>, wanted: Option<&Lidar>, payload: &[u8]) -> Option<String> {
     if let Some(number) = wanted.and_then(|lidar| lidar.unit.other_serial_number(payload)) {
-        return Some(format!("an Ouster with serial number {number}, not that of the metadata file,"));
+        return Some(format!("an Ouster with serial number {number}, which differs from the metadata file,"));
     }
     if let Some(model) = named {
         return Some(model.name().to_owned());
@@ -217,7 +217,7 @@ fn other_name(named: Option<Model>, wanted: Option<&Lidar>, payload: &[u8]) -> O
         return Some(format!("an unknown sensor (product byte {:#04x})", packet.product()));
     }
     Model::may_be_ouster(payload).then(|| {
-        "what may be an Ouster (set lidar.model = \"ouster\" and lidar.calibration to its metadata file)".to_owned()
+        "a sensor that may be an Ouster (set lidar.model = \"ouster\" and lidar.calibration to its metadata file)".to_owned()
     })
 }
 
@@ -229,7 +229,8 @@ fn host_ahead(packet: &PositionPacket<'_>, captured: Stamp) -> Option<i64> {
     }
 }
 
-/// The clock of the sensor if it runs like the clock of the capture. Packets that overtook each other do not speak against it.
+/// The clock of the sensor if it runs at the same rate as the clock of the capture. Packets in a different order do not
+/// count against it.
 fn time_base(times: &[(i64, Stamp)], epoch: Epoch) -> TimeBase {
     let mut clock = Clock::new(TimeBase::Sensor, epoch, 0);
     let steps = times.iter().map(|(nanos, captured)| clock.step(*nanos, *captured));

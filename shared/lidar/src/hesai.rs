@@ -9,10 +9,10 @@
 //! | block b | flag `ff ee` (Pandar40P only), encoder angle in 0.01 deg, then the returns of all beams: range, intensity, a reserved byte (not the Pandar40P) |
 //! | tail | return mode, time of the packet: µs of the second, and date and time of the day |
 //!
-//! Under two echoes, a shot has two blocks of equal angle. A packet may end with a number, four bytes.
+//! With two echoes, a shot has two blocks of equal angle. A packet may end with a sequence number, four bytes.
 //!
-//! A packet of the receiver at the sensor has 512 bytes: flag `ff ee`, date and time, sentence, and at 507 whether the clock follows the
-//! pulse per second (1) or not (0).
+//! A packet of the receiver at the sensor has 512 bytes: flag `ff ee`, date and time, sentence, and at offset 507 whether
+//! the clock follows the pulse per second (1) or not (0).
 //!
 //! **Frame.** As in [`crate`]. Hesai's own frame has x to the right and y forward.
 

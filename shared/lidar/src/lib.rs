@@ -9,8 +9,8 @@
 //! **Frame.** x forward, y left, z up, m. An encoder angle of 0 looks along +x, 90 deg to the right, along -y. Rings count from the lowest
 //! beam.
 //!
-//! **Never**: clouds in files, folders of drives, clocks of this computer. Lost, short, repeated and foreign packets are counted in
-//! [`LidarStats`]; they are not errors.
+//! **Never**: clouds in files, drive folders, clocks of this computer. Lost, short, repeated and foreign packets are
+//! counted in [`LidarStats`]; they are not errors.
 //!
 //! **Start reading** at [`PacketDecoder::decode_into`], then [`SweepReader::next_sweep`]; [`velodyne`] is the example of a maker.
 

@@ -1,4 +1,4 @@
-//! Livox packets: Mid-360 and Avia. Not tried on real packets.
+//! Livox packets: Mid-360 and Avia. Not tested on real packets.
 //!
 //! Data packets have a header and points, little-endian (Livox SDK2 and SDK communication protocols):
 //!

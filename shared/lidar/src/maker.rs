@@ -1,4 +1,4 @@
-//! What the folder of a maker provides: the properties of a model, a unit, and a decoder of its packets.
+//! The interface of a maker: the properties of a model, a unit, and a decoder of its packets.
 //!
 //! To add a maker, implement the three traits in its folder and add its models to [`crate::Model`], the only list of makers.
 
@@ -9,7 +9,7 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Most returns of a packet: 16 columns of an Ouster with 128 beams and two echoes.
+/// Maximum number of returns of a packet: 16 columns of an Ouster with 128 beams and two echoes.
 pub(crate) const MAX_RETURNS_PER_PACKET: usize = 4096;
 
 /// A unit of a model, behind the trait of its maker.
@@ -32,7 +32,7 @@ pub(crate) trait MakerModel {
     /// Whether a payload is a data packet that names this model.
     fn is_named_by(&self, payload: &[u8]) -> bool;
 
-    /// Whether a payload has the form of the maker's data packets, also if it does not name a model.
+    /// Whether a payload has the form of the maker's data packets, even if it does not name a model.
     fn is_data_of_maker(&self, payload: &[u8]) -> bool {
         self.is_named_by(payload)
     }
@@ -42,7 +42,7 @@ pub(crate) trait MakerModel {
         false
     }
 
-    /// What in a data packet names the model, for errors: `has the size and the header of a Pandar40P`.
+    /// The property of a data packet that identifies the model, for errors: `has the size and the header of a Pandar40P`.
     fn evidence(&self, _payload: &[u8]) -> String {
         format!("has the size and the header of a {}", self.title())
     }
@@ -54,12 +54,12 @@ pub(crate) trait MakerModel {
     fn calibrated_unit(&self, text: &str) -> Result<Unit, CalibrationError>;
 }
 
-/// A unit: a model with its beams, or with those of a calibration.
+/// A unit: a model with its nominal or calibrated beams.
 pub(crate) trait MakerUnit: Any + Debug + Send + Sync {
     /// Whether it may have sent a payload as a data packet.
     fn may_have_sent(&self, payload: &[u8]) -> bool;
 
-    /// Whether a payload is a data packet of this model beyond doubt.
+    /// Whether a payload is certainly a data packet of this model.
     fn is_sure_sender(&self, payload: &[u8]) -> bool {
         self.may_have_sent(payload)
     }
@@ -76,12 +76,12 @@ pub(crate) trait MakerUnit: Any + Debug + Send + Sync {
     /// Whether `other` is the same model with the same beams.
     fn is_same(&self, other: &dyn MakerUnit) -> bool;
 
-    /// What the times in packets count from.
+    /// Origin of the times in packets.
     fn epoch(&self) -> Epoch {
         Epoch::Unix
     }
 
-    /// The clock reference that a packet reports, or the metadata for all data packets.
+    /// The clock reference reported in a packet, or in the metadata for all data packets.
     fn clock_reference(&self, _payload: &[u8]) -> Option<ClockReference> {
         None
     }
@@ -106,7 +106,7 @@ pub(crate) trait MakerUnit: Any + Debug + Send + Sync {
         None
     }
 
-    /// A file that is missing and without which packets cannot be decoded.
+    /// Description of the missing file without which packets cannot be decoded.
     fn missing_file(&self) -> Option<&'static str> {
         None
     }
@@ -127,7 +127,7 @@ pub(crate) fn is_same_unit<T: MakerUnit + PartialEq>(unit: &T, other: &dyn Maker
     (other as &dyn Any).downcast_ref() == Some(unit)
 }
 
-/// Where a sweep ends.
+/// Condition that ends a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Cut {
     /// The encoder passes the start of a revolution.
@@ -156,7 +156,7 @@ pub(crate) trait MakerDecoder: Debug + Send + Sync {
         scratch: &mut Scratch<MAX_RETURNS_PER_PACKET>,
     );
 
-    /// Where a sweep ends.
+    /// Condition that ends a sweep.
     fn cut(&self) -> Cut {
         Cut::Turn { full: TURN }
     }

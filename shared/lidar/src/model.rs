@@ -56,7 +56,7 @@ impl Model {
         self.maker().title()
     }
 
-    /// The model of a name.
+    /// The model with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.name() == name)
     }
@@ -66,7 +66,7 @@ impl Model {
         Self::ALL.map(Model::name).join(", ")
     }
 
-    /// Model whose data packet this is. `None` for packets of an Ouster, which do not name it.
+    /// Model that sent a data packet. `None` for packets of an Ouster, which do not name it.
     pub fn of_payload(payload: &[u8]) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.maker().is_named_by(payload))
     }

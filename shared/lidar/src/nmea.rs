@@ -3,7 +3,8 @@
 //! In a log, lines that are not sentences or have a wrong checksum are counted and skipped. NMEA heights are above the geoid;
 //! [`Fix::altitude_m`] is above the WGS84 ellipsoid (height + geoid separation).
 //!
-//! Written here: the crate `nmea` 0.8 stores heights, speeds and courses as f32, rounds times through f64 and refuses leap seconds.
+//! Not based on the crate `nmea` 0.8, which stores heights, speeds and courses as f32, rounds times through f64 and
+//! refuses leap seconds.
 
 mod encode;
 mod log;

@@ -1,4 +1,4 @@
-//! Finds out from the first packets of a recording that it is of another model than expected.
+//! Finds out from the first packets of a recording that another model than expected recorded it.
 
 use super::{Lidar, Model};
 use crate::pcap::{PacketReader, PcapError};
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 /// Data packets that are examined: a fifth of a second of an HDL-32E.
 const MAX_DATA_PACKETS: usize = 400;
-/// UDP packets that are examined in search of them.
+/// UDP packets that are examined to find these data packets.
 const MAX_PACKETS: usize = 4096;
 
 /// A recording whose packets name another model than the expected one.
@@ -17,17 +17,17 @@ pub struct OtherModel {
     pub file: PathBuf,
     /// Number of the first such UDP packet in the capture, from 1.
     pub packet: usize,
-    /// What in it names the model.
+    /// The property of the packet that identifies the model.
     pub evidence: String,
-    /// The model that it names.
+    /// The model that the packet names.
     pub found: Model,
     /// The model that was expected.
     pub expected: Model,
 }
 
 impl OtherModel {
-    /// `None` if the first data packets may be of the `expected` model, or if there are none. Packets of a second sensor do not
-    /// matter if some are of the first.
+    /// `None` if the first data packets may come from the `expected` model, or if the recording has no data packets.
+    /// Packets of a second sensor do not matter if some come from the first.
     pub fn find(files: &[PathBuf], lidar: &Lidar) -> Result<Option<Self>, PcapError> {
         let expected = lidar.model();
         let mut first = None;
@@ -58,7 +58,8 @@ impl OtherModel {
                 });
             }
         }
-        // An HDL-64E sends a status in the place of the factory byte, which sometimes is that of another model.
+        // An HDL-64E sends a status instead of the factory byte. The status sometimes equals the factory byte of another
+        // model.
         Ok(first.filter(|_| 2 * n_others > n_data))
     }
 }

@@ -5,8 +5,8 @@
 //! Written: classic pcap, microseconds, little-endian, with the headers of a sensor broadcast. A capture can be read while it is
 //! being written, see [`Recorder`].
 //!
-//! Written here: reading resumes at a saved byte offset after a crash and follows a file that is still being written. Existing crates
-//! do neither.
+//! No existing crate is used: reading resumes at a saved byte offset after a crash and follows a file that is still being
+//! written. Existing crates do neither.
 
 mod blocks;
 mod damage;
@@ -25,7 +25,7 @@ pub use writer::Writer;
 
 use std::path::PathBuf;
 
-/// A capture that cannot be read.
+/// Error of a capture that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PcapError {
     /// The operating system reported an error.
@@ -43,7 +43,7 @@ pub enum PcapError {
         path: PathBuf,
         /// Offset of the damage.
         offset: u64,
-        /// What was found and what was expected.
+        /// The value found and the value expected.
         damage: Damage,
     },
 }

@@ -1,15 +1,15 @@
 //! Puts data packets in the order of the sensor's clock: networks deliver packets out of order.
 //!
-//! A packet that follows the previous one without a gap is passed on at once. Behind a gap, packets are held until the missing
-//! ones arrive or [`WINDOW`] packets are waiting.
+//! A packet that follows the previous one without a gap is passed on immediately. After a gap, packets are held until the
+//! missing ones arrive or [`WINDOW`] packets are waiting.
 
 use super::clock::{Clock, Step};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Packets by which one may be delayed: 4.4 ms of an HDL-32E. Queues of network cards and switches exchange neighbors; a packet that
-/// comes later is counted as late.
+/// Maximum delay in packets: 4.4 ms of an HDL-32E. Queues of network cards and switches exchange neighbors; a packet with
+/// a longer delay is counted as late.
 pub(super) const WINDOW: usize = 8;
 
 /// Where a packet is in the captures, in the order of reading.
@@ -54,7 +54,7 @@ impl Reorder {
     /// The next packet by the clock, and whether it overtakes packets that arrived before it. `None` while packets before it may
     /// still arrive. `packet_nanos` is the time from one packet to the next. After the end of the recording every packet is next.
     pub(super) fn take(&mut self, clock: &Clock, packet_nanos: i64, is_end: bool) -> Option<(Held, bool)> {
-        // Packets of a clock that was set come after all packets of the clock before.
+        // Packets sent after the clock was set follow all packets sent before.
         let lead = |held: &Held| lead_nanos(*clock, held).map_or(i64::MAX, |nanos| nanos.max(-1));
         let (index, lead) = self.0.iter().map(lead).enumerate().min_by_key(|(_, lead)| *lead)?;
         let follows = lead == i64::MAX || n_lost(clock, lead, packet_nanos) == 0;

@@ -6,8 +6,8 @@ const JITTER: u16 = 1000;
 const MAX_GAP_NANOS: i64 = 100_000_000;
 /// Longest revolution. The slowest sensor takes 200 ms, so a longer one means that the motor stands still.
 const MAX_NANOS: i64 = 500_000_000;
-/// Most returns of a revolution: two echoes of an HDL-64E (2.2 million per second) in a slow revolution, or of an Ouster with 128 beams
-/// and 2048 columns, with a reserve.
+/// Maximum number of returns of a revolution: two echoes of an HDL-64E (2.2 million per second) in a slow revolution, or
+/// of an Ouster with 128 beams and 2048 columns, with a reserve.
 pub(super) const MAX_RETURNS: usize = 600_000;
 
 /// A revolution that is being read.
@@ -22,7 +22,7 @@ pub(super) struct Revolution {
     pub(super) n_returns: usize,
 }
 
-/// Why a revolution ends.
+/// Reason why a revolution ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum End {
     /// The encoder passed zero.
@@ -51,7 +51,7 @@ impl Revolution {
         Ok(())
     }
 
-    /// Covered part of a revolution, 0 to 1. `full`: encoder counts of a whole one.
+    /// Covered part of a revolution, 0 to 1. `full`: encoder counts of a complete one.
     pub(super) fn share(&self, full: u16) -> f64 {
         (f64::from(self.turned) / f64::from(full)).min(1.0)
     }

@@ -1,4 +1,4 @@
-//! Robosense packets: RS-LiDAR-16 and RS-LiDAR-32. Not tried on real packets.
+//! Robosense packets: RS-LiDAR-16 and RS-LiDAR-32. Not tested on real packets.
 //!
 //! A data packet is 1248 bytes, big-endian (manuals of RS-LiDAR-16 and RS-LiDAR-32, "MSOP"):
 //!

@@ -6,7 +6,7 @@ use crate::{CalibrationError, ClockReference, Model, rings};
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
 
-/// A LiDAR: its model and, if a file has it, the calibration of the unit.
+/// A LiDAR: its model and the calibration of the unit, if a file contains it.
 #[derive(Clone, Debug)]
 pub struct Lidar {
     model: Model,
@@ -22,7 +22,7 @@ struct CalibrationFile {
     text: String,
 }
 
-/// Where the data packets of a LiDAR come from, to distinguish several LiDARs on one network. `None`: anywhere.
+/// Source of the data packets of a LiDAR, to distinguish several LiDARs on one network. `None`: any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
     /// Address of the sender.
@@ -55,7 +55,7 @@ impl Lidar {
         Ok(Self { model, unit, file: Some(Arc::new(file)), origin: Origin::default() })
     }
 
-    /// The same LiDAR, whose data packets come from `origin` alone.
+    /// Returns the LiDAR, restricted to data packets from `origin`.
     #[must_use]
     pub fn with_origin(self, origin: Origin) -> Self {
         Self { origin, ..self }
@@ -76,28 +76,29 @@ impl Lidar {
         self.file.as_ref().map(|file| (file.name.as_str(), file.text.as_str()))
     }
 
-    /// Whether packets with the state of the device may have the calibration of the unit, which no file has.
+    /// Whether packets with the state of the device may contain the calibration of the unit, and no file does.
     pub fn receives_calibration(&self) -> bool {
         self.unit.receives_calibration()
     }
 
     /// The LiDAR with the calibration in a packet with the state of the device. `None` for all other packets, and if a file of the unit
-    /// has the calibration.
+    /// contains the calibration.
     pub fn with_device_packet(&self, payload: &[u8]) -> Option<Self> {
         Some(Self { unit: self.unit.with_device_packet(payload)?, ..self.clone() })
     }
 
-    /// A file that is missing and without which packets cannot be decoded.
+    /// Description of the missing file without which packets cannot be decoded.
     pub fn missing_file(&self) -> Option<&'static str> {
         self.unit.missing_file()
     }
 
-    /// Whether it may have sent a payload as a data packet.
+    /// Whether this LiDAR may have sent a payload as a data packet.
     pub fn may_have_sent(&self, payload: &[u8]) -> bool {
         self.unit.may_have_sent(payload)
     }
 
-    /// The reference that a packet of the sensor reports, or its metadata for all data packets. `None` if it reports none.
+    /// The clock reference reported in a packet of the sensor, or in its metadata for all data packets. `None` if no
+    /// reference is reported.
     pub fn clock_reference(&self, payload: &[u8]) -> Option<ClockReference> {
         self.unit.clock_reference(payload)
     }
@@ -107,17 +108,17 @@ impl Lidar {
         self.unit.packet_nanos(payload)
     }
 
-    /// What the times in packets count from.
+    /// Origin of the times in packets.
     pub(crate) fn epoch(&self) -> Epoch {
         self.unit.epoch()
     }
 
-    /// Elevations of the beams in firing order, deg; empty if the sensor has no fixed beams or its metadata is not known.
+    /// Elevations of the beams in firing order, deg; empty if the sensor has no fixed beams or its metadata is unknown.
     pub fn elevations_deg(&self) -> Vec<f64> {
         self.unit.elevations_deg()
     }
 
-    /// Number of rings; 0 if the sensor has none, or if they are not known.
+    /// Number of rings; 0 for a sensor without rings, or if the rings are unknown.
     pub fn n_rings(&self) -> usize {
         self.elevations_deg().len()
     }

@@ -7,11 +7,12 @@ use serde::{Deserialize, Serialize};
 pub struct LidarStats {
     /// Decoded data packets.
     pub data_packets: u64,
-    /// Position packets; of other makers than Velodyne, packets of IMU, receiver and state, which are not read.
+    /// Position packets; for makers other than Velodyne, packets of IMU, receiver and device state, which are not read.
     pub position_packets: u64,
-    /// Packets that report the reference of the sensor's clock, and that it follows it.
+    /// Packets that report that the clock of the sensor follows its reference.
     pub clock_locked: u64,
-    /// Packets that report that the clock does not follow a reference: no pulse, not yet, an error, or free-running.
+    /// Packets that report that the clock does not follow a reference: no pulse, still synchronizing, an error, or
+    /// free-running.
     pub clock_unlocked: u64,
     /// Lost data packets, by gaps of the sensor clock.
     pub lost_packets: u64,
@@ -29,7 +30,7 @@ pub struct LidarStats {
     pub bad_blocks: u64,
     /// Jumps of the sensor clock: backwards, or forwards by more than the clock of the capture.
     pub clock_jumps: u64,
-    /// Revolutions that ended because of a gap, a standing motor or too many returns.
+    /// Revolutions that ended because of a gap, a stopped motor or too many returns.
     pub forced_ends: u64,
     /// Captures that end inside a packet.
     pub cut_captures: u64,

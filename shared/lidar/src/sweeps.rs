@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
-/// Captures from which no sweeps can be read.
+/// Error of captures from which no sweeps can be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
     /// A capture cannot be read.
@@ -136,8 +136,8 @@ impl SweepReader {
     /// Most returns of a sweep.
     pub const MAX_RETURNS: usize = MAX_RETURNS + MAX_RETURNS_PER_PACKET;
 
-    /// Opens a recording, which may consist of several captures. Without `lidar`, the model is that of most data packets of the first
-    /// second, other than an Ouster.
+    /// Opens a recording, which may consist of several captures. Without `lidar`, the model is the one that sent most
+    /// data packets in the first second, excluding Ouster.
     pub fn open(files: Vec<PathBuf>, lidar: Option<&Lidar>) -> Result<Self, SweepError> {
         match detect(Captures::new(files.clone()), lidar)? {
             Detection::Found(stream) => Ok(Self::new(Captures::new(files), &stream)),
@@ -232,7 +232,7 @@ impl SweepReader {
             if !lidar.may_have_sent(payload) {
                 continue;
             }
-            // A packet in fragments is found again by its last one.
+            // A packet in fragments is identified by its last one.
             let is_at = |other: Place| (other.file, other.offset) == (place.file, place.offset);
             if is_at(current.place) {
                 self.bytes = payload.to_vec();
@@ -268,7 +268,7 @@ impl SweepReader {
         self.lidar().model()
     }
 
-    /// Number of rings of the sensor; 0 if it has none.
+    /// Number of rings of the sensor; 0 for a sensor without rings.
     pub fn n_rings(&self) -> usize {
         self.decoder.n_rings()
     }
@@ -299,8 +299,8 @@ impl SweepReader {
         std::mem::take(&mut self.fixes)
     }
 
-    /// Stamp and capture time of the data packet whose capture followed its stamp soonest, among those read since the last call. The
-    /// difference is the offset of the clocks of sensor and host, and the delay of the network.
+    /// Stamp and capture time of the data packet with the smallest delay from stamp to capture, among those read since
+    /// the last call. The difference is the offset of the clocks of sensor and host, and the delay of the network.
     pub fn take_arrival(&mut self) -> Option<(Stamp, Stamp)> {
         self.arrival.take()
     }

@@ -3,7 +3,7 @@
 use super::TURN;
 use std::sync::LazyLock;
 
-/// The same for all decoders, and by far the most work of a new one.
+/// The table, shared by all decoders: computing it is by far the most work of a new decoder.
 static SIN_COS: LazyLock<Vec<[f32; 2]>> = LazyLock::new(|| {
     let angle = |count: u16| (f64::from(count) * 0.01).to_radians().sin_cos();
     (0..TURN).map(angle).map(|(sin, cos)| [sin as f32, cos as f32]).collect()

@@ -29,7 +29,7 @@ struct Beam {
 }
 
 impl Timing {
-    /// A block of a packet with `n_blocks`, ns after the time in the packet.
+    /// Time of a block of a packet with `n_blocks`, ns after the time in the packet.
     fn nanos(&self, index: usize, n_blocks: usize, n_echoes: usize) -> i32 {
         let shots = if self.counts_back { (n_blocks - 1 - index) / n_echoes } else { index / n_echoes } as i32;
         self.first_nanos + if self.counts_back { -shots } else { shots } * self.block_nanos
@@ -115,7 +115,7 @@ impl MakerDecoder for Decoder {
 }
 
 impl Beam {
-    /// The point at a range. `sin` and `cos` are those of the encoder angle.
+    /// The point at a range. `sin` and `cos` belong to the encoder angle.
     #[inline]
     fn point(&self, range_m: f32, [sin, cos]: [f32; 2]) -> [f32; 3] {
         let sin_a = sin * self.cos_azimuth + cos * self.sin_azimuth;

@@ -1,4 +1,4 @@
-//! Hesai among the makers.
+//! The maker Hesai.
 
 use super::{Decoder, Model, is_gps, is_pulse_locked};
 use crate::calibration::{BeamAngles, angles_from_csv};

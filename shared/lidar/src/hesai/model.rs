@@ -15,14 +15,14 @@ pub enum Model {
     PandarQt64,
 }
 
-/// When blocks and beams fire, relative to the time in the packet.
+/// Firing times of blocks and beams, relative to the time in the packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Timing {
     /// First block of a packet, ns. Beams are added.
     pub(super) first_nanos: i32,
     /// From one shot to the next, ns.
     pub(super) block_nanos: i32,
-    /// Whether `first_nanos` is that of the last shot of the packet.
+    /// Whether `first_nanos` is the time of the last shot of the packet.
     pub(super) counts_back: bool,
     /// Each beam after its block, ns; the earliest is not 0.
     pub(super) beam_nanos: &'static [i32],
@@ -50,7 +50,7 @@ impl Model {
         }
     }
 
-    /// The model whose data packet this is.
+    /// The model that sent a data packet.
     pub fn of_payload(payload: &[u8]) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.is_data(payload))
     }

@@ -3,7 +3,7 @@
 use crate::TURN;
 use files::calendar;
 
-/// Where a model has what in its packets. Offsets are from the end of the blocks.
+/// Positions of the fields in the packets of a model. Offsets are from the end of the blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) header: &'static [(usize, u8)],
@@ -118,10 +118,11 @@ pub(super) fn nanos(layout: &Layout, payload: &[u8]) -> i64 {
     seconds * 1_000_000_000 + i64::from(micros) * 1000
 }
 
-/// Byte of a packet of the receiver: whether the clock follows the pulse per second.
+/// Offset of the byte in a packet of the receiver that reports whether the clock follows the pulse per second.
 const PULSE_LOCK_AT: usize = 507;
 
-/// Whether the clock follows the pulse per second, by a packet of the receiver at the sensor; `None` if the packet does not tell.
+/// Whether the clock follows the pulse per second, by a packet of the receiver at the sensor; `None` if the packet does
+/// not report it.
 pub(crate) fn is_pulse_locked(payload: &[u8]) -> Option<bool> {
     match payload.get(PULSE_LOCK_AT).filter(|_| is_gps(payload))? {
         0 => Some(false),

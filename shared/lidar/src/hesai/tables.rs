@@ -6,7 +6,7 @@ const fn at(elevation_deg: f64, azimuth_deg: f64) -> BeamAngles {
     BeamAngles { elevation_deg, azimuth_deg }
 }
 
-/// A unit's own angles differ by up to 0.1 deg; its correction file has them.
+/// Nominal angles. The angles of a unit differ by up to 0.1 deg; its correction file has them.
 #[rustfmt::skip]
 pub(super) static PANDAR40P: [BeamAngles; 40] = [
     at(14.794, -1.042), at(10.944, -1.042), at(7.971, -1.042), at(4.969, -1.042), at(2.952, -1.042),
@@ -19,7 +19,8 @@ pub(super) static PANDAR40P: [BeamAngles; 40] = [
     at(-12.094, -1.042), at(-13.062, -1.042), at(-14.018, -1.042), at(-18.977, -1.042), at(-24.985, -1.042),
 ];
 
-/// Nominal: one degree from beam to beam. A unit's own angles differ by up to 0.13 deg; its correction file has them.
+/// Nominal angles: one degree from beam to beam. The angles of a unit differ by up to 0.13 deg; its correction file has
+/// them.
 pub(super) static XT32: [BeamAngles; 32] = {
     let mut beams = [at(0.0, 0.0); 32];
     let mut index = 0;
@@ -48,7 +49,7 @@ pub(super) static QT64: [BeamAngles; 64] = [
     at(45.487, -6.887), at(47.587, -7.163), at(49.795, -7.493), at(52.133, -7.892),
 ];
 
-/// Firing after the block, ns (manual of the Pandar40P).
+/// Firing times after the block, ns (manual of the Pandar40P).
 #[rustfmt::skip]
 pub(super) static PANDAR40P_NANOS: [i32; 40] = [
     -42_220, -28_470, -16_040, -3_620, -45_490, -31_740, -47_460, -54_670, -20_620, -33_710,
@@ -57,7 +58,7 @@ pub(super) static PANDAR40P_NANOS: [i32; 40] = [
     -21_920, -9_500, -43_520, -29_770, -17_350, -4_920, -42_220, -28_470, -16_040, -3_620,
 ];
 
-/// Firing after the block, ns (manual of the PandarXT): one beam after the other.
+/// Firing times after the block, ns (manual of the PandarXT): one beam after the other.
 pub(super) static XT32_NANOS: [i32; 32] = {
     let mut nanos = [0; 32];
     let mut index = 0;
@@ -68,7 +69,7 @@ pub(super) static XT32_NANOS: [i32; 32] = {
     nanos
 };
 
-/// Firing after the block, ns (manual of the PandarQT64).
+/// Firing times after the block, ns (manual of the PandarQT64).
 #[rustfmt::skip]
 pub(super) static QT64_NANOS: [i32; 64] = [
     12_310, 14_370, 16_430, 18_490, 20_540, 22_600, 24_660, 26_710,

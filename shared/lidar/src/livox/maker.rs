@@ -1,4 +1,4 @@
-//! Livox among the makers.
+//! The maker Livox.
 
 use super::{Decoder, Model};
 use crate::maker::{MakerDecoder, MakerModel, MakerUnit, Unit, is_same_unit};

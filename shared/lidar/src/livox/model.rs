@@ -27,7 +27,7 @@ pub(super) enum Format {
 pub(super) struct Points<'a> {
     pub(super) format: Format,
     pub(super) n_echoes: usize,
-    /// From the first to the last shot, ns.
+    /// Time from the first to the last shot, ns.
     pub(super) span_nanos: i64,
     pub(super) bytes: &'a [u8],
 }
@@ -62,7 +62,7 @@ impl Model {
         }
     }
 
-    /// The model whose data packet this is.
+    /// The model that sent a data packet.
     pub fn of_payload(payload: &[u8]) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.is_data(payload))
     }

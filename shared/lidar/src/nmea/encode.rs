@@ -36,8 +36,8 @@ pub fn rmc_without_fix(stamp: Stamp) -> String {
     sealed(&format!("GPRMC,{},V,,,,,,,{},,,N", time(stamp), date(stamp)))
 }
 
-/// A GGA or RMC sentence with its time, and the date of an RMC, moved by `nanos`, to milliseconds; other fields as they are. Any other
-/// line is returned unchanged.
+/// A GGA or RMC sentence with its time, and the date of an RMC, moved by `nanos`, rounded to milliseconds; other fields are
+/// unchanged. Any other line is returned unchanged.
 pub fn restamped(line: &str, nanos: i64) -> String {
     let parsed = parse(line);
     let text = line.trim();
@@ -70,7 +70,7 @@ fn date(stamp: Stamp) -> String {
     format!("{day:02}{month:02}{:02}", year.rem_euclid(100))
 }
 
-/// Time of day in milliseconds resolution, `hhmmss.sss`.
+/// Time of day with a resolution of milliseconds, `hhmmss.sss`.
 fn time(stamp: Stamp) -> String {
     let millis = stamp.0.rem_euclid(DAY_NANOS) / 1_000_000;
     let seconds = millis / 1000;

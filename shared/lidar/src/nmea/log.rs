@@ -62,7 +62,7 @@ pub struct FixJoiner {
 }
 
 impl FixJoiner {
-    /// Reads the next line. Returns the fix that it completes: of its own epoch or of the previous one.
+    /// Reads the next line. Returns the fix completed by it: of the same epoch or of the previous one.
     pub fn take(&mut self, line: &[u8]) -> Option<Fix> {
         let line = line.trim_ascii();
         if line.is_empty() {

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 /// Heights of vehicles and aircraft, m: the shore of the Dead Sea is at -430 m, and receivers err by some hundred metres.
 const MIN_HEIGHT_M: f64 = -1000.0;
 const MAX_HEIGHT_M: f64 = 20_000.0;
-/// Largest speed: 514 m/s, the limit at which civil receivers stop.
+/// Largest speed: 514 m/s, the limit of civil receivers.
 const MAX_SPEED_KNOTS: f64 = 1000.0;
 
-/// A line that is not a valid sentence.
+/// Error of a line that is not a valid sentence.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum NmeaError {
     /// The line does not have the form of a sentence.
@@ -164,7 +164,7 @@ impl<'a> Fields<'a> {
         let value = text.parse().ok().filter(|value| (low..=high).contains(value));
         value.map(Some).ok_or_else(|| self.fault(field, "is not a number in the possible range"))
     }
-    /// `hhmmss` or `hhmmss.sss…`, ns since midnight. A leap second counts as the next second.
+    /// Parses `hhmmss` or `hhmmss.sss…` to ns since midnight. A leap second counts as the next second.
     fn time(&self, field: usize) -> Result<Option<i64>, NmeaError> {
         let text = self.text(field);
         if text.is_empty() {
@@ -179,7 +179,7 @@ impl<'a> Fields<'a> {
         let nanos: i64 = format!("{decimals:0<9.9}").parse().map_err(|_| fault())?;
         Ok(Some(((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos))
     }
-    /// `ddmmyy`, days since 1970. Two-digit years are 1970, where clocks that were never set begin, to 2069.
+    /// Parses `ddmmyy` to days since 1970. Two-digit years are 1970, where clocks that were never set start, to 2069.
     fn date(&self, field: usize) -> Result<Option<i64>, NmeaError> {
         let text = self.text(field);
         if text.is_empty() {
@@ -190,13 +190,13 @@ impl<'a> Fields<'a> {
         });
         days.map(Some).ok_or_else(|| self.fault(field, "is not a date ddmmyy"))
     }
-    /// Four fields: latitude, N or S, longitude, E or W.
+    /// Parses four fields: latitude, N or S, longitude, E or W.
     fn position(&self, field: usize) -> Result<Option<[f64; 2]>, NmeaError> {
         let latitude = self.angle(field, 2, ["N", "S"], 90.0)?;
         let longitude = self.angle(field + 2, 3, ["E", "W"], 180.0)?;
         Ok(latitude.zip(longitude).map(|(latitude, longitude)| [latitude, longitude]))
     }
-    /// Degrees with a fixed number of digits, then minutes with decimals. The next field is the hemisphere.
+    /// Parses degrees with a fixed number of digits, then minutes with decimals. The next field is the hemisphere.
     fn angle(&self, field: usize, digits: usize, sides: [&str; 2], limit: f64) -> Result<Option<f64>, NmeaError> {
         let text = self.text(field);
         if text.is_empty() {
@@ -215,7 +215,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Six digits as three numbers.
+/// Splits six digits into three numbers.
 fn pairs(text: &str) -> Option<[i64; 3]> {
     let digits: &[u8; 6] = text.as_bytes().try_into().ok()?;
     let pair = |at: usize| {
@@ -279,7 +279,7 @@ mod tests {
             Ok(Sentence::Rmc(rmc)) => rmc.stamp.map(|stamp| stamp.0),
             other => panic!("{other:?}"),
         };
-        // The clock of a sensor that began at 0.
+        // The clock of a sensor that started at 0.
         assert_eq!(stamp("010170"), Some(54_651_000_000));
         assert_eq!(stamp("060180"), Some(315_964_854_651_000_000));
         assert_eq!(stamp("311269"), Some(3_155_673_654_651_000_000));

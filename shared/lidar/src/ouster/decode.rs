@@ -52,7 +52,7 @@ impl Decoder {
         let n = f64::from(metadata.columns_per_turn);
         let columns = 0..metadata.columns_per_turn;
         let (rotation, translation) = metadata.sensor_from_lidar;
-        // The rotation by columns: where the first column of the revolution looks in the sensor frame.
+        // Rotation stored by columns: the direction of the first column of the revolution in the sensor frame.
         let yaw = rotation[0][1].atan2(rotation[0][0]);
         let azimuth = |column: u16| {
             let clockwise = f64::from(column) / n - yaw / TAU;
@@ -125,7 +125,7 @@ impl Decoder {
 }
 
 impl MakerDecoder for Decoder {
-    /// Times of the columns of a data packet, and how far the revolution has turned.
+    /// Times of the columns of a data packet, and the angle covered since the start of the revolution.
     fn blocks(&self, payload: &[u8]) -> Blocks {
         let metadata = &self.metadata;
         let n = u32::from(metadata.columns_per_turn);
@@ -180,7 +180,7 @@ impl MakerDecoder for Decoder {
 }
 
 impl Metadata {
-    /// Time of a data packet, ns: by the clock of the sensor, as UTC if that of the network is TAI.
+    /// Time of a data packet, ns, by the clock of the sensor; converted to UTC if the network clock is TAI.
     pub(crate) fn packet_nanos(&self, payload: &[u8]) -> i64 {
         self.first_nanos(payload).saturating_sub(self.tai_offset_nanos)
     }

@@ -1,4 +1,4 @@
-//! Real packets of three sensors, with the digests that Ouster's SDK computed of their fields.
+//! Real packets of three sensors, with the digests of their fields computed by Ouster's SDK.
 
 use super::packet::{Column, Echo};
 use super::{Metadata, Profile};
@@ -59,7 +59,7 @@ fn md5(bytes: &[u8]) -> String {
     digest.iter().fold(String::new(), |text, word| text + &format!("{word:08x}"))
 }
 
-/// The bytes of a field of all packets, as the SDK has them: arrays of beams by columns.
+/// The bytes of a field of all packets, in the layout of the SDK: arrays of beams by columns.
 fn field(packets: &[Vec<u8>], metadata: &Metadata, value: impl Fn([Echo; 2]) -> Vec<u8>) -> Vec<u8> {
     let profile = metadata.profile;
     let n_beams = metadata.n_beams();
@@ -208,7 +208,7 @@ fn sensors_that_send_to_one_port_in_fragments_are_distinguished_by_their_size() 
 
 #[real_data::test("lidars/ouster/OS-1-64_1024x10_fw20.pcap")]
 fn os1_64_of_firmware_2_0_decodes_to_a_full_revolution() {
-    // Its metadata is not there; that of another OS1-64 has nearly the same angles.
+    // Its metadata is not available; the metadata of another OS1-64 has nearly the same angles.
     let text = std::fs::read_to_string(path("same_ports_legacy.2.json")).expect("a file");
     let lidar = Lidar::with_calibration(Model::Ouster, "a.json", text).expect("reads");
     let mut reader = SweepReader::open(vec![path("OS-1-64_1024x10_fw20.pcap")], Some(&lidar)).expect("opens");

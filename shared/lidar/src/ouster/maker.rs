@@ -1,4 +1,4 @@
-//! Ouster among the makers. Packets do not name the model, and cannot be decoded without the metadata of the sensor.
+//! The maker Ouster. Packets do not name the model, and cannot be decoded without the metadata of the sensor.
 
 use super::{DATA_PORT, Decoder, IMU_PORT, Metadata, is_imu};
 use crate::maker::{MAX_RETURNS_PER_PACKET, MakerDecoder, MakerModel, MakerUnit, Unit, is_same_unit};

@@ -10,33 +10,33 @@ const MAX_BEAMS: usize = 128;
 /// Most columns of a revolution.
 const MAX_COLUMNS: u64 = 4096;
 
-/// A metadata file that cannot be used.
+/// Error of a metadata file that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MetadataError {
-    /// Not JSON.
+    /// The file is not JSON.
     #[error("is not JSON: {0}")]
     Json(String),
-    /// An entry that must be there.
+    /// A required entry is missing.
     #[error("has no entry {0}; is it the metadata of an Ouster?")]
     Absent(&'static str),
-    /// An entry with a value that cannot be used.
+    /// The value of an entry cannot be used.
     #[error("{key} is {found}; must be {rule}")]
     Value {
         /// The entry.
         key: &'static str,
         /// The value found.
         found: String,
-        /// What it must be.
+        /// Rule that the value breaks.
         rule: String,
     },
 }
 
-/// The time source whose times are TAI, if the clock on the network is one of PTP.
+/// The time source whose times are TAI if the network clock is a PTP clock.
 const PTP: &str = "TIME_FROM_PTP_1588";
 /// Largest difference of TAI and UTC, s: 37 since 2017.
 const MAX_TAI_OFFSET_S: i64 = 100;
 
-/// What the metadata says about the packets and the beams.
+/// Packet format and beams according to the metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
     pub(super) profile: Profile,
@@ -53,9 +53,9 @@ pub struct Metadata {
     /// Rotation by columns, and translation in m.
     pub(super) sensor_from_lidar: ([[f64; 3]; 3], [f64; 3]),
     pub(super) turns_per_second: f64,
-    /// Where the times come from, if the file says it: `TIME_FROM_INTERNAL_OSC`, `TIME_FROM_SYNC_PULSE_IN` or `TIME_FROM_PTP_1588`.
+    /// Source of the times, if the file has it: `TIME_FROM_INTERNAL_OSC`, `TIME_FROM_SYNC_PULSE_IN` or `TIME_FROM_PTP_1588`.
     pub(crate) timestamp_mode: Option<String>,
-    /// TAI minus UTC, ns, if the times are TAI by PTP and the file says how much; else 0.
+    /// TAI minus UTC, ns, if the times are TAI by PTP and the file has the difference; otherwise 0.
     pub(super) tai_offset_nanos: i64,
     serial_number: Option<u64>,
 }
@@ -142,7 +142,7 @@ impl Metadata {
         self.has_size(payload) && self.other_serial_number(payload).is_none()
     }
 
-    /// Serial number of another sensor, from which a payload of the same size comes.
+    /// Serial number of the other sensor that sent a payload of the same size.
     pub(crate) fn other_serial_number(&self, payload: &[u8]) -> Option<u64> {
         let found = serial_number(payload, self.profile).filter(|_| self.has_size(payload))?;
         self.serial_number.filter(|own| *own != found).map(|_| found)
@@ -165,8 +165,9 @@ fn value_error(key: &'static str, found: &Value, rule: String) -> MetadataError 
     MetadataError::Value { key, found: found.to_string().chars().take(60).collect(), rule }
 }
 
-/// TAI minus UTC, ns, that the clock on the network announces: `time_properties_data_set` in the sensor's answer to `/api/v1/time/ptp`,
-/// as the entry `ptp` or in another group. 0 if the file does not have it, or if it says that the times are not TAI.
+/// TAI minus UTC, ns, as announced by the network clock: `time_properties_data_set` in the sensor's reply to
+/// `/api/v1/time/ptp`, in the entry `ptp` or in another group. 0 if the file does not have it, or if it states that the
+/// times are not TAI.
 fn tai_offset_nanos(root: &Value) -> i64 {
     let Some(properties) = find(root, "time_properties_data_set") else { return 0 };
     let is_set = |key: &str| properties.get(key).is_some_and(|value| value == 1 || value == true);

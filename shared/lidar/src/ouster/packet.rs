@@ -23,7 +23,7 @@ pub enum Profile {
 /// An echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Echo {
-    /// 0 = none.
+    /// Range, mm; 0 = no echo.
     pub(super) range_mm: u32,
     /// Reflectivity; early firmware has more than 255.
     pub(super) reflectivity: u16,
@@ -108,12 +108,12 @@ impl<'a> Column<'a> {
         self.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
     }
 
-    /// Number in the revolution.
+    /// Number of the column in the revolution.
     pub(super) fn number(self) -> u16 {
         u16::from_le_bytes([self.bytes[8], self.bytes[9]])
     }
 
-    /// Whether the sensor measured it.
+    /// Whether the sensor measured the column.
     pub(super) fn is_valid(self) -> bool {
         match self.profile {
             Profile::Legacy => self.bytes.ends_with(&[0xff; 4]),
@@ -128,7 +128,7 @@ impl<'a> Column<'a> {
     }
 }
 
-/// Serial number of the sensor in a packet; `None` for `LEGACY`, which has none.
+/// Serial number of the sensor in a packet; `None` for `LEGACY`, which does not contain it.
 pub(super) fn serial_number(payload: &[u8], profile: Profile) -> Option<u64> {
     let bytes: &[u8; 5] = payload.get(7..)?.first_chunk().filter(|_| profile != Profile::Legacy)?;
     Some(bytes.iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte)))

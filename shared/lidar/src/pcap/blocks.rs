@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Longest frame, bytes: the limit of libpcap. Longer frames are damage.
+/// Longest frame, bytes: the limit of libpcap. Longer frames count as damage.
 pub(super) const MAX_FRAME: u32 = 256 * 1024;
 /// Most interfaces of a section.
 pub(super) const MAX_INTERFACES: usize = 256;
@@ -150,7 +150,7 @@ impl Records {
         self.next_before(u64::MAX)
     }
 
-    /// The next record. Of pcapng, no block that begins at `end` or later is read.
+    /// The next record. In pcapng, no block that begins at `end` or later is read.
     fn next_before(&mut self, end: u64) -> Result<Next, PcapError> {
         let start = self.offset;
         let read = match self.format {
@@ -294,7 +294,8 @@ impl Records {
 }
 
 impl Interface {
-    /// From the first word of an interface block and the rest of the block (snap length, options, length of the block).
+    /// Clock from the first word of an interface block and the rest of the block (snap length, options, length of the
+    /// block).
     fn new(first_word: u32, rest: &[u8], big_endian: bool) -> Self {
         let u16_of = |b: [u8; 2]| if big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
         let link = if big_endian { first_word >> 16 } else { first_word & 0xffff };

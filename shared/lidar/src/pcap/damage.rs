@@ -1,8 +1,8 @@
-//! What is wrong with a damaged capture.
+//! Kinds of damage of a capture.
 
 use super::blocks::{MAX_FRAME, MAX_INTERFACES};
 
-/// What is wrong with a damaged capture: what was found and what was expected.
+/// Damage of a capture: the value found and the value expected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Damage {
     /// The file is too short for any capture.
@@ -11,7 +11,7 @@ pub enum Damage {
     /// The header of a pcap file is cut.
     #[error("the file ends inside the header")]
     CutHeader,
-    /// The file is no capture.
+    /// The file is not a capture.
     #[error("magic number {0:08x} is neither pcap nor pcapng")]
     Magic(u32),
     /// A record of pcap is too long, or its time is impossible.
@@ -41,10 +41,10 @@ pub enum Damage {
     /// A section has too many interfaces.
     #[error("more than {MAX_INTERFACES} interfaces")]
     Interfaces,
-    /// A packet of an interface that the section does not declare.
+    /// A packet names an interface that the section does not declare.
     #[error("packet of interface {index}; {n_declared} are declared")]
     Interface {
-        /// Of the packet.
+        /// Interface of the packet.
         index: u32,
         /// Interfaces of the section.
         n_declared: usize,
@@ -54,7 +54,7 @@ pub enum Damage {
     PacketLength {
         /// Bytes of the packet.
         captured: usize,
-        /// Bytes that the block has.
+        /// Bytes available in the block.
         room: usize,
     },
 }

@@ -1,16 +1,17 @@
-//! Puts IP packets together that were sent in fragments: packets of an Ouster are larger than an Ethernet frame.
+//! Reassembles IP packets that were sent in fragments: packets of an Ouster are larger than an Ethernet frame.
 
 use super::link::Fragment;
 use std::collections::VecDeque;
 
-/// Incomplete packets that are kept. Sensors send one packet after the other, so more are parts of packets that were lost.
+/// Incomplete packets that are kept. Sensors send one packet after the other, so additional incomplete packets have lost
+/// fragments.
 const MAX_PARTIAL: usize = 8;
 /// An incomplete packet is dropped this many bytes of the capture after its first fragment: 100 packets of an Ouster.
 const MAX_DISTANCE: u64 = 4 << 20;
 /// Most bytes of an IP packet.
 const MAX_BYTES: usize = 65_535;
 
-/// Packets of which fragments are missing.
+/// Packets with missing fragments.
 #[derive(Debug, Default)]
 pub(super) struct Fragments {
     partial: VecDeque<Partial>,
@@ -23,9 +24,9 @@ struct Partial {
     key: ([u8; 8], u16),
     /// Offset of the record of its first fragment.
     begin: u64,
-    /// Begin and end of the parts so far, in order.
+    /// Start and end of the parts so far, in order.
     parts: Vec<(usize, usize)>,
-    /// Length, once the last fragment is there.
+    /// Length, known once the last fragment has arrived.
     total: Option<usize>,
     bytes: Vec<u8>,
 }
@@ -152,7 +153,7 @@ mod tests {
         assert_eq!(fragments.add(&fragment(1, 8, &[0; 8], false), 0).dropped, 2, "overlaps");
         assert_eq!(fragments.add(&fragment(1, 65_528, &[0; 8], true), 0).dropped, 1, "too long");
         assert!(fragments.add(&fragment(1, 8, &[0; 8], true), 0).whole.is_none());
-        assert_eq!(fragments.add(&fragment(1, 16, &[0; 8], false), 0).dropped, 2, "behind the end");
+        assert_eq!(fragments.add(&fragment(1, 16, &[0; 8], false), 0).dropped, 2, "past the end");
         let dropped: u64 = (0..20).map(|number| fragments.add(&fragment(number, 0, &[0; 8], false), 50).dropped).sum();
         assert_eq!(dropped, 12, "only {MAX_PARTIAL} are kept");
         assert_eq!(fragments.drop_old(50 + MAX_DISTANCE), 0);

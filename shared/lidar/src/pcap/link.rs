@@ -30,7 +30,7 @@ impl Fragment<'_> {
     }
 }
 
-/// What a frame has of UDP.
+/// UDP content of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Udp<'a> {
     Whole(Datagram<'a>),
@@ -58,12 +58,12 @@ pub(super) fn udp(link: u32, frame: &[u8]) -> Option<Udp<'_>> {
     let key = (*addresses, number);
     let is_last = flags & 0x2000 == 0;
     let fragment = Fragment { key, at: usize::from(flags & 0x1fff) * 8, bytes, is_last };
-    // All but the last have a multiple of eight bytes.
+    // The length of every fragment but the last is a multiple of eight bytes.
     (total <= packet.len() && !bytes.is_empty() && (is_last || bytes.len().is_multiple_of(8)))
         .then_some(Udp::Fragment(fragment))
 }
 
-/// The UDP packet in the content of an IP packet. `addresses` are those of sender and receiver.
+/// The UDP packet in the content of an IP packet. `addresses` belong to sender and receiver.
 pub(super) fn datagram(addresses: [u8; 8], udp: &[u8]) -> Option<Datagram<'_>> {
     let length = usize::from(u16_at(udp, 4)?);
     let payload = udp.get(8..length.min(udp.len()))?;

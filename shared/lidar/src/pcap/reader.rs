@@ -24,8 +24,8 @@ pub struct UdpPacket<'a> {
     pub is_cut: bool,
     /// Offset of its record in the file; of its last fragment, if it was sent in fragments.
     pub offset: u64,
-    /// Offset from which [`PacketReader::open_at`] reads this packet and all later ones. Differs from `offset` if fragments of them came
-    /// before.
+    /// Offset from which [`PacketReader::open_at`] reads this packet and all later ones. Differs from `offset` if
+    /// fragments of these packets came earlier.
     pub begin: u64,
 }
 

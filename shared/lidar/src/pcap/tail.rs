@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Bytes at the end of a file that are searched: two of the longest frames.
 const WINDOW: u64 = 2 * MAX_FRAME as u64;
-/// Records that must follow each other, so that no payload is taken for a header.
+/// Records that must follow each other, so that no payload is mistaken for a header.
 const CHAIN: u32 = 4;
 /// Longest time between two records that follow each other, ns.
 const MAX_STEP_NANOS: u64 = 3_600_000_000_000;
@@ -46,7 +46,7 @@ struct Headers<'a> {
 #[derive(Clone, Copy)]
 struct Chain {
     n_records: u32,
-    /// Stamp of the first and of the last one.
+    /// Stamps of the first and of the last record.
     first: Stamp,
     last: Stamp,
 }
@@ -54,7 +54,7 @@ struct Chain {
 impl Headers<'_> {
     /// The stamp of the last complete record of the longest chain.
     fn last(&self) -> Option<Stamp> {
-        // From the end to the begin, so that every byte is looked at once, whatever the file contains.
+        // Runs from the end to the start, so that every byte is examined once, whatever the file contains.
         let mut chains: Vec<Option<Chain>> = vec![None; self.bytes.len()];
         for at in (0..self.bytes.len()).rev() {
             chains[at] = self.chain(at, &chains);
@@ -68,14 +68,15 @@ impl Headers<'_> {
         let header = self.bytes[at..].first_chunk::<16>()?;
         let [seconds, fraction, captured, wire] = [0, 4, 8, 12].map(|k| self.u32_at(header, k));
         let fraction = i64::from(fraction) * self.fraction_nanos;
-        // Four bytes later stands the same length twice, too, but then the begin of the frame, which is no length.
+        // Four bytes later, the same length also appears twice, but is followed by the start of the frame, which is not a
+        // length.
         if captured == 0 || captured > wire || wire > MAX_FRAME || fraction >= 1_000_000_000 {
             return None;
         }
         let stamp = Stamp(i64::from(seconds) * 1_000_000_000 + fraction);
         let end = at + 16 + captured as usize;
         let alone = Chain { n_records: 1, first: stamp, last: stamp };
-        // Behind the last complete record, the header of a cut one is incomplete or points beyond the end.
+        // After the last complete record, the header of a cut one is incomplete or points beyond the end.
         let Some(header) = self.bytes.get(end..).and_then(|rest| rest.first_chunk::<16>()) else {
             return (end <= self.bytes.len()).then_some(alone);
         };

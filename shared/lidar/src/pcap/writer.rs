@@ -4,12 +4,12 @@ use geometry::Stamp;
 use std::io::{self, Write};
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-/// Ethernet, IPv4 without options and UDP.
+/// Bytes of the headers: Ethernet, IPv4 without options and UDP.
 const HEADERS: usize = 14 + 20 + 8;
 /// Default address of Velodyne sensors.
 const SENSOR: Ipv4Addr = Ipv4Addr::new(192, 168, 1, 201);
 
-/// Writes UDP packets like those that a sensor broadcasts.
+/// Writes UDP packets in the form in which a sensor broadcasts them.
 ///
 /// ```
 /// use lidar::pcap::Writer;
@@ -94,7 +94,7 @@ fn headers(length: u16, source: SocketAddrV4, target: SocketAddrV4) -> [u8; HEAD
     udp[..2].copy_from_slice(&source.port().to_be_bytes());
     udp[2..4].copy_from_slice(&target.port().to_be_bytes());
     udp[4..6].copy_from_slice(&(length - 20).to_be_bytes());
-    // A UDP checksum of 0 means "none", which is what the sensors send.
+    // A UDP checksum of 0 means "none"; the sensors send 0.
     bytes
 }
 

@@ -36,7 +36,7 @@ struct Beam {
 /// How the blocks of a packet follow each other.
 #[derive(Clone, Copy, Debug)]
 struct Sequence {
-    /// From one block to the next, or from one pair to the next, ns.
+    /// Time from one block to the next, or from one pair to the next, ns.
     block_nanos: i32,
     /// Whether a pair of blocks has two echoes of the same shots.
     in_pairs: bool,
@@ -62,7 +62,7 @@ impl Decoder {
         Self { model, beams: angles.iter().zip(rings).map(beam).collect(), turns: TurnTable::new() }
     }
 
-    /// Packets do not name the return mode, their content shows it.
+    /// Packets do not name the return mode; it is determined from their content.
     fn sequence(&self, payload: &[u8]) -> Sequence {
         let n_beams = self.model.n_beams();
         let round_nanos = self.model.round_nanos();
@@ -153,7 +153,7 @@ impl MakerDecoder for Decoder {
 }
 
 impl Sequence {
-    /// A block after the time of the packet, ns.
+    /// Time of a block after the time of the packet, ns.
     fn nanos(self, index: usize) -> i32 {
         (if self.in_pairs { index / 2 } else { index }) as i32 * self.block_nanos
     }
@@ -166,7 +166,7 @@ fn block(payload: &[u8], index: usize) -> Option<(u16, &[u8])> {
     (block.starts_with(&[0xff, 0xee]) && angle < TURN).then(|| (angle, &block[4..]))
 }
 
-/// Median step of the encoder from block to block, or from pair to pair; 0 if it is not known.
+/// Median step of the encoder from block to block, or from pair to pair; 0 if it is unknown.
 fn step(payload: &[u8], in_pairs: bool) -> f64 {
     let stride = if in_pairs { 2 } else { 1 };
     let angle = |index: usize| block(payload, index).map(|(angle, _)| u32::from(angle));

@@ -1,4 +1,4 @@
-//! Angles of the beams in packets with the state of the device. Not tried on real packets.
+//! Angles of the beams in packets with the state of the device. Not tested on real packets.
 //!
 //! A packet is 1248 bytes, big-endian (manuals of RS-LiDAR-16 and RS-LiDAR-32, "DIFOP", appendix B):
 //!
@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | 0 | 8 | `a5 ff 00 5a 11 11 55 55` |
 //! | 468 | 96 | RS-LiDAR-32: elevation of each laser: sign (0 positive, 1 negative), 0.001 deg (u16) |
-//! | 564 | 96 | RS-LiDAR-32: the same for the azimuth, which is added to the encoder angle |
+//! | 564 | 96 | RS-LiDAR-32: azimuth of each laser in the same format; it is added to the encoder angle |
 //! | 1165 | 48 | RS-LiDAR-16: elevation of each laser without sign, 0.0001 deg (u24); lasers 0 to 7 look down |
 
 use super::Model;

@@ -1,4 +1,4 @@
-//! Robosense among the makers.
+//! The maker Robosense.
 
 use super::{DATA_PORT, DEVICE_PORT, Decoder, Model, angles, is_device, packet_nanos};
 use crate::CalibrationError;
@@ -44,7 +44,7 @@ impl MakerModel for Model {
 #[derive(Debug, PartialEq)]
 struct RobosenseUnit {
     model: Model,
-    /// Angles of a file or of a packet about the state of the device.
+    /// Angles from a file or from a packet with the state of the device.
     calibration: Option<Vec<BeamAngles>>,
 }
 

@@ -72,7 +72,7 @@ impl Model {
         }
     }
 
-    /// Angles of a unit without a file; none for the RS-LiDAR-32.
+    /// Angles of a unit without a file; empty for the RS-LiDAR-32.
     pub(crate) const fn beams(self) -> &'static [BeamAngles] {
         match self {
             Model::Rs16 => &RS16,
@@ -80,7 +80,7 @@ impl Model {
         }
     }
 
-    /// Each laser after the first one of its round, ns.
+    /// Firing time of a laser after the first laser of its round, ns.
     pub(super) const fn laser_nanos(self, laser: usize) -> i32 {
         match self {
             Model::Rs16 => 2_800 * laser as i32,
@@ -92,7 +92,7 @@ impl Model {
         }
     }
 
-    /// From one round of lasers to the next, ns.
+    /// Time from one round of lasers to the next, ns.
     pub(super) const fn round_nanos(self) -> i32 {
         match self {
             Model::Rs16 => 55_500,

@@ -1,4 +1,4 @@
-//! The packets of the sensor, sorted out from all packets of the captures and put in order.
+//! Selects the packets of the sensor from all packets of the captures and puts them in order.
 
 use super::{PacketPosition, SweepError, SweepReader};
 use crate::ClockReference;

@@ -1,4 +1,5 @@
-//! Returns between two times, whatever the encoder does: the sweeps of a second LiDAR, cut at those of the first.
+//! Returns between two times, independent of the encoder: the sweeps of a second LiDAR, cut at the sweep boundaries of
+//! the first.
 
 use super::{SweepError, SweepReader};
 use crate::revolutions::MAX_RETURNS;
@@ -13,7 +14,7 @@ pub struct SliceInfo {
     pub stamp: Option<Stamp>,
     /// Number of returns.
     pub n_returns: usize,
-    /// Returns before the begin, or beyond the largest number of returns; not passed on.
+    /// Returns before the start, or beyond the largest number of returns; not passed on.
     pub n_skipped: u64,
     /// Data packets lost before the last firing.
     pub lost_packets: u64,
@@ -34,8 +35,8 @@ pub enum SlicePoll {
 
 impl SweepReader {
     /// Passes the returns from `begin` to before `end` (ns since the epoch) to `sink`, in firing order, at most 4096 at a time and at most
-    /// [`SweepReader::MAX_RETURNS`] in all. Blocks are not divided. Their times are those after the stamp of the slice. Slices must follow
-    /// each other, and not be mixed with [`SweepReader::poll_sweep`].
+    /// [`SweepReader::MAX_RETURNS`] in all. Blocks are not divided. Times of the returns count from the stamp of the
+    /// slice. Slices must follow each other and must not be mixed with [`SweepReader::poll_sweep`].
     pub fn poll_slice(
         &mut self,
         (begin, end): (i64, i64),
@@ -59,19 +60,20 @@ impl SweepReader {
             }
         }
         slice.lost_packets = std::mem::take(&mut self.lost_packets);
-        // Fixes are those of the first LiDAR.
+        // Only the first LiDAR provides fixes.
         self.fixes.clear();
         Ok(SlicePoll::Complete(slice))
     }
 
-    /// Ends an incomplete slice without its missing packets. The next slice skips them, if they come.
+    /// Ends an incomplete slice without its missing packets. The next slice skips these packets if they arrive.
     pub fn take_slice(&mut self) -> Option<SliceInfo> {
         let slice = self.slice.take()?;
         Some(SliceInfo { lost_packets: std::mem::take(&mut self.lost_packets), ..slice })
     }
 
-    /// Packets that this sender (address and port) sends to this port are of another LiDAR of the drive. They are neither read nor
-    /// counted. Nothing changes if this LiDAR has the same addresses: in captures of their own, LiDARs often have.
+    /// Assigns the packets that this sender (address and port) sends to this port to another LiDAR of the drive. They are
+    /// neither read nor counted. Nothing changes if this LiDAR has the same addresses, which is common with a separate
+    /// capture for each LiDAR.
     pub fn leave_to_other(&mut self, sender: SocketAddrV4, port: u16) {
         if (sender, port) != self.origin() {
             self.others.push((sender, port));
@@ -83,7 +85,7 @@ impl SweepReader {
         (self.sensor, self.port)
     }
 
-    /// Adds the next blocks of the packet that are before `end`. `true` if a block is not.
+    /// Adds the next blocks of the packet that are before `end`. `true` if a block is at or after `end`.
     fn take_until(
         &mut self,
         begin: i64,

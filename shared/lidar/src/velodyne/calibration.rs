@@ -3,13 +3,13 @@
 use super::{Laser, Model};
 use std::collections::BTreeMap;
 
-/// A file from which the lasers cannot be read.
+/// Error of a file from which the lasers cannot be read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LaserFileError {
-    /// Not XML.
+    /// The file is not XML.
     #[error("is not XML: {0}")]
     Xml(String),
-    /// A value that is no number.
+    /// A value is not a number.
     #[error("line {line}: {key} is {value:?}; must be a finite number")]
     Number {
         /// Line in the file.
@@ -29,7 +29,7 @@ pub enum LaserFileError {
         /// Number of the last laser of the model.
         last: usize,
     },
-    /// A laser without one of the values that it must have.
+    /// A laser lacks a required value.
     #[error("laser {laser} has no {key}")]
     Incomplete {
         /// Number of the laser.
@@ -37,10 +37,10 @@ pub enum LaserFileError {
         /// The key.
         key: &'static str,
     },
-    /// A file of another model.
+    /// The file is of another model.
     #[error("is of another model: {what} {found}; a {model} has {expected}")]
     OtherModel {
-        /// What differs.
+        /// The property that differs.
         what: &'static str,
         /// The value found.
         found: f64,
@@ -49,7 +49,7 @@ pub enum LaserFileError {
         /// The value of the model.
         expected: f64,
     },
-    /// A value outside of its range.
+    /// A value is outside its range.
     #[error("laser {laser}: {key} is {value}; must be {min} to {max}")]
     Range {
         /// Number of the laser.
@@ -103,7 +103,7 @@ const YAML: Keys = Keys {
 /// Values of one laser by key.
 type Values<'a> = BTreeMap<&'a str, f64>;
 
-/// What a file says.
+/// Content of a file.
 #[derive(Default)]
 struct Content<'a> {
     lasers: Vec<Values<'a>>,
@@ -169,7 +169,7 @@ impl Keys {
     }
 }
 
-/// The number of a text. `line` is called for an error alone.
+/// Parses a number. `line` is called only for an error.
 fn number(key: &str, text: &str, line: impl FnOnce() -> usize) -> Result<f64, LaserFileError> {
     let found = text.trim().parse().ok().filter(|value: &f64| value.is_finite());
     found.ok_or_else(|| LaserFileError::Number {
@@ -185,7 +185,7 @@ fn xml_content(text: &str) -> Result<Content<'static>, LaserFileError> {
     let text = text.replacen("<!DOCTYPE boost_serialization>", "", 1);
     let document = roxmltree::Document::parse(&text).map_err(|error| LaserFileError::Xml(error.to_string()))?;
     let read = |node: roxmltree::Node<'_, '_>| {
-        // Counts the lines from the begin of the text.
+        // Counts the lines from the start of the text.
         let line = || document.text_pos_at(node.range().start).row as usize;
         number(node.tag_name().name(), node.text().unwrap_or_default(), line)
     };

@@ -228,7 +228,7 @@ impl Beam {
         }
     }
 
-    /// The point at a measured range. `sin` and `cos` are those of the encoder angle.
+    /// The point at a measured range. `sin` and `cos` belong to the encoder angle.
     #[inline]
     fn point(&self, measured_m: f32, [sin, cos]: [f32; 2]) -> [f32; 3] {
         let range_m = measured_m + self.range_m;

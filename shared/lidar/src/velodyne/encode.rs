@@ -9,7 +9,7 @@ use super::position::PositionPacket;
 use crate::nmea;
 use geometry::Stamp;
 
-/// µs of an hour.
+/// Microseconds per hour.
 const HOUR_MICROS: i64 = 3_600_000_000;
 
 /// One return as the sensor sends it.
@@ -97,7 +97,7 @@ pub fn restamp(payload: &mut [u8], nanos: i64) {
     };
     if let Some(field) = payload.get_mut(at..at + 4) {
         let micros = i64::from(u32::from_le_bytes([field[0], field[1], field[2], field[3]]));
-        // A time that is none, of a sensor that was never set, stays.
+        // The clock of the sensor was never set: keep its invalid time.
         if micros < HOUR_MICROS {
             field.copy_from_slice(&((micros + nanos / 1000).rem_euclid(HOUR_MICROS) as u32).to_le_bytes());
         }

@@ -1,4 +1,4 @@
-//! Velodyne among the makers.
+//! The maker Velodyne.
 
 use super::{
     DATA_PACKET_BYTES, DATA_PORT, DataPacket, Decoder, Laser, Model, POSITION_PORT, PositionPacket, lasers_from_file,

@@ -35,17 +35,17 @@ pub struct Laser {
 /// Firing times of the lasers after the stamp of the packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Timing {
-    /// From one block to the next, ns.
+    /// Time from one block to the next, ns.
     pub(super) block_nanos: u32,
-    /// From one laser to the next, or from one group of lasers that fire at once to the next, ns.
+    /// Time from one laser to the next, or from one group of lasers that fire at once to the next, ns.
     pub(super) laser_nanos: u32,
     /// Lasers that fire at once.
     pub(super) lasers_at_once: usize,
     /// Lasers per firing sequence. A block has 32 returns, so two sequences if this is 16.
     pub(super) round_lasers: usize,
-    /// From one firing sequence of a block to the next, ns.
+    /// Time from one firing sequence of a block to the next, ns.
     pub(super) round_nanos: u32,
-    /// Whether the encoder angle of a block is that of its first firing and must be interpolated for the others.
+    /// Whether the encoder angle of a block holds at its first firing and must be interpolated for the others.
     pub(super) interpolate_azimuth: bool,
 }
 
@@ -71,7 +71,7 @@ impl Model {
             Model::Hdl64e => "HDL-64E",
         }
     }
-    /// The model of a name.
+    /// The model with this name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.name() == name)
     }
@@ -102,7 +102,7 @@ impl Model {
             Model::Hdl64e => 0,
         }
     }
-    /// Lasers in firing order; for the HDL-64E those of the upper block first.
+    /// Lasers in firing order; for the HDL-64E, the lasers of the upper block first.
     pub fn lasers(self) -> &'static [Laser] {
         match self {
             Model::Hdl32e => &tables::HDL32E,
@@ -136,8 +136,8 @@ impl Model {
             + round as u32 * timing.round_nanos
             + (laser / timing.lasers_at_once) as u32 * timing.laser_nanos
     }
-    /// Whether the encoder angle of a block is that of its first firing, so that later firings need interpolation. The corrections of
-    /// the HDL-64E refer to the angle of the block.
+    /// Whether the encoder angle of a block holds at its first firing, so that later firings need interpolation. The
+    /// corrections of the HDL-64E refer to the angle of the block.
     pub const fn carries_azimuth(self) -> bool {
         self.timing().interpolate_azimuth
     }

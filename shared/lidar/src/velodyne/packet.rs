@@ -50,13 +50,13 @@ pub struct DataPacket<'a>(&'a [u8; DATA_PACKET_BYTES]);
 pub(super) struct Block<'a>(&'a [u8; BLOCK_BYTES]);
 
 impl<'a> DataPacket<'a> {
-    /// `None` unless the payload has the size of a data packet and begins with a block.
+    /// Wraps a payload. `None` unless it has the size of a data packet and begins with a block.
     pub fn new(payload: &'a [u8]) -> Option<Self> {
         let bytes: &[u8; DATA_PACKET_BYTES] = payload.try_into().ok()?;
         let packet = Self(bytes);
         packet.block(0).is_some().then_some(packet)
     }
-    /// The bytes.
+    /// The bytes of the packet.
     pub fn bytes(self) -> &'a [u8; DATA_PACKET_BYTES] {
         self.0
     }
@@ -98,7 +98,7 @@ impl<'a> Block<'a> {
     fn flag(self) -> u16 {
         u16::from_le_bytes([self.0[0], self.0[1]])
     }
-    /// Whether it contains lasers 32 to 63.
+    /// Whether the block contains lasers 32 to 63.
     pub(super) fn is_lower(self) -> bool {
         self.flag() == LOWER_BLOCK
     }

@@ -7,14 +7,14 @@ use super::packet::{POSITION_MICROS_AT, POSITION_NMEA_AT, POSITION_PACKET_BYTES,
 pub struct PositionPacket<'a> {
     /// µs past the hour by the clock of the sensor.
     pub micros: u32,
-    /// State of the pulse per second: a [`super::PulseStatus`], or what old firmware has at its place.
+    /// State of the pulse per second: a [`super::PulseStatus`], or another value from old firmware.
     pub pulse: u8,
     /// Last sentence of the receiver without line end; empty without receiver.
     pub nmea: &'a str,
 }
 
 impl<'a> PositionPacket<'a> {
-    /// `None` unless the payload has the size of a position packet.
+    /// Parses a payload. `None` unless it has the size of a position packet.
     pub fn new(payload: &'a [u8]) -> Option<Self> {
         let bytes: &[u8; POSITION_PACKET_BYTES] = payload.try_into().ok()?;
         let micros = u32::from_le_bytes(*bytes[POSITION_MICROS_AT..].first_chunk()?);

@@ -1,4 +1,4 @@
-//! What real sensors report about the reference of their clocks.
+//! Clock references reported by real sensors.
 
 use crate::support::{open, sweeps};
 use lidar::{Lidar, Model, SweepReader};

@@ -45,13 +45,13 @@ fn turned_points(bag: &str, lidar: &Lidar, message: Option<usize>) -> (Vec<(f64,
     (points, reader)
 }
 
-/// The model is known by its packets.
+/// The model is detected from its packets.
 fn check_detection(capture: &Path, lidar: &Lidar) {
     let reader = SweepReader::open(vec![capture.to_owned()], None).expect("opens");
     assert_eq!(reader.model(), lidar.model());
 }
 
-/// Distances of the points of the driver to ours, one to one.
+/// Distances of the points of the driver to our points, one to one.
 fn match_points(ours: &[[f32; 3]], theirs: &[[f32; 3]], limit_m: f32) -> f32 {
     let cell = |p: &[f32; 3]| p.map(|v| (v / 0.02).floor() as i32);
     let mut cells: HashMap<[i32; 3], Vec<usize>> = HashMap::new();
@@ -106,9 +106,10 @@ fn pandar_qt64_revolution_equals_driver_cloud() {
     compare_hesai(bag, "qt64/1673401196087570870.pcd", &lidar("pandarqt64", "PandarQT64.csv"), 2.0, 0.1);
 }
 
-/// Compares our points with those of the driver in order; `later_deg` is how far the driver turns the encoder more than we do. The driver
-/// was configured to leave out the angles `left_out`. It turns the encoder between two blocks by their own difference, not by the median of the
-/// packet, and not at all in the last shots of a packet: some azimuths differ by up to `step_deg`, the step from block to block.
+/// Compares our points with the points of the driver in order. `later_deg`: angle by which the driver turns the encoder
+/// more than we do. The driver was configured to leave out the angles `left_out`. Between two blocks it turns the encoder
+/// by their own difference, not by the median of the packet, and not at all in the last shots of a packet: some azimuths
+/// differ by up to `step_deg`, the step from block to block.
 fn compare_velodyne(
     ours: &[SweepPoint],
     theirs: &[([f32; 3], Vec<u8>)],

@@ -1,4 +1,4 @@
-//! Packets of Robosense and Livox, made here from the published formats: there are no captures of them to test with.
+//! Packets of Robosense and Livox, built here from the published formats: no captures of them are available for tests.
 
 use crate::support::sweeps;
 use geometry::Stamp;
@@ -195,7 +195,7 @@ fn rs32_takes_the_angles_of_its_device_packets() {
     let recorded = Lidar::from(model).with_calibration_of(std::slice::from_ref(&path));
     assert_eq!((recorded.n_rings(), recorded.rings()), (32, of_file.rings()));
 
-    // A file goes before the packets, and packets of another device are not those of the sensor.
+    // A file takes precedence over the packets, and packets of another device are ignored.
     let other = (0..32).fold(String::new(), |text, laser| text + &format!("{},0\n", laser - 16));
     let other = Lidar::with_calibration(model, "angle.csv", other).expect("reads");
     assert_eq!(other.with_device_packet(&rs32_device()), None);
@@ -223,7 +223,7 @@ fn mid360(nanos: i64, points: &[[i32; 3]]) -> Vec<u8> {
 #[test]
 fn mid360_sweeps_are_tenths_of_a_second_without_rings() {
     let folder = tempfile::tempdir().expect("a folder");
-    // The clock of the sensor began with its start.
+    // The clock of the sensor started with the sensor.
     let start = 7_040_000_000;
     let step = 96 * 5_000;
     let packet = |number: i64| {
@@ -245,7 +245,7 @@ fn mid360_sweeps_are_tenths_of_a_second_without_rings() {
     assert_eq!(sweeps.len(), 5);
     for (info, returns) in &sweeps[1..4] {
         assert!((i64::from(info.duration_nanos) - 100_000_000).abs() <= step, "{info:?}");
-        // The capture gives the begin of the clock, so sweeps begin at tenths of its seconds.
+        // The capture determines the start of the clock, so sweeps begin at tenths of its seconds.
         assert!(info.stamp.0 % 100_000_000 < step && info.turn > 0.98, "{info:?}");
         assert!(returns.len() > 10_000 && returns.len().is_multiple_of(95), "{}", returns.len());
         assert!(returns.windows(2).all(|pair| pair[0].offset_nanos < pair[1].offset_nanos));
@@ -269,7 +269,7 @@ fn avia_packets_with_two_echoes_and_spherical_points_decode() {
     let dual = |number: i64| {
         let mut bytes = header(4, BEGIN.0 + number * 200_000);
         for shot in 0..48_i32 {
-            // The second echo is that of a wall behind, or the first one again.
+            // The second echo comes from a wall further away, or repeats the first one.
             for far in [0, if shot % 2 == 0 { 500 } else { 0 }] {
                 bytes.extend([3000 + far, 10 * shot, 20 * shot].iter().flat_map(|mm: &i32| mm.to_le_bytes()));
                 bytes.extend([shot as u8, 0]);

@@ -36,7 +36,7 @@ fn encoded_packets_decode_to_points_with_their_times() {
             assert_eq!((found.intensity, found.ring), (intensity, rings[laser]));
             assert!(((found.x * found.x + found.y * found.y + found.z * found.z).sqrt() - range_m).abs() < 1e-4);
             let at = info.stamp.0 + i64::from(found.offset_nanos) - BEGIN.0;
-            // The sensor's stamps are whole µs, and so are those of its packets.
+            // The stamps of the sensor and of its packets are whole µs.
             assert!((at - nanos).abs() <= 1000, "{at} {nanos}");
             let turned = f64::from(found.azimuth) * 0.01;
             let azimuth = f64::from(-found.y).atan2(f64::from(found.x)).to_degrees().rem_euclid(360.0);
@@ -230,7 +230,7 @@ fn reordered_packets_give_the_sweeps_of_the_sensor() {
         }
         block.iter_mut().zip(captured).for_each(|(packet, captured)| packet.0 = captured);
     }
-    // The first packet fixes the begin; packets before it would be late.
+    // The first packet determines the start; packets before it would be late.
     let first = mixed.iter().position(|packet| packet.2 == whole[0].2).expect("is there");
     mixed[..=first].rotate_right(1);
     let path = write_capture(&folder.path().join("mixed.pcap"), &mixed);
@@ -248,7 +248,7 @@ fn lossy_recording_resumed_before_any_sweep_gives_the_same_sweeps() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut random = Random::new(12);
     let mut lossy = hdl32e_packets(N_PACKETS);
-    // Around the ends of the sweeps, too.
+    // Packets around the ends of the sweeps are also moved.
     lossy.retain(|_| random.index(6) > 0);
     for at in 0..lossy.len() - 3 {
         if random.index(5) == 0 {
@@ -294,7 +294,7 @@ fn packets_in_fragments_give_the_same_sweeps_also_when_resumed() {
         let foreign = fragments(number + 2, other, &two[0]).into_iter().skip(usize::from(number.is_multiple_of(2)));
         let own = two.iter().zip(number..).flat_map(|(packet, number)| fragments(number, SENSOR, packet));
         let mut frames: Vec<_> = own.chain(foreign).collect();
-        // The first packet fixes the begin; packets before it would be late.
+        // The first packet determines the start; packets before it would be late.
         for last in (1..frames.len()).rev().filter(|_| number > 0) {
             frames.swap(last, random.index(last + 1));
         }

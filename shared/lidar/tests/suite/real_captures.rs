@@ -32,7 +32,7 @@ fn real_vlp16_capture_decodes_to_plausible_sweeps() {
         assert!((20_000..30_000).contains(&returns.len()));
         for found in returns {
             assert!(found.ring < 16 && (0.3..131.1).contains(&range_m(found)));
-            // Two degrees from ring to ring; the beams' offsets matter close by.
+            // Two degrees from ring to ring; the beams' offsets matter at short range.
             let nominal = f32::from(found.ring) * 2.0 - 15.0;
             assert!((elevation_deg(found) - nominal).abs() < 0.02 + 0.7 / range_m(found), "{found:?}");
         }
@@ -83,8 +83,8 @@ fn real_hdl64e_capture_decodes_to_plausible_sweeps() {
     let lower: usize = by_ring[..32].iter().sum();
     let upper: usize = by_ring[32..].iter().sum();
     assert!(upper > lower && by_ring.iter().filter(|n| **n > 100).count() >= 60, "{by_ring:?}");
-    // Each laser has its own angles and offsets; with them the road is one plane (this table is that of another device, so
-    // some centimetres are left; without distance corrections of 1.2 m it would be no plane at all).
+    // Each laser has its own angles and offsets; with them the road is one plane. This table belongs to another device, so
+    // residuals of some centimetres remain; without distance corrections of 1.2 m there would be no plane at all.
     let near = |found: &&SweepPoint| (5.0..12.0).contains(&found.x.hypot(found.y)) && found.z < -1.3;
     let road: Vec<Vector3<f64>> =
         returns.iter().filter(near).map(|found| Vector3::new(found.x, found.y, found.z).cast()).collect();

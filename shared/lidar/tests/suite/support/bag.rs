@@ -30,8 +30,8 @@ impl<'a> Cdr<'a> {
     }
 }
 
-/// Writes the packets of a bag to a capture: of `pandar_msgs/PandarScan`, whose packets have a size, or `velodyne_msgs/VelodyneScan`. With
-/// `message`, only of this message.
+/// Writes the packets of a bag to a capture: of `pandar_msgs/PandarScan`, whose packets have a size, or
+/// `velodyne_msgs/VelodyneScan`. With `message`, only the packets of this message.
 pub fn capture_of_bag(bag: &Path, capture: &Path, message: Option<usize>) -> PathBuf {
     let is_pandar = bag.to_string_lossy().contains("/40p/")
         || bag.to_string_lossy().contains("/xt32/")
