@@ -66,7 +66,7 @@ impl CameraRig {
     pub fn sensors(&self) -> &[Option<SensorCalibration>] {
         &self.sensors
     }
-    /// As [`Drive::expected_bands`].
+    /// Band centers of the cubes of each mosaic camera, nm, as in [`Drive::expected_bands`].
     pub fn expected_bands(&self) -> Vec<Vec<f32>> {
         expected_bands(self.mosaics(), &self.sensors)
     }

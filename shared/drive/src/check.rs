@@ -119,7 +119,7 @@ impl Check<'_> {
             .rule("version", version == MANIFEST_VERSION, || format!("value {version} must be {MANIFEST_VERSION}"));
     }
 
-    /// A message has room for this many values.
+    /// Checks that this many values fit into a message.
     fn fits<T: Message>(&mut self, key: &str, n_values: u64, what: &str) {
         let limit = T::MAX_ROWS as u64;
         self.file.rule(key, n_values <= limit, || {
@@ -150,7 +150,7 @@ impl Check<'_> {
             rules::pose(&mut self.file, "imu.body_from_imu", mounting);
             rules::position(&mut self.file, "imu.body_from_imu", &mounting.translation);
             self.file.rule("imu.body_from_imu", entry.position_in_body == [0.0; 3], || {
-                "states the position, too; remove imu.position_in_body".into()
+                "also states the position; remove imu.position_in_body".into()
             });
         }
     }

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Shortest range of a return: some files store missing returns as 0 0 0.
 const MIN_RANGE_M: f32 = 0.1;
 
-/// A cloud file that cannot be read.
+/// Error of a cloud file that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CloudFault {
     #[error(transparent)]
@@ -33,7 +33,7 @@ pub(super) enum CloudFault {
 /// The returns of a cloud file.
 #[derive(Debug)]
 pub(super) struct CloudReturns {
-    /// By time if they have times, else in the order of the file.
+    /// The returns, sorted by time if they have times, otherwise in the order of the file.
     pub(super) returns: Vec<SweepPoint>,
     pub(super) has_times: bool,
 }
@@ -61,7 +61,7 @@ pub(super) fn load(path: &Path, format: &str, lidar: &Lidar) -> Result<CloudRetu
     Ok(found)
 }
 
-/// As [`returns_from_cloud`], with the rings and times that the file has.
+/// Returns as from [`returns_from_cloud`], with the rings and times of the file.
 fn of_pcd(cloud: &pcd::PcdCloud, lidar: &Lidar) -> Result<CloudReturns, CloudFault> {
     let n_rings = lidar.n_rings();
     let beyond = |p: &&FiredPoint| cloud.has_rings && n_rings > 0 && usize::from(p.ring) >= n_rings;
@@ -78,7 +78,7 @@ fn of_pcd(cloud: &pcd::PcdCloud, lidar: &Lidar) -> Result<CloudReturns, CloudFau
 }
 
 /// Returns in the order of the file, without times. Points that are not finite or closer than 0.1 m are removed. The azimuth is the
-/// direction of the point. The ring is the nearest beam by elevation (for the HDL-64E: of the device of KITTI); 0 for
+/// direction of the point. The ring is the nearest beam by elevation (for the HDL-64E: the beams of the KITTI device); 0 for
 /// sensors without fixed beams. Intensities from 0 to 1 are scaled to 0 to 255.
 pub fn returns_from_cloud(points: &[CloudPoint], lidar: &Lidar) -> Vec<SweepPoint> {
     let rings = Rings::new(lidar);
@@ -91,7 +91,7 @@ pub fn is_return(p: &CloudPoint) -> bool {
     range_m.is_finite() && range_m > MIN_RANGE_M
 }
 
-/// See [`returns_from_cloud`]: point with its time, and ring of a row.
+/// Returns as from [`returns_from_cloud`]. `fired` gives the point with its time and `ring` the ring of a row.
 fn returns<T>(rows: &[T], fired: impl Fn(&T) -> FiredPoint, ring: impl Fn(&T) -> u8) -> Vec<SweepPoint> {
     let is_fraction = rows.iter().all(|row| fired(row).point.intensity <= 1.0);
     let scale = if is_fraction { 255.0 } else { 1.0 };
@@ -151,7 +151,7 @@ impl Rings {
             return Self(vec![bank(KITTI_UPPER_UP_M, &KITTI_UPPER_DEG), bank(KITTI_LOWER_UP_M, &KITTI_LOWER_DEG)]);
         }
         let degrees: Vec<f32> = lidar.elevations_deg().iter().map(|degrees| *degrees as f32).collect();
-        // With one beam or none, points have no rings.
+        // With fewer than two beams, points have no rings.
         Self(if degrees.len() < 2 { Vec::new() } else { vec![bank(0.0, &degrees)] })
     }
 

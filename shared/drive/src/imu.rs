@@ -9,7 +9,7 @@ pub const HEADER: &str = "stamp,ax,ay,az,wx,wy,wz";
 /// Longest line that is read, bytes. Seven numbers need less than 200.
 const MAX_LINE: u64 = 1024;
 
-/// Largest acceleration, m/s^2: one hundred times gravity. Sensors of vehicles end far below, so a larger value is damage.
+/// Largest acceleration, m/s^2: one hundred times gravity. Vehicle sensors saturate far below, so a larger value is damage.
 pub const MAX_ACCELERATION: f64 = 1000.0;
 /// Largest angular rate, rad/s: sixteen turns per second.
 pub const MAX_ANGULAR_RATE: f64 = 100.0;
@@ -25,7 +25,7 @@ pub struct ImuSample {
     pub angular_rate: [f64; 3],
 }
 
-/// A sample that cannot be read.
+/// Error of a sample that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ImuError {
     /// A line is invalid. Reading continues with the next line.
@@ -33,7 +33,7 @@ pub enum ImuError {
     Line {
         /// Counted from 1.
         line: u64,
-        /// What is wrong.
+        /// Fault of the line.
         fault: ImuFault,
     },
     /// The operating system reported an error. Reading stops.
@@ -41,7 +41,7 @@ pub enum ImuError {
     Io(#[from] io::Error),
 }
 
-/// What is wrong with a line.
+/// Fault of a line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImuFault {
     /// It is not UTF-8.
@@ -93,13 +93,13 @@ pub struct ImuParser {
 }
 
 impl ImuParser {
-    /// For a unit whose axes are not those of the body: samples are in the body frame.
+    /// Returns the parser for a unit with other axes than the body: samples are rotated into the body frame.
     #[must_use]
     pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
         Self { body_from_unit: Some(body_from_unit), ..self }
     }
 
-    /// For a unit whose stamps are late: samples have the time of the measurement.
+    /// Returns the parser for a unit whose stamps are late: samples get the time of the measurement.
     #[must_use]
     pub fn delayed(self, delay_nanos: i64) -> Self {
         Self { delay_nanos, ..self }
@@ -157,13 +157,13 @@ impl<R: BufRead> ImuReader<R> {
         Self { lines, parser: ImuParser::default(), failed: false }
     }
 
-    /// As [`ImuParser::rotated`].
+    /// Returns the reader for a unit with other axes than the body, as [`ImuParser::rotated`].
     #[must_use]
     pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
         Self { parser: self.parser.rotated(body_from_unit), ..self }
     }
 
-    /// As [`ImuParser::delayed`].
+    /// Returns the reader for a unit whose stamps are late, as [`ImuParser::delayed`].
     #[must_use]
     pub fn delayed(self, delay_nanos: i64) -> Self {
         Self { parser: self.parser.delayed(delay_nanos), ..self }
@@ -220,7 +220,7 @@ fn skip_line(lines: &mut impl BufRead) -> io::Result<()> {
     }
 }
 
-/// Content of a file. Numbers are written with as many digits as reading back the same bits needs.
+/// Content of a file. Numbers are written with as many digits as needed to read back the same bits.
 pub fn csv_from_samples(samples: &[ImuSample]) -> String {
     let mut text = format!("{HEADER}\n");
     for sample in samples {

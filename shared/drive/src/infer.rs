@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Formats by file name extension, in the order of the search.
 const FORMATS: [&str; 4] = ["pcd", "bin", "pcap", "pcapng"];
 
-/// Fails if the first sweep of `*.bin` files is not one of KITTI: rows of x y z intensity.
+/// Fails if the first sweep of `*.bin` files is not in the layout of KITTI: rows of x y z intensity.
 fn check_rows(path: &Path) -> Result<(), FileError> {
     let problem = |rule: String| FileError::from(FileProblem::of_file(path, rule));
     let hint = "without drive.toml, *.bin must be sweeps of KITTI; use `replica import` or write a drive.toml";
@@ -44,7 +44,7 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
     Err(problem(format!("contains neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))))
 }
 
-/// The drive of one capture.
+/// The drive that consists of one capture.
 pub(super) fn of_capture(file: &Path) -> Result<Drive, FileError> {
     let problem = |rule: String| FileError::from(FileProblem::of_file(file, rule));
     let extension = file.extension().map(|extension| extension.to_string_lossy().to_lowercase());
@@ -81,7 +81,7 @@ fn model_of(captures: Vec<PathBuf>) -> Result<Model, String> {
     SweepReader::open(captures, None).map(|reader| reader.model()).map_err(|error| error.to_string())
 }
 
-/// The manifest of a LiDAR alone. The body frame is the lidar frame.
+/// The manifest of a drive with only a LiDAR. The body frame is the lidar frame.
 fn manifest(path: &Path, model: Model, format: &str) -> Manifest {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     Manifest::of_lidar(&name, LidarEntry::new(model.name(), format, ".", PoseEntry::IDENTITY))

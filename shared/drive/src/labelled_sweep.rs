@@ -1,4 +1,4 @@
-//! The labelled returns of one sweep, and how a point of a cloud finds its return among them.
+//! The labelled returns of one sweep, and the search for the return of a point of a cloud.
 
 use lidar::{SweepInfo, SweepPoint};
 
@@ -6,7 +6,7 @@ use lidar::{SweepInfo, SweepPoint};
 const TOLERANCE_NANOS: i64 = 500;
 /// Tolerance of ranges: 1 cm of the stored range, and coordinates in f32 within 100 km of their origin.
 const TOLERANCE_M: f32 = 0.03;
-/// Tolerance of ranges as a share: the scale of UTM is up to 0.1 % off at the edge of a zone.
+/// Relative tolerance of ranges: the scale of UTM is up to 0.1 % off at the edge of a zone.
 const TOLERANCE_SHARE: f32 = 0.001;
 
 /// Class and instance of a return.
@@ -18,20 +18,20 @@ pub struct TrueLabel {
     pub instance: u16,
 }
 
-/// What a point of a cloud still tells about its return.
+/// Known properties of the return from which a point of a cloud was made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shot {
     /// Time of the shot, ns since the Unix epoch.
     pub stamp: i64,
     /// Ring.
     pub ring: u8,
-    /// Encoder angle, 0.01 deg. Needed for recordings without point times, whose shots are told apart by ring and angle.
+    /// Encoder angle, 0.01 deg. Needed for recordings without point times, whose shots are distinguished by ring and angle.
     pub azimuth: Option<u16>,
-    /// Distance from the LiDAR, m. A return at another distance is not that of the point.
+    /// Distance from the LiDAR, m. A return at another distance does not belong to the point.
     pub range_m: Option<f32>,
 }
 
-/// Why a point has no label.
+/// Reason why a point has no label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoLabel {
     /// The drive has no sweep at this time.
@@ -70,7 +70,7 @@ impl Labelled {
         let range_m = (point.x * point.x + point.y * point.y + point.z * point.z).sqrt();
         let TrueLabel { class, instance } = label;
         let SweepPoint { offset_nanos, azimuth, ring, .. } = *point;
-        // Saturates at 655 m, beyond the reach of all models.
+        // Saturates at 655 m, beyond the maximum range of all models.
         Self { offset_nanos, azimuth, range_cm: (range_m * 100.0).round() as u16, instance, ring, class }
     }
 
@@ -78,7 +78,7 @@ impl Labelled {
         TrueLabel { class: self.class, instance: self.instance }
     }
 
-    /// Difference of the ranges, m, or `None` if it shows another return. 0 for a shot without range.
+    /// Difference of the ranges, m, or `None` if it is large enough to indicate another return. 0 for a shot without range.
     fn range_error(&self, shot: &Shot) -> Option<f32> {
         let Some(range_m) = shot.range_m else { return Some(0.0) };
         let error_m = (f32::from(self.range_cm) * 0.01 - range_m).abs();
@@ -87,7 +87,7 @@ impl Labelled {
 }
 
 impl LabelledSweep {
-    /// `labels` are as many as `points`.
+    /// The labelled returns of a sweep. `labels` has as many items as `points`.
     pub(super) fn new(sweep: &SweepInfo, points: &[SweepPoint], labels: impl Iterator<Item = TrueLabel>) -> Self {
         let mut returns: Vec<Labelled> =
             points.iter().zip(labels).map(|(point, label)| Labelled::new(point, label)).collect();
@@ -138,7 +138,7 @@ impl LabelledSweep {
         }
         let is_of_shot = |r: &&Labelled| shot.azimuth.is_none_or(|azimuth| r.azimuth == azimuth);
         let found = candidates.iter().filter(is_of_shot).filter_map(|r| Some((r.range_error(shot)?, r)));
-        // Of two echoes with equal range errors the first.
+        // Of two echoes with equal range errors, the first is used.
         let nearest = found.min_by(|a, b| a.0.total_cmp(&b.0));
         let (_, found) = nearest.ok_or(NoLabel::OtherReturn)?;
         if self.has_labels { Ok(found.label()) } else { Err(NoLabel::UnlabeledSweep) }
@@ -153,7 +153,7 @@ impl LabelledSweep {
         &self.returns[first..end.max(first)]
     }
 
-    /// The returns of the ring at the angle of the shot: without point times all have the time of the sweep.
+    /// The returns of the ring at the angle of the shot: without point times, all returns have the time of the sweep.
     fn at_azimuth(&self, shot: &Shot) -> Result<&[Labelled], NoLabel> {
         let azimuth = shot.azimuth.ok_or(NoLabel::NoReturn)?;
         let first = self.returns.partition_point(|r| (r.ring, r.azimuth) < (shot.ring, azimuth));
@@ -211,7 +211,7 @@ mod tests {
     fn returns_without_times_are_found_by_ring_and_angle() {
         let sweep = sweep(false, &[point(3, 0, 200, 9.0), point(3, 0, 100, 9.0), point(3, 0, 100, 30.0)]);
         let instance = |shot: Shot| sweep.find(&shot).map(|label| label.instance);
-        // The odometry may have given them times.
+        // The odometry may have assigned times to them.
         for offset_nanos in [0, 55_000_000] {
             assert_eq!(instance(shot(offset_nanos, 3, 200, 9.0)), Ok(0));
             assert_eq!(instance(shot(offset_nanos, 3, 100, 9.0)), Ok(1));

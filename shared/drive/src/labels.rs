@@ -25,7 +25,7 @@ pub struct TrueLabels {
 }
 
 impl Drive {
-    /// A reader of the labels, at the first sweep. An error if the drive has no labels.
+    /// A reader of the labels, at the first sweep. Fails if the drive has no labels.
     pub fn label_reader(&self) -> Result<LabelReader, FileProblem> {
         let labels = self.manifest.truth.as_ref().and_then(|truth| truth.labels.as_ref());
         let Some(labels) = labels else {
@@ -37,8 +37,9 @@ impl Drive {
         Ok(LabelReader { drive: self.folder.clone(), folder, source, points: Vec::new(), n_files: 0 })
     }
 
-    /// The labels of all returns of the sweeps that have a label file. Points of other sweeps have no sweep: some data sets label key frames only. An error if the drive has
-    /// no labels, or the labels of a sweep are not as many as its returns.
+    /// The labels of all returns of the sweeps that have a label file. Other sweeps are left out, because some data sets
+    /// label only key frames. Fails if the drive has no labels, or if the number of labels of a sweep differs from the
+    /// number of its returns.
     pub fn true_labels(&self) -> Result<TrueLabels, FileProblem> {
         let mut reader = self.label_reader()?;
         let mut sweeps = Vec::new();
@@ -52,8 +53,8 @@ impl Drive {
 }
 
 impl LabelReader {
-    /// The next sweep, with its labels if it has a label file; `None` at the end of the drive. An error if they are not as many as its
-    /// returns, or if no sweep has a file.
+    /// The next sweep, with its labels if it has a label file; `None` at the end of the drive. Fails if the number of
+    /// labels differs from the number of returns, or if no sweep has a file.
     pub fn next_sweep(&mut self) -> Result<Option<LabelledSweep>, FileProblem> {
         let fault = |file: &Path, rule: String| FileProblem::of_file(file, rule);
         self.points.clear();
@@ -88,7 +89,7 @@ impl LabelReader {
 
 fn label(bytes: [u8; 4]) -> TrueLabel {
     let word = u32::from_le_bytes(bytes);
-    // Classes of 256 and more are unknown.
+    // Classes of 256 and more are unlabeled.
     TrueLabel { class: u8::try_from(word & 0xffff).unwrap_or(0), instance: (word >> 16) as u16 }
 }
 
@@ -103,6 +104,6 @@ impl TrueLabels {
 pub fn find_label(sweeps: &[LabelledSweep], shot: &Shot) -> Result<TrueLabel, NoLabel> {
     let after = sweeps.partition_point(|sweep| sweep.begins_before(shot.stamp));
     let [before @ .., last] = &sweeps[..after] else { return Err(NoLabel::NoSweep) };
-    // Times that the odometry gave to points without times may reach into the next sweep.
+    // Times that the odometry assigned to points without times may reach into the next sweep.
     last.find(shot).or_else(|fault| before.last().and_then(|sweep| sweep.find(shot).ok()).ok_or(fault))
 }

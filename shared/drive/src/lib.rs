@@ -1,14 +1,14 @@
 //! The drive folder: all recordings of one drive (`docs/reference/drive_folder.md`).
 //!
-//! `drive.toml` ([`manifest`]) describes the folder: sensors, mounting, files. [`Drive::open`] checks it against the files, so that all faults
-//! of a folder are reported before a run starts, each with file, line, key and rule. A folder of `*.pcd`, `*.bin` or `*.pcap` files without
-//! `drive.toml` is read as a LiDAR recording.
+//! `drive.toml` ([`manifest`]) describes the folder: sensors, mounting, files. [`Drive::open`] checks it against the
+//! files, so that all faults of a folder are reported before a run starts, each with file, line, key and rule. A folder
+//! of `*.pcd`, `*.bin` or `*.pcap` files without `drive.toml` is read as a LiDAR recording.
 //!
 //! A [`Drive`] lists frames and opens readers: [`SweepSource`] for sweeps of packets or of clouds, [`imu`] for samples, [`LabelReader`] for
 //! ground truth. It holds no image and no cloud in memory.
 //!
-//! **Frames.** Mountings are `body_from_<sensor>`; body x forward, y left, z up. Stamps are ns since the Unix epoch with the delays of
-//! `drive.toml` subtracted.
+//! **Frames.** Mountings are `body_from_<sensor>`; body x forward, y left, z up. Stamps are ns since the Unix epoch,
+//! after subtraction of the delays of `drive.toml`.
 //!
 //! **Never**: merging sensors by time (crate `acquisition`), making folders from other layouts (crate `import`).
 //!
@@ -77,11 +77,11 @@ pub struct Drive {
 impl Drive {
     /// Reads the manifest and lists all files. The error contains all problems.
     ///
-    /// Without `drive.toml`, the folder must contain clouds or captures. Clouds are read as those of an HDL-64E at 10 Hz, as in
-    /// KITTI: sweep k has the time k times 0.1 s, points have no times, and the body frame is the lidar frame. The sensor of captures
-    /// is detected from their packets.
+    /// Without `drive.toml`, the folder must contain clouds or captures. Clouds are read as sweeps of an HDL-64E at 10
+    /// Hz, as in KITTI: sweep k has the time k times 0.1 s, points have no times, and the body frame is the lidar frame.
+    /// The sensor of captures is detected from their packets.
     ///
-    /// A capture instead of a folder is a drive of this capture alone, read as one in a folder without `drive.toml`.
+    /// A path to a capture instead of a folder opens a drive of this capture alone, as in a folder without `drive.toml`.
     pub fn open(folder: &Path) -> Result<Self, FileError> {
         if folder.is_file() {
             return infer::of_capture(folder);
@@ -98,7 +98,7 @@ impl Drive {
         check::drive(folder, read, is_inferred)
     }
 
-    /// Path of the folder; of a capture that is the drive, the folder with the capture.
+    /// Path of the folder; for a drive that is a capture, the folder that contains the capture.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
@@ -147,7 +147,7 @@ impl Drive {
         &self.sensors
     }
     /// Band centers of the cubes of each mosaic camera, nm: the virtual bands of its calibration if there is one, because `calibrate`
-    /// corrects by default; otherwise those of its filters.
+    /// corrects by default; otherwise the bands of its filters.
     pub fn expected_bands(&self) -> Vec<Vec<f32>> {
         camera_rig::expected_bands(&self.manifest.mosaics, &self.sensors)
     }
@@ -161,7 +161,7 @@ impl Drive {
         SweepSource::open(&self.first_lidar)
     }
 
-    /// All position fixes, without the delay of their stamps; empty if the drive has no GNSS receiver.
+    /// All position fixes, with the delay of their stamps subtracted; empty if the drive has no GNSS receiver.
     pub fn fixes(&self) -> io::Result<(Vec<Fix>, LogStats)> {
         match &self.manifest.gnss {
             Some(entry) => {
@@ -175,7 +175,7 @@ impl Drive {
         }
     }
 
-    /// A reader of the IMU samples, without the delay of their stamps, if the drive has an IMU.
+    /// A reader of the IMU samples, with the delay of their stamps subtracted, if the drive has an IMU.
     pub fn imu(&self) -> io::Result<Option<ImuReader<BufReader<File>>>> {
         let open = |entry: &ImuEntry| {
             let reader = ImuReader::new(BufReader::new(File::open(self.folder.join(&entry.file))?));
@@ -195,7 +195,8 @@ impl Drive {
     }
 }
 
-/// Reads a `drive.toml` in any folder. LiDAR and poses are checked; of the files, only the calibration of the LiDAR is. The error contains all problems.
+/// Reads a `drive.toml` in any folder. Checks the LiDAR and the poses; of the files, only the calibration of the LiDAR.
+/// The error contains all problems.
 pub fn read_manifest(path: &Path) -> Result<Manifest, FileError> {
     let text = read_text(path, MAX_SETTINGS_BYTES);
     let text = text.map_err(|error| FileProblem::of_file(path, format!("cannot read the file: {error}")))?;

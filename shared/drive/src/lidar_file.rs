@@ -6,8 +6,8 @@ use files::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use lidar::{Lidar, Model, Origin};
 use std::path::Path;
 
-/// The LiDAR of an entry. `folder` is that of the manifest, to which the path of the calibration file is relative; `key` is the entry's
-/// key in the manifest, such as `lidar` or `lidar[1]`.
+/// The LiDAR of an entry. `folder` contains the manifest; the path of the calibration file is relative to it. `key` is
+/// the key of the entry in the manifest, such as `lidar` or `lidar[1]`.
 pub fn lidar_of(folder: &Path, key: &str, entry: &LidarEntry) -> Result<Lidar, FileProblem> {
     let problem =
         |name: &str, rule: String| FileProblem { key: format!("{key}.{name}"), ..FileProblem::of_file(folder, rule) };

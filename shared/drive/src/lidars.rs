@@ -28,13 +28,13 @@ pub struct DriveLidar {
 }
 
 impl Check<'_> {
-    /// All LiDARs, the first apart; `None` if one has problems.
+    /// All LiDARs, the first one separately; `None` if one has problems.
     pub(super) fn lidars(&mut self, entries: &[Option<LidarEntry>]) -> Option<(DriveLidar, Vec<DriveLidar>)> {
         let keys = self.keys_of_lidars(entries);
         let mut found = Vec::new();
         for (index, entry) in numbered(entries) {
             let lidar = self.lidar(&keys[index], entry);
-            // Without data of another LiDAR the drive still has ticks.
+            // If another LiDAR has no data, the drive still has ticks.
             let (files, stamps) = self.sweeps(&keys[index], entry, index == 0);
             let lidar = lidar.map(|lidar| self.calibrated(&keys[index], entry, lidar, &files));
             found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps }));
@@ -64,16 +64,16 @@ impl Check<'_> {
                 !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
             };
             self.file.rule(&key("name"), entry.name.as_ref().is_some_and(is_word), || {
-                "must be a word of letters, digits and _: counters and doubts of several LiDARs have their names".into()
+                "must be a word of letters, digits and _: it is part of the names of counters and doubts".into()
             });
             for (other, earlier) in numbered(entries).take_while(|(other, _)| *other < index) {
                 self.file.rule(&key("name"), entry.name.is_none() || entry.name != earlier.name, || {
-                    format!("value {:?} is that of lidar[{other}], too; give each LiDAR its own name", entry.name)
+                    format!("value {:?} is also the name of lidar[{other}]; give each LiDAR its own name", entry.name)
                 });
                 let is_shared = Path::new(&entry.folder) == Path::new(&earlier.folder);
                 self.file.rule(&key("folder"), !is_shared || are_told_apart(entry, earlier), || {
                     format!(
-                        "{:?} is the folder of lidar[{other}], too; in one folder, only captures can be distinguished: by model, by sender or by port",
+                        "{:?} is also the folder of lidar[{other}]; in one folder, only captures can be distinguished: by model, by sender or by port",
                         entry.folder
                     )
                 });
@@ -100,7 +100,7 @@ impl Check<'_> {
         Some(lidar)
     }
 
-    /// The LiDAR with the calibration that its packets contain, if no file has it.
+    /// The LiDAR with the calibration in its packets, if no file contains one.
     fn calibrated(&mut self, key: &str, entry: &LidarEntry, lidar: Lidar, files: &[PathBuf]) -> Lidar {
         if entry.format != "pcap" || files.is_empty() {
             return lidar;

@@ -21,7 +21,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The exposure without the delay of its stamp.
+    /// The exposure with the delay of its stamp subtracted.
     pub(super) fn without_delay(self, delay_nanos: i64) -> Self {
         Self { stamp: self.stamp.plus_nanos(delay_nanos.saturating_neg()), ..self }
     }

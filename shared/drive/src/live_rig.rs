@@ -6,19 +6,20 @@ use files::problems::FileError;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Where the mounting of a live LiDAR comes from. The files that a manifest names are not checked.
+/// Source of the mounting of a live LiDAR. The files named in a manifest are not checked.
 #[derive(Clone, Debug)]
 pub enum LiveRig {
     /// A manifest.
     File(PathBuf, Box<Manifest>),
-    /// A folder of a simulated drive, whose vehicle is not the live one: the default rig.
+    /// The folder of a simulated drive, whose vehicle is not the live one: the default rig is used.
     Simulated(PathBuf),
-    /// Nothing names a manifest: the default rig.
+    /// No manifest is named: the default rig is used.
     Default,
 }
 
 impl LiveRig {
-    /// From a manifest, or a drive folder. The manifest of a simulated drive is used only if `path` is the file itself.
+    /// Finds the rig of a manifest or a drive folder. The manifest of a simulated drive is used only if `path` is the
+    /// file itself.
     pub fn find(path: &Path) -> Result<Self, FileError> {
         if path.is_file() {
             return Ok(Self::File(path.to_owned(), Box::new(read_manifest(path)?)));
@@ -42,7 +43,7 @@ impl LiveRig {
 
 impl fmt::Display for LiveRig {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let default = "the LiDAR is taken as upright, with the axes of the body frame; set run.rig to the drive.toml of the vehicle";
+        let default = "the LiDAR is assumed upright, with the axes of the body frame; set run.rig to the drive.toml of the vehicle";
         match self {
             Self::File(path, _) => write!(f, "rig: {}", path.display()),
             Self::Simulated(path) => {

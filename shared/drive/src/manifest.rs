@@ -19,7 +19,7 @@ pub(crate) const MANIFEST_VERSION: u32 = 1;
 pub struct Manifest {
     /// Version of the format.
     pub version: u32,
-    /// Name of the drive, for people.
+    /// Name of the drive, used only for display.
     pub name: String,
     /// The first LiDAR, whose revolutions are the ticks of the drive.
     pub lidar: LidarEntry,
@@ -51,13 +51,13 @@ pub struct PoseEntry {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraEntry {
-    /// Name of the camera, for people.
+    /// Name of the camera, used only for display.
     pub name: String,
     /// Folder of the images.
     pub folder: String,
     /// Exposure time, ns.
     pub exposure_nanos: u64,
-    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    /// Delay of the stamps relative to the measurement, ns. Subtracted from all stamps.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub delay_nanos: i64,
     /// Mounting.
@@ -70,7 +70,7 @@ pub struct CameraEntry {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MosaicEntry {
-    /// Name of the camera, for example `hs02`, for people.
+    /// Name of the camera, for example `hs02`, used only for display.
     pub name: String,
     /// Folder of the raw images.
     pub folder: String,
@@ -79,7 +79,7 @@ pub struct MosaicEntry {
     pub sensor: Option<String>,
     /// Exposure time, ns.
     pub exposure_nanos: u64,
-    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    /// Delay of the stamps relative to the measurement, ns. Subtracted from all stamps.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub delay_nanos: i64,
     /// Exposure time of the dark reference, ns.
@@ -109,7 +109,8 @@ pub struct MosaicEntry {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhitePanelEntry {
-    /// Reflectance for each cell of the pattern, row by row, above 0 up to 1. Without this entry all have `white_reflectance`.
+    /// Reflectance for each cell of the pattern, row by row, above 0 up to 1. Without this entry, all cells have
+    /// `white_reflectance`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectances: Option<Vec<f64>>,
     /// Left column, top row, width and height of the panel in the white frames, px; inside the active area.
@@ -125,7 +126,7 @@ pub struct GnssEntry {
     pub file: String,
     /// Latitude (deg), longitude (deg) and height (m) of the world frame's origin, WGS84.
     pub origin: [f64; 3],
-    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    /// Delay of the stamps relative to the measurement, ns. Subtracted from all stamps.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub delay_nanos: i64,
     /// Position of the antenna in the body frame, m.
@@ -138,13 +139,14 @@ pub struct GnssEntry {
 pub struct ImuEntry {
     /// Name of the log file.
     pub file: String,
-    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    /// Delay of the stamps relative to the measurement, ns. Subtracted from all stamps.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub delay_nanos: i64,
-    /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame, unless `body_from_imu` is there.
+    /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame, unless
+    /// `body_from_imu` is set.
     #[serde(default)]
     pub position_in_body: [f64; 3],
-    /// Mounting of a unit with other axes, in place of `position_in_body`.
+    /// Mounting of a unit with other axes, instead of `position_in_body`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_from_imu: Option<PoseEntry>,
 }
@@ -157,10 +159,10 @@ pub struct TruthEntry {
     pub trajectory: String,
     /// Folder with one SemanticKITTI file per sweep, `<seq, 6 digits>.label`: a u32 per return in firing order, low 16 bits class,
     /// high 16 bits instance. Sweeps without a file have no labels.
-    /// Optional: a trajectory alone is ground truth, too.
+    /// Optional: a trajectory alone is also ground truth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labels: Option<String>,
-    /// File with the true mountings ([`Calibration`]). The mountings in the manifest have measurement errors.
+    /// File with the true mountings ([`Calibration`]). The mountings in the manifest include measurement errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
     /// CSV with the satellites in view and the error of the fix, one line per second.
@@ -168,8 +170,8 @@ pub struct TruthEntry {
     pub gnss: Option<String>,
 }
 
-/// A value that is not written.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature is that of serde")]
+/// Whether a value is the default, which is not written.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde defines the signature")]
 fn is_zero(value: &i64) -> bool {
     *value == 0
 }
@@ -205,7 +207,7 @@ impl From<Pose> for PoseEntry {
     }
 }
 
-/// An entry of a manifest whose pose is not a rigid transform.
+/// Error of a manifest entry whose pose is not a rigid transform.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{entry}: {pose:?} is not a rigid transform; expected finite numbers and a unit quaternion x y z w")]
 pub struct RigError {
@@ -216,7 +218,7 @@ pub struct RigError {
 }
 
 impl Manifest {
-    /// The manifest of a drive with a LiDAR only.
+    /// The manifest of a drive with only a LiDAR.
     pub fn of_lidar(name: &str, lidar: LidarEntry) -> Self {
         Self {
             version: MANIFEST_VERSION,

@@ -4,13 +4,13 @@ use crate::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, Mo
 use files::toml_file::TomlFile;
 use std::path::Path;
 
-/// The entries of a manifest that could be read, with the problems found so far. Those that could not be read are among the
-/// problems, and do not keep the others from being checked.
+/// The entries of a manifest that could be read, with the problems found so far. Entries that could not be read are among
+/// the problems and do not prevent the checks of the others.
 pub(super) struct Read {
     pub(super) file: TomlFile,
     pub(super) version: Option<u32>,
     pub(super) name: Option<String>,
-    /// At least one.
+    /// The entries of LiDARs, at least one.
     pub(super) lidars: Vec<Option<LidarEntry>>,
     pub(super) cameras: Vec<Option<CameraEntry>>,
     pub(super) mosaics: Vec<Option<MosaicEntry>>,
@@ -21,7 +21,7 @@ pub(super) struct Read {
 
 const KEYS: [&str; 8] = ["version", "name", "lidar", "camera", "mosaic", "gnss", "imu", "truth"];
 
-// The keys that an entry must have.
+// The required keys of an entry.
 const LIDAR: [&str; 4] = ["model", "format", "folder", "body_from_lidar"];
 const CAMERA: [&str; 5] = ["name", "folder", "exposure_nanos", "body_from_camera", "model"];
 const MOSAIC: [&str; 12] = [

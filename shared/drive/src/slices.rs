@@ -7,8 +7,8 @@ use lidar::{SliceInfo, SlicePoll, SweepError, SweepPoint, SweepReader};
 
 impl SweepSource {
     /// Passes the returns from `begin` to before `end` (ns since the epoch) to `sink`, in firing order, in pieces, at most
-    /// [`SweepReader::MAX_RETURNS`] in all. Their times are those after the stamp of the slice; clouds without times belong to the slice of
-    /// their stamp. `None` if the recording ended before.
+    /// [`SweepReader::MAX_RETURNS`] in all. Times of the returns count from the stamp of the slice; clouds without times
+    /// belong to the slice of their stamp. `None` if the recording ended earlier.
     pub fn next_slice(
         &mut self,
         window: (i64, i64),
@@ -23,7 +23,7 @@ impl SweepSource {
         }
     }
 
-    /// Tells the readers of captures which packets are those of the other LiDARs of the drive.
+    /// Informs the readers of captures which packets belong to the other LiDARs of the drive.
     pub fn separate<'a>(sources: impl IntoIterator<Item = &'a mut Self>) {
         let mut sources: Vec<&mut Self> = sources.into_iter().collect();
         let origin = |source: &&mut Self| match source {
@@ -55,10 +55,10 @@ impl Clouds {
             };
             is_over = false;
             slice.has_times = cloud.has_times;
-            // By time, or all at the stamp.
+            // Time of the shot; for clouds without times, the stamp.
             let time_of = |point: &SweepPoint| stamp.0.saturating_add(i64::from(point.offset_nanos));
             let index_of = |nanos: i64| cloud.returns.partition_point(|point| time_of(point) < nanos);
-            // A saved position may be of a file that has changed.
+            // A saved position may refer to a file that has changed.
             let taken = self.taken.min(cloud.returns.len());
             let first = taken.max(index_of(begin));
             let last = first.max(index_of(end));

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// Longest sweep, ns: sensors turn at 5 Hz or faster.
 const LONGEST_NANOS: i64 = 500_000_000;
-/// Times of points may pass the begin of the next sweep by this part of the duration: motors do not turn evenly.
+/// Times of points may pass the start of the next sweep by this part of the duration: the speed of motors varies.
 const MARGIN: u32 = 10;
 
 /// Reads sweeps in order, one at a time.
@@ -27,7 +27,7 @@ pub enum SweepSource {
     Clouds(Clouds),
 }
 
-/// Reader of sweeps that are one cloud file each.
+/// Reader of sweeps stored as one cloud file each.
 #[derive(Debug)]
 pub struct Clouds {
     files: Vec<PathBuf>,
@@ -53,7 +53,7 @@ pub enum SourcePosition {
     Clouds {
         /// Index of the next file.
         next: u64,
-        /// Points of it that earlier slices have taken.
+        /// Points of this file that earlier slices have taken.
         taken: u64,
         /// Unreadable files so far.
         n_bad: u64,

@@ -6,7 +6,7 @@ use files::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use formats::sensor_calibration::SensorCalibration;
 use messages::{CubeTopic, ImageTopic, MosaicTopic};
 
-/// Values of a pixel of a color image.
+/// Number of values per pixel of a color image.
 const COLORS: u64 = 3;
 
 impl Check<'_> {

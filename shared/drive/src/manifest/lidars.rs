@@ -9,7 +9,7 @@ use std::net::Ipv4Addr;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LidarEntry {
-    /// Name of the LiDAR, for people. Several LiDARs must have different names.
+    /// Name of the LiDAR, used only for display. Several LiDARs must have different names.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Name of a [`lidar::Model`].
@@ -19,13 +19,14 @@ pub struct LidarEntry {
     pub format: String,
     /// Folder of the files, which are read in the order of their names.
     pub folder: String,
-    /// Captures with several LiDARs: address from which this one sends.
+    /// Captures with several LiDARs: address from which this LiDAR sends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sender: Option<Ipv4Addr>,
-    /// Captures with several LiDARs: UDP port to which this one sends its data packets.
+    /// Captures with several LiDARs: UDP port to which this LiDAR sends its data packets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub port: Option<u16>,
-    /// Calibration file of the unit ([`lidar::Lidar::with_calibration`]). Without it the beams are those of the model.
+    /// Calibration file of the unit ([`lidar::Lidar::with_calibration`]). Without it the nominal beams of the model are
+    /// used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
     /// Mounting.
@@ -33,7 +34,7 @@ pub struct LidarEntry {
 }
 
 impl LidarEntry {
-    /// Sweeps or captures of a model in a folder.
+    /// Entry of the sweeps or captures of a model in a folder.
     pub fn new(model: &str, format: &str, folder: &str, body_from_lidar: PoseEntry) -> Self {
         Self {
             name: None,
@@ -46,7 +47,7 @@ impl LidarEntry {
             body_from_lidar,
         }
     }
-    /// Packet captures of a model in the folder `lidar`.
+    /// Entry of the packet captures of a model in the folder `lidar`.
     pub fn of_captures(model: &str, body_from_lidar: PoseEntry) -> Self {
         Self::new(model, "pcap", "lidar", body_from_lidar)
     }
@@ -57,7 +58,7 @@ impl Manifest {
     pub fn lidars(&self) -> impl Iterator<Item = &LidarEntry> {
         std::iter::once(&self.lidar).chain(&self.other_lidars)
     }
-    /// Name of a LiDAR for people: that of its entry, else `lidar` and its index.
+    /// Name of a LiDAR for display: the name in its entry, otherwise `lidar` and its index.
     pub fn lidar_name(&self, index: usize) -> Cow<'_, str> {
         let name = self.lidars().nth(index).and_then(|entry| entry.name.as_deref());
         name.map_or_else(|| format!("lidar {index}").into(), Cow::Borrowed)

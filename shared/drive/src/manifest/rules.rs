@@ -11,31 +11,31 @@ const MAX_OFFSET_M: f64 = 100.0;
 /// Limit of delays, ns: 10 s. A larger one is another clock, not a delay.
 pub const MAX_DELAY_NANOS: u64 = 10_000_000_000;
 
-/// A rigid transform.
+/// Checks that a pose is a rigid transform.
 pub fn pose(file: &mut TomlFile, key: &str, entry: &PoseEntry) {
     file.rule(key, entry.to_pose().is_some(), || {
         format!("{entry:?} is not a rigid transform; expected finite numbers and a unit quaternion x y z w")
     });
 }
 
-/// A position on the vehicle.
+/// Checks a position on the vehicle.
 pub fn position(file: &mut TomlFile, key: &str, position: &[f64; 3]) {
     let near = position.iter().all(|v| v.abs() < MAX_OFFSET_M);
     file.rule(key, near, || format!("value {position:?} must be three lengths below {MAX_OFFSET_M} m"));
 }
 
-/// A delay of the stamps of a sensor.
+/// Checks a delay of the stamps of a sensor.
 pub fn delay(file: &mut TomlFile, key: &str, nanos: i64) {
     file.rule(key, nanos.unsigned_abs() <= MAX_DELAY_NANOS, || format!("value {nanos} must be -10 s to 10 s in ns"));
 }
 
-/// An exposure time.
+/// Checks an exposure time.
 pub fn exposure(file: &mut TomlFile, key: &str, nanos: u64) {
     let range = 1..=10_000_000_000;
     file.rule(key, range.contains(&nanos), || format!("value {nanos} must be 1 ns to 10 s"));
 }
 
-/// A lens model and its image size.
+/// Checks a lens model and its image size.
 pub fn lens(file: &mut TomlFile, key: &str, model: &CameraModel) {
     let (width, height) = model.size();
     let sized = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
