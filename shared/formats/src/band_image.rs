@@ -11,40 +11,41 @@ pub struct BandImage {
     pub size: [usize; 2],
     /// Number of bands.
     pub n_bands: usize,
-    /// Center wavelength of each band, nm. Empty if the file does not say.
+    /// Center wavelength of each band, nm. Empty if the file has no wavelengths.
     pub wavelengths_nm: Vec<f32>,
-    /// Planes of rows. ENVI: divided by the reflectance scale factor; NaN where a value is to be ignored. TIFF: samples as stored.
+    /// Rows of each plane. ENVI: divided by the reflectance scale factor; NaN where a value is to be ignored. TIFF:
+    /// samples as stored.
     pub values: Vec<f32>,
 }
 
-/// Why a file is no image.
+/// Error of a file that is not an image.
 #[derive(Debug, thiserror::Error)]
 pub enum BandImageError {
-    /// An ENVI file.
+    /// An ENVI file is invalid.
     #[error(transparent)]
     Envi(#[from] EnviError),
-    /// The wavelengths of an ENVI file.
+    /// The wavelengths of an ENVI file are invalid.
     #[error("{}: {fault}", .path.display())]
     Wavelengths {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault of the file.
         fault: EnviFault,
     },
-    /// A TIFF.
+    /// A TIFF is invalid.
     #[error("{}: {error}", .path.display())]
     Tiff {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Fault of the file.
         error: TiffError,
     },
-    /// A file that cannot be read.
+    /// A file cannot be read.
     #[error("{}: {error}", .path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// Of the system.
+        /// Error of the operating system.
         error: std::io::Error,
     },
 }
@@ -53,7 +54,7 @@ fn is_tiff(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("tif") || ending.eq_ignore_ascii_case("tiff"))
 }
 
-/// Reads a TIFF by its ending, else an ENVI image by the path of its header or of its data file.
+/// Reads a TIFF if the extension names one, otherwise an ENVI image by the path of its header or of its data file.
 pub fn read(path: &Path) -> Result<BandImage, BandImageError> {
     let path_buf = || path.to_owned();
     if is_tiff(path) {

@@ -9,7 +9,7 @@ pub struct CloudPoint {
     pub y: f32,
     /// z, m.
     pub z: f32,
-    /// Intensity, 0 if the file has none.
+    /// Intensity; 0 if the file has no intensities.
     pub intensity: f32,
 }
 
@@ -18,16 +18,16 @@ pub struct CloudPoint {
 pub struct FiredPoint {
     /// The point.
     pub point: CloudPoint,
-    /// Beam, 0 = lowest; 0 if the file has none.
+    /// Beam, 0 = lowest; 0 if the file has no beams.
     pub ring: u8,
-    /// ns after the sweep's stamp; 0 if the file has none.
+    /// Time after the sweep's stamp, ns; 0 if the file has no times.
     pub offset_nanos: u32,
 }
 
 /// Longest range of a point, m: more than twice the range of every supported sensor.
 pub const MAX_RANGE_M: f32 = 300.0;
 
-/// A point that no supported LiDAR measures.
+/// Error of a point that no supported LiDAR measures.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("point {index}: {quantity} {value} must be 0 to {limit}")]
 pub struct ImplausiblePoint {

@@ -2,32 +2,32 @@
 
 use crate::envi::LibrarySpectrum;
 
-/// A text that is not a spectrum.
+/// Error of a text that is not a spectrum.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("line {line}: {fault}")]
 pub struct EcostressError {
-    /// From 1.
+    /// Line, from 1.
     pub line: usize,
-    /// What is wrong there.
+    /// Fault of the line.
     pub fault: EcostressFault,
 }
 
-/// What is wrong with a text.
+/// Fault of a text.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum EcostressFault {
-    /// An unknown unit of wavelengths.
+    /// The unit of wavelengths is unknown.
     #[error("{0:?}; expected micrometers or nanometers")]
     WavelengthUnit(String),
-    /// An unknown unit of values.
+    /// The unit of values is unknown.
     #[error("{0:?}; expected reflectance")]
     ValueUnit(String),
-    /// Values before the units.
+    /// Values precede the units.
     #[error("{0:?}; values must follow X Units and Y Units")]
     NoUnits(String),
-    /// A line that is no value.
+    /// A line is not a value.
     #[error("{0:?}; expected two numbers")]
     Columns(String),
-    /// A text without values.
+    /// The text has no values.
     #[error("the file ends before the first value")]
     NoValues,
 }

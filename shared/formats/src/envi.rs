@@ -1,10 +1,10 @@
-//! ENVI images and spectral libraries: a text header (`.hdr`) beside a data file of plain numbers.
+//! ENVI images and spectral libraries: a text header (`.hdr`) next to a data file of plain numbers.
 //!
 //! Read: all numeric types, interleaves and byte orders, with the variants that other programs write: comments, keys in any case,
 //! lists over several lines, a missing `lines` (computed from the file size), any common extension of the data file.
 //! Written: band-sequential, f32, little-endian, which `SPy`, GDAL and ENVI open.
 //!
-//! Written here: no maintained crate reads ENVI headers.
+//! Not based on a crate: no maintained crate reads ENVI headers.
 
 mod error;
 mod header;
@@ -54,8 +54,8 @@ pub fn read(path: &Path) -> Result<Image, EnviError> {
     Ok(Image { header, values })
 }
 
-/// Writes the header `path` (ending in `.hdr`) and the data file beside it, `.img`: f32, band-sequential, little-endian, offset 0,
-/// whatever the header says.
+/// Writes the header `path` (ending in `.hdr`) and the data file next to it, `.img`: f32, band-sequential, little-endian,
+/// offset 0, independent of the values of the header.
 pub fn write(path: &Path, image: &Image) -> Result<(), EnviError> {
     let expected = image.header.samples * image.header.lines * image.header.bands;
     if image.values.len() != expected {
@@ -94,11 +94,12 @@ pub fn read_library(path: &Path) -> Result<Vec<LibrarySpectrum>, EnviError> {
     Ok(spectra.collect())
 }
 
-/// Libraries store fractions, per cent or ten thousandths, often without a scale factor. The largest value shows which.
+/// Libraries store fractions, per cent or ten thousandths, often without a scale factor. The scale is estimated from the
+/// largest value.
 fn likely_scale(values: &[f32]) -> f32 {
     let largest = values.iter().copied().filter(|value| value.is_finite()).fold(0.0, f32::max);
     match largest {
-        // A specular glint may exceed a perfect diffuser, but not twice.
+        // A specular glint may exceed a perfect diffuser, but not by a factor of two.
         largest if largest <= 2.0 => 1.0,
         largest if largest <= 200.0 => 100.0,
         _ => 10_000.0,

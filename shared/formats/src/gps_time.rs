@@ -25,12 +25,12 @@ const LEAPS_S: [i64; 18] = [
     1_483_228_800,
 ];
 
-/// What is subtracted from GPS time for a double to resolve 0.1 µs (LAS 1.4 R15, "adjusted standard GPS time"), s.
+/// Offset subtracted from GPS time so that a double resolves 0.1 µs (LAS 1.4 R15, "adjusted standard GPS time"), s.
 const ADJUSTMENT_S: f64 = 1e9;
 /// Seconds of a week.
 const WEEK_S: f64 = 604_800.0;
 
-/// GPS time, s since 1980-01-06, of seconds since the Unix epoch (UTC). Negative before 1980.
+/// GPS time, s since 1980-01-06, from seconds since the Unix epoch (UTC). Negative before 1980.
 pub fn gps_from_unix(unix_s: f64) -> f64 {
     let n_leaps = LEAPS_S.partition_point(|leap_s| *leap_s as f64 <= unix_s);
     unix_s - EPOCH_S + n_leaps as f64
@@ -57,7 +57,7 @@ mod tests {
         assert_eq!(adjusted_gps_from_unix(1_726_230_400.0), 410_265_618.0);
         assert_eq!(week_seconds_from_unix(1_726_230_400.0), 476_818.0);
         assert_eq!(gps_from_unix(315_964_800.0), 0.0);
-        // The last second of 2016 had a leap second behind it.
+        // The last second of 2016 was followed by a leap second.
         assert_eq!(gps_from_unix(1_483_228_800.0) - gps_from_unix(1_483_228_799.0), 2.0);
         assert_eq!(gps_from_unix(0.0), -315_964_800.0);
     }

@@ -23,7 +23,7 @@ pub struct GeoidGrid {
     values: Vec<f32>,
 }
 
-/// A file that is no GTX grid.
+/// Error of a file that is not a GTX grid.
 #[derive(Debug, thiserror::Error)]
 pub enum GtxError {
     /// The file cannot be read.
@@ -34,12 +34,12 @@ pub enum GtxError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// The content is not that of the format.
+    /// The content does not have the format.
     #[error("{}: is not a GTX grid: {rule}", path.display())]
     Content {
         /// The file.
         path: PathBuf,
-        /// The value found, and the rule.
+        /// The value found and the rule.
         rule: String,
     },
 }
@@ -77,8 +77,8 @@ impl GeoidGrid {
         })
     }
 
-    /// Height of the geoid above the ellipsoid, m, bilinear between the nodes. `None` outside of the grid and beside nodes without
-    /// value.
+    /// Height of the geoid above the ellipsoid, m, bilinear between the nodes. `None` outside the grid and in cells that
+    /// have a node without value.
     pub fn height(&self, latitude_deg: f64, longitude_deg: f64) -> Option<f64> {
         let row = (latitude_deg - self.first_deg[0]) / self.step_deg[0];
         // Grids count from -180 or from 0 degrees.

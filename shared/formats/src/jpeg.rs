@@ -1,4 +1,5 @@
-//! Whether a JPEG file is complete and whole. Decoders fill the missing part of a cut image with gray, and go on after damage.
+//! Checks that a JPEG file is complete and undamaged. Decoders fill the missing part of a cut image with gray, and
+//! continue after damage.
 
 mod bits;
 mod entropy;
@@ -9,7 +10,7 @@ const ALONE: [u8; 9] = [0x01, 0xd0, 0xd1, 0xd2, 0xd3, 0xd4, 0xd5, 0xd6, 0xd7];
 const START_OF_SCAN: u8 = 0xda;
 const END_OF_IMAGE: u8 = 0xd9;
 
-/// What is wrong with a JPEG file.
+/// Fault of a JPEG file.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JpegError {
     /// Data is missing at the end.
@@ -18,17 +19,17 @@ pub enum JpegError {
         /// Size of the file.
         n_bytes: usize,
     },
-    /// A code that does not exist.
+    /// A code is not in the table.
     #[error("damaged JPEG data: invalid code before byte {at}, in block {block} of {n_blocks}")]
     Code {
-        /// Offset behind the code.
+        /// Offset after the code.
         at: usize,
         /// Number of the block, from 1.
         block: u64,
         /// Blocks of the scan.
         n_blocks: u64,
     },
-    /// Fewer blocks than the image has.
+    /// The scan has fewer blocks than the image.
     #[error("damaged JPEG data: it ends at byte {at}, in block {block} of {n_blocks}")]
     Short {
         /// Offset of the end.
@@ -38,7 +39,7 @@ pub enum JpegError {
         /// Blocks of the scan.
         n_blocks: u64,
     },
-    /// More data than the blocks of the image.
+    /// The scan has more data than the blocks of the image.
     #[error("damaged JPEG data: {n_bytes} bytes before byte {at} follow after the last of {n_blocks} blocks")]
     Long {
         /// Offset of the end.
@@ -51,15 +52,15 @@ pub enum JpegError {
     /// A marker is missing or out of order.
     #[error("damaged JPEG data: no restart marker {number} at byte {at}")]
     Restart {
-        /// Offset where it should be.
+        /// Offset where the marker is expected.
         at: usize,
         /// Number of the marker, 0 to 7.
         number: u8,
     },
-    /// A mean that no samples have.
+    /// The mean of a block is outside the range of samples.
     #[error("damaged JPEG data: impossible brightness before byte {at}, in block {block} of {n_blocks}")]
     Brightness {
-        /// Offset behind the code.
+        /// Offset after the code.
         at: usize,
         /// Number of the block, from 1.
         block: u64,
@@ -68,11 +69,11 @@ pub enum JpegError {
     },
 }
 
-/// Checks that a JPEG file is complete and, if it is sequential with Huffman codes, that its data gives exactly the blocks of the
-/// image.
+/// Checks that a JPEG file is complete and, if it is sequential with Huffman codes, that its data decodes to exactly the
+/// blocks of the image.
 ///
 /// Damage of the data changes the number of blocks or leaves invalid codes, except for a few bits that change only the values of
-/// coefficients: the file has no checksum.
+/// coefficients: the format has no checksum.
 pub fn check(bytes: &[u8]) -> Result<(), JpegError> {
     if !is_complete(bytes) {
         return Err(JpegError::Cut { n_bytes: bytes.len() });
@@ -85,8 +86,8 @@ pub fn is_jpeg(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0xff, 0xd8])
 }
 
-/// Whether the image data of a JPEG file ends with the marker "end of image". Bytes behind it are ignored. Segments are skipped by
-/// their lengths, so the end of an embedded thumbnail does not count.
+/// Whether the image data of a JPEG file ends with the marker "end of image". Bytes after it are ignored. Segments are
+/// skipped by their lengths, so the end of an embedded thumbnail does not count.
 fn is_complete(bytes: &[u8]) -> bool {
     let mut at = 2;
     let mut has_scan = false;
@@ -96,7 +97,7 @@ fn is_complete(bytes: &[u8]) -> bool {
             marker if ALONE.contains(&marker) => at = after,
             marker => {
                 has_scan |= marker == START_OF_SCAN;
-                // The entropy-coded data behind the header of a scan has no markers but restarts.
+                // The entropy-coded data after the header of a scan has no markers but restarts.
                 let Some(length) = bytes.get(after..).and_then(<[u8]>::first_chunk) else { return false };
                 at = after + usize::from(u16::from_be_bytes(*length));
             }
@@ -105,7 +106,7 @@ fn is_complete(bytes: &[u8]) -> bool {
     false
 }
 
-/// The next marker and the offset behind it. `ff 00` is a stuffed byte of entropy-coded data, and `ff ff` is padding.
+/// The next marker and the offset after it. `ff 00` is a stuffed byte of entropy-coded data, and `ff ff` is padding.
 fn next_marker(bytes: &[u8], from: usize) -> Option<(u8, usize)> {
     let pairs = bytes.get(from..)?.windows(2).enumerate();
     let mut markers = pairs.filter(|(_, pair)| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0xff));

@@ -5,7 +5,7 @@
 
 use crate::cloud::CloudPoint;
 
-/// Bytes that are not whole rows.
+/// Error of a file whose size is not a multiple of the row size.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("{n_bytes} bytes are not a multiple of the row size, {row} bytes")]
 pub struct KittiError {
@@ -23,7 +23,7 @@ pub fn points_from_bin(bytes: &[u8]) -> Result<Vec<CloudPoint>, KittiError> {
     Ok(rows.map(point).collect())
 }
 
-/// The inverse of [`points_from_bin`].
+/// Content of a file with these points, the inverse of [`points_from_bin`].
 pub fn bin_from_points(points: &[CloudPoint]) -> Vec<u8> {
     points.iter().flat_map(|p| [p.x, p.y, p.z, p.intensity]).flat_map(f32::to_le_bytes).collect()
 }
@@ -38,7 +38,7 @@ pub fn labels_from_bytes(bytes: &[u8]) -> Result<Vec<Label>, KittiError> {
         .collect())
 }
 
-/// The inverse of [`labels_from_bytes`].
+/// Content of a file with these labels, the inverse of [`labels_from_bytes`].
 pub fn bytes_from_labels(labels: &[Label]) -> Vec<u8> {
     labels.iter().flat_map(|label| [label.class, label.instance]).flat_map(u16::to_le_bytes).collect()
 }

@@ -27,28 +27,28 @@ pub struct LadybugCamera {
     pub pairs: Vec<([f64; 3], [f64; 2])>,
 }
 
-/// An invalid line of a file.
+/// Error of an invalid line of a file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("line {line}: {fault}")]
 pub struct LadybugError {
-    /// From 1.
+    /// Line, from 1.
     pub line: usize,
-    /// What was found and what was expected.
+    /// The value found and the value expected.
     pub fault: LadybugFault,
 }
 
-/// What is wrong with a line.
+/// Fault of a line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LadybugFault {
-    /// The file is something else.
+    /// The file is not a Ladybug calibration.
     #[error("not a Ladybug calibration: no Resolution")]
     NoResolution,
     /// The size of the images is impossible.
     #[error("Resolution {width} {height} must be 1 to 32768 px a side")]
     Resolution {
-        /// As found, px.
+        /// Width found, px.
         width: f64,
-        /// As found, px.
+        /// Height found, px.
         height: f64,
     },
     /// No camera is calibrated.
@@ -68,11 +68,11 @@ pub enum LadybugFault {
     /// The coefficients of a spline do not match their numbers.
     #[error("{found} coefficients; expected {n_rows} times {n_columns}")]
     Coefficients {
-        /// As found.
+        /// Number of coefficients found.
         found: usize,
-        /// As stated.
+        /// Number of rows that the file states.
         n_rows: usize,
-        /// As stated.
+        /// Number of columns that the file states.
         n_columns: usize,
     },
     /// A block does not end.
@@ -81,14 +81,14 @@ pub enum LadybugFault {
     /// A word is not a finite number.
     #[error("{0:?} is not a number")]
     Number(String),
-    /// An entry has another number of values.
+    /// An entry has a wrong number of values.
     #[error("{key} has {found} numbers; expected {expected}")]
     Length {
         /// Name of the entry.
         key: String,
-        /// As found.
+        /// Number of values found.
         found: usize,
-        /// As it must be.
+        /// Number of values required.
         expected: usize,
     },
 }

@@ -1,7 +1,8 @@
 //! File formats of cameras, of clouds, of spectra and of mapping software: decoding and encoding.
 //!
-//! Each module is one format. It knows bytes and text, not the drive, the pipeline or other formats, and returns plain values in the
-//! units of the format's page. Readers limit memory by the size of the file, so damaged input gives an error and never a panic.
+//! Each module is one format. It handles bytes and text, independent of the drive, the pipeline and other formats, and
+//! returns plain values in the units of the format's page. Readers limit memory by the size of the file. Damaged input
+//! gives an error, never a panic.
 //!
 //! | kind | modules |
 //! |---|---|

@@ -1,8 +1,8 @@
-//! Streams of images in parts (RFC 2046, `multipart/x-mixed-replace`), as ffmpeg, `GStreamer` and network cameras send them: a line
-//! `--boundary`, lines of a header with `Content-Length`, an empty line, the bytes of the image.
+//! Streams of images in parts (RFC 2046, `multipart/x-mixed-replace`), as sent by ffmpeg, `GStreamer` and network
+//! cameras: a line `--boundary`, header lines with `Content-Length`, an empty line, the bytes of the image.
 //!
-//! The boundary is not compared: the length says where the next part begins. The stated type is not used, because ffmpeg states
-//! `image/jpeg` for all images; the first bytes of an image name its format.
+//! The boundary is not compared: the length determines where the next part begins. The stated type is not used, because
+//! ffmpeg states `image/jpeg` for all images; the format is detected from the first bytes of an image.
 
 use std::io::{self, BufRead, Read};
 
@@ -13,38 +13,38 @@ const MAX_LINES: usize = 64;
 /// Largest image, bytes: 100 million pixels of 16 bits.
 const MAX_IMAGE_BYTES: u64 = 200_000_000;
 
-/// A stream that is not one of images in parts. Parts are counted from 1.
+/// Error of a stream that does not consist of images in parts. Parts are counted from 1.
 #[derive(Debug, thiserror::Error)]
 #[error("part {part}: {fault}")]
 pub struct MultipartError {
     /// Number of the part.
     pub part: u64,
-    /// What was found.
+    /// Fault of the part.
     pub fault: MultipartFault,
 }
 
-/// What was found.
+/// Fault of a stream.
 #[derive(Debug, thiserror::Error)]
 pub enum MultipartFault {
     /// The operating system reported an error.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// The part does not begin as one.
+    /// The part does not begin with a boundary.
     #[error("begins with {0:?}; expected a line --boundary, as of `ffmpeg -f mpjpeg` and multipartmux of GStreamer")]
     Boundary(String),
     /// The header is too long.
     #[error("the header has a line of more than {MAX_LINE} bytes or more than {MAX_LINES} lines")]
     Header,
-    /// The header has no length, or a wrong one.
+    /// The header has no length, or an invalid one.
     #[error("Content-Length is {0:?}; expected 1 to {MAX_IMAGE_BYTES} bytes")]
     Length(String),
     /// The image has an unknown format.
     #[error("begins with the bytes {0:02x?}; expected an image in JPEG, PNG or PGM (P5)")]
     Format(Vec<u8>),
-    /// The stream ends.
+    /// The stream ends inside an image.
     #[error("the stream ends after {found} of {expected} bytes of the image")]
     Cut {
-        /// Bytes of the image that are there.
+        /// Bytes of the image received.
         found: u64,
         /// Bytes of the image.
         expected: u64,
@@ -63,14 +63,14 @@ pub enum ImageFormat {
 }
 
 impl ImageFormat {
-    /// The format by the first bytes of a file.
+    /// The format, detected from the first bytes of a file.
     fn of(bytes: &[u8]) -> Option<Self> {
         let begins: [(&[u8], Self); 3] =
             [(b"\xff\xd8\xff", Self::Jpeg), (b"\x89PNG\r\n\x1a\n", Self::Png), (b"P5", Self::Pgm)];
         begins.into_iter().find(|(begin, _)| bytes.starts_with(begin)).map(|(_, format)| format)
     }
 
-    /// Extension of the names of files.
+    /// Extension of file names.
     pub fn extension(self) -> &'static str {
         match self {
             Self::Jpeg => "jpg",
@@ -88,7 +88,7 @@ pub struct MultipartReader<R> {
 }
 
 impl<R: BufRead> MultipartReader<R> {
-    /// A reader at the begin of a stream.
+    /// A reader at the start of a stream.
     pub fn new(stream: R) -> Self {
         Self { stream, n_parts: 0 }
     }
@@ -122,7 +122,7 @@ impl<R: BufRead> MultipartReader<R> {
         let mut has_fields = false;
         for _ in 0..MAX_LINES {
             let Some(line) = self.line()? else {
-                // ffmpeg ends with the boundary of the next part.
+                // ffmpeg ends the stream with the boundary of the next part.
                 return if has_fields { Err(MultipartFault::Length("nothing".to_owned())) } else { Ok(None) };
             };
             if !has_boundary {
@@ -180,7 +180,7 @@ mod tests {
         }
     }
 
-    /// As ffmpeg 5.1 and `GStreamer` 1.22 write it, and with the end of RFC 2046, which has no header.
+    /// Streams as written by ffmpeg 5.1 and `GStreamer` 1.22, with the end of RFC 2046, which has no header.
     const STREAM: &[u8] = b"--ffmpeg\r\nContent-type: image/jpeg\r\nContent-length: 5\r\n\r\n\xff\xd8\xff\r\n\r\n\
         --frame\r\nContent-Type: image/png\r\nContent-Length: 9\r\n\r\n\x89PNG\r\n\x1a\n7\
         --frame\nX-Timestamp: 7.5\nContent-Length: 11\n\nP5 1 1 255\n\n--frame--\r\n";

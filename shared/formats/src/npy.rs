@@ -1,6 +1,6 @@
 //! NPY files (`NumPy`): checks of the header that the reader, candle, does not make.
 
-/// A header that is not read.
+/// Error of a header that is not read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NpyError {
     /// The file ends within the header.
@@ -11,13 +11,13 @@ pub enum NpyError {
         /// Bytes of the file.
         n_bytes: usize,
     },
-    /// Parsing of nested brackets takes a time that grows exponentially.
+    /// The header has nested brackets, whose parsing takes exponential time.
     #[error("the NPY header has nested brackets; only plain arrays are read")]
     Nested,
-    /// The reader multiplies the sizes of the shape, without a check of the product.
+    /// The shape has more elements than the file: the reader multiplies its sizes without checking the product.
     #[error("the shape {shape} of the NPY header has more elements than the file has bytes, which is {n_bytes}")]
     Shape {
-        /// As in the header.
+        /// Shape in the header.
         shape: String,
         /// Bytes of the file.
         n_bytes: usize,

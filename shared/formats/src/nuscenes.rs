@@ -1,7 +1,7 @@
 //! nuScenes (Caesar et al., CVPR 2020): sweeps of an HDL-32E as little-endian rows without header, `*.pcd.bin`.
 //!
 //! A row has x y z intensity ring as f32, 20 bytes. In the lidar frame x points right, y forward and z up. The ring counts from the
-//! lowest beam, as everywhere in this project. The intensity is that of the sensor, 0 to 255.
+//! lowest beam, as everywhere in this project. The intensity is the value of the sensor, 0 to 255.
 
 use crate::cloud::CloudPoint;
 use geometry::Stamp;
@@ -11,7 +11,7 @@ pub const ROW_BYTES: usize = 20;
 /// Beams of the HDL-32E.
 const N_RINGS: f32 = 32.0;
 
-/// Why bytes are not a sweep.
+/// Error of bytes that are not a sweep.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum NuscenesError {
     /// The file ends within a row.
@@ -20,7 +20,7 @@ pub enum NuscenesError {
         /// Size of the file.
         n_bytes: usize,
     },
-    /// The fifth value of a row is no beam of the sensor.
+    /// The fifth value of a row is not a beam of the sensor.
     #[error("point {index}: ring {ring} must be a whole number from 0 to 31")]
     Ring {
         /// Index of the row.
@@ -48,7 +48,7 @@ pub fn points_from_bin(bytes: &[u8]) -> Result<Vec<(CloudPoint, u8)>, NuscenesEr
     rows.iter().enumerate().map(point).collect()
 }
 
-/// The inverse of [`points_from_bin`].
+/// Content of a file with these points, the inverse of [`points_from_bin`].
 pub fn bin_from_points(points: &[(CloudPoint, u8)]) -> Vec<u8> {
     let values = |(p, ring): &(CloudPoint, u8)| [p.x, p.y, p.z, p.intensity, f32::from(*ring)];
     points.iter().flat_map(values).flat_map(f32::to_le_bytes).collect()
@@ -64,7 +64,7 @@ pub struct SweepName {
 }
 
 impl SweepName {
-    /// The parts, or `None` for another kind of name.
+    /// Parses a file name; `None` for other names.
     pub fn parse(name: &str) -> Option<Self> {
         let (log, rest) = name.strip_suffix(".pcd.bin")?.split_once("__LIDAR_TOP__")?;
         let micros: i64 = rest.parse().ok().filter(|micros| *micros >= 0)?;
@@ -109,8 +109,9 @@ mod tests {
         let n_near = returns.iter().filter(|(found, nominal)| (found - nominal).abs() < 0.4).count();
         assert!(returns.len() > 10_000 && n_near * 100 > returns.len() * 99, "{n_near} of {}", returns.len());
     }
-    /// A beam keeps its elevation, so a point that was moved along y shows by how much: by the motion of the vehicle from its shot to
-    /// the time of the sweep. The sensor turns clockwise and begins its revolutions on the left, a little behind.
+    /// A beam keeps its elevation, so the elevation of a point shows how far it was moved along y: by the motion of the
+    /// vehicle from its shot to the time of the sweep. The sensor turns clockwise and begins its revolutions on the left,
+    /// slightly to the rear.
     #[real_data::test("nuscenes")]
     fn real_sweep_is_compensated_to_the_end_of_its_revolution() {
         let moved_m = |clockwise_deg: f32| {
@@ -127,7 +128,7 @@ mod tests {
             found.sort_by(f32::total_cmp);
             found[found.len() / 2]
         };
-        // Half a meter at the begin, a third of it is left at the rear, nothing at the end.
+        // Half a meter at the start, a third of that at the rear, zero at the end.
         let [begin, front, rear, end] = [-70.0, 0.0, 180.0 - 6.0, -115.0].map(moved_m);
         assert!(
             begin > 0.4 && begin > front && front > rear && rear > end && end < 0.03,

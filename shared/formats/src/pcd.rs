@@ -4,7 +4,7 @@
 //! scalar type), ASCII and binary. Other fields are ignored. Compressed data is refused. Written: binary, `x y z intensity` as f32,
 //! `ring` as u16, `t` as u32.
 //!
-//! Written here: the reader is small, bounded, and tested against damaged input.
+//! Not based on a crate: the reader is small, bounded, and tested with damaged input.
 
 mod error;
 mod header;
@@ -20,7 +20,7 @@ const MAX_OFFSET_NANOS: f64 = 4e9;
 /// The points of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PcdCloud {
-    /// In the order of the file.
+    /// The points, in the order of the file.
     pub points: Vec<FiredPoint>,
     /// Whether the file has rings.
     pub has_rings: bool,
@@ -34,7 +34,7 @@ pub fn points_from_pcd(bytes: &[u8]) -> Result<Vec<CloudPoint>, PcdError> {
     rows(&header, bytes, |numbers, _| Ok(point(numbers)))
 }
 
-/// The points of a file, with the rings and times that it has.
+/// The points of a file, with its rings and times, if present.
 pub fn cloud_from_pcd(bytes: &[u8]) -> Result<PcdCloud, PcdError> {
     let header = Header::parse(bytes)?;
     let [_, _, _, _, ring, nanos, seconds] = header.values.map(|value| value.is_some());
@@ -89,7 +89,7 @@ pub fn pcd_from_cloud(cloud: &PcdCloud) -> Vec<u8> {
     bytes
 }
 
-/// What `row` makes of the values of each point and its index.
+/// Calls `row` with the values of each point and its index, and collects the results.
 fn rows<T>(
     header: &Header,
     bytes: &[u8],

@@ -1,22 +1,22 @@
 //! Raw images as binary PGM (Netpbm `P5`): 16 bits big-endian, or 8 bits if the largest value is below 256.
 
-/// Bytes that are not an image.
+/// Error of bytes that are not an image.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("byte {offset}: {fault}")]
 pub struct PgmError {
     /// Offset of the fault.
     pub offset: usize,
-    /// What is wrong there.
+    /// Fault at the offset.
     pub fault: PgmFault,
 }
 
-/// What is wrong with an image.
+/// Fault of an image.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum PgmFault {
-    /// Another file format.
+    /// The file has another format.
     #[error("the file does not begin with P5 (binary PGM)")]
     Magic,
-    /// A number of the header that is absent or too large.
+    /// A number of the header is absent or too large.
     #[error("{name} {text:?} must be 1 to {limit}")]
     Number {
         /// Name of the number.
@@ -26,10 +26,10 @@ pub enum PgmFault {
         /// Largest allowed value.
         limit: u32,
     },
-    /// A header without an end.
+    /// The header does not end.
     #[error("expected one blank after the header")]
     HeaderEnd,
-    /// Fewer samples than pixels.
+    /// The file has fewer samples than pixels.
     #[error("{width} x {height} samples of {sample_bytes} bytes are declared, {n_bytes} bytes follow")]
     Cut {
         /// Columns.
@@ -38,7 +38,7 @@ pub enum PgmFault {
         height: u32,
         /// Bytes of a sample.
         sample_bytes: usize,
-        /// Bytes behind the header.
+        /// Bytes after the header.
         n_bytes: usize,
     },
 }

@@ -4,8 +4,8 @@
 //! `KPConv` fails on keywords inside comments, so [`Header`] allows neither.
 //! Read: every scalar type in ASCII and both byte orders. Other elements and lists are skipped.
 //!
-//! ply-rs reads and writes all headers and decodes all files but plain binary ones. Rows of plain binary files are encoded and
-//! decoded here: ply-rs builds a map of values for each row.
+//! ply-rs reads and writes all headers and decodes all files except plain binary ones. Rows of plain binary files are
+//! encoded and decoded here, because ply-rs builds a map of values for each row.
 
 mod error;
 mod header;

@@ -1,22 +1,22 @@
-//! Raw frames of mosaic cameras from PGM or TIFF files. A TIFF with one sample per band, as camera programs write it after binning,
-//! is converted back to a mosaic.
+//! Raw frames of mosaic cameras from PGM or TIFF files. A TIFF with one sample per band, as written by camera programs
+//! after binning, is converted back to a mosaic.
 
 use crate::pgm::{Pgm, PgmError};
 use crate::tiff::{Tiff, TiffError};
 use ndarray::ArrayView4;
 use std::path::{Path, PathBuf};
 
-/// A file that is not a raw frame.
+/// Error of a file that is not a raw frame.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {fault}", path = path.display())]
 pub struct RawMosaicError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong.
+    /// Fault of the file.
     pub fault: RawMosaicFault,
 }
 
-/// What is wrong with a raw frame.
+/// Fault of a raw frame.
 #[derive(Debug, thiserror::Error)]
 pub enum RawMosaicFault {
     /// The operating system reported an error.
@@ -31,7 +31,7 @@ pub enum RawMosaicFault {
     /// The TIFF file is invalid or not supported.
     #[error(transparent)]
     Tiff(#[from] TiffError),
-    /// The number of bands is not that of a square pattern.
+    /// The number of bands does not fit a square pattern.
     #[error("{0} samples per pixel; expected 1, or one for each cell of a square pattern (4, 9, 16, 25, …)")]
     Bands(usize),
 }
@@ -93,7 +93,7 @@ impl RawMosaic {
 fn mosaic_from_cube(cube: &[u16], [rows, columns, pattern]: [usize; 3]) -> Vec<u16> {
     let cube = ArrayView4::from_shape((rows, columns, pattern, pattern), cube).expect("one sample per pixel and band");
     let mut mosaic = Vec::with_capacity(cube.len());
-    // Rows of a cell lie below each other, its columns beside each other.
+    // The rows of a cell become rows of the mosaic, its columns become columns.
     // `iter` keeps the order of the axes; `for_each` visits the samples in the order of memory.
     mosaic.extend(cube.permuted_axes([0, 2, 1, 3]).iter());
     mosaic

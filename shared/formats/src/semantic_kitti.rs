@@ -1,7 +1,7 @@
 //! Classes of SemanticKITTI (Behley et al., ICCV 2019) in the class table of this project.
 //!
-//! The data set has two numberings: that of its label files, where moving things have ids of their own, and the ids 0 to 19 of its
-//! benchmark. Its label files are read by [`crate::kitti::labels_from_bytes`].
+//! The data set has two numberings: one for its label files, where moving objects have separate ids, and the ids 0 to 19
+//! of its benchmark. Its label files are read by [`crate::kitti::labels_from_bytes`].
 
 use messages::ClassId::{
     self, Building, Fence, Ground, Pedestrian, Pole, Road, RoadLine, Sidewalk, Terrain, TrafficSign, Unlabeled,
@@ -33,8 +33,8 @@ pub const CLASS_OF_BENCHMARK_ID: [ClassId; 20] = [
     TrafficSign,
 ];
 
-/// The class of an id of a label file; `None` for ids that the data set does not define. Moving things have the class of those that
-/// stand. Outliers, other structures and other objects are unlabeled, as in the benchmark.
+/// The class of an id of a label file; `None` for ids that the data set does not define. Moving objects have the class of
+/// static ones. Outliers, other structures and other objects are unlabeled, as in the benchmark.
 pub fn class_of_label(id: u16) -> Option<ClassId> {
     Some(match id {
         // Unlabeled, outlier, other structure, other object.

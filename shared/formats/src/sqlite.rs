@@ -1,9 +1,9 @@
 //! Tables of `SQLite` 3 databases (<https://www.sqlite.org/fileformat2.html>), row by row: enough for ROS 2 bags.
 //!
-//! Read: tables with a rowid in UTF-8 databases. Refused: databases with a write-ahead log or a rollback journal, whose content is
-//! not all in the file. A scan reads each page at most once, so damaged links end it.
+//! Read: tables with a rowid in UTF-8 databases. Refused: databases with a write-ahead log or a rollback journal, because
+//! the file does not contain all rows. A scan reads each page at most once, so damaged links end it.
 //!
-//! Written here: the C library compiles for a minute, and its rows are not needed in any other order than that of the file.
+//! Not based on the C library: it takes a minute to compile, and rows are only needed in the order of the file.
 
 mod error;
 mod header;
@@ -21,10 +21,10 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Tables of a schema; a ROS 2 bag has four.
+/// Maximum number of tables of a schema; a ROS 2 bag has four.
 const MAX_TABLES: usize = 10_000;
 
-/// A database that is read.
+/// A database opened for reading.
 #[derive(Debug)]
 pub struct Database {
     path: PathBuf,
@@ -56,7 +56,7 @@ impl Database {
         Ok(Self { path: path.to_owned(), file, header })
     }
 
-    /// The rows of a table in the order of their ids. `None` without such a table.
+    /// The rows of a table in the order of their ids. `None` if there is no such table.
     pub fn rows(&self, table: &str) -> Result<Option<Rows<'_>>, SqliteError> {
         let mut schema = Rows::new(self, 1);
         for _ in 0..MAX_TABLES {

@@ -11,7 +11,7 @@ use std::io::Cursor;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{CompressionMethod, IfdPointer, PhotometricInterpretation, PlanarConfiguration, SampleFormat, Tag};
 
-/// A file that is not a supported image.
+/// Error of a file that is not a supported image.
 #[derive(Debug, thiserror::Error)]
 pub enum TiffError {
     /// The file is damaged.
@@ -59,7 +59,7 @@ pub enum TiffError {
 const MAX_SIDE: u32 = 32_768;
 /// Most samples per pixel: a pattern of 16 x 16 bands.
 const MAX_BANDS: u32 = 256;
-/// Longest exposure time that is believed: 1000 s.
+/// Longest plausible exposure time: 1000 s.
 const MAX_EXPOSURE_NANOS: u64 = 1_000_000_000_000;
 
 /// The first image of a file.
@@ -99,7 +99,7 @@ impl Tiff {
             _ => return Err(refuse(Tag::SampleFormat, &"not unsigned", "unsigned integers")),
         };
         if layout.is_inverted {
-            // The decoder inverts such images; measurements are used as stored.
+            // The decoder inverts such images; this crate returns the values as stored.
             let max = u16::MAX >> (16 - bit_depth);
             for sample in &mut samples {
                 *sample = max - *sample;
@@ -124,7 +124,7 @@ struct Layout {
 }
 
 impl Layout {
-    /// `n_bytes`: size of the file.
+    /// Checks the tags of an image. `n_bytes`: size of the file.
     fn of(decoder: &mut Decoder<Cursor<&[u8]>>, n_bytes: usize) -> Result<Self, TiffError> {
         let mut number = |tag: Tag, default: u32, allowed: std::ops::RangeInclusive<u32>| {
             let found = decoder.find_tag_unsigned(tag)?.unwrap_or(default);
@@ -152,7 +152,7 @@ impl Layout {
         let strips: Vec<u64> = decoder.find_tag_unsigned_vec(Tag::StripByteCounts)?.unwrap_or_default();
         let found = strips.iter().fold(0, |sum: u64, n_bytes| sum.saturating_add(*n_bytes));
         let expected = u64::from(width) * u64::from(height) * u64::from(n_bands) * u64::from(bit_depth / 8);
-        // Strips that overlap would make a small file a large image.
+        // Overlapping strips would make a small file a large image.
         if found != expected || expected > n_bytes as u64 {
             return Err(TiffError::Strips { found, n_bytes, width, height, expected });
         }
@@ -168,7 +168,7 @@ fn refuse(tag: Tag, found: &dyn Display, expected: impl Into<String>) -> TiffErr
     TiffError::Tag { tag, found: found.to_string(), expected: expected.into() }
 }
 
-/// Samples of planes as interleaved bands.
+/// Converts planes to interleaved bands.
 fn interleaved(planes: &[u16], n_bands: usize) -> Vec<u16> {
     let n_pixels = planes.len() / n_bands;
     let planes = ArrayView2::from_shape((n_bands, n_pixels), planes).expect("one plane for each band");

@@ -1,8 +1,8 @@
 //! Trajectories as text: TUM, KITTI and CSV.
 //!
-//! Numbers are written with as many digits as reading back the same bits needs. Input must satisfy these rules:
+//! Numbers are written with as many digits as needed to read back the same bits. Input must satisfy these rules:
 //! - Numbers are finite.
-//! - Stamps do not decrease. Of equal stamps the last pose is used.
+//! - Stamps do not decrease. If stamps are equal, the last pose is used.
 //! - Quaternions have norm 1, and rotation matrices are orthogonal, within 0.001. They are normalized.
 //!
 //! Empty lines and lines that start with `#` are skipped.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// An ENVI image that cannot be read or written.
+/// Error of an ENVI image that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}{place}: {fault}", path = path.display(), place = line.map(|line| format!(":{line}")).unwrap_or_default())]
 pub struct EnviError {
@@ -10,11 +10,11 @@ pub struct EnviError {
     pub path: PathBuf,
     /// Line of the header, from 1, if the fault has one.
     pub line: Option<usize>,
-    /// What is wrong.
+    /// Fault of the image.
     pub fault: EnviFault,
 }
 
-/// What is wrong with an ENVI image.
+/// Fault of an ENVI image.
 #[derive(Debug, thiserror::Error)]
 pub enum EnviFault {
     /// The operating system reported an error.
@@ -45,7 +45,7 @@ pub enum EnviFault {
     /// The wavelength unit is not supported.
     #[error("wavelength units = {0:?}: expected nanometers or micrometers")]
     WavelengthUnits(String),
-    /// The header offset is beyond the end of the data file.
+    /// The header offset is past the end of the data file.
     #[error("{n_bytes} bytes: header offset = {offset} is beyond the end of the file")]
     Offset {
         /// Size of the data file.
@@ -74,7 +74,7 @@ pub enum EnviFault {
         /// Bytes expected.
         expected: usize,
     },
-    /// An image to be written has another number of values than its header says.
+    /// An image to be written has a different number of values than its header requires.
     #[error("{found} values: the header needs {expected}")]
     ValueCount {
         /// Values of the image.
@@ -94,10 +94,10 @@ pub enum EnviFault {
         expected: usize,
     },
     /// A data file has no header.
-    #[error("no .hdr file beside this file")]
+    #[error("no .hdr file next to this file")]
     NoHeader,
     /// A header has no data file.
-    #[error("no data file beside this header (.img, .dat, .bin, .sli, …)")]
+    #[error("no data file next to this header (.img, .dat, .bin, .sli, …)")]
     NoData,
 }
 

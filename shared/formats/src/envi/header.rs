@@ -120,7 +120,7 @@ impl Header {
         Ok(self.wavelengths.iter().map(|value| (value * factor) as f32).collect())
     }
 
-    /// Reads the text. An error comes with its line, from 1, if it has one.
+    /// Parses the text. An error contains its line, from 1, if it has one.
     pub(super) fn parse(text: &str) -> Result<Self, (Option<usize>, EnviFault)> {
         let mut lines = text.lines().zip(1..);
         // Some programs write a byte order mark.

@@ -54,7 +54,7 @@ fn band_sequential(header: &Header, stored: Vec<f32>) -> Vec<f32> {
         Interleave::Bil => ((lines, bands, samples), [1, 0, 2]),
         Interleave::Bip => ((lines, samples, bands), [2, 0, 1]),
     };
-    let view = ArrayView3::from_shape(shape, &stored).expect("as many values as the header says");
+    let view = ArrayView3::from_shape(shape, &stored).expect("as many values as in the header");
     let mut values = Vec::with_capacity(stored.len());
     // `iter` keeps the order of the axes; `for_each` of a view visits the values in the order of memory.
     values.extend(view.permuted_axes(axes).iter());

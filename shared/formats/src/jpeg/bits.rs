@@ -3,7 +3,7 @@
 /// Bits that are held after each peek: a code of 16 bits and the 11 of its value.
 pub(super) const MIN_HELD: u32 = 27;
 
-/// Reads the bits of one restart interval. Behind its end it gives zeros and counts them.
+/// Reads the bits of one restart interval. Past its end it returns zeros and counts them.
 pub(super) struct Bits<'a> {
     bytes: &'a [u8],
     /// Offset of the next byte.
@@ -11,12 +11,12 @@ pub(super) struct Bits<'a> {
     /// The next bits, from the highest bit down.
     held: u64,
     n_held: u32,
-    /// Bits of `held` that lie behind the end of the data.
+    /// Bits of `held` that lie past the end of the data.
     n_padding: u32,
 }
 
 impl<'a> Bits<'a> {
-    /// From this offset of the file on.
+    /// Bits of the file from this offset on.
     pub(super) fn new(bytes: &'a [u8], at: usize) -> Self {
         Self { bytes, at, held: 0, n_held: 0, n_padding: 0 }
     }
@@ -39,7 +39,7 @@ impl<'a> Bits<'a> {
         })
     }
 
-    /// The next 16 bits, which stay. At least [`MIN_HELD`] bits can be skipped after it.
+    /// The next 16 bits, without skipping them. At least [`MIN_HELD`] bits can be skipped afterwards.
     #[inline]
     pub(super) fn peek(&mut self) -> usize {
         if self.n_held < MIN_HELD {
@@ -73,12 +73,12 @@ impl<'a> Bits<'a> {
         self.n_held -= n;
     }
 
-    /// Whether bits behind the end of the data were skipped.
+    /// Whether bits past the end of the data were skipped.
     pub(super) fn is_behind_end(&self) -> bool {
         self.n_held < self.n_padding
     }
 
-    /// Skips the rest of the data. Returns the number of its whole bytes that are not zero: encoders may add zeros.
+    /// Skips the rest of the data. Returns the number of its complete bytes that are not zero: encoders may add zeros.
     pub(super) fn skip_rest(&mut self) -> usize {
         self.skip(self.n_held % 8);
         let n_held = self.n_held.saturating_sub(self.n_padding) / 8;

@@ -1,11 +1,12 @@
-//! Whether the image data of a JPEG file is whole: each block is decoded up to its coefficients. Decoders go on after damage: the
-//! rest of the image is shifted, discolored or gray.
+//! Checks that the image data of a JPEG file is undamaged: each block is decoded up to its coefficients. Decoders
+//! continue after damage: the rest of the image is shifted, discolored or gray.
 
 use super::bits::Bits;
 use super::huffman::Huffman;
 use super::{ALONE, END_OF_IMAGE, JpegError, START_OF_SCAN, next_marker};
 
-/// Frames of which the blocks are coded one after the other with Huffman codes. Others, such as progressive ones, are not checked.
+/// Frames whose blocks are coded one after the other with Huffman codes. Other frames, such as progressive ones, are not
+/// checked.
 const SEQUENTIAL: [u8; 2] = [0xc0, 0xc1];
 const HUFFMAN_TABLES: u8 = 0xc4;
 const QUANTIZATION_TABLES: u8 = 0xdb;
@@ -23,14 +24,14 @@ struct Component {
     quantization: usize,
 }
 
-/// What the segments before a scan say.
+/// Content of the segments before a scan.
 #[derive(Default)]
 struct Header {
     size: [u32; 2],
     components: Vec<Component>,
-    /// Table 0 to 3 of the means, then of the other coefficients.
+    /// Huffman tables 0 to 3 of the means, then tables 0 to 3 of the other coefficients.
     huffman: [Option<Huffman>; 8],
-    /// The first value of each quantization table: that of the mean.
+    /// The first value of each quantization table, which applies to the mean.
     mean_steps: [i32; 4],
     restart_interval: u64,
 }
@@ -58,7 +59,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<(), JpegError> {
     Ok(())
 }
 
-/// The content of a segment behind its length.
+/// The content of a segment after its length.
 fn segment(bytes: &[u8], at: usize) -> Option<&[u8]> {
     let length = u16::from_be_bytes(*bytes.get(at..)?.first_chunk()?);
     bytes.get(at + 2..at + usize::from(length))
@@ -121,7 +122,7 @@ impl Header {
     }
 }
 
-/// A block's part in the scan: which component's mean it continues, and with which tables it is coded.
+/// Role of a block in the scan: the component whose mean it continues, and the tables of its codes.
 struct Coded<'a> {
     component: usize,
     mean: &'a Huffman,
@@ -138,11 +139,11 @@ struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// `None` if the header lacks something or the scan is not sequential.
+    /// Parses the header of a scan. `None` if the header lacks an entry or the scan is not sequential.
     fn new(header: &'a Header, segment: &[u8]) -> Option<Self> {
         let (n, rest) = segment.split_first()?;
         let n = usize::from(*n);
-        // The spectral selection of a sequential scan is everything.
+        // The spectral selection of a sequential scan covers all coefficients.
         if !(1..=4).contains(&n) || rest.len() < 2 * n + 3 || rest[2 * n..2 * n + 3] != [0, 63, 0] {
             return None;
         }
@@ -157,7 +158,7 @@ impl<'a> Scan<'a> {
             let mean = table(0, chosen[1] >> 4)?;
             let others = table(1, chosen[1])?;
             let step = header.mean_steps[component.quantization];
-            // A component alone is coded block by block.
+            // A scan of a single component is coded block by block.
             let n_blocks = if n == 1 { 1 } else { component.horizontal * component.vertical };
             blocks.extend((0..n_blocks).map(|_| Coded { component: index, mean, others, step }));
             alone = Some(component);
@@ -172,7 +173,7 @@ impl<'a> Scan<'a> {
         Some(Self { blocks, n_units, restart_interval: header.restart_interval })
     }
 
-    /// Checks the data that begins at `at`; the offset of its end.
+    /// Checks the data that begins at `at`. Returns the offset of its end.
     fn check(&self, bytes: &[u8], mut at: usize) -> Result<usize, JpegError> {
         let n_blocks = self.n_units * self.blocks.len() as u64;
         let interval = if self.restart_interval == 0 { self.n_units } else { self.restart_interval };

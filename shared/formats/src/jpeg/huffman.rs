@@ -2,7 +2,7 @@
 
 use super::bits::Bits;
 
-/// Bits of the codes that are looked up at once. Longer codes are rare.
+/// Bits of the codes that are found by one table look-up. Longer codes are rare.
 const N_FAST: u32 = 9;
 /// Longest code, bits.
 const N_MAX: usize = 16;
@@ -12,15 +12,17 @@ const N_MAX: usize = 16;
 pub(super) struct Huffman {
     /// Symbol and length by the next [`N_FAST`] bits; length 0: the code is longer.
     fast: Vec<(u8, u8)>,
-    /// By length less one: the first code behind those of the length, left-aligned to 16 bits.
+    /// Upper limit of the codes of each length (index: length less one): the code after the last one, left-aligned to 16
+    /// bits.
     end: [usize; N_MAX],
-    /// By length less one: what gives the index of a code's symbol when it is added to the code.
+    /// Offset for each length (index: length less one): added to a code, it gives the index of the code's symbol.
     offset: [isize; N_MAX],
     symbols: Vec<u8>,
 }
 
 impl Huffman {
-    /// From the numbers of codes by length, and the symbols. `None` if there are more codes than bits for them.
+    /// Builds a table from the numbers of codes by length, and the symbols. `None` if there are more codes than the
+    /// lengths allow.
     pub(super) fn new(counts: &[u8; N_MAX], symbols: &[u8]) -> Option<Self> {
         let mut table =
             Self { fast: vec![(0, 0); 1 << N_FAST], end: [0; N_MAX], offset: [0; N_MAX], symbols: symbols.to_vec() };
@@ -47,7 +49,7 @@ impl Huffman {
         Some(table)
     }
 
-    /// The next symbol. `None` if the bits are no code. At least 11 more bits can be skipped after it.
+    /// The next symbol. `None` if the bits are not a code. At least 11 more bits can be skipped after it.
     #[inline]
     pub(super) fn next(&self, bits: &mut Bits<'_>) -> Option<u8> {
         let peeked = bits.peek();

@@ -1,16 +1,16 @@
 //! Errors of PCD files.
 
-/// A PCD file that cannot be read.
+/// Error of a PCD file that cannot be read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("line {line}: {fault}")]
 pub struct PcdError {
-    /// Counted from 1. For binary data, the last line of the header.
+    /// Line, from 1. For binary data, the last line of the header.
     pub line: usize,
-    /// What is wrong.
+    /// Fault of the file.
     pub fault: PcdFault,
 }
 
-/// What is wrong with a PCD file.
+/// Fault of a PCD file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PcdFault {
     /// A line is not UTF-8.
@@ -77,7 +77,7 @@ pub enum PcdFault {
     /// A coordinate is missing.
     #[error("no field {0}")]
     MissingField(&'static str),
-    /// Binary data is shorter than the header says.
+    /// Binary data is shorter than the header requires.
     #[error("{n_points} points of {row_bytes} bytes are declared, {found} bytes follow")]
     BinaryTruncated {
         /// Points of the header.
@@ -87,7 +87,7 @@ pub enum PcdFault {
         /// Bytes found.
         found: usize,
     },
-    /// ASCII data has fewer points than the header says.
+    /// ASCII data has fewer points than the header.
     #[error("{n_points} points are declared, {found} follow")]
     AsciiTruncated {
         /// Points of the header.
@@ -103,7 +103,7 @@ pub enum PcdFault {
         /// Values by the header.
         expected: usize,
     },
-    /// A ring is no number of a beam.
+    /// A ring is not a beam number.
     #[error("point {index}: ring {found} must be a whole number from 0 to 255")]
     Ring {
         /// Index of the point.
@@ -111,7 +111,7 @@ pub enum PcdFault {
         /// The value found.
         found: f64,
     },
-    /// A time is not after the sweep's stamp.
+    /// A time is before the sweep's stamp or too late.
     #[error("point {index}: {field} {found} must be a time after the sweep's stamp, 0 to 4 s ({unit})")]
     Time {
         /// Index of the point.

@@ -24,7 +24,7 @@ pub(super) struct Value {
 
 #[derive(Debug)]
 pub(super) struct Header {
-    /// Values by [`WANTED`]. x y z are present.
+    /// Values in the order of [`WANTED`]. x y z are present.
     pub(super) values: [Option<Value>; N_WANTED],
     pub(super) row_bytes: usize,
     pub(super) row_words: usize,

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A PLY file that cannot be read or written.
+/// Error of a PLY file that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum PlyError {
     /// The operating system reported an error.
@@ -24,10 +24,10 @@ pub enum PlyError {
         path: PathBuf,
         /// Counted from 1.
         line: usize,
-        /// What was found and what was expected.
+        /// The value found and the value expected.
         fault: HeaderFault,
     },
-    /// A header that common readers would not read is not written.
+    /// A header cannot be written, because common readers would reject it.
     #[error("{path}: header line {line}: {reason}", path = path.display())]
     UnwritableHeader {
         /// The file.
@@ -44,7 +44,7 @@ pub enum PlyError {
         path: PathBuf,
         /// Counted from 0.
         byte: usize,
-        /// What was found and what was expected.
+        /// The value found and the value expected.
         fault: PayloadFault,
     },
     /// A row to be written does not match the header.
@@ -54,7 +54,7 @@ pub enum PlyError {
         path: PathBuf,
         /// Counted from 0.
         point: usize,
-        /// How it differs.
+        /// The difference.
         reason: RowMismatch,
     },
     /// The coordinates of a point cannot be transformed.
@@ -64,7 +64,7 @@ pub enum PlyError {
         path: PathBuf,
         /// Counted from 0.
         point: usize,
-        /// Why the transform failed.
+        /// Error of the transform.
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A requested column does not exist or has another type.
@@ -74,15 +74,15 @@ pub enum PlyError {
         path: PathBuf,
         /// Requested name.
         name: String,
-        /// What the file contains.
+        /// The columns or values of the file.
         fault: PropertyFault,
     },
 }
 
-/// A header that cannot be read.
+/// Fault of a header that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum HeaderFault {
-    /// The file is something else.
+    /// The file is not a PLY file.
     #[error("not a PLY file: expected `ply`")]
     NoMagic,
     /// The header does not end.
@@ -100,7 +100,7 @@ pub enum HeaderFault {
     /// A name occurs twice.
     #[error("two properties or elements have the same name")]
     DuplicateName,
-    /// A file whose rows cannot be changed in place.
+    /// The rows of the file cannot be changed in place.
     #[error("expected format binary_little_endian and vertices of scalars")]
     NotPlain,
     /// The parser refuses a line.
@@ -108,7 +108,7 @@ pub enum HeaderFault {
     Parser(String),
 }
 
-/// A header line that common readers would not read.
+/// Fault of a header line that common readers would not read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnwritableHeader {
     /// A comment is not one line of printable ASCII.
@@ -138,7 +138,7 @@ pub enum UnwritableHeader {
     },
 }
 
-/// A column that the file does not have as requested.
+/// Fault of a requested column.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PropertyFault {
     /// No property has the name.
@@ -152,7 +152,7 @@ pub enum PropertyFault {
     NotInteger {
         /// Counted from 0.
         point: usize,
-        /// As found.
+        /// The value found.
         value: f64,
     },
     /// A value does not fit into a byte.
@@ -160,7 +160,7 @@ pub enum PropertyFault {
     NotByte(i64),
 }
 
-/// Rows that are truncated or not numbers.
+/// Fault of rows that are truncated or not numbers.
 #[derive(Debug, thiserror::Error)]
 pub enum PayloadFault {
     /// The file is shorter than its header declares.
@@ -185,7 +185,7 @@ pub enum PayloadFault {
     },
 }
 
-/// A row that does not match the header.
+/// Fault of a row that does not match the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RowMismatch {
     /// A field has another type than its property.

@@ -25,15 +25,15 @@ impl Property {
 /// Metadata and columns of a cloud.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Header {
-    /// Lines `comment …`, for people.
+    /// Lines `comment …`, not read by programs.
     pub comments: Vec<String>,
-    /// Lines `obj_info …`, for programs: `frame`, `epoch`, `crs`.
+    /// Lines `obj_info …`, read by programs: `frame`, `epoch`, `crs`.
     pub infos: Vec<String>,
     /// Columns in the order of the row.
     pub properties: Vec<Property>,
 }
 
-/// Keywords that may not occur in comments: readers that search the header for them would find them there.
+/// Keywords that may not occur in comments, because readers search the header for them.
 const KEYWORDS: [&str; 3] = ["element", "property", "end_header"];
 
 impl Header {
@@ -77,7 +77,7 @@ impl Header {
         Ok(bytes)
     }
 
-    /// Line of the header, from 1, and why common readers would not read it.
+    /// Checks that common readers can read the header. The error is a line, from 1, and its fault.
     fn check(&self) -> Result<(), (usize, UnwritableHeader)> {
         // Line 1 is the magic number, line 2 the format.
         for (line, text) in (3..).zip(self.comments.iter().chain(&self.infos)) {

@@ -46,7 +46,7 @@ impl Kind {
             Kind::Double => 8,
         }
     }
-    /// The value at the begin of little-endian bytes; NaN if they are too few.
+    /// The value at the start of little-endian bytes; NaN if there are too few bytes.
     pub fn value(self, bytes: &[u8]) -> f64 {
         let found = match self {
             Kind::Char => bytes.first_chunk().map(|b| f64::from(i8::from_le_bytes(*b))),
@@ -60,7 +60,7 @@ impl Kind {
         };
         found.unwrap_or(f64::NAN)
     }
-    /// Whether common readers support it: `Open3D` skips the others.
+    /// Whether common readers support the type: `Open3D` skips the others.
     pub(super) const fn is_widely_supported(self) -> bool {
         matches!(self, Kind::UChar | Kind::Int | Kind::Float | Kind::Double)
     }

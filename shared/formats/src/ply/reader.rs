@@ -128,7 +128,7 @@ impl Vertices {
     /// A column of integers. Floating-point values must be integers up to 2^53.
     pub fn i64s(&self, name: &str) -> Result<Vec<i64>, PlyError> {
         let values = self.f64s(name)?;
-        // 2^53: up to here every integer is an f64.
+        // 2^53: every integer up to this value is an f64.
         match values.iter().position(|value| value.fract() != 0.0 || value.abs() > 9_007_199_254_740_992.0) {
             Some(point) => Err(self.property_error(name, PropertyFault::NotInteger { point, value: values[point] })),
             None => Ok(values.into_iter().map(|value| value as i64).collect()),

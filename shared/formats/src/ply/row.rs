@@ -50,7 +50,7 @@ impl<'a> Row<'a> {
             Some(field) => field.copy_from_slice(&bytes),
             None => self.mismatch = self.mismatch.or(Some(RowMismatch::ExtraField { found: kind.name() })),
         }
-        // Advances beyond the end, too, so that the offset is known at compile time.
+        // Advances also beyond the end, so that the offset is known at compile time.
         self.at += N;
         self
     }
@@ -67,8 +67,8 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Kinds after the next one, and the first mismatch. A separate function without access to the row, so that the row need not be in
-/// memory in the loop over all points.
+/// Kinds after the next one, and the first mismatch. A separate function without access to the row, so that the row can
+/// stay in registers in the loop over all points.
 #[cold]
 fn check_kind(kinds: &[Kind], mismatch: Option<RowMismatch>, kind: Kind) -> (&[Kind], Option<RowMismatch>) {
     match kinds.split_first() {

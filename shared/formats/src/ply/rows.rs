@@ -9,8 +9,8 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// A cloud as [`super::PlyWriter`] writes it. Only the header is in memory; rows are read on demand, so clouds of any size can be
-/// processed in bounded memory.
+/// A cloud written by [`super::PlyWriter`]. Only the header is in memory; rows are read on demand, so clouds of any size
+/// can be processed in bounded memory.
 #[derive(Debug)]
 pub struct PlyRows {
     path: PathBuf,
@@ -80,7 +80,7 @@ impl PlyRows {
         Ok(Vertices::of_rows(&self.path, &self.header, bytes))
     }
 
-    /// About every `step`-th row: of `step` groups of `GROUP` neighbors, which one read returns, the first one.
+    /// About every `step`-th row: the first of every `step` groups of `GROUP` neighboring rows, which are read together.
     pub fn thinned(&self, step: usize) -> Result<Vertices, PlyError> {
         let starts = (0..self.n_points).step_by(GROUP.saturating_mul(step.max(1)));
         self.select(starts.map(|start| start..start + GROUP))

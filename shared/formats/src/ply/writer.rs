@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 /// Rows per block and thread: at 64 bytes a row, a block fits the second-level cache of a core.
 const BLOCK_ROWS: usize = 16384;
 
-/// Writes one cloud on all threads of the rayon pool. The file gets its name in [`PlyWriter::finish`], when it is complete and on
-/// the disk. A writer that is dropped before leaves no file.
+/// Writes one cloud on all threads of the rayon pool. [`PlyWriter::finish`] gives the file its name when it is complete
+/// and on the disk. A writer that is dropped earlier leaves no file.
 ///
 /// ```
 /// # let folder = tempfile::tempdir().unwrap();
@@ -41,8 +41,8 @@ pub struct PlyWriter {
     n_written: usize,
 }
 
-/// Reserves the blocks of a file on the disk: the kernel then needs less time for each write, and a full disk is found before the first
-/// row. Not all file systems can.
+/// Reserves the blocks of a file on the disk: the kernel then needs less time for each write, and a full disk is detected
+/// before the first row. Not all file systems support it.
 fn reserve_space(file: &File, n_bytes: u64) -> io::Result<()> {
     match fallocate(file, FallocateFlags::empty(), 0, n_bytes) {
         Err(error @ (Errno::NOSPC | Errno::DQUOT)) => Err(error.into()),

@@ -18,7 +18,7 @@ mod xml;
 
 pub use curve::Curve;
 
-/// A file that is not a calibration of a mosaic camera.
+/// Error of a file that is not a calibration of a mosaic camera.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}, {element}: {rule}")]
 pub struct SensorCalibrationError {
@@ -26,7 +26,7 @@ pub struct SensorCalibrationError {
     pub line: u32,
     /// Path of the element, for example `sensor_calibration/sensor_info/width`.
     pub element: String,
-    /// What was found and what was expected.
+    /// The value found and the value expected.
     pub rule: String,
 }
 
@@ -35,7 +35,7 @@ pub struct SensorCalibrationError {
 pub struct SensorCalibration {
     /// Generation, 0 to 3.
     pub version: u32,
-    /// Serial number of the sensor; empty if the file has none (generation 0).
+    /// Serial number of the sensor; empty in generation 0, which does not contain it.
     pub sensor_id: String,
     /// Columns and rows of the raw image, px.
     pub size: [u32; 2],
@@ -121,8 +121,8 @@ impl SensorCalibration {
         read::sensor_calibration(text)
     }
 
-    /// Content of a file of generation 1 (that of the sensors HS02 and HS03), independent of [`Self::version`]. Values in the units of
-    /// generation 0 are not converted.
+    /// Content of a file of generation 1 (the generation of the sensors HS02 and HS03), independent of [`Self::version`].
+    /// Values in the units of generation 0 are not converted.
     pub fn to_xml(&self) -> String {
         write::xml(self)
     }

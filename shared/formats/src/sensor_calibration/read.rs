@@ -162,7 +162,7 @@ fn bands(zone: Element<'_>, calibration_info: Option<Element<'_>>, pattern: u32)
         }
         let response = band.child(&["response", "response_composition"])?;
         let about = [Some(band), calibration_info].into_iter().flatten();
-        // A band may have its own wavelengths; otherwise those of the file apply.
+        // A band may have its own wavelengths; otherwise the wavelengths of the file apply.
         let about = about.clone().find(|e| e.maybe(&["sample_points_nm"]).is_some()).or(calibration_info);
         let about = about.ok_or_else(|| response.fault("the file has no wavelengths for this response"))?;
         *slot = Some(FilterBand {

@@ -3,31 +3,31 @@
 use std::io;
 use std::path::PathBuf;
 
-/// A database that cannot be read.
+/// Error of a database that cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: page {page}: {fault}", path = path.display())]
 pub struct SqliteError {
     /// The file.
     pub path: PathBuf,
-    /// Counted from 1.
+    /// Page, counted from 1.
     pub page: u32,
-    /// What is wrong.
+    /// Fault of the page.
     pub fault: SqliteFault,
 }
 
-/// What is wrong with a database.
+/// Fault of a database.
 #[derive(Debug, thiserror::Error)]
 pub enum SqliteFault {
     /// The operating system reported an error.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// Rows are in another file.
+    /// Another file contains rows of the database.
     #[error(
         "{path} has rows that are not in the database: it was not closed; run `sqlite3 FILE 'PRAGMA journal_mode=DELETE'`",
         path = .0.display()
     )]
     Unfinished(PathBuf),
-    /// The first bytes are others.
+    /// The first bytes are not the magic string.
     #[error("not an SQLite 3 database")]
     NotADatabase,
     /// The size of pages is invalid.
@@ -48,7 +48,7 @@ pub enum SqliteFault {
     Cut {
         /// Size of the file.
         found_bytes: u64,
-        /// Pages by the header.
+        /// Number of pages in the header.
         n_pages: u32,
         /// Bytes of a page.
         page_bytes: usize,
@@ -64,16 +64,16 @@ pub enum SqliteFault {
         /// Pages of the file.
         n_pages: u32,
     },
-    /// Pages are linked in a circle.
-    #[error("a table has more pages than the file, {0}: its links form a circle")]
+    /// The links of pages form a cycle.
+    #[error("a table has more pages than the file, {0}: its links form a cycle")]
     Circle(u32),
-    /// The page is no page of a table.
+    /// The page is not a page of a table.
     #[error("page of kind {0}; pages of tables are of kind 5 or 13")]
     Kind(u8),
     /// A value lies outside of its page or record.
     #[error("{what} ends outside of the page or the row")]
     Outside {
-        /// The value.
+        /// Name of the value.
         what: &'static str,
     },
     /// A row is larger than the file.
@@ -81,7 +81,7 @@ pub enum SqliteFault {
     RowSize(u64),
 }
 
-/// Where a link stands.
+/// Location of a link.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub page: u32,

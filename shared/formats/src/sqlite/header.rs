@@ -17,7 +17,7 @@ pub(super) const WAL_HEADER: u64 = 32;
 
 const MAGIC: &[u8] = b"SQLite format 3\0";
 
-/// What the pages need.
+/// Properties needed to read the pages.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Header {
     pub page_bytes: usize,
@@ -36,7 +36,7 @@ impl Header {
             size => usize::from(size),
         };
         let reserved_bytes = usize::from(bytes[20]);
-        // The file format asks for 480 usable bytes at least.
+        // The file format requires at least 480 usable bytes.
         if !page_bytes.is_power_of_two() || page_bytes < 512 || page_bytes - reserved_bytes < 480 {
             return Err(SqliteFault::PageSize { page_bytes, reserved_bytes });
         }

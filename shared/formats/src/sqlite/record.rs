@@ -32,7 +32,7 @@ pub(super) fn varint(bytes: &[u8]) -> Result<(u64, usize), SqliteFault> {
     Err(SqliteFault::Outside { what: "a number" })
 }
 
-/// Value `column` of a record; `None` if the record has fewer. The record may be cut behind the value.
+/// Value `column` of a record; `None` if the record has fewer values. The record may be cut after the value.
 pub(super) fn value(record: &[u8], column: usize) -> Result<Option<Value<'_>>, SqliteFault> {
     let outside = SqliteFault::Outside { what: "a value" };
     let (header_bytes, mut at) = varint(record)?;

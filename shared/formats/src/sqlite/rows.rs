@@ -7,21 +7,21 @@
 //! | 8 | 4 | inner pages: the last child |
 //! | 8 or 12 | 2 each | offsets of the cells |
 //!
-//! A cell of an inner page begins with its child, a cell of a leaf is the size of a record, the id of the row, and the record. Long
-//! records continue on a chain of other pages.
+//! A cell of an inner page begins with its child. A cell of a leaf is the size of a record, the id of the row, and the
+//! record. Long records continue on a chain of other pages.
 
 use super::Database;
 use super::error::{Place, SqliteError, SqliteFault};
 use super::record::{self, Value, varint};
 
-/// Levels of a tree. The largest database has fewer.
+/// Maximum number of levels of a tree. The largest database has fewer.
 const MAX_DEPTH: usize = 32;
 const INNER: u8 = 5;
 const LEAF: u8 = 13;
 /// Size of the file header, which is on page 1.
 const FILE_HEADER: usize = 100;
 
-/// A row. Before [`Rows::load`], only the values at its begin are there.
+/// A row. Before [`Rows::load`], only the values at its start are available.
 #[derive(Debug)]
 pub struct Row<'a> {
     database: &'a Database,
@@ -29,7 +29,7 @@ pub struct Row<'a> {
     page: u32,
     n_bytes: usize,
     record: Vec<u8>,
-    /// First page with the rest of the record; 0 if all is here.
+    /// First page with the rest of the record; 0 if the record is complete.
     overflow: u32,
 }
 
@@ -44,7 +44,7 @@ impl Row<'_> {
         self.page
     }
 
-    /// Value of a column, counted from 0; `None` if the row has fewer.
+    /// Value of a column, counted from 0; `None` if the row has fewer columns.
     pub fn value(&self, column: usize) -> Result<Option<Value<'_>>, SqliteError> {
         record::value(&self.record, column).map_err(|fault| self.database.fault(self.page, fault))
     }
@@ -141,7 +141,7 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// A page that belongs to one place of one table, so a sound scan reads it once.
+    /// Reads a page. Each page belongs to one place of one table, so an undamaged scan reads it once.
     fn page(&mut self, number: u32, from: Place) -> Result<Vec<u8>, SqliteError> {
         let n_pages = self.database.header.n_pages;
         let left = self.n_left.checked_sub(1);
@@ -181,7 +181,7 @@ impl<'a> Rows<'a> {
         let length = length as usize;
         let local = local_bytes(length, header.usable_bytes());
         let record = cell.get(..local).ok_or_else(outside)?.to_vec();
-        // Rows that overlap would make a scan longer than the file.
+        // Overlapping rows would make a scan longer than the file.
         page.used += local;
         if page.used > page.bytes.len() {
             return Err(outside());
@@ -298,7 +298,7 @@ mod tests {
         let error = read(&[outside]).expect_err("is outside").to_string();
         assert!(error.ends_with("page 2: a link leads to page 9; the file has pages 1 to 2"), "{error}");
         let index = page(0, 10, None, &[]);
-        assert!(matches!(read(&[index]).expect_err("is no table").fault, SqliteFault::Kind(10)));
+        assert!(matches!(read(&[index]).expect_err("is not a table").fault, SqliteFault::Kind(10)));
         let long = page(0, LEAF, None, &[long_row(1, 9)]);
         assert!(matches!(read(&[long]).expect_err("is outside").fault, SqliteFault::Link { number: 9, .. }));
         let mut far = page(0, LEAF, None, &[row(1, b"one")]);

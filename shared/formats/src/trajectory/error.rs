@@ -2,17 +2,17 @@
 
 use geometry::Stamp;
 
-/// A line of a trajectory file that cannot be read.
+/// Error of a line of a trajectory file that cannot be read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("line {line}: {fault}")]
 pub struct TrajectoryError {
-    /// Counted from 1.
+    /// Line, from 1.
     pub line: usize,
-    /// What is wrong.
+    /// Fault of the line.
     pub fault: PoseFault,
 }
 
-/// What is wrong with a line.
+/// Fault of a line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PoseFault {
     /// The line has too few numbers.
@@ -26,7 +26,7 @@ pub enum PoseFault {
     /// The line continues after the last number.
     #[error("unexpected {found:?} after {expected} numbers")]
     ExtraField {
-        /// First field too many.
+        /// The first excess field.
         found: String,
         /// Numbers of a pose.
         expected: usize,
@@ -85,7 +85,7 @@ pub enum PoseFault {
         /// Determinant of M.
         determinant: f64,
     },
-    /// A line has another number of fields than the header line.
+    /// A line has a different number of fields than the header line.
     #[error("{found} fields, the first line names {expected}")]
     FieldCount {
         /// Fields of the line.

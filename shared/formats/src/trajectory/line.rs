@@ -13,7 +13,7 @@ pub fn content_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
-/// Exactly `N` finite numbers separated by blanks.
+/// Parses exactly `N` finite numbers separated by blanks.
 pub fn parse_numbers<const N: usize>(fields: &str) -> Result<[f64; N], PoseFault> {
     let mut numbers = [0.0; N];
     let mut fields = fields.split_ascii_whitespace();
@@ -27,13 +27,13 @@ pub fn parse_numbers<const N: usize>(fields: &str) -> Result<[f64; N], PoseFault
     }
 }
 
-/// A finite number.
+/// Parses a finite number.
 pub fn finite(field: &str) -> Option<f64> {
     f64::from_str(field).ok().filter(|value| value.is_finite())
 }
 
-/// Seconds with any number of decimals, exact to the nanosecond, unlike f64. Further decimals are truncated. Numbers with an
-/// exponent, as `numpy` writes them, have the precision of f64.
+/// Parses seconds with any number of decimals, exact to the nanosecond, unlike f64. Further decimals are truncated.
+/// Numbers with an exponent, as written by `numpy`, have the precision of f64.
 pub fn parse_stamp(field: &str) -> Result<Stamp, PoseFault> {
     seconds(field).ok_or_else(|| PoseFault::Seconds { found: field.to_owned() })
 }

@@ -66,7 +66,7 @@ fn damaged_tiffs_do_not_panic() {
 
 #[test]
 fn tiff_that_needs_more_bytes_than_it_has_is_refused() {
-    // Ten rows each are the same strip of 655 340 bytes: 2 GB of image in 120 KB of file.
+    // All strips of ten rows are the same 655 340 bytes: 2 GB of image in 120 KB of file.
     let width = 32_767_u32;
     let height = 30_000_u32;
     let n_bands = 2_u32;

@@ -90,7 +90,7 @@ fn written_image_reads_back_equal() {
     assert_eq!(back.header.band_names, ["blue; first", "green"]);
     assert_eq!((&back.header.wavelengths, &back.header.fwhm), (&image.header.wavelengths, &image.header.fwhm));
     assert_eq!(back.header.data_ignore_value, Some(-1.0));
-    // By the data file's name too.
+    // The image can also be read by the name of its data file.
     assert_eq!(envi::read(&folder.path().join("cube.img")).expect("valid"), back);
     let short = Image { values: vec![0.0; 11], ..image };
     assert!(envi::write(&path, &short).expect_err("too short").to_string().contains("11 values: the header needs 12"));
@@ -125,11 +125,11 @@ fn invalid_header_is_reported_with_its_line() {
 #[real_data::test("spectra/envi_white_dark")]
 fn real_line_scanner_references_are_read() {
     let folder = real_data::path("spectra/envi_white_dark");
-    // u16, by line, without a number of lines, with comments in its head.
+    // u16, interleaved by line, without a number of lines, with comments in its header.
     let dark = envi::read(&folder.join("darkReference.hdr")).expect("valid");
     assert_eq!((dark.header.samples, dark.header.lines, dark.header.bands), (1020, 1, 301));
     assert_eq!(dark.header.wavelengths_nm().expect("nm")[..2], [400.0, 402.0]);
-    // f32, by pixel.
+    // f32, interleaved by pixel.
     let white = envi::read(&folder.join("whiteReference.bin")).expect("valid");
     assert_eq!(white.values.len(), dark.values.len());
     let mean =

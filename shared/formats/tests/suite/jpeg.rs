@@ -21,12 +21,12 @@ fn street() -> Vec<u8> {
     bytes
 }
 
-/// Offset of the image data behind the header of the scan.
+/// Offset of the image data after the header of the scan.
 fn data_at(bytes: &[u8]) -> usize {
     bytes.windows(2).position(|pair| pair == [0xff, 0xda]).expect("a scan") + 14
 }
 
-/// The image with a restart marker after every `interval` units is one of several strips: here only the header says so.
+/// Adds a restart interval to the header only: the image then claims several strips.
 fn with_restart_interval(bytes: &[u8], interval: u16) -> Vec<u8> {
     let at = bytes.windows(2).position(|pair| pair == [0xff, 0xda]).expect("a scan");
     let segment = [&[0xff, 0xdd, 0, 4][..], &interval.to_be_bytes()].concat();
@@ -38,7 +38,7 @@ fn whole_jpeg_passes_and_each_cut_is_found() {
     let whole = street();
     assert!(is_jpeg(&whole));
     assert_eq!(check(&whole), Ok(()));
-    assert_eq!(check(&[&whole[..], b"behind the end"].concat()), Ok(()));
+    assert_eq!(check(&[&whole[..], b"past the end"].concat()), Ok(()));
     for length in (0..whole.len()).step_by(37) {
         assert_eq!(check(&whole[..length]), Err(JpegError::Cut { n_bytes: length }));
     }
@@ -54,7 +54,7 @@ fn rest_missing_before_the_end_marker_is_found() {
     }
 }
 
-/// The share of damaged files that is found. `damage` changes the data behind an offset.
+/// The share of damaged files that is detected. `damage` changes the data after an offset.
 fn found_share(damage: impl Fn(&[u8], usize, &mut Random) -> Vec<u8>) -> f64 {
     let whole = street();
     let begin = data_at(&whole);
@@ -67,7 +67,7 @@ fn found_share(damage: impl Fn(&[u8], usize, &mut Random) -> Vec<u8>) -> f64 {
     (0..n).filter(|_| is_found(&mut random)).count() as f64 / f64::from(n)
 }
 
-/// The rest is damage that gives as many blocks as the data that it replaces: the decoder loses these blocks and at most the
+/// Undetected damage decodes to as many blocks as the data that it replaces: the decoder loses these blocks and at most the
 /// brightness of the following ones.
 #[test]
 fn damage_in_the_middle_is_found_in_nine_of_ten_files() {
@@ -76,7 +76,7 @@ fn damage_in_the_middle_is_found_in_nine_of_ten_files() {
         damaged[at..at + 64].fill_with(|| random.bits() as u8);
         damaged
     });
-    // As a disk has it that lost a sector.
+    // A disk that lost a sector returns zeros.
     let zeros = found_share(|whole, at, _| [&whole[..at], &[0; 512], &whole[at + 512..]].concat());
     let lost = found_share(|whole, at, _| [&whole[..at], &whole[at + 512..]].concat());
     println!("found: noise {noise}, zeros {zeros}, lost {lost}");

@@ -23,7 +23,8 @@ fn real_cameras_project_the_reference_points_of_the_file_to_its_pixels() {
             let sensor = lens.project(&p, 0.0).expect("in view");
             apart_px.push((sensor - Vector2::from(*pixel)).norm());
         }
-        // The first point is the center. The ideal image is a rectangle around the bent image of the sensor: they touch in one corner.
+        // The first point is the center. The ideal image is a rectangle around the curved image of the sensor: they touch
+        // in one corner.
         let corners_px = &mut apart_px[1..];
         corners_px.sort_by(f64::total_cmp);
         assert!(corners_px[0] < 0.003 && corners_px[1] > 5.0 && corners_px[3] < 55.0, "{corners_px:?} px");
@@ -51,7 +52,7 @@ fn pixel_of_real_camera_maps_to_ray_and_back() {
                 n_seen += 1;
             }
         }
-        // In the very corners the ideal image ends first.
+        // In the corners, the ideal image ends before the sensor image.
         assert!(worst < 0.05 && n_seen * 1000 > n_all * 995, "{n_seen} of {n_all} pixels, worst {worst} px");
     }
 }

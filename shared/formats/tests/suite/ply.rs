@@ -100,7 +100,7 @@ fn written_file_equals_the_file_of_ply_rs() {
     let mut cloud = Parser::<DefaultElement>::new().read_ply(&mut &ours[..]).expect("ply-rs reads it");
     let mut theirs = Vec::new();
     Writer::new().write_ply(&mut theirs, &mut cloud).expect("ply-rs writes it");
-    assert!(ours == theirs, "header and rows must be those of ply-rs");
+    assert!(ours == theirs, "header and rows must equal the output of ply-rs");
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn images_of_both_byte_orders_and_depths_are_read() {
         assert_eq!((deep.width, deep.height, deep.bit_depth, &deep.samples[..]), (3, 2, 16, &samples[..]));
         let shallow = RawMosaic::parse(&tiff(big_endian, &gray(8), &[0, 1, 2, 253, 254, 255])).expect("parses");
         assert_eq!((shallow.bit_depth, &shallow.samples[..]), (8, &[0, 1, 2, 253, 254, 255][..]));
-        // Samples are used as stored if small values are white, too.
+        // Samples are also used as stored if small values are white.
         let mut white_is_zero = gray(16);
         white_is_zero[4].1 = 0;
         let white_is_zero = RawMosaic::parse(&tiff(big_endian, &white_is_zero, &data)).expect("parses");

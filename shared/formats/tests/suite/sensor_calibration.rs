@@ -78,11 +78,11 @@ fn real_files_contain_the_known_camera_parameters() {
 fn real_file_survives_round_trip() {
     for name in [HS03, HS02] {
         let camera = real(name);
-        assert!(SensorCalibration::from_xml(&camera.to_xml()).expect("parses") == camera, "{name} changed on the way");
+        assert!(SensorCalibration::from_xml(&camera.to_xml()).expect("parses") == camera, "{name} changed in the round trip");
     }
 }
 
-/// A camera of 2 x 2 bands, as each generation writes it.
+/// A camera of 2 x 2 bands, in the form of each generation.
 fn small(version: u32) -> String {
     let vector = |name: &str, values: [f64; 3]| {
         let [a, b, c] = values;
@@ -100,7 +100,7 @@ fn small(version: u32) -> String {
     };
     let response = if version == 0 { "response_composition" } else { "response" };
     let index = if version == 0 { "pattern_position_index" } else { "index" };
-    // The bands of the file do not stand in the order of the pattern.
+    // The bands of the file are not in the order of the pattern.
     let bands = [2, 0, 1, 3].map(|k| {
         let center = 500.0 + 10.0 * f64::from(k);
         let values = vector(response, [0.1, 0.2 + 0.1 * f64::from(k), 0.3]);
