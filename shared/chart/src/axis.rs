@@ -30,7 +30,7 @@ impl Axis {
         let [low, high] = self.range;
         if high > low { (value.clamp(low, high) - low) / (high - low) } else { 0.5 }
     }
-    /// Round numbers within the range, in steps of 1, 2 or 5 times a power of ten, about `n` at most.
+    /// Round numbers within the range, in steps of 1, 2 or 5 times a power of ten, at most about `n`.
     pub(crate) fn ticks(&self, n: f64) -> Vec<f64> {
         let [low, high] = self.range;
         let rough = (high - low) / n.max(1.0);

@@ -1,4 +1,4 @@
-//! Horizontal bars, one row under the other.
+//! Horizontal bars, one row below the other.
 
 use crate::draw::escaped;
 use std::fmt::Write;
@@ -14,14 +14,14 @@ const WIDTH: f64 = 900.0;
 /// Room right of the bars for the text of a row, px.
 const RIGHT: f64 = 110.0;
 
-/// A row: its name, its pieces, and a text behind them.
+/// A row: its name, its pieces, and a text after them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BarRow {
-    /// Left of the bar.
+    /// Text to the left of the bar.
     pub name: String,
-    /// In drawing order: from, to (in the unit of the axis), SVG color.
+    /// Pieces in drawing order: from, to (in the unit of the axis), SVG color.
     pub pieces: Vec<([f64; 2], String)>,
-    /// Right of all bars; may be empty.
+    /// Text to the right of all bars; may be empty.
     pub text: String,
 }
 

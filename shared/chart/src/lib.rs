@@ -10,10 +10,10 @@
 //!
 //! Written here, not taken from a plotting crate: 400 lines without fonts or rasterizer give reproducible bytes.
 //!
-//! What it must never do: read the clock, a font or a file, depend on the order of a hash map, or compute statistics: callers bring
-//! the numbers. Colors stay distinguishable with any kind of color vision ([`COLORS`]).
+//! What it must never do: read the clock, a font or a file, depend on the order of a hash map, or compute statistics:
+//! callers provide the numbers. Colors stay distinguishable with any kind of color vision ([`COLORS`]).
 //!
-//! Where to begin reading: [`Chart::svg`].
+//! Where to start reading: [`Chart::svg`].
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -67,11 +67,11 @@ pub enum Mark {
 /// A data series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// Name in the legend. Series of equal name and color share an entry; an empty name has none.
+    /// Name in the legend. Series of equal name and color share an entry; a series with an empty name has no entry.
     pub name: String,
     /// SVG color.
     pub color: &'static str,
-    /// Points and how they are drawn.
+    /// Points and their drawing style.
     pub mark: Mark,
 }
 
@@ -149,7 +149,7 @@ pub fn sheet(charts: &[Chart], columns: usize) -> String {
     let height_of = |row: &[Chart]| row.iter().map(|chart| draw::outer(chart)[1]).fold(0.0, f64::max);
     let width = rows.iter().map(|row| width_of(row)).fold(0.0, f64::max);
     let height: f64 = rows.iter().map(|row| height_of(row)).sum();
-    // Viewers that do not scale need a size beside the view box.
+    // Viewers that do not scale need a size in addition to the view box.
     let mut svg = format!(
         "<svg class=\"chart\" xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
          font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"

@@ -7,17 +7,17 @@ use std::io::{self, BufReader, BufWriter, ErrorKind};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// How often a connection that waits for its client looks whether the server stops.
+/// Interval at which a connection that waits for its client checks whether the server stops.
 const POLL: Duration = Duration::from_millis(200);
-/// A connection without requests ends after this: its place is for others.
+/// A connection without requests is closed after this time, to make room for other clients.
 const IDLE: Duration = Duration::from_secs(30);
-/// A request must be complete, and each piece of a response taken, within this.
+/// Time limit for a complete request, and for each piece of a response to be accepted.
 const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Which names of hosts a client may use.
+/// Host names that a client may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Hosts {
-    /// Those of loopback. A page of another site whose name resolves to loopback must not read what is served here.
+    /// Only the names of loopback. A page of another site whose name resolves to loopback must not read the served content.
     Loopback,
     Any,
 }
@@ -32,7 +32,7 @@ impl Hosts {
     }
 }
 
-/// Answers the requests of a client until it has no more, breaks the protocol, or the server stops.
+/// Answers the requests of a client until the client sends no more, breaks the protocol, or the server stops.
 pub(crate) fn serve(stream: &TcpStream, site: &Site, hosts: Hosts, is_stopped: impl Fn() -> bool) -> io::Result<()> {
     stream.set_nodelay(true)?;
     stream.set_write_timeout(Some(TIMEOUT))?;
@@ -58,7 +58,7 @@ pub(crate) fn serve(stream: &TcpStream, site: &Site, hosts: Hosts, is_stopped: i
     Ok(())
 }
 
-/// Waits for the first byte of a request. False if none came.
+/// Waits for the first byte of a request. False if no byte arrived.
 fn wait(input: &mut BufReader<&TcpStream>, stream: &TcpStream, is_stopped: impl Fn() -> bool) -> io::Result<bool> {
     stream.set_read_timeout(Some(POLL))?;
     let begin = Instant::now();

@@ -1,18 +1,18 @@
 //! The header `Range` of a request (RFC 9110, section 14).
 
-/// Which bytes a client asks for.
+/// Bytes that a client requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Range {
-    /// All. Also for what is no single range of bytes, as the RFC demands.
+    /// All bytes. Also used for values that are not a single range of bytes, as the RFC requires.
     Whole,
-    /// From the first to before the second, inside the content.
+    /// Bytes from the first to before the second, inside the content.
     Part(u64, u64),
-    /// None of the bytes is in the content.
+    /// All requested bytes are outside the content.
     Unsatisfiable,
 }
 
 impl Range {
-    /// The range that the value of the header stands for in a content of `n_bytes`.
+    /// The range that the value of the header selects in a content of `n_bytes`.
     pub(crate) fn of(value: Option<&str>, n_bytes: u64) -> Self {
         let Some((first, last)) = value.and_then(single) else { return Self::Whole };
         let (begin, end) = match (first, last) {
@@ -25,7 +25,7 @@ impl Range {
     }
 }
 
-/// `bytes=10-19`, `bytes=10-` or `bytes=-5`: the numbers. `None` for anything else.
+/// Parses `bytes=10-19`, `bytes=10-` or `bytes=-5`. `None` for anything else.
 fn single(value: &str) -> Option<(Option<u64>, Option<u64>)> {
     let (unit, range) = value.split_once('=')?;
     let (first, last) = range.trim().split_once('-')?;

@@ -2,15 +2,15 @@
 
 use std::io::{self, BufRead, ErrorKind};
 
-/// Largest head, bytes. Browsers send less than 2 kB; cookies of other servers of the host may come along.
+/// Largest head, bytes. Browsers send less than 2 kB; cookies of other servers on the same host may be included.
 pub(crate) const MAX_HEAD_BYTES: usize = 16 * 1024;
 
-/// What a client asks for.
+/// A parsed request.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Request {
-    /// `GET` and others, as it was sent.
+    /// Method as sent, such as `GET`.
     pub(crate) method: String,
-    /// Path without its first slash and without what follows a question mark.
+    /// Path without its first slash and without the query.
     pub(crate) name: String,
     pub(crate) host: Option<String>,
     pub(crate) range: Option<String>,
@@ -18,18 +18,18 @@ pub(crate) struct Request {
     pub(crate) is_last: bool,
 }
 
-/// Why there is no request.
+/// Reason why there is no request.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum NoRequest {
     /// The connection has ended, or the head was not complete in time.
     Closed,
-    /// The bytes are no request.
+    /// The bytes are not a request.
     Invalid,
     TooLarge,
 }
 
 impl Request {
-    /// Reads one head. `is_late` is asked before each piece: a client may send one byte at a time.
+    /// Reads one head. `is_late` is called before each piece: a client may send one byte at a time.
     pub(crate) fn read(input: &mut impl BufRead, is_late: impl Fn() -> bool) -> Result<Self, NoRequest> {
         let head = read_head(input, is_late)?;
         let head = std::str::from_utf8(&head).map_err(|_| NoRequest::Invalid)?;
@@ -60,7 +60,7 @@ impl Request {
                 "host" => request.host = Some(value.to_owned()),
                 "range" => request.range = Some(value.to_owned()),
                 "connection" if value.eq_ignore_ascii_case("close") => request.is_last = true,
-                // Its body would be taken for the next request.
+                // The body would be mistaken for the next request.
                 "content-length" if value != "0" => request.is_last = true,
                 "transfer-encoding" => request.is_last = true,
                 _ => {}
@@ -82,7 +82,7 @@ fn read_head(input: &mut impl BufRead, is_late: impl Fn() -> bool) -> Result<Vec
         };
         let n_before = head.len();
         head.extend_from_slice(bytes);
-        // The empty line may begin in the bytes before.
+        // The empty line may begin in the previous bytes.
         let searched = n_before.saturating_sub(3);
         let end = head[searched..].windows(4).position(|four| four == b"\r\n\r\n").map(|at| searched + at);
         let n_bytes = bytes.len();
@@ -99,7 +99,7 @@ fn read_head(input: &mut impl BufRead, is_late: impl Fn() -> bool) -> Result<Vec
     Err(NoRequest::Closed)
 }
 
-/// Whether the client waits for its first byte: used between requests.
+/// Waits for the first byte of the client: used between requests.
 pub(crate) fn has_bytes(input: &mut impl BufRead) -> io::Result<bool> {
     input.fill_buf().map(|bytes| !bytes.is_empty())
 }

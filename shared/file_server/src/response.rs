@@ -43,7 +43,7 @@ pub(crate) fn refuse(output: &mut impl Write, refusal: Refusal, is_last: bool) -
     output.flush()
 }
 
-/// Sends what a request asks for.
+/// Sends the requested content.
 pub(crate) fn respond(output: &mut impl Write, site: &Site, request: &Request) -> io::Result<()> {
     let has_body = match request.method.as_str() {
         "GET" => true,
@@ -59,7 +59,7 @@ pub(crate) fn respond(output: &mut impl Write, site: &Site, request: &Request) -
         Range::Part(begin, end) => ("206 Partial Content", (begin, end)),
         Range::Unsatisfiable => ("416 Range Not Satisfiable", (0, 0)),
     };
-    // A cached page would show the run that had this address before.
+    // A cached page could show the run that used this address earlier.
     let mut head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: {}\r\nContent-Length: {}\r\nAccept-Ranges: bytes\r\nCache-Control: no-cache\r\n\
          X-Content-Type-Options: nosniff\r\n",
@@ -77,7 +77,7 @@ pub(crate) fn respond(output: &mut impl Write, site: &Site, request: &Request) -
     if has_body && begin < end {
         let n_sent = io::copy(&mut content.reader(begin, end)?, output)?;
         if n_sent != end - begin {
-            // A file that became shorter: the client must not take the next response for its rest.
+            // The file became shorter: the client must not mistake the next response for the rest of this one.
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
     }

@@ -1,4 +1,4 @@
-//! All clients.
+//! The server and all its clients.
 
 use crate::connection::{self, Hosts};
 use crate::response::{Refusal, refuse};
@@ -9,26 +9,26 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, Scope};
 use std::time::Duration;
 
-/// Clients at a time. A browser opens six connections to a host.
+/// Maximum number of clients at a time. A browser opens six connections to a host.
 const MAX_CONNECTIONS: usize = 64;
-/// How often the server looks for a new client and whether it shall stop.
+/// Interval at which the server checks for a new client and for its stop signal.
 const POLL: Duration = Duration::from_millis(20);
 
-/// A server that has its address, and clients once it runs.
+/// A server bound to its address; it accepts clients while it runs.
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
 }
 
 impl Server {
-    /// Takes an address; with port 0 the system chooses a free one.
+    /// Binds an address; with port 0 the system chooses a free one.
     pub fn bind(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         Ok(Self { address: listener.local_addr()?, listener })
     }
 
-    /// Where it listens.
+    /// The address on which the server listens.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -47,7 +47,7 @@ impl Server {
                             thread::sleep(POLL);
                         }
                     }
-                    // Also when there are too many open files: some will be closed.
+                    // Also happens with too many open files: some of them will be closed.
                     Err(_) => thread::sleep(POLL),
                 }
             }
@@ -64,20 +64,20 @@ fn start<'scope>(
 ) -> io::Result<()> {
     stream.set_nonblocking(false)?;
     if n_connections.load(Ordering::Relaxed) >= MAX_CONNECTIONS {
-        // The client may be gone.
+        // The client may have disconnected.
         let _ = refuse(&mut &stream, Refusal::TooManyConnections, true);
         return Ok(());
     }
     let place = Place::take(n_connections);
     thread::Builder::new().name("client".to_owned()).spawn_scoped(scope, move || {
         let _place = place;
-        // The client is gone or too slow: nobody is left to be told.
+        // The client has disconnected or is too slow, so the error cannot be reported to it.
         let _ = serve(&stream);
     })?;
     Ok(())
 }
 
-/// One of the connections. It is given back also when a content panics.
+/// One of the connections. It is released even when a content panics.
 struct Place<'a>(&'a AtomicUsize);
 
 impl<'a> Place<'a> {

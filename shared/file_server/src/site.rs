@@ -1,4 +1,4 @@
-//! What is served.
+//! The served contents.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -10,17 +10,17 @@ use std::path::{Path, PathBuf};
 #[derive(Default)]
 pub struct Site(BTreeMap<String, Content>);
 
-/// What a name stands for.
+/// The content of a name.
 pub enum Content {
     /// Bytes in memory.
     Bytes(Cow<'static, [u8]>),
-    /// A file, read anew for each request.
+    /// A file, read again for each request.
     File(PathBuf),
-    /// Bytes that are made when they are asked for. `None` = there are none: not found.
+    /// Bytes that are computed on request. `None`: not found.
     OnRequest(Box<dyn Fn() -> Option<Vec<u8>> + Send + Sync>),
 }
 
-/// A site could not be written as a folder.
+/// Error of a site that could not be written as a folder.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: cannot write", path.display())]
 pub struct SiteError {
@@ -38,18 +38,18 @@ impl Site {
             let mut bytes = part.bytes();
             !["", ".", ".."].contains(&part) && bytes.all(|b| b.is_ascii_alphanumeric() || b"._-".contains(&b))
         };
-        assert!(name.split('/').all(is_plain), "{name:?} is no plain name");
+        assert!(name.split('/').all(is_plain), "{name:?} is not a plain name");
         self.0.insert(name.to_owned(), content);
     }
 
-    /// The content of a name; that of the empty name is `index.html`.
+    /// The content of a name; the empty name stands for `index.html`.
     pub(crate) fn find(&self, name: &str) -> Option<(&str, &Content)> {
         let name = if name.is_empty() { "index.html" } else { name };
         self.0.get_key_value(name).map(|(name, content)| (name.as_str(), content))
     }
 
-    /// Writes all contents as files below an existing folder, for any server with byte ranges. `progress` receives each name. A name whose
-    /// content cannot be made is left out.
+    /// Writes all contents as files below an existing folder, for any server with byte ranges. `progress` receives each
+    /// name. Contents that cannot be computed are left out.
     pub fn write(&self, folder: &Path, mut progress: impl FnMut(&str)) -> Result<(), SiteError> {
         for (name, content) in &self.0 {
             let path = folder.join(name);
@@ -76,14 +76,14 @@ fn write_content(content: &Content, path: &Path) -> io::Result<()> {
     }
 }
 
-/// A content that is about to be sent.
+/// A content that is opened for sending.
 pub(crate) enum Opened<'a> {
     Bytes(Cow<'a, [u8]>),
     File(File, u64),
 }
 
 impl Content {
-    /// `None` if there is no such content (any more).
+    /// Opens the content. `None` if it does not exist or no longer exists.
     pub(crate) fn open(&self) -> Option<Opened<'_>> {
         match self {
             Self::Bytes(bytes) => Some(Opened::Bytes(Cow::Borrowed(bytes))),
@@ -105,7 +105,7 @@ impl Opened<'_> {
         }
     }
 
-    /// The bytes `begin..end`, which lie inside.
+    /// The bytes `begin..end`, which lie inside the content.
     pub(crate) fn reader(&mut self, begin: u64, end: u64) -> io::Result<Box<dyn Read + '_>> {
         match self {
             Self::Bytes(bytes) => Ok(Box::new(&bytes[begin as usize..end as usize])),
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "is no plain name")]
+    #[should_panic(expected = "is not a plain name")]
     fn name_that_leaves_the_folder_is_refused() {
         Site::default().add("images/../../secret", Content::OnRequest(Box::new(|| None)));
     }

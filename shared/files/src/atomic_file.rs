@@ -59,8 +59,8 @@ impl Drop for AtomicFile {
     }
 }
 
-/// Creates a file; one that is there is removed first. A link there is removed, not followed: in a folder of several users it
-/// could lead to any file of this user.
+/// Creates a file after removing an existing one. An existing link is removed, not followed: in a folder shared by
+/// several users it could point to any file of this user.
 fn create_anew(path: &Path) -> io::Result<File> {
     let create = || File::options().write(true).create_new(true).open(path);
     match create() {
@@ -86,7 +86,7 @@ pub fn sync(path: &Path) -> io::Result<()> {
 }
 
 /// Syncs files and their folders to the disk, one after the other. Syncing on several threads would not be faster and would block
-/// threads that compute. The error is that of the first file that failed.
+/// threads that compute. The error belongs to the first file that failed.
 pub fn sync_all(paths: &[PathBuf]) -> Result<(), (PathBuf, io::Error)> {
     paths.iter().try_for_each(|path| sync(path).map_err(|cause| (path.clone(), cause)))
 }
@@ -117,7 +117,7 @@ mod tests {
             (b"points".to_vec(), b"of the user".to_vec())
         );
         assert!(!partial.exists());
-        // So is what a crash has left.
+        // A partial file left by a crash is also overwritten.
         fs::write(&partial, b"half of a longer text").expect("writes");
         write_atomic(&path, b"new").expect("writes");
         assert_eq!(fs::read(&path).expect("is there"), b"new");

@@ -3,7 +3,7 @@
 /// Nanoseconds of a day.
 pub const DAY_NANOS: i64 = 86_400_000_000_000;
 
-/// Largest year of a date: what texts with four digits have.
+/// Largest year of a date: the largest number of four digits.
 const MAX_YEAR: i64 = 9999;
 
 /// Days since 1970-01-01; `None` for dates that do not exist and for years other than 0 to 9999.

@@ -1,7 +1,8 @@
 //! Helpers for files: atomic replacement, bounded reading of text, TOML with positions, problems of a file, the calendar.
 //!
-//! Settings, manifests and state files are small texts that people edit. This crate reads them so that every fault has a file, a line, a
-//! key and a rule, and writes files so that a crash or a full disk leaves either the old content or the new one.
+//! Settings, manifests and state files are small texts that people edit. This crate reads them so that every fault is
+//! reported with file, line, key and rule, and writes files so that a crash or a full disk leaves either the old content
+//! or the new one.
 //!
 //! - [`atomic_file`]: write to a temporary file, synchronize it, rename it.
 //! - [`text_file`]: read a text of at most a given size; devices, folders and larger files are refused.

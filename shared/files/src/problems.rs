@@ -12,7 +12,7 @@ pub struct FileProblem {
     pub line: Option<usize>,
     /// Key, for example `camera[2].model.fx`; empty for problems of the whole file.
     pub key: String,
-    /// What was found and what was expected.
+    /// The value found and the value expected.
     pub rule: String,
 }
 

@@ -6,18 +6,18 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Largest launch file or manifest, bytes. A manifest with a hundred cameras has a twentieth.
+/// Largest launch file or manifest, bytes. A manifest with a hundred cameras needs a twentieth of it.
 pub const MAX_SETTINGS_BYTES: u64 = 1 << 20;
 /// Largest calibration file of a manufacturer, bytes. Real ones have up to 300 KB.
 pub const MAX_CALIBRATION_BYTES: u64 = 16 << 20;
 
-/// A file that is not read.
+/// Error of a file that is not read.
 #[derive(Debug, thiserror::Error)]
 pub enum TextFileError {
     /// The operating system reported an error, or the text is not UTF-8.
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// A device, a pipe or a folder: it may never end.
+    /// The file is a device, a pipe or a folder, which may never end.
     #[error("is not a regular file")]
     NotRegular,
     /// The file is too large.
@@ -42,12 +42,12 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String, TextFileError> {
         return Err(TextFileError::NotRegular);
     }
     let mut text = String::new();
-    // The file may grow, or have no size, as those of /proc.
+    // The file may grow, or report no size like the files of /proc.
     File::open(path)?.take(limit + 1).read_to_string(&mut text)?;
     if text.len() as u64 > limit { Err(TextFileError::TooLarge { limit }) } else { Ok(text) }
 }
 
-/// A TOML file that is not read.
+/// Error of a TOML file that is not read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadTomlError {
     /// The text is not read.
@@ -56,17 +56,17 @@ pub enum ReadTomlError {
     /// Brackets are nested too deeply.
     #[error("byte {}: {rule}", rule.at)]
     TooDeep {
-        /// Where, and how many are allowed.
+        /// Position, and the number of allowed levels.
         #[from]
         rule: TooDeep,
     },
-    /// Not TOML, or an entry is missing, unknown or of another type; names the line.
+    /// The file is not TOML, or an entry is missing, unknown or of another type; the error names the line.
     #[error(transparent)]
     Toml(#[from] toml::de::Error),
 }
 
-/// Reads a TOML file of at most [`MAX_SETTINGS_BYTES`] that a program of the project has written, or that has few entries: the first
-/// problem is the only one that is reported. For others see [`TomlFile`](crate::toml_file::TomlFile).
+/// Reads a TOML file of at most [`MAX_SETTINGS_BYTES`] that a program of the project has written, or that has few
+/// entries: only the first problem is reported. For other files, see [`TomlFile`](crate::toml_file::TomlFile).
 pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadTomlError> {
     let text = read_text(path, MAX_SETTINGS_BYTES)?;
     check_nesting(&text)?;

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Problems that are reported; a person reads no more, and finding the line of each takes time.
+/// Number of problems that are reported: nobody reads more, and finding the line of each takes time.
 const MAX_PROBLEMS: usize = 20;
 
-/// A file with the problems found so far, up to 20, and the number of further ones.
+/// A file with the problems found so far, up to 20, and the number of further problems.
 #[derive(Clone, Debug)]
 pub struct TomlFile {
     path: PathBuf,
@@ -67,7 +67,7 @@ impl TomlFile {
         self.value_or_problems(key, read)
     }
 
-    /// All tables `[[key]]`, which must have the keys `members`; `None` for those that cannot be read.
+    /// All tables `[[key]]`, which must have the keys `members`; `None` for tables that cannot be read.
     pub fn list<T: DeserializeOwned>(&mut self, key: &str, members: &[&str]) -> Vec<Option<T>> {
         let read = self.with_table(|text, table| {
             let list = table.get(key)?;
@@ -89,8 +89,8 @@ impl TomlFile {
         }
     }
 
-    /// A required entry that is one table `[key]` or several `[[key]]`, which must have the keys `members`; `None` for those that
-    /// cannot be read.
+    /// A required entry that is one table `[key]` or several `[[key]]`, which must have the keys `members`; `None` for
+    /// tables that cannot be read.
     pub fn one_or_more<T: DeserializeOwned>(&mut self, key: &str, members: &[&str]) -> Vec<Option<T>> {
         let n_items = self.with_table(|_, table| match table.get(key).map(Spanned::get_ref) {
             Some(DeValue::Array(items)) => Some(items.len()),
@@ -113,8 +113,8 @@ impl TomlFile {
         None
     }
 
-    /// Records a problem with a value, for example of key `camera[2].model.fx`. The line is that of the value or of its nearest
-    /// parent.
+    /// Records a problem with a value, for example of key `camera[2].model.fx`. The line is the line of the value or of
+    /// its nearest parent.
     pub fn fault(&mut self, key: &str, rule: impl Into<String>) {
         if self.is_full() {
             return;
@@ -149,7 +149,7 @@ impl TomlFile {
         FileError { problems: self.problems }
     }
 
-    /// Whether no more problems are kept; then counts one.
+    /// Whether the list of problems is full; if so, counts one more.
     fn is_full(&mut self) -> bool {
         let is_full = self.problems.len() >= MAX_PROBLEMS;
         self.n_left_out += usize::from(is_full);
@@ -183,7 +183,7 @@ fn up_to_faults<T, E>(items: impl Iterator<Item = Result<T, E>>) -> Vec<Result<T
     found
 }
 
-/// The value, or lines and messages of all its faults. `members` are the keys that it must have.
+/// The value, or lines and messages of all its faults. `members` are its required keys.
 fn value<T: DeserializeOwned>(
     text: &str,
     value: &Spanned<DeValue<'_>>,
@@ -193,7 +193,7 @@ fn value<T: DeserializeOwned>(
     let begin = line_of(text, value.span().start);
     let absent = |key: &&&str| matches!(value.get_ref(), DeValue::Table(table) if !table.contains_key(**key));
     let mut faults: Vec<(usize, String)> = members.iter().filter(absent).map(|key| (begin, missing(key))).collect();
-    // The parser reports one fault. It is left out, so that the parser comes to the next one.
+    // The parser reports one fault. The faulty entry is removed, so that the parser reaches the next fault.
     let mut left = value.clone();
     let mut left_out = Vec::new();
     loop {
@@ -219,7 +219,7 @@ fn value<T: DeserializeOwned>(
     }
 }
 
-/// Removes the entry of the table in which the parser found a fault; its key.
+/// Removes the entry of the table in which the parser found a fault. Returns its key.
 fn leave_out(value: &mut DeValue<'_>, fault: &std::ops::Range<usize>) -> Option<String> {
     let DeValue::Table(table) = value else { return None };
     let contains = |span: std::ops::Range<usize>| span.start <= fault.start && fault.end <= span.end;

@@ -1,22 +1,22 @@
 //! A limit on nested brackets in TOML, checked before a text is parsed.
 //!
-//! The parser has a limit, too, but miscounts some invalid texts: `{[]x=` 8000 times overflows the stack.
+//! The parser also has a limit, but miscounts some invalid texts: `{[]x=` 8000 times overflows the stack.
 
 use toml_parser::Source;
 use toml_parser::lexer::TokenKind;
 
-/// Most levels of arrays and inline tables. The parser has a limit of 80.
+/// Maximum number of levels of arrays and inline tables. The parser has a limit of 80.
 const MAX_LEVELS: usize = 100;
 
-/// Brackets that are nested too deeply.
+/// Error of brackets that are nested too deeply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("more than {MAX_LEVELS} arrays and inline tables are open here")]
 pub struct TooDeep {
-    /// Byte of the bracket.
+    /// Byte offset of the bracket.
     pub at: usize,
 }
 
-/// Checks that brackets are not nested too deeply. Others than the last open one are not closed.
+/// Checks that brackets are not nested too deeply. A closing bracket closes only the last open one.
 pub fn check_nesting(text: &str) -> Result<(), TooDeep> {
     let mut open = Vec::new();
     for token in Source::new(text).lex() {

@@ -1,4 +1,4 @@
-//! RFC 4648. Written here: a dozen lines.
+//! RFC 4648, implemented here in a dozen lines.
 
 const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 

@@ -1,4 +1,4 @@
-//! Pages of reports as HTML: one column, light and dark as the reader's system asks, fit for print, without scripts.
+//! Pages of reports as HTML: one column, light or dark by the setting of the reader's system, printable, without scripts.
 //!
 //! [`Page`] grows from top to bottom: sections, paragraphs, findings with a [`Level`], tables ([`Table`]), charts and pictures. The
 //! reports of `replica report` and `replica inspect DRIVE` are such pages.
@@ -6,10 +6,11 @@
 //! Every text is escaped here, so that a name in a drive cannot become markup. Pictures are embedded ([`data_uri`]) or name files next
 //! to the page.
 //!
-//! What it must never do: fetch anything from the network, contain a script, or know what a run is. It reads and writes no file, and
-//! equal input gives equal bytes.
+//! What it must never do: fetch anything from the network, contain a script, or depend on runs. It reads and writes no
+//! file, and equal input gives equal bytes.
 //!
-//! Where to begin reading: [`Page`] and its methods, in the order in which a page is written; `style.css` is the whole design.
+//! Where to start reading: [`Page`] and its methods, in the order in which a page is written; `style.css` is the whole
+//! design.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -24,19 +25,19 @@ use std::fmt::{Display, Write};
 
 const STYLE: &str = include_str!("style.css");
 
-/// How good a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// Nothing to do.
+    /// No action needed.
     Green,
-    /// To be looked at.
+    /// Needs a check.
     Amber,
-    /// Not to be relied on.
+    /// Not reliable.
     Red,
 }
 
 impl Level {
-    /// The word that the page and its style sheet use.
+    /// Name of the level in the page and in its style sheet.
     pub fn word(self) -> &'static str {
         match self {
             Level::Green => "green",
@@ -81,7 +82,7 @@ impl Page {
         let _ = writeln!(self.0, "<p class=\"remark\">{}</p>", escaped(text));
     }
 
-    /// A list. Nothing without lines.
+    /// A list. An empty list is left out.
     pub fn list(&mut self, lines: impl IntoIterator<Item = impl AsRef<str>>) {
         let items: Vec<String> =
             lines.into_iter().map(|line| format!("<li>{}</li>\n", escaped(line.as_ref()))).collect();
@@ -113,12 +114,12 @@ impl Page {
         let _ = writeln!(self.0, "<div class=\"legend\">\n{}</div>", entries.concat());
     }
 
-    /// A chart or drawing (an `svg` element, which is not escaped) and what it shows.
+    /// A chart or drawing (an `svg` element, which is not escaped), with a caption.
     pub fn drawing(&mut self, svg: &str, caption: &str) {
         self.figure(svg, caption);
     }
 
-    /// A picture: a data URI or the name of a file beside the page, and what it shows.
+    /// A picture: a data URI or the name of a file next to the page, with a caption.
     pub fn picture(&mut self, source: &str, caption: &str) {
         let source = escaped(source);
         let alt = escaped(caption);
@@ -134,7 +135,7 @@ impl Page {
         self.0.push_str("</div>\n");
     }
 
-    /// A text in a box that opens on request, as it is.
+    /// An unformatted text in a box that opens on request.
     pub fn details(&mut self, title: &str, text: &str) {
         let title = escaped(title);
         let text = escaped(text);
@@ -165,7 +166,7 @@ pub fn data_uri(media_type: &str, bytes: &[u8]) -> String {
     format!("data:{media_type};base64,{}", base64(bytes))
 }
 
-/// 1234567 as "1 234 567".
+/// Formats 1234567 as "1 234 567".
 pub fn grouped(n: impl Display) -> String {
     let digits = n.to_string();
     let mut text = String::new();

@@ -7,13 +7,13 @@ use std::fmt::Write;
 /// A table: columns of text, then columns of numbers.
 pub struct Table {
     headings: Vec<String>,
-    /// The first columns are text.
+    /// Number of the first columns that are text.
     n_text: usize,
     rows: Vec<(Option<Level>, Vec<String>)>,
 }
 
 impl Table {
-    /// Without rows. The first `n_text` columns are text, aligned left; the others are numbers.
+    /// A table without rows. The first `n_text` columns are text, aligned left; the others are numbers.
     pub fn new(headings: &[&str], n_text: usize) -> Self {
         let headings = headings.iter().map(|heading| (*heading).to_owned()).collect();
         Self { headings, n_text, rows: Vec::new() }

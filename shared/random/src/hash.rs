@@ -1,4 +1,4 @@
-//! Random numbers without a state: every number is a hash of where it is used, so threads share nothing.
+//! Random numbers without a state: every number is a hash of its place of use, so threads share nothing.
 
 use crate::INCREMENT;
 

@@ -33,12 +33,12 @@ impl Random {
     pub const fn new(seed: u64) -> Self {
         Self { state: seed }
     }
-    /// Sequence number `stream` of a seed, as trainings use it.
+    /// Sequence number `stream` of a seed, in the form used by trainings.
     pub const fn of_stream(seed: u64, stream: u64) -> Self {
         let first = Self::new(seed).bits();
         Self { state: first ^ stream.wrapping_mul(0xd6e8_feb8_6659_fd93) }
     }
-    /// Sequence number `stream` of a seed, as simulated towns use it. Trainings and towns differ in this step for
+    /// Sequence number `stream` of a seed, in the form used by simulated towns. Trainings and towns differ in this step for
     /// historical reasons only; models and towns depend on both.
     pub const fn of_hash(seed: u64, stream: u64) -> Self {
         Self { state: hash(seed, stream).wrapping_add(INCREMENT) }

@@ -1,4 +1,4 @@
-//! The records of a chunk or of the summary. The library would read a record beyond the end of its chunk.
+//! The records of a chunk or of the summary. The library would read a record past the end of its chunk.
 
 use super::error::{RecordFault, mcap_fault};
 use super::{MAX_RECORD, texts};
@@ -9,24 +9,24 @@ use std::borrow::Cow;
 use std::io::Read;
 use std::ops::Range;
 
-/// Bytes before the body of a record: its kind and its length.
+/// Bytes before the body of a record: its opcode and its length.
 const HEAD_BYTES: usize = 9;
 
-/// An open chunk; without bytes before the first one.
+/// An open chunk; empty before the first chunk is opened.
 #[derive(Default)]
 pub(super) struct Chunk {
     bytes: Vec<u8>,
-    /// Where the next record begins.
+    /// Offset of the next record.
     at: usize,
 }
 
 impl Chunk {
-    /// Records that are in memory.
+    /// A chunk of records that are already in memory.
     pub fn of_records(bytes: Vec<u8>) -> Self {
         Self { bytes, at: 0 }
     }
 
-    /// Opens the chunk of a record with this body, after a check of its sum. `limit` is that of the file.
+    /// Opens the chunk of a record with this body, after a check of its checksum. `limit` is the limit of the file.
     pub fn open(&mut self, body: &[u8], limit: &mut ContentLimit) -> Result<(), RecordFault> {
         self.bytes.clear();
         self.at = 0;
@@ -34,7 +34,7 @@ impl Chunk {
         let record = mcap::parse_record(op::CHUNK, body).map_err(|error| mcap_fault(&error))?;
         let Record::Chunk { header, data } = record else { return Ok(()) };
         let content = content(&header, data, limit)?;
-        // 0: not stated.
+        // 0: no checksum.
         let saved = header.uncompressed_crc;
         let calculated = crc32fast::hash(&content);
         if saved != 0 && saved != calculated {
@@ -44,7 +44,7 @@ impl Chunk {
         Ok(())
     }
 
-    /// Kind and body of the next record; `None` at the end of the chunk.
+    /// Opcode and body of the next record; `None` at the end of the chunk.
     pub fn next(&mut self) -> Result<Option<(u8, &[u8])>, RecordFault> {
         let rest = &self.bytes[self.at..];
         let Some(&opcode) = rest.first() else { return Ok(None) };
@@ -73,7 +73,7 @@ fn content<'a>(
     let stated = size.min(MAX_RECORD as u64);
     let mut content = Vec::new();
     let chunk = limit.take(stated).and_then(|()| decompressed(with, &*data));
-    // One byte more than stated tells that there are more.
+    // Requests one byte more than stated, to detect excess content.
     let read = chunk.and_then(|chunk| chunk.take(stated + 1).read_to_end(&mut content));
     match read.map_err(|error| fault(error.to_string()))? {
         n_bytes if n_bytes as u64 == size => Ok(content.into()),
@@ -81,7 +81,7 @@ fn content<'a>(
     }
 }
 
-/// Where the body lies behind the begin of its record, of which `left` bytes follow the head.
+/// Range of the body after the start of its record, of which `left` bytes follow the head.
 fn body_range(length: u64, left: usize) -> Option<Range<usize>> {
     let length = usize::try_from(length).ok().filter(|length| *length <= left)?;
     Some(HEAD_BYTES..HEAD_BYTES + length)

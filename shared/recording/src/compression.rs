@@ -2,12 +2,13 @@
 
 use std::io::{self, Read};
 
-/// Content of all chunks of a small file at most, bytes.
+/// Minimum limit of the content of all chunks, for small files, bytes.
 const MIN_CONTENT: u64 = 16 << 20;
-/// Content of all chunks at most, in lengths of their file. Recordings have a tenth of it; bzip2 and zstd reach a million.
+/// Limit of the content of all chunks, in multiples of the file size. Recordings reach a tenth of it; bzip2 and zstd
+/// reach a million.
 const MAX_RATIO: u64 = 256;
 
-/// Bytes of content that the chunks of a file may still have: the time to read a file must not exceed what its length explains.
+/// Bytes of content that the chunks of a file may still have. The limit bounds the time to read a file by its length.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ContentLimit {
     limit: u64,
@@ -15,13 +16,13 @@ pub struct ContentLimit {
 }
 
 impl ContentLimit {
-    /// That of a file of this length.
+    /// The limit for a file of this length.
     pub fn of_file(n_bytes: u64) -> Self {
         let limit = n_bytes.saturating_mul(MAX_RATIO).saturating_add(MIN_CONTENT);
         Self { limit, left: limit }
     }
 
-    /// Takes the content of a chunk.
+    /// Subtracts the content of a chunk.
     pub fn take(&mut self, n_bytes: u64) -> io::Result<()> {
         let limit = self.limit;
         let left = self.left.checked_sub(n_bytes).ok_or_else(|| {

@@ -8,7 +8,7 @@ use messages::pod::rows_from_bytes;
 use messages::{ByteTable, Envelope};
 use std::collections::BTreeMap;
 
-/// What was read so far.
+/// Content read so far.
 #[derive(Default)]
 pub(super) struct Contents {
     schemas: BTreeMap<u16, Result<ByteTable, RecordFault>>,
@@ -64,7 +64,7 @@ fn parse_table(data: &[u8]) -> Result<ByteTable, RecordFault> {
     table::check(&parsed).map(|()| parsed.with_current_names())
 }
 
-/// `None` for channels of other programs.
+/// Index of the topic of a channel; `None` for channels of other programs.
 fn topic_of(
     channel: Channel,
     schemas: &BTreeMap<u16, Result<ByteTable, RecordFault>>,
@@ -96,7 +96,7 @@ fn check_length(topic: &RecordedTopic, bytes: &[u8]) -> Result<(), RecordFault> 
     Err(RecordFault::MessageSize { topic, seq, n_bytes, header_bytes, n_rows, row_bytes, max_rows })
 }
 
-/// The envelope of a message, at its begin.
+/// The envelope at the start of a message.
 pub(super) fn envelope_of(bytes: &[u8]) -> Option<Envelope> {
     rows_from_bytes::<Envelope>(bytes.get(..size_of::<Envelope>())?)?.first().copied()
 }

@@ -4,7 +4,7 @@ use mcap::McapError;
 use messages::ByteField;
 use std::path::{Path, PathBuf};
 
-/// A recording that cannot be written or read.
+/// Error of a recording that cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The operating system reported an error.
@@ -15,12 +15,12 @@ pub enum RecordingError {
         /// Error of the operating system.
         cause: std::io::Error,
     },
-    /// The file is not a recording, or lacks the topics that are needed.
+    /// The file is not a recording, or lacks required topics.
     #[error("{}: {reason}", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What was found and what was expected.
+        /// The content found and the content expected.
         reason: ForeignFile,
     },
     /// A message does not match the byte table of its topic.
@@ -46,9 +46,9 @@ pub enum RecordingError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Offset at which the fault was detected; its cause may lie before.
+        /// Offset at which the fault was detected; its cause may be earlier.
         offset: u64,
-        /// What is wrong.
+        /// Fault of the record.
         fault: RecordFault,
     },
     /// The file is truncated. Everything before the cut was read.
@@ -63,13 +63,13 @@ pub enum RecordingError {
     },
 }
 
-/// Why a file is not the expected recording.
+/// Reason why a file is not the expected recording.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ForeignFile {
     /// The file is not MCAP.
     #[error("not an MCAP file")]
     NotMcap,
-    /// An MCAP file of another program.
+    /// The MCAP file was written by another program.
     #[error("not a recording of REPLICA: no channel has the encoding {}", super::ENCODING)]
     NoTopics,
     /// A topic is not in the recording.
@@ -80,18 +80,18 @@ pub enum ForeignFile {
         /// Topics of the recording.
         found: Vec<String>,
     },
-    /// A reader of ticks without topics: nothing would tell where the recording ends.
+    /// A reader of ticks was opened without topics, so the end of the recording cannot be determined.
     #[error("no topic was requested; the recording has {}", found.join(", "))]
     NoTopicRequested {
         /// Topics of the recording.
         found: Vec<String>,
     },
-    /// A message was written to a topic that the recording was not created with.
+    /// A message was written to a topic that was not declared when the recording was created.
     #[error("topic {0} was not declared when the recording was created")]
     UndeclaredTopic(String),
 }
 
-/// What is wrong with a record.
+/// Fault of a record.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordFault {
     /// The MCAP library reported an error.
@@ -100,7 +100,7 @@ pub enum RecordFault {
     /// A text is longer than the record that contains it.
     #[error("{record} has a text of {found} bytes where {left} bytes are left")]
     TextLength {
-        /// Kind of the record.
+        /// Type of the record.
         record: &'static str,
         /// Length of the text.
         found: u64,
@@ -110,11 +110,11 @@ pub enum RecordFault {
     /// A record does not end within its chunk.
     #[error("chunk with {left} bytes left has a record of kind {opcode} with {}", length_text(*found))]
     ChunkRecord {
-        /// Kind of the record.
+        /// Opcode of the record.
         opcode: u8,
         /// Length of its body; `None` if the chunk ends before it.
         found: Option<u64>,
-        /// Bytes of the chunk from the begin of the record.
+        /// Bytes of the chunk from the start of the record.
         left: usize,
     },
     /// A compressed chunk cannot be read.
@@ -122,12 +122,12 @@ pub enum RecordFault {
     Compressed {
         /// Name of the compression.
         with: String,
-        /// What is wrong.
+        /// Error of the decompression.
         cause: String,
     },
-    /// A channel is declared behind messages, and no summary lists it: it was not known when the topics were chosen.
+    /// A channel is declared after messages, and no summary lists it: it was unknown when the topics were chosen.
     #[error(
-        "topic {0} begins behind other messages and the file has no summary; write it again with one (`mcap recover`)"
+        "topic {0} begins after other messages and the file has no summary; write it again with one (`mcap recover`)"
     )]
     LateChannel(String),
     /// A message belongs to no channel.
@@ -156,7 +156,7 @@ pub enum RecordFault {
         /// Most bytes of either.
         limit: usize,
     },
-    /// A field of a byte table lies outside of its part, or has an unknown kind.
+    /// A field of a byte table lies outside its part, or has an unknown kind.
     #[error(
         "byte table of {topic}: {part} field {}: {} {} at {} must lie within {bytes} bytes",
         field.name, field.count, field.kind, field.offset
@@ -203,7 +203,7 @@ pub enum RecordFault {
     /// A tick message has no row.
     #[error("tick of {0} has no row")]
     EmptyTick(String),
-    /// The recording does not begin with the run.
+    /// The recording does not start with the run.
     #[error("{topic} begins with {what} {number}; a recording must begin with its run")]
     LateBegin {
         /// The topic.
@@ -237,7 +237,7 @@ pub enum RecordFault {
         /// Messages published.
         expected: u64,
     },
-    /// Messages are too far before their tick.
+    /// Messages are too far ahead of their tick.
     #[error("{n} messages of {topic} precede the tick they belong to; the file is not in the order of ticks")]
     EarlyMessages {
         /// The topic.
@@ -278,7 +278,7 @@ impl RecordingError {
     }
 }
 
-/// The fault of a record that `mcap` does not read.
+/// The fault for an error of the library `mcap`.
 pub(super) fn mcap_fault(error: &McapError) -> RecordFault {
     RecordFault::Mcap(error.to_string())
 }

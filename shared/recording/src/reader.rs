@@ -58,7 +58,7 @@ pub struct RecordingReader {
     chunk: Chunk,
     limit: ContentLimit,
     contents: Contents,
-    /// Result of reading the first message, until it is requested.
+    /// Result of reading the first message, kept until it is requested.
     first: Option<Result<Option<usize>, RecordingError>>,
     done: bool,
 }

@@ -1,16 +1,17 @@
-//! The summary at the end of a recording. Other programs declare a channel just before its first message; the summary has all.
+//! The summary at the end of a recording. Other programs declare a channel just before its first message; the summary
+//! lists all channels.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// The footer record (kind, length, begin of the summary, begin of its offsets, checksum) and the magic behind it.
+/// The footer record (opcode, length, start of the summary, start of its offsets, checksum) and the magic after it.
 const END_BYTES: u64 = 9 + 20 + 8;
-/// Of the footer record, what its checksum covers.
+/// Bytes of the footer record that its checksum covers.
 const CHECKED_FOOTER_BYTES: usize = 9 + 16;
 
-/// The records of the summary. `None` if the file, of `length` bytes, has none of at most `limit` bytes with a correct checksum:
-/// reading the whole file reports what is wrong.
+/// The records of the summary. `None` if the file, of `length` bytes, has no summary of at most `limit` bytes with a correct
+/// checksum: reading the whole file reports the fault.
 pub(super) fn read(path: &Path, length: u64, limit: u64) -> io::Result<Option<Vec<u8>>> {
     let Some(footer_at) = length.checked_sub(END_BYTES) else { return Ok(None) };
     let mut file = File::open(path)?;
@@ -28,7 +29,7 @@ pub(super) fn read(path: &Path, length: u64, limit: u64) -> io::Result<Option<Ve
     let mut sum = crc32fast::Hasher::new();
     sum.update(&records);
     sum.update(&end[..CHECKED_FOOTER_BYTES]);
-    // 0: not stated.
+    // 0: no checksum.
     let saved = u32::from_le_bytes(std::array::from_fn(|i| end[CHECKED_FOOTER_BYTES + i]));
     Ok((saved == 0 || saved == sum.finalize()).then_some(records))
 }

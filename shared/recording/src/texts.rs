@@ -1,4 +1,4 @@
-//! Checks the lengths of texts in a record before the library reads it: it would reserve memory for any length.
+//! Checks the lengths of texts in a record before the library reads it, because the library reserves memory for any length.
 
 use super::error::RecordFault;
 use mcap::records::op;
@@ -25,7 +25,7 @@ pub(super) fn check(opcode: u8, body: &[u8]) -> Result<(), RecordFault> {
     let too_long = RecordFault::TextLength { record, found: length as u64, left: after.len() };
     let mut map = after.get(..length).ok_or(too_long)?;
     while !map.is_empty() {
-        // A key and its value. The library reads both, also beyond the end of the map.
+        // A key and its value. The library reads both, even past the end of the map.
         for _ in 0..2 {
             if map.len() < size_of::<u32>() {
                 return Err(RecordFault::TextLength { record, found: size_of::<u32>() as u64, left: map.len() });
@@ -36,7 +36,7 @@ pub(super) fn check(opcode: u8, body: &[u8]) -> Result<(), RecordFault> {
     Ok(())
 }
 
-/// What follows a text. A record that ends before the length is refused by the library.
+/// The bytes after a text. A record that ends before the length is refused by the library.
 fn skip_text<'a>(record: &'static str, bytes: &'a [u8]) -> Result<&'a [u8], RecordFault> {
     let Some((length, rest)) = bytes.split_first_chunk::<4>() else { return Ok(&[]) };
     let found = u32::from_le_bytes(*length);

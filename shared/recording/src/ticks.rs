@@ -1,4 +1,4 @@
-//! Reading a recording tick by tick, as the stages of the run received it.
+//! Reads a recording tick by tick, in the order in which the stages of the run received it.
 
 use super::error::{ForeignFile, RecordFault, RecordingError};
 use super::{RecordedTopic, RecordingReader};
@@ -47,7 +47,7 @@ struct Topic {
 }
 
 impl TickReader {
-    /// Opens the recording. It must have all these topics, at least one.
+    /// Opens the recording. It must contain all these topics, at least one.
     pub fn open(path: &Path, topics: &[&str]) -> Result<Self, RecordingError> {
         let reader = RecordingReader::open(path)?;
         let found = || reader.topics().iter().filter_map(RecordedTopic::ticks_of).map(str::to_owned).collect();
@@ -72,7 +72,7 @@ impl TickReader {
         Ok(Self { reader, topics: topics.iter().map(topic).collect(), n_channels, ended: false, failed: false })
     }
 
-    /// The recording itself.
+    /// The underlying recording.
     pub fn recording(&self) -> &RecordingReader {
         &self.reader
     }

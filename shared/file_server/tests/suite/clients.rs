@@ -41,7 +41,7 @@ fn ranges_are_answered_with_their_bytes_or_refused() {
         let (head, body) = get(address, "/", "Range: bytes=2-8\r\n");
         assert!(head.starts_with("HTTP/1.1 206 "), "{head}");
         assert_eq!(body, PAGE[2..9]);
-        // What is no single range is no range.
+        // Values that are not a single range are ignored.
         assert!(get(address, "/", "Range: bytes=5-2\r\n").0.starts_with("HTTP/1.1 200 "));
     });
 }
@@ -82,7 +82,7 @@ fn names_outside_the_site_do_not_exist() {
         let answer = exchange(address, b"POST / HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc");
         let answer = String::from_utf8_lossy(&answer).into_owned();
         assert!(answer.starts_with("HTTP/1.1 405 ") && answer.contains("Allow: GET, HEAD\r\n"), "{answer}");
-        assert_eq!(answer.matches("HTTP/1.1").count(), 1, "the body is no second request: {answer}");
+        assert_eq!(answer.matches("HTTP/1.1").count(), 1, "the body is not a second request: {answer}");
     });
 }
 
@@ -102,7 +102,7 @@ fn garbage_and_huge_headers_end_their_connection_only() {
             let answer = String::from_utf8_lossy(&answer);
             assert!(answer.starts_with(expected) && answer.is_empty() == expected.is_empty(), "{sent:?}: {answer}");
         }
-        // The reset of the connection may overtake the response.
+        // The reset of the connection may arrive before the response.
         for sent in [huge, garbage] {
             let answer = exchange(address, &sent);
             let answer = String::from_utf8_lossy(&answer).into_owned();
@@ -144,7 +144,7 @@ fn client_beyond_the_limit_is_refused_until_another_leaves() {
         let (head, _) = response(&mut connect(address));
         assert!(head.starts_with("HTTP/1.1 503 "), "{head}");
         clients.clear();
-        // The threads of the clients need a moment to see it.
+        // The threads of the clients need a moment to notice it.
         let is_served = |_: &usize| exchange(address, b"GET / HTTP/1.1\r\n\r\n").starts_with(b"HTTP/1.1 200 ");
         assert!((0..1000).find(is_served).is_some());
     });

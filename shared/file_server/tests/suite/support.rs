@@ -1,4 +1,4 @@
-//! A running server, and a client that reads what comes.
+//! A running server, and a client that reads its responses.
 
 use file_server::{Content, Server, Site};
 use std::borrow::Cow;
@@ -26,7 +26,7 @@ pub fn with_server(test: impl FnOnce(SocketAddr)) {
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let runner = scope.spawn(|| server.run(&site, || stop.load(Ordering::Relaxed)));
-        // Stopped also by a failed test, which would wait for the server otherwise.
+        // Also stops the server after a failed test, which would otherwise wait for it.
         let stopper = Stopper(&stop);
         test(server.address());
         drop(stopper);
@@ -52,7 +52,7 @@ pub fn connect(address: SocketAddr) -> TcpStream {
     stream
 }
 
-/// Sends bytes, says that no more come, and returns all that is answered.
+/// Sends bytes, closes the sending side, and returns the complete response.
 pub fn exchange(address: SocketAddr, sent: &[u8]) -> Vec<u8> {
     let mut stream = connect(address);
     // The server may have closed already.

@@ -15,7 +15,7 @@ fn row(tick: u64) -> TickRow {
     TickRow { tick, n_published: tick + 1, barrier, drive_time: tick as i64 * 100, born_nanos: 77, progress: 0.5, end }
 }
 
-/// Records sweeps and a column for each. `now` replaces the clock.
+/// Records sweeps and a column for each sweep. `now` replaces the clock.
 pub(super) fn record(path: &Path, now: u64, leave_out: Option<u64>) {
     let about = BTreeMap::from([("mode".to_owned(), "offline".to_owned())]);
     let tables = [ByteTable::of::<ClassTopic>(), ByteTable::of::<SweepTopic>()];
@@ -49,7 +49,7 @@ pub(super) fn record(path: &Path, now: u64, leave_out: Option<u64>) {
     writer.finish().expect("finishes");
 }
 
-/// Sequence numbers of the sweeps that can be read, and how reading ends.
+/// Sequence numbers of the sweeps that can be read, and the result at the end.
 fn sweeps(path: &Path) -> (Vec<u64>, Result<(), RecordingError>) {
     let mut reader = match RecordingReader::open(path) {
         Ok(reader) => reader,
@@ -157,7 +157,7 @@ fn changed_byte_is_detected_anywhere() {
     assert!(unseen.is_empty(), "changes at {unseen:?} were not detected");
 }
 
-/// Such a record once was read from behind its chunk, and a build with overflow checks panicked.
+/// Such a record was once read from past its chunk, and a build with overflow checks panicked.
 #[test]
 fn record_that_exceeds_its_chunk_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -166,12 +166,12 @@ fn record_that_exceeds_its_chunk_is_refused() {
     record(&whole, 5, None);
     let mut bytes = std::fs::read(&whole).expect("written");
     let length_at = |bytes: &[u8], at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
-    // Behind the magic, records of kind, length and body.
+    // After the magic follow records of opcode, length and body.
     let mut chunk = mcap::MAGIC.len();
     while bytes[chunk] != mcap::records::op::CHUNK {
         chunk += 9 + length_at(&bytes, chunk + 1) as usize;
     }
-    // In the body of a chunk: 24 bytes, the sum (0: none), the length of a name (0), the length of the records.
+    // In the body of a chunk: 24 bytes, the checksum (0: none), the length of a name (0), the length of the records.
     let sum = chunk + 9 + 24;
     let length = chunk + 9 + 32;
     bytes[sum..sum + 4].fill(0);

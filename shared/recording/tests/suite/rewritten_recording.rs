@@ -1,4 +1,4 @@
-//! Recordings that another program has written again, as the Python package `mcap` does: compressed, in small chunks, with each
+//! Recordings rewritten by another program, as by the Python package `mcap`: compressed, in small chunks, with each
 //! channel declared just before its first message.
 
 use super::recording::record;
@@ -46,7 +46,7 @@ fn chunk(compression: &str, content: &[u8]) -> Vec<u8> {
     record_of(op::CHUNK, &[&head[..], &text(compression), &length, &compressed].concat())
 }
 
-/// Writes the recording `from` again. The first `n_early` channels are declared before all messages.
+/// Rewrites the recording `from`. The first `n_early` channels are declared before all messages.
 fn rewrite(from: &Path, to: &Path, compression: &str, has_summary: bool, n_early: usize) {
     let bytes = std::fs::read(from).expect("reads");
     let mut declared = BTreeSet::new();
@@ -118,11 +118,11 @@ fn topic_that_begins_late_and_is_in_no_summary_is_refused() {
     rewrite(&original, &rewritten, "", false, 0);
     let error = TickReader::open(&rewritten, &["class"]).err().expect("refused").to_string();
     assert!(error.contains("no topic class with its ticks"), "{error}");
-    // The ticks of classes are declared before, those of sweeps are not.
+    // The ticks of classes are declared before the first message, the ticks of sweeps are not.
     rewrite(&original, &rewritten, "", false, 2);
     let mut reader = TickReader::open(&rewritten, &["class"]).expect("opens");
     let error = std::iter::from_fn(|| reader.next().transpose()).find_map(Result::err).expect("refused").to_string();
-    assert!(error.contains("topic sweep begins behind other messages and the file has no summary"), "{error}");
+    assert!(error.contains("topic sweep begins after other messages and the file has no summary"), "{error}");
 }
 
 #[test]
@@ -145,7 +145,7 @@ fn damaged_or_unknown_compression_is_refused() {
         rewrite(&original, &rewritten, compression, true, 0);
         let mut bytes = std::fs::read(&rewritten).expect("reads");
         let name = bytes.windows(compression.len()).position(|bytes| bytes == compression.as_bytes());
-        // Behind the name and the length of the compressed records: their magic number.
+        // After the name and the length of the compressed records: their magic number.
         bytes[name.expect("there") + compression.len() + 8] ^= 0xff;
         std::fs::write(&rewritten, &bytes).expect("written");
         let error = RecordingReader::open(&rewritten).err().expect("refused").to_string();
