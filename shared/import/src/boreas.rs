@@ -1,7 +1,7 @@
 //! Boreas (Burnett et al., IJRR 2023): a sequence of a vehicle with a Velodyne Alpha Prime, an Applanix unit and a camera.
 //!
-//! The body frame is that of the Applanix unit, turned so that x is forward, y left and z up. With the sweeps alone it is that of the
-//! LiDAR.
+//! The body frame is the frame of the Applanix unit, turned so that x is forward, y left and z up. If only the sweeps are
+//! imported, it is the LiDAR frame.
 
 mod calibration;
 mod poses;
@@ -27,7 +27,8 @@ use sweep::SweepFile;
 
 /// Lasers of an Alpha Prime.
 const N_LASERS: u16 = 128;
-/// Sweeps that show the elevations of the lasers, spread over the drive: the upper ones may see only sky for a while.
+/// Sweeps from which the elevations of the lasers are determined, spread over the drive: the upper lasers may see only
+/// sky for a while.
 const EXAMINED: usize = 16;
 /// Exposure of the camera, ns: the data set does not record it.
 const EXPOSURE_NANOS: u64 = 5_000_000;
@@ -76,12 +77,12 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
         cameras::add(&mut plan, vec![found])?;
     }
     if needs_body {
-        plan.report.push("the body frame is that of the Applanix unit, x forward, y left, z up".into());
+        plan.report.push("the body frame is the frame of the Applanix unit, x forward, y left, z up".into());
     }
     Ok(plan)
 }
 
-/// A drive with the sweeps alone.
+/// A drive with only the sweeps.
 fn sweeps(source: &Path, options: &Options, body_from_lidar: Pose) -> Result<Plan, ImportError> {
     let found = stamped(&source.join("lidar"), ".bin")?;
     let step = found.len().div_ceil(EXAMINED).max(1);
@@ -90,7 +91,10 @@ fn sweeps(source: &Path, options: &Options, body_from_lidar: Pose) -> Result<Pla
     for (index, (stamp, path)) in found.iter().enumerate() {
         let sweep = SweepFile::read(path, *stamp)?;
         if begins.last().is_some_and(|last| *last >= sweep.begin) {
-            return Err(ImportError::at(path, "its first point must be after that of the sweep before"));
+            return Err(ImportError::at(
+                path,
+                "its first point must be later than the first point of the previous sweep",
+            ));
         }
         begins.push(sweep.begin);
         if index % step == 0 {
@@ -126,7 +130,7 @@ fn sweeps(source: &Path, options: &Options, body_from_lidar: Pose) -> Result<Pla
     Ok(plan)
 }
 
-/// Files named by their stamps in µs, with the stamps in ns, in their order.
+/// Files named by their stamps in µs, with the stamps in ns, sorted by stamp.
 fn stamped(folder: &Path, end: &str) -> Result<Vec<(i64, PathBuf)>, ImportError> {
     let mut found = Vec::new();
     for (name, path) in files(folder, end)? {
@@ -163,7 +167,8 @@ fn camera(
     })
 }
 
-/// The raw samples of the unit: x backward, y left, z down. Those of `imu.csv` are results of its processing, without gravity.
+/// The raw samples of the unit: x backward, y left, z down. The samples in `imu.csv` are processed by the unit, without
+/// gravity.
 fn add_imu(plan: &mut Plan, path: &Path) -> Result<(), ImportError> {
     let mut samples = imu_table::read(path)?;
     if let Err(rule) = to_metric(&mut samples).and_then(|_| upright(&samples)) {

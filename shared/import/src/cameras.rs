@@ -15,7 +15,7 @@ pub(crate) struct Camera {
     pub exposure_nanos: u64,
     pub body_from_camera: Pose,
     pub model: CameraModel,
-    /// ns since the Unix epoch, and absolute path.
+    /// Stamp, ns since the Unix epoch, and absolute path of each image.
     pub images: Vec<(i64, PathBuf)>,
     /// Stamps without an image.
     pub n_absent: usize,
@@ -32,10 +32,10 @@ pub(crate) struct Projection {
 }
 
 impl Projection {
-    /// What the rows must be.
+    /// Rule for the rows.
     pub const RULE: &str = "must be the projection of a rectified camera: fx 0 cx x 0 fy cy y 0 0 1 z";
 
-    /// The upper three rows of K (I | t).
+    /// Parses the upper three rows of K (I | t).
     pub fn of_rows(rows: [f64; 12]) -> Option<Self> {
         let [fx, skew, cx, x, zero, fy, cy, y, g, h, i, z] = rows;
         let is_rectified = skew == 0.0 && zero == 0.0 && [g, h, i] == [0.0, 0.0, 1.0] && fx > 0.0 && fy > 0.0;
@@ -58,7 +58,7 @@ pub(crate) fn add(plan: &mut Plan, cameras: Vec<Camera>) -> Result<(), ImportErr
         let folder = format!("camera/{index}");
         for pair in camera.images.windows(2) {
             if pair[0].0 >= pair[1].0 {
-                let rule = format!("stamp {} must be after that of {}", pair[1].0, pair[0].1.display());
+                let rule = format!("stamp {} must be later than the stamp of {}", pair[1].0, pair[0].1.display());
                 return Err(ImportError::at(&pair[1].1, rule));
             }
         }

@@ -1,8 +1,8 @@
-//! Labeled clouds of others as recordings of the topics `submap`, `trajectory`, `class` and `instance`: the points are registered
-//! already, so they enter the pipeline behind the odometry.
+//! Third-party labeled clouds as recordings of the topics `submap`, `trajectory`, `class` and `instance`: the points are
+//! already registered, so they enter the pipeline after the odometry.
 //!
-//! A source is read twice: once to find the positions of the scanner, once to sort the points into tiles, which are files beside
-//! the recording. One tile at a time is in memory.
+//! A source is read twice: once to find the positions of the scanner, once to sort the points into tiles, which are files
+//! next to the recording. One tile at a time is in memory.
 
 mod classes;
 mod finder;
@@ -33,7 +33,7 @@ use tile_files::TileFiles;
 
 /// Extension of recordings.
 pub(crate) const EXTENSION: &str = "mcap";
-/// Coordinates beyond this are those of a map, m. They are reduced: f32 resolves a millimeter up to 8 km.
+/// Larger coordinates are map coordinates, m. They are reduced: f32 resolves a millimeter up to 8 km.
 const MAX_COORDINATE_M: f64 = 8_000.0;
 /// Reduced coordinates have an origin at a multiple of this, m.
 const ORIGIN_STEP_M: f64 = 1_000.0;
@@ -42,7 +42,7 @@ const MAX_UNKNOWN: usize = 1024;
 /// Unknown classes that are named in the report.
 const MAX_NAMED: usize = 8;
 
-/// What was imported, for the operator.
+/// Counts of imported points, for the report.
 #[derive(Default)]
 struct Account {
     n_points: u64,
@@ -50,7 +50,7 @@ struct Account {
     n_unlabeled: u64,
     n_cut_intensities: u64,
     n_sweeps: u64,
-    /// Points by class id of the data set without a meaning.
+    /// Points per class id of the data set that has no meaning.
     unknown: BTreeMap<i64, u64>,
 }
 
@@ -154,7 +154,7 @@ impl Account {
     }
 }
 
-/// What is subtracted from all coordinates: those of a map are reduced by thousands of meters.
+/// Offset subtracted from all coordinates: map coordinates are reduced by a multiple of a thousand meters.
 fn origin(file: &Path, columns: &Columns) -> Result<[f64; 3], ImportError> {
     let first = points::first_point(file, columns)?;
     let Some(first) = first else { return Err(ImportError::at(file, "has no valid points")) };
@@ -176,7 +176,7 @@ fn about(layout: Layout, source: &Path, origin: [f64; 3], has_positions: bool) -
 }
 
 impl Account {
-    /// What was imported.
+    /// Lines of the report.
     fn report(&self, name: &str, has_positions: bool, origin: [f64; 3]) -> Vec<String> {
         let n_points = self.n_points;
         let n_sweeps = self.n_sweeps;
@@ -189,7 +189,7 @@ impl Account {
                  most points"
             )
         });
-        lines.push("rings are those of an invented scanner: an HDL-32E with wider rings above and below".to_owned());
+        lines.push("rings belong to an invented scanner: an HDL-32E with wider rings above and below".to_owned());
         if origin != [0.0; 3] {
             lines.push(format!("coordinates are reduced by {} {} m (x, y)", origin[0], origin[1]));
         }

@@ -5,17 +5,17 @@ use std::error::Error;
 use std::fmt;
 use std::path::Path;
 
-/// A source that cannot be imported.
+/// Error of a source that cannot be imported.
 #[derive(Debug, thiserror::Error)]
 #[error("{place}: {rule}")]
 pub struct ImportError {
     /// File or folder, with the line if there is one.
     pub place: String,
-    /// What was found and what was expected.
+    /// The value found and the value expected.
     pub rule: Rule,
 }
 
-/// What was found and what was expected.
+/// The value found and the value expected.
 #[derive(Debug)]
 pub enum Rule {
     /// Text of this crate.

@@ -3,7 +3,7 @@
 use crate::error::{At, ImportError};
 use std::path::{Path, PathBuf};
 
-/// Names and absolute paths of the files of a folder that end so, by name. Empty for a file.
+/// Names and absolute paths of the files of a folder with this ending, sorted by name. Empty for a file.
 pub(crate) fn files(folder: &Path, end: &str) -> Result<Vec<(String, PathBuf)>, ImportError> {
     let mut files = Vec::new();
     if !folder.is_dir() {

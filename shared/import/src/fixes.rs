@@ -8,8 +8,9 @@ use lidar::nmea::{Fix, Sentence, gga_from_fix, parse, rmc_from_fix};
 /// A millisecond, the resolution of times in sentences, ns.
 const MILLI: i64 = 1_000_000;
 
-/// Adds fixes in the order of their stamps to a drive, with the antenna at the origin of the body. Those within the same millisecond are
-/// left out: a reader would take them as one epoch. `origin`: latitude, longitude (deg) and ellipsoidal height (m) of the world frame.
+/// Adds fixes in the order of their stamps to a drive, with the antenna at the origin of the body. Fixes within the same
+/// millisecond are left out: a reader would take them as one epoch. `origin`: latitude, longitude (deg) and ellipsoidal
+/// height (m) of the world frame.
 pub(crate) fn add<'a>(plan: &mut Plan, fixes: impl IntoIterator<Item = &'a Fix>, origin: [f64; 3]) {
     let mut text = String::new();
     let mut last = None;
@@ -28,7 +29,7 @@ pub(crate) fn add<'a>(plan: &mut Plan, fixes: impl IntoIterator<Item = &'a Fix>,
     plan.manifest.gnss = Some(GnssEntry { delay_nanos: 0, file: file.to_owned(), origin, antenna_in_body: [0.0; 3] });
 }
 
-/// Why a fix cannot be a line of the log.
+/// Checks that a fix can be a line of the log.
 pub(crate) fn check(fix: &Fix) -> Result<(), String> {
     let [gga, rmc] = sentences(fix).map(|sentence| parse(&sentence).map_err(|error| error.to_string()));
     gga?;
@@ -43,7 +44,7 @@ pub(crate) fn millisecond(stamp: Stamp) -> i64 {
     stamp.0.div_euclid(MILLI)
 }
 
-/// Heights are above the ellipsoid, so the sentences say that the geoid is there, too.
+/// Heights are above the ellipsoid, so the sentences state a geoid separation of 0.
 fn sentences(fix: &Fix) -> [String; 2] {
     [gga_from_fix(fix, 0.0), rmc_from_fix(fix)]
 }

@@ -1,4 +1,4 @@
-//! IMU samples in tables of others: a header names the columns.
+//! IMU samples in third-party tables: a header names the columns.
 
 use crate::error::{At, ImportError};
 use crate::stamp_text::nanos;
@@ -7,7 +7,7 @@ use geometry::Stamp;
 use std::fs;
 use std::path::Path;
 
-/// Beginnings of the names of a column of stamps, in lower case without other characters than letters and digits.
+/// Prefixes of the names of a stamp column, in lower case, reduced to letters and digits.
 const STAMPS: [&str; 5] = ["timestamp", "stamp", "time", "t", "gpstime"];
 /// Names of the columns of accelerations and of rates, without their axis.
 const ACCELERATIONS: [&str; 6] = ["a", "acc", "accel", "linearacceleration", "arss", "acceleration"];
@@ -15,12 +15,12 @@ const RATES: [&str; 7] = ["w", "gyro", "gyr", "angularvelocity", "wrss", "omega"
 
 /// Places of the columns.
 struct Columns {
-    /// Seconds and ns in two columns, or one stamp.
+    /// One stamp, or seconds and ns in two columns.
     stamp: (usize, Option<usize>),
     values: [usize; 6],
 }
 
-/// Reads a table, in its units.
+/// Reads a table, in its own units.
 pub(crate) fn read(path: &Path) -> Result<Vec<ImuSample>, ImportError> {
     let text = fs::read_to_string(path).at(path)?;
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
@@ -39,14 +39,14 @@ pub(crate) fn read(path: &Path) -> Result<Vec<ImuSample>, ImportError> {
             return Err(fault("must have finite numbers in its six columns"));
         };
         if samples.last().is_some_and(|last| last.stamp >= stamp) {
-            return Err(fault("the stamp must be after that of the line before"));
+            return Err(fault("the stamp must be later than in the previous line"));
         }
         samples.push(ImuSample { stamp, acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] });
     }
     Ok(samples)
 }
 
-/// The values, if all are there.
+/// The values, if none is missing.
 fn all(values: [Option<f64>; 6]) -> Option<[f64; 6]> {
     values.iter().copied().collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
@@ -59,7 +59,7 @@ fn words(line: &str) -> Vec<&str> {
 
 impl Columns {
     fn of(header: &[&str]) -> Option<Self> {
-        // Units stand in brackets.
+        // Units are in brackets.
         let name = |word: &&str| -> String {
             let word = word.split(['[', '(']).next().unwrap_or_default().to_lowercase();
             word.chars().filter(char::is_ascii_alphanumeric).collect()

@@ -6,8 +6,8 @@ use geometry::Vector3;
 /// Standard gravity, m/s^2.
 const GRAVITY: f64 = 9.806_65;
 
-/// Converts accelerations in g to m/s^2, and returns what was done for the operator. Vehicles and people accelerate by far less than
-/// gravity, so its size shows the unit.
+/// Converts accelerations in g to m/s^2, and returns a note for the report. Vehicles and people accelerate by far less
+/// than gravity, so the magnitude of the accelerations shows their unit.
 pub(crate) fn to_metric(samples: &mut [ImuSample]) -> Result<&'static str, String> {
     let mut norms: Vec<f64> = samples.iter().map(|sample| Vector3::from(sample.acceleration).norm()).collect();
     norms.sort_by(f64::total_cmp);

@@ -83,7 +83,7 @@ impl Kind {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Name of the data set, for people.
+    /// Name of the data set for messages.
     pub fn title(self) -> &'static str {
         match self {
             Self::Ros => "ROS bag",
@@ -111,7 +111,7 @@ impl Kind {
         }
     }
 
-    /// By what the layout is recognized.
+    /// File names or columns by which the layout is recognized.
     fn mark(self) -> &'static str {
         match self {
             Self::Ros => "a ROS bag",

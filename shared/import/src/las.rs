@@ -14,11 +14,11 @@ use std::path::Path;
 const HEADER_BYTES: usize = 227;
 /// Bytes of points that are decoded at a time.
 const BLOCK_BYTES: usize = 1 << 21;
-/// Most points per byte of a compressed file. Real files have less than one.
+/// Maximum number of points per byte of a compressed file. Real files have less than one.
 const MAX_POINTS_PER_BYTE: u64 = 8;
-/// Most bytes of points per byte of a compressed file. Real files have less than 100.
+/// Maximum number of bytes of points per byte of a compressed file. Real files have less than 100.
 const MAX_BYTES_PER_BYTE: u64 = 512;
-/// Longest compressed record, bytes: the decoder keeps 2.3 kB for each byte behind the point.
+/// Longest compressed record, bytes: the decoder keeps 2.3 kB for each byte after the point.
 const MAX_LAZ_RECORD: usize = 1024;
 /// Bytes of a record before the time, by point format; `None` without time.
 const TIME_AT: [Option<usize>; 11] =
@@ -32,10 +32,10 @@ pub(crate) struct LasPoint {
     pub time_s: Option<f64>,
 }
 
-/// What the header says.
+/// Content of the header.
 #[derive(Debug)]
 struct Layout {
-    /// Of the file.
+    /// Size of the file.
     n_bytes: u64,
     /// Number of the point format, 0 to 10.
     format: u8,
@@ -84,7 +84,7 @@ pub(crate) fn each_block(
     Ok(())
 }
 
-/// The decoder panics on some damaged files.
+/// Calls the decoder, which panics on some damaged files.
 fn guarded<T>(decode: impl FnOnce() -> T, path: &Path) -> Result<T, ImportError> {
     let decoded = catch_unwind(AssertUnwindSafe(decode));
     decoded.map_err(|_| ImportError::at(path, "the decoder cannot handle the damage of the file"))
@@ -170,7 +170,7 @@ impl Layout {
         Ok(layout)
     }
 
-    /// The decoder reserves memory for as many chunks as the file says.
+    /// Checks the number of chunks: the decoder reserves memory for as many chunks as the file states.
     fn check_chunks(&self, file: &mut BufReader<File>) -> Result<(), String> {
         let n_bytes = self.n_bytes;
         let mut long = [0; 8];
@@ -180,7 +180,8 @@ impl Layout {
                 .map_err(|error| error.to_string())?;
             Ok(long)
         };
-        // A writer that cannot go back puts -1 there, and the place to the end. The decoder takes all places before the points so.
+        // Writers that cannot seek write -1 there, and the position to the end. The decoder treats every position before
+        // the points like this.
         let is_place = |at: i64| u64::try_from(at).is_ok_and(|at| at > self.data_at);
         let mut table_at = i64::from_le_bytes(number_at(self.data_at)?);
         if !is_place(table_at) {

@@ -7,7 +7,7 @@ use crate::plan::Plan;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Folders below the source that are listed: KITTI raw has images at the second level, nuScenes too.
+/// Levels of folders below the source that are listed: KITTI raw and nuScenes have images at the second level.
 const MAX_DEPTH: usize = 3;
 /// Single files beyond this number are counted, not named.
 const MAX_NAMED: usize = 8;
@@ -33,7 +33,7 @@ pub(crate) fn list(source: &Path, found: &Plan) -> Result<Vec<String>, ImportErr
             lines.push(format!("not imported: {} {files}{place}{}", names.len(), meaning(shown)));
         }
     }
-    // KITTI raw keeps the calibration of a day beside its drives.
+    // KITTI raw keeps the calibration of a day next to its drives.
     if let (Kind::KittiRaw, Some(parent)) = (found.kind, source.canonicalize().at(source)?.parent()) {
         let is_left = |(name, path): &&(String, PathBuf)| name.starts_with("calib") && !taken.contains(path);
         for (name, _) in files(parent, ".txt")?.iter().filter(is_left) {
@@ -43,7 +43,7 @@ pub(crate) fn list(source: &Path, found: &Plan) -> Result<Vec<String>, ImportErr
     Ok(lines)
 }
 
-/// Names of the files of each folder that are not taken.
+/// Names of the files of each folder that are not imported.
 fn count(
     folder: &Path,
     depth: usize,
@@ -65,7 +65,7 @@ fn count(
     Ok(())
 }
 
-/// What a file or folder of the known data sets holds.
+/// Content of a file or folder of the known data sets.
 fn meaning(path: &Path) -> &'static str {
     let name = path.to_string_lossy().to_lowercase();
     let has = |words: &[&str]| words.iter().any(|word| name.contains(word));

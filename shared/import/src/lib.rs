@@ -5,19 +5,19 @@
 //!
 //! | idea | module |
 //! |---|---|
-//! | which layout a folder has | [`Kind`] |
-//! | links and files of the drive folder, written whole or not at all | `plan` |
-//! | one layout each | `boreas`, `kitti`, `las`, `mandeye`, `nuscenes`, `plain`, `ros` |
+//! | layout of a folder | [`Kind`] |
+//! | links and files of the drive folder, written completely or not at all | `plan` |
+//! | one layout per module | `boreas`, `kitti`, `las`, `mandeye`, `nuscenes`, `plain`, `ros` |
 //! | labeled clouds as recordings | `clouds` |
-//! | tables that several layouts share | `rows`, `imu_table`, `fixes`, `point_times`, `rings` |
-//! | what was left out, for the operator | `left_out` |
+//! | tables shared by several layouts | `rows`, `imu_table`, `fixes`, `point_times`, `rings` |
+//! | files that were left out, for the report | `left_out` |
 //!
 //! An import must never change the source, guess a calibration or a unit that the source does not state, or leave a partial
-//! folder behind. What it cannot use is reported, not dropped silently. Sensor data is not interpreted further: deskewing,
-//! filtering and matching belong to the stages.
+//! folder behind. Data that it cannot use is reported, not dropped silently. Sensor data is not interpreted further:
+//! deskewing, filtering and matching belong to the stages.
 //!
-//! Begin with [`import`], then `plan.rs` and the module of the layout at hand. A new layout is one module with a function that
-//! fills a `Plan`, and one variant of [`Kind`].
+//! Start reading with [`import`], then `plan.rs` and the module of the layout in question. A new layout is one module
+//! with a function that fills a `Plan`, and one variant of [`Kind`].
 
 mod boreas;
 mod cameras;
@@ -60,20 +60,20 @@ use std::path::{Path, PathBuf};
 pub struct Options {
     /// The layout. `None`: it is recognized, and files that do not fit it are refused.
     pub kind: Option<Kind>,
-    /// Model of the LiDAR. `None`: that of the data set.
+    /// Model of the LiDAR. `None`: the model used by the data set.
     pub model: Option<Model>,
     /// `nuScenes`: file names up to `__LIDAR_TOP__` of the drive to import, if the folder holds several.
     pub log: Option<String>,
     /// `nuScenes` with tables: name of the scene to import, if there are several.
     pub scene: Option<String>,
-    /// Sweeps and their times alone, for sources whose calibration is absent.
+    /// Import only the sweeps and their times, for sources without calibration.
     pub lidar_only: bool,
-    /// ROS bags.
+    /// Options of ROS bags.
     pub ros: RosOptions,
 }
 
-/// Imports `source` as the drive folder `out`, or labeled clouds as the recording `out`, which must not exist, and returns lines for the operator: what was taken and what was
-/// left. A failed import leaves no folder.
+/// Imports `source` as the drive folder `out`, or labeled clouds as the recording `out`, which must not exist. Returns
+/// lines of a report: imported data and data left out. A failed import leaves no folder.
 pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String>, ImportError> {
     if out.exists() {
         return Err(ImportError::at(out, "exists already"));
@@ -116,7 +116,7 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
     Ok(report)
 }
 
-/// What to import. Files that must be converted are already written to the folder `out`.
+/// Plan of the import. Files that must be converted are already written to the folder `out`.
 fn plan(kind: Kind, source: &Path, out: &Path, options: &Options) -> Result<Plan, ImportError> {
     match kind {
         Kind::Ros => ros::plan(source, out, options),
@@ -129,7 +129,7 @@ fn plan(kind: Kind, source: &Path, out: &Path, options: &Options) -> Result<Plan
     }
 }
 
-/// Name of a drive, for people.
+/// Name of a drive for display.
 fn drive_name(source: &Path, kind: Kind) -> String {
     let path = source.canonicalize().unwrap_or_else(|_| source.to_owned());
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

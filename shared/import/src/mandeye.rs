@@ -1,5 +1,5 @@
 //! `MandEye`: chunks of a Livox scanner, `lidar*.laz` with times, of its IMU, `imu*.csv`, and of a GNSS receiver. Points are cut into
-//! sweeps of a tenth of a second. The body frame is that of the LiDAR.
+//! sweeps of a tenth of a second. The body frame is the LiDAR frame.
 
 mod chunks;
 mod gnss;

@@ -1,4 +1,4 @@
-//! Files whose names are numbers of lines in a file of stamps.
+//! Files named by the line numbers of a file of stamps.
 
 use crate::error::{At, ImportError};
 use crate::files::files;
@@ -14,12 +14,12 @@ pub(crate) struct Stamps {
 
 /// A file of a sensor.
 pub(crate) struct StampedFile {
-    /// The number in its name.
+    /// The number in the file name.
     pub number: usize,
     /// ns since the Unix epoch.
     pub stamp: i64,
     pub name: String,
-    /// Absolute.
+    /// Absolute path.
     pub path: PathBuf,
 }
 
@@ -53,7 +53,7 @@ impl Stamps {
         })
     }
 
-    /// The files of a folder that end so, in the order of their numbers.
+    /// The files of a folder with this ending, sorted by number.
     pub fn records(&self, folder: &Path, end: &str) -> Result<Vec<StampedFile>, ImportError> {
         let mut found = Vec::new();
         for (name, path) in files(folder, end)? {
@@ -64,13 +64,13 @@ impl Stamps {
         Ok(found)
     }
 
-    /// The same for files whose stamps must increase.
+    /// The files of a folder, as [`Stamps::records`], whose stamps must increase.
     pub fn files(&self, folder: &Path, end: &str) -> Result<Vec<StampedFile>, ImportError> {
         let found = self.records(folder, end)?;
         for pair in found.windows(2) {
             if pair[0].stamp >= pair[1].stamp {
                 let line = self.lines[pair[1].number].0;
-                let rule = format!("the stamp must be after that of {}, the file before", pair[0].name);
+                let rule = format!("the stamp must be later than the stamp of {}, the previous file", pair[0].name);
                 return Err(ImportError::at_line(&self.path, line, rule));
             }
         }
@@ -78,7 +78,7 @@ impl Stamps {
     }
 }
 
-/// The number that is the name of a file.
+/// The number that forms the name of a file.
 pub(crate) fn number_of(name: &str, end: &str, path: &Path) -> Result<usize, ImportError> {
     let number = name.strip_suffix(end).and_then(|stem| stem.parse().ok());
     number.ok_or_else(|| ImportError::at(path, format!("name must be a number and {end}")))

@@ -1,4 +1,4 @@
-//! Folders of sweeps, with stamps, poses and IMU samples if files beside them have some. The body frame is that of the LiDAR.
+//! Folders of sweeps, with stamps, poses and IMU samples from files next to them. The body frame is the LiDAR frame.
 
 mod cloud_sweep;
 mod stamp_table;
@@ -20,7 +20,7 @@ use lidar::{Model, velodyne};
 use stamp_table::stamped;
 use std::path::{Path, PathBuf};
 
-/// Names of trajectories. `registered_poses.csv` is that of Newer College.
+/// Names of trajectories. `registered_poses.csv` is used by Newer College.
 const TRAJECTORIES: [&str; 5] =
     ["trajectory.txt", "groundtruth.txt", "ground_truth.txt", "registered_poses.csv", "poses.txt"];
 
@@ -58,7 +58,7 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     Ok(plan)
 }
 
-/// Drives read their sweeps in the order of the names. Names that are in the order of the stamps are kept.
+/// Drives read their sweeps in the order of the names. Names are kept if their order is the order of the stamps.
 fn numbered(sweeps: &Sweeps) -> Sweeps {
     let name = |(number, (name, path)): (usize, &(String, PathBuf))| (format!("{number:06}_{name}"), path.clone());
     let files = if sweeps.files.is_sorted() {
@@ -73,7 +73,7 @@ fn assumed(model: Model) -> String {
     format!("the files do not name the LiDAR: {} is assumed, --model sets another", model.name())
 }
 
-/// The first of the names in the folder of the sweeps, else in the one above it.
+/// The first of these names in the folder of the sweeps, otherwise in the folder above.
 fn beside(source: &Path, names: &[&str]) -> Result<Option<PathBuf>, ImportError> {
     let absolute = source.canonicalize().at(source)?;
     let folders = [Some(absolute.as_path()), absolute.parent()].into_iter().flatten();
@@ -89,7 +89,7 @@ fn interval_s(sweeps: &Sweeps) -> Option<f64> {
     }
 }
 
-/// The files become PCD files: the drive format has no others.
+/// Plans the conversion of the files to PCD: the drive format supports no other format for them.
 fn convert(
     plan: &mut Plan,
     model: Model,
@@ -113,7 +113,8 @@ fn convert(
     Ok(())
 }
 
-/// Poses with stamps are the truth, those of the LiDAR. Poses without stamps are often those of a camera, and not taken.
+/// Adds poses with stamps as the true poses of the LiDAR. Poses without stamps often belong to a camera and are not
+/// imported.
 fn add_truth(plan: &mut Plan, source: &Path, sweeps: &Sweeps) -> Result<(), ImportError> {
     let Some(path) = beside(source, &TRAJECTORIES)? else { return Ok(()) };
     let is_csv = path.extension().is_some_and(|extension| extension == "csv");
@@ -147,7 +148,7 @@ fn add_truth(plan: &mut Plan, source: &Path, sweeps: &Sweeps) -> Result<(), Impo
     }
     plan.add_truth(&trajectory, None);
     plan.report.push(format!(
-        "imported: {} true poses of {}, taken as those of the LiDAR",
+        "imported: {} true poses of {}, taken as poses of the LiDAR",
         poses.len(),
         path.display()
     ));
@@ -155,14 +156,14 @@ fn add_truth(plan: &mut Plan, source: &Path, sweeps: &Sweeps) -> Result<(), Impo
     Ok(())
 }
 
-/// Rows of seconds, ns, x y z and the quaternion x y z w, behind a header.
+/// Reads rows of seconds, ns, x y z and the quaternion x y z w, after a header.
 fn newer_college(path: &Path) -> Result<Trajectory, ImportError> {
     let text = std::fs::read_to_string(path).at(path)?;
     let mut tum = String::new();
     for (number, line) in (1..).zip(text.lines().map(str::trim)) {
         let is_header = number == 1 && line.contains(|c: char| c.is_ascii_alphabetic());
         if is_header || line.is_empty() || line.starts_with('#') {
-            // Keeps the numbers of the lines.
+            // An empty line keeps the line numbers.
             tum.push('\n');
             continue;
         }
@@ -183,8 +184,9 @@ fn add_imu(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
     let mut samples = imu_table::read(&path)?;
     let note = to_metric(&mut samples).map_err(|rule| ImportError::at(&path, rule))?;
     plan.report.push(format!("imported: {} IMU samples of {}{note}", samples.len(), path.display()));
-    plan.report
-        .push("axes and place of the IMU are taken as those of the LiDAR; [imu] body_from_imu sets others".into());
+    plan.report.push(
+        "the IMU is assumed to have the axes and the position of the LiDAR; set [imu] body_from_imu otherwise".into(),
+    );
     plan.texts.push(TextFile { place: "imu.csv".into(), text: csv_from_samples(&samples) });
     plan.manifest.imu =
         Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });

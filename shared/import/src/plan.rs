@@ -1,4 +1,4 @@
-//! The drive folder that an import makes: links to the files of the source, and files of its own.
+//! The drive folder made by an import: links to the files of the source, and new files.
 
 use crate::Kind;
 use crate::error::{At, ImportError};
@@ -9,7 +9,7 @@ use geometry::Trajectory;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Content of a drive folder, besides the files that are converted while the source is read.
+/// Content of a drive folder, except for the files that are converted while the source is read.
 pub(crate) struct Plan {
     pub kind: Kind,
     pub manifest: Manifest,
@@ -18,15 +18,15 @@ pub(crate) struct Plan {
     pub conversions: Vec<Conversion>,
     /// Files of the source that were read into the manifest or into texts.
     pub read: Vec<PathBuf>,
-    /// Lines for the operator: what was taken, and how.
+    /// Lines of the report: imported data and how it was interpreted.
     pub report: Vec<String>,
 }
 
-/// A file of the source, under its place in the drive folder.
+/// A link to a file of the source, with its path in the drive folder.
 #[derive(Debug)]
 pub(crate) struct Link {
     pub place: PathBuf,
-    /// Absolute.
+    /// Absolute path of the file.
     pub original: PathBuf,
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct TextFile {
     pub text: String,
 }
 
-/// A file that is made of files of the source, one at a time while the folder is written.
+/// A file converted from files of the source, one at a time while the folder is written.
 pub(crate) struct Conversion {
     pub place: PathBuf,
     /// The files of the source.
@@ -58,7 +58,7 @@ impl Plan {
         });
     }
 
-    /// Writes the folder, which exists and is empty.
+    /// Writes the folder, which must exist and be empty.
     pub fn write(&self, out: &Path) -> Result<(), ImportError> {
         for link in &self.links {
             let path = in_folder(out, &link.place)?;
@@ -78,7 +78,7 @@ impl Plan {
     }
 }
 
-/// A path below the folder, whose own folder exists.
+/// A path below the folder; creates its parent folder.
 fn in_folder(out: &Path, place: &Path) -> Result<PathBuf, ImportError> {
     let path = out.join(place);
     let folder = path.parent().unwrap_or(out);

@@ -1,4 +1,4 @@
-//! Times of points: their unit, and from when they count.
+//! Times of points: their unit and their origin.
 //!
 //! | driver | field | values |
 //! |---|---|---|
@@ -7,26 +7,27 @@
 //! | Hesai, Robosense | `timestamp` f64 | s since 1970 |
 //! | Livox | `offset_time` u32, `timestamp` f64 | ns from the stamp; ns since 1970 |
 //!
-//! The names do not determine the units: forks of the same driver write s, ms, µs or ns. The time from the first to the last point of a
-//! cloud does: it is 5 ms to 0.5 s, and the units are a thousand apart.
+//! The names do not determine the units: forks of the same driver write s, ms, µs or ns. The unit is determined by the
+//! time from the first to the last point of a cloud, which is 5 ms to 0.5 s, because the units differ by factors of a
+//! thousand.
 
 /// Shortest and longest time from the first to the last point of a cloud, s.
 const SPAN_S: [f64; 2] = [0.005, 0.5];
-/// Times from the stamp are nearer to 0 than this, those since 1970 nearer to the stamp, s.
+/// Times that count from the stamp are nearer to 0 than this, times since 1970 are nearer to the stamp than this, s.
 const NEAR_S: f64 = 10.0;
-/// Units with their ns.
+/// Units with their lengths in ns.
 const UNITS: [(&str, f64); 4] = [("s", 1e9), ("ms", 1e6), ("us", 1e3), ("ns", 1.0)];
 
-/// From when times count.
+/// Origin of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Begin {
     Stamp,
     Epoch,
-    /// That of a clock that was not set.
+    /// Origin of a clock that was not set.
     Other,
 }
 
-/// Unit and begin of times.
+/// Unit and origin of times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TimeForm {
     unit: &'static str,
@@ -35,8 +36,8 @@ pub(crate) struct TimeForm {
 }
 
 impl TimeForm {
-    /// The form of the times of a cloud with these smallest and largest values and this stamp. `None` if no unit gives the time of a
-    /// sweep.
+    /// Determines the form of the times of a cloud from their smallest and largest value and from its stamp. `None` if no
+    /// unit gives the duration of a sweep.
     pub fn of_range(min: f64, max: f64, stamp: i64) -> Option<Self> {
         let fits = |(_, nanos): &&(&str, f64)| (SPAN_S[0]..=SPAN_S[1]).contains(&((max - min) * nanos * 1e-9));
         let (unit, unit_nanos) = *UNITS.iter().find(fits)?;
@@ -51,7 +52,8 @@ impl TimeForm {
         Some(Self { unit, unit_nanos, begin })
     }
 
-    /// ns since the Unix epoch of the times of a message with this stamp. `None` if one is beyond the years 1678 to 2261.
+    /// Converts the times of a message with this stamp to ns since the Unix epoch. `None` if a time is outside the years
+    /// 1678 to 2261.
     pub fn nanos(self, times: impl Iterator<Item = f64>, stamp: i64) -> Option<Vec<i64>> {
         let mut nanos = times.map(|time| self.whole_nanos(time)).collect::<Option<Vec<i64>>>()?;
         let shift = match self.begin {
@@ -66,7 +68,7 @@ impl TimeForm {
     }
 
     fn whole_nanos(self, time: f64) -> Option<i64> {
-        // ns since 1970 as f64 would have a resolution of 256 ns, s and their fraction do not.
+        // ns since 1970 as f64 have a resolution of 256 ns; whole seconds and fraction do not.
         let whole = time.trunc() * self.unit_nanos;
         let rest = time.fract() * self.unit_nanos;
         let is_in_range = whole.abs() < 9.2e18;
@@ -78,12 +80,12 @@ impl TimeForm {
         self.unit
     }
 
-    /// A time in s.
+    /// Converts a time to s.
     pub fn seconds(self, time: f64) -> f64 {
         time * self.unit_nanos * 1e-9
     }
 
-    /// For the operator.
+    /// Text for the report.
     pub fn text(self) -> String {
         let begin = match self.begin {
             Begin::Stamp => "from the stamp",
@@ -109,7 +111,7 @@ mod tests {
             ("Livox", 1.7e18, 1.7e18 + 1e8, "ns since 1970", STAMP),
             ("ms", 0.0, 100.0, "ms from the stamp", STAMP),
             ("us", 0.0, 100_000.0, "us from the stamp", STAMP),
-            // Since the sensor was switched on.
+            // Time since the sensor was switched on.
             ("own clock", 5000.0, 5000.1, "s of another clock; sweeps begin at the stamps", STAMP),
         ] {
             let form = TimeForm::of_range(first, last, STAMP).unwrap_or_else(|| panic!("{driver}"));

@@ -3,12 +3,12 @@
 use lidar::{Model, hesai, livox, velodyne};
 use std::collections::BTreeMap;
 
-/// Fewest points that show the elevation of a beam.
+/// Minimum number of points that determine the elevation of a beam.
 const MIN_POINTS: u32 = 10;
-/// Correlation of number and elevation of the beams of a driver that counts along the elevation.
+/// Minimum correlation of number and elevation for a driver that counts beams by elevation.
 const ORDERED: f64 = 0.9;
-/// The points of one beam differ by less than this in elevation, rms: beams leave a sensor up to 0.2 m off its origin. The prisms of a
-/// Livox turn each beam through 0.3 rad rms.
+/// Maximum scatter of the elevations of the points of one beam, rms: beams leave a sensor up to 0.2 m off its origin. The
+/// prisms of a Livox turn each beam through 0.3 rad rms.
 const MAX_SCATTER_RAD: f64 = 0.05;
 /// Numbers of beams of usual sensors.
 const BEAMS: [u16; 7] = [16, 32, 40, 64, 80, 96, 128];
@@ -29,13 +29,13 @@ struct Beam {
 /// The ring of each beam of a driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Rings {
-    /// By number of the beam; `None` for a beam that was not seen.
+    /// Ring by number of the beam; `None` for a beam that was not seen.
     of_beam: Vec<Option<u8>>,
-    /// For the operator.
+    /// Order of the beam numbers, for the report.
     pub order: &'static str,
 }
 
-/// The model with this number of beams: what uses the sweeps needs the number more than the maker.
+/// A model with this number of beams: for the later stages the number matters more than the maker.
 pub(crate) fn model_of_beams(n_beams: usize) -> Model {
     match n_beams {
         0 => livox::Model::Mid360.into(),
@@ -69,8 +69,8 @@ impl Elevations {
         beam.sum_of_squares += elevation * elevation;
     }
 
-    /// The rings. `n_beams`: number of beams if it is known. `n_rows`: rows of the clouds, often one per beam. `None` if the numbers do
-    /// not stand for fixed elevations, or if they are beyond `n_beams` or 256.
+    /// The rings. `n_beams`: number of beams if known. `n_rows`: rows of the clouds, often one per beam. `None` if the
+    /// numbers do not stand for fixed elevations, or if they exceed `n_beams` or 256.
     pub fn rings(&self, n_beams: Option<u16>, n_rows: u32) -> Option<Rings> {
         let (&last, _) = self.beams.last_key_value()?;
         let of_rows = u16::try_from(n_rows).ok();
@@ -101,7 +101,7 @@ impl Elevations {
             let mean = |beam: u16| seen.iter().find(|(ring, _)| *ring == beam).map(|(_, mean)| *mean);
             (all.map(|beam| mean(beam).map(rank)).collect(), "not along the elevation")
         };
-        // Without an order, the rank of a beam is known only if all are.
+        // If the numbers are not ordered, the rank of a beam is known only if all beams are known.
         of_beam.iter().all(Option::is_some).then_some(Rings { of_beam, order })
     }
 }

@@ -29,15 +29,15 @@ use roles::Roles;
 use std::path::{Path, PathBuf};
 use writers::Writers;
 
-/// Choices of the import of a bag.
+/// Options of the import of a bag.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RosOptions {
     /// Roles and names of topics: `lidar`, `camera.0`, `camera_info.0`, `imu`, `gnss`, `nmea`, `metadata`. The name `none` leaves out
-    /// `camera` (all), `imu`, `gnss` or `nmea`. Other roles are chosen by type.
+    /// `camera` (all), `imu`, `gnss` or `nmea`. Other roles are assigned by type.
     pub topics: Vec<(String, String)>,
-    /// Frame of the body. `None`: `base_link`, or the frame above all others.
+    /// Frame of the body. `None`: `base_link`, or the root frame.
     pub body_frame: Option<String>,
-    /// Poses of frames in the body frame, in place of those of `tf_static`: x y z, m, and a unit quaternion x y z w.
+    /// Poses of frames in the body frame that replace transforms of `tf_static`: x y z, m, and a unit quaternion x y z w.
     pub transforms: Vec<(String, [f64; 7])>,
     /// Calibration file of the LiDAR.
     pub calibration: Option<PathBuf>,
@@ -48,7 +48,7 @@ pub struct RosOptions {
 /// Folder of decompressed files, in the folder of the drive while the bag is read.
 const SCRATCH: &str = ".bag";
 
-/// The drive of a bag, whose files are written to the folder `out`.
+/// The drive of a bag. Its files are written to the folder `out`.
 pub(crate) fn plan(source: &Path, out: &Path, options: &Options) -> Result<Plan, ImportError> {
     let scratch = out.join(SCRATCH);
     let mut bag = Bag::open(source, &options.ros.parts, &scratch)?;
@@ -83,7 +83,7 @@ pub(crate) fn plan(source: &Path, out: &Path, options: &Options) -> Result<Plan,
     })
 }
 
-/// One line per topic that is not taken.
+/// One line per topic that is not imported.
 fn not_taken<'a>(
     topics: &'a [Topic],
     used: &'a [bool],

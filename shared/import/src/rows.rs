@@ -1,18 +1,18 @@
-//! Checks that files of sweeps hold what the layout says: rows without header have no other mark.
+//! Checks that files of sweeps match the layout: rows without header have no other mark.
 
 use crate::error::{At, ImportError};
 use formats::cloud::{CloudPoint, check_points};
 use formats::{kitti, nuscenes};
 use std::path::{Path, PathBuf};
 
-/// Sweeps whose values are checked, spread over the drive: all would be gigabytes.
+/// Sweeps whose values are checked, spread over the drive: all sweeps would be gigabytes.
 const CHECKED: usize = 8;
 /// Largest remission of KITTI.
 const KITTI_INTENSITY: f32 = 1.0;
 /// Largest intensity of a sensor.
 const SENSOR_INTENSITY: f32 = 255.0;
 
-/// Why a file does not hold such rows.
+/// Reason why a file does not hold such rows.
 type Fault = Box<dyn std::error::Error + Send + Sync>;
 
 /// Rows of a file.
@@ -25,7 +25,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// x y z intensity ring as f32.
+    /// Rows of x y z intensity ring as f32.
     pub const OF_NUSCENES: Self = Self {
         name: "nuScenes",
         n_bytes: 20,
@@ -33,7 +33,7 @@ impl Rows {
         points: |bytes| Ok(nuscenes::points_from_bin(bytes)?.into_iter().map(|(point, _)| point).collect()),
     };
 
-    /// x y z intensity as f32. A layout that the user names may have the intensities of a sensor.
+    /// Rows of x y z intensity as f32. If the user names the layout, intensities may have the range of a sensor.
     pub fn of_kitti(is_forced: bool) -> Self {
         let max_intensity = if is_forced { SENSOR_INTENSITY } else { KITTI_INTENSITY };
         Self { name: "KITTI", n_bytes: 16, max_intensity, points: |bytes| Ok(kitti::points_from_bin(bytes)?) }
@@ -63,11 +63,11 @@ fn values(path: &Path, rows: Rows) -> Result<(), Fault> {
     Ok(check_points(&points, rows.max_intensity)?)
 }
 
-/// What the file looks like instead.
+/// Hint about the likely layout of the file.
 fn hint(path: &Path) -> &'static str {
     let rows = |bytes: Vec<u8>| nuscenes::points_from_bin(&bytes).is_ok_and(|rows| !rows.is_empty());
     if std::fs::read(path).is_ok_and(rows) {
-        "; the rows are those of nuScenes (x y z intensity ring): --kind nuscenes"
+        "; the rows have the layout of nuScenes (x y z intensity ring): --kind nuscenes"
     } else {
         "; --kind sets the layout"
     }

@@ -1,4 +1,4 @@
-//! Stamps as people write them: seconds with decimals, integers since 1970 in s, ms, µs or ns, dates.
+//! Stamps as text: seconds with decimals, integers since 1970 in s, ms, µs or ns, dates.
 
 use crate::times::nanos_of_date;
 
@@ -10,7 +10,7 @@ const MIN_EPOCH_S: i64 = 946_684_800;
 /// Largest number of seconds that fits in ns.
 const MAX_S: i64 = 9_000_000_000;
 
-/// The stamp of a text, ns. `None` for other texts and for small integers, whose unit is not clear.
+/// The stamp of a text, ns. `None` for other texts and for small integers, whose unit is ambiguous.
 pub(crate) fn nanos(text: &str) -> Option<i64> {
     if let Ok(number) = text.parse::<i64>() {
         let unit = UNITS.iter().find(|(least, _)| number >= *least).map(|(_, nanos)| *nanos);
@@ -34,7 +34,7 @@ pub(crate) fn nanos_of_name(stem: &str) -> Option<i64> {
     }
 }
 
-/// Decimal seconds, exactly.
+/// Parses decimal seconds exactly.
 fn seconds(text: &str) -> Option<i64> {
     let (whole, decimals) = text.split_once('.')?;
     let are_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
@@ -46,7 +46,7 @@ fn seconds(text: &str) -> Option<i64> {
     Some(whole * 1_000_000_000 + nanos)
 }
 
-/// Seconds with an exponent, as KITTI writes them. Their digits end before the nanosecond only for small numbers.
+/// Parses seconds with an exponent, as written by KITTI. Their digits resolve the nanosecond only for small numbers.
 fn scientific(text: &str) -> Option<i64> {
     let is_scientific = text.contains(['e', 'E']);
     let seconds: f64 = text.parse().ok().filter(|_| is_scientific)?;

@@ -1,4 +1,4 @@
-//! Sweeps that are one file each.
+//! Sweeps stored as one file each.
 
 use crate::Kind;
 use crate::error::ImportError;
@@ -13,14 +13,14 @@ pub(crate) const LIDAR_FOLDER: &str = "lidar";
 /// The sweeps of a source.
 #[derive(Debug)]
 pub(crate) struct Sweeps {
-    /// Name in the drive and file, in the order of their times.
+    /// Name in the drive, and file of each sweep, in the order of their times.
     pub files: Vec<(String, PathBuf)>,
     /// ns since the Unix epoch. `None`: ten sweeps per second.
     pub times: Option<Vec<i64>>,
 }
 
 impl Sweeps {
-    /// Fails unless there are sweeps, and as many times.
+    /// Fails unless there are sweeps, and as many times as sweeps if there are times.
     pub fn check(&self, source: &Path) -> Result<(), ImportError> {
         let n_sweeps = self.files.len();
         if n_sweeps == 0 {
@@ -34,7 +34,7 @@ impl Sweeps {
         }
     }
 
-    /// A drive with these sweeps alone.
+    /// A drive with only these sweeps.
     pub fn plan(&self, kind: Kind, name: &str, lidar: LidarEntry) -> Plan {
         Plan {
             kind,
@@ -62,7 +62,7 @@ impl Sweeps {
         Some(TextFile { place: Path::new(LIDAR_FOLDER).join(TIMES_FILE), text: lines.join("\n") + "\n" })
     }
 
-    /// What was taken, for the operator.
+    /// Line of the report.
     fn report(&self) -> String {
         let n_sweeps = self.files.len();
         match &self.times {

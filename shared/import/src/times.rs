@@ -1,4 +1,4 @@
-//! Forms of times in text files.
+//! Formats of times in text files.
 
 use files::calendar::{DAY_NANOS, days_from_date};
 
@@ -19,7 +19,7 @@ pub(crate) fn nanos_of_date(text: &str) -> Option<i64> {
     }
     let nanos: i64 = format!("{decimals:0<9.9}").parse().ok()?;
     let nanos_of_day = ((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos;
-    // A stamp holds the years 1678 to 2261.
+    // A stamp can represent the years 1678 to 2261.
     days_from_date(year, month, day)?.checked_mul(DAY_NANOS)?.checked_add(nanos_of_day)
 }
 

@@ -130,8 +130,8 @@ mod tests {
     fn first_reason_of_each_kind_is_named() {
         let mut counts = Counts::default();
         assert!(counts.is_complete());
-        assert!(counts.leave_out("data ends behind the message, which has 17 bytes"));
-        assert!(!counts.leave_out("data ends behind the message, which has 18 bytes"));
+        assert!(counts.leave_out("data ends past the end of the message, which has 17 bytes"));
+        assert!(!counts.leave_out("data ends past the end of the message, which has 18 bytes"));
         assert!(counts.leave_out("other"));
         assert_eq!(counts.summary(4), "0 messages, 4 messages lost on the way, 3 messages left out");
         let named = (0..100).filter(|n| counts.leave_out(&"x".repeat(*n))).count();

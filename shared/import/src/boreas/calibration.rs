@@ -1,4 +1,4 @@
-//! Calibration files: matrices of numbers, a row a line.
+//! Calibration files: matrices of numbers, one row per line.
 
 use crate::cameras::Projection;
 use crate::error::{At, ImportError};
@@ -22,7 +22,7 @@ pub(super) fn projection(path: &Path) -> Result<Projection, ImportError> {
     upper.and_then(Projection::of_rows).ok_or_else(|| ImportError::at(path, Projection::RULE))
 }
 
-/// The numbers of so many rows of four.
+/// The numbers of this many rows of four.
 fn rows(path: &Path, n_rows: std::ops::RangeInclusive<usize>) -> Result<Vec<f64>, ImportError> {
     if !path.is_file() {
         let rule = "is absent; poses, images and the IMU need it. --lidar-only imports the sweeps alone";

@@ -36,14 +36,14 @@ pub(super) fn read(path: &Path, lidar_from_body: &Pose) -> Result<Trajectory, Im
             *value = number.ok_or_else(|| fault(index, "a number"))?;
         }
         let [x, y, z, roll, pitch, yaw] = values;
-        // The angles are those of the inverse: C_enu_lidar = C1(roll) C2(pitch) C3(yaw), each of which turns the frame.
+        // The angles belong to the inverse: C_enu_lidar = C1(roll) C2(pitch) C3(yaw), each of which rotates the frame.
         let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw).inverse();
         let mut world_from_body = Isometry3::from_parts([x, y, z].into(), rotation) * lidar_from_body;
         let position = world_from_body.translation.vector;
         world_from_body.translation.vector -= *origin.get_or_insert(position);
         let is_after = trajectory.poses().last().is_none_or(|(last, _)| last.0 < stamp);
         if !is_after || !trajectory.push(Stamp(stamp), world_from_body) {
-            return Err(fault(0, "after that of the line before"));
+            return Err(fault(0, "later than in the previous line"));
         }
     }
     if trajectory.poses().is_empty() {

@@ -1,5 +1,5 @@
-//! Sweeps: rows of x y z intensity, laser and time as f32. The time is in s after the stamp in the name, which is the middle of the
-//! revolution.
+//! Sweeps: rows of x y z intensity, laser and time as f32. The time is relative to the stamp in the file name, s; the
+//! stamp is the middle of the revolution.
 
 use crate::error::{At, ImportError};
 use crate::rings::{Elevations, Rings};
@@ -64,7 +64,7 @@ impl SweepFile {
         Ok(sweep)
     }
 
-    /// Adds the elevations of the lasers.
+    /// Adds the points to the elevations of the lasers.
     pub fn add_to(&self, elevations: &mut Elevations) {
         for (p, laser) in self.points.iter().zip(&self.lasers) {
             elevations.add(*laser, [p.x, p.y, p.z]);

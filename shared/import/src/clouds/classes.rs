@@ -1,4 +1,4 @@
-//! The classes of labeled data sets in those of this project. `None`: the id is not one of the data set.
+//! Maps the classes of labeled data sets to the classes of this project. `None`: the data set does not define the id.
 //!
 //! Classes without a counterpart are [`Unlabeled`]: they are not scored.
 
@@ -11,7 +11,7 @@ use messages::ClassId::{
 /// The class of an id.
 pub(super) fn class_of(layout: Layout, id: i64) -> Option<ClassId> {
     let found = match layout {
-        // Its classes are those of this project.
+        // It uses the classes of this project.
         Layout::ParisCarla => return ClassId::from_id(u8::try_from(id).ok()?),
         Layout::ParisLille if id >= 100_000_000 => return paris_lille(id),
         Layout::ParisLille => PARIS_LILLE_10.get(usize::try_from(id).ok()?),
@@ -32,7 +32,7 @@ const TORONTO: [ClassId; 9] = [Unlabeled, Road, RoadLine, Vegetation, Building, 
 /// `Street3D`: undefined, building, car, ground, pole, vegetation.
 const STREET3D: [ClassId; 6] = [Unlabeled, Building, Vehicles, Ground, Pole, Vegetation];
 
-/// The tree of classes of Paris-Lille-3D: two digits a level.
+/// The tree of classes of Paris-Lille-3D: two digits per level.
 const PARIS_LILLE: [(i64, ClassId); 42] = [
     (100_000_000, Other),
     (200_000_000, Unlabeled), // surface
@@ -65,7 +65,7 @@ const PARIS_LILLE: [(i64, ClassId); 42] = [
     (303_040_000, Vehicles),
     (303_050_000, Dynamic), // furniture
     (304_000_000, Vegetation),
-    // Other of a level: no class.
+    // "Other" of a level: no class.
     (201_000_000, Unlabeled),
     (202_010_000, Ground),
     (301_000_000, Unlabeled),

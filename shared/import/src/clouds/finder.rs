@@ -1,4 +1,4 @@
-//! Which points the scanner saw from where.
+//! Finds the scanner position from which each point was measured.
 
 use super::nearest::Memory;
 use super::points::CloudPoint;
@@ -7,7 +7,7 @@ use super::sweeps::{Rule, Sweeps};
 use super::{scanner, true_path};
 use messages::SubmapPoint;
 
-/// Finds the sweeps of points; keeps what was looked up.
+/// Finds the sweeps of points; caches the look-ups.
 #[derive(Default)]
 pub(super) struct Finder {
     nearest: Memory,

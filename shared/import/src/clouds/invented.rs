@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// Blocks of a tile in one direction.
 const TILE_BLOCKS: i32 = 2;
-/// Points up to this above the lowest of a cell are ground, m.
+/// Points at most this far above the lowest point of a cell are ground, m.
 const GROUND_M: f64 = 0.3;
 /// Height of a scanner on a vehicle above the ground, m.
 const SCANNER_M: f64 = 2.0;
@@ -19,10 +19,10 @@ const DENSE_SHARE: f64 = 0.25;
 const NEAR_PATH: f64 = 0.95;
 /// Time between two positions, ns.
 const STEP_NANOS: i64 = 100_000_000;
-/// Tiles whose order is a path from neighbor to neighbor; more are in the order of their places.
+/// Maximum number of tiles that are ordered as a path from neighbor to neighbor; more tiles are ordered by position.
 const MAX_CHAINED: usize = 4096;
 
-/// Cells of a cloud at most, 400 MB: 8 square kilometers.
+/// Maximum number of cells of a cloud, 400 MB: 8 square kilometers.
 const MAX_CELLS: usize = 1 << 23;
 
 #[derive(Clone, Copy)]
@@ -38,7 +38,7 @@ pub(super) struct GroundCells {
 }
 
 impl GroundCells {
-    /// Adds a point. An error if the points are too far apart.
+    /// Adds a point. Fails if the points are too far apart.
     pub fn add(&mut self, point: &CloudPoint) -> Result<(), String> {
         if !point.is_valid() {
             return Ok(());
@@ -93,8 +93,8 @@ impl GroundCells {
     }
 }
 
-/// Tiles from neighbor to neighbor: each is the nearest of those that are left. Objects at the border of two tiles keep their number
-/// if the tiles follow each other.
+/// Orders tiles from neighbor to neighbor: each is the nearest of the remaining ones. Objects at the border of two tiles
+/// keep their number if the tiles follow each other.
 fn chained(mut left: Vec<Key>) -> Vec<Key> {
     if left.len() > MAX_CHAINED {
         return left;

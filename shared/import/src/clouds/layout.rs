@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub(crate) enum Layout {
     /// Paris-CARLA-3D: PLY with positions of the scanner, times, classes and instances.
     ParisCarla,
-    /// Paris-Lille-3D: PLY, the whole data set with positions and times, the benchmark without.
+    /// Paris-Lille-3D: PLY; the complete data set has positions and times, the benchmark has neither.
     ParisLille,
     /// Toronto-3D: PLY of `CloudCompare`.
     Toronto,
@@ -30,7 +30,7 @@ struct Names {
     cosine: &'static str,
 }
 
-/// A column that the layout does not have.
+/// Name of a column that the layout does not have.
 const NONE: &str = "";
 
 impl Layout {
@@ -62,7 +62,7 @@ impl Layout {
                 intensity: "reflectance",
                 cosine: NONE,
             },
-            // Its times are rounded to 0.03 s, and it has no positions that they could belong to.
+            // Its times are rounded to 0.03 s, and it has no positions to which they could belong.
             Self::Toronto => Names {
                 scanner: [NONE; 3],
                 time: NONE,
@@ -77,7 +77,7 @@ impl Layout {
         }
     }
 
-    /// The clouds of a source: the file itself, or those of a folder by name.
+    /// The clouds of a source: the file itself, or the files of a folder, sorted by name.
     pub fn files(self, source: &Path) -> Result<Vec<PathBuf>, ImportError> {
         if source.is_file() {
             return Ok(vec![source.to_owned()]);
@@ -98,7 +98,7 @@ impl Layout {
         if wants_text {
             return Ok(is_street3d(&first));
         }
-        // Any other file is not a cloud of this layout; sweeps that are not readable are reported as such.
+        // Any other file is not a cloud of this layout; unreadable sweeps are reported as such.
         let Ok(rows) = PlyRows::open(&first) else { return Ok(false) };
         let names = self.names();
         let has = |name: &str| column(rows.header(), name).is_some();
@@ -115,7 +115,7 @@ fn is_street3d(path: &Path) -> bool {
     super::text_points::begins_as_cloud(path)
 }
 
-/// Where the values of a point are in a file.
+/// Positions of the values of a point in a file.
 #[derive(Clone, Debug)]
 pub(super) struct Columns {
     pub layout: Layout,
@@ -126,12 +126,12 @@ pub(super) struct Columns {
     pub instance: Option<usize>,
     pub intensity: Option<usize>,
     pub cosine: Option<usize>,
-    /// Names of the columns that are not taken.
+    /// Names of the columns that are not imported.
     pub left: Vec<String>,
 }
 
 impl Columns {
-    /// Those of a file.
+    /// The columns of a file.
     pub fn of(layout: Layout, file: &Path) -> Result<Self, ImportError> {
         if layout == Layout::Street3d {
             let position = [0, 1, 2];
@@ -188,7 +188,7 @@ impl Columns {
         self.instance.is_some()
     }
 
-    /// The class of an id of the file; `None` if it is not one of the data set.
+    /// The class of an id of the file; `None` if the data set does not define the id.
     pub fn class_of(&self, id: i64) -> Option<ClassId> {
         class_of(self.layout, id)
     }

@@ -1,4 +1,4 @@
-//! The positions of the scanner near a point, where no times tell which of them saw it.
+//! The positions of the scanner near a point, for clouds whose times do not determine which of them measured it.
 
 use super::scanner;
 use super::sweep::{Sweep, difference};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 pub(super) const CELL_M: f64 = 1.0;
 /// Cells of a block in one direction. A block has one position.
 pub(super) const BLOCK_CELLS: i32 = 10;
-/// Positions up to so many blocks away may see a point.
+/// Maximum distance in blocks at which a position may see a point.
 const REACH_BLOCKS: i32 = 3;
 
 /// Numbers of a cell or block to the east and north.
@@ -31,7 +31,7 @@ pub(super) fn key_of(position: [f64; 3]) -> Key {
     ((position[0] / CELL_M).floor() as i32, (position[1] / CELL_M).floor() as i32)
 }
 
-/// The block of a cell, or a larger one of a smaller one.
+/// The block of a cell, or the larger block that contains a smaller one.
 pub(super) fn divided((x, y): Key, by: i32) -> Key {
     (x.div_euclid(by), y.div_euclid(by))
 }
@@ -41,7 +41,7 @@ impl Nearest {
         Self { by_block }
     }
 
-    /// The nearest position that sees the point with its fine rings, else the nearest.
+    /// The nearest position that sees the point with its fine rings, otherwise the nearest.
     pub fn sweep(&self, position: [f64; 3], sweeps: &[Sweep], memory: &mut Memory) -> Option<usize> {
         let block = divided(key_of(position), BLOCK_CELLS);
         let near = memory.by_block.entry(block).or_insert_with(|| self.near(block, sweeps));
@@ -53,7 +53,7 @@ impl Nearest {
         best.min_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, sweep)| sweep)
     }
 
-    /// Sweeps of the blocks around a block; without any, the nearest of all.
+    /// Sweeps of the blocks around a block; without any there, the nearest of all.
     fn near(&self, block: Key, sweeps: &[Sweep]) -> Vec<usize> {
         let reach = -REACH_BLOCKS..=REACH_BLOCKS;
         let around = reach.clone().flat_map(|dx| reach.clone().map(move |dy| (block.0 + dx, block.1 + dy)));

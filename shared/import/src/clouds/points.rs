@@ -13,24 +13,25 @@ const BLOCK_BYTES: usize = 1 << 22;
 /// A point of a labeled cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CloudPoint {
-    /// m.
+    /// Position, m.
     pub position: [f64; 3],
     /// Position of the scanner, m.
     pub scanner: Option<[f64; 3]>,
-    /// s; 0 if unknown.
+    /// Time, s; 0 if unknown.
     pub time_s: f64,
-    /// As in the file.
+    /// Intensity as stored in the file.
     pub intensity: f32,
     /// Cosine of ray and surface normal; NaN if unknown.
     pub cosine: f32,
     /// Class id of the data set; -1 if it is not an integer.
     pub label: i64,
-    /// 0 = none.
+    /// Instance; 0 = none.
     pub instance: u32,
 }
 
 impl CloudPoint {
-    /// From the values of a row. Indices are those of `columns`; a class column beyond the row is its last.
+    /// The point in a row of values, whose positions are in `columns`. If the class column is beyond the row, the last
+    /// value is used.
     pub fn of(columns: &Columns, values: &[f64]) -> Self {
         let value = |at: usize| values[at.min(values.len() - 1)];
         let triple = |at: [usize; 3]| at.map(value);
@@ -46,7 +47,7 @@ impl CloudPoint {
         }
     }
 
-    /// Whether position, scanner and time are finite numbers of a size that occurs.
+    /// Whether position, scanner and time are finite numbers of a plausible size.
     pub fn is_valid(&self) -> bool {
         let near = |position: &[f64; 3]| position.iter().all(|value| value.abs() < 1e8);
         near(&self.position) && self.scanner.as_ref().is_none_or(near) && self.time_s.abs() < 9e9
@@ -89,7 +90,7 @@ pub(super) fn each_point(
 /// The first valid point of a file.
 pub(super) fn first_point(file: &Path, columns: &Columns) -> Result<Option<CloudPoint>, ImportError> {
     let mut first = None;
-    // The end of the reading is not an error of the file: it is found by what was stored.
+    // This error only ends the reading early: the result is in the stored point.
     let read = each_point(file, columns, |point| {
         if point.is_valid() {
             first = Some(*point);

@@ -26,11 +26,11 @@ pub(super) struct SubmapRecording {
     n_submaps: u64,
     /// Sweeps of finished files.
     n_sweeps: u64,
-    /// Tile of the last submap, which has further parts.
+    /// Tile of the last submap, if more parts of it follow.
     last_tile: Option<usize>,
-    /// End of what was written, ns.
+    /// End of the written data, ns.
     end: i64,
-    /// Share of the clouds that is written.
+    /// Written share of the clouds.
     progress: f32,
 }
 
@@ -93,12 +93,12 @@ impl SubmapRecording {
         self.tick(header.stamp_end, false)
     }
 
-    /// Sets the share of the clouds that is written.
+    /// Sets the written share of the clouds.
     pub fn set_progress(&mut self, share: f64) {
         self.progress = share as f32;
     }
 
-    /// Numbers of sweeps continue after a file.
+    /// Ends a file. Sweep numbers continue in the next file.
     pub fn end_file(&mut self, n_sweeps: usize) {
         self.n_sweeps += n_sweeps as u64;
         self.last_tile = None;
@@ -177,7 +177,7 @@ impl SubmapRecording {
     }
 }
 
-/// Poses at the first and at the last shot of a sweep. The axes of the scanner are those of the cloud.
+/// Poses at the first and at the last shot of a sweep. The axes of the scanner are the axes of the cloud.
 fn poses_of(sweeps: &Sweeps, sweep: usize) -> [StampedPose; 2] {
     let sweep = sweeps.all[sweep];
     let pose = |stamp: i64, translation: [f64; 3]| StampedPose {

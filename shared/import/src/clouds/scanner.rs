@@ -1,19 +1,19 @@
-//! An invented scanner: the ring and the angles of a point as seen from a position. Clouds of others keep neither the rings nor the
-//! orientation of their scanner, but range images need both.
+//! An invented scanner: the ring and the angles of a point as seen from a position. Third-party clouds keep neither the
+//! rings nor the orientation of their scanner, but range images need both.
 
 use messages::{POINT_INCIDENCE_UNKNOWN, SubmapPoint};
 
-/// Rings: those of an HDL-32E, and wider ones below and above, because registered clouds have points in all directions.
+/// Rings of an HDL-32E, and wider ones below and above, because registered clouds have points in all directions.
 pub(super) const N_RINGS: u8 = 64;
-/// Rings below those of an HDL-32E.
+/// Rings below the rings of an HDL-32E.
 const N_BELOW: u8 = 16;
 /// Rings of an HDL-32E.
 const N_FINE: u8 = 32;
 /// Elevation of the lowest ring of an HDL-32E, degrees.
 const LOWEST_DEG: f64 = -30.67;
-/// Angle between its rings, degrees.
+/// Angle between the rings of an HDL-32E, degrees.
 const STEP_DEG: f64 = 4.0 / 3.0;
-/// Borders of its lowest and highest ring, degrees.
+/// Borders of the lowest and highest ring of an HDL-32E, degrees.
 const FINE_DEG: [f64; 2] = [LOWEST_DEG - 0.5 * STEP_DEG, LOWEST_DEG + (N_FINE as f64 - 0.5) * STEP_DEG];
 
 /// Elevation of a ray, degrees.
@@ -39,7 +39,7 @@ pub(super) fn is_fine(ray: [f64; 3]) -> bool {
     (FINE_DEG[0]..FINE_DEG[1]).contains(&elevation_deg(ray))
 }
 
-/// A point of a submap, without its coordinates and sweep. `ray` is the vector from the scanner to the point.
+/// A point of a submap without coordinates and sweep. `ray` is the vector from the scanner to the point.
 pub(super) fn row(ray: [f64; 3], intensity: f32, cosine: f32) -> SubmapPoint {
     let elevation_deg = elevation_deg(ray);
     // Encoder angles increase clockwise seen from above.

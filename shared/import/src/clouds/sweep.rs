@@ -1,20 +1,21 @@
-//! A stretch of the path of the scanner.
+//! A section of the path of the scanner.
 
 use messages::SubmapSweep;
 
-/// A stretch of the path of the scanner.
+/// A section of the path of the scanner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sweep {
-    /// ns, as in the recording.
+    /// Stamp in the recording, ns.
     pub stamp: i64,
     pub duration_nanos: u32,
-    /// Positions at its begin and end, m.
+    /// Position at its start, m.
     pub begin: [f64; 3],
     pub end: [f64; 3],
 }
 
 impl Sweep {
-    /// In the frame of a submap, without its points. `seq` is its number in the recording.
+    /// The entry in the header of a submap, in its frame and without points. `seq` is the number of the sweep in the
+    /// recording.
     pub fn entry(&self, seq: u64, origin: [f64; 3]) -> SubmapSweep {
         let pose = |position: [f64; 3]| {
             let [x, y, z] = difference(position, origin).map(|value| value as f32);

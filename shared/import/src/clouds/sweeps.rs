@@ -1,14 +1,14 @@
-//! The sweeps of a cloud: where the scanner was, in tiles.
+//! The sweeps of a cloud: positions of the scanner, in tiles.
 
 use super::nearest::Nearest;
 use super::sweep::Sweep;
 use std::ops::Range;
 
-/// How points find their sweep.
+/// Rule by which points are assigned to sweeps.
 pub(super) enum Rule {
-    /// By time. Numbers of the bins of time, and the shift from their times to stamps, ns.
+    /// Assignment by time. Numbers of the time bins, and the shift from their times to stamps, ns.
     Time { bins: Vec<i64>, shift_nanos: i64 },
-    /// By position.
+    /// Assignment by position.
     Nearest(Nearest),
 }
 

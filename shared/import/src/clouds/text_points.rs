@@ -7,15 +7,15 @@ use std::path::Path;
 
 /// Longest line, bytes: twenty numbers of twenty digits.
 const MAX_LINE: usize = 1 << 10;
-/// Numbers of a line at least: x y z and a class.
+/// Minimum number of values of a line: x y z and a class.
 const MIN_NUMBERS: usize = 4;
-/// Lines with a title or a count before the points at most.
+/// Maximum number of lines with a title or a count before the points.
 const MAX_TITLE_LINES: usize = 2;
 /// Largest class of `Street3D`.
 const MAX_CLASS: f64 = 5.0;
 
-/// Passes the numbers of each line of a file to `take`. Lines have as many numbers as the first one with at least four; lines before
-/// it are titles.
+/// Passes the numbers of each line of a file to `take`. All lines have as many numbers as the first line with at least
+/// four; earlier lines are titles.
 pub(super) fn each_row(
     file: &Path,
     mut take: impl FnMut(&[f64]) -> Result<(), ImportError>,
@@ -44,7 +44,7 @@ pub(super) fn each_row(
             let found = String::from_utf8_lossy(line.trim_ascii()).into_owned();
             let rule = match n_values {
                 0 => "at least four numbers, x y z first and the class last".to_owned(),
-                n => format!("{n} numbers, as in the lines before"),
+                n => format!("{n} numbers, as in the previous lines"),
             };
             return Err(ImportError::at_line(file, number, format!("{found:?} must be {rule}")));
         }
@@ -53,7 +53,7 @@ pub(super) fn each_row(
     }
 }
 
-/// Reads up to the first word that is not a number. `false` if there is one.
+/// Reads up to the first word that is not a number. `false` if there is such a word.
 fn read_numbers(line: &[u8], values: &mut Vec<f64>) -> bool {
     let Ok(text) = std::str::from_utf8(line) else { return false };
     let words = text.split(|c: char| c.is_ascii_whitespace() || c == ',' || c == ';').filter(|word| !word.is_empty());

@@ -1,4 +1,4 @@
-//! Points of tiles in files, until all are known.
+//! Files that hold the points of tiles until all points are known.
 
 use crate::error::{At, ImportError};
 use messages::SubmapPoint;
@@ -8,9 +8,10 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::PathBuf;
 
-/// Points of a submap at most: half of what the topic allows, so that a tile with all columns takes less than 1 GB of memory.
+/// Maximum number of points of a submap: half the limit of the topic, so that a tile with all columns takes less than 1
+/// GB of memory.
 const MAX_POINTS: usize = 1 << 22;
-/// Bytes of points that wait for their files.
+/// Maximum number of bytes of points that wait to be written to their files.
 const MAX_WAITING: usize = 1 << 26;
 /// Bytes of a point, its class and its instance.
 const ROW_BYTES: usize = size_of::<SubmapPoint>() + 8;
@@ -23,7 +24,7 @@ pub(super) struct TilePoint {
     pub instance: u32,
 }
 
-/// A file per tile. The folder is removed with the folder of the import.
+/// One file per tile. The folder is removed with the folder of the import.
 pub(super) struct TileFiles {
     folder: PathBuf,
     waiting: BTreeMap<usize, Vec<u8>>,
@@ -31,7 +32,7 @@ pub(super) struct TileFiles {
 }
 
 impl TileFiles {
-    /// An empty folder.
+    /// Creates an empty folder.
     pub fn create(folder: PathBuf) -> Result<Self, ImportError> {
         if folder.exists() {
             fs::remove_dir_all(&folder).at(&folder)?;
@@ -85,7 +86,7 @@ impl TileFiles {
             file.read_exact(&mut bytes).at(&path)?;
             let mut points: Vec<TilePoint> = bytes.chunks_exact(ROW_BYTES).filter_map(tile_point).collect();
             drop(bytes);
-            // Stable: points of one time keep the order of the file.
+            // Stable: points of equal time keep the order of the file.
             points.sort_by_key(|found| (found.point.sweep_idx, found.point.offset_nanos));
             take(&points)?;
             left -= n;

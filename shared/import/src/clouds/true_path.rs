@@ -10,22 +10,22 @@ use std::collections::BTreeMap;
 const SWEEP_S: f64 = 0.1;
 /// Length of a tile along the path, m.
 const TILE_M: f64 = 20.0;
-/// Points of a tile at most, unless one sweep has more.
+/// Maximum number of points of a tile, unless a single sweep has more.
 const TILE_POINTS: u64 = 1 << 22;
-/// Sweeps of a cloud at most: 29 hours.
+/// Maximum number of sweeps of a cloud: 29 hours.
 const MAX_BINS: usize = 1 << 20;
 
-/// Number of the sweep of a time.
+/// Number of the sweep that contains a time.
 pub(super) fn bin(time_s: f64) -> i64 {
     (time_s / SWEEP_S).floor() as i64
 }
 
-/// ns of a time of the file.
+/// Converts a time of the file to ns.
 pub(super) fn nanos(time_s: f64) -> i64 {
     (time_s * 1e9).round() as i64
 }
 
-/// A moment of the scanner.
+/// Position of the scanner at a time.
 #[derive(Clone, Copy)]
 struct Moment {
     time_s: f64,
@@ -45,7 +45,7 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Adds a point. An error if the times are too many.
+    /// Adds a point. Fails if the times span too many sweeps.
     pub fn add(&mut self, point: &CloudPoint) -> Result<(), String> {
         let Some(position) = point.scanner.filter(|_| point.is_valid()) else { return Ok(()) };
         let now = Moment { time_s: point.time_s, position };
@@ -66,7 +66,7 @@ impl Bins {
     /// The sweeps. Times that begin before `next_stamp` are shifted: files of a data set may begin at the same time.
     pub fn sweeps(&self, next_stamp: i64) -> Sweeps {
         let begin = self.by_number.values().next().map_or(0, |bin| nanos(bin.first.time_s));
-        // Saturates for times of damaged files, whose points are then invalid.
+        // Saturates for the times of damaged files, whose points are then invalid.
         let shift_nanos = next_stamp.saturating_sub(begin).max(0);
         let mut all = Vec::new();
         let mut tiles = Vec::new();

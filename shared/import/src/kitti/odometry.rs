@@ -1,4 +1,4 @@
-//! KITTI odometry and SemanticKITTI: one sequence. The body frame is that of the LiDAR.
+//! KITTI odometry and SemanticKITTI: one sequence. The body frame is the LiDAR frame.
 
 use super::calibration::Calibration;
 use super::sweeps::{self, KittiSweeps, lidar};
@@ -48,7 +48,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     Ok(plan)
 }
 
-/// What the sequence has beside its sweeps.
+/// Data of a sequence in addition to its sweeps.
 struct Others {
     cameras: Vec<usize>,
     poses: Option<PathBuf>,
@@ -85,7 +85,8 @@ impl Others {
     }
 }
 
-/// The poses of the data set in `poses/07.txt` beside `sequences/07`, else those that SemanticKITTI puts into the sequence.
+/// The poses of the data set in `poses/07.txt` next to `sequences/07`, otherwise the poses that SemanticKITTI adds to the
+/// sequence.
 fn poses(source: &Path) -> Result<Option<PathBuf>, ImportError> {
     let absolute = source.canonicalize().at(source)?;
     let sequence = absolute.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -124,7 +125,7 @@ fn camera(
     })
 }
 
-/// The poses are those of the rectified camera 0 in its first frame. The world frame of the drive is the first body frame.
+/// Adds the poses of the rectified camera 0 in its first frame. The world frame of the drive is the first body frame.
 fn add_truth(plan: &mut Plan, path: &Path, stamps: &Stamps, body_from_camera: &Pose) -> Result<(), ImportError> {
     let poses = poses_from_kitti(&fs::read_to_string(path).at(path)?).at(path)?;
     if poses.len() != stamps.len() {
@@ -135,7 +136,7 @@ fn add_truth(plan: &mut Plan, path: &Path, stamps: &Stamps, body_from_camera: &P
     for (number, first_from_camera) in poses.iter().enumerate() {
         let pose = body_from_camera * first_from_camera * body_from_camera.inverse();
         if !trajectory.push(Stamp(stamps.of_number(number, path)?), pose) {
-            return Err(ImportError::at(stamps.path(), format!("time {number} is before the one before it")));
+            return Err(ImportError::at(stamps.path(), format!("time {number} is earlier than the previous one")));
         }
     }
     plan.add_truth(&trajectory, None);
@@ -146,7 +147,7 @@ fn add_truth(plan: &mut Plan, path: &Path, stamps: &Stamps, body_from_camera: &P
 
 fn add_labels(plan: &mut Plan, folder: &Path, found: &KittiSweeps) -> Result<(), ImportError> {
     let Some(truth) = &mut plan.manifest.truth else {
-        let rule = "the labels need poses: poses.txt here, or poses/<sequence>.txt beside the folder of the sequences";
+        let rule = "the labels need poses: poses.txt here, or poses/<sequence>.txt next to the folder of the sequences";
         return Err(ImportError::at(folder, rule));
     };
     truth.labels = Some(LABELS.to_owned());

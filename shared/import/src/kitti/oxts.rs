@@ -44,9 +44,9 @@ const FIELDS: [&str; 30] = [
     "velmode",
     "orimode",
 ];
-/// Slower vehicles have no course.
+/// Minimum speed for a course, m/s.
 const MIN_COURSE_MPS: f64 = 0.1;
-/// Satellites that determine a position.
+/// Number of satellites needed for a position.
 const MIN_SATELLITES: f64 = 4.0;
 
 /// Reads all records of `oxts/data`.
@@ -85,7 +85,7 @@ pub(crate) fn read(folder: &Path, stamps: &Stamps) -> Result<UnitLog, ImportErro
     Ok(log)
 }
 
-/// Quality of GGA by the stated deviation of the position, m. The unit bridges gaps of the satellites by its IMU.
+/// GGA quality derived from the stated deviation of the position, m. The unit bridges gaps of the satellites with its IMU.
 fn quality(deviation_m: f64, satellites: f64) -> u32 {
     match deviation_m {
         _ if satellites < MIN_SATELLITES => 6,

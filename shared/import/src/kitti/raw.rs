@@ -1,6 +1,6 @@
 //! KITTI raw: a drive of the "synced+rectified" download, with the calibration of its day.
 //!
-//! The body frame is that of the GNSS and IMU unit; without its records, that of the LiDAR.
+//! The body frame is the frame of the GNSS and IMU unit; without its records, the LiDAR frame.
 
 use super::calibration::Calibration;
 use super::sweeps::{self, lidar};
@@ -51,12 +51,13 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
         oxts::read(&unit, &Stamps::read(&times, nanos_of_date)?)?.add_to(&mut plan, "oxts");
         plan.read.push(times);
         plan.read.extend(files(&unit.join("data"), ".txt")?.into_iter().map(|(_, path)| path));
-        plan.report.push("the body frame is that of the GNSS and IMU unit; heights are those of its records".into());
+        plan.report
+            .push("the body frame is the frame of the GNSS and IMU unit; heights are taken from its records".into());
     }
     Ok(plan)
 }
 
-/// Numbers of the cameras to take: those of color if there are any.
+/// Numbers of the cameras to import: the color cameras if there are any.
 fn camera_numbers(source: &Path) -> Result<Vec<usize>, ImportError> {
     for choice in CAMERA_CHOICES {
         let mut found = Vec::new();
@@ -111,7 +112,7 @@ fn camera(
     })
 }
 
-/// A calibration file of the day: in the folder of the drive or in the one above, where the download puts it.
+/// A calibration file of the day: in the folder of the drive or, as downloaded, in the folder above.
 fn calibration(source: &Path, name: &str) -> Result<Calibration, ImportError> {
     let absolute = source.canonicalize().at(source)?;
     let folders = [Some(absolute.as_path()), absolute.parent()];

@@ -18,11 +18,11 @@ pub(crate) struct KittiSweeps {
     pub numbers: Vec<usize>,
     /// The file of the times, if there is one.
     pub times: Option<PathBuf>,
-    /// Lines for the operator.
+    /// Lines of the report.
     pub notes: Vec<String>,
 }
 
-/// Reads the names and times of the sweeps. `needs_stamps`: other sensors have stamps, so the sweeps must.
+/// Reads the names and times of the sweeps. `needs_stamps`: other sensors have stamps, so the sweeps need stamps as well.
 pub(crate) fn read(
     data: &Path,
     times: &Path,
@@ -44,7 +44,7 @@ pub(crate) fn read(
         let files = files.into_iter().map(|file| (format!("{:010}.bin", file.number), file.path)).collect();
         (Sweeps { files, times: Some(stamps) }, numbers, Some(times.to_owned()))
     } else if needs_stamps {
-        let rule = "is absent; the sweeps need it beside other sensors. --lidar-only imports the sweeps alone";
+        let rule = "is absent; the sweeps need it to match other sensors. --lidar-only imports the sweeps alone";
         return Err(ImportError::at(times, rule));
     } else {
         (Sweeps { files: files(data, ".bin")?, times: None }, Vec::new(), None)

@@ -11,7 +11,7 @@ use lidar::nmea::Fix;
 #[derive(Default)]
 pub(crate) struct UnitLog {
     records: Vec<Record>,
-    /// Records whose stamp is not after the one before.
+    /// Records whose stamp is not later than the previous one.
     n_not_rising: usize,
 }
 
@@ -19,12 +19,12 @@ struct Record {
     fix: Fix,
     sample: ImuSample,
     place: Geodetic,
-    /// Rotation of the body in the frame of east, north and up.
+    /// Rotation of the body in the east, north, up frame.
     rotation: Pose,
 }
 
 impl UnitLog {
-    /// Adds a record, unless its stamp is not after the last one.
+    /// Adds a record, unless its stamp is not later than the last one.
     pub fn push(&mut self, fix: Fix, sample: ImuSample, place: Geodetic, rotation: Pose) {
         if self.records.last().is_some_and(|last| last.fix.stamp >= fix.stamp) {
             self.n_not_rising += 1;
@@ -37,7 +37,7 @@ impl UnitLog {
         self.records.is_empty()
     }
 
-    /// Poses of the body in the frame of east, north and up at the first fix.
+    /// Poses of the body in the east, north, up frame at the first fix.
     fn trajectory(&self, frame: &LocalFrame) -> Trajectory {
         let mut trajectory = Trajectory::default();
         for record in &self.records {
@@ -48,7 +48,7 @@ impl UnitLog {
         trajectory
     }
 
-    /// Adds GNSS, IMU and true trajectory to a drive whose body frame is that of the unit.
+    /// Adds GNSS, IMU and true trajectory to a drive whose body frame is the frame of the unit.
     pub fn add_to(&self, plan: &mut Plan, name: &str) {
         let Some(first) = self.records.first() else { return };
         let origin = first.place;
@@ -63,7 +63,8 @@ impl UnitLog {
         plan.report.push(format!("imported: {n} records of {name} as GNSS fixes, IMU samples and true poses"));
         if self.n_not_rising > 0 {
             let n = self.n_not_rising;
-            plan.report.push(format!("not imported: {n} records of {name} whose stamp is not after the one before"));
+            plan.report
+                .push(format!("not imported: {n} records of {name} whose stamp is not later than the previous one"));
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Chunks of LAZ of the point formats 6 to 10: the first record, the number of points, the length of each layer, and the layers.
 //!
-//! The decoder reserves memory of the stated lengths. They are checked before: a chunk in memory is never longer than in the file.
+//! The decoder reserves memory of the stated lengths. They are checked first: a chunk in memory is never longer than in
+//! the file.
 
 use laz::laszip::ChunkTable;
 use laz::{LazItem, LazItemType, LazVlr};
@@ -8,10 +9,10 @@ use std::io::{Read, Seek, SeekFrom};
 
 /// Code of this compression in the record "laszip encoded".
 const LAYERED: u16 = 3;
-/// Bytes of the place of the table of the chunks, before the first chunk.
+/// Bytes of the position of the chunk table, before the first chunk.
 const TABLE_PLACE_BYTES: u64 = 8;
 
-/// Whether records are compressed in layers; the rule if the file contradicts itself. `vlr` was read from `bytes`.
+/// Whether records are compressed in layers. Fails if the file contradicts itself. `vlr` was read from `bytes`.
 pub(super) fn are_layers(bytes: &[u8], vlr: &LazVlr) -> Result<bool, String> {
     let code = bytes.first_chunk().map_or(0, |code| u16::from_le_bytes(*code));
     let n_layered = vlr.items().iter().filter(|item| item.version() > 2).count();

@@ -11,15 +11,15 @@ use std::path::{Path, PathBuf};
 
 /// Duration of a sweep, ns.
 const SWEEP_NANOS: i64 = 100_000_000;
-/// Times beyond this are damage, s: the year 2255.
+/// Larger times are damage, s: the year 2255.
 const MAX_TIME_S: f64 = 9e9;
 
 /// The chunks, and the sweeps in them.
 pub(super) struct Chunks {
     files: Vec<PathBuf>,
     sweeps: Vec<Sweep>,
-    /// Points of the chunks that the last sweep was cut from, by the index of their file: a sweep may begin in one chunk and end in
-    /// the next.
+    /// Points of the chunks from which the last sweep was cut, by the index of their file: a sweep may begin in one chunk
+    /// and end in the next.
     loaded: RefCell<BTreeMap<usize, Vec<(i64, CloudPoint)>>>,
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Sweep {
     /// Time of the first point, ns.
     pub stamp: i64,
     pub n_points: usize,
-    /// Number of tenths of a second.
+    /// Number of the tenth of a second.
     tenth: i64,
     /// Indexes of the first and of the last file with points of it.
     files: (usize, usize),
@@ -55,7 +55,7 @@ impl Chunks {
         &self.sweeps
     }
 
-    /// The file of a sweep. Sweeps in their order need the points of one chunk at a time, at a border of two.
+    /// The file of a sweep. Sweeps requested in order need the points of one chunk at a time, or of two at a border.
     pub fn sweep(&self, seq: usize) -> Result<Vec<u8>, ImportError> {
         let sweep = &self.sweeps[seq];
         let (first, last) = sweep.files;
@@ -87,7 +87,7 @@ fn sorted(path: &Path) -> Result<Vec<(i64, CloudPoint)>, ImportError> {
     Ok(points)
 }
 
-/// Passes time, ns, and point.
+/// Passes time, ns, and point to `take`.
 fn each_point(path: &Path, mut take: impl FnMut(i64, &CloudPoint)) -> Result<(), ImportError> {
     let mut index = 0_u64;
     each_block(path, |block| {

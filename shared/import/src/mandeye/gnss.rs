@@ -1,8 +1,8 @@
-//! Fixes of the receiver of a recorder, with the stamps of the LiDAR's clock: `gnss*.nmea`, else `gnss*.gnss`.
+//! Fixes of a recorder's receiver, with stamps of the LiDAR clock: `gnss*.nmea`, otherwise `gnss*.gnss`.
 //!
 //! Lines of `*.nmea`: stamp in ns, in newer files the time of the computer in ms, and a sentence. Lines of `*.gnss`: [`VALUES`], in newer
-//! files also the time of the computer. The older files have latitude and longitude as in the sentence, in degrees and minutes
-//! `ddmm.mmmm`, the newer ones in degrees.
+//! files also the time of the computer. The older files have latitude and longitude in degrees and minutes `ddmm.mmmm`
+//! like the sentence, the newer ones in degrees.
 
 use crate::error::{At, ImportError};
 use crate::files::files;
@@ -14,7 +14,7 @@ use lidar::nmea::{Fix, Rmc, Sentence, parse};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Values of a line of `*.gnss`. `height` is that of the geoid above the ellipsoid.
+/// Values of a line of `*.gnss`. `height` is the height of the geoid above the ellipsoid.
 const VALUES: [&str; 10] =
     ["timestamp", "lat", "lon", "alt", "hdop", "satelites_tracked", "height", "age", "time", "fix_quality"];
 
@@ -22,7 +22,7 @@ const VALUES: [&str; 10] =
 #[derive(Default)]
 struct GnssLog {
     fixes: Vec<Fix>,
-    /// UTC time of day of the last fix, if the file has sentences, and the last RMC: both of one epoch are one fix.
+    /// UTC time of day of the last fix, if the file has sentences, and the last RMC: GGA and RMC of one epoch form one fix.
     epoch: Option<i64>,
     rmc: Option<Rmc>,
     n_without: usize,
@@ -31,7 +31,7 @@ struct GnssLog {
     first_bad: Option<ImportError>,
 }
 
-/// Adds the fixes to a drive. Files without any are left.
+/// Adds the fixes to a drive. Files without fixes are left out.
 pub(super) fn add(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
     let mut log = GnssLog::default();
     let inputs = files_of(source)?;
@@ -39,7 +39,7 @@ pub(super) fn add(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
         return Ok(());
     }
     for path in &inputs {
-        // A damaged line need not be text.
+        // A damaged line may not be text.
         let bytes = fs::read(path).at(path)?;
         let is_nmea = path.extension().is_some_and(|extension| extension == "nmea");
         for (number, line) in (1..).zip(bytes.split(|byte| *byte == b'\n')) {
@@ -67,7 +67,7 @@ pub(super) fn add(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// The files with sentences, which also have speeds; else those with values.
+/// The files with sentences, which also have speeds; otherwise the files with values.
 fn files_of(source: &Path) -> Result<Vec<PathBuf>, ImportError> {
     for end in [".nmea", ".gnss"] {
         let found = files(source, end)?.into_iter().filter(|(name, _)| name.starts_with("gnss"));
@@ -155,7 +155,7 @@ impl GnssLog {
         Ok(())
     }
 
-    /// Adds a fix, unless its stamp is not after the last one.
+    /// Adds a fix, unless its stamp is not later than the last one.
     fn push(&mut self, fix: Fix) -> Result<bool, String> {
         fixes::check(&fix)?;
         let milli = fixes::millisecond(fix.stamp);
@@ -168,10 +168,12 @@ impl GnssLog {
         Ok(is_after)
     }
 
-    /// What was left, for the operator.
+    /// Note about lines and fixes that were left out, for the report.
     fn notes(&self) -> String {
-        let left =
-            [(self.n_without, "without position"), (self.n_not_rising, "whose stamp is not after the one before")];
+        let left = [
+            (self.n_without, "without position"),
+            (self.n_not_rising, "whose stamp is not later than the previous one"),
+        ];
         let left = left.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("; {n} {what} are left out"));
         let bad = self.first_bad.as_ref();
         let bad = bad.map(|first| format!("; {} bad lines are left out, the first: {first}", self.n_bad));
@@ -189,8 +191,8 @@ fn stamp(word: Option<&str>) -> Result<Stamp, String> {
         .ok_or_else(|| format!("timestamp is {word:?}; it must be a number of ns"))
 }
 
-/// Latitude and longitude in degrees. A number of degrees and minutes is beyond the range of degrees, except within a degree of the point
-/// where equator and prime meridian meet, in the sea.
+/// Latitude and longitude in degrees. A number of degrees and minutes is outside the range of degrees, except within a
+/// degree of the intersection of equator and prime meridian, which is in the sea.
 fn degrees(position: [f64; 2]) -> Result<[f64; 2], String> {
     let [latitude, longitude] = position;
     if latitude.abs() <= 90.0 && longitude.abs() <= 180.0 {

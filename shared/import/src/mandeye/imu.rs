@@ -15,7 +15,7 @@ const COLUMNS: [&str; 8] = ["timestamp", "gyroX", "gyroY", "gyroZ", "accX", "acc
 /// Samples of the first IMU of all files.
 pub(super) struct ImuLog {
     pub samples: Vec<ImuSample>,
-    /// How the values were converted, and what was left, for the operator.
+    /// Note about conversion and samples left out, for the report.
     pub note: String,
 }
 
@@ -63,7 +63,7 @@ pub(super) fn read(inputs: &[PathBuf]) -> Result<ImuLog, ImportError> {
     }
     let place = inputs.first().map_or(Path::new("imu*.csv"), PathBuf::as_path);
     let mut note = to_metric(&mut samples).map_err(|rule| ImportError::at(place, rule))?.to_owned();
-    for (n, what) in [(n_others, "of other units"), (n_not_rising, "whose stamp is not after the one before")] {
+    for (n, what) in [(n_others, "of other units"), (n_not_rising, "whose stamp is not later than the previous one")] {
         if n > 0 {
             note.extend(["; ", &n.to_string(), " ", what, " are left out"]);
         }

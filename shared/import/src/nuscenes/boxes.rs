@@ -19,7 +19,7 @@ pub(super) struct TrueBox {
     pub instance: u16,
 }
 
-/// The same in the frame of a sweep.
+/// A box in the frame of a sweep.
 pub(super) struct SweepBox {
     pub box_from_lidar: Pose,
     pub half: [f64; 3],
@@ -103,7 +103,7 @@ pub(super) fn read(tables: &Path, samples: &BTreeSet<&str>) -> Result<BTreeMap<S
     Ok(boxes)
 }
 
-/// Numbers of objects from 1. Objects beyond the last number have none.
+/// Numbers of objects from 1. Objects beyond the largest number get no number.
 fn numbers<'a>(objects: &BTreeSet<&'a str>) -> BTreeMap<&'a str, u16> {
     objects.iter().copied().zip(1..=u16::MAX).collect()
 }

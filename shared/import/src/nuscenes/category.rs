@@ -4,7 +4,7 @@ use messages::ClassId::{
     self, Dynamic, Ground, Other, Pedestrian, Road, Sidewalk, Static, Terrain, Unlabeled, Vegetation, Vehicles,
 };
 
-/// The class of a category. Man-made structures are unlabeled: buildings, walls, poles and signs in one.
+/// The class of a category. Man-made structures are unlabeled: the category combines buildings, walls, poles and signs.
 pub(super) fn class_of_category(name: &str) -> Result<ClassId, String> {
     let (group, rest) = name.split_once('.').unwrap_or((name, ""));
     Ok(match (group, rest) {

@@ -41,7 +41,7 @@ struct IndexedCategory {
     index: u8,
 }
 
-/// Adds the labels of the key frames that have some.
+/// Adds the labels of the key frames that have labels.
 pub(super) fn add(plan: &mut Plan, source: &Path, tables: &Path, frames: Vec<KeyFrame>) -> Result<(), ImportError> {
     let segmented = segmented(source, tables, &frames)?;
     let has_boxes = tables.join("sample_annotation.json").is_file();
@@ -84,11 +84,11 @@ pub(super) fn add(plan: &mut Plan, source: &Path, tables: &Path, frames: Vec<Key
         (_, true) => "classes of lidarseg and instances of the boxes",
         (_, false) => "classes of lidarseg",
     };
-    plan.report.push(format!("imported: labels of {n_files} key frames: {kind}; other sweeps have none"));
+    plan.report.push(format!("imported: labels of {n_files} key frames: {kind}; other sweeps have no labels"));
     Ok(())
 }
 
-/// Files of nuScenes-lidarseg by the tokens of their sweeps; none without its table.
+/// Files of nuScenes-lidarseg by the tokens of their sweeps; empty without its table.
 fn segmented(source: &Path, tables: &Path, frames: &[KeyFrame]) -> Result<BTreeMap<String, PathBuf>, ImportError> {
     let path = tables.join("lidarseg.json");
     let mut files = BTreeMap::new();
@@ -118,8 +118,8 @@ fn classes(tables: &Path) -> Result<BTreeMap<u8, ClassId>, ImportError> {
     Ok(classes)
 }
 
-/// The label file of a sweep. The class of a point is that of its segment, else of its box; its instance is that of a box with the
-/// same class.
+/// The label file of a sweep. The class of a point is the class of its segment, otherwise of its box; its instance is the
+/// instance of a box with the same class.
 fn bytes(
     sweep: &Path,
     segments: Option<&Path>,

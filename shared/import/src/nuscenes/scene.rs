@@ -1,5 +1,5 @@
 //! nuScenes with tables: sweeps, cameras and poses of a scene. The body frame is the ego frame of the data set: at the rear axle, on
-//! the ground. The world frame is that of the map.
+//! the ground. The world frame is the map frame.
 
 use super::labels::{self, KeyFrame};
 use super::scene_choice::SceneChoice;
@@ -221,7 +221,7 @@ fn ego_poses(tables: &Path, frames: &BTreeMap<String, Vec<Frame>>) -> Result<BTr
     }
 }
 
-/// Mounting and calibration of a sensor, which must be the same in all its files.
+/// Mounting and calibration of a sensor, which must be the same for all its files.
 fn calibration<'a>(
     frames: &[Frame],
     calibrated: &'a BTreeMap<String, (String, CalibratedSensor)>,
@@ -263,7 +263,7 @@ fn camera(
     if let Some(other) = frames.iter().find(|frame| size(frame) != first) {
         let [w, h] = size(other);
         let [width, height] = first;
-        return Err(ImportError::at(&other.path, format!("{w} x {h} px; the images before have {width} x {height}")));
+        return Err(ImportError::at(&other.path, format!("{w} x {h} px; the previous images have {width} x {height}")));
     }
     let [width, height] = first;
     Ok(Camera {

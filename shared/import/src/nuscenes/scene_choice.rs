@@ -1,4 +1,4 @@
-//! Which scenes to import.
+//! Choice of the scenes to import.
 
 use super::table::rows;
 use crate::Options;
@@ -7,7 +7,7 @@ use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Scenes that an error names.
+/// Maximum number of scenes that an error names.
 const MAX_NAMED: usize = 8;
 
 /// Scenes of one version of the data set.

@@ -1,4 +1,4 @@
-//! nuScenes without tables: the sweeps alone, with the times of their names.
+//! nuScenes without tables: only the sweeps, with the times in their names.
 
 use super::lidar;
 use crate::error::ImportError;
@@ -13,12 +13,12 @@ use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::{Path, PathBuf};
 
-/// Body frame (x forward, y left) of a lidar frame with x right and y forward, at the same origin.
+/// Pose of a lidar frame with x right and y forward in a body frame (x forward, y left) with the same origin.
 const BODY_FROM_LIDAR: PoseEntry =
     PoseEntry { translation: [0.0; 3], rotation: [0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2] };
 /// A longer time between two sweeps is a gap of the data set, ns.
 const GAP_NANOS: i64 = 1_000_000_000;
-/// Logs that an error names.
+/// Maximum number of logs that an error names.
 const MAX_NAMED: usize = 8;
 
 /// The drive of a folder.
@@ -40,7 +40,7 @@ pub(super) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     found.sort();
     let times: Vec<i64> = found.iter().map(|(time, ..)| *time).collect();
     let n_gaps = times.windows(2).filter(|pair| pair[1] - pair[0] > GAP_NANOS).count();
-    // The number keeps the order of the times in a listing by name.
+    // The number keeps the files in the order of their times when sorted by name.
     let file = |(number, (_, name, path)): (usize, (i64, String, PathBuf))| (format!("{number:06}_{name}"), path);
     let sweeps = Sweeps { files: found.into_iter().enumerate().map(file).collect(), times: Some(times) };
     sweeps.check(source)?;

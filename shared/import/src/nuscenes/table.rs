@@ -1,4 +1,4 @@
-//! Tables: JSON arrays of rows. They have up to a gigabyte, so rows are read one at a time.
+//! Tables: JSON arrays of rows, up to a gigabyte, so rows are read one at a time.
 
 use crate::error::{At, ImportError};
 use geometry::{Isometry3, Pose, Quaternion, UnitQuaternion};
@@ -12,7 +12,7 @@ use std::path::{Component, Path, PathBuf};
 /// Largest deviation of a quaternion's norm from 1.
 const NORM_TOLERANCE: f64 = 1e-3;
 
-/// Passes each row of a table to `take`, which returns what is wrong with it.
+/// Passes each row of a table to `take`, which returns an error if the row is invalid.
 pub(super) fn each_row<T: DeserializeOwned>(
     path: &Path,
     take: impl FnMut(T) -> Result<(), String>,
@@ -59,7 +59,7 @@ impl<'de, T: DeserializeOwned, F: FnMut(T) -> Result<(), String>> Visitor<'de> f
     }
 }
 
-/// A pose of translation in m and rotation w x y z.
+/// A pose from a translation in m and a rotation w x y z.
 pub(super) fn pose(translation: [f64; 3], [w, x, y, z]: [f64; 4]) -> Result<Pose, String> {
     let quaternion = Quaternion::new(w, x, y, z);
     if (quaternion.norm() - 1.0).abs() > NORM_TOLERANCE {

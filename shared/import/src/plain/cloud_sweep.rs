@@ -1,4 +1,4 @@
-//! Sweeps that are PLY or LAS files, with the rings and times that they have.
+//! Sweeps that are PLY or LAS files, with their rings and times, if present.
 
 use crate::error::{At, ImportError};
 use crate::las::{LasPoint, each_block};
@@ -10,7 +10,7 @@ use formats::ply::Vertices;
 use lidar::{Lidar, Model};
 use std::path::Path;
 
-/// Coordinates beyond this are those of a map, m: no LiDAR measures so far.
+/// Larger coordinates are map coordinates, m: no LiDAR has such a range.
 const MAX_COORDINATE_M: f32 = 10_000.0;
 /// Names of columns of a PLY file.
 const INTENSITIES: [&str; 5] = ["intensity", "scalar_intensity", "scalar_Intensity", "reflectance", "reflectivity"];
@@ -19,9 +19,9 @@ const TIMES: [&str; 9] =
 const RINGS: [&str; 6] = ["ring", "laser", "laser_id", "channel", "scalar_ring", "scalar_laser"];
 /// Name of the times of LAS.
 const GPS_TIME: &str = "GPS time";
-/// A sweep may last so much longer than the time to the next stamp; the drive has the same rule.
+/// Maximum duration of a sweep relative to the time to the next stamp; the drive has the same rule.
 const MAX_OVERLAP: f64 = 1.1;
-/// Sweeps that show the form of times and rings.
+/// Number of sweeps from which the form of times and rings is determined.
 const EXAMINED: usize = 8;
 
 /// The points of a file.
@@ -37,7 +37,7 @@ struct Column<T> {
     values: Vec<T>,
 }
 
-/// How the times and rings of all files are read.
+/// Rules for reading the times and rings of all files.
 #[derive(Clone)]
 pub(super) struct SweepForm {
     times: Option<(&'static str, Option<TimeForm>)>,
@@ -66,7 +66,7 @@ impl CloudSweep {
         let rings = match first(&RINGS) {
             Some(name) => {
                 let values = cloud.f64s(name).at(path)?.into_iter();
-                // A value that is no number of a beam becomes one that no sensor has.
+                // A value that is not a beam number becomes a number that no sensor has.
                 let beam = |value: f64| {
                     if value.fract() == 0.0 && (0.0..65_535.0).contains(&value) { value as u16 } else { u16::MAX }
                 };
@@ -101,7 +101,8 @@ impl CloudSweep {
 }
 
 impl SweepForm {
-    /// The form of the first files. `interval_s`: shortest time from one stamp to the next; longer times are not those of a sweep.
+    /// Determines the form from the first files. `interval_s`: shortest time from one stamp to the next; a longer span
+    /// does not belong to one sweep.
     pub fn of(
         files: &[&Path],
         interval_s: Option<f64>,
@@ -116,9 +117,9 @@ impl SweepForm {
             let sweep = read(path)?;
             if let Some(Column { name, values }) = &sweep.times {
                 let range = values.iter().copied().reduce(f64::min).zip(values.iter().copied().reduce(f64::max));
-                // A clock of its own: the first point of a file is at the stamp of the sweep.
+                // Separate clock: the first point of a file is at the stamp of the sweep.
                 let form = range.and_then(|(min, max)| TimeForm::of_range(min, max, i64::MAX));
-                // Those of LAS are in s.
+                // The times of LAS are in s.
                 let form = form.filter(|form| *name != GPS_TIME || form.unit() == "s");
                 let span_s = range.zip(form).map(|((min, max), form)| form.seconds(max - min));
                 is_long |= span_s.zip(interval_s).is_some_and(|(span_s, interval_s)| span_s > MAX_OVERLAP * interval_s);
@@ -134,7 +135,7 @@ impl SweepForm {
         Ok(Self { times, rings: rings.map(|name| (name, elevations.rings(n_rings, 1))) })
     }
 
-    /// For the operator.
+    /// Lines of the report.
     pub fn report(&self) -> Vec<String> {
         let times = match &self.times {
             Some((name, Some(form))) => {
@@ -143,14 +144,14 @@ impl SweepForm {
             Some((name, None)) => format!(
                 "no point times: {name} does not span 5 ms to the next stamp, at most 0.5 s, in s, ms, us or ns"
             ),
-            None => "no point times: the files have none".to_owned(),
+            None => "no point times: the files contain no times".to_owned(),
         };
         let rings = match &self.rings {
             Some((name, Some(rings))) => format!("rings: {name}, {} beams counted {}", rings.n_rings(), rings.order),
             Some((name, None)) => {
                 format!("no rings: {name} does not number the beams of the LiDAR, each of one elevation")
             }
-            None => "no rings: the files have none".to_owned(),
+            None => "no rings: the files contain no rings".to_owned(),
         };
         vec![times, rings]
     }
@@ -161,7 +162,7 @@ impl SweepForm {
         let form = self.times.as_ref().and_then(|(_, form)| *form);
         let offsets = match (form, &sweep.times) {
             (Some(form), Some(column)) => offsets(form, &column.values)?,
-            (Some(_), None) => return Err("has no times of points; the files before it have".to_owned()),
+            (Some(_), None) => return Err("has no point times; the previous files have".to_owned()),
             (None, _) => vec![0; n],
         };
         let rings = self.rings.as_ref().and_then(|(_, rings)| rings.as_ref());
@@ -180,7 +181,7 @@ impl SweepForm {
 
 /// Times after the first point, ns.
 fn offsets(form: TimeForm, times: &[f64]) -> Result<Vec<u32>, String> {
-    // A clock of its own: the earliest time is that of the stamp, here 0.
+    // Separate clock: the earliest time is at the stamp, here 0.
     let nanos = form.nanos(times.iter().copied(), 0).ok_or("a time is not a number in the range of times")?;
     let first = nanos.iter().copied().min().unwrap_or(0);
     let offset = |nanos: i64| {

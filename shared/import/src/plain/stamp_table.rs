@@ -1,4 +1,4 @@
-//! Stamps of sweeps: of a table in their folder or beside it, else of their names.
+//! Stamps of sweeps: from a table in their folder or next to it, otherwise from their names.
 
 use super::beside;
 use crate::error::{At, ImportError};
@@ -13,7 +13,7 @@ const TABLES: [&str; 5] = ["times.txt", "timestamps.txt", "stamps.txt", "times.c
 /// Sweeps in the order of their stamps.
 pub(super) struct Stamped {
     pub files: Vec<(String, PathBuf)>,
-    /// `None`: nothing says the times.
+    /// `None`: the source has no times.
     pub times: Option<Vec<i64>>,
     /// The table, if there is one.
     pub table: Option<PathBuf>,
@@ -40,7 +40,7 @@ fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
 
-/// Stamps by line, or by the names of the sweeps if the lines have them.
+/// Stamps by line, or by the names of the sweeps if the lines contain them.
 fn of_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, ImportError> {
     let text = fs::read_to_string(path).at(path)?;
     let names: BTreeMap<&str, usize> =
@@ -53,7 +53,7 @@ fn of_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Import
             continue;
         }
         let words: Vec<&str> = line.split([',', ';', '\t']).map(str::trim).collect();
-        // Dates have a space inside, so a line is first tried as a whole.
+        // Dates contain a space, so a line is first parsed as one stamp.
         let words = if words.len() == 1 && nanos(line).is_none() { line.split_whitespace().collect() } else { words };
         let file =
             words.iter().position(|word| names.contains_key(*word) && (words.len() > 1 || nanos(word).is_none()));

@@ -23,7 +23,7 @@ use topics::Topics;
 /// Longest message, bytes. A cloud of 600000 points has about 30 MB, an image of 8192 x 8192 pixels 201 MB.
 const MAX_MESSAGE: u64 = 1 << 28;
 
-/// Most topics of a bag. Large robots have some hundreds; each is compared with all.
+/// Maximum number of topics of a bag. Large robots have some hundreds; each is compared with all others.
 const MAX_TOPICS: usize = 4096;
 
 /// A message of a bag.
@@ -31,7 +31,7 @@ const MAX_TOPICS: usize = 4096;
 pub(crate) struct Message<'a> {
     /// Index of the topic.
     pub topic: usize,
-    /// When the recorder received it, ns since the Unix epoch.
+    /// Time of reception by the recorder, ns since the Unix epoch.
     pub received: i64,
     pub data: &'a [u8],
 }
@@ -42,11 +42,11 @@ type Each<'a> = dyn FnMut(Message<'_>) -> Result<(), ImportError> + 'a;
 /// A file of a bag.
 trait Container {
     fn topics(&self) -> &Topics;
-    /// When the recording began, ns since the Unix epoch, if the file says so before it is read.
+    /// Start of the recording, ns since the Unix epoch, if the file states it before its messages.
     fn begin(&self) -> Option<i64> {
         None
     }
-    /// Passes all messages of the topics that are `wanted`, by their index, as long as they are.
+    /// Passes all messages of the topics marked in `wanted`, by their index, as long as they are marked.
     fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError>;
 }
 
@@ -54,14 +54,14 @@ trait Container {
 pub(crate) struct Bag {
     parts: Vec<Box<dyn Container>>,
     topics: Topics,
-    /// By part and topic of the part, the topic of the bag.
+    /// Topic of the bag, by part and topic of the part.
     topic_of_part: Vec<Vec<usize>>,
     files: Vec<PathBuf>,
     /// Whether each message is compressed.
     is_zstd: bool,
 }
 
-/// Kind of a file by its first bytes.
+/// Container format of a file, detected from its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Ros1,
@@ -78,7 +78,7 @@ impl Kind {
     }
 }
 
-/// Whether this is a bag or a folder of one.
+/// Whether this is a bag or a folder that contains one.
 pub(crate) fn is_bag(source: &Path) -> bool {
     if source.is_dir() { folder::is_bag(source) } else { matches!(Kind::of_file(source), Ok(Some(_))) }
 }
@@ -97,7 +97,7 @@ impl Bag {
             let plain = folder::decompressed(path, scratch)?;
             opened.push((open(&plain)?, path.clone()));
         }
-        // Split recordings: their names need not be in the order of time.
+        // Names of split recordings may not be in the order of time.
         if !in_order || !more.is_empty() {
             opened.sort_by_key(|(part, _)| part.begin());
         }
@@ -129,8 +129,8 @@ impl Bag {
         &self.files
     }
 
-    /// Passes all messages of the topics that are `wanted`, by their index, with their file. `each` returns whether it wants more of the
-    /// topic.
+    /// Passes all messages of the topics marked in `wanted`, by their index, with their file. `each` returns whether it
+    /// wants more messages of the topic.
     pub fn read(
         &mut self,
         mut wanted: Vec<bool>,

@@ -11,7 +11,7 @@ pub(crate) struct Camera {
     pub topic: usize,
     /// Folder in the drive.
     pub folder: String,
-    /// Name, for people.
+    /// Name for display.
     pub name: String,
     pub images: Images,
     pub info: Option<CameraInfo>,
@@ -21,7 +21,7 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// `topic_name` is that of the images.
+    /// A camera without images. `topic_name` names the topic of its images.
     pub fn new(topic: usize, topic_name: &str, folder: String, images: Images) -> Self {
         let image = topic_name.strip_suffix("/compressed").unwrap_or(topic_name);
         let (namespace, image) = image.rsplit_once('/').unwrap_or(("", image));
@@ -33,7 +33,7 @@ impl Camera {
             images,
             info: None,
             has_changed: false,
-            // The names that image_proc gives.
+            // Image names used by image_proc.
             is_rectified: image.starts_with("image_rect"),
         }
     }
@@ -50,11 +50,11 @@ impl Camera {
     pub fn rectification_deg(&self) -> f64 {
         let trace =
             self.info.as_ref().map_or(3.0, |info| [0, 4, 8].map(|index| info.rectification[index]).iter().sum());
-        // All zero if there is none.
+        // All zero if there is no rectification.
         if trace == 0.0 { 0.0 } else { ((trace - 1.0) * 0.5).clamp(-1.0, 1.0).acos().to_degrees() }
     }
 
-    /// Frame and lens; else why there is none. `image_frame`: frame of the images.
+    /// Frame and lens, or the reason why they are unknown. `image_frame`: frame of the images.
     pub fn lens(&self, image_frame: &str) -> Result<(String, CameraModel), String> {
         let info = self.info.as_ref().ok_or("no CameraInfo was recorded for it")?;
         if self.images.n_written == 0 {

@@ -2,16 +2,19 @@
 //!
 //! | | ROS 1 | CDR (ROS 2) |
 //! |---|---|---|
-//! | byte order | little | by the first bytes of the message |
+//! | byte order | little | given by the first bytes of the message |
 //! | alignment | none | each number at a multiple of its size |
 //! | text | length, bytes | length with a final zero, bytes, zero |
 
 use super::bag::Encoding;
 
-/// A message that cannot be decoded.
+/// Error of a message that cannot be decoded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum MessageFault {
-    #[error("{field} ends behind the message, which has {n_bytes} bytes: it is cut, or its type has another layout")]
+    #[error(
+        "{field} ends past the end of the message, which has {n_bytes} bytes: it is cut, or its type has another
+    # layout"
+    )]
     End { field: &'static str, n_bytes: usize },
     #[error("CDR encapsulation {0:#06x}; must be 0, 1, 6 or 7 (CDR)")]
     Encapsulation(u16),
@@ -19,7 +22,7 @@ pub(crate) enum MessageFault {
     Rule(String),
 }
 
-/// Reads a message from its begin.
+/// Reads a message from its start.
 #[derive(Clone, Debug)]
 pub(crate) struct Cursor<'a> {
     bytes: &'a [u8],

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Default)]
 pub(crate) struct Frames {
     parents: BTreeMap<String, (String, Pose)>,
-    /// Frames that got another transform later.
+    /// Frames whose transform changed later.
     changed: BTreeMap<String, u64>,
     /// Frames of `tf`.
     observed: BTreeMap<String, Observed>,
@@ -25,7 +25,7 @@ struct Observed {
     has_other_parent: bool,
 }
 
-/// A frame of `tf` that moves less is fixed, m and rad: 1 mm, 0.05 degrees.
+/// Frames of `tf` that move less are fixed, m and rad: 1 mm, 0.05 degrees.
 const MAX_MOVED_M: f64 = 0.001;
 const MAX_TURNED_RAD: f64 = 0.05 * std::f64::consts::PI / 180.0;
 
@@ -71,7 +71,7 @@ impl Frames {
         taken
     }
 
-    /// How a frame between `frame` and the frame above all others moves, if it does.
+    /// Describes the motion of the root of `frame` in its parent on `tf`, if it moves.
     pub fn motion_above(&self, frame: &str) -> Option<String> {
         let root = self.root_of(frame)?;
         let observed = self.observed.get(root).filter(|observed| !observed.is_fixed())?;
@@ -94,7 +94,7 @@ impl Frames {
         self.parents.contains_key(frame) || self.parents.values().any(|(parent, _)| parent == frame)
     }
 
-    /// The frame above all others of a frame, and the pose in it. Frames in a circle have none.
+    /// The root frame of a frame, and the pose in it. `None` for frames in a cycle.
     fn root<'a>(&'a self, frame: &'a str) -> Option<(&'a str, Pose)> {
         let mut at = frame;
         let mut root_from_frame = Pose::identity();
@@ -106,7 +106,7 @@ impl Frames {
         None
     }
 
-    /// Name of the frame above all others of a frame.
+    /// Name of the root frame of a frame.
     pub fn root_of<'a>(&'a self, frame: &'a str) -> Option<&'a str> {
         self.root(frame).map(|(root, _)| root)
     }
@@ -180,7 +180,7 @@ mod tests {
                 transform("odom", "base_link", [k, 0.0, 0.0], 0.01 * k),
                 transform("base_link", "velodyne", [1.0 + 9e-6 * k, 0.0, 2.0], 8e-6 * k),
                 transform("base_link", "turret", [0.0; 3], 2e-5 * k),
-                // tf_static goes before tf.
+                // tf_static takes precedence over tf.
                 transform("base_link", "imu", [5.0, 0.0, 0.0], 0.0),
             ] {
                 frames.observe(one).expect("valid");

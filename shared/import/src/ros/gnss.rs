@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// Name of the log in the drive.
 pub(crate) const FILE: &str = "gnss.nmea";
-/// Begin of the log in which the first fix with a height is searched, bytes: hours of a receiver.
+/// Part of the log that is searched for the first fix with a height, bytes: hours of a receiver.
 const MAX_SEARCHED: u64 = 1 << 24;
 
 /// Writes the log.
@@ -18,7 +18,7 @@ pub(crate) struct Gnss {
     log: BufWriter<File>,
     last: Option<i64>,
     pub n_lines: u64,
-    /// Fixes that are not later than the one before.
+    /// Fixes that are not later than the previous one.
     pub n_late: u64,
     /// Fixes without position.
     pub n_without: u64,
@@ -31,7 +31,7 @@ impl Gnss {
         Ok(Self { path, log, last: None, n_lines: 0, n_late: 0, n_without: 0 })
     }
 
-    /// Adds a fix. Its height is above the ellipsoid, so the sentences say that the geoid is there, too.
+    /// Adds a fix. Its height is above the ellipsoid, so the sentences state a geoid separation of 0.
     pub fn add_fix(&mut self, stamp: i64, message: &NavSatFix) -> Result<(), String> {
         if self.last.is_some_and(|last| last >= stamp) {
             self.n_late += 1;
@@ -43,7 +43,7 @@ impl Gnss {
         self.write(&lines)
     }
 
-    /// Adds the text of a receiver as it is.
+    /// Adds the text of a receiver unchanged.
     pub fn add_sentence(&mut self, text: &str) -> Result<(), String> {
         self.write(&text.lines().map(str::to_owned).collect::<Vec<_>>())
     }

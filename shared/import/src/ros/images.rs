@@ -14,7 +14,7 @@ use std::path::PathBuf;
 pub(crate) struct Images {
     folder: PathBuf,
     pub n_written: u64,
-    /// Images with the stamp of another.
+    /// Images with the stamp of another image.
     pub n_same_stamp: u64,
     /// Whether images lost bits.
     pub is_reduced: bool,
@@ -23,7 +23,7 @@ pub(crate) struct Images {
 }
 
 impl Images {
-    /// `folder` exists.
+    /// Writer to `folder`, which must exist.
     pub fn new(folder: PathBuf) -> Self {
         Self { folder, n_written: 0, n_same_stamp: 0, is_reduced: false, size: None }
     }
@@ -33,7 +33,7 @@ impl Images {
         let size = [image.width, image.height];
         match self.size {
             Some([w, h]) if [w, h] != size => {
-                return Err(format!("{} x {} pixels; the images before have {w} x {h}", size[0], size[1]));
+                return Err(format!("{} x {} pixels; the previous images have {w} x {h}", size[0], size[1]));
             }
             _ => self.size = Some(size),
         }
@@ -42,7 +42,7 @@ impl Images {
         self.write(stamp, "png", &content)
     }
 
-    /// Writes the bytes as they are.
+    /// Writes the bytes unchanged.
     pub fn add_compressed(&mut self, stamp: i64, image: &CompressedImage<'_>) -> Result<(), String> {
         self.write(stamp, compressed_extension(image)?, image.data)
     }
@@ -80,11 +80,11 @@ pub(crate) fn png(image: &Image<'_>) -> Result<Vec<u8>, String> {
     Ok(content)
 }
 
-/// The raw samples of an image of one channel as PGM: those of a mosaic camera.
+/// The raw samples of an image of one channel as PGM, for a mosaic camera.
 pub(crate) fn pgm(image: &Image<'_>) -> Result<Vec<u8>, String> {
     let samples = pixels::raw_samples(image)?;
-    // A message does not state the depth of its samples, and a live run refuses more bits than the camera has: the fewest that they need.
-    // Above 255, samples have two bytes.
+    // A message does not state the bit depth of its samples, and a live run refuses a larger depth than the camera has:
+    // the smallest depth that holds all samples is used. Above 255, samples have two bytes.
     let largest = samples.big_endian.as_chunks::<2>().0.iter().map(|bytes| u16::from_be_bytes(*bytes)).max();
     let wide = || largest.unwrap_or(0).max(0x1ff);
     let max = if samples.is_wide { u16::MAX >> wide().leading_zeros() } else { u16::from(u8::MAX) };

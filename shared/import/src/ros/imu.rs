@@ -8,9 +8,9 @@ use std::path::Path;
 
 /// Name of the log in the drive.
 pub(crate) const FILE: &str = "imu.csv";
-/// Samples that show the unit of the accelerations.
+/// Number of samples from which the unit of the accelerations is determined.
 const EXAMINED: usize = 200;
-/// Length of the mean acceleration in g, within which no vehicle measures m/s^2.
+/// Length of the mean acceleration that indicates g: no vehicle measures it in m/s^2.
 const IN_G: std::ops::Range<f64> = 0.5..2.0;
 /// Standard gravity, m/s^2.
 const GRAVITY_MPS2: f64 = 9.806_65;
@@ -22,21 +22,21 @@ struct Sample {
     angular_rate: [f64; 3],
 }
 
-/// A sample that is left out.
+/// Reason why a sample is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum LeftOut {
-    #[error("no values, or values beyond those of a vehicle")]
+    #[error("no values, or values that no vehicle reaches")]
     Bad,
-    #[error("its stamp is not later than that of the sample before")]
+    #[error("its stamp is not later than the stamp of the previous sample")]
     Late,
 }
 
-/// Makes lines of the log. Accelerations in g become m/s^2.
+/// Converts samples to lines of the log. Accelerations in g become m/s^2.
 pub(crate) struct ImuLines {
-    /// Samples that show the unit.
+    /// Number of samples from which the unit is determined.
     examined: usize,
     waiting: Vec<Sample>,
-    /// Accelerations are multiplied by this; `None` while samples wait.
+    /// Factor of the accelerations; `None` while samples wait.
     scale: Option<f64>,
     last: Option<i64>,
 }
@@ -68,7 +68,7 @@ impl ImuLines {
         Ok(if self.waiting.len() == self.examined { self.finish() } else { Vec::new() })
     }
 
-    /// The lines of the samples that wait.
+    /// The lines of the waiting samples.
     pub fn finish(&mut self) -> Vec<String> {
         let waiting = std::mem::take(&mut self.waiting);
         let scale = *self.scale.get_or_insert_with(|| {
@@ -97,9 +97,9 @@ pub(crate) struct ImuLog {
     log: BufWriter<File>,
     lines: ImuLines,
     pub n_samples: u64,
-    /// Samples that are not later than the one before.
+    /// Samples that are not later than the previous one.
     pub n_late: u64,
-    /// Samples without values, or with values beyond those of a vehicle.
+    /// Samples without values, or with values that no vehicle reaches.
     pub n_bad: u64,
 }
 

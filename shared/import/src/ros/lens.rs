@@ -5,11 +5,11 @@ use geometry::{CameraModel, KannalaBrandt, Pinhole};
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::PI;
 
-/// Largest difference of a lens that is approximated, px.
+/// Largest residual of a lens approximation, px.
 const MAX_RESIDUAL_PX: f64 = 0.1;
 /// Points across the image at which lenses are compared.
 const GRID: u32 = 24;
-/// Angles up to pi that are tried for that of the corners of a fisheye: steps of 0.06 deg.
+/// Number of angles up to pi that are tested for the corners of a fisheye image: steps of 0.06 deg.
 const N_STEPS: u32 = 3000;
 
 /// The lens of the raw image, or of the rectified one.
@@ -17,10 +17,7 @@ pub(crate) fn lens(info: &CameraInfo, is_rectified: bool) -> Result<CameraModel,
     let width = info.width;
     let height = info.height;
     if info.binning.iter().any(|n| *n > 1) || info.region != [0; 4] && info.region != [0, 0, height, width] {
-        return Err(format!(
-            "binning {:?} and region {:?} must be those of the whole image",
-            info.binning, info.region
-        ));
+        return Err(format!("binning {:?} and region {:?} must cover the whole image", info.binning, info.region));
     }
     let k = &info.intrinsics;
     let p = &info.projection;
@@ -60,7 +57,7 @@ pub(crate) fn lens(info: &CameraInfo, is_rectified: bool) -> Result<CameraModel,
     }
 }
 
-/// Angle from the axis at which the radius is reached, or at which the radius stops to grow.
+/// Angle from the axis at which the radius is reached, or stops growing.
 fn angle_at([k1, k2, k3, k4]: &[f64; 4], radius: f64) -> f64 {
     let mut reached = 0.0;
     // The range of the lens model is up to pi.
@@ -114,7 +111,7 @@ fn fitted(lens: &Pinhole, d: &[f64]) -> Result<Pinhole, String> {
     let model = CameraModel::Pinhole(lens.clone());
     let off_px = |[x, y]: &[f64; 2]| {
         let [u, v] = rational(*x, *y);
-        // Half a pixel outside of the image at most, so that the model may see none there.
+        // At most half a pixel outside the image: the model may have no direction there.
         let pixel = nalgebra::Vector2::new(lens.fx * u + lens.cx, lens.fy * v + lens.cy);
         let ray = model.ray_from_pixel(&pixel)?;
         let angle_off = nalgebra::Vector2::new(ray.x / ray.z - x, ray.y / ray.z - y);

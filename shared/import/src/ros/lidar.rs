@@ -1,4 +1,4 @@
-//! The sweeps of a bag: a file per cloud, or a capture of the packets.
+//! The sweeps of a bag: one file per cloud, or a capture of the packets.
 
 mod capture;
 mod sweeps;

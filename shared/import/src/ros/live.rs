@@ -9,13 +9,13 @@ use super::messages::{CompressedImage, Header, Image, Imu, NavSatFix, sentence};
 use super::packets::PacketsKind;
 use std::borrow::Cow;
 
-/// Samples of an IMU that show its unit. They wait for each other: the fewer, the earlier the first line. No vehicle accelerates by
-/// 0.5 to 2 m/s^2 in all, gravity included, in several samples.
+/// IMU samples from which the unit is determined. They wait for each other: fewer samples give the first line earlier. No
+/// vehicle measures a total acceleration, gravity included, of 0.5 to 2 m/s^2 in several samples.
 const EXAMINED: usize = 10;
-/// A longer line is not read by a live run, bytes.
+/// Maximum length of a line, bytes: a live run does not read longer lines.
 const MAX_LINE: usize = 1024;
 
-/// What a live run takes of a message.
+/// Data of a message for a live run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LiveData<'a> {
     /// An image as a file.
@@ -33,7 +33,7 @@ pub enum LiveData<'a> {
     Packets(Vec<&'a [u8]>),
 }
 
-/// Kinds of messages that a live run takes.
+/// Kinds of messages that a live run accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Image,
@@ -44,7 +44,7 @@ enum Kind {
     Packets(PacketsKind),
 }
 
-/// What a live run can take of a type of messages.
+/// Data that a live run can receive from a type of messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LiveSensor {
     /// Images of a camera.
@@ -57,7 +57,7 @@ pub enum LiveSensor {
     Sentences,
     /// Packets of a LiDAR.
     Packets,
-    /// Clouds of a LiDAR, of which a live run takes nothing.
+    /// Clouds of a LiDAR, which a live run does not accept.
     Clouds,
 }
 
@@ -93,25 +93,25 @@ impl Kind {
 /// Reads the messages of one topic.
 pub struct LiveTopic {
     kind: Kind,
-    /// Whether raw images are those of a mosaic camera.
+    /// Whether raw images come from a mosaic camera.
     is_mosaic: bool,
     imu: ImuLines,
     /// Stamp of the last image.
     last_image: Option<i64>,
-    /// Messages without stamp, for which the time of reception is taken.
+    /// Messages without stamp, for which the time of reception is used.
     pub n_unstamped: u64,
 }
 
 impl LiveTopic {
-    /// Reads messages of a type (`sensor_msgs/Image`); `None` if a live run takes nothing of them. Images of a mosaic camera keep their
-    /// samples as they are, as PGM.
+    /// Reads messages of a type (`sensor_msgs/Image`); `None` if a live run does not accept them. Images of a mosaic
+    /// camera keep their samples unchanged, as PGM.
     pub fn new(type_name: &str, is_mosaic: bool) -> Option<Self> {
         let kind = Kind::of_type(type_name)?;
         Some(Self { kind, is_mosaic, imu: ImuLines::new(EXAMINED), last_image: None, n_unstamped: 0 })
     }
 
-    /// The data of a message in CDR with its encapsulation, which was received at this time (ns since the Unix epoch). An error says
-    /// why the message is left out; the next ones are not affected.
+    /// The data of a message in CDR with its encapsulation, received at this time (ns since the Unix epoch). An error
+    /// contains the reason why the message is left out; later messages are not affected.
     pub fn read<'a>(&mut self, message: &'a [u8], received: i64) -> Result<LiveData<'a>, String> {
         let fault = |fault: super::cursor::MessageFault| fault.to_string();
         let c = &mut Cursor::new(Encoding::Cdr, message).map_err(fault)?;
@@ -160,12 +160,12 @@ impl LiveTopic {
     fn image_stamp(&mut self, header: &Header, received: i64) -> Result<i64, String> {
         let stamp = self.stamp(header, received);
         if self.last_image.replace(stamp) == Some(stamp) {
-            return Err("its stamp is that of the image before".into());
+            return Err("its stamp equals the stamp of the previous image".into());
         }
         Ok(stamp)
     }
 
-    /// The stamp of a message, or the time at which it was received.
+    /// The stamp of a message, or the time of its reception.
     fn stamp(&mut self, header: &Header, received: i64) -> i64 {
         if header.stamp == 0 {
             self.n_unstamped += 1;

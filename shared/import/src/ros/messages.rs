@@ -1,4 +1,4 @@
-//! Messages of ROS: the parts that are imported.
+//! Messages of ROS, limited to the imported parts.
 
 use super::cursor::{Cursor, MessageFault};
 
@@ -33,7 +33,7 @@ pub(crate) struct Imu {
     pub header: Header,
     pub angular_rate: [f64; 3],
     pub acceleration: [f64; 3],
-    /// Whether the message says that it has both.
+    /// Whether the message states that it has both.
     pub is_complete: bool,
 }
 
@@ -46,7 +46,7 @@ impl Imu {
         let [no_rate, ..] = c.f64s::<9>("angular_velocity_covariance")?;
         let acceleration = c.f64s("linear_acceleration")?;
         let [no_acceleration, ..] = c.f64s::<9>("linear_acceleration_covariance")?;
-        // -1 says that there is no value.
+        // -1 means that there is no value.
         Ok(Self { header, angular_rate, acceleration, is_complete: no_rate != -1.0 && no_acceleration != -1.0 })
     }
 }
@@ -58,7 +58,7 @@ pub(crate) struct NavSatFix {
     pub status: i8,
     /// Latitude, longitude.
     pub position_deg: [f64; 2],
-    /// Above the ellipsoid, m; NaN if it is not known.
+    /// Height above the ellipsoid, m; NaN if unknown.
     pub altitude_m: f64,
 }
 
@@ -117,11 +117,11 @@ pub(crate) struct CameraInfo {
     pub width: u32,
     pub distortion_model: String,
     pub distortion: Vec<f64>,
-    /// Row by row: 3 x 3.
+    /// 3 x 3, row by row.
     pub intrinsics: [f64; 9],
-    /// Row by row: 3 x 3; turns the raw camera to the rectified one.
+    /// 3 x 3, row by row; rotates the raw camera to the rectified one.
     pub rectification: [f64; 9],
-    /// Row by row: 3 x 4; of the rectified image.
+    /// 3 x 4, row by row; projection of the rectified image.
     pub projection: [f64; 12],
     pub binning: [u32; 2],
     /// x, y, height, width; all 0 for the whole image.

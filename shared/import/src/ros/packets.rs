@@ -20,7 +20,7 @@ pub(crate) enum PacketsKind {
 pub(crate) struct Packets<'a> {
     /// Frame of the message, if it has one.
     pub frame: Option<String>,
-    /// Packets with the times of their arrival, ns since the Unix epoch.
+    /// Packets with the times of their reception, ns since the Unix epoch.
     pub packets: Vec<(i64, &'a [u8])>,
 }
 

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 /// Usual name of the body frame (REP 105).
 const BASE_LINK: &str = "base_link";
 
-/// The body frame and the frames around it.
+/// The body frame and the poses of other frames in it.
 #[derive(Debug)]
 pub(crate) struct Mountings<'a> {
     frames: &'a Frames,
     given: BTreeMap<&'a str, Pose>,
     body: String,
-    /// For the operator.
+    /// Lines of the report.
     pub report: Vec<String>,
 }
 
@@ -40,7 +40,7 @@ impl<'a> Mountings<'a> {
             None if frames.contains(lidar) => frames.root_of(lidar).unwrap_or(lidar).to_owned(),
             None if given.contains_key(lidar) => BASE_LINK.to_owned(),
             None => {
-                report.push(format!("no transform of frame {lidar:?}: the body frame is that of the LiDAR"));
+                report.push(format!("no transform of frame {lidar:?}: the body frame is the LiDAR frame"));
                 lidar.to_owned()
             }
         };
@@ -52,7 +52,7 @@ impl<'a> Mountings<'a> {
         Ok(Self { frames, given, body, report })
     }
 
-    /// The pose of a frame in the body frame; else why there is none.
+    /// The pose of a frame in the body frame, or the reason why it is unknown.
     pub fn body_from(&self, frame: &str) -> Result<Pose, String> {
         let body = &self.body;
         self.given.get(frame).copied().or_else(|| self.frames.pose(body, frame)).ok_or_else(|| {
@@ -95,7 +95,7 @@ mod tests {
         assert!(height(&rig, "camera").expect_err("is unknown").contains("--transform \"camera=x,y,z,qx,qy,qz,qw\""));
         let rig = Mountings::new(&all, "os_sensor", &options).expect("has one");
         assert_eq!((rig.body.as_str(), height(&rig, "os_sensor")), ("os_sensor", Ok(0.0)));
-        assert!(rig.report[0].contains("the body frame is that of the LiDAR"), "{:?}", rig.report);
+        assert!(rig.report[0].contains("the body frame is the LiDAR frame"), "{:?}", rig.report);
         let given = RosOptions {
             transforms: vec![("os_sensor".into(), [0.0, 0.0, 3.0, 0.0, 0.0, 1.0, 0.0])],
             ..RosOptions::default()

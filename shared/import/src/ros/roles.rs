@@ -1,4 +1,4 @@
-//! Which topic is which sensor of the drive.
+//! Assigns topics to the sensors of the drive.
 
 use super::bag::Topic;
 use super::packets::PacketsKind;
@@ -6,7 +6,7 @@ use crate::error::ImportError;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What a topic is used for.
+/// Use of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Role {
     Lidar,
@@ -23,9 +23,9 @@ pub(crate) enum Role {
     Nmea,
 }
 
-/// The choice that leaves a role out.
+/// The name that leaves a role out.
 const NONE: &str = "none";
-/// Most cameras that an option may name.
+/// Maximum number of cameras that an option may name.
 const MAX_CAMERAS: usize = 256;
 
 pub(super) const CLOUDS: [&str; 3] =
@@ -58,7 +58,7 @@ impl Role {
             .or_else(|| index("camera_info.").map(Self::CameraInfo))
     }
 
-    /// Whether messages of this type can have the role.
+    /// Whether messages of this type fit the role.
     fn fits(self, kind: &str) -> bool {
         match self {
             Self::Lidar | Self::SecondaryLidar(_) => CLOUDS.contains(&kind) || PacketsKind::of_type(kind).is_some(),
@@ -77,14 +77,14 @@ impl Role {
 pub(crate) struct Roles {
     /// Indexes of topics.
     pub topics: BTreeMap<Role, usize>,
-    /// Why other topics are not taken, by index.
+    /// Reasons why other topics are not imported, by index.
     pub reasons: BTreeMap<usize, String>,
-    /// Roles that the user chose: they must not be left out.
+    /// Roles that the user chose; they must not be left out.
     chosen: Vec<Role>,
 }
 
 impl Roles {
-    /// Chooses by type and by the user's `--topic ROLE=NAME`.
+    /// Assigns topics by type and by the user's `--topic ROLE=NAME`.
     pub fn choose(source: &Path, topics: &[Topic], wishes: &[(String, String)]) -> Result<Self, ImportError> {
         let mut roles = Self::default();
         let left_out = roles.take_wishes(topics, wishes)?;
@@ -127,7 +127,7 @@ impl Roles {
         found
     }
 
-    /// Number of LiDARs that are taken.
+    /// Number of imported LiDARs.
     pub fn n_lidars(&self) -> usize {
         self.topics.keys().filter(|role| matches!(role, Role::Lidar | Role::SecondaryLidar(_))).count()
     }
@@ -136,7 +136,7 @@ impl Roles {
         self.chosen.contains(&role)
     }
 
-    /// Takes the choices of the user. Names of roles that are left out.
+    /// Applies the choices of the user. Returns the names of roles that are left out.
     fn take_wishes(&mut self, topics: &[Topic], wishes: &[(String, String)]) -> Result<Vec<String>, ImportError> {
         let fault = |rule: String| Err(ImportError::of_option("--topic", rule));
         let mut left_out = Vec::new();
@@ -160,7 +160,7 @@ impl Roles {
                 });
             };
             if topics[topic].encoding.is_none() {
-                return fault(format!("{name}={wish}: its serialization must be that of ROS 1 or CDR"));
+                return fault(format!("{name}={wish}: its serialization must be ROS 1 or CDR"));
             }
             if self.topics.insert(role, topic).is_some() {
                 return fault(format!("{name} is there twice"));
@@ -198,7 +198,7 @@ impl Roles {
             .collect()
     }
 
-    /// Sentences of a receiver have more than its fixes; a drive has one log.
+    /// Keeps one receiver. Sentences of a receiver contain more than its fixes, and a drive has one log.
     fn one_receiver(&mut self) {
         if let (true, Some(fixes)) = (self.has(Role::Nmea), self.topics.get(&Role::Gnss).copied()) {
             let out = if self.is_chosen(Role::Gnss) && !self.is_chosen(Role::Nmea) { Role::Nmea } else { Role::Gnss };
@@ -208,7 +208,7 @@ impl Roles {
         }
     }
 
-    /// The metadata of an Ouster beside its packets.
+    /// Finds the metadata of an Ouster next to its packets.
     fn find_metadata(&mut self, topics: &[Topic]) {
         let Some(&lidar) = self.topics.get(&Role::Lidar) else { return };
         let is_ouster = PacketsKind::of_type(&topics[lidar].kind) == Some(PacketsKind::Ouster);
@@ -221,7 +221,7 @@ impl Roles {
         }
     }
 
-    /// The images that have a `CameraInfo`.
+    /// Finds the images that have a `CameraInfo`.
     fn find_cameras(&mut self, source: &Path, topics: &[Topic]) -> Result<(), ImportError> {
         let mut by_info: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         for image in self.candidates(topics, Role::Camera(0), |_| true) {
@@ -231,7 +231,7 @@ impl Roles {
             }
             let name = &topics[image].name;
             let reason =
-                format!("no CameraInfo beside it; --topic camera.0={name} --topic camera_info.0=/... names one");
+                format!("no CameraInfo in its namespace; --topic camera.0={name} --topic camera_info.0=/... names one");
             self.reasons.insert(image, reason);
         }
         for (index, images) in by_info.into_values().enumerate() {

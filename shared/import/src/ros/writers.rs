@@ -1,4 +1,4 @@
-//! The files of the drive while the bag is read.
+//! The files of the drive during the reading of the bag.
 
 mod finish;
 
@@ -23,15 +23,15 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What a topic is written to.
+/// Destination of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Use {
     Role(Role),
-    /// Of `tf_static`.
+    /// Transforms of `tf_static`.
     Transforms,
-    /// Of `tf`.
+    /// Transforms of `tf`.
     Motions,
-    /// Of a topic that may be of a further LiDAR: its frame is known from its first message.
+    /// A topic that may belong to a further LiDAR: its frame is known from its first message.
     PossibleLidar,
 }
 
@@ -60,11 +60,11 @@ pub(super) struct Writers<'a> {
     roles: &'a Roles,
     options: &'a Options,
     uses: Vec<Vec<Use>>,
-    /// By the role of the LiDAR.
+    /// Files of the LiDARs, by role.
     lidars: BTreeMap<Role, LidarFiles>,
-    /// Frames of the sensors, by the topic's first message.
+    /// Frames of the sensors, from the topic's first message.
     frame_of: BTreeMap<Role, String>,
-    /// The same of topics that may be of further LiDARs.
+    /// Frames of topics that may belong to further LiDARs, from the topic's first message.
     frame_of_possible: BTreeMap<usize, String>,
     cameras: BTreeMap<usize, Camera>,
     imu: Option<ImuLog>,
@@ -181,7 +181,7 @@ impl<'a> Writers<'a> {
             let of_topic = self.uses[message.topic][index];
             let added = self.add_use(of_topic, message);
             if of_topic == Use::PossibleLidar {
-                // The topic is not taken: what cannot be read of it is no reason to fail.
+                // The topic is not imported, so an unreadable message is not an error.
                 continue;
             }
             added.map_err(|rule| {
@@ -296,17 +296,17 @@ impl<'a> Writers<'a> {
     }
 }
 
-/// A name of letters, digits and `_` from that of a topic.
+/// Converts the name of a topic to a name of letters, digits and `_`.
 fn word(topic: &str) -> String {
     topic.trim_matches('/').chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
-/// Says how to import the rest.
+/// Adds a hint how to import the rest.
 fn without_cameras(rule: String) -> String {
     rule + "; --topic camera.0=NAME chooses other images, --topic camera=none leaves the cameras out"
 }
 
-/// The stamp of a message, or the time at which it was received.
+/// The stamp of a message, or the time of its reception.
 fn stamp(n_unstamped: &mut BTreeMap<usize, u64>, header: &Header, message: Message<'_>) -> i64 {
     if header.stamp == 0 {
         *n_unstamped.entry(message.topic).or_default() += 1;

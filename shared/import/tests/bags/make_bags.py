@@ -2,8 +2,8 @@
 
     python -m venv venv && venv/bin/pip install rosbags==0.11.9 && venv/bin/python make_bags.py OUT
 
-All bags have the same three revolutions of a sensor with 16 beams at 10 Hz, as different drivers write them. `street` has other sensors,
-too, in every container. What the import must make of them is in ../suite/ros.rs.
+All bags have the same three revolutions of a sensor with 16 beams at 10 Hz, as different drivers write them. `street` also has other
+sensors in every container. The expected imports are in ../suite/ros.rs.
 """
 
 import struct
@@ -74,7 +74,7 @@ class Messages:
 
 
 def points():
-    """Column, beam, position, and time after the begin of the revolution (ns) in firing order."""
+    """Column, beam, position, and time after the start of the revolution (ns) in firing order."""
     for column in range(COLUMNS):
         for beam in range(BEAMS):
             elevation = radians(2.0 * beam - 15.0)
@@ -107,7 +107,7 @@ XYZ = [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)]
 
 
 def velodyne(m, sweep):
-    """The stamp is that of the last point, times are s before it. The intensity is 10 times the column."""
+    """The stamp belongs to the last point, times are s before it. The intensity is 10 times the column."""
     begin = BEGIN + sweep * TURN
     last = max(time for *_, time in points())
     rows = [struct.pack("<3ffHf", *p, 10.0 * column, beam, (time - last) * 1e-9) for column, beam, p, time in points()]
@@ -139,7 +139,7 @@ def hesai(m, sweep):
 
 
 def livox_cloud(m, sweep):
-    """Times since 1970 in ns as f64; lines that are no rings."""
+    """Times since 1970 in ns as f64; lines that are not rings."""
     begin = BEGIN + sweep * TURN
     rows = [
         struct.pack("<3ffBBd", *p, 10.0 * column, 0, (beam + column) % 4, float(begin + time))
@@ -262,7 +262,7 @@ def split(is_late):
 
 def moving(m):
     """All transforms on /tf: the vehicle drives, the LiDAR is fixed but for rounding, a turret with a camera turns. A second camera
-    beside the LiDAR has images of 16 bits."""
+    next to the LiDAR has images of 16 bits."""
     for sweep in range(SWEEPS):
         at = BEGIN + (sweep + 1) * TURN
         yaw = lambda angle: (0.0, 0.0, sin(angle / 2), cos(angle / 2))
@@ -303,7 +303,7 @@ def two_lidars(m):
 
 
 def cameras(m):
-    """Two cameras beside clouds without transforms, and a receiver's sentences."""
+    """Two cameras in addition to clouds without transforms, and a receiver's sentences."""
     for sweep in range(2):
         yield "/points", "sensor_msgs/msg/PointCloud2", BEGIN + sweep * TURN, untimed(m, sweep)
     image = m.make(

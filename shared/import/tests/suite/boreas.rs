@@ -1,4 +1,4 @@
-//! Imports of Boreas sequences, written by tests as the data set is published.
+//! Imports of Boreas sequences, written by the tests in the published format.
 
 use super::support::{Import, error, folder, of, png, write_file};
 use drive::Drive;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 /// Middle of the first sweep, us.
 const STAMP_US: i64 = 1_630_597_330_954_834;
 const PERIOD_US: i64 = 100_000;
-/// The LiDAR is turned by this about the vertical of the unit, and above it.
+/// Rotation of the LiDAR about the vertical of the unit, above which it is mounted.
 const LIDAR_YAW: f64 = 0.75;
 const LIDAR_UP_M: f64 = 0.3;
 /// Speed of the vehicle, m/s, and its direction, rad left of east.
@@ -55,7 +55,7 @@ fn applanix_from_lidar() -> Rotation3<f64> {
     Rotation3::from_axis_angle(&Vector3::z_axis(), LIDAR_YAW)
 }
 
-/// The vehicle drives straight on; the poses are those of the LiDAR in UTM.
+/// The vehicle drives straight ahead; the poses are poses of the LiDAR in UTM.
 fn poses(n: i64) -> String {
     let header =
         "GPSTime,easting,northing,altitude,vel_east,vel_north,vel_up,roll,pitch,heading,angvel_z,angvel_y,angvel_x\n";
@@ -250,7 +250,7 @@ fn files_that_do_not_fit_are_refused_with_file_and_rule() {
         (
             "applanix/lidar_poses.csv",
             pose("1630597330954834,0,0,0,0,0,0,0,0,0,0,0,0\n"),
-            "GPSTime is \"1630597330954834\"; it must be after that of the line before",
+            "GPSTime is \"1630597330954834\"; it must be later than in the previous line",
         ),
     ];
     for (file, bytes, rule) in faults {
@@ -260,7 +260,7 @@ fn files_that_do_not_fit_are_refused_with_file_and_rule() {
         let text = error(&of(&root, &folder));
         assert!(text.contains(rule), "{rule}: {text}");
     }
-    // Numbers of lasers from 1 to 128 are no rings of an Alpha Prime.
+    // Laser numbers from 1 to 128 are not rings of an Alpha Prime.
     let folder = folder();
     let root = sequence(&folder);
     for k in 0..3 {

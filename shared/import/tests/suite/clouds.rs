@@ -1,4 +1,4 @@
-//! Labeled clouds of other data sets, written as their makers publish them.
+//! Labeled clouds of other data sets, in the format in which they are published.
 
 use crate::support::{error, folder, of, write_file};
 use messages::pod::rows_from_bytes;
@@ -13,7 +13,7 @@ fn street() -> Vec<([f64; 3], Thing)> {
     let mut points = Vec::new();
     for i in 0..500 {
         let x = f64::from(i) * 0.1;
-        // The vehicle drives along y = 0: it leaves the most points there.
+        // The vehicle drives along y = 0 and leaves the most points there.
         for k in -60..60_i32 {
             let y = f64::from(k.pow(3)) / 27_000.0;
             points.push(([x, y, 0.0], Thing::Ground));
@@ -48,7 +48,7 @@ fn properties(kind: &str, names: &str) -> String {
     lines.join("\n")
 }
 
-/// What a tick of a recording holds.
+/// Content of a tick of a recording.
 struct Tile {
     header: SubmapHeader,
     points: Vec<SubmapPoint>,
@@ -60,7 +60,7 @@ fn rows<T: messages::Pod>(bytes: &[u8], header_bytes: usize) -> Vec<T> {
     rows_from_bytes(&bytes[size_of::<Envelope>() + header_bytes..]).expect("whole rows")
 }
 
-/// The submaps of a recording, which has its end.
+/// The submaps of a recording, which must have its end.
 fn tiles(path: &Path) -> Vec<Tile> {
     let mut reader = TickReader::open(path, &["submap", "class", "trajectory"]).expect("opens");
     let mut tiles = Vec::new();
@@ -83,7 +83,7 @@ fn tiles(path: &Path) -> Vec<Tile> {
     tiles
 }
 
-/// The position of each point in the world and its class. Checks what all submaps have in common.
+/// The position of each point in the world and its class. Checks the common properties of all submaps.
 fn placed(tiles: &[Tile]) -> Vec<([f64; 3], u8)> {
     let mut placed = Vec::new();
     for tile in tiles {
@@ -122,7 +122,7 @@ fn sorted(mut points: Vec<([f64; 3], u8)>) -> Vec<[i64; 4]> {
     points
 }
 
-/// The street as expected in a recording, less an origin.
+/// The expected street in a recording, minus an origin.
 fn expected(class: fn(Thing) -> ClassId, origin: [f64; 3]) -> Vec<[i64; 4]> {
     let point = |(p, thing): ([f64; 3], Thing)| (std::array::from_fn(|k| p[k] - origin[k]), class(thing) as u8);
     sorted(street().into_iter().map(point).collect())
@@ -136,7 +136,7 @@ fn class_of(thing: Thing) -> ClassId {
     }
 }
 
-/// The scanner is 2 m above the road beside the point, and drives at 5 m/s.
+/// The scanner is 2 m above the road, level with the point along the road, and drives at 5 m/s.
 fn scanner(p: [f64; 3]) -> ([f64; 3], f64) {
     ([p[0], 0.0, 2.0], 100.0 + p[0] / 5.0)
 }
@@ -167,7 +167,7 @@ fn paris_carla_becomes_submaps_with_true_positions_and_classes() {
     let folder = folder();
     let source = folder.path().join("Paris");
     let mut points = street();
-    // The files of the makers need not be sorted by time.
+    // Published files need not be sorted by time.
     points.reverse();
     write_file(&source.join("Soufflot0.ply"), paris_carla(&points));
     let mut import = of(&source, &folder);
@@ -198,7 +198,7 @@ fn paris_carla_becomes_submaps_with_true_positions_and_classes() {
         for point in &tile.points {
             let [x, y, z] = [point.x, point.y, point.z].map(f64::from);
             assert_eq!(point.incidence, 127);
-            // The scanner is beside the point: the ray has no part along the road.
+            // The scanner is level with the point along the road: the ray has no component along the road.
             let ray = [origin[1] + y, origin[2] + z - 2.0];
             let elevation_deg = ray[1].atan2(ray[0].abs()).to_degrees();
             assert!((elevation_deg - f64::from(point.elevation) * 0.01).abs() < 0.02, "{point:?} {elevation_deg} {x}");
@@ -331,10 +331,10 @@ fn toronto_gets_positions_above_its_densest_ground() {
     assert_eq!(sorted(placed(&found)), expected(class_of, origin));
     for pose in found.iter().flat_map(|tile| &tile.poses) {
         let [_, y, z] = pose.odom_from_body.translation;
-        // In the cells beside y = 0, where the street is densest.
+        // The cells at y = 0, where the street is densest.
         assert!((y - 948.0).abs() <= 1.0 && (z - 142.0).abs() < 1e-6, "{pose:?}");
     }
-    // A range image needs rings: all points have one, and most one of the fine ones.
+    // A range image needs rings: every point has a ring, and most points have a fine one.
     let points = || found.iter().flat_map(|tile| &tile.points);
     assert!(points().all(|point| u32::from(point.ring) < found[0].header.n_rings));
     let n_fine = points().filter(|point| (16..48).contains(&point.ring)).count();
@@ -360,7 +360,7 @@ fn street3d_is_read_as_text_with_or_without_a_title() {
     import.run().expect("imports");
     let ground = |thing: Thing| if thing == Thing::Ground { ClassId::Ground } else { class_of(thing) };
     let found = sorted(placed(&tiles(&import.out)));
-    // The invented positions are no multiples of a millimeter, and coordinates are f32.
+    // The invented positions are not multiples of a millimeter, and coordinates are f32.
     for (found, expected) in found.iter().zip(expected(ground, [0.0; 3])) {
         assert!((0..3).all(|k| found[k].abs_diff(expected[k]) <= 1) && found[3] == expected[3]);
     }
@@ -372,7 +372,7 @@ fn street3d_is_read_as_text_with_or_without_a_title() {
     write_file(&source.join("5D4KVPBP.txt"), format!("{text}1.0 2.0 3.0\n"));
     import.out = folder.path().join("drive.mcap");
     let refused = error(&import);
-    assert!(refused.contains("\"1.0 2.0 3.0\" must be 4 numbers, as in the lines before"), "{refused}");
+    assert!(refused.contains("\"1.0 2.0 3.0\" must be 4 numbers, as in the previous lines"), "{refused}");
 }
 
 #[test]

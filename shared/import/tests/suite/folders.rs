@@ -76,7 +76,7 @@ fn nuscenes_folder_is_imported_in_the_order_of_times_with_its_rings() {
     while let Some(sweep) = sweeps.next_sweep(|returns| rings.extend(returns.iter().map(|r| r.ring))).expect("reads") {
         stamps.push(sweep.stamp.0);
     }
-    // The times of the names, to which the points are motion-compensated.
+    // The times in the names, to which the points are motion-compensated.
     assert_eq!(stamps, [1_000_050_000_000, 1_000_100_000_000, 1_000_150_000_000]);
     assert!(rings.len() == 3 * 40 && rings.iter().all(|ring| *ring == 31));
     // The LiDAR's y axis points forward.

@@ -1,4 +1,4 @@
-//! Imports of a sequence of KITTI odometry with the labels of SemanticKITTI, written as the data sets are published.
+//! Imports of a sequence of KITTI odometry with the labels of SemanticKITTI, in the published format.
 
 use super::support::{Import, error, first_label, folder, of, png, write_file};
 use drive::{Drive, NoLabel};
@@ -22,10 +22,10 @@ const POSES: &str = "1 0 0 0 0 1 0 0 0 0 1 0
 9.999910e-01 1.048972e-03 -4.131348e-03 -9.374345e-02 -1.058514e-03 9.999968e-01 -2.308104e-03 -5.676064e-02 4.128913e-03 2.312456e-03 9.999887e-01 1.716275e+00
 ";
 
-/// A name, what damages the sequence, and words of the error.
+/// A name, a function that damages the sequence, and words of the error.
 type Fault = (&'static str, Box<dyn Fn(&Path)>, &'static str);
 
-/// Points of a sweep: the second and the fourth are no returns.
+/// Points of a sweep: the second and the fourth are not returns.
 fn points() -> Vec<CloudPoint> {
     let at = |x: f32| CloudPoint { x, y: 0.0, z: 0.0, intensity: 0.5 };
     vec![at(9.0), CloudPoint::default(), at(8.0), at(0.05), at(7.0)]
@@ -85,7 +85,7 @@ fn tr() -> Pose {
     poses_from_kitti(line).expect("parses")[0]
 }
 
-/// A point that stands still has the same world coordinates from all poses: those of the LiDAR at the first.
+/// A static point has the same world coordinates from all poses: its coordinates in the first LiDAR frame.
 #[test]
 fn true_poses_of_kitti_odometry_are_those_of_the_lidar() {
     let folder = folder();
@@ -116,7 +116,7 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
         labels_from_bytes(&bytes(seq)).expect("reads").iter().map(|label| (label.class, label.instance)).collect()
     };
     let of_class = |class: ClassId, instance: u16| (class as u16, instance);
-    // The moving car has the class of a car and keeps its instance; points that are no returns have no label.
+    // The moving car has the class of a car and keeps its instance; points that are not returns have no label.
     assert_eq!(
         classes(1),
         [of_class(ClassId::Vehicles, 0), of_class(ClassId::Vehicles, 2), of_class(ClassId::Pole, 0)]
@@ -130,7 +130,7 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
     for seq in 1..3 {
         remove(&drive.folder().join(format!("truth/labels/{seq:06}.label")));
     }
-    let problem = drive.true_labels().expect_err("has none").to_string();
+    let problem = drive.true_labels().expect_err("has no labels").to_string();
     assert!(problem.contains("truth/labels: contains no label file"), "{problem}");
 }
 
@@ -201,7 +201,7 @@ fn remove(path: &Path) {
     std::fs::remove_file(path).expect("removes");
 }
 
-/// Real sweeps and calibration; the published poses of the LiDAR give those of camera 0.
+/// Real sweeps and calibration; the published poses of the LiDAR give the poses of camera 0.
 #[real_data::test("kitti00")]
 fn real_sweeps_calibration_and_poses_become_a_drive() {
     let folder = folder();

@@ -1,4 +1,4 @@
-//! Imports of a drive of KITTI raw, written as the data set is published, with the calibration of its day.
+//! Imports of a drive of KITTI raw in the published format, with the calibration of its day.
 
 use super::support::{Import, error, folder, of, png, write_file};
 use drive::Drive;
@@ -34,7 +34,7 @@ fn stamps(k: usize) -> String {
 /// The first stamp of the LiDAR.
 const FIRST_NANOS: i64 = 1_317_042_145_100_000_000;
 
-/// A name, what damages the folder, and words of the error.
+/// A name, a function that damages the folder, and words of the error.
 type Fault = (&'static str, fn(&Path), &'static str);
 
 /// A record of the unit: latitude, longitude, height, yaw, then speeds north and east.
@@ -83,7 +83,7 @@ fn all_sensors_of_kitti_raw_are_imported() {
             "imported: 4 images of camera image_02",
             "imported: 4 images of camera image_03",
             "imported: 4 records of oxts as GNSS fixes, IMU samples and true poses",
-            "the body frame is that of the GNSS and IMU unit; heights are those of its records",
+            "the body frame is the frame of the GNSS and IMU unit; heights are taken from its records",
             "not imported: 1 file in image_00 (camera images)",
             "not imported: 4 files in image_00/data (camera images)",
         ]
@@ -138,7 +138,8 @@ fn rows(rotation: &[f64], translation: &[f64], p: [f64; 4]) -> [f64; 4] {
     [row(0), row(1), row(2), 1.0]
 }
 
-/// The devkit's convertOxtsToPose maps latitude and longitude by a Mercator projection of a sphere, which is right to 0.3 % here.
+/// The devkit's convertOxtsToPose maps latitude and longitude by a Mercator projection of a sphere, which is accurate to
+/// 0.3 % here.
 #[test]
 fn true_poses_of_kitti_raw_agree_with_the_mercator_projection_of_its_devkit() {
     let folder = folder();
@@ -252,10 +253,10 @@ fn stamps_that_do_not_increase_are_refused_for_sweeps_and_left_out_for_records()
         let import = of(raw, &folder);
         if is_refused {
             let text = error(&import);
-            assert!(text.contains("timestamps.txt:3: the stamp must be after that of 0000000001"), "{text}");
+            assert!(text.contains("timestamps.txt:3: the stamp must be later than the stamp of 0000000001"), "{text}");
         } else {
             let report = import.run().expect("imports");
-            let line = "not imported: 1 records of oxts whose stamp is not after the one before";
+            let line = "not imported: 1 records of oxts whose stamp is not later than the previous one";
             assert!(report.iter().any(|found| found == line), "{report:?}");
             assert_eq!(Drive::open(&import.out).expect("opens").fixes().expect("reads").0.len(), 3);
         }

@@ -17,7 +17,8 @@ pub fn las(rows: &[Row], is_compressed: bool) -> Vec<u8> {
     file(1, rows, is_compressed.then(|| LazVlr::from_laz_items(items)))
 }
 
-/// A file of point format 6 or above, compressed in layers. `chunk`: points of each chunk; `None` for chunks of their own sizes.
+/// A file of point format 6 or above, compressed in layers. `chunk`: points of each chunk; `None` for chunks of different
+/// sizes.
 pub fn layered_laz(format: u8, rows: &[Row], chunk: Option<u32>) -> Vec<u8> {
     let items = LazItemRecordBuilder::default_for_point_format_id(format, 2).expect("is a format");
     let vlr = LazVlrBuilder::new(items);

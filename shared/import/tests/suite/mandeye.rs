@@ -1,4 +1,4 @@
-//! Imports of `MandEye` folders and of LAS and LAZ sweeps, written by tests as the formats say.
+//! Imports of `MandEye` folders and of LAS and LAZ sweeps, written by the tests in the published formats.
 
 use super::las_file::{RECORD_BYTES, Row, las, layered_laz};
 use super::support::{Import, error, folder, of, write_file};
@@ -20,7 +20,7 @@ fn rows() -> Vec<Row> {
 pub(super) fn recording(folder: &TempDir) -> PathBuf {
     let root = folder.path().join("continousScanning_0001");
     let rows = rows();
-    // The border of the chunks is inside of a sweep.
+    // The border of the chunks is inside a sweep.
     write_file(&root.join("lidar0000.laz"), las(&rows[..720], true));
     write_file(&root.join("lidar0001.laz"), las(&rows[720..], true));
     let header = "timestamp gyroX gyroY gyroZ accX accY accZ imuId timestampUnix\n";
@@ -45,7 +45,7 @@ fn chunks_of_mandeye_are_cut_into_sweeps_with_times() {
     assert!(report[0].ends_with("16 sweeps of mid360 (MandEye)"), "{report:?}");
     assert_eq!(report[1], "imported: 16 sweeps and their times");
     let line = "imported: 3 IMU samples, with accelerations in g; 1 of other units are left out; \
-                1 whose stamp is not after the one before are left out";
+                1 whose stamp is not later than the previous one are left out";
     assert_eq!(report[2], line);
     assert_eq!(report[3..], ["not imported: status0000.json"]);
     let samples: Vec<_> = drive.imu().expect("opens").expect("has one").map(|sample| sample.expect("reads")).collect();
@@ -187,7 +187,8 @@ fn damaged_las_files_are_refused_at_each_length_and_byte() {
         let text = error(&import);
         assert!(text.contains("0.laz: "), "{length}: {text}");
     }
-    // A changed byte may be a changed coordinate; it must never end the program, nor take memory beyond the file's.
+    // A changed byte may be a changed coordinate; it must never end the program, nor take more memory than the file size
+    // explains.
     for at in (0..whole.len()).step_by(7) {
         let mut bytes = whole.clone();
         bytes[at] ^= 0xff;

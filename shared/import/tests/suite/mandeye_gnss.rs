@@ -1,4 +1,4 @@
-//! Fixes of `MandEye` folders, written by tests as the recorder does.
+//! Fixes of `MandEye` folders, written by the tests in the format of the recorder.
 
 use super::mandeye::{imported, recording};
 use super::support::{Import, folder, of, write_file};
@@ -43,13 +43,13 @@ fn values_of_the_recorder_become_fixes_with_stamps_of_the_sensor() {
          4321500948940 5156.438 2009.161 121 1.25 8 35.8 nan 14:51:43 1\n\
          4321600000000 nan nan nan 99.9 0 nan nan 14:51:44 0\n"
     );
-    // A newer file: degrees, a geoid that is not known, and the time of the computer.
+    // A newer file: degrees, an unknown geoid height, and the time of the computer.
     let newer = "4321700000000 -33.5 -70.25 500.5 0.75 12 nan nan 14:51:44 4 1700000000123\n\
                  4321800000000 -33.5 -70.25 500.5 nan 12 28.25 nan 14:51:45 5 1700000000323\n";
     let (_, import) = with(&folder, &[("gnss0000.gnss", lines.as_bytes()), ("gnss0001.gnss", newer.as_bytes())]);
     let (report, drive) = imported(&import);
     let line = "imported: 4 GNSS fixes; 1 without position are left out; \
-                1 whose stamp is not after the one before are left out";
+                1 whose stamp is not later than the previous one are left out";
     assert!(report.iter().any(|found| found == line), "{report:?}");
     assert!(!report.iter().any(|line| line.contains("not imported: gnss")), "{report:?}");
     let found = fixes(&drive);
@@ -74,7 +74,7 @@ fn sentences_of_the_recorder_are_joined_by_their_times_and_have_the_stamps_of_th
     let gga =
         |time: &str| sealed(&format!("GPGGA,{time},5212.02878,N,02056.51988,E,4,12,0.94,109.1,M,34.4,M,2.0,0093"));
     let lines = [
-        // The position before the motion, then the other way round; the stamp is that of the position.
+        // First the position before the motion, then the reverse; the fix has the stamp of the position.
         format!("4321300000000 1752000000000 {} ", gga("184852.00")),
         format!("4321304000000 1752000000004 {} ", rmc("184852.00")),
         format!("4321400000000 1752000000100 {} ", rmc("184852.10")),

@@ -1,4 +1,4 @@
-//! Imports of scenes of nuScenes with their tables, written as the schema of the data set says.
+//! Imports of scenes of nuScenes with their tables, written in the published schema.
 
 use super::support::{Import, error, first_label, folder, of, write_file};
 use drive::{Drive, NoLabel};
@@ -12,10 +12,10 @@ use std::path::PathBuf;
 use tempfile::TempDir;
 
 const LOG: &str = "n015-2018-07-24-11-22-45+0800";
-/// µs.
+/// Start, µs.
 const BEGIN: i64 = 1_532_402_927_000_000;
 
-/// A name, what damages the tables, a folder to remove, and words of the error.
+/// A name, a function that damages the tables, a folder to remove, and words of the error.
 type Fault = (&'static str, fn(&mut DataSet), &'static str, &'static str);
 
 /// Mounting of the LiDAR: x right, y forward.
@@ -30,7 +30,7 @@ fn body_from_camera() -> Pose {
     Isometry3::from_parts([1.7, 0.016, 1.51].into(), turn)
 }
 
-/// Pose of the vehicle at a time, µs after the begin: 10 m/s along a heading of 30 degrees.
+/// Pose of the vehicle at a time, µs after the start: 10 m/s along a heading of 30 degrees.
 fn world_from_body(micros: i64) -> Pose {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 30_f64.to_radians());
     let at = Vector3::new(400.0, 1180.0, 0.0) + turn * Vector3::x() * (1e-5 * micros as f64);
@@ -156,13 +156,13 @@ impl DataSet {
     }
 }
 
-/// In the frame of the LiDAR: a car in front, a point that is no return, the road on the right.
+/// Points in the LiDAR frame: a car in front, a point that is not a return, the road on the right.
 fn points() -> Vec<(CloudPoint, u8)> {
     let at = |x: f32, y: f32, z: f32| (CloudPoint { x, y, z, intensity: 20.0 }, 31);
     vec![at(0.3, 10.0, -1.0), at(0.0, 0.0, 0.0), at(5.0, 0.0, -1.84)]
 }
 
-/// Stamps of the sweeps, µs after the begin.
+/// Stamps of the sweeps, µs after the start.
 fn stamps(drive: &Drive) -> Vec<i64> {
     let mut sweeps = drive.sweeps().expect("opens");
     let mut stamps = Vec::new();
@@ -225,7 +225,7 @@ fn labels_of_segments_and_boxes_belong_to_their_key_frame() {
     data.segmentation("scene-0061", &[0, 0, 1]);
     let (report, drive) = imported(&of(data.write(), &folder));
     let line =
-        "imported: labels of 1 key frames: classes of lidarseg and instances of the boxes; other sweeps have none";
+        "imported: labels of 1 key frames: classes of lidarseg and instances of the boxes; other sweeps have no labels";
     assert!(report.iter().any(|found| found == line), "{report:?}");
     assert!(!report.iter().any(|line| line.contains("lidarseg/")), "{report:?}");
     assert_eq!(labels(&drive, 2), [(ClassId::Vehicles as u16, 1), (ClassId::Road as u16, 0)]);
@@ -341,7 +341,7 @@ fn cut_table_is_refused_at_each_length() {
     }
 }
 
-/// Tables of the real sample, made of its published calibration: points project as its published matrices say.
+/// Tables of the real sample, made from its published calibration: points project as its published matrices require.
 #[real_data::test("nuscenes")]
 fn real_sample_projects_as_published() {
     let source = real_data::path("nuscenes");

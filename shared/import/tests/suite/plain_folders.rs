@@ -1,4 +1,4 @@
-//! Imports of folders of sweeps with stamps, poses and IMU samples beside them.
+//! Imports of folders of sweeps with stamps, poses and IMU samples next to them.
 
 use super::las_file;
 use super::support::{Import, error, folder, of, write_file};
@@ -8,14 +8,14 @@ use formats::pcd::pcd_from_points;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// ns.
+/// Start, ns.
 const BEGIN: i64 = 1_583_836_591_182_590_976;
 
 fn points(x: f32) -> Vec<CloudPoint> {
     (0..3).map(|i| CloudPoint { x, y: i as f32, z: 0.5, intensity: 40.0 * (i + 1) as f32 }).collect()
 }
 
-/// Sweeps of these names; that of index k is k + 5 m in front.
+/// Sweeps with these names; the point of sweep k is k + 5 m in front.
 fn sweeps(folder: &TempDir, names: &[&str]) -> PathBuf {
     let root = folder.path().join("recording/scans");
     for (k, name) in names.iter().enumerate() {
@@ -29,7 +29,7 @@ fn imported(import: &Import) -> (Vec<String>, Drive) {
     (report, Drive::open(&import.out).expect("opens"))
 }
 
-/// Stamps after the begin, ns, and distances of the first points, m.
+/// Stamps after the start, ns, and distances of the first points, m.
 fn sweeps_of(drive: &Drive) -> Vec<(i64, f32)> {
     let mut source = drive.sweeps().expect("opens");
     let mut found = Vec::new();
@@ -44,7 +44,7 @@ fn sweeps_of(drive: &Drive) -> Vec<(i64, f32)> {
 #[test]
 fn stamps_in_names_give_the_order_of_the_sweeps() {
     let folder = folder();
-    // As Newer College names them, and numbers that sort otherwise as text.
+    // Names as in Newer College, and numbers that sort differently as text.
     for names in [
         ["cloud_1583836591_182590976", "cloud_1583836591_282590976", "cloud_1583836592_82590976"],
         ["b_1583836591182590976", "c_1583836591282590976", "a_1583836592082590976"],
@@ -147,7 +147,7 @@ fn fired() -> Vec<([f32; 3], u8, f64)> {
     returns
 }
 
-/// Rings and times of the returns of the first sweep, as the file of the drive has them.
+/// Rings and times of the returns of the first sweep in the file of the drive.
 fn first_sweep(drive: &Drive) -> (lidar::SweepInfo, Vec<(u8, u32)>) {
     let mut found = Vec::new();
     let mut source = drive.sweeps().expect("opens");
@@ -159,7 +159,7 @@ fn first_sweep(drive: &Drive) -> (lidar::SweepInfo, Vec<(u8, u32)>) {
 fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
     let folder = folder();
     let expected: Vec<u32> = fired().iter().map(|(_, _, time_s)| (time_s * 1e9).round() as u32).collect();
-    // Beams counted from the highest, times in us of a clock of its own.
+    // Beams counted from the highest, times in us of a separate clock.
     for (name, kind, unit, begin) in
         [("t", "double", 1e6, 5e9), ("timestamp", "double", 1.0, 1.7e9), ("time", "float", 1.0, 0.0)]
     {
@@ -204,7 +204,7 @@ fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
         assert!(found.iter().zip(&expected).all(|((_, nanos), expected)| nanos.abs_diff(*expected) < 300));
     }
 
-    // Times of a whole drive are not those of a sweep.
+    // The times of a complete drive do not fit into one sweep.
     let slow: Vec<las_file::Row> = rows.iter().map(|(p, i, time_s)| (*p, *i, (time_s - 300_000.0) * 100.0)).collect();
     let source = folder.path().join("slow");
     write_file(&source.join("1583836591182590976.las"), las_file::las(&slow, false));

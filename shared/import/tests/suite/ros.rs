@@ -39,7 +39,7 @@ fn sweeps(drive: &Drive) -> Vec<(SweepInfo, Vec<SweepPoint>)> {
     found
 }
 
-/// Beam, column and time after the begin of the revolution of a point, by its direction and range.
+/// Beam, column and time after the start of the revolution of a point, from its direction and range.
 fn fired(point: &SweepPoint) -> (usize, usize, i64) {
     let range_m = point.x.hypot(point.y).hypot(point.z);
     let beam = 0.5 * ((point.z / range_m).asin().to_degrees() + 15.0);
@@ -50,7 +50,7 @@ fn fired(point: &SweepPoint) -> (usize, usize, i64) {
     (beam, column, column as i64 * (TURN / COLUMNS as i64) + beam as i64 * 2000)
 }
 
-/// Checks the three revolutions. `off_nanos`: largest error of a time; `None` without times. `missing`: returns that are not there.
+/// Checks the three revolutions. `off_nanos`: largest error of a time; `None` without times. `missing`: missing returns.
 fn check_sweeps(
     drive: &Drive,
     off_nanos: Option<i64>,
@@ -191,7 +191,7 @@ fn clouds_of_all_drivers_give_the_same_sweeps() {
         let folder = folder();
         let (_, report, drive) = imported(name, &folder);
         assert!(report.iter().any(|line| line == words), "{name}: {report:?}");
-        assert!(report.iter().any(|line| line.contains("the body frame is that of the LiDAR")), "{name}: {report:?}");
+        assert!(report.iter().any(|line| line.contains("the body frame is the LiDAR frame")), "{name}: {report:?}");
         assert_eq!(drive.model().name(), if has_rings { "vlp16" } else { "mid360" }, "{name}");
         check_sweeps(&drive, off_nanos, has_rings, name != "untimed", missing);
     }
@@ -230,7 +230,7 @@ fn frames_of_tf_that_never_move_are_taken_and_others_are_refused_by_name() {
         assert_eq!(image.dimensions(), (8, 6));
         assert!(image.pixels().all(|pixel| pixel.0 == [100]), "{:?}", frame.path);
     }
-    // A pose that is given replaces the moving one; the images are those of ITU-R BT.601.
+    // A given pose replaces the moving one; the images are coded by ITU-R BT.601.
     import.out = folder.path().join("given");
     import.options.ros.transforms = vec![("turret_optical".into(), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0])];
     import.run().expect("imports");
@@ -240,7 +240,7 @@ fn frames_of_tf_that_never_move_are_taken_and_others_are_refused_by_name() {
     let image = image::open(&frame.path).expect("is an image").to_rgb8();
     assert_eq!(image.dimensions(), (8, 6));
     assert!(image.pixels().all(|pixel| pixel.0[2] < 5 || pixel.0[1] > 0), "{image:?}");
-    // The LiDAR must be fixed, too.
+    // The LiDAR must also be fixed.
     import.out = folder.path().join("odom");
     import.options.ros.body_frame = Some("odom".into());
     let error = import.run().expect_err("is refused").to_string();
@@ -332,7 +332,7 @@ fn further_lidar_in_a_frame_of_its_own_is_named_with_the_option_that_takes_it() 
     import.options.ros.topics = vec![choice("lidar", "/front/points")];
     let report = import.run().expect("imports");
     let cloud = "(sensor_msgs/PointCloud2)";
-    // The filtered clouds are in the frame of the LiDAR that is taken.
+    // The filtered clouds are in the frame of the imported LiDAR.
     for line in [
         format!("not imported: 3 messages of /front/filtered {cloud}"),
         format!(

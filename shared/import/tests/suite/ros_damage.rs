@@ -35,7 +35,7 @@ fn cut_bags_are_refused_with_their_name() {
         let path = folder.path().join("cut");
         let bytes = std::fs::read(file_of(name)).expect("reads");
         assert_eq!(import(&path, &bytes, &folder), None, "{name}");
-        // The first bytes tell what the file is.
+        // The first bytes determine the type of the file.
         let cuts = (16..bytes.len()).step_by(bytes.len() / N_CUTS).chain([bytes.len() - 1]);
         for n in cuts {
             let error = import(&path, &bytes[..n], &folder).unwrap_or_else(|| panic!("{name}: {n} bytes are accepted"));
@@ -52,7 +52,7 @@ fn flipped_bytes_end_in_an_error_or_a_drive() {
         let good = std::fs::read(file_of(name)).expect("reads");
         let mut n_refused = 0;
         for index in 0..N_FLIPS {
-            // Every part of the file, and its begin, where most structures are.
+            // Every part of the file, and its start, which contains most structures.
             let at = if index % 2 == 0 { index * good.len() / N_FLIPS } else { index * 16 };
             let mut bytes = good.clone();
             bytes[at] ^= if index % 4 < 2 { 0xff } else { 1 << (index % 8) };

@@ -1,9 +1,9 @@
-//! Bags that would take more time than their length explains.
+//! Bags that would take more time than their size explains.
 
 use super::support::{folder, of, write_file};
 use std::io::Write;
 
-/// Content of a chunk that exceeds what a small file may contain, bytes.
+/// Content of a chunk that exceeds the limit of a small file, bytes.
 const LARGE: usize = 17 << 20;
 
 fn error(bytes: &[u8]) -> String {
@@ -48,7 +48,7 @@ fn chunk(compression: &str, size: usize, data: &[u8]) -> Vec<u8> {
     record(&[("op", &[5]), ("compression", compression.as_bytes()), ("size", &size)], data)
 }
 
-/// A bag of ROS 1 with these bytes of chunks. `chunks_at`: where they begin in the bytes.
+/// A bag of ROS 1 with these bytes of chunks. `chunks_at`: offsets of the chunks in the bytes.
 fn ros1(chunks: &[u8], chunks_at: &[usize]) -> Vec<u8> {
     let head = |index: usize| {
         let index = (index as u64).to_le_bytes();
@@ -86,7 +86,7 @@ fn chunks_within_chunks_are_refused() {
     let found = error(&ros1(&outer, &[0]));
     assert!(found.contains("/points: no"), "one chunk alone is read: {found}");
     let found = error(&ros1(&outer, &[0, inner_at]));
-    assert!(found.contains("a chunk begins here, but the one before ends at byte"), "{found}");
+    assert!(found.contains("a chunk begins here, but the previous one ends at byte"), "{found}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Imports of real bags with packets. The sums of their packets are those that the Python package rosbags reads.
+//! Imports of real bags with packets. The expected checksums of their packets were computed with the Python package rosbags.
 
 use super::support::{folder, of};
 use drive::Drive;
@@ -13,7 +13,7 @@ const RECORD: usize = 16;
 /// Bytes of the headers of a packet.
 const HEADERS: usize = 42;
 
-/// Number and sum of the packets of a capture, each with the µs of its arrival.
+/// Number and checksum of the packets of a capture, each with the µs of its arrival.
 fn sum(capture: &Path) -> (usize, u32) {
     let bytes = std::fs::read(capture).expect("reads");
     let mut rest = &bytes[FILE..];
@@ -46,7 +46,7 @@ fn packets_of_real_ros2_bags_are_those_that_rosbags_reads() {
         assert!(report[0].ends_with(&format!("1 capture of {model} (ROS bag)")), "{report:?}");
         assert!(report[1].starts_with(&format!("imported: {n} packets from /")), "{report:?}");
         assert_eq!(sum(&import.out.join("lidar/packets.pcap")), (n, crc), "{name}");
-        // The file alone is a bag, too.
+        // The file alone is also a bag.
         let file = Path::new(name).file_name().expect("has one").to_string_lossy().into_owned();
         let mut of_file = of(real_data::path(&format!("lidars/nebula/{name}/{file}_0.db3")), &folder);
         of_file.out = folder.path().join("file");
@@ -55,7 +55,7 @@ fn packets_of_real_ros2_bags_are_those_that_rosbags_reads() {
     }
 }
 
-/// The driver's cloud of the revolution, in the frame of the driver.
+/// The points of real bags equal the driver's cloud of the revolution, in the frame of the driver.
 #[real_data::test("lidars/nebula")]
 fn points_of_real_bags_are_those_of_the_driver_in_its_frame() {
     for (bag, cloud, calibration, turn, min_m) in [

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// What to import, and where to.
+/// Source and destination of an import.
 pub struct Import {
     pub source: PathBuf,
     pub out: PathBuf,
@@ -53,7 +53,7 @@ pub fn first_label(drive: &Drive, seq: usize) -> Result<TrueLabel, NoLabel> {
     drive.true_labels().expect("fits the returns").find(&shot)
 }
 
-/// Error of an import that fails; nothing remains of it.
+/// Error of an import that fails and leaves nothing.
 pub fn error(import: &Import) -> String {
     let error = import.run().expect_err("is refused");
     let names =

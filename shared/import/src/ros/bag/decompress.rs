@@ -1,4 +1,4 @@
-//! Decompression of chunks: those of recordings, and bzip2 of ROS 1.
+//! Decompression of chunks: the compressions of recordings, and bzip2 of ROS 1.
 
 pub(super) use recording::compression::ContentLimit;
 use std::io::{self, Read};

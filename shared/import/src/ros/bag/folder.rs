@@ -8,14 +8,14 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// Describes the files of a ROS 2 bag.
+/// File that describes the files of a ROS 2 bag.
 pub(crate) const METADATA: &str = "metadata.yaml";
 /// Longest description, bytes. A bag of a thousand files has a tenth of it.
 const MAX_METADATA: u64 = 1 << 24;
 
 /// Extension of compressed files.
 const ZSTD: &str = "zstd";
-/// Bytes of a file per compressed byte at most. Real recordings have up to 20.
+/// Maximum number of bytes of a file per compressed byte. Real recordings have up to 20.
 const MAX_RATIO: u64 = 256;
 
 /// The files of a folder.
@@ -78,7 +78,7 @@ fn existing(path: &Path) -> PathBuf {
     if !path.exists() && compressed.exists() { compressed } else { path.to_owned() }
 }
 
-/// The file itself, or its content in the folder `scratch` if it is compressed as a whole.
+/// The file itself, or its content in the folder `scratch` if the complete file is compressed.
 pub(super) fn decompressed(path: &Path, scratch: &Path) -> Result<PathBuf, ImportError> {
     if path.extension().is_none_or(|extension| extension != ZSTD) {
         return Ok(path.to_owned());
@@ -99,7 +99,7 @@ pub(super) fn decompressed(path: &Path, scratch: &Path) -> Result<PathBuf, Impor
     Ok(plain)
 }
 
-/// The value behind a key, on any level.
+/// The value after a key, on any level.
 fn value<'a>(text: &'a str, key: &str) -> Option<&'a str> {
     text.lines().find_map(|line| line.trim().strip_prefix(key)).map(unquoted)
 }
@@ -108,7 +108,7 @@ fn unquoted(text: &str) -> &str {
     text.trim().trim_matches(['"', '\''])
 }
 
-/// The list behind `relative_file_paths`.
+/// The list after `relative_file_paths`.
 fn file_names(text: &str) -> impl Iterator<Item = &str> {
     let lines = text.lines().skip_while(|line| line.trim() != "relative_file_paths:").skip(1);
     lines.map_while(|line| line.trim().strip_prefix("- ")).map(unquoted)

@@ -1,9 +1,10 @@
 //! MCAP (<https://mcap.dev/spec>).
 //!
 //! A file is a magic number, records, and the magic number again. A record is its kind (u8), the length of its body (u64), and the
-//! body; all numbers are little-endian. Chunks contain records. The last record, the footer, says where the summary begins.
+//! body; all numbers are little-endian. Chunks contain records. The last record, the footer, contains the start of the
+//! summary.
 //!
-//! Written here: the crate mcap allocates what damaged lengths ask for, and decompresses with C libraries.
+//! Not based on the crate mcap, which allocates as much as damaged lengths request, and decompresses with C libraries.
 
 mod body;
 
@@ -36,7 +37,7 @@ const MESSAGE_HEAD: u64 = 22;
 pub(super) struct Mcap {
     path: PathBuf,
     index: Index,
-    /// Where the footer begins.
+    /// Start of the footer.
     end: u64,
 }
 
@@ -75,7 +76,7 @@ impl Mcap {
         Ok(mcap)
     }
 
-    /// Channels and counts of the summary; `false` if they are not all there.
+    /// Reads channels and counts of the summary; `false` if they are incomplete.
     fn read_summary(&mut self, file: &mut BufReader<File>, summary: u64) -> Result<bool, ImportError> {
         if !(MAGIC.len() as u64..=self.end).contains(&summary) {
             let rule = format!("the summary is at byte {summary}; must be before the footer");
@@ -121,7 +122,7 @@ impl Mcap {
         Ok((kind, length))
     }
 
-    /// Passes over the whole file. Adds its channels and counts to `index`.
+    /// Reads the complete file. Adds its channels and counts to `index`.
     fn pass(&self, index: &mut Index, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
         let mut at = MAGIC.len() as u64;
@@ -154,7 +155,7 @@ impl Container for Mcap {
     }
 
     fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
-        // The topics keep their order: the channels of the index are there from the begin.
+        // The topics keep their order: the channels of the index exist from the start.
         self.pass(&mut self.index.clone(), wanted, each)
     }
 }
@@ -185,7 +186,7 @@ impl Index {
 
 struct Pass<'a, 'b> {
     path: &'a Path,
-    /// Where the record of the file begins.
+    /// Offset of the record in the file.
     at: u64,
     index: &'a mut Index,
     wanted: &'a [Cell<bool>],
@@ -230,7 +231,7 @@ impl Pass<'_, '_> {
                 let _sequence = body.u32().at_byte(path, at)?;
                 let received = body.u64().at_byte(path, at)? as i64;
                 let Some(&topic) = self.index.channels.get(&channel) else {
-                    let rule = format!("a message of channel {channel}, which the file does not describe");
+                    let rule = format!("a message of channel {channel}, which is not declared in the file");
                     return Err(ImportError::at_part(path, &format!("byte {at}"), rule));
                 };
                 self.index.topics.count(topic, 1);

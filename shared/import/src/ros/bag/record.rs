@@ -1,4 +1,4 @@
-//! Reading of records of known length.
+//! Reads records of known length.
 
 use super::MAX_MESSAGE;
 use crate::error::ImportError;
@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-/// A reader that can pass over bytes.
+/// A reader that can skip bytes.
 pub(super) trait Skip: Read {
     fn skip(&mut self, n_bytes: u64) -> io::Result<()>;
 }
@@ -26,8 +26,8 @@ impl Skip for Box<dyn Read + '_> {
     }
 }
 
-/// Replaces the content of `bytes` by the next `n_bytes`. Memory grows with the bytes that are there, not with the length that the
-/// file states.
+/// Replaces the content of `bytes` with the next `n_bytes`. Memory grows with the available bytes, not with the length
+/// that the file states.
 pub(super) fn read_bytes(reader: &mut impl Read, n_bytes: u64, bytes: &mut Vec<u8>) -> io::Result<()> {
     bytes.clear();
     if n_bytes > MAX_MESSAGE {
@@ -59,16 +59,16 @@ pub(super) fn array<const N: usize>(reader: &mut impl Read) -> io::Result<[u8; N
     array_or_end(reader)?.ok_or_else(|| io::ErrorKind::UnexpectedEof.into())
 }
 
-/// Content of a chunk, whose size and sum are checked at its end.
+/// Content of a chunk, whose size and checksum are verified at its end.
 pub(super) struct Checked<R> {
     content: R,
     left: u64,
-    /// Sum of the file and that of the bytes so far; `None` if the file states none.
+    /// Checksum stated in the file, and checksum of the bytes so far; `None` if the file states no checksum.
     crc: Option<(u32, crc32fast::Hasher)>,
 }
 
 impl<R: Read> Checked<R> {
-    /// `crc` 0 is none.
+    /// A reader of `n_bytes` of content. A `crc` of 0 means no checksum.
     pub fn new(content: R, n_bytes: u64, crc: u32) -> Self {
         Self { content, left: n_bytes, crc: (crc != 0).then(|| (crc, crc32fast::Hasher::new())) }
     }

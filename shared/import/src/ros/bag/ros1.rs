@@ -1,8 +1,8 @@
 //! ROS 1 bags, version 2.0 (<http://wiki.ros.org/Bags/Format/2.0>).
 //!
-//! A record is the length of its header (u32), the header (fields `name=value` behind their length, u32), the length of its data (u32), and
-//! the data; all numbers are little-endian. The index at the end has the connections and the places of the chunks. A chunk contains the
-//! records of its messages.
+//! A record is the length of its header (u32), the header (fields `name=value` after their length, u32), the length of
+//! its data (u32), and the data; all numbers are little-endian. The index at the end has the connections and the
+//! positions of the chunks. A chunk contains the records of its messages.
 
 mod header;
 
@@ -31,7 +31,7 @@ pub(super) struct Ros1 {
     topics: Topics,
     /// Topics of the connections.
     connections: BTreeMap<u32, usize>,
-    /// Where the chunks begin, in the order of the file.
+    /// Offsets of the chunks, in the order of the file.
     chunks: Vec<u64>,
     /// Time of the first message, ns.
     begin: Option<i64>,
@@ -116,12 +116,12 @@ impl Ros1 {
             }
         }
         self.chunks.sort_unstable();
-        // A place that stands twice would be read twice.
+        // A position that is listed twice would be read twice.
         self.chunks.dedup();
         Ok(())
     }
 
-    /// Passes the messages of the chunk at byte `at`. Returns where it ends.
+    /// Passes the messages of the chunk at byte `at`. Returns the offset of its end.
     fn chunk(
         &self,
         file: &mut BufReader<File>,
@@ -154,7 +154,7 @@ impl Ros1 {
             }
             let connection = header.u32("conn").at_byte(path, at)?;
             let Some(&topic) = self.connections.get(&connection) else {
-                return Err(fault(format!("a message of connection {connection}, which the index does not have")));
+                return Err(fault(format!("a message of connection {connection}, which is not in the index")));
             };
             if !wanted.get(topic).is_some_and(Cell::get) {
                 content.skip(n_data).at_byte(path, at)?;
@@ -192,9 +192,9 @@ impl Container for Ros1 {
         let mut content_limit = ContentLimit::of_file(file.get_ref().metadata().at(&self.path)?.len());
         let mut end = 0;
         for at in &self.chunks {
-            // Chunks within chunks would make the time grow with the square of the file.
+            // Nested chunks would make the time grow with the square of the file size.
             if *at < end {
-                let rule = format!("the index says that a chunk begins here, but the one before ends at byte {end}");
+                let rule = format!("the index says that a chunk begins here, but the previous one ends at byte {end}");
                 return Err(ImportError::at_part(&self.path, &format!("byte {at}"), rule));
             }
             end = self.chunk(&mut file, *at, wanted, each, &mut content_limit)?;

@@ -91,7 +91,7 @@ impl Container for Sqlite {
             rows.load(&mut row).map_err(ImportError::of_database)?;
             match row.value(DATA).map_err(ImportError::of_database)? {
                 Some(Value::Blob(data)) => each(Message { topic, received, data })?,
-                _ => return Err(self.fault(&row, "the message is no blob".into())),
+                _ => return Err(self.fault(&row, "the message is not a blob".into())),
             }
         }
         Ok(())

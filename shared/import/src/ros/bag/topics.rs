@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 /// Serialization of messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
-    /// That of ROS 1.
+    /// Serialization of ROS 1.
     Ros1,
-    /// CDR, that of ROS 2.
+    /// CDR, the serialization of ROS 2.
     Cdr,
 }
 
@@ -17,9 +17,9 @@ pub(crate) struct Topic {
     pub name: String,
     /// Type without the `/msg/` of ROS 2: `sensor_msgs/Imu`.
     pub kind: String,
-    /// `None`: one that cannot be read.
+    /// `None`: an unsupported serialization.
     pub encoding: Option<Encoding>,
-    /// Messages.
+    /// Number of messages.
     pub count: u64,
 }
 

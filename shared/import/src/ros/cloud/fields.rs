@@ -4,15 +4,15 @@ use super::RawPoint;
 use crate::ros::cursor::{Cursor, MessageFault};
 use crate::ros::messages::Header;
 
-/// Names of each value, the preferred first.
+/// Names of each value, the preferred name first.
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const INTENSITY: [&str; 3] = ["intensity", "reflectivity", "i"];
 const RING: [&str; 5] = ["ring", "channel", "line", "laser_id", "laserId"];
 const TIME: [&str; 6] = ["t", "time", "timestamp", "time_stamp", "offset_time", "point_time"];
-/// Most fields of a cloud; real ones have a dozen.
+/// Maximum number of fields of a cloud; real ones have a dozen.
 const MAX_FIELDS: usize = 256;
 
-/// Type and place of a value in a row.
+/// Type and position of a value in a row.
 #[derive(Clone, Copy, Debug)]
 struct Value {
     offset: usize,
@@ -20,7 +20,7 @@ struct Value {
     datatype: u8,
 }
 
-/// A cloud and the places of its values.
+/// A cloud and the positions of its values.
 #[derive(Debug)]
 pub(crate) struct Fields<'a> {
     pub header: Header,
@@ -129,7 +129,7 @@ impl<'a> Fields<'a> {
         Ok(cloud)
     }
 
-    /// Every value lies in its point, every point in its row, every row in the data.
+    /// Checks that every value lies in its point, every point in its row, every row in the data.
     fn check(&self) -> Result<(), MessageFault> {
         let rule = |text: String| Err(MessageFault::Rule(text));
         for value in self.position.iter().chain(&self.intensity).chain(&self.ring).chain(&self.time) {

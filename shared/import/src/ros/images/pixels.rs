@@ -1,4 +1,4 @@
-//! Pixels of `sensor_msgs/Image` by its encoding.
+//! Pixels of `sensor_msgs/Image`, decoded by their encoding.
 
 use crate::ros::messages::Image;
 use spectral::{Demosaicer, Demosaicing};
@@ -25,12 +25,12 @@ impl std::ops::Deref for Pixels<'_> {
 const ENCODINGS: &str = "rgb8, rgba8, bgr8, bgra8, 8UC3, mono8, 8UC1, mono16, yuv422, uyvy, yuv422_yuy2, yuyv, bayer_rggb8, \
                          bayer_bggr8, bayer_gbrg8, bayer_grbg8";
 
-/// Encodings whose samples are taken as they are.
+/// Encodings whose samples are used unchanged.
 const RAW_ENCODINGS: &str = "mono8, 8UC1, mono16, 16UC1, bayer_rggb8, bayer_bggr8, bayer_gbrg8, bayer_grbg8, bayer_rggb16, \
                              bayer_bggr16, bayer_gbrg16, bayer_grbg16";
 
 pub(super) fn of_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
-    // Places of red, green and blue in a pixel.
+    // Positions of red, green and blue in a pixel.
     let color = |n_bytes: usize, places: [usize; 3]| {
         let rows = rows(image, n_bytes)?;
         let pixels = rows.chunks_exact(n_bytes).flat_map(|pixel| places.map(|place| pixel[place])).collect();
@@ -55,7 +55,7 @@ pub(super) fn of_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
     }
 }
 
-/// Whether the pixels of an encoding lose bits.
+/// Whether the conversion of an encoding loses bits.
 pub(super) fn is_reduced(encoding: &str) -> bool {
     encoding == "mono16"
 }
@@ -68,7 +68,7 @@ pub(super) struct RawSamples<'a> {
     pub big_endian: Cow<'a, [u8]>,
 }
 
-/// The samples as they are.
+/// The samples, unchanged.
 pub(super) fn raw_samples<'a>(image: &Image<'a>) -> Result<RawSamples<'a>, String> {
     match image.encoding.as_str() {
         "mono8" | "8UC1" | "bayer_rggb8" | "bayer_bggr8" | "bayer_gbrg8" | "bayer_grbg8" => {
@@ -85,13 +85,14 @@ pub(super) fn raw_samples<'a>(image: &Image<'a>) -> Result<RawSamples<'a>, Strin
     }
 }
 
-/// Values of 16 bits as 8 bits: full scale stays full scale.
+/// Converts values of 16 bits to 8 bits: full scale stays full scale.
 fn reduced(values: &[u8], is_big: bool) -> Vec<u8> {
     let value = |bytes: &[u8; 2]| if is_big { u16::from_be_bytes(*bytes) } else { u16::from_le_bytes(*bytes) };
     values.as_chunks::<2>().0.iter().map(|bytes| ((u32::from(value(bytes)) + 128) / 257) as u8).collect()
 }
 
-/// Pairs of pixels: the places of their brightness and of their blue and red differences in four bytes (BT.601, 16 to 235).
+/// Decodes pairs of pixels. `brightness`, `colors`: positions of brightness and of blue and red differences in four bytes
+/// (BT.601, 16 to 235).
 fn yuv422<'a>(image: &Image<'a>, brightness: [usize; 2], colors: [usize; 2]) -> Result<Pixels<'a>, String> {
     if image.width % 2 == 1 {
         return Err(format!("{} pixels in a row; {} has pairs of pixels", image.width, image.encoding));
@@ -109,7 +110,7 @@ fn yuv422<'a>(image: &Image<'a>, brightness: [usize; 2], colors: [usize; 2]) -> 
     Ok(Pixels::Rgb(Cow::Owned(pixels)))
 }
 
-/// The rows without the gaps between them.
+/// The rows without the padding between them.
 fn rows<'a>(image: &Image<'a>, pixel_bytes: usize) -> Result<Cow<'a, [u8]>, String> {
     let height = image.height as usize;
     let step = image.step as usize;
@@ -128,7 +129,7 @@ fn rows<'a>(image: &Image<'a>, pixel_bytes: usize) -> Result<Cow<'a, [u8]>, Stri
     Ok(Cow::Owned(image.data.chunks(step).take(height).flat_map(|row| &row[..row_bytes]).copied().collect()))
 }
 
-/// Colors (0 red, 1 green, 2 blue) of the four cells of the filter, row by row.
+/// Demosaics an image. `colors` (0 red, 1 green, 2 blue) of the four cells of the filter, row by row.
 fn bayer<'a>(image: &Image<'a>, colors: [usize; 4]) -> Result<Pixels<'a>, String> {
     let samples: Vec<f32> = rows(image, 1)?.iter().map(|value| f32::from(*value) / 255.0).collect();
     let width = image.width as usize;

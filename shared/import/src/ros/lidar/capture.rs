@@ -15,7 +15,7 @@ const NAME: &str = "packets.pcap";
 pub(crate) struct Capture {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
-    /// UDP port in the capture; a bag does not have it.
+    /// UDP port in the capture; bags do not contain it.
     port: u16,
     pub n_packets: u64,
 }
@@ -33,7 +33,7 @@ impl Capture {
         self.writer.write_udp(Stamp(stamp), self.port, packet).map_err(|error| error.to_string())
     }
 
-    /// The model of the packets, if it is not given.
+    /// Detects the model from the packets, unless it is given.
     pub fn finish(self, model: Option<Model>) -> Result<Model, ImportError> {
         self.writer.finish().at(&self.path)?;
         match model {

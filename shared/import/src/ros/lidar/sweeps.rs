@@ -13,16 +13,17 @@ use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Clouds that show the form of the times and the elevations of the beams. The first revolution of a recording is often incomplete.
+/// Clouds from which the form of the times and the elevations of the beams are determined. The first revolution of a
+/// recording is often incomplete.
 const EXAMINED: usize = 8;
-/// Nearer points are missing returns, m.
+/// Points nearer than this are missing returns, m.
 const MIN_RANGE_M: f32 = 0.1;
 /// Longest time from the first to the last point, ns.
 const MAX_SPAN_NANOS: i64 = 500_000_000;
 /// Largest intensity of a drive.
 const MAX_INTENSITY: f32 = 255.0;
 
-/// A cloud as the message has it.
+/// A cloud as stored in the message.
 struct Cloud {
     stamp: i64,
     points: Vec<RawPoint>,
@@ -40,7 +41,7 @@ pub(crate) struct Sweeps {
     counts: Counts,
 }
 
-/// How the clouds of a topic are read.
+/// Rules for reading the clouds of a topic.
 struct Decision {
     form: Option<TimeForm>,
     rings: Option<Rings>,
@@ -51,21 +52,21 @@ struct Decision {
 struct Counts {
     empty: u64,
     same_stamp: u64,
-    /// Clouds whose times are not those of one sweep.
+    /// Clouds whose times do not fit into one sweep.
     bad_times: u64,
-    /// Points with an intensity above that of a drive.
+    /// Points with an intensity above the maximum of a drive.
     bright: u64,
-    /// Points of beams without ring.
+    /// Points whose beam has no ring.
     without_ring: u64,
 }
 
 impl Sweeps {
-    /// `folder` exists.
+    /// Writer to `folder`, which must exist.
     pub fn new(folder: PathBuf, model: Option<Model>) -> Self {
         Self { folder, model, waiting: Vec::new(), decision: None, written: Vec::new(), counts: Counts::default() }
     }
 
-    /// Adds a cloud. `n_rows`: rows of the message, which are beams if there are more than one.
+    /// Adds a cloud. `n_rows`: rows of the message, which are beams if there is more than one.
     pub fn add(&mut self, stamp: i64, n_rows: u32, points: impl Iterator<Item = RawPoint>) -> Result<(), String> {
         let points: Vec<RawPoint> = points.filter(is_return).collect();
         if points.is_empty() {
@@ -145,7 +146,7 @@ impl Sweeps {
         self.counts.without_ring += n_without;
         let has_rings = decision.rings.is_some();
         let has_times = decision.form.is_some();
-        // All have 19 digits since 2001, so the order of the names is that of the stamps.
+        // All stamps since 2001 have 19 digits, so the order of the names is the order of the stamps.
         let path = self.folder.join(format!("{begin:019}.pcd"));
         let mut file = match File::create_new(&path) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {
@@ -160,7 +161,7 @@ impl Sweeps {
         Ok(())
     }
 
-    /// Writes what waits. The model, the file of the times, and lines for the operator.
+    /// Writes the waiting clouds. Returns the model, the file of the times, and lines of the report.
     pub fn finish(
         mut self,
         source: &Path,
@@ -222,7 +223,7 @@ impl Sweeps {
     }
 }
 
-/// Names of the fields of the clouds, for the operator, and their rows.
+/// Names of the fields of the clouds, for the report, and their rows.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FieldNames {
     pub time: Option<&'static str>,

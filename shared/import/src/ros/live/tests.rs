@@ -7,7 +7,7 @@ const RECEIVED: i64 = 1_700_000_001_000_000_000;
 struct Message(Vec<u8>);
 
 impl Message {
-    /// With a header.
+    /// A message with a header.
     fn at(stamp: i64) -> Self {
         let seconds = stamp / 1_000_000_000;
         let nanos = stamp % 1_000_000_000;
@@ -87,7 +87,7 @@ fn image_of_a_mosaic_camera_keeps_its_samples() {
         let image = formats::pgm::Pgm::parse(&content).expect("parses");
         assert_eq!(image.samples(), samples, "{encoding}");
     }
-    // The maximum is that of the fewest bits, and of two bytes at least.
+    // The maximum of the smallest bit depth, at least nine bits.
     for (largest, max) in [(1000_u16, 1023), (3, 511), (1024, 2047), (65_535, 65_535)] {
         let data = [3_u16.to_le_bytes(), largest.to_le_bytes()].concat();
         let mut topic = LiveTopic::new("sensor_msgs/Image", true).expect("is taken");
@@ -109,7 +109,7 @@ fn image_with_the_stamp_of_the_one_before_is_left_out() {
     let mut topic = topic("sensor_msgs/Image");
     let message = image(STAMP, "mono8", [1, 1, 1], &[7]);
     assert!(topic.read(&message, RECEIVED).is_ok());
-    assert_eq!(topic.read(&message, RECEIVED), Err("its stamp is that of the image before".into()));
+    assert_eq!(topic.read(&message, RECEIVED), Err("its stamp equals the stamp of the previous image".into()));
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn samples_wait_until_their_unit_is_known() {
         }
         assert_eq!(read[11], format!("{},0,0,{expected},0.1,0.2,0.3", STAMP + 55_000_000));
         let late = topic.read(&imu(STAMP, down), RECEIVED).map(drop);
-        assert_eq!(late, Err("its stamp is not later than that of the sample before".into()));
+        assert_eq!(late, Err("its stamp is not later than the stamp of the previous sample".into()));
         let bad = topic.read(&imu(STAMP + 60_000_000, f64::NAN), RECEIVED).map(drop);
         assert!(bad.is_err_and(|error| error.contains("no values")));
     }

@@ -1,4 +1,4 @@
-//! The manifest and the report when all messages were read.
+//! The manifest and the report after all messages were read.
 
 use super::{LidarFiles, LidarWriter, Writers};
 use crate::error::{At, ImportError};
@@ -18,22 +18,22 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-/// Exposure time that is written if none is known, ns: that of a sunny street.
+/// Exposure time that is written if none is known, ns: typical for a sunny street.
 const EXPOSURE_NANOS: u64 = 1_000_000;
-/// A rectification that turns less is none, deg.
+/// Smaller rotations do not count as a rectification, deg.
 const MAX_TURN_DEG: f64 = 0.01;
-/// Frame of the points that are decoded from the packets of an Ouster, whose messages name none.
+/// Frame of the points that are decoded from the packets of an Ouster, whose messages do not name a frame.
 const OUSTER_FRAME: &str = "os_sensor";
 /// Name of the metadata of an Ouster in the LiDAR folder.
 const METADATA: &str = "metadata.json";
 
-/// What a bag became.
+/// Result of the import of a bag.
 pub(in crate::ros) struct Parts {
     pub manifest: Manifest,
     pub links: Vec<Link>,
     pub texts: Vec<TextFile>,
     pub report: Vec<String>,
-    /// Why topics are not taken, by index.
+    /// Reasons why topics are not imported, by index.
     pub reasons: BTreeMap<usize, String>,
 }
 
@@ -44,7 +44,7 @@ struct LidarPart {
     calibration: Option<String>,
     texts: Vec<TextFile>,
     report: Vec<String>,
-    /// Turn of the points of the drive in the frame of the messages.
+    /// Rotation of the points of the drive in the frame of the messages.
     frame_from_points: UnitQuaternion<f64>,
 }
 
@@ -106,7 +106,7 @@ impl Writers<'_> {
             parts.report.push(format!("frames of tf that never move are taken: {}", fixed.join(", ")));
         }
         parts.report.append(&mut rig.report);
-        // Leaves a sensor out, or fails if the user asked for it.
+        // Leaves a sensor out, or fails if the user requested it.
         let leave_out = |parts: &mut Parts, role: Role, topic: usize, reason: String| {
             if roles.is_chosen(role) {
                 return Err(ImportError::at_part(source, &topics[topic].name, reason));
@@ -190,7 +190,8 @@ impl Writers<'_> {
     }
 }
 
-/// Topics of further LiDARs, with how to take them: those in fixed frames of their own. A second topic of a frame has the same data.
+/// Topics of further LiDARs, with the option that imports them, if they have a fixed frame of their own. A second topic
+/// of a frame has the same data.
 fn further_lidars(
     topics: &[Topic],
     roles: &Roles,
@@ -256,8 +257,8 @@ fn camera_report(camera: &Camera, topic: &str) -> Vec<String> {
     let turned_deg = camera.rectification_deg();
     if turned_deg > MAX_TURN_DEG {
         lines.push(format!(
-            "the rectification of {topic} turns by {turned_deg:.2} deg; it is not applied: the frame of the images is taken as \
-             that of the camera"
+            "the rectification of {topic} turns by {turned_deg:.2} deg; it is not applied: the images are assumed to be \
+             in the camera frame"
         ));
     }
     if camera.has_changed {

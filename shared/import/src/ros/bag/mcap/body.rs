@@ -3,10 +3,10 @@
 use crate::ros::bag::record::{array, read_bytes};
 use std::io::{self, Read};
 
-/// Longest text of a chunk's head: the name of a compression.
+/// Longest text in the header of a chunk: the name of a compression.
 const MAX_NAME: u32 = 64;
 
-/// Reads a body from its begin.
+/// Reads a body from its start.
 #[derive(Clone, Copy)]
 pub(super) struct Body<'a> {
     rest: &'a [u8],
@@ -57,7 +57,7 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Head of a chunk.
+/// Header of a chunk.
 pub(super) struct ChunkHead {
     pub content_bytes: u64,
     pub crc: u32,

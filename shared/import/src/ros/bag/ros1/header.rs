@@ -4,7 +4,7 @@ use crate::ros::bag::record::{array, read_bytes};
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 
-/// Longest header, bytes. Those of messages have fifty.
+/// Longest header, bytes. Headers of messages have fifty.
 const MAX_HEADER: u32 = 1 << 20;
 
 /// Fields of a header.
