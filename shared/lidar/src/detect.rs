@@ -217,7 +217,8 @@ fn other_name(named: Option<Model>, wanted: Option<&Lidar>, payload: &[u8]) -> O
         return Some(format!("an unknown sensor (product byte {:#04x})", packet.product()));
     }
     Model::may_be_ouster(payload).then(|| {
-        "a sensor that may be an Ouster (set lidar.model = \"ouster\" and lidar.calibration to its metadata file)".to_owned()
+        "a sensor that may be an Ouster (set lidar.model = \"ouster\" and lidar.calibration to its metadata file)"
+            .to_owned()
     })
 }
 

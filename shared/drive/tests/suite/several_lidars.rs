@@ -88,9 +88,15 @@ fn lidars_that_cannot_be_told_apart_are_refused() {
         "{found:?}"
     );
     let found = problems(&two(&named("x", "bin", "a"), &named("y", "bin", "a")));
-    assert!(found.len() == 1 && found[0].starts_with("lidar[1].folder: \"a\" is also the folder of lidar[0]"), "{found:?}");
+    assert!(
+        found.len() == 1 && found[0].starts_with("lidar[1].folder: \"a\" is also the folder of lidar[0]"),
+        "{found:?}"
+    );
     let found = problems(&two(&named("x", "pcap", "a"), &named("y", "pcap", "a")));
-    assert!(found.iter().any(|text| text.starts_with("lidar[1].folder: \"a\" is also the folder of lidar[0]")), "{found:?}");
+    assert!(
+        found.iter().any(|text| text.starts_with("lidar[1].folder: \"a\" is also the folder of lidar[0]")),
+        "{found:?}"
+    );
     let five: String = (0..5).map(|k| named(&format!("l{k}"), "bin", if k == 0 { "a" } else { "b" })).collect();
     assert!(problems(&five)[0].starts_with("lidar: 5 LiDARs; at most 4"), "{:?}", problems(&five));
     assert_eq!(problems("lidar = []\n").len(), 1);

@@ -78,7 +78,10 @@ fn real_files_contain_the_known_camera_parameters() {
 fn real_file_survives_round_trip() {
     for name in [HS03, HS02] {
         let camera = real(name);
-        assert!(SensorCalibration::from_xml(&camera.to_xml()).expect("parses") == camera, "{name} changed in the round trip");
+        assert!(
+            SensorCalibration::from_xml(&camera.to_xml()).expect("parses") == camera,
+            "{name} changed in the round trip"
+        );
     }
 }
 
