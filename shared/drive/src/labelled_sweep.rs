@@ -202,7 +202,7 @@ mod tests {
         assert_eq!(instance(shot(47_000, 3, 100, 9.0)), Err(NoLabel::NoReturn));
         assert_eq!(instance(shot(46_000, 5, 100, 9.0)), Err(NoLabel::NoReturn));
         assert_eq!(instance(shot(200_000_000, 3, 100, 9.0)), Err(NoLabel::NoSweep));
-        // A caller that knows only time and ring gets the first echo.
+        // A caller with only time and ring gets the first echo.
         let bare = Shot { azimuth: None, range_m: None, ..shot(46_000, 3, 0, 0.0) };
         assert_eq!(instance(bare), Ok(0));
     }

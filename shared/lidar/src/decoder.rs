@@ -64,7 +64,7 @@ impl PacketDecoder {
         self.maker.decode(payload, blocks, packet_nanos, scratch);
     }
 
-    /// Where a sweep ends.
+    /// Condition that ends a sweep.
     pub(crate) fn cut(&self) -> Cut {
         self.maker.cut()
     }

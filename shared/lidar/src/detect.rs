@@ -66,7 +66,7 @@ struct Candidate {
     payload: Vec<u8>,
 }
 
-/// What has been found so far.
+/// Results of the search so far.
 #[derive(Default)]
 struct Search {
     candidates: Vec<Candidate>,

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Maximum number of returns of a packet: 16 columns of an Ouster with 128 beams and two echoes.
 pub(crate) const MAX_RETURNS_PER_PACKET: usize = 4096;
 
-/// A unit of a model, behind the trait of its maker.
+/// A unit of a model, as the trait of its maker.
 pub(crate) type Unit = Arc<dyn MakerUnit>;
 
 /// Properties of a model.

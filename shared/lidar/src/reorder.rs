@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 /// a longer delay is counted as late.
 pub(super) const WINDOW: usize = 8;
 
-/// Where a packet is in the captures, in the order of reading.
+/// Position of a packet in the captures, in the order of reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(super) struct Place {
     /// Index of the file.

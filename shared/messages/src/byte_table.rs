@@ -114,7 +114,7 @@ mod tests {
             }
             assert_ne!(former, current);
             assert_eq!(former.clone().with_current_names(), current);
-            // A table that differs in more than names is left as it is.
+            // A table that differs in more than names is returned unchanged.
             former.version += 1;
             assert_eq!(former.clone().with_current_names(), former);
         }

@@ -38,9 +38,9 @@ id_table! {
         Pole = 5, "pole";
         /// Paint on the road.
         RoadLine = 6, "road-line";
-        /// Where cars drive.
+        /// Lanes for cars.
         Road = 7, "road";
-        /// Where people walk.
+        /// Areas for pedestrians.
         Sidewalk = 8, "sidewalk";
         /// Trees, hedges, bushes.
         Vegetation = 9, "vegetation";
@@ -73,7 +73,7 @@ id_table! {
     }
 }
 
-/// Classes that things stand on.
+/// Classes that support other objects.
 pub const GROUND_CLASSES: [ClassId; 6] =
     [ClassId::RoadLine, ClassId::Road, ClassId::Sidewalk, ClassId::Ground, ClassId::RailTrack, ClassId::Terrain];
 

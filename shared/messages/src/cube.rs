@@ -76,7 +76,7 @@ impl<'a> CubeView<'a> {
     pub fn band(&self, band: usize) -> &'a [f32] {
         &self.reflectances[band * self.n_cells..][..self.n_cells]
     }
-    /// Which bands were measured, per cell, row-major.
+    /// Measured bands, per cell, row-major.
     pub fn masks(&self) -> &'a [u32] {
         self.masks
     }

@@ -200,7 +200,7 @@ impl Message for SubmapTopic {
     const VERSION: u32 = 2;
     // One in work at the consumer and one waiting keep both sides busy; each is tens of MB.
     const QUEUE: usize = 2;
-    // One in work and the one before it, for consumers that match across the border.
+    // One in work and the previous one, for consumers that match across the border.
     const BORROWED: usize = 2;
     // 5 s of an HDL-32E are 3.5 million points, of an HDL-64E 6.7 million.
     const MAX_ROWS: usize = 1 << 23;

@@ -13,7 +13,7 @@ pub struct RecordedTopic {
 }
 
 impl RecordedTopic {
-    /// For a tick channel, the topic that the ticks belong to.
+    /// Topic to which the ticks belong, for a tick channel.
     pub fn ticks_of(&self) -> Option<&str> {
         self.name.strip_suffix(TICKS).filter(|_| self.table.topic == TickTopic::TOPIC)
     }

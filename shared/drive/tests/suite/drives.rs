@@ -123,7 +123,7 @@ fn unreadable_entries_do_not_hide_other_faults() {
     assert!(problems(&folder.path().join("nowhere"))[0].rule.contains("not a folder"));
 }
 
-/// A second fault hid behind the first: each start found one more.
+/// Regression: each start reported only the first of several faults.
 #[test]
 fn faults_of_all_kinds_are_reported_at_once() {
     let text = GOOD
@@ -199,7 +199,7 @@ fn cloud_files_with_times_are_sweeps_with_times() {
         let points = [(3, last_nanos), (63, 0), (1, 500)].map(fired).to_vec();
         pcd_from_cloud(&PcdCloud { points, has_rings: true, has_times: true })
     };
-    // The second ends 11 % after the third begins, the last has the duration of the one before.
+    // The second ends 11 % after the third begins, the last has the duration of the previous one.
     let lasts = [109_000_000, 111_000_000, 99_000_000, 40_000_000];
     for (number, last) in lasts.into_iter().enumerate() {
         fs::write(folder.path().join(format!("lidar/{number}.pcd")), cloud(last)).expect("writes");

@@ -11,7 +11,7 @@ pub enum PlyError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was attempted.
+        /// The attempted operation.
         action: &'static str,
         /// Error of the operating system.
         #[source]

@@ -12,8 +12,7 @@ use super::bag::Encoding;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum MessageFault {
     #[error(
-        "{field} ends past the end of the message, which has {n_bytes} bytes: it is cut, or its type has another
-    # layout"
+        "{field} ends past the end of the message, which has {n_bytes} bytes: it is cut, or its type has another layout"
     )]
     End { field: &'static str, n_bytes: usize },
     #[error("CDR encapsulation {0:#06x}; must be 0, 1, 6 or 7 (CDR)")]

@@ -20,7 +20,7 @@ pub enum Model {
 pub(super) struct Timing {
     /// First block of a packet, ns. Beams are added.
     pub(super) first_nanos: i32,
-    /// From one shot to the next, ns.
+    /// Time from one shot to the next, ns.
     pub(super) block_nanos: i32,
     /// Whether `first_nanos` is the time of the last shot of the packet.
     pub(super) counts_back: bool,
