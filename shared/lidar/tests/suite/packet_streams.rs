@@ -345,7 +345,7 @@ fn packets_of_a_second_sensor_are_foreign() {
     for second in ["192.168.1.202:2368", "192.168.1.201:2369"] {
         let second: SocketAddrV4 = second.parse().expect("an address");
         let mut sent: Vec<_> = packets.iter().map(|packet| (SENSOR, packet.clone())).collect();
-        // Its clock is 20 minutes late, and it sends half as many packets, at the beginning.
+        // Its clock is 20 minutes late, and it sends half as many packets, including the very first one.
         for number in (0..N_PACKETS / 2).rev() {
             let mut packet = packets[2 * number].clone();
             let micros = 2_398_500_000_u32 + number as u32 * 1106;
