@@ -2,8 +2,8 @@
 //!
 //! An endless synthetic street, an HDL-32E at 10 Hz. Prints for each tenth of the drive the median and the 95th percentile of the
 //! CPU time of all threads (range image, features, registration, moving objects), the points of the map, the bytes of the state,
-//! the memory of the process, the error of the position as a share of the path, and the error of the heading. Default: 300 sweeps
-//! at 10 m/s; 5000 at 20 m/s are 10 km.
+//! the memory of the process, the position error as a share of the path, and the heading error. Default: 300 sweeps at
+//! 10 m/s; 5000 sweeps at 20 m/s are 10 km.
 #![allow(missing_docs, reason = "not part of the library")]
 #![allow(clippy::unwrap_used, reason = "a bench fails by panicking")]
 

@@ -28,13 +28,13 @@ pub enum SelectedOdometry {
 /// The saved state of a [`SelectedOdometry`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum SelectedState {
-    /// Of [`Odometry`].
+    /// State of [`Odometry`].
     ScanToMap(Box<OdometryState>),
-    /// Of [`ImlsOdometry`].
+    /// State of [`ImlsOdometry`].
     Imls(Box<ImlsState>),
 }
 
-/// A state of one algorithm cannot continue with another.
+/// The saved state was written by a different algorithm.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
     "the saved state belongs to another odometry than the settings select: resume with the settings of the saved run"
@@ -42,7 +42,7 @@ pub enum SelectedState {
 pub struct OtherAlgorithmError;
 
 impl SelectedOdometry {
-    /// See [`Odometry::new`].
+    /// Creates the odometry, see [`Odometry::new`].
     pub fn new(settings: OdometrySettings, algorithm: Algorithm, odom_from_lidar: Pose) -> Self {
         match algorithm {
             Algorithm::ScanToMap => Self::ScanToMap(Box::new(Odometry::new(settings, odom_from_lidar))),
@@ -74,21 +74,21 @@ impl SelectedOdometry {
             Self::Imls(odometry) => odometry.register(sweep),
         }
     }
-    /// How a sensor turns without point times, see [`Odometry::turning`].
+    /// Spin direction of a sensor without point times, see [`Odometry::turning`].
     pub fn turning(&self) -> Option<SpinDirection> {
         match self {
             Self::ScanToMap(odometry) => odometry.turning(),
             Self::Imls(_) => None,
         }
     }
-    /// See [`Odometry::turning_at`].
+    /// Spin direction and revolution time of the next sweep, see [`Odometry::turning_at`].
     pub fn turning_at(&self, stamp: Stamp) -> Option<(SpinDirection, u32)> {
         match self {
             Self::ScanToMap(odometry) => odometry.turning_at(stamp),
             Self::Imls(_) => None,
         }
     }
-    /// What [`SelectedOdometry::turning`] has found, for the user.
+    /// Message for the user about the result of [`SelectedOdometry::turning`].
     pub fn turning_note(&self) -> Option<String> {
         let turning = match self.turning()? {
             SpinDirection::Clockwise => "clockwise",
@@ -96,7 +96,7 @@ impl SelectedOdometry {
         };
         Some(format!("the sweeps have no point times; surfaces that pass by show that the LiDAR turned {turning}"))
     }
-    /// The first sweep, if there was no second one.
+    /// Returns the first sweep if no second sweep was registered.
     pub fn finish(&mut self) -> Option<Registered> {
         match self {
             Self::ScanToMap(odometry) => odometry.finish(),

@@ -23,11 +23,11 @@ pub struct Feature {
     /// (s2 - s3) / s1 with s1 >= s2 >= s3 the deviations of the neighborhood along its principal axes: 0 line or
     /// volume, 1 plane (`a2D`, Demantké et al. 2011).
     pub planarity: f32,
-    /// Deviation of the neighborhood across the plane, m.
+    /// Standard deviation of the neighborhood perpendicular to the plane, m.
     pub roughness_m: f32,
     /// See [`FeatureSettings::max_roughness_m`].
     pub is_rough: bool,
-    /// How far an elevation error of 1 rad moves the point along the normal, m.
+    /// Displacement of the point along the normal per radian of elevation error, m.
     pub lever: f32,
     /// Row of the range image.
     pub row: u16,
@@ -36,39 +36,41 @@ pub struct Feature {
 }
 
 impl Feature {
-    /// Weight of the distance from the map: lower for features of low planarity or high roughness.
+    /// Weight of the point-to-plane residual: lower for features of low planarity or high roughness.
     #[inline]
     pub(crate) fn weight(&self) -> f64 {
         f64::from(self.planarity) * f64::from(SMOOTH_M / self.roughness_m.max(SMOOTH_M)).powi(2)
     }
 }
 
-/// Which points become features.
+/// Feature selection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureSettings {
     /// Columns between evaluated neighborhoods.
     pub column_step: usize,
-    /// Nearer points belong to the vehicle, m.
+    /// Points nearer than this belong to the vehicle, m.
     pub min_range_m: f32,
-    /// The neighbors of farther points are too far away for a normal, m.
+    /// Points farther than this have neighbors too far apart for a normal, m.
     pub max_range_m: f32,
     /// Least planarity.
     pub min_planarity: f32,
-    /// One feature per cube of this side, m.
+    /// At most one feature per cube of this side, m.
     pub spacing_m: f64,
-    /// A feature is moved along its normal to the mean height of the points of its ring within this distance, m; 0 keeps the
-    /// measured position.
+    /// Length of ring over which the position of a feature is smoothed: the feature moves along its normal to the mean
+    /// height of the points of its ring within this distance, m. 0 keeps the measured position.
     pub smoothing_m: f32,
-    /// Largest deviation across the plane of rough features, m: crowns of trees, hedges, fences. They are matched only if the smooth
-    /// ones hardly determine the pose, see [`crate::MatchSettings::rough_below`]. 0 = none.
+    /// Largest standard deviation of rough features perpendicular to the plane, m: tree crowns, hedges, fences. Rough
+    /// features are matched only if the smooth ones hardly constrain the pose, see
+    /// [`crate::MatchSettings::rough_below`]. 0 disables rough features.
     pub max_roughness_m: f32,
 }
 
 impl Default for FeatureSettings {
-    /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. 100 m is the range of an HDL-32E. A planarity of 0.15
-    /// keeps road that is seen in long strips and drops foliage. The spacing is the map's. Smoothing over 0.1 m reduces noise and
-    /// keeps the shape. Smoothing over the whole neighborhood, which grows with the range, distorts the road ahead, and the vehicle
-    /// pitches by 0.5 degrees in 100 m. A roughness of 0.3 m is the outside of a tree, seen from ten metres.
+    /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. 100 m is the range of an HDL-32E. A
+    /// planarity of 0.15 keeps road surface sampled in long strips and drops foliage. The spacing equals the map's
+    /// spacing. Smoothing over 0.1 m reduces noise and keeps the shape. Smoothing over the whole neighborhood, which
+    /// grows with range, distorts the road ahead: the vehicle then pitches by 0.5 degrees in 100 m. A roughness of 0.3
+    /// m is a tree crown at a range of ten metres.
     fn default() -> Self {
         Self {
             column_step: 3,
@@ -82,25 +84,27 @@ impl Default for FeatureSettings {
     }
 }
 
-/// Largest deviation across the plane, m: range noise of 2 cm and a little roughness. It excludes kerbs and gutters, whose normals
-/// change with the point of view; with 6 cm they rotate the vehicle by 0.2 degrees in 100 m. Rougher features must be vertical.
+/// Largest standard deviation of smooth features perpendicular to the plane, m: range noise of 2 cm and slight
+/// roughness. It excludes kerbs and gutters, whose normals depend on the viewpoint; with a limit of 6 cm they rotate
+/// the vehicle by 0.2 degrees in 100 m. Rougher features must be vertical.
 pub(crate) const SMOOTH_M: f32 = 0.035;
 /// Largest vertical component of the normal of a rough feature. It excludes kerbs, gutters and meadows.
 const MAX_UPWARDS: f32 = 0.3;
-/// Least planarity of a rough feature, and the largest share of its third deviation in the second.
+/// Least planarity of a rough feature, and the largest ratio of its third standard deviation to its second.
 const MIN_ROUGH_PLANARITY: f32 = 0.05;
 const MAX_ROUGH_THICKNESS: f32 = 0.7;
-/// Added to columns before an offset is subtracted; a multiple of the image's columns, which wrap around.
+/// Offset added to columns before a subtraction; a multiple of the number of columns, which wrap around.
 const RIM: usize = 1 << 16;
-/// Columns to each side that smoothing may reach: 1 degree, 0.1 m at 6 m.
+/// Largest reach of smoothing to each side, columns: 1 degree, 0.1 m at 6 m.
 const SMOOTHING_COLUMNS: usize = 6;
-/// Points farther from the plane are on another surface, m: four times the range noise.
+/// Points farther from the plane than this are on another surface, m: four times the range noise.
 const SMOOTHING_GATE_M: f32 = 0.08;
-/// Largest share of the third deviation in the second: with 27 neighbors the normal is then known to about 4 degrees.
+/// Largest ratio of the third standard deviation to the second: with 27 neighbors the normal is then accurate to about
+/// 4 degrees.
 const MAX_THICKNESS: f32 = 0.4;
 
-/// Thinned planar points: the smooth ones, then the rough ones, each in the order of the range image. `up` is the unit vector
-/// upwards in the LiDAR frame.
+/// Thinned planar points: the smooth ones, then the rough ones, each in the order of the range image. `up` is the
+/// upward unit vector in the LiDAR frame.
 pub fn planar_features(sweep: &Sweep, up: &Vector3<f32>, settings: &FeatureSettings) -> Vec<Feature> {
     let rows = 0..sweep.image().rows();
     let planes = Planes::new(sweep.image(), settings.column_step.max(1));
@@ -132,7 +136,7 @@ fn row_features(
     let mut taken = VoxelSet::for_at_most(planes.n());
     let mut features = Vec::new();
     for first in (0..planes.n()).step_by(LANES) {
-        // Blocks without a point, such as those of the sky, have no shapes.
+        // Blocks without a point, such as sky, have no shapes.
         if !is_any_in_range(&planes.ranges(row, first), settings) {
             continue;
         }
@@ -210,7 +214,7 @@ fn feature(
     }
 }
 
-/// Mean height over the plane through `center` of the points of the same ring within `reach_m`, m.
+/// Mean height above the plane through `center` of the points of the same ring within `reach_m`, m.
 fn mean_height(
     image: &RangeImage,
     row: usize,

@@ -8,9 +8,9 @@
 //! 5. Samples are projected to the implicit surface of the model and matched point to plane, a fixed number of times (III-D).
 //! 6. The sweep is deskewed again with the pose found. All its points enter the model, which keeps the last sweeps (III).
 //!
-//! Not in the paper: the speed of the first two sweeps is searched, because the paper's drives begin at rest; a sweep whose samples
-//! have too few points of the model near them keeps the prediction, and after several of them a new model begins; covariance,
-//! moving points and the thinned map for loop closures are those of [`crate::Odometry`].
+//! Not in the paper: the speed of the first two sweeps is searched because the paper's drives begin at rest; a sweep
+//! whose samples have too few model points nearby keeps the prediction, and several such sweeps in a row start a new
+//! model; covariance, moving points and the thinned map for loop closures come from [`crate::Odometry`].
 
 mod matching;
 mod model;

@@ -1,6 +1,7 @@
 //! LiDAR odometry: deskewing, planar features, a sliding local map, and scan-to-map registration.
 //!
-//! Begin at `Odometry::follow` in `odometry.rs`: the life of a sweep, step by step. `matching.rs` has the equations.
+//! Start reading at `Odometry::follow` in `odometry.rs`: the processing of a sweep, step by step. `matching.rs` has the
+//! equations.
 //!
 //! | folder | content |
 //! |---|---|
@@ -9,16 +10,16 @@
 //! | `map` | sliding map of points with normals, and its implicit surface |
 //! | `prediction` | error-state Kalman filter of inertial unit and GNSS velocities |
 //! | `matching` | scan-to-map matching |
-//! | `observability` | which directions the scene constrains, and where in the drive it does not |
+//! | `observability` | which directions the scene constrains, and stretches of the drive with degenerate geometry |
 //! | `self_calibration` | errors of rings, direction of rotation, axes of the inertial unit |
-//! | `moving_objects` | small objects in space that an earlier sweep saw as free |
-//! | `odometry` | the algorithm of a run, and its first two sweeps |
+//! | `moving_objects` | small objects in space that an earlier sweep observed as free |
+//! | `odometry` | the odometry of a run, and its initialization from two sweeps |
 //! | `submap` | deskewed points of registered sweeps as rows of topic `submap` |
 //! | `imls` | IMLS-SLAM as published |
 //!
 //! Steps for each sweep (after IMLS-SLAM, J.-E. Deschaud, ICRA 2018; thesis section 2.5.1):
 //! 1. [`Sweep::new`] sorts the returns into a [`RangeImage`], ring by azimuth.
-//! 2. Normals and planarity follow from image neighbors. Planar points, thinned in space, become features.
+//! 2. Normals and planarity are computed from image neighbors. Planar points, thinned in space, become features.
 //! 3. Inertial samples and GNSS velocities predict the motion, or the previous motion continues. Features are matched to the
 //!    surface of the [`LocalMap`]; the motion *during* the sweep is estimated along with the pose.
 //! 4. Along degenerate directions the prediction is kept. Their number is reported.
@@ -27,10 +28,11 @@
 //!
 //! An [`OpenSubmap`] collects the deskewed points of the registered sweeps.
 //!
-//! [`ImlsOdometry`] is the published algorithm, for comparison; [`SelectedOdometry`] is the one that a run selects.
+//! [`ImlsOdometry`] is the published algorithm, for comparison; [`SelectedOdometry`] is the algorithm selected for a
+//! run.
 //!
-//! Frames: `lidar` moves with the vehicle; `odom` is fixed, smooth and drifts. Metres and radians. Odometry never knows the world:
-//! it gives `odom_from_lidar`, and `georeference` places the result.
+//! Frames: `lidar` moves with the vehicle; `odom` is fixed, smooth and drifts. Metres and radians. The odometry does
+//! not use world coordinates: it returns `odom_from_lidar`, and `georeference` transforms the result to the world.
 //!
 //! This crate must never use clocks, files or unseeded randomness, and never correct a pose that it has returned. Results do not
 //! depend on the number of threads: work is split into fixed chunks whose results are reduced in order.

@@ -1,4 +1,4 @@
-//! The sliding map of the surroundings: points with normals in cells of one metre, and the surface that they define.
+//! The sliding map of the surroundings: points with normals in cells of one metre, and the surface they define.
 
 pub(crate) mod cell;
 pub(crate) mod kernel;

@@ -1,17 +1,18 @@
-//! Scan-to-map matching: robust point-to-plane registration over the pose of a sweep and the motion during it (IMLS-SLAM, III-D,
-//! with a motion during the sweep that is estimated instead of predicted).
+//! Scan-to-map matching: robust point-to-plane registration over the pose of a sweep and the motion during it
+//! (IMLS-SLAM, III-D, with an estimated instead of a predicted motion during the sweep).
 //!
-//! Unknowns: pose T (`odom_from_lidar` in the middle of the sweep), motion m during the sweep, and three nuisances of the sensor.
-//! A feature at share s of the sweep has position p and the nearest surface of the map a point q and a normal n.
+//! Unknowns: pose T (`odom_from_lidar` in the middle of the sweep), motion m during the sweep, and three nuisance
+//! parameters of the sensor. A feature at share s of the sweep has position p; the nearest surface of the map has a
+//! point q and a normal n.
 //!
-//! 1. Residual: r = n · (T(s, m) p − q) − l · b, with the nuisances b (tilt of the ground, elevation of all rings, displacement by
-//!    the turn of an untimed sensor) and their levers l.
+//! 1. Residual: r = n · (T(s, m) p − q) − l · b, with the nuisance parameters b (ground tilt, common elevation error of
+//!   all rings, displacement during the revolution of a sensor without point times) and their levers l.
 //! 2. Cost: Σ w ρ(r / σ), with the Cauchy kernel as iterated weights w / (1 + (r / σ)²).
 //! 3. Normal equations: H = Σ w J Jᵀ, g = Σ w J r, with J = (n, arm × n) for the pose.
-//! 4. Degenerate directions: eigenvectors of S H S / Σ w, S = 1 for translations and 1 / 10 m for rotations, whose eigenvalue is
-//!    below `min_influence`. They are kept at the prediction by an added information.
-//! 5. Prior of the pose: the information of the prediction, if sensors predicted it. Prior of the motion: the motion from the
-//!    previous pose to T, with the changes of velocity that a vehicle reaches.
+//! 4. Degenerate directions: eigenvectors of S H S / Σ w, S = 1 for translations and 1 / 10 m for rotations, whose
+//!   eigenvalue is below `min_influence`. Added information keeps them at the prediction.
+//! 5. Prior of the pose: the information of the prediction, if sensors predicted it. Prior of the motion: the motion
+//!   from the previous pose to T, with the velocity changes that a vehicle can reach.
 
 pub(crate) mod normal_equations;
 
@@ -26,44 +27,44 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 use normal_equations::{NormalEquations, NuisancePrior, Solution, StepPrior};
 use rayon::prelude::*;
 
-/// How features are matched.
+/// Settings of the matching.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MatchSettings {
     /// Which features are matched.
     pub sampling: Sampling,
     /// Weights of the map points around a feature.
     pub weights: Weights,
-    /// Whether the motion during the sweep is estimated along with its pose, with the motion from the previous sweep as a prior. If
-    /// not, the sweep is deskewed by the prediction, matched as a rigid body, and deskewed again by the motion from the previous
-    /// sweep to the pose found (Deschaud 2018).
+    /// Whether the motion during the sweep is estimated along with its pose, with the motion from the previous sweep as
+    /// a prior. If not, the prediction deskews the sweep, the sweep is matched as a rigid body, and the motion from the
+    /// previous sweep to the matched pose deskews it again (Deschaud 2018).
     pub continuous_time: bool,
-    /// Rounds with the coarse radius and scale at most. A step below the fine scale ends them.
+    /// Largest number of rounds with the coarse radius and scale. A step below the fine scale ends them.
     pub coarse_rounds: u32,
-    /// Rounds at most.
+    /// Largest number of rounds in total.
     pub max_rounds: u32,
     /// Search radius and robust scale of the coarse rounds.
     pub coarse: MatchScale,
     /// Search radius and robust scale of the fine rounds.
     pub fine: MatchScale,
-    /// Expected changes of velocity. They set the weight of the prior on the motion during a sweep: the motion from the previous
-    /// sweep.
+    /// Expected velocity changes. They set the weight of the prior on the motion during a sweep: the motion from the
+    /// previous sweep.
     pub acceleration: Acceleration,
-    /// Error of a residual for the weight of that prior, m. Errors of neighbors are correlated, so it is larger than the range
-    /// noise.
+    /// Residual error for the weight of that prior, m. Errors of neighbors are correlated, so it is larger than the
+    /// range noise.
     pub residual_m: f64,
-    /// Error of a residual for the covariance, m.
+    /// Residual error for the covariance, m.
     pub drift_residual_m: f64,
-    /// A translation below this ends the fine rounds, m, if the rotation is below `small_step_rad`.
+    /// The fine rounds end at a translation step below this, m, and a rotation step below `small_step_rad`.
     pub small_step_m: f64,
-    /// See `small_step_m`, rad.
+    /// Largest rotation step that ends the fine rounds, see `small_step_m`, rad.
     pub small_step_rad: f64,
     /// A direction is degenerate if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
     pub min_influence: f64,
-    /// Rough features are matched, too, if the least influence of any direction on the smooth ones is below this.
+    /// Rough features are also matched if the least influence of any direction on the smooth ones is below this.
     pub rough_below: f64,
 }
 
-/// Which map points a round of matching uses.
+/// Map points used in a round of matching.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchScale {
     /// Map points within this distance of a feature form its surface, m.
@@ -72,22 +73,22 @@ pub struct MatchScale {
     pub scale_m: f64,
 }
 
-/// Changes of velocity within a sweep that a vehicle reaches, as standard deviations.
+/// Velocity changes that a vehicle can reach within a sweep, as standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acceleration {
-    /// Of the linear velocity, m/s^2.
+    /// Change of the linear velocity, m/s^2.
     pub linear_mps2: f64,
-    /// Of the angular velocity, rad/s^2.
+    /// Change of the angular velocity, rad/s^2.
     pub angular_radps2: f64,
 }
 
 impl Default for MatchSettings {
-    /// 2000 features average 3 cm of noise below 1 mm. The coarse radius is the largest that the map's cells allow. The fine one is
-    /// 1.5 times the map's spacing, so that a surface is the mean of several points: the drift on the synthetic street of
-    /// `tests/suite/support/world.rs` is 0.29, 0.31, 0.33 % with 0.3, 0.4, 0.5 m, and 0.58 % with the nearest point alone.
-    /// 4 m/s^2 is firm braking. 0.7 rad/s^2 is a car pitching by 0.5 degrees at 1.4 Hz; with a weaker prior noise distorts the
-    /// sweep (same street: 0.29 % with 1.5, 0.22 % with 0.7). Normals with errors of 3.6 degrees cause an influence of 0.004
-    /// along a tunnel; rough features are added below 0.005.
+    /// 2000 features average 3 cm of noise to below 1 mm. The coarse radius is the largest that the map's cells allow.
+    /// The fine radius is 1.5 times the map's spacing, so that a surface is the mean of several points: the drift on
+    /// the synthetic street of `tests/suite/support/world.rs` is 0.29, 0.31, 0.33 % with 0.3, 0.4, 0.5 m, and 0.58 %
+    /// with the nearest point alone. 4 m/s^2 is hard braking. 0.7 rad/s^2 is a car pitching by 0.5 degrees at 1.4 Hz;
+    /// with a weaker prior, noise distorts the sweep (same street: 0.29 % with 1.5, 0.22 % with 0.7). Normal errors of
+    /// 3.6 degrees cause an influence of 0.004 along a tunnel; rough features are added below 0.005.
     fn default() -> Self {
         Self {
             sampling: Sampling::Even { spacing_m: 0.5, max_features: 2000 },
@@ -113,13 +114,13 @@ impl Default for MatchSettings {
 pub struct Matched {
     /// `odom_from_lidar` over the sweep.
     pub motion: SweepMotion,
-    /// Features.
+    /// Number of features.
     pub n_features: usize,
-    /// Features with a map point within the search radius.
+    /// Number of features with a map point within the search radius.
     pub n_matches: usize,
     /// Weighted root mean square of the distances from the map's planes, m.
     pub rms_m: f64,
-    /// Mean over the features of min(1, (distance / scale)^2), 1 for those without a match: 0 good, 1 bad.
+    /// Mean over the features of min(1, (distance / scale)^2), 1 for features without a match: 0 good, 1 bad.
     pub cost: f64,
     /// Least mean squared influence of any direction, see [`MatchSettings::min_influence`].
     pub least_influence: f64,
@@ -128,52 +129,54 @@ pub struct Matched {
     /// Inverse covariance of the pose: translation (m), then rotation (rad), in odom axes about the LiDAR, with independent errors
     /// of the features.
     pub information: Matrix6<f64>,
-    /// The same with [`MatchSettings::drift_residual_m`] and zero along degenerate directions. The covariance of a
-    /// [`crate::Registered`] follows from it.
+    /// Inverse covariance like `information`, but with [`MatchSettings::drift_residual_m`] and zero along degenerate
+    /// directions. The covariance of a [`crate::Registered`] is computed from it.
     pub step_information: Matrix6<f64>,
-    /// Whether the last step was below 5 cm and 5 mrad. Larger last steps diverge or oscillate.
+    /// Whether the last step was below 5 cm and 5 mrad. Matches with larger last steps diverge or oscillate.
     pub converged: bool,
 }
 
-/// A match, and the nuisances of the sensor that were estimated with it.
+/// A match, and the nuisance parameters of the sensor estimated with it.
 pub(crate) struct Match {
     pub matched: Matched,
     /// The ground's tilt after the match.
     pub ground_tilt: GroundTilt,
-    /// What is left of the elevation error of all rings.
+    /// Remaining common elevation error of all rings.
     pub elevation: RingError,
-    /// The displacement of points without times after the match.
+    /// Displacement of points without times after the match.
     pub turn: TurnShare,
-    /// Sums by row of the range image.
+    /// Sums per row of the range image.
     pub rings: Vec<RingSums>,
 }
 
-/// What is known before matching.
+/// Prior knowledge of a match.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prediction {
     /// The motion over the sweep.
     pub motion: SweepMotion,
-    /// `odom_from_lidar` in the middle of the previous sweep. The motion since is the prior of the motion during the sweep.
+    /// `odom_from_lidar` in the middle of the previous sweep. The motion since then is the prior of the motion during
+    /// the sweep.
     pub previous: Pose,
     /// Seconds from the middle of the previous sweep to the middle of this one.
     pub seconds: f64,
     /// Seconds from first to last shot.
     pub duration_s: f64,
-    /// Inverse covariance of the pose if sensors predicted it; zero for constant motion. Order and axes as [`Matched::information`].
+    /// Inverse covariance of the pose if sensors predicted it; zero for constant motion. Order and axes as in
+    /// [`Matched::information`].
     pub information: Matrix6<f64>,
     /// The ground's tilt before the match.
     pub ground_tilt: GroundTilt,
-    /// What is left of the elevation error of all rings.
+    /// Remaining common elevation error of all rings.
     pub elevation: RingError,
-    /// Share of the turn by which points without times are displaced.
+    /// Share of the motion during a revolution by which points without times are displaced.
     pub turn: TurnShare,
     /// Lever of that share.
     pub turn_lever: TurnLever,
 }
 
-/// Rotations weigh as the displacement that they cause at this distance, m: a typical range in a street.
+/// Rotations are converted to the displacement at this distance, m: a typical range in a street.
 pub(crate) const LEVER_M: f64 = 10.0;
-/// Fewer matches do not determine six unknowns.
+/// Fewer matches do not constrain six unknowns.
 const MIN_MATCHES: usize = 60;
 /// A match has converged if its last step is below this: the error of a prediction.
 const CONVERGED_M: f64 = 0.05;
@@ -183,8 +186,8 @@ const MIN_TILT_RAD: f64 = 1e-6;
 /// Features of one parallel task; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 
-/// Matches the sweep to the map, beginning at the prediction. `None` if too few features have a match, or if the equations are
-/// singular.
+/// Matches the sweep to the map, starting from the prediction. `None` if too few features have a match or the equations
+/// are singular.
 pub(crate) fn match_features(
     features: &[Feature],
     maps: &Maps,
@@ -251,14 +254,14 @@ pub(crate) fn match_features(
     None
 }
 
-/// Derivatives of the residuals by the nuisances that depend on the motion.
+/// Derivatives of the residuals with respect to the nuisance parameters that depend on the motion.
 #[derive(Clone, Copy)]
 struct Levers<'a> {
     ground: &'a GroundLever,
     turn: &'a TurnLever,
 }
 
-/// Normal equations of the features at a motion: equations 1 to 3.
+/// Normal equations of the features at a given motion: equations 1 to 3.
 fn linearize(
     features: &[Feature],
     maps: &Maps,
@@ -316,7 +319,7 @@ fn linearize_chunk(
     sum
 }
 
-/// Directions of the pose that the geometry of the scene hardly determines.
+/// Directions of the pose that the scene hardly constrains.
 struct DegenerateDirections {
     /// Information that keeps them at the prediction.
     prior: Matrix6<f64>,
@@ -338,7 +341,7 @@ impl DegenerateDirections {
             let square = direction * direction.transpose() * equations.weight;
             if *value < min_influence {
                 found.n += 1;
-                // A hundred times the information of a well determined direction.
+                // A hundred times the information of a well-constrained direction.
                 found.prior += square * 100.0;
             } else {
                 found.determined += square * *value;
@@ -348,7 +351,8 @@ impl DegenerateDirections {
     }
 }
 
-/// Steps of pose and motion, both as translation (m) and rotation vector (rad) in odom axes, and the nuisances.
+/// Steps of pose and motion, both as translation (m) and rotation vector (rad) in odom axes, and the nuisance
+/// parameters.
 fn solve(
     equations: &NormalEquations,
     degenerate: &DegenerateDirections,
@@ -378,7 +382,7 @@ fn solve(
     let mut to_expected = Vector6::zeros();
     to_expected.fixed_rows_mut::<3>(0).copy_from(&translation_gap);
     to_expected.fixed_rows_mut::<3>(3).copy_from(&rotation_gap);
-    // The expected velocity belongs to the middle between both poses; see `Velocity::between`.
+    // The expected velocity applies halfway between both poses; see `Velocity::between`.
     let drift_s2 = prediction.duration_s.max(1e-3) * prediction.seconds / 2.0;
     let information = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
     let Acceleration { linear_mps2, angular_radps2 } = settings.acceleration;

@@ -4,11 +4,11 @@ use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3, interpola
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-/// Pose of the LiDAR during one sweep: in its middle, and the change from first to last shot.
+/// Pose of the LiDAR during one sweep: the pose in the middle, and the change from first to last shot.
 ///
-/// The pose at share s (-0.5 first shot, 0.5 last shot) has the position `mid + s * translation` and the rotation
-/// `mid * exp(s * rotation)`: linear interpolation and slerp between both ends. The reference is the middle because an error of
-/// the motion distorts the sweep symmetrically around it and so hardly shifts the match.
+/// The pose at share s (-0.5 first shot, 0.5 last shot) has the position `mid + s * translation` and the rotation `mid
+/// * exp(s * rotation)`: linear interpolation and slerp between both ends. The reference is the middle because an error
+/// of the motion distorts the sweep symmetrically about it and therefore hardly shifts the match.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepMotion {
     /// `odom_from_lidar` half way between first and last shot.
@@ -20,7 +20,7 @@ pub struct SweepMotion {
 }
 
 impl SweepMotion {
-    /// At rest.
+    /// A LiDAR at rest.
     pub fn still(mid: Pose) -> Self {
         Self { mid, translation: Vector3::zeros(), rotation: Vector3::zeros() }
     }
@@ -31,8 +31,8 @@ impl SweepMotion {
             self.mid.rotation * UnitQuaternion::from_scaled_axis(self.rotation * share),
         )
     }
-    /// Rotates a vector from the LiDAR's axes at `share` of the sweep to odom, by `exp` to second order: the error at 0.05 rad is
-    /// 2e-5 rad. `mid` is the rotation of [`SweepMotion::mid`].
+    /// Rotates a vector from the LiDAR's axes at `share` of the sweep to odom, with `exp` to second order: the error at
+    /// 0.05 rad is 2e-5 rad. `mid` is the rotation of [`SweepMotion::mid`].
     #[inline(always)]
     pub(crate) fn rotated(&self, mid: &Matrix3<f64>, v: &[f32; 3], share: f64) -> Vector3<f64> {
         let v = Vector3::from(*v).cast::<f64>();
@@ -60,7 +60,7 @@ pub struct Velocity {
 }
 
 impl Velocity {
-    /// Mean velocity from one pose to another, that is, the one half way in time. `seconds` is positive.
+    /// Mean velocity from one pose to another, which is the velocity halfway in time. `seconds` is positive.
     pub fn between(from: &Pose, to: &Pose, seconds: f64) -> Self {
         let angular = (from.rotation.inverse() * to.rotation).scaled_axis() / seconds;
         let half_way = from.rotation * UnitQuaternion::from_scaled_axis(angular * (seconds / 2.0));
@@ -88,7 +88,7 @@ impl Velocity {
     }
 }
 
-/// Poses of a sweep tabulated over time, so that deskewing a point costs one look-up and one matrix product.
+/// Poses of a sweep, tabulated over time, so that deskewing a point costs one look-up and one matrix product.
 ///
 /// 2048 bins over a revolution of 100 ms are 49 µs each, one firing of the HDL-32E: the error is half a bin, below
 /// 25 µrad and 0.5 mm at a yaw rate of 1 rad/s and 20 m/s.
@@ -100,12 +100,13 @@ pub struct DeskewTable {
 }
 
 const BINS: usize = 2048;
-/// Exact poses of a table after the first. Matrices between them are interpolated linearly; at 0.1 rad the error is 3e-7 rad.
+/// Number of exact poses of a table after the first. Matrices between them are interpolated linearly; at 0.1 rad the
+/// error is 3e-7 rad.
 const NODES: usize = 64;
 
 impl DeskewTable {
-    /// From the poses at the first and at the last shot, `target_from_lidar`, `duration_nanos` apart. The target frame
-    /// must be near (some km at most): results are f32.
+    /// Builds the table from the poses at the first and at the last shot, `target_from_lidar`, `duration_nanos` apart.
+    /// The target frame must be near (some km at most): results are f32.
     pub fn new(begin: &Pose, end: &Pose, duration_nanos: u32) -> Self {
         let n_bins = if duration_nanos == 0 { 1 } else { BINS };
         let node = |number: usize| {
@@ -129,10 +130,11 @@ impl DeskewTable {
             .collect();
         Self { bins, bins_per_nano: n_bins as f64 / f64::from(duration_nanos.max(1)) }
     }
-    /// The point, shot `offset_nanos` after the first one, in the target frame. Offsets past the end count as the end.
+    /// The point, shot `offset_nanos` after the first one, in the target frame. Offsets past the end are clamped to the
+    /// end.
     #[inline]
     pub fn deskew(&self, position: [f32; 3], offset_nanos: u32) -> [f32; 3] {
-        // As `i32`, because x86 has no conversion to `usize`.
+        // Uses `i32` because x86 has no conversion to `usize`.
         let bin = ((f64::from(offset_nanos) * self.bins_per_nano) as i32 as usize).min(self.bins.len() - 1);
         let [x, y, z, translation] = &self.bins[bin];
         let mut moved = [0.0; 4];
@@ -186,7 +188,7 @@ mod tests {
             let seen = (pose.inverse() * target).cast::<f32>();
             let moved = table.deskew(seen.into(), offset);
             let error = (Point3::from(moved).cast::<f64>() - target).norm();
-            // The table's half bin; without deskew the error is up to 2 m.
+            // Half a bin of the table; without deskewing the error is up to 2 m.
             assert!(error < 1.5e-3, "{offset} ns: {error} m");
         }
     }

@@ -1,4 +1,4 @@
-//! Detects moving objects: small objects in space that an earlier sweep saw as free.
+//! Detects moving objects: small objects in space that an earlier sweep observed as free.
 
 pub(crate) mod ground_field;
 pub(crate) mod past_ranges;
@@ -13,33 +13,34 @@ use serde::{Deserialize, Serialize};
 use small_objects::SmallObjects;
 use std::collections::VecDeque;
 
-/// Earlier sweeps that are compared. A passing vehicle stays in the view of a tilted LiDAR for half a second; in the same time a
-/// pedestrian leaves his place.
+/// Number of earlier sweeps that are compared. A passing vehicle stays in the field of view of a tilted LiDAR for half
+/// a second; in the same time a pedestrian leaves the occupied space.
 const MEMORY: usize = 8;
-/// Least time between them, s: every sweep of a LiDAR at 10 Hz.
+/// Least time between stored sweeps, s: every sweep of a LiDAR at 10 Hz.
 const MIN_INTERVAL_S: f64 = 0.08;
-/// Points of an object that are compared at most.
+/// Largest number of compared points of an object.
 const MAX_POINTS: usize = 64;
-/// The same in a first pass. Objects without a free vote in it are static.
+/// Largest number of compared points in the first pass. Objects without a free vote in it are static.
 const MAX_POINTS_FIRST: usize = 24;
-/// An object moves if this share of its votes is free, and at least so many. Half of a moving object is where it was before or
-/// where nothing was in view. Of a static object hardly one vote in a hundred is free.
+/// An object moves if this share of its votes is free, and at least [`FREE_VOTES`] votes are. Half of a moving object
+/// overlaps its previous position or space that was not visible. For a static object hardly one vote in a hundred is
+/// free.
 const FREE_SHARE: f64 = 0.1;
 const FREE_VOTES: u32 = 4;
-/// An object continues to move if this share of its votes is dynamic: the space of a lorry that passes close by has not been seen
-/// as free, because the lorry itself hides it.
+/// An object continues to move if this share of its votes is dynamic: the space of a lorry that passes close by was not
+/// observed as free, because the lorry itself occludes it.
 const DYNAMIC_SHARE: f64 = 0.5;
 
 /// Points on moving objects: indices, ascending.
 #[derive(Debug, Default)]
 pub(crate) struct MovingPoints {
-    /// All of them.
+    /// All points on moving objects.
     pub points: Vec<u32>,
-    /// Those in space that was free in an earlier sweep. Only they are evidence for later sweeps.
+    /// Points in space that was free in an earlier sweep. Only they are evidence for later sweeps.
     proven: Vec<u32>,
 }
 
-/// How many points of an object are in space that earlier sweeps saw as free, occupied or dynamic.
+/// Number of points of an object in space that earlier sweeps observed as free, occupied or dynamic.
 #[derive(Clone, Copy, Default)]
 struct Votes {
     free: u32,
@@ -64,7 +65,7 @@ impl Votes {
     }
 }
 
-/// Detects moving objects. Its size is bounded: [`MEMORY`] range images of 2 bytes a ray, 1 MB for 32 rings.
+/// Detects moving objects. Its size is bounded: [`MEMORY`] range images of 2 bytes per ray, 1 MB for 32 rings.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct MovingDetector {
     memory: VecDeque<(Stamp, PastRanges)>,
@@ -85,7 +86,7 @@ impl MovingDetector {
             let queries = Queries::new(of.iter().flat_map(members), &placed, &motion.mid.translation.vector);
             queries.votes(&past, objects.n())
         };
-        // Most objects are static, which a few of their points show.
+        // Most objects are static, which a few of their points suffice to show.
         let all: Vec<u32> = (0..objects.n() as u32).collect();
         let mut votes = votes_on(&all, MAX_POINTS_FIRST);
         let may_move = |object: &u32| {
@@ -128,7 +129,7 @@ impl MovingDetector {
 struct Queries {
     /// Positions in the odom frame. Unused lanes repeat a position.
     positions: Vec<Positions>,
-    /// Object of each lane.
+    /// Object index of each lane.
     objects: Vec<u32>,
 }
 
@@ -180,8 +181,8 @@ impl Queries {
     }
 }
 
-/// The points of the range image, [`STRIDE`] from row to row, deskewed, in odom axes relative to the LiDAR in the middle of the
-/// sweep, m; NaN in empty cells.
+/// The points of the range image, [`STRIDE`] cells per row, deskewed, in odom axes relative to the LiDAR in the middle
+/// of the sweep, m; NaN in empty cells.
 fn points_in_odom_axes(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
     let from_middle = |pose: Pose| {
         let offset = pose.translation.vector - motion.mid.translation.vector;
@@ -197,10 +198,11 @@ mod tests {
     use super::*;
     use crate::TimedPoint;
 
-    /// A box on the floor: middle and half of its sides, m.
+    /// A box on the floor: center and half side lengths, m.
     struct Object([f32; 2], [f32; 2]);
 
-    /// Range to the nearest of a floor 2 m below, a wall 20 m ahead and the objects, 1.5 m high; and which object was hit.
+    /// Range to the nearest of a floor 2 m below, a wall 20 m ahead and the objects, 1.5 m high; and the index of the
+    /// object that was hit.
     fn nearest(ray: &Vector3<f32>, objects: &[Object]) -> (f32, Option<usize>) {
         let floor = if ray.z < 0.0 { -2.0 / ray.z } else { f32::MAX };
         let wall = if ray.x > 0.0 { 20.0 / ray.x } else { f32::MAX };
@@ -248,7 +250,7 @@ mod tests {
         let still = SweepMotion::still(Pose::identity());
         let mut moving = MovingDetector::default();
         for number in 0..8 {
-            // The first one stands, the second crosses at 3 m/s.
+            // The first object is static, the second crosses at 3 m/s.
             let side = [0.75; 2];
             let objects = [Object([9.0, -4.0], side), Object([9.0, 1.0 + 0.3 * number as f32], side)];
             let (sweep, hits) = sweep(number, &objects);
@@ -269,7 +271,8 @@ mod tests {
         assert_eq!(moving.memory.len(), MEMORY.min(8));
     }
 
-    /// A vehicle that passed at 2.3 m was detected only until it filled the view; then it rotated the pose by 4 degrees.
+    /// Regression: a vehicle that passed at 2.3 m was detected only until it filled the field of view; then it rotated
+    /// the pose by 4 degrees.
     #[test]
     fn lorry_passing_close_is_detected_until_it_stops() {
         let still = SweepMotion::still(Pose::identity());
@@ -282,7 +285,7 @@ mod tests {
             moving.add_sweep(&sweep, &still, &moves);
             n_right as f64 / hits.iter().flatten().count() as f64
         };
-        // It approaches at 10 m/s and slows down to 2 m/s beside the LiDAR.
+        // It approaches at 10 m/s and slows down to 2 m/s next to the LiDAR.
         let mut at = -14.0;
         for number in 0..20 {
             at += if number < 12 { 1.0 } else { 0.2 };

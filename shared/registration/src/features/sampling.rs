@@ -1,29 +1,29 @@
-//! Chooses the features of a sweep that are matched.
+//! Sampling of the features of a sweep for matching.
 
 use crate::Feature;
 use crate::features::thinned_features;
 use geometry::{UnitQuaternion, Vector3};
 
-/// How the features that are matched are chosen.
+/// Feature sampling for matching.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sampling {
     /// Evenly in space, so that the road near the vehicle does not outweigh the facades.
     Even {
         /// One feature per cube of this side, m.
         spacing_m: f64,
-        /// Features at most, evenly chosen among the rest.
+        /// Largest number of features; the excess is removed evenly.
         max_features: usize,
     },
-    /// The nine observability lists of IMLS-SLAM (Deschaud, ICRA 2018, III-C): for each of the vehicle's axes the features that
-    /// determine the rotation about it best, in either sense, and those that determine the translation along it best.
+    /// The nine observability lists of IMLS-SLAM (Deschaud, ICRA 2018, III-C): for each vehicle axis the features that
+    /// best constrain the rotation about it, in either sense, and those that best constrain the translation along it.
     NineLists {
         /// Features of each list (the paper's s).
         per_list: usize,
     },
 }
 
-/// Chooses from all features. `axes_from_lidar` rotates LiDAR axes to the vehicle's. `is_near_model` is the gate of the paper:
-/// features far from the model are not sampled. A feature in several lists counts several times.
+/// Samples from all features. `axes_from_lidar` rotates LiDAR axes to vehicle axes. `is_near_model` is the gate of the
+/// paper: features far from the model are not sampled. A feature in several lists counts several times.
 pub(crate) fn sampled(
     features: &[Feature],
     sampling: Sampling,
@@ -57,7 +57,7 @@ fn nine_lists(
         let strongest_first = |a: &u32, b: &u32| influence(*b, list).total_cmp(&influence(*a, list)).then(a.cmp(b));
         let mut n_taken = 0;
         let mut begin = 0;
-        // The head of the list usually suffices, because few features are far from the model.
+        // The head of the list usually suffices because few features are far from the model.
         while n_taken < per_list && begin < order.len() {
             let end = (begin + 2 * per_list).min(order.len());
             if end < order.len() {

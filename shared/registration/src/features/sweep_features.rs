@@ -1,4 +1,4 @@
-//! What the odometry keeps of a sweep while it waits for the next one.
+//! Data of a sweep that the odometry keeps until the next sweep.
 
 use crate::{Feature, FeatureSettings, Sweep, planar_features};
 use geometry::{Stamp, Vector3};
@@ -13,14 +13,14 @@ pub(crate) struct SweepFeatures {
     pub duration_s: f64,
     /// All features, for the map.
     pub features: Vec<Feature>,
-    /// A sample of the smooth ones, for matching.
+    /// A sample of the smooth features, for matching.
     pub matching: Vec<Feature>,
-    /// The same and a sample of the rough ones.
+    /// A sample of the smooth and rough features, for matching.
     pub with_rough: Vec<Feature>,
 }
 
 impl SweepFeatures {
-    /// `up_in_lidar` points upwards; `sample` chooses the features that are matched.
+    /// `up_in_lidar` points upwards; `sample` chooses the features to match.
     pub fn new(
         sweep: &Sweep,
         up_in_lidar: &Vector3<f32>,

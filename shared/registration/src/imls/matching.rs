@@ -1,4 +1,4 @@
-//! The match: samples are projected to the surface of the model, and the pose follows point to plane (III-D).
+//! Matching: samples are projected to the surface of the model, then the pose is estimated point to plane (III-D).
 
 use super::ImlsSettings;
 use super::model::Model;
@@ -8,23 +8,23 @@ use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
 use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
-/// Fewer samples near the model do not determine six unknowns. The paper has no limit.
+/// Fewer samples near the model do not constrain six unknowns. The paper has no limit.
 const MIN_MATCHES: usize = 60;
 /// Samples of one parallel task; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 32;
-/// Rotations weigh as the displacement that they cause at this distance, m, in the report on degenerate directions.
+/// Rotations are converted to the displacement at this distance, m, in the report on degenerate directions.
 const LEVER_M: f64 = 10.0;
 /// A match has converged if its last step is below this, m and rad.
 const CONVERGED: (f64, f64) = (0.05, 5e-3);
 
-/// What the report needs beside the paper's constants; see [`crate::MatchSettings`].
+/// Inputs of the report in addition to the paper's constants; see [`crate::MatchSettings`].
 pub(super) struct Reported {
     pub min_influence: f64,
     pub drift_residual_m: f64,
 }
 
-/// Matches samples in the LiDAR frame at the last shot. Returns the pose at the last shot; `Matched::motion` is at rest there.
-/// `None` if too few samples are near the model, or if the equations are singular.
+/// Matches samples in the LiDAR frame at the last shot. Returns the pose at the last shot; `Matched::motion` is at rest
+/// there. Returns `None` if too few samples are near the model or the equations are singular.
 pub(super) fn match_samples(
     samples: &[Feature],
     model: &Model,
@@ -39,7 +39,7 @@ pub(super) fn match_samples(
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
-        // The paper has no prior and no nuisances: these stay at zero.
+        // The paper has neither a prior nor nuisance parameters: both stay at zero.
         let no_prior = StepPrior { information: &Matrix6::zeros(), step: &Vector6::zeros() };
         let at_zero = NuisancePrior { information: 1.0, expected: 0.0 };
         let step = equations.solve(&no_prior, None, [at_zero; NUISANCES])?.pose;

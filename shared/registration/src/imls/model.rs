@@ -8,14 +8,14 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, VecDeque};
 
-/// Side of a cell, m: the paper's radius. A search then touches 27 cells at most.
+/// Side of a cell, m: the paper's radius. A search then visits at most 27 cells.
 const CELL_M: f64 = 0.2;
 /// Steps of a coordinate within a cell: 3 um each.
 const STEPS: f64 = 65536.0;
 /// Steps of a component of a normal.
 const NORMAL_STEPS: f32 = 32767.0;
 
-/// A point, 12 bytes: position in its cell and unit normal. Six million of them, 100 sweeps, are 72 MB.
+/// Packed point of 12 bytes: position in its cell and unit normal. Six million points, 100 sweeps, are 72 MB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Packed {
     position: [u16; 3],
@@ -25,7 +25,7 @@ struct Packed {
 #[derive(Clone, Debug, Default)]
 struct Cell {
     points: Vec<Packed>,
-    /// Sweep and number of its points, in the order of `points`.
+    /// Sweep number and point count, in the order of `points`.
     sweeps: VecDeque<(u32, u32)>,
 }
 
@@ -33,7 +33,7 @@ struct Cell {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Model {
     cells: HashMap<u64, Cell, SpreadKeys>,
-    /// Cells with points of each sweep.
+    /// Keys of the cells that hold points of each sweep.
     keys: VecDeque<(u32, Vec<u64>)>,
 }
 
@@ -57,7 +57,7 @@ impl Packed {
         };
         (cell.key(), packed)
     }
-    /// Relative to the corner of its cell, m.
+    /// Position relative to the corner of its cell, m.
     #[inline]
     fn position(&self) -> Vector3<f32> {
         const STEP_M: f32 = (CELL_M / STEPS) as f32;
@@ -125,8 +125,8 @@ impl Model {
         self.cells.values().map(|cell| cell.points.len()).sum()
     }
 
-    /// The surface at a position: I(x), the mean of the distances from the planes of the points within the radius, weighted by
-    /// exp(-d^2 / h^2), and the normal of the nearest point. `None` without a point within the radius.
+    /// The surface at a position: I(x), the mean distance from the planes of the points within the radius, weighted by
+    /// exp(-d^2 / h^2), and the normal of the nearest point. `None` if no point is within the radius.
     pub fn surface(&self, position: &Vector3<f64>, settings: &ImlsSettings) -> Option<Surface> {
         let limit = (settings.radius_m * settings.radius_m) as f32;
         let per_h2 = (1.0 / (settings.h_m * settings.h_m)) as f32;
@@ -151,7 +151,7 @@ impl Model {
                 }
             }
         });
-        // Weights may all be too small for a number if h is a small part of the radius.
+        // All weights may underflow if h is a small fraction of the radius.
         (weights > 0.0).then(|| Surface {
             distance_m: heights / weights,
             normal: normal.cast::<f64>().normalize(),

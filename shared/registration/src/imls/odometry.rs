@@ -1,4 +1,4 @@
-//! The steps of the paper, sweep after sweep.
+//! The steps of the paper, applied to each sweep.
 
 use super::ImlsSettings;
 use super::matching::{Reported, match_samples};
@@ -20,18 +20,20 @@ use geometry::{Pose, Stamp, Vector3, interpolate};
 use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 
-/// After so many sweeps without a match (half a second) a new model begins, because the old one is out of reach. Not in the paper.
+/// Consecutive sweeps without a match (half a second) after which a new model begins: the old one is out of reach. Not
+/// in the paper.
 const MAX_BRIDGED: u32 = 5;
 /// Motion after which the map for loop closures grows, m and rad, as in [`crate::Odometry`].
 const MIN_MOTION: (f64, f64) = (0.1, 0.01);
-/// Least time between the last shots of two sweeps, s, if stamps of a recording disagree with point times.
+/// Lower bound for the time between the last shots of two sweeps, s, in case the stamps of a recording contradict the
+/// point times.
 const MIN_SECONDS: f64 = 1e-3;
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Last {
     end_stamp: Stamp,
     end: Pose,
-    /// Between the last shots of the last two sweeps.
+    /// Velocity between the last shots of the last two sweeps.
     velocity: Velocity,
     mid_stamp: Stamp,
     mid: Pose,
@@ -43,21 +45,21 @@ struct First {
     points: SweepPoints,
 }
 
-/// The saved state, see [`ImlsOdometry::save`]: 12 bytes for each point of the model, 72 MB with 100 sweeps of 60 000 points, and
-/// the parts that [`crate::OdometryState`] has, too.
+/// The saved state, see [`ImlsOdometry::save`]: 12 bytes for each point of the model, 72 MB with 100 sweeps of 60 000
+/// points, and the parts shared with [`crate::OdometryState`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ImlsState {
     begin: Pose,
-    /// The first sweep, until the second arrives.
+    /// The first sweep, until the second one is registered.
     first: Option<First>,
     last: Option<Last>,
     n_inserted: u32,
-    /// Pose at which the map for loop closures grew last.
+    /// Pose of the last extension of the map for loop closures.
     grown_at: Option<Pose>,
     n_grown: u32,
     bridged_in_a_row: u32,
     navigation: Option<Navigation>,
-    /// Empty: the algorithm uses the LiDAR alone.
+    /// Always empty: the algorithm uses the LiDAR alone.
     log: SensorLog,
     moving: MovingDetector,
     maps: SavedMaps,
@@ -67,17 +69,17 @@ pub struct ImlsState {
 /// IMLS-SLAM; see the module. The same sweeps give the same bits on any number of threads and after any save and load.
 #[derive(Debug)]
 pub struct ImlsOdometry {
-    /// Ranges, mounting, and the settings of the parts that are not in the paper.
+    /// Ranges, mounting, and settings of the parts that are not in the paper.
     settings: OdometrySettings,
     imls: ImlsSettings,
-    /// Its `maps` and `model` are empty while running: see the fields below.
+    /// The saved part of the state. Its `maps` and `model` are empty while running: see the fields below.
     state: ImlsState,
     maps: Maps,
     model: Model,
 }
 
 impl ImlsOdometry {
-    /// See [`crate::Odometry::new`].
+    /// Creates the odometry, see [`crate::Odometry::new`].
     pub fn new(settings: OdometrySettings, imls: ImlsSettings, odom_from_lidar: Pose) -> Self {
         let state = ImlsState {
             begin: odom_from_lidar,
@@ -96,7 +98,7 @@ impl ImlsOdometry {
         Self { settings, imls, state, maps: Maps::default(), model: Model::default() }
     }
 
-    /// See [`crate::Odometry::register`].
+    /// Registers the next sweep, see [`crate::Odometry::register`].
     pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
         let features = self.features(sweep);
         let before = self.state.last.as_ref().map(|last| last.mid_stamp);
@@ -115,7 +117,7 @@ impl ImlsOdometry {
         Ok(self.start(&first, features, sweep))
     }
 
-    /// See [`crate::Odometry::finish`].
+    /// Returns the first sweep if no second one was registered, see [`crate::Odometry::finish`].
     pub fn finish(&mut self) -> Option<Registered> {
         let first = self.state.first.take()?;
         Some(registered(&first.features, SweepMotion::still(self.state.begin), None))
@@ -155,7 +157,7 @@ impl ImlsOdometry {
         SweepPoints::new(sweep, end_from_begin, &odom_from_end.rotation, &ranges_m)
     }
 
-    /// Keeps the first sweep until there is a second one.
+    /// Keeps the first sweep until the second one is registered.
     fn wait(&mut self, features: SweepFeatures, sweep: &Sweep) {
         let points = self.points(sweep, &Pose::identity(), &self.state.begin);
         self.state.first = Some(First { features, points });
@@ -224,7 +226,7 @@ impl ImlsOdometry {
         Registered { map_restarted, covariance, moving, ..registered(features, motion, matched) }
     }
 
-    /// The nine lists, from the points near the model at the predicted pose.
+    /// Samples of the nine lists, from the points near the model at the predicted pose.
     fn samples(&self, points: &[Feature], predicted: &Pose) -> Vec<Feature> {
         let sampling = Sampling::NineLists { per_list: self.imls.per_list };
         sampled(points, sampling, &self.state.begin.rotation, |point| {
@@ -238,7 +240,7 @@ impl ImlsOdometry {
         self.state.n_inserted += 1;
     }
 
-    /// Tracks the covariance of the pose. The filter predicts nothing.
+    /// Propagates the covariance of the pose. The filter does not predict the pose.
     fn update_covariance(
         &mut self,
         features: &SweepFeatures,
@@ -262,7 +264,7 @@ impl ImlsOdometry {
         navigation.pose_covariance()
     }
 
-    /// Moving points of the sweep; and the map for loop closures.
+    /// Updates the moving points of the sweep and the map for loop closures.
     fn update_outputs(
         &mut self,
         features: &SweepFeatures,
@@ -271,7 +273,7 @@ impl ImlsOdometry {
         is_matched: bool,
         map_restarted: bool,
     ) -> Vec<u32> {
-        // Without a match the pose is too inexact: standing objects would seem to move.
+        // Without a match the pose is too inaccurate: static objects would appear to move.
         let moving = if is_matched { self.state.moving.detect(sweep, motion) } else { MovingPoints::default() };
         if is_matched || map_restarted {
             let is_static = |feature: &&Feature| moving.points.binary_search(&feature.point_idx).is_err();
@@ -297,7 +299,7 @@ impl ImlsOdometry {
     }
 }
 
-/// Linear interpolation of the position and slerp of the rotation between the poses at first and last shot.
+/// Linear interpolation of the position and slerp of the rotation between the poses at the first and last shot.
 fn motion_between(begin: &Pose, end: &Pose) -> SweepMotion {
     SweepMotion {
         mid: interpolate(begin, end, 0.5),

@@ -1,4 +1,4 @@
-//! Bytes of a saved state, stored as one block: element by element, 70 MB take seconds.
+//! Bytes of a saved state, stored as one block: serializing 70 MB element by element takes seconds.
 
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

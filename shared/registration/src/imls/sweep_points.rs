@@ -27,12 +27,13 @@ pub(super) struct SweepPoints {
     duration_nanos: u32,
 }
 
-/// Normal and planarity of a cell; planarity -1 if they are not known.
+/// Normal and planarity of a cell; planarity is -1 if they are unknown.
 type Shape = ([f32; 3], f32);
 
 impl SweepPoints {
-    /// All points with a normal, without small objects. `end_from_begin`: motion of the LiDAR during the sweep, `level_from_end`:
-    /// rotation to axes with z up. Points out of `ranges_m` belong to the vehicle or have no normals.
+    /// All points with a normal, without small objects. `end_from_begin`: motion of the LiDAR during the sweep,
+    /// `level_from_end`: rotation to axes with z up. Points outside `ranges_m` belong to the vehicle or have no
+    /// normals.
     pub fn new(
         sweep: &Sweep,
         end_from_begin: &Pose,
@@ -74,7 +75,7 @@ impl SweepPoints {
         self.points.is_empty()
     }
 
-    /// As features, deskewed to the last shot.
+    /// The points as features, deskewed to the last shot.
     pub fn features(&self, end_from_begin: &Pose) -> Vec<Feature> {
         let deskewed = self.deskewed(end_from_begin);
         let feature = |(idx, (point, position)): (usize, (&SweepPoint, [f32; 3]))| Feature {

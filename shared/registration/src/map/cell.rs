@@ -1,4 +1,4 @@
-//! The map's points within a cube of one metre, laid out for SIMD registers.
+//! The map points within a cube of one metre, laid out for SIMD registers.
 
 use crate::{Kernel, Weights};
 
@@ -12,17 +12,18 @@ const UNUSED: f32 = 1e6;
 /// Position relative to the cell's lower corner (m), unit normal, and levers.
 pub(crate) type Oriented = ([f32; 3], [f32; 3], [f32; 2]);
 
-/// Lanes by coordinate: x y z, then the normal, then the levers.
+/// Lanes per coordinate: x y z, then the normal, then the levers.
 type Block = [[f32; LANES]; 8];
 
-/// Points in the order of their insertion.
+/// Points in insertion order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cell {
     n: usize,
     blocks: Vec<Block>,
 }
 
-/// Sums over points around a position, by lane: weights, weighted distances from their planes, weighted normals, weighted levers.
+/// Sums over the points around a position, per lane: weights, weighted distances from their planes, weighted normals,
+/// weighted levers.
 #[derive(Clone, Copy)]
 pub(crate) struct SurfaceSums([[f32; LANES]; 7]);
 
@@ -67,7 +68,7 @@ impl Cell {
         self.set(self.n, ([UNUSED; 3], [0.0; 3], [0.0; 2]));
         self.blocks.truncate(self.n.div_ceil(LANES));
     }
-    /// The first point in `cube`, where `per_side` cubes fill the cell's side.
+    /// Index of the first point in `cube`, where `per_side` cubes fill the cell's side.
     #[inline(always)]
     pub fn in_cube(&self, cube: [f32; 3], per_side: f32) -> Option<usize> {
         self.blocks.iter().enumerate().find_map(|(number, [x, y, z, ..])| {

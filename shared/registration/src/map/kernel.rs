@@ -1,6 +1,6 @@
 //! Weights of the points around a position.
 
-/// Weight of a point by its distance d.
+/// Weight of a point as a function of its distance d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Weights {
     /// (1 - d^2/r^2)^2 within the radius r: as smooth as a Gaussian, zero at the radius, no exponential.
@@ -12,11 +12,11 @@ pub enum Weights {
     },
 }
 
-/// Which points form a surface, see [`crate::LocalMap::surface`].
+/// Kernel of the points that form a surface, see [`crate::LocalMap::surface`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kernel {
-    /// Farther points have no weight, m; at most 0.5.
+    /// Radius beyond which points have no weight, m; at most 0.5.
     pub radius_m: f64,
-    /// Weights of the nearer ones.
+    /// Weights within the radius.
     pub weights: Weights,
 }

@@ -11,62 +11,63 @@ use std::collections::{HashMap, VecDeque};
 /// A point of a surface, 48 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapPoint {
-    /// x y z, m, odom frame. f64: the odom frame may be kilometres away from its origin.
+    /// x y z, m, odom frame. f64: the vehicle may be kilometres from the origin of the odom frame.
     pub position: [f64; 3],
     /// Unit normal, odom frame.
     pub normal: [f32; 3],
     /// See [`crate::Feature::lever`].
     pub lever: f32,
-    /// How far the motion during a revolution moves the point along the normal, m, for a sensor that turns clockwise; 0 with point
-    /// times.
+    /// Displacement of the point along the normal by the motion during a revolution, m, for a sensor that spins
+    /// clockwise; 0 with point times.
     pub turn_lever: f32,
-    /// Number of the insertion.
+    /// Number of the insertion that added the point.
     pub batch: u32,
 }
 
-/// Extent of the map.
+/// Extent and density of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapSettings {
     /// One point per cube of this side, m; rounded so that whole cubes fill a metre.
     pub spacing_m: f64,
-    /// Insertions after which a point is dropped.
+    /// Number of insertions after which a point is dropped.
     pub batches: u32,
-    /// How far a point moves along its normal towards a new point of its cube, as a share of their distance; 0 keeps the first
-    /// measurement.
+    /// Step of a point along its normal towards a new point in its cube, as a share of their distance; 0 keeps the
+    /// first measurement.
     pub refinement: f64,
-    /// Points at most; the oldest are dropped first.
+    /// Largest number of points; the oldest are dropped first.
     pub max_points: usize,
 }
 
 impl Default for MapSettings {
-    /// 0.2 m is ten times the range noise, so normals by neighbors are accurate. 60 sweeps are 6 s, and 60 m at 10 m/s: the range
-    /// of dense returns. A refinement of 0.1 averages about ten sweeps. 80 000 points are 3.8 MB of state; a street fills about half.
+    /// 0.2 m is ten times the range noise, so normals from neighbors are accurate. 60 sweeps are 6 s, and 60 m at 10
+    /// m/s: the range of dense returns. A refinement of 0.1 averages about ten sweeps. 80 000 points are 3.8 MB of
+    /// state; a street uses about half.
     fn default() -> Self {
         Self { spacing_m: 0.2, batches: 60, refinement: 0.1, max_points: 80_000 }
     }
 }
 
-/// Side of a cell, m. A search of half of it touches 2 x 2 x 2 cells; one cell of a plane holds 25 points at the default
-/// spacing.
+/// Side of a cell, m. A search with half this radius visits 2 x 2 x 2 cells; one cell of a plane holds 25 points at the
+/// default spacing.
 const CELL_M: f64 = 1.0;
-/// A new point farther from a map point's plane is on another surface, m: five times the range noise.
+/// Larger distances of a new point from a map point's plane mean another surface, m: five times the range noise.
 const REFINEMENT_GATE_M: f32 = 0.1;
 /// Largest radius of [`LocalMap::surface`], m.
 pub(crate) const MAX_RADIUS_M: f64 = CELL_M / 2.0;
-/// Positions are multiples of this, m: 1 um. So f32 holds them exactly in their cell, and f64 in the odom frame.
+/// Positions are multiples of this, m: 1 um. f32 therefore holds them exactly within a cell, and f64 in the odom frame.
 const UNIT_M: f64 = 1.0 / (1 << 20) as f64;
 
-/// Thinned points with normals, searchable by position. The list of the points is the whole state: a map made from it continues
-/// with the same bits.
+/// Thinned points with normals, searchable by position. The list of points is the whole state: a map rebuilt from it
+/// continues with the same bits.
 #[derive(Clone, Debug, Default)]
 pub struct LocalMap {
     cells: HashMap<u64, Cell, SpreadKeys>,
-    /// Cell and batch of each point, in the order of insertion. In a cell the points have that order, too.
+    /// Cell and batch of each point, in insertion order. Cells hold their points in the same order.
     order: VecDeque<(u64, u32)>,
 }
 
 impl LocalMap {
-    /// From a list of points, for example a saved one, see [`LocalMap::points`].
+    /// Builds the map from a list of points, for example a saved one, see [`LocalMap::points`].
     pub fn from_points(points: &[MapPoint]) -> Self {
         let mut map = Self::default();
         for point in points {
@@ -75,7 +76,7 @@ impl LocalMap {
         }
         map
     }
-    /// All points in the order of insertion.
+    /// All points in insertion order.
     pub fn points(&self) -> Vec<MapPoint> {
         let mut met: HashMap<u64, usize, SpreadKeys> = HashMap::default();
         let point = |&(key, batch): &(u64, u32)| {
@@ -97,8 +98,8 @@ impl LocalMap {
         self.order.is_empty()
     }
     /// Adds the points whose cubes are empty. Each of the others moves the point in its cube along the normal by
-    /// [`MapSettings::refinement`]. Drops points that are too old or too many. New points must be thinned among themselves: they do
-    /// not refine each other.
+    /// [`MapSettings::refinement`]. Drops points that are too old or too many. New points must already be thinned: they
+    /// do not refine each other.
     pub fn insert(&mut self, batch: u32, new_points: &[MapPoint], settings: &MapSettings) {
         let n_before = self.order.len();
         let added = wide_loops::run(
@@ -115,7 +116,7 @@ impl LocalMap {
             self.drop_oldest();
         }
     }
-    /// Refines by the points whose cubes are occupied, and returns the others with their cells.
+    /// Refines the map with the points whose cubes are occupied, and returns the others with their cells.
     #[inline(always)]
     fn refine(&mut self, new_points: &[MapPoint], settings: &MapSettings) -> Vec<(u64, Oriented)> {
         let per_side = (CELL_M / settings.spacing_m).round().max(1.0) as f32;
@@ -130,7 +131,7 @@ impl LocalMap {
                 continue;
             };
             let refined = refined(cell.get(at), &new, settings.refinement as f32);
-            // A point must stay in its cube, or thinning would find the cube empty.
+            // A point must stay in its cube, otherwise thinning would find the cube empty.
             if cube_of(refined.0) == cube {
                 cell.set(at, refined);
             }
@@ -150,9 +151,9 @@ impl LocalMap {
             }
         }
     }
-    /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within the kernel's
-    /// radius (at most 0.5 m, half a cell) whose normals are within about 37 degrees of `normal`. The limit excludes the other side
-    /// of a wall and the road under a bumper. `None` without such a point.
+    /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within
+    /// the kernel's radius (at most 0.5 m, half a cell) whose normals are within about 37 degrees of `normal`. The
+    /// angle limit excludes the other side of a wall and the road under a bumper. `None` if there is no such point.
     #[inline(always)]
     pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, kernel: &Kernel) -> Option<Surface> {
         let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;
@@ -183,7 +184,7 @@ impl LocalMap {
     }
 }
 
-/// The key of a point's cell, and the point relative to the cell's corner.
+/// The cell key of a point, and the point relative to the cell's corner.
 #[inline(always)]
 fn placed(point: &MapPoint) -> (u64, Oriented) {
     let position = point.position.map(|v| (v / UNIT_M).round() * UNIT_M);
@@ -192,8 +193,8 @@ fn placed(point: &MapPoint) -> (u64, Oriented) {
     (cell.key(), (in_cell, point.normal, [point.lever, point.turn_lever]))
 }
 
-/// A point, moved along its normal by `share` of its distance to the plane through a new point of the same surface. It does not
-/// move sideways, so thinning is not affected.
+/// A point, moved along its normal by `share` of its distance to the plane through a new point of the same surface. It
+/// does not move tangentially, so thinning is not affected.
 #[inline(always)]
 fn refined((position, normal, levers): Oriented, new: &Oriented, share: f32) -> Oriented {
     let axis = Vector3::from(normal);

@@ -1,10 +1,10 @@
-//! The maps to which features are matched: one of smooth and one of rough surfaces.
+//! The maps used for matching: one of smooth and one of rough surfaces.
 
 use crate::self_calibration::spin_direction::TurnLever;
 use crate::{Feature, LocalMap, MapPoint, MapSettings, SweepMotion};
 use serde::{Deserialize, Serialize};
 
-/// Two maps, so that leaves beside a facade do not distort it.
+/// Separate maps of smooth and rough surfaces, so that leaves next to a facade do not distort it.
 #[derive(Debug, Default)]
 pub(crate) struct Maps {
     pub smooth: LocalMap,
@@ -19,7 +19,7 @@ pub(crate) struct SavedMaps {
 }
 
 impl Maps {
-    /// The map for a feature.
+    /// The map that a feature is matched to.
     pub fn of(&self, feature: &Feature) -> &LocalMap {
         if feature.is_rough { &self.rough } else { &self.smooth }
     }
@@ -36,7 +36,7 @@ impl Maps {
         self.smooth.insert(batch, &points(false), settings);
         self.rough.insert(batch, &points(true), settings);
     }
-    /// Maps with one sweep.
+    /// Maps with the features of one sweep.
     pub fn of_sweep(features: &[Feature], motion: &SweepMotion) -> Self {
         let map = |is_rough| LocalMap::from_points(&map_points(features, is_rough, motion, &TurnLever::NONE, 0));
         let [smooth, rough] = [false, true].map(map);
@@ -50,7 +50,7 @@ impl Maps {
     }
 }
 
-/// Smooth or rough features in the odom frame.
+/// Smooth or rough features, transformed to the odom frame.
 fn map_points(
     features: &[Feature],
     is_rough: bool,

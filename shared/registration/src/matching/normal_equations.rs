@@ -20,33 +20,34 @@ const TRIANGLE: [(usize, usize); 21] = {
     places
 };
 
-/// Unknowns beside pose and motion: the ground's tilt, the elevation error of all rings, and the sense of turning of a sensor
-/// without point times.
+/// Number of unknowns in addition to pose and motion: the ground tilt, the common elevation error of all rings, and the
+/// spin direction of a sensor without point times.
 pub(crate) const NUISANCES: usize = 3;
 
 /// Sums over residuals r with Jacobian J for the pose (translation, then rotation, both in odom axes about the LiDAR's
-/// position) and `s J` for the motion over the sweep, s being the share of the point.
+/// position) and `s J` for the motion over the sweep, where s is the share of the point.
 #[derive(Clone)]
 pub(crate) struct NormalEquations {
-    /// Sums of w J J^T, w s J J^T and w s^2 J J^T, upper triangles: a loop over them vectorizes.
+    /// Sums of w J J^T, w s J J^T and w s^2 J J^T, upper triangles: loops over them vectorize.
     squares: [[f64; 21]; 3],
     /// Sums of w J r and w s J r.
     gradients: [[f64; 6]; 2],
-    /// Sums of w J l and w s J l for each derivative l by a nuisance.
+    /// Sums of w J l and w s J l for the derivative l of each nuisance parameter.
     crosses: [[[f64; 6]; 2]; NUISANCES],
-    /// Sums of w l m for each two nuisances.
+    /// Sums of w l m for each pair of nuisance parameters.
     nuisances: [[f64; NUISANCES]; NUISANCES],
     /// Sums of w l r.
     products: [f64; NUISANCES],
-    /// By row of the range image.
+    /// Sums per row of the range image.
     pub rings: Vec<RingSums>,
     /// Sum of w.
     pub weight: f64,
     /// Sum of w r^2, m^2.
     pub weighted_squares: f64,
-    /// Truncated cost in units of the robust scale: min(1, (r / scale)^2) for each match, 1 for each point without.
+    /// Truncated cost in units of the robust scale: min(1, (r / scale)^2) for each match, 1 for each point without a
+    /// match.
     pub cost: f64,
-    /// Points with a match.
+    /// Number of points with a match.
     pub n_matches: usize,
 }
 
@@ -66,7 +67,7 @@ impl NormalEquations {
         }
     }
     /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the LiDAR, odom axes. `levers` are its
-    /// derivatives by the nuisances, m.
+    /// derivatives with respect to the nuisance parameters, m.
     #[inline(always)]
     pub fn add(
         &mut self,
@@ -139,15 +140,15 @@ impl NormalEquations {
     pub fn pose(&self) -> Matrix6<f64> {
         symmetric(&self.squares[0])
     }
-    /// Steps of pose and motion, and the nuisances, that minimize the cost under a prior on each. Without `motion_prior` the motion
-    /// is not an unknown. `None` if the system is singular.
+    /// Steps of pose and motion, and the nuisance parameters, that minimize the cost under a prior on each. Without
+    /// `motion_prior` the motion is not an unknown. `None` if the system is singular.
     pub fn solve(
         &self,
         pose_prior: &StepPrior<'_>,
         motion_prior: Option<&StepPrior<'_>>,
         priors: [NuisancePrior; NUISANCES],
     ) -> Option<Solution> {
-        /// First row of the nuisances.
+        /// First row of the nuisance parameters.
         const FIRST: usize = 12;
         let mut h = SMatrix::<f64, { FIRST + NUISANCES }, { FIRST + NUISANCES }>::identity();
         let mut g = SVector::<f64, { FIRST + NUISANCES }>::zeros();
@@ -196,16 +197,16 @@ pub(crate) struct StepPrior<'a> {
     pub step: &'a Vector6<f64>,
 }
 
-/// Prior of a nuisance.
+/// Prior of a nuisance parameter.
 #[derive(Clone, Copy)]
 pub(crate) struct NuisancePrior {
-    /// In units of the squared error of a residual.
+    /// Information, in units of the squared error of a residual.
     pub information: f64,
     /// The value that the prior expects.
     pub expected: f64,
 }
 
-/// An estimated nuisance.
+/// An estimated nuisance parameter.
 pub(crate) struct Nuisance {
     pub value: f64,
     /// Variance in units of the squared error of a residual.

@@ -2,34 +2,34 @@
 
 /// Side of a cell, m.
 const CELL_M: f32 = 0.5;
-/// Cells from the middle to each side: 48 m. Farther away rings are too sparse for the field to grow.
+/// Cells from the middle to each side: 48 m. Farther away, rings are too sparse for the field to grow.
 const REACH: usize = 96;
-/// Cells of a row: the field and a rim that stays empty, so that each cell of the field has all its neighbors.
+/// Cells per row: the field and a margin that stays empty, so that each cell of the field has all its neighbors.
 const SIDE: usize = 2 * (REACH + RIM);
 const RIM: usize = 2;
 /// Seeds of the ground lie within this distance of the vehicle, m.
 const SEED_M: f32 = 6.0;
-/// Largest height of a seed over the lowest one, m: a sidewalk is ground, a bonnet is not.
+/// Largest height of a seed above the lowest one, m: a sidewalk is ground, a bonnet is not.
 const SEED_STEP_M: f32 = 0.3;
-/// Largest step between a cell and the next but one, m: a kerb, or a slope of 20 %.
+/// Largest step between a cell and the second next one, m: a kerb, or a slope of 20 %.
 const STEP_M: f32 = 0.2;
-/// Points up to this height over the field belong to the ground, m.
+/// Points up to this height above the field belong to the ground, m.
 const THICKNESS_M: f32 = 0.25;
 
 /// Heights of the ground around the vehicle.
 pub(crate) struct GroundField {
-    /// Height by cell below which points belong to the ground; NaN without ground nearby.
+    /// Height per cell below which points belong to the ground; NaN without ground nearby.
     ceilings: Vec<f32>,
 }
 
 impl GroundField {
-    /// From points around the vehicle, z up, m, relative to the LiDAR. NaN points are ignored.
+    /// Grows the field from points around the vehicle, z up, m, relative to the LiDAR. NaN points are ignored.
     pub fn grow(points: &[[f32; 3]]) -> Self {
         let mut lowest = vec![f32::NAN; SIDE * SIDE];
         for &[x, y, z] in points {
             if let Some(cell) = cell(x, y) {
                 let lowest = &mut lowest[cell];
-                // Not `f32::min`, which is slower because either may be NaN.
+                // `f32::min` is slower because it handles NaN.
                 *lowest = if *lowest <= z { *lowest } else { z };
             }
         }
@@ -69,7 +69,7 @@ impl GroundField {
     }
 }
 
-/// Cells around the vehicle that are about as low as the lowest one.
+/// Cells near the vehicle whose height is close to the lowest one.
 fn seeds(lowest: &[f32]) -> Vec<usize> {
     const NEAR: usize = (SEED_M / CELL_M) as usize;
     const MIDDLE: usize = REACH + RIM;
@@ -89,14 +89,14 @@ fn seeds(lowest: &[f32]) -> Vec<usize> {
 #[inline]
 fn cell(x: f32, y: f32) -> Option<usize> {
     let index = |v: f32| {
-        // Positive within the field, so truncating rounds down.
+        // The value is positive within the field, so truncation rounds down.
         let index = v * (1.0 / CELL_M) + REACH as f32;
         (0.0..2.0 * REACH as f32).contains(&index).then_some(index as usize + RIM)
     };
     Some(index(x)? * SIDE + index(y)?)
 }
 
-/// Cells of the field and its rim at most `reach` <= [`RIM`] rows and columns away.
+/// Cells of the field and its margin at most `reach` <= [`RIM`] rows and columns away.
 #[inline(always)]
 fn around(cell: usize, reach: usize) -> impl Iterator<Item = usize> {
     let first = cell - reach * SIDE - reach;

@@ -1,4 +1,4 @@
-//! The ranges of an earlier sweep: how far each of its rays went.
+//! The ranges of an earlier sweep: the distance that each of its rays traveled.
 
 mod visibility;
 
@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 
 /// Unit of a stored range, m; 15 bits reach 327 m.
 const UNIT_M: f32 = 0.01;
-/// Bit of a stored range: on a moving object.
+/// Flag bit of a stored range: the point is on a moving object.
 const DYNAMIC: u16 = 1 << 15;
 /// Columns that share one pose: 2.8 degrees, 0.8 ms at 10 Hz, 8 mm at 10 m/s.
 const SECTOR: usize = 16;
 
-/// Ranges of a sweep by ray.
+/// Ranges of a sweep per ray.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct PastRanges {
     motion: SweepMotion,
@@ -22,7 +22,7 @@ pub(crate) struct PastRanges {
     slopes: Vec<f32>,
     /// Time of each sector as a share of the sweep.
     shares: Vec<f32>,
-    /// In units of [`UNIT_M`], 0 = no return, by row and column; with [`DYNAMIC`].
+    /// Ranges per row and column, in units of [`UNIT_M`], 0 = no return; flagged with [`DYNAMIC`].
     ranges: Vec<u16>,
 }
 
@@ -39,7 +39,7 @@ impl PastRanges {
             || {
                 for (row, ranges) in ranges.chunks_exact_mut(cols).enumerate() {
                     for (stored, [x, y, z]) in ranges.iter_mut().zip(image.positions_of_row(row)) {
-                        // NaN of an empty cell becomes 0. Too large ranges become the largest one.
+                        // The NaN of an empty cell becomes 0. Ranges that are too large become the largest one.
                         let units = (x * x + y * y + z * z).sqrt() * (1.0 / UNIT_M);
                         *stored = (units as u16).min(DYNAMIC - 1);
                     }
@@ -73,7 +73,7 @@ impl PastRanges {
     }
 }
 
-/// Mean slope of each row. An empty row takes that of the row below, so that they ascend.
+/// Mean slope of each row. An empty row takes the slope of the row below, so that slopes ascend.
 fn slopes(sums: &[(f64, u32)]) -> Vec<f32> {
     let mut last = f32::MIN;
     let mean = |(sum, n): &(f64, u32)| {

@@ -1,4 +1,5 @@
-//! Segments objects that stand on the ground and are not larger than a lorry: all that may move (Deschaud 2018, III-A).
+//! Segments objects that stand on the ground and are not larger than a lorry: all objects that can move (Deschaud 2018,
+//! III-A).
 
 use crate::moving_objects::ground_field::GroundField;
 
@@ -8,16 +9,16 @@ const MAX_SIZE_M: [f32; 3] = [14.0, 14.0, 4.0];
 const LINK_M: f32 = 0.5;
 /// ... or nearer than this share of the range: 1.3 times the distance of an HDL-32E's rings.
 const LINK_SHARE: f32 = 0.03;
-/// Columns over which points are linked, so that single lost returns do not split an object.
+/// Columns over which points are linked, so that single missing returns do not split an object.
 const LINK_COLUMNS: usize = 3;
 /// Objects with fewer points are ignored.
 const MIN_POINTS: u32 = 5;
 
-/// Which cells of a range image belong to which small object.
+/// Assignment of the cells of a range image to small objects.
 pub(crate) struct SmallObjects {
-    /// Cells of one object after the other, each in the order of the image.
+    /// Cells of all objects, object by object, each in the order of the image.
     cells: Vec<u32>,
-    /// Where those of each object end.
+    /// End index in `cells` of each object.
     ends: Vec<u32>,
 }
 
@@ -29,8 +30,8 @@ struct Extent {
 }
 
 impl SmallObjects {
-    /// Segments the points of a range image, row by row, `cols` in a row and `stride` from row to row; deskewed, z up, relative to the
-    /// LiDAR, m; NaN in empty cells and between the rows.
+    /// Segments the points of a range image, row by row, with `cols` points per row and rows `stride` apart; deskewed,
+    /// z up, relative to the LiDAR, m; NaN in empty cells and between the rows.
     pub fn segment(placed: &[[f32; 3]], cols: usize, stride: usize) -> Self {
         let ground = GroundField::grow(placed);
         let mut labels = Labels::default();
@@ -49,13 +50,13 @@ impl SmallObjects {
         &self.cells[begin as usize..self.ends[object] as usize]
     }
 
-    /// At most `at_most` cells of an object, evenly spread.
+    /// At most `at_most` cells of an object, evenly spaced.
     pub fn members(&self, object: usize, at_most: usize) -> impl Iterator<Item = u32> {
         let cells = self.cells(object);
         cells.iter().copied().step_by(cells.len().div_ceil(at_most).max(1))
     }
 
-    /// Whether cells belong to an object, for the first `n` ones.
+    /// Membership per cell in any object, for the first `n` cells.
     pub fn contained(&self, n: usize) -> Vec<bool> {
         let mut contained = vec![false; n];
         self.cells.iter().for_each(|&cell| contained[cell as usize] = true);
@@ -75,7 +76,7 @@ impl Extent {
     }
 }
 
-/// Not a label.
+/// Marks a cell without a label.
 const NONE: u32 = u32::MAX;
 
 /// Labels of connected cells as disjoint sets (union-find); the root is the smallest label.
@@ -87,8 +88,8 @@ struct Labels {
 }
 
 impl Labels {
-    /// A label for each cell above the ground. Cells that are adjacent in the image and near each other in space get labels of one
-    /// set.
+    /// Assigns a label to each cell above the ground. Cells that are adjacent in the image and near each other in space
+    /// get labels of one set.
     fn connect(&mut self, placed: &[[f32; 3]], ground: &GroundField, cols: usize, stride: usize) {
         let mut of_cell = vec![NONE; placed.len()];
         for (row, points) in placed.chunks(stride).enumerate() {
@@ -124,7 +125,7 @@ impl Labels {
                     link(below + col);
                     link(below + if col + 1 == cols { 0 } else { col + 1 });
                 }
-                // At the right end of a row, columns wrap around to the row's begin.
+                // At the right end of a row, columns wrap around to its start.
                 for right in cols.max(col + 1)..=col + LINK_COLUMNS {
                     link(row_begin + right - cols);
                 }
@@ -147,7 +148,7 @@ impl Labels {
             *label = roots[*label as usize];
             extents[*label as usize].add(&placed[*cell as usize]);
         }
-        // Where the cells of an object begin, and then where they end.
+        // First the start, later the end of the cells of each object.
         let mut places = vec![NONE; extents.len()];
         let mut n_cells = 0;
         for (place, extent) in places.iter_mut().zip(&extents).filter(|(_, extent)| extent.is_small()) {
@@ -170,7 +171,7 @@ impl Labels {
         let b = self.root(b);
         self.parents[a.max(b) as usize] = a.min(b);
     }
-    /// The root; halves the path to it.
+    /// The root of a label; halves the path to it.
     fn root(&mut self, mut label: u32) -> u32 {
         while self.parents[label as usize] != label {
             let grandparent = self.parents[self.parents[label as usize] as usize];

@@ -1,29 +1,30 @@
-//! What an earlier sweep saw at positions, many positions at a time.
+//! Visibility of positions in an earlier sweep, many positions at a time.
 
 use super::{DYNAMIC, PastRanges, SECTOR, UNIT_M};
 use crate::{RangeImage, SweepMotion};
 use nalgebra::{Isometry3, Vector3};
 
-/// Ranges on different surfaces differ by more than this, m, plus a share of the range: errors of the pose, width of the beam.
+/// Base of the range tolerance between different surfaces, m, to which a share of the range is added: pose errors and
+/// beam width.
 const TOLERANCE_M: f32 = 0.3;
 const TOLERANCE_SHARE: f32 = 0.01;
-/// Neighboring rays that are compared, too: 0.5 degrees to each side, one ring up and down. A single ray easily misses a pole or
-/// the rim of an object.
+/// Neighboring rays that are also compared: 0.5 degrees to each side, one ring up and down. A single ray easily misses
+/// a pole or the edge of an object.
 const REACH_COLUMNS: usize = 3;
-/// Those columns from the middle outwards, counted from the leftmost.
+/// Offsets of those columns from the middle outwards, counted from the leftmost.
 const BESIDE_COLUMNS: [usize; 7] = [3, 2, 4, 1, 5, 0, 6];
-/// Rays that are compared at once: those of a row and another one, one register of 16 bytes.
+/// Rays compared at once: the rays of a row and one extra, one register of 16 bytes.
 const RAYS: usize = 8;
-/// Which of them are.
+/// Mask of the rays that count.
 const COUNTED: [u32; RAYS] = [1, 1, 1, 1, 1, 1, 1, 0];
 /// Positions of a query: one register of 64 bytes, or two of 32.
 pub(crate) const LANES: usize = 16;
-/// Row of a position outside of the field of view.
+/// Row of a position outside the field of view.
 const NO_ROW: u32 = u32::MAX;
-/// Of 21 rays around a position so many must pass it to call it free.
+/// Least number of the 21 rays around a position that must pass it to make it free.
 const MIN_BEYOND: u32 = 9;
 
-/// What a sweep saw at a position.
+/// Observation of a position in a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Visibility {
     /// Rays passed.
@@ -37,9 +38,9 @@ pub(crate) enum Visibility {
 }
 
 impl PastRanges {
-    /// With the poses of the sectors, for queries.
+    /// The ranges with the poses of the sectors, for queries.
     pub fn placed(&self) -> PlacedRanges<'_> {
-        // f32 holds millimetres only within some kilometres, so positions are relative to the middle of the sweep.
+        // f32 resolves millimetres only within some kilometres, so positions are relative to the middle of the sweep.
         let mid = Isometry3::from_parts(Vector3::zeros().into(), self.motion.mid.rotation);
         let near = SweepMotion { mid, ..self.motion };
         let pose = |&share: &f32| {
@@ -64,7 +65,7 @@ pub(crate) struct PlacedRanges<'a> {
 /// Positions in the odom frame by axis, m.
 pub(crate) type Positions = [[f64; LANES]; 3];
 
-/// The rays nearest to positions, by lane.
+/// The rays nearest to the positions, per lane.
 struct NearestRays {
     rows: [u32; LANES],
     cols: [u32; LANES],
@@ -73,7 +74,7 @@ struct NearestRays {
 }
 
 impl PlacedRanges<'_> {
-    /// What the sweep saw at positions.
+    /// Visibility of positions in the sweep.
     #[inline(always)]
     pub fn visibility(&self, positions: &Positions) -> [Visibility; LANES] {
         let NearestRays { rows, cols, ranges } = self.nearest_rays(positions);
@@ -107,7 +108,7 @@ impl PlacedRanges<'_> {
                 from_mid[axis][lane] = (positions[axis][lane] - mid[axis]) as f32;
             }
         }
-        // The column determines the time, and the time the column: the second iteration is within 0.1 degrees.
+        // The column determines the time, and the time the column: the second iteration is accurate within 0.1 degrees.
         let mut poses = [[0.0; LANES]; 7];
         for (part, value) in poses.iter_mut().zip(self.sectors[self.cols / 2 / SECTOR]) {
             *part = [value; LANES];
@@ -131,11 +132,11 @@ impl PlacedRanges<'_> {
         NearestRays { rows: self.rows(&slopes), cols: columns(&x, &y), ranges }
     }
 
-    /// The rows whose rays have the nearest slopes; [`NO_ROW`] outside of the field of view.
+    /// The rows whose rays have the nearest slopes; [`NO_ROW`] outside the field of view.
     #[inline(always)]
     fn rows(&self, slopes: &[f32; LANES]) -> [u32; LANES] {
         let of_rows = &self.ranges.slopes;
-        // Rows ascend, so the number of lower rows is the row above. Counting them is faster than a search in each lane.
+        // Rows ascend, so the number of lower rows is the row above. Counting is faster than a search in each lane.
         let mut above = [0_u32; LANES];
         for of_row in of_rows {
             for lane in 0..LANES {
@@ -154,13 +155,13 @@ impl PlacedRanges<'_> {
         rows
     }
 
-    /// What the rays around a direction saw at a range.
+    /// Visibility at a range, from the rays around a direction.
     #[inline(always)]
     fn around(&self, row: usize, col: usize, range: f32) -> Visibility {
         let tolerance = tolerance_m(range);
         let below = row.checked_sub(1);
         let above = Some(row + 1).filter(|row| *row < self.ranges.slopes.len());
-        // Rays of a row that does not exist are not counted.
+        // Rays of missing rows are not counted.
         let mut rays = [[0; RAYS]; 4];
         let mut is_counted = [[0_u32; RAYS]; 4];
         for (number, row) in [Some(row), below, above].into_iter().enumerate() {
@@ -187,11 +188,12 @@ impl PlacedRanges<'_> {
             let first = in_order.into_iter().find(|at| is_hit[*at] == 1);
             return first.map_or(Visibility::Unknown, |at| hit_by(rays[at]));
         }
-        // Rays that end before and behind the position may be on one surface at a flat angle, which contains the position.
+        // Rays that end before and behind the position may hit one surface at a grazing angle, which contains the
+        // position.
         if n_beyond >= MIN_BEYOND && n_before == 0 { Visibility::Free } else { Visibility::Unknown }
     }
 
-    /// The rays of a row around a column, from left to right, and another one, so that they fill a register.
+    /// The rays of a row around a column, from left to right, and one extra, so that they fill a register.
     #[inline(always)]
     fn rays(&self, row: usize, col: usize) -> [u16; RAYS] {
         let of_row = &self.ranges.ranges[row * self.cols..][..self.cols];
@@ -251,7 +253,7 @@ mod tests {
     use geometry::Stamp;
     use nalgebra::Point3;
 
-    /// The same as [`PlacedRanges::visibility`], position by position.
+    /// Reference implementation of [`PlacedRanges::visibility`], position by position.
     fn plain_visibility(past: &PastRanges, position: &Vector3<f64>) -> Visibility {
         let mid = Isometry3::from_parts(Vector3::zeros().into(), past.motion.mid.rotation);
         let near = SweepMotion { mid, ..past.motion };
@@ -289,7 +291,7 @@ mod tests {
         if n_beyond >= MIN_BEYOND && !is_blocked { Visibility::Free } else { Visibility::Unknown }
     }
 
-    /// Walls and posts around a turning LiDAR, with gaps; every fifth point is dynamic.
+    /// Walls and posts around a rotating LiDAR, with gaps; every fifth point is dynamic.
     fn past() -> PastRanges {
         let mut points = Vec::new();
         for column in (0..2000_u32).filter(|column| column % 97 > 8) {
