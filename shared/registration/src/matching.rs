@@ -30,7 +30,7 @@ use rayon::prelude::*;
 /// Settings of the matching.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MatchSettings {
-    /// Which features are matched.
+    /// Sampling of the features to match.
     pub sampling: Sampling,
     /// Weights of the map points around a feature.
     pub weights: Weights,

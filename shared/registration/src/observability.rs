@@ -1,4 +1,4 @@
-//! Stretches of the drive that the operator has to know of.
+//! Stretches of the drive with weak observability, reported to the operator.
 
 pub(crate) mod along_track;
 pub(crate) mod contested_motion;
@@ -14,7 +14,8 @@ use doubts::Doubt;
 use lost_path::LostStretches;
 use serde::{Deserialize, Serialize};
 
-/// Collects stretches with degenerate geometry, with a contested motion, and with a lost way. Serializing it saves the state.
+/// Collects stretches with degenerate geometry, with ambiguous ego-motion, and with a growing path error. Serializing
+/// it saves the state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stretches {
     degenerate: DegenerateStretches,
@@ -35,12 +36,13 @@ impl Stretches {
         self.degenerate.finish()
     }
 
-    /// [`Doubt::MotionContested`] if the motion was contested for longer than the limit, s.
+    /// [`Doubt::MotionContested`] if the ego-motion was ambiguous for longer than the limit, s.
     pub fn contested(&self, max_s: f64) -> Option<Doubt> {
         self.contested.doubt(max_s)
     }
 
-    /// [`Doubt::PathLost`] if stretches without a determined motion let the deviation of the path grow by more than the limit, m.
+    /// [`Doubt::PathLost`] if stretches with an unconstrained motion increase the standard deviation of the path by
+    /// more than the limit, m.
     pub fn lost(&self, max_m: f64) -> Option<Doubt> {
         self.lost.doubt(max_m)
     }

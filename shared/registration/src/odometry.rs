@@ -1,4 +1,4 @@
-//! Scan-to-map odometry: registers sweep after sweep to the local map.
+//! Scan-to-map odometry: registers each sweep to the local map.
 
 pub(crate) mod initialization;
 
@@ -29,21 +29,21 @@ use serde::{Deserialize, Serialize};
 /// Settings of all steps. Each part documents its defaults.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OdometrySettings {
-    /// Which points are features.
+    /// Feature selection.
     pub features: FeatureSettings,
     /// Extent of the map.
     pub map: MapSettings,
     /// Matching.
     pub matching: MatchSettings,
-    /// Where the sensors are mounted.
+    /// Mounting of the sensors.
     pub mounting: SensorMounting,
-    /// Longest time of a revolution, s, if it is to be found out how a sensor turns whose sweeps have no point times, see
+    /// Longest time of a revolution, s, if the spin direction of a sensor without point times is to be determined, see
     /// [`Odometry::turning`]. `None`: such sweeps are rigid.
     pub untimed_turn_s: Option<f64>,
 }
 
 impl OdometrySettings {
-    /// With another spacing of the map's points, m, and the limits that follow from it.
+    /// Sets another spacing of the map's points, m, and the limits that depend on it.
     #[must_use]
     pub fn with_map_spacing(mut self, spacing_m: f64) -> Self {
         self.features.spacing_m = spacing_m;
@@ -53,23 +53,23 @@ impl OdometrySettings {
     }
 }
 
-/// Least share of features with a match. At 10 m/s 10 to 20 % lie on newly seen surfaces.
+/// Least share of features with a match. At 10 m/s, 10 to 20 % lie on newly visible surfaces.
 const MIN_MATCHED_SHARE: f64 = 0.3;
 /// Largest root mean square distance from the map's planes, m: five times the range noise.
 const MAX_RMS_M: f64 = 0.12;
-/// Largest difference from the prediction: 15 m/s^2 and 10 rad/s^2, more than any vehicle on a road, plus the shift of a coarse
-/// round.
+/// Largest difference from the prediction: 15 m/s^2 and 10 rad/s^2, more than any road vehicle reaches, plus the shift
+/// of a coarse round.
 const MAX_JUMP_MPS2: f64 = 15.0;
 const MAX_JUMP_RADPS2: f64 = 10.0;
 const JUMP_SLACK_M: f64 = 0.5;
 const JUMP_SLACK_RAD: f64 = 0.05;
-/// See [`MatchSettings::min_influence`], for the features that do not face along the track: all that they show of the along-track
-/// position is the edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
+/// Lower limit like [`MatchSettings::min_influence`] for the features that do not face along the track: their only
+/// along-track information comes from the edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
 const UNDISPUTED_INFLUENCE: f64 = 0.01;
-/// After so many sweeps without a match (half a second) a new map is begun, because the old one may be out of reach.
+/// Consecutive sweeps without a match (half a second) after which a new map begins: the old one may be out of reach.
 const MAX_BRIDGED: u32 = 5;
-/// The map grows only after the vehicle has moved or rotated this much since the last time: at a red light the map does not age
-/// and the pose does not drift.
+/// Least motion or rotation of the vehicle since the last extension of the map: at a red light the map does not age and
+/// the pose does not drift.
 const MIN_MOTION_M: f64 = 0.1;
 const MIN_ROTATION_RAD: f64 = 0.01;
 
@@ -82,21 +82,22 @@ pub struct Registered {
     pub duration_nanos: u32,
     /// `odom_from_lidar` over the sweep.
     pub motion: SweepMotion,
-    /// The match; `None` if no match was accepted. Then the motion is the prediction, or rest for a first sweep that could not be
-    /// matched with a second one.
+    /// The match; `None` if no match was accepted. Then the motion is the prediction, or rest for a first sweep that
+    /// could not be matched to a second one.
     pub matched: Option<Matched>,
-    /// How well the scene constrains the along-track position: the cost of other positions along the track beyond the match's own. 0.15 to 0.75 in
-    /// streets, about 0 if the motion is that of a queue around the vehicle. `None` without a match, or if too little faces the way.
+    /// How well the scene constrains the along-track position: the cost of other positions along the track minus the
+    /// cost of the match. 0.15 to 0.75 in streets, about 0 if the match follows a queue around the vehicle. `None`
+    /// without a match, or if too few surfaces face along the track.
     pub contrast: Option<f64>,
     /// Sensors that predicted the motion. Along degenerate directions the prediction is the result.
     pub predicted_by: PredictionSources,
-    /// Whether a new map was begun with this sweep because too many sweeps had no match.
+    /// Whether a new map begins with this sweep because too many sweeps had no match.
     pub map_restarted: bool,
-    /// Covariance of the pose in the middle of the sweep: translation (m), then rotation (rad), in odom axes about the LiDAR.
-    /// It is zero at the first sweep and grows slowly with each match, fast along degenerate directions.
+    /// Covariance of the pose in the middle of the sweep: translation (m), then rotation (rad), in odom axes about the
+    /// LiDAR. It is zero at the first sweep and grows slowly with each match, quickly along degenerate directions.
     pub covariance: Matrix6<f64>,
-    /// Indices of points on moving objects, ascending. They are where the rays of an earlier sweep passed. Objects that have just
-    /// come into view are not detected.
+    /// Indices of points on moving objects, ascending: points in space that rays of an earlier sweep passed. Objects
+    /// that have just come into view are not detected.
     pub moving: Vec<u32>,
 }
 
@@ -113,7 +114,7 @@ impl Registered {
     pub fn end_stamp(&self) -> Stamp {
         self.stamp.plus_nanos(i64::from(self.duration_nanos))
     }
-    /// Names and numbers for the counters of the run.
+    /// Names and values of the run's counters.
     pub fn counts(&self) -> [(&'static str, u64); 4] {
         let is_degenerate = self.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0);
         [
@@ -129,7 +130,7 @@ impl Registered {
     }
 }
 
-/// Why a sweep cannot be registered.
+/// Reason why a sweep cannot be registered.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum RegistrationError {
     /// The sweep is not later than the previous one.
@@ -149,24 +150,25 @@ struct Last {
     velocity: Velocity,
 }
 
-/// The saved state, see [`Odometry::save`]. It must be stored in a format that keeps the bits of floating-point numbers.
+/// The saved state, see [`Odometry::save`]. Its storage format must preserve the bits of floating-point numbers.
 ///
-/// Size: at most twice [`MapSettings::max_points`] map points of 44 bytes (smooth and rough ones), before the second sweep the
-/// features of the first (at most three lists of one feature per range image cell and column step, 52 bytes each), and the
-/// ranges of eight sweeps (2 bytes a ray). That is 7.5 MB with the defaults and 32 rings, and about 4 MB in a street.
+/// Size: at most twice [`MapSettings::max_points`] map points of 44 bytes (smooth and rough ones), before the second
+/// sweep the features of the first (at most three lists of one feature per range image cell and column step, 52 bytes
+/// each), and the ranges of eight sweeps (2 bytes per ray). That is 7.5 MB with the defaults and 32 rings, and about 4
+/// MB in a street.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OdometryState {
     begin: Pose,
-    /// The z axis of odom in the LiDAR frame, at the begin.
+    /// The z axis of odom in the LiDAR frame at the start.
     up_in_lidar: Vector3<f64>,
-    /// The first sweep, until the second arrives.
+    /// The first sweep, until the second one is registered.
     first: Option<SweepFeatures>,
     last: Option<Last>,
-    /// Pose at which the map grew last.
+    /// Pose of the last extension of the map.
     grown_at: Option<Pose>,
     next_batch: u32,
     bridged_in_a_row: u32,
-    /// From the first match on.
+    /// The filter; set from the first match on.
     navigation: Option<Navigation>,
     log: SensorLog,
     rings: RingErrors,
@@ -180,14 +182,14 @@ pub struct OdometryState {
 #[derive(Debug)]
 pub struct Odometry {
     settings: OdometrySettings,
-    /// Its `maps` are empty while running: see the field below.
+    /// The saved part of the state. Its `maps` are empty while running: see the field below.
     state: OdometryState,
     maps: Maps,
 }
 
 impl Odometry {
-    /// `odom_from_lidar` is the pose at the very first shot and defines the odom frame: with `body_from_lidar`, odom is the body
-    /// frame at that moment. The x axis of odom must point forward; initial speeds are searched along it.
+    /// `odom_from_lidar` is the pose at the very first shot and defines the odom frame: with `body_from_lidar`, odom is
+    /// the body frame at that moment. The x axis of odom must point forward; initial speeds are searched along it.
     pub fn new(settings: OdometrySettings, odom_from_lidar: Pose) -> Self {
         let state = OdometryState {
             begin: odom_from_lidar,
@@ -208,13 +210,13 @@ impl Odometry {
         Self { settings, state, maps: Maps::default() }
     }
 
-    /// Adds an inertial sample. Samples must arrive in the order of time, before the sweep of their time. They predict the motion
-    /// and weigh in the match; along degenerate directions the prediction is the result.
+    /// Adds an inertial sample. Samples must be added in time order, before the sweep of their time. They predict the
+    /// motion and have weight in the match; along degenerate directions the prediction is the result.
     pub fn add_imu(&mut self, sample: InertialSample) {
         self.state.log.push_inertial(sample);
     }
 
-    /// Forgets the inertial samples and what the filter has learned from them: they were wrong.
+    /// Discards the inertial samples and the filter states estimated from them, because the samples were wrong.
     pub fn forget_imu(&mut self) {
         self.state.log.forget_inertial();
         if let (Some(navigation), Some(last)) = (&mut self.state.navigation, &self.state.last) {
@@ -222,13 +224,13 @@ impl Odometry {
         }
     }
 
-    /// Adds a velocity of a GNSS receiver, in the same order and to the same effect as [`Odometry::add_imu`].
+    /// Adds a GNSS velocity. Order and use are the same as in [`Odometry::add_imu`].
     pub fn add_gnss(&mut self, velocity: GroundVelocity) {
         self.state.log.push_velocity(velocity);
     }
 
-    /// Registers the next sweep. Returns, in order, the sweeps whose motion is known now: none for the first (a speed needs two),
-    /// both for the second, then each sweep at once.
+    /// Registers the next sweep. Returns, in order, the sweeps whose motion is now known: no sweep for the first call
+    /// (a speed needs two), both for the second, then each sweep immediately.
     pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
         let features = self.features(sweep);
         let before = self.state.last.as_ref().map(|last| last.mid_stamp);
@@ -247,7 +249,7 @@ impl Odometry {
         Ok(Vec::new())
     }
 
-    /// The first sweep, at rest, if there was no second one.
+    /// Returns the first sweep, at rest, if no second sweep was registered.
     pub fn finish(&mut self) -> Option<Registered> {
         let first = self.state.first.take()?;
         Some(registered(&first, SweepMotion::still(self.state.begin), None, false))
@@ -258,17 +260,19 @@ impl Odometry {
         &self.maps.smooth
     }
 
-    /// Errors of the sensor's rings by row of the range image, the lowest ring first; empty if the points have no rings.
+    /// Errors of the sensor's rings per row of the range image, the lowest ring first; empty if the points have no
+    /// rings.
     pub fn ring_errors(&self) -> Vec<RingError> {
         self.state.rings.by_row().to_vec()
     }
 
-    /// How the sensor turns, once the sweeps without point times have told it.
+    /// Spin direction of the sensor, once it has been determined from the sweeps without point times.
     pub fn turning(&self) -> Option<SpinDirection> {
         self.state.turn.direction().filter(|_| self.settings.untimed_turn_s.is_some())
     }
 
-    /// The same, and the time of a revolution, ns, for the next sweep: see [`Sweep::spinning`]. It is at most that since the last sweep.
+    /// Spin direction and revolution time, ns, for the next sweep: see [`Sweep::spinning`]. The time is at most the
+    /// time since the last sweep.
     pub fn turning_at(&self, stamp: Stamp) -> Option<(SpinDirection, u32)> {
         let since_last = stamp.seconds_since(self.state.last.as_ref()?.mid_stamp);
         let turn_s = self.settings.untimed_turn_s?.min(since_last);
@@ -290,7 +294,7 @@ impl Odometry {
         let up = self.state.up_in_lidar.cast();
         let mut found =
             SweepFeatures::new(sweep, &up, &self.settings.features, |features| self.sampled(features, |_| true));
-        // Bins of elevation are no lasers: they have no errors of their own.
+        // Elevation bins are not lasers: they have no individual errors.
         if sweep.image().has_rings() {
             for features in [&mut found.features, &mut found.matching, &mut found.with_rough] {
                 self.state.rings.correct(features);
@@ -345,8 +349,8 @@ impl Odometry {
         prediction.filter(|prediction| prediction.sources.is_any()).unwrap_or_else(constant_motion)
     }
 
-    /// Registers a sweep to the map, from the motion of the sweep before it. The numbers of equations are those of `matching.rs`,
-    /// sections are of IMLS-SLAM (J.-E. Deschaud, ICRA 2018).
+    /// Registers a sweep to the map, starting from the motion of the previous sweep. Equation numbers refer to
+    /// `matching.rs`, section numbers to IMLS-SLAM (J.-E. Deschaud, ICRA 2018).
     fn follow(&mut self, features: &SweepFeatures, sweep: &Sweep, last: &Last) -> Registered {
         let seconds = features.mid_stamp.seconds_since(last.mid_stamp);
 
@@ -355,15 +359,16 @@ impl Odometry {
         let predicted = self.predict(last, features.mid_stamp);
         let prediction = self.match_prediction(features, last, &predicted, seconds);
 
-        // 2. Sampling (III-C): evenly in space when the features were found, or nine lists near the map at the predicted pose.
+        // 2. Sampling (III-C): evenly in space during feature extraction, or nine lists near the map at the predicted
+        //   pose.
         let near_map = match self.settings.matching.sampling {
             Sampling::NineLists { .. } => Some(self.near_map(features, &prediction.motion)),
             Sampling::Even { .. } => None,
         };
         let samples = near_map.as_ref().unwrap_or(&features.matching);
 
-        // 3. Matching (III-D, equations 1 to 5). Planar features first. Where they leave a direction nearly unconstrained, rough
-        //    features are added.
+        // 3. Matching (III-D, equations 1 to 5). Planar features first. If they leave a direction nearly unconstrained,
+        //   rough features are added.
         let matching = |samples| match_features(samples, &self.maps, &prediction, &self.settings.matching);
         let is_poor = |found: &Option<Match>| {
             found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
@@ -375,16 +380,16 @@ impl Odometry {
             found = matching(matched_by);
         }
 
-        // 4. Acceptance: the match must have converged with enough small residuals, within reach of a vehicle's acceleration.
-        //    Otherwise the prediction replaces it.
+        // 4. Acceptance: the match must have converged with enough small residuals, within the acceleration limits of a
+        //   vehicle. Otherwise the prediction replaces it.
         let is_acceptable = |Match { matched, .. }: &Match| {
             is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
         };
         let mut found = found.filter(is_acceptable);
 
-        // 5. Along-track observability: in traffic at its own speed the vehicle seems to stand. If the scene does not constrain
-        //    the along-track position, it is matched again without the features that face along the track, and the sensors
-        //    determine it.
+        // 5. Along-track observability: in traffic at its own speed the vehicle appears to stand. If the scene does not
+        //   constrain the along-track position, the sweep is matched again without the features that face along the
+        //   track, and the sensors determine the position.
         let forward = self.state.begin.rotation.inverse() * Vector3::x();
         let contrast = found.as_ref().and_then(|found| {
             along_track_contrast(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
@@ -396,14 +401,14 @@ impl Odometry {
             found = again.filter(is_acceptable).or(found);
         }
 
-        // 6. Perturbation test: only information that a shifted sweep supports enters the covariance.
+        // 6. Perturbation test: only information that a shifted sweep confirms enters the covariance.
         if let Some(Match { matched, .. }) = &mut found {
             let settings = &self.settings.matching;
             let motion = matched.motion;
             matched.step_information = supported_information(matched, matched_by, &self.maps, &motion, settings);
         }
 
-        // 7. Self-calibration: the nuisances of equation 1 become the prior of the next sweep.
+        // 7. Self-calibration: the nuisance parameters of equation 1 become the prior of the next sweep.
         let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
         if let Some(found) = &found {
             self.calibrate(features, sweep, &motion, found);
@@ -414,7 +419,7 @@ impl Odometry {
         self.update(features, sweep, estimate, last, &predicted)
     }
 
-    /// What is known before the sweep is matched, from the predicted pose `seconds` after the last one.
+    /// Prior of the match of a sweep, from the predicted pose `seconds` after the last one.
     fn match_prediction(
         &self,
         features: &SweepFeatures,
@@ -437,7 +442,7 @@ impl Odometry {
         }
     }
 
-    /// Takes over the errors of the sensor that were estimated with a match.
+    /// Stores the sensor errors that were estimated in a match.
     fn calibrate(&mut self, features: &SweepFeatures, sweep: &Sweep, motion: &SweepMotion, found: &Match) {
         self.state.ground_tilt = found.ground_tilt;
         // At rest each sweep repeats the same measurement.
@@ -509,7 +514,7 @@ impl Odometry {
             self.state.grown_at = None;
             self.state.moving = MovingDetector::default();
         }
-        // Without a match the pose is too inexact: standing objects would seem to move.
+        // Without a match the pose is too inaccurate: static objects would appear to move.
         let moving = if matched.is_some() { self.state.moving.detect(sweep, &motion) } else { MovingPoints::default() };
         if map_restarted || matched.is_some() {
             let is_static = |feature: &&Feature| moving.points.binary_search(&feature.point_idx).is_err();
@@ -529,7 +534,7 @@ impl Odometry {
         }
     }
 
-    /// Whether the vehicle has moved or rotated since the map grew last.
+    /// Whether the vehicle has moved or rotated since the last extension of the map.
     fn has_moved(&self, motion: &SweepMotion) -> bool {
         self.state.grown_at.is_none_or(|at| {
             (at.translation.vector - motion.mid.translation.vector).norm() > MIN_MOTION_M
@@ -553,7 +558,7 @@ impl Odometry {
     }
 }
 
-/// The motion of a sweep, and how it was found.
+/// The motion of a sweep and its source.
 struct Estimate {
     motion: SweepMotion,
     /// `None`: the motion is the prediction.

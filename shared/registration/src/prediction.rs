@@ -1,4 +1,4 @@
-//! Prediction of the motion by an inertial unit and a GNSS receiver.
+//! Prediction of the motion from an inertial unit and a GNSS receiver.
 
 pub(crate) mod navigation;
 pub(crate) mod sensors;

@@ -1,32 +1,32 @@
-//! Sweeps of the other LiDARs of a vehicle: they move with the first one, which alone is matched.
+//! Sweeps of the other LiDARs of a vehicle: they move with the first one. Only the first one is matched.
 
 use crate::moving_objects::MovingDetector;
 use crate::{Registered, Sweep, SweepMotion};
 use geometry::{Pose, Stamp};
 use serde::{Deserialize, Serialize};
 
-/// A LiDAR that is rigidly mounted beside the first one.
+/// A LiDAR that is rigidly mounted to the first one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SecondaryLidar {
     first_from_lidar: Pose,
-    /// Its own: free space is what the rays of this LiDAR have passed, from its own position.
+    /// The detector of this LiDAR: free space is space that its own rays have passed, from its own position.
     moving: MovingDetector,
 }
 
 impl SecondaryLidar {
-    /// With the mountings of the first and of this LiDAR.
+    /// `body_from_first` and `body_from_lidar` are the mountings of the first and of this LiDAR.
     pub fn new(body_from_first: &Pose, body_from_lidar: &Pose) -> Self {
         Self { first_from_lidar: body_from_first.inverse() * body_from_lidar, moving: MovingDetector::default() }
     }
 
-    /// The motion of this LiDAR during one of its sweeps, by that of the first one during `first`, a sweep of the same time, and its
-    /// points on moving objects. It has no match of its own.
+    /// Returns the motion of this LiDAR during one of its sweeps, and its points on moving objects. The motion is
+    /// derived from the first LiDAR during `first`, a sweep of the same time; this LiDAR has no match of its own.
     pub fn follow(&mut self, sweep: &Sweep, first: &Registered) -> Registered {
         let motion = self.motion(sweep, first);
         if first.map_restarted {
             self.moving = MovingDetector::default();
         }
-        // As for the first LiDAR: without a match, standing objects would seem to move.
+        // As for the first LiDAR: without a match, static objects would appear to move.
         let mut moving = Vec::new();
         if first.matched.is_some() {
             let found = self.moving.detect(sweep, &motion);
@@ -80,7 +80,7 @@ mod tests {
     fn other_lidar_moves_with_the_first_around_the_body() {
         let body_from_first = pose([0.0, 0.0, 2.0], [0.0; 3]);
         let body_from_other = pose([-1.0, 0.5, 1.8], [0.0, 0.6, 0.3]);
-        // 1 m ahead and 0.1 rad to the left in 100 ms, begun at 2 s.
+        // 1 m ahead and 0.1 rad to the left in 100 ms, starting at 2 s.
         let motion = SweepMotion {
             mid: pose([5.0, 1.0, 2.0], [0.0, 0.0, 0.4]),
             translation: Vector3::new(1.0, 0.2, 0.0),

@@ -1,8 +1,9 @@
 //! How well the scene constrains the along-track position.
 //!
-//! Objects that move along with the vehicle differ from the street only in the surfaces that face the way. Where a queue is taken
-//! for the world, the street passes through the map and smears it along the way: every position fits about as well. A sound match
-//! stands out, even if sweeps are not deskewed.
+//! Objects that move along with the vehicle differ from the static scene only in the surfaces that face along the
+//! track. If the match follows a queue of vehicles instead of the static scene, the street moves through the map and
+//! smears it along the track: every position fits about equally well. A correct match stands out, even if sweeps are
+//! not deskewed.
 
 use crate::map::kernel::{Kernel, Weights};
 use crate::map::maps::Maps;
@@ -11,28 +12,28 @@ use crate::{Feature, MatchScale, MatchSettings, SweepMotion};
 use geometry::Pose;
 use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 
-/// Below this the position along the way is contested. Drives in a queue that is taken for the world come to 0.07 and less, averaged
-/// over a second; real drives with sweeps that are not deskewed stay above 0.12 in each sweep.
+/// Below this contrast the along-track position is ambiguous. Drives in which the match follows a queue have at most
+/// 0.07, averaged over a second; real drives with sweeps that are not deskewed stay above 0.12 in each sweep.
 pub(crate) const MIN_CONTRAST: f64 = 0.1;
-/// Least cosine between the normals of these surfaces and the way: within 60 degrees.
+/// Least cosine between the normals of these surfaces and the direction of travel: within 60 degrees.
 const MIN_FACING: f64 = 0.5;
 /// With fewer features the contrast is undetermined: tunnels, open fields.
 const MIN_FEATURES: usize = 40;
-/// Streets have more contrast: their positions along the way are not doubted.
+/// Contrast from which the along-track position is not doubted. Streets have more.
 const UNDOUBTED_CONTRAST: f64 = 0.4;
-/// Error along the way without any contrast, as a share of it, and the distance over which it stays the same, m: a tunnel with a few
-/// lamps and a car ahead (contrast 0 to 0.3) was 0.6 m in 80 m too long.
+/// Along-track error without any contrast, as a share of the distance traveled, and the distance over which the error
+/// stays the same, m: a tunnel with a few lamps and a car ahead (contrast 0 to 0.3) was 0.6 m in 80 m too long.
 const DOUBTED_SHARE: f64 = 0.01;
 const COMMON_M: f64 = 50.0;
-/// Steps of a vehicle that stands are jitter, and no way.
+/// Shorter steps are jitter of a standing vehicle, not motion.
 const MIN_STEP_M: f64 = 0.1;
-/// Other positions, m along the way: twice the search radius of a match and more.
+/// Shifted positions along the track, m: at least twice the search radius of a match.
 const BEHIND_M: [f64; 2] = [-0.6, -1.2];
 const AHEAD_M: [f64; 2] = [0.6, 1.2];
 
-/// Cost (0 good, 1 bad) of other positions along `forward` (LiDAR frame) beyond that of the match, on the side where it is
-/// smaller. 0.4 to 0.75 in streets, 0.15 to 0.3 with sweeps that are not deskewed, about 0 in a queue that is taken for the world.
-/// `None` if too few features face the way.
+/// Cost (0 good, 1 bad) of shifted positions along `forward` (LiDAR frame) minus the cost of the match, on the side
+/// where it is smaller. 0.4 to 0.75 in streets, 0.15 to 0.3 with sweeps that are not deskewed, about 0 if the match
+/// follows a queue. `None` if too few features face along the track.
 pub(crate) fn along_track_contrast(
     forward: &Vector3<f64>,
     features: &[Feature],
@@ -61,11 +62,12 @@ pub(crate) fn along_track_contrast(
     Some(mean(BEHIND_M).min(mean(AHEAD_M)) - cost(0.0))
 }
 
-/// Covariance (m, then rad) of what a low contrast adds to the error of the step between two poses, and a match with this least
-/// influence whose contrast is unknown. Moving objects, and what little faces the way, pull every sweep to the same side: such errors
-/// add up over a distance, beyond those of independent sweeps. The pose slides along its surroundings: where the way bends, it turns.
+/// Covariance (m, then rad) that a low contrast adds to the error of the step between two poses. If the contrast is
+/// unknown, `least_influence` of the match decides. Moving objects, and the few surfaces that face along the track,
+/// bias every sweep in the same direction: such errors accumulate over a distance faster than errors of independent
+/// sweeps. The error shifts the pose along the track: on a bend it also rotates the pose.
 pub(crate) fn along_track_error([from, to]: [&Pose; 2], contrast: Option<f64>, least_influence: f64) -> Matrix6<f64> {
-    // Where too little faces the way, nothing contradicts an error along it.
+    // If too few surfaces face along the track, no residual contradicts an along-track error.
     let contrast = contrast.or((least_influence < DOUBTED_INFLUENCE).then_some(0.0)).unwrap_or(UNDOUBTED_CONTRAST);
     let doubt = (1.0 - contrast / UNDOUBTED_CONTRAST).clamp(0.0, 1.0);
     let displacement = to.translation.vector - from.translation.vector;
@@ -73,11 +75,11 @@ pub(crate) fn along_track_error([from, to]: [&Pose; 2], contrast: Option<f64>, l
     let mut step = Vector6::zeros();
     step.fixed_rows_mut::<3>(0).copy_from(&displacement);
     step.fixed_rows_mut::<3>(3).copy_from(&rotation);
-    // Steps of a distance have one error: its square grows by the product.
+    // Steps within a distance share one error: its square grows with the product.
     step * step.transpose() * ((doubt * DOUBTED_SHARE).powi(2) * COMMON_M / displacement.norm().max(MIN_STEP_M))
 }
 
-/// The features that do not constrain the along-track position. Traffic at the vehicle's own speed cannot mislead them.
+/// The features that do not constrain the along-track position. Traffic at the vehicle's own speed cannot affect them.
 pub(crate) fn without_along_track_features(forward: &Vector3<f64>, features: &[Feature]) -> Vec<Feature> {
     features.iter().filter(|feature| !faces(feature, forward)).copied().collect()
 }
@@ -93,7 +95,7 @@ mod tests {
 
     const STRONG: f64 = 0.1;
 
-    /// Sum of the errors of so many steps of 1 m and 0.01 rad about z, whose contrast is this one.
+    /// Sum of the errors of `n_steps` steps of 1 m and 0.01 rad about z with the given contrast.
     fn error_of(n_steps: u32, contrast: Option<f64>, least_influence: f64) -> Matrix6<f64> {
         let bend = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.01);
         let step = [Pose::identity(), Isometry3::from_parts(Vector3::x().into(), bend)];

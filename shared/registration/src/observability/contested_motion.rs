@@ -1,4 +1,4 @@
-//! Reports stretches of the drive where the own motion is contested: by vehicles that move along.
+//! Reports stretches of the drive where surrounding traffic makes the ego-motion ambiguous.
 
 use crate::Registered;
 use crate::observability::along_track::MIN_CONTRAST;
@@ -7,7 +7,7 @@ use doubts::Doubt;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// The contrast is averaged over so many sweeps, a second.
+/// Number of sweeps over which the contrast is averaged: one second.
 const WINDOW: usize = 10;
 
 /// Collects stretches with a low [`Registered::contrast`]. Serializing it saves the state.
@@ -19,7 +19,7 @@ pub struct ContestedStretches {
 }
 
 impl ContestedStretches {
-    /// Adds the next sweep. Sweeps without contrast are left out.
+    /// Adds the next sweep. Sweeps without contrast are skipped.
     pub fn add(&mut self, registered: &Registered) {
         if let Some(contrast) = registered.contrast {
             let end = registered.stamp.0 + i64::from(registered.duration_nanos);

@@ -3,9 +3,9 @@
 use crate::{PredictionSources, Registered};
 use serde::{Deserialize, Serialize};
 
-/// Shorter stretches are counted but not reported, sweeps.
+/// Stretches with fewer sweeps are counted but not reported.
 const MIN_SWEEPS: u32 = 3;
-/// Stretches that are reported one by one.
+/// Largest number of stretches that are reported one by one.
 const MAX_REPORTED: u32 = 20;
 
 /// Collects stretches of sweeps with degenerate directions or without a match. Serializing it saves the state.
@@ -26,14 +26,14 @@ struct Stretch {
     n_sweeps: u32,
     n_bridged: u32,
     max_directions: u32,
-    /// Sweeps predicted by inertial samples, and by velocities of a receiver.
+    /// Sweeps predicted from inertial samples, and sweeps predicted from GNSS velocities.
     n_inertial: u32,
     n_receiver: u32,
     /// Standard deviation of the position before the stretch and at its end, m.
     sigma_m: [f64; 2],
 }
 
-/// What matters of a sweep.
+/// The relevant data of a sweep.
 #[derive(Clone, Copy)]
 struct Step {
     begin: i64,

@@ -1,4 +1,4 @@
-//! Reports stretches of the drive in which the vehicle lost its way: where the deviation of the pose grew.
+//! Reports stretches of the drive with a growing path error: the standard deviation of the pose increases.
 
 use crate::Registered;
 use crate::observability::time_spans::TimeSpans;
@@ -7,14 +7,15 @@ use geometry::Pose;
 use nalgebra::{Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// An error of the heading counts as the displacement that it causes at this distance, m: that of a submap or two.
+/// Heading error is converted to the displacement at this distance, m: the length of one or two submaps.
 const LEVER_M: f64 = 50.0;
-/// Growth in one sweep that belongs to a stretch, m. Sweeps of streets have some millimetres, and degenerate ones decimetres.
+/// Least growth of the standard deviation in one sweep that belongs to a stretch, m. Sweeps of streets have some
+/// millimetres, degenerate ones decimetres.
 const MIN_GROWTH_M: f64 = 0.05;
-/// Stretches with a shorter pause are one, ns.
+/// Stretches with a shorter pause are merged, ns.
 const PAUSE_NANOS: i64 = 1_000_000_000;
 
-/// Collects stretches in which the deviation of position and heading grows. Serializing it saves the state.
+/// Collects stretches in which the standard deviation of position and heading grows. Serializing it saves the state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LostStretches {
     /// Pose and covariance at the last sweep.
@@ -42,7 +43,7 @@ impl LostStretches {
         }
     }
 
-    /// The doubt if all stretches together let the deviation grow by more than the limit, m.
+    /// The doubt if all stretches together increase the standard deviation by more than the limit, m.
     pub fn doubt(&self, limit_m: f64) -> Option<Doubt> {
         let growth_m = self.growth.sqrt();
         (growth_m > limit_m).then(|| Doubt::PathLost {
@@ -55,14 +56,14 @@ impl LostStretches {
     }
 }
 
-/// The covariance of a pose after a step, m, that has no error of its own.
+/// The covariance of a pose after an error-free step, m.
 fn moved(covariance: &Matrix6<f64>, step: &Vector3<f64>) -> Matrix6<f64> {
     let mut lever = Matrix6::identity();
     lever.fixed_view_mut::<3, 3>(0, 3).copy_from(&-step.cross_matrix());
     lever * covariance * lever.transpose()
 }
 
-/// Variance of the horizontal position and, at the lever, the heading, m^2.
+/// Variance of the horizontal position plus variance of the heading at the lever arm, m^2.
 fn weighted(covariance: &Matrix6<f64>) -> f64 {
     covariance[(0, 0)] + covariance[(1, 1)] + LEVER_M * LEVER_M * covariance[(5, 5)]
 }
@@ -74,7 +75,8 @@ mod tests {
 
     const SWEEP_NANOS: i64 = 100_000_000;
 
-    /// After sweeps 1 m apart, whose position and heading have these deviations (m, rad) beyond those of the sweep before.
+    /// Stretches after sweeps 1 m apart. Each sweep adds the given standard deviations of position and heading (m,
+    /// rad).
     fn after(sweeps: &[[f64; 2]]) -> LostStretches {
         let mut stretches = LostStretches::default();
         let mut covariance = Matrix6::zeros();

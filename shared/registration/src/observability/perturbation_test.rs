@@ -1,8 +1,9 @@
-//! Perturbation test of a match: how much of its information the scene supports.
+//! Perturbation test of a match: determines how much of its information the scene supports.
 //!
-//! Errors of normals look like surfaces that face another way. Along a tunnel or a bare road the normal equations then claim an
-//! influence of 0.004, though every position fits about as well, and the covariance would stay small while the pose drifts.
-//! Shifting the sweep separates the two: near real surfaces the cost grows as the residuals predict.
+//! Errors of normals resemble surfaces with another orientation. Along a tunnel or a bare road the normal equations
+//! then have an influence of 0.004 although every position fits about equally well, and the covariance would stay small
+//! while the pose drifts. Shifting the sweep separates the two: near real surfaces the cost grows as the residuals
+//! predict.
 
 use crate::map::kernel::Kernel;
 use crate::map::maps::Maps;
@@ -10,13 +11,14 @@ use crate::matching::{LEVER_M, MatchScale, MatchSettings, Matched};
 use crate::{Feature, SweepMotion};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-/// Directions with a larger influence are not doubted: see [`MatchSettings::min_influence`]. Streets have more.
+/// Directions with a larger influence are not tested: see [`MatchSettings::min_influence`]. Streets have more.
 pub(crate) const DOUBTED_INFLUENCE: f64 = 0.02;
-/// Shift along the direction, m; rotations at [`LEVER_M`]: the search radius.
+/// Shift along the direction, m, which is the search radius; rotations are converted at [`LEVER_M`].
 const SHIFT_M: f64 = 0.3;
-/// One of so many features is shifted: a quarter gives the same result.
+/// One in this many features is shifted: a quarter of the features gives the same result.
 const EVERY: usize = 4;
-/// Growth of the cost, as a share of the predicted one, that is no information, and that confirms all of it.
+/// Growth of the cost as a share of the predicted growth: at the first value the information is rejected, at the second
+/// fully confirmed.
 const NOTHING: f64 = 0.25;
 const EVERYTHING: f64 = 0.6;
 
@@ -42,7 +44,7 @@ pub(crate) fn supported_information(
             let step = vector.component_mul(&inverse_lever) * SHIFT_M;
             let growth = growth(&step, features, maps, motion, settings);
             let share_of_growth = ((growth - NOTHING) / (EVERYTHING - NOTHING)).clamp(0.0, 1.0);
-            // The weaker, the more of it is errors of normals.
+            // The weaker the influence, the larger the part caused by errors of normals.
             share = share_of_growth * value / DOUBTED_INFLUENCE;
         }
         found += direction * direction.transpose() * (weight * value * share);
@@ -50,7 +52,7 @@ pub(crate) fn supported_information(
     found
 }
 
-/// Growth of the cost under a step to both sides, as a share of what the residuals predict.
+/// Growth of the cost under a step to both sides, as a share of the growth that the residuals predict.
 fn growth(
     step: &Vector6<f64>,
     features: &[Feature],
@@ -92,7 +94,8 @@ mod tests {
     use super::*;
     use random::Random;
 
-    /// Ground and two walls along x, whose normals err by 3 degrees, and this share of posts that face the way.
+    /// Ground and two walls along x, whose normals err by 3 degrees, and the given share of posts that face along the
+    /// track.
     fn features(posts: f64, n: usize, seed: u64) -> Vec<Feature> {
         let mut random = Random::of_hash(seed, 0);
         let mut found = Vec::new();
@@ -129,10 +132,11 @@ mod tests {
         found
     }
 
-    /// Claimed and confirmed information along x, and along y, of a sweep that is matched to a map of the same surfaces.
+    /// Information along x and along y, before and after the test, of a sweep that is matched to a map of the same
+    /// surfaces.
     fn along_and_across(posts: f64) -> [[f64; 2]; 2] {
         let motion = SweepMotion::still(geometry::Pose::identity());
-        // A point every 10 cm.
+        // One point every 10 cm.
         let maps = Maps::of_sweep(&features(posts, 80_000, 1), &motion);
         let features = features(posts, 1200, 2);
         let settings = MatchSettings::default();

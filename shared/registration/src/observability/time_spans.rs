@@ -1,11 +1,11 @@
-//! Spans of time of a drive, for texts to the operator.
+//! Time spans of a drive, for messages to the operator.
 
 use serde::{Deserialize, Serialize};
 
-/// Spans that are named.
+/// Largest number of spans that are listed.
 const MAX_NAMED: usize = 5;
 
-/// Spans in the order of time. Serializing it saves the state.
+/// Spans in time order. Serializing it saves the state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct TimeSpans {
     /// First shot of the drive, ns.
@@ -15,12 +15,12 @@ pub(crate) struct TimeSpans {
 }
 
 impl TimeSpans {
-    /// The drive begins at the earliest at `stamp`, ns.
+    /// Sets the start of the drive to `stamp`, ns, if it is not set yet.
     pub fn begin_drive(&mut self, stamp: i64) {
         self.begin.get_or_insert(stamp);
     }
 
-    /// Adds a span, or extends the last one if it ends at most `gap` ns before.
+    /// Adds a span, or extends the last one if it ends at most `gap` ns earlier.
     pub fn add(&mut self, [begin, end]: [i64; 2], gap: i64) {
         match self.spans.last_mut().filter(|(_, last)| begin - gap <= *last) {
             Some((_, last)) => *last = end,
@@ -28,12 +28,12 @@ impl TimeSpans {
         }
     }
 
-    /// Time of all spans, s.
+    /// Total time of all spans, s.
     pub fn seconds(&self) -> f64 {
         self.spans.iter().map(|(begin, end)| (end - begin) as f64 * 1e-9).sum()
     }
 
-    /// The longest spans by the seconds of the drive, for the operator; empty without any.
+    /// The longest spans in seconds of the drive, for the operator; empty if there is no span.
     pub fn describe(&self) -> String {
         let mut longest = self.spans.clone();
         longest.sort_by_key(|(begin, end)| (begin - end, *begin));

@@ -1,7 +1,8 @@
 //! Initial motion over the first two sweeps, at an unknown speed.
 //!
-//! A match that assumes rest can converge to a wrong wall when the vehicle moves at 10 m/s. So several speeds along the
-//! vehicle's forward axis are tried. Each speed deskews *both* sweeps, and the speed with the lowest cost is taken.
+//! A match that assumes rest can converge to a wrong wall when the vehicle moves at 10 m/s. Therefore several speeds
+//! along the vehicle's forward axis are tried. Each speed deskews *both* sweeps; the speed with the lowest cost is
+//! used.
 
 use crate::features::sweep_features::SweepFeatures;
 use crate::map::maps::Maps;
@@ -15,15 +16,15 @@ use crate::{SensorMounting, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, UnitQuaternion, Vector3};
 use nalgebra::Matrix6;
 
-/// Displacements between two sweeps that are tried, m: steps of 0.4 m, inside the search radius of a match. 3.2 m in 0.1 s are
-/// 32 m/s, and backwards up to 8 m/s.
+/// Tried displacements between two sweeps, m: steps of 0.4 m, inside the search radius of a match. 3.2 m in 0.1 s are
+/// 32 m/s; backwards the limit is 8 m/s.
 const DISPLACEMENTS_M: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, -0.4, -0.8];
-/// Another speed than zero must lower the cost by this factor. In a tunnel all speeds fit alike; a car at 8 m/s between houses
-/// (KITTI raw 0048) fits 15 % better at its own speed.
+/// A speed other than zero must lower the cost by this factor. In a tunnel all speeds fit equally well; a car at 8 m/s
+/// between houses (KITTI raw 0048) fits 15 % better at its true speed.
 const STANDSTILL_FACTOR: f64 = 0.9;
-/// Rounds that rebuild the first sweep with the speed found. Each reduces the error by a factor of ten or more.
+/// Rounds that rebuild the first sweep with the estimated speed. Each reduces the error by a factor of ten or more.
 const REFINEMENTS: usize = 3;
-/// A velocity of a receiver is valid for so long, s.
+/// Validity time of a GNSS velocity, s.
 const VELOCITY_VALID_S: f64 = 0.5;
 
 /// The motion over the first two sweeps.
@@ -34,9 +35,9 @@ pub(crate) struct InitialMatch {
     pub second: Matched,
 }
 
-/// The motion between the first two sweeps by other sensors.
+/// The motion between the first two sweeps as measured by other sensors.
 pub(crate) struct InitialMotion {
-    /// In the LiDAR's axes, rad/s; zero if it is not known.
+    /// Angular rate in the LiDAR's axes, rad/s; zero if it is unknown.
     pub angular: Vector3<f64>,
     /// Speed over ground, m/s.
     pub speed: Option<f64>,
@@ -52,8 +53,8 @@ impl InitialMotion {
     }
 }
 
-/// Finds the motion over two sweeps, whose middles are `seconds` apart and the first of which begins at `begin`: at the measured
-/// speed, or at the speed along odom's x axis with the lowest cost. `None` if no speed gives a match.
+/// Finds the motion over two sweeps whose middles are `seconds` apart: at the measured speed, or at the speed along
+/// odom's x axis with the lowest cost. The first sweep starts at the pose `begin`. `None` if no speed gives a match.
 pub(crate) fn initialize(
     first: &SweepFeatures,
     second: &SweepFeatures,

@@ -1,9 +1,10 @@
 //! Predicts the motion between sweeps from inertial samples and GNSS velocities, and tracks the covariance of the pose: an
 //! error-state Kalman filter.
 //!
-//! The filter is robocentric (Huai and Huang, IROS 2018; with a LiDAR: Qin et al., LINS, ICRA 2020): its state is in the axes of
-//! the body at the previous sweep. Inertial samples predict the step from there, GNSS velocities and the match correct it, and its
-//! end becomes the next begin. Without samples the velocity stays constant and its covariance grows.
+//! The filter is robocentric (Huai and Huang, IROS 2018; with a LiDAR: Qin et al., LINS, ICRA 2020): its state is in
+//! the axes of the body at the previous sweep. Inertial samples predict the step from there, GNSS velocities and the
+//! match correct it, and the end of the step becomes the start of the next one. Without samples the velocity stays
+//! constant and its covariance grows.
 //!
 //! The error of the pose since the first sweep is a Schmidt state: the filter tracks its covariance and its correlation with the
 //! other errors, but a match corrects only the step, not the accumulated error.
@@ -30,40 +31,42 @@ const ATTITUDE: usize = 9;
 const RATE_BIAS: usize = 12;
 const FORCE_BIAS: usize = 15;
 
-/// Biases of an industrial inertial unit after it is switched on, m/s^2 and rad/s.
+/// Turn-on biases of an industrial inertial unit, m/s^2 and rad/s.
 const FORCE_BIAS_SIGMA: f64 = 0.05;
 const RATE_BIAS_SIGMA: f64 = 0.005;
-/// Standard deviation of the velocity at the first sweep, forward and otherwise, m/s: a vehicle in traffic.
+/// Standard deviation of the velocity at the first sweep, along the forward, left and up axes, m/s: a vehicle in
+/// traffic.
 const FIRST_SPEED: [f64; 3] = [15.0, 1.0, 1.0];
 const FIRST_RATE: f64 = 0.5;
-/// The same with a velocity from a receiver, m/s.
+/// Standard deviation of the velocity at the first sweep if a receiver measured it, m/s.
 const MEASURED_SPEED: f64 = 0.5;
 /// Angle between the first specific force and the vertical, rad: braking by 1 m/s^2.
 const FIRST_TILT: f64 = 0.1;
-/// Jitter of matched poses, m and rad; it is not motion.
+/// Jitter of matched poses, m and rad, which is not motion.
 const POSE_NOISE: (f64, f64) = (5e-3, 5e-4);
-/// The bias of a gyroscope, which steps have in common, shifts each sweep in the map to the same side, and the map stays: half of its
-/// 60 sweeps measure it together. Without inertial samples steps have little in common.
+/// Number of sweeps that share the gyroscope bias error. The bias, which is common to all steps, shifts each sweep in
+/// the same direction, and the map stays: half of its 60 sweeps measure the bias together. Without inertial samples
+/// steps have little in common.
 const COMMON_SWEEPS: f64 = 30.0;
-/// Standstill is possible below this speed (m/s) and this acceleration (m/s^2); a detected standstill has this standard
-/// deviation of the velocity, m/s.
+/// Largest speed (m/s) and acceleration (m/s^2) of a possible standstill; the velocity of a detected standstill has
+/// this standard deviation, m/s.
 const SLOW_MPS: f64 = 0.3;
 const STANDING_MPS2: f64 = 0.15;
 const STANDING_MPS: f64 = 0.02;
-/// The mean angular rate of half a second at rest is the gyroscopes' bias with this error, rad/s: noise, and steps of the passengers.
-/// Larger than [`RATE_BIAS_GATE`] times its deviation, it is a rotation.
+/// Error of the gyroscope bias that is taken from the mean angular rate of half a second at rest, rad/s: noise, and
+/// steps of the passengers. A difference larger than [`RATE_BIAS_GATE`] standard deviations is a rotation.
 const STANDING_RADPS: f64 = 1e-3;
 const RATE_BIAS_GATE: f64 = 4.0;
 /// Largest grade of a road.
 const GRADE: f64 = 0.1;
-/// The grade is another one after so many metres.
+/// Distance after which the grade changes, m.
 const HILL_M: f64 = 50.0;
-/// A GNSS velocity supports predictions for so long, s.
+/// Time for which a GNSS velocity supports predictions, s.
 const VELOCITY_VALID_S: f64 = 2.0;
-/// Change of the velocity while a late measurement was on its way, m/s^2.
+/// Acceleration over the delay of a late measurement, m/s^2: uncertainty of its velocity.
 const LATE_MPS2: f64 = 3.0;
 
-/// Sensors that predicted a step. Without any, the previous motion continues.
+/// Sensors that predicted a step. Without any sensor, the previous motion continues.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PredictionSources {
     /// Inertial samples.
@@ -81,24 +84,24 @@ impl PredictionSources {
 /// State of the filter; part of the odometry's saved state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Navigation {
-    /// Displacement of the inertial unit and rotation of the body in this step, axes of the body at its begin.
+    /// Displacement of the inertial unit and rotation of the body in this step, axes of the body at its start.
     displacement: Vector3<f64>,
     rotation: UnitQuaternion<f64>,
-    /// Of the inertial unit, same axes.
+    /// Velocity of the inertial unit, same axes.
     velocity: Vector3<f64>,
-    /// Axes: z up, and x east if `north_is_known`.
+    /// Axes: z up; x points east if `north_is_known`.
     level_from_begin: UnitQuaternion<f64>,
     north_is_known: bool,
     rate_bias: Vector3<f64>,
     force_bias: Vector3<f64>,
-    /// Angular rate of the body at the begin of the step, rad/s.
+    /// Angular rate of the body at the start of the step, rad/s.
     last_rate: Vector3<f64>,
     last_velocity: Option<Stamp>,
     n_rejected: u32,
     covariance: SMatrix<f64, N, N>,
     /// Covariance of the pose since the first sweep: translation, rotation, odom axes about the LiDAR.
     pose: Matrix6<f64>,
-    /// Covariance between the errors of the pose and those of the filter.
+    /// Cross-covariance between the pose errors and the filter errors.
     cross_covariance: SMatrix<f64, 6, N>,
 }
 
@@ -110,16 +113,17 @@ pub(crate) struct PredictedPose {
     pub sources: PredictionSources,
 }
 
-/// The measurement of a step by a match, as inverse covariances.
+/// Measurement of a step by a match, as inverse covariances.
 pub(crate) struct StepMeasurement {
-    /// Of the pose in the map; zero along degenerate directions.
+    /// Inverse covariance of the pose in the map; zero along degenerate directions.
     pub information: Matrix6<f64>,
-    /// The same with the residual error that accumulates over a drive.
+    /// Inverse covariance with the residual error that accumulates over a drive.
     pub drift_information: Matrix6<f64>,
 }
 
 impl Navigation {
-    /// At the middle of the first sweep. `velocity` is that of the body in its axes; `is_measured`: by a receiver.
+    /// Starts the filter at the middle of the first sweep. `velocity` is the body's velocity in body axes;
+    /// `is_measured`: by a receiver.
     pub fn begin(velocity: &Vector3<f64>, is_measured: bool, log: &SensorLog, [begin, end]: [Stamp; 2]) -> Self {
         let inertial = log.mean(begin, end).filter(|_| log.covers(begin, end));
         let up = inertial.map_or_else(Vector3::z, |(force, _)| force);
@@ -152,7 +156,7 @@ impl Navigation {
         }
     }
 
-    /// Begins anew with the LiDAR's pose and velocity (its axes): what came from inertial samples is wrong.
+    /// Restarts the filter from the LiDAR's pose and velocity (its axes), because the inertial samples were wrong.
     pub fn forget_inertial(&mut self, body_from_lidar: &Pose, odom_from_lidar: &Pose, velocity: &Vector3<f64>) {
         self.velocity = body_from_lidar.rotation * velocity;
         self.level_from_begin = odom_from_lidar.rotation * body_from_lidar.rotation.inverse();
@@ -175,10 +179,10 @@ impl Navigation {
         }
     }
 
-    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures height and
-    /// inclination over the ground, not those of the ground. So an error of the horizontal position adds to the height by the grade of
-    /// a road, and to the inclination as hills bend it. (On a field the height of a vehicle that seemed to stand had a deviation of
-    /// 30 cm and an error of 3 m.)
+    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures height
+    /// and inclination relative to the ground, not the absolute ones. An error of the horizontal position therefore
+    /// adds to the height by the grade of a road, and to the inclination by the curvature of hills. (On a field the
+    /// height of a vehicle that appeared to stand had a standard deviation of 30 cm and an error of 3 m.)
     pub fn pose_covariance(&self) -> Matrix6<f64> {
         let mut pose = self.pose;
         let horizontal = pose[(0, 0)] + pose[(1, 1)];
@@ -189,8 +193,8 @@ impl Navigation {
         pose
     }
 
-    /// Predicts the LiDAR's pose at `end` from its pose `from` at `begin`. `acceleration` is the process noise
-    /// without inertial samples, `last_rate` the angular rate of the LiDAR at `begin` (its axes, rad/s).
+    /// Predicts the LiDAR's pose at `end` from its pose `from` at `begin`. `acceleration` is the process noise without
+    /// inertial samples, `last_rate` the angular rate of the LiDAR at `begin` (its axes, rad/s).
     pub fn predict(
         &mut self,
         log: &mut SensorLog,
@@ -224,13 +228,13 @@ impl Navigation {
         PredictedPose { mid: lidar.pose(&self.displacement, &self.rotation), information, sources }
     }
 
-    /// Adds an error to the pose, as its covariance (m, then rad), odom axes.
+    /// Adds a pose error, given as covariance (m, then rad), odom axes.
     pub fn add_error(&mut self, covariance: &Matrix6<f64>) {
         self.pose += covariance;
     }
 
-    /// Updates the filter with the step from the LiDAR's pose `from` to `to`. `prediction` is what the match began with and
-    /// `measurement` what it measured, `None` without a match.
+    /// Updates the filter with the step from the LiDAR's pose `from` to `to`. `prediction` is the start of the match
+    /// and `measurement` its result, `None` without a match.
     pub fn update_step(
         &mut self,
         mounting: &SensorMounting,
@@ -246,7 +250,7 @@ impl Navigation {
             // Both poses of the step jitter.
             |measurement| [measurement.information * 0.5, measurement.drift_information],
         );
-        // The remaining error of the step, of the part that steps have in common, and the errors of the filter after the update.
+        // The remaining error of the step, of the part common to all steps, and the filter errors after the update.
         let remaining = (Matrix6::identity() + step * drift).try_inverse().unwrap_or_else(Matrix6::identity);
         let n_common = if prediction.sources.inertial { COMMON_SWEEPS } else { 1.0 };
         let remaining_common =
@@ -267,7 +271,8 @@ impl Navigation {
         let mut residual = Vector6::zeros();
         residual.fixed_rows_mut::<3>(0).copy_from(&(to.translation.vector - predicted.translation.vector));
         residual.fixed_rows_mut::<3>(3).copy_from(&(to.rotation * predicted.rotation.inverse()).scaled_axis());
-        // The matched pose lies between the prediction and what the match alone finds: add what the prediction held back.
+        // The matched pose lies between the prediction and the result of the match alone: add the part suppressed by
+        // the prediction.
         let regularization = diagonal(1.0, 1e2);
         let inverse = (information + regularization).try_inverse().unwrap_or_else(Matrix6::zeros);
         let held_back = inverse * prediction.information * residual * 0.5;
@@ -275,8 +280,8 @@ impl Navigation {
         self.begin_next_step();
     }
 
-    /// Sets the velocity to zero if the inertial samples and the estimated velocity agree that the vehicle stands. Then the
-    /// gyroscopes show their bias.
+    /// Sets the velocity to zero if the inertial samples and the estimated velocity agree that the vehicle stands. Then
+    /// the angular rates are the gyroscope bias.
     pub fn update_standstill(&mut self, log: &SensorLog, at: Stamp) {
         let is_gravity_alone = |force: Vector3<f64>| (force - self.force_bias + self.gravity()).norm() < STANDING_MPS2;
         let still = log.standstill(at).filter(|(force, _)| self.velocity.norm() < SLOW_MPS && is_gravity_alone(*force));
@@ -296,7 +301,7 @@ impl Navigation {
         }
     }
 
-    /// A measurement with the same variance along each of its axes.
+    /// Updates the filter with a measurement of equal variance along each axis.
     fn update<const M: usize>(&mut self, h: &SMatrix<f64, M, N>, residual: &SVector<f64, M>, variance: f64) {
         let cross = self.covariance * h.transpose();
         let innovation = h * cross + SMatrix::identity() * variance;
@@ -321,7 +326,7 @@ impl Navigation {
     }
 }
 
-/// How an error of rotation moves a pose that is `displacement` away.
+/// Derivative of a pose that is `displacement` away with respect to an error of rotation.
 fn lever(displacement: &Vector3<f64>) -> Matrix6<f64> {
     let mut lever = Matrix6::identity();
     lever.fixed_view_mut::<3, 3>(0, 3).copy_from(&-displacement.cross_matrix());
@@ -349,7 +354,7 @@ mod tests {
 
     const ACCELERATION: Acceleration = Acceleration { linear_mps2: 2.0, angular_radps2: 0.5 };
 
-    /// The covariance after ten steps a second of 1 m along x, each measured with `drift_information`.
+    /// The covariance after ten steps per second of 1 m along x, each measured with `drift_information`.
     fn covariance_after(n_steps: u32, drift_information: &Matrix6<f64>) -> Matrix6<f64> {
         let mounting = SensorMounting::default();
         let mut log = SensorLog::default();
@@ -375,7 +380,7 @@ mod tests {
         let covariance = covariance_after(100, &known);
         let [x, y] = [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()];
         assert!((x / 0.05 - 1.0).abs() < 0.05, "100 steps of 5 mm: {x}");
-        // Each rotation of 0.1 mrad moves the end over the remaining path: a sum of squares from 0 to 99 m.
+        // Each rotation of 0.1 mrad moves the end by the remaining path length: a sum of squares from 0 to 99 m.
         let by_rotation = 1e-4 * (0..100).map(|m| f64::from(m * m)).sum::<f64>().sqrt();
         assert!((y / x.hypot(by_rotation) - 1.0).abs() < 0.05, "{y} for {by_rotation}");
     }
@@ -387,7 +392,7 @@ mod tests {
         let covariance = covariance_after(100, &known);
         let mut expected = 0.1_f64.powi(2) * 100.0;
         for number in 0..100 {
-            // A change of speed of 0.2 m/s lasts to the end.
+            // A speed change of 0.2 m/s lasts to the end.
             expected += (0.2 * 0.1 * f64::from(100 - number)).powi(2);
         }
         assert!((covariance[(0, 0)] / expected - 1.0).abs() < 0.01, "{} {expected}", covariance[(0, 0)]);
@@ -396,7 +401,8 @@ mod tests {
         assert!((height / 0.1 - 1.0).abs() < 0.02, "a tenth of the horizontal error, not {height}");
     }
 
-    /// Deviation of the heading, rad, after ten seconds of sweeps that measure it with 1 mrad each, with samples of an inertial unit.
+    /// Standard deviation of the heading, rad, after ten seconds of sweeps that measure it with 1 mrad each, with
+    /// inertial samples.
     fn heading_deviation_with_samples() -> f64 {
         let mounting = SensorMounting::default();
         let mut log = SensorLog::default();
@@ -439,7 +445,7 @@ mod tests {
         known[(5, 5)] = 0.0;
         let covariance = covariance_after(100, &known);
         let heading = covariance[(5, 5)].sqrt();
-        // A rate of 0.5 rad/s that went on for ten seconds would be 5 rad.
+        // A constant rate of 0.5 rad/s would be 5 rad after ten seconds.
         assert!((0.05..1.0).contains(&heading), "{heading} rad after ten seconds");
     }
 

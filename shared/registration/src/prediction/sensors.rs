@@ -1,29 +1,29 @@
-//! Measurements of other sensors, kept until the sweep of their time arrives.
+//! Measurements of other sensors, buffered until the sweep of their time is registered.
 
 use geometry::{Point3, Pose, Stamp, Vector3};
 use messages::{GnssRow, ImuRow};
 use serde::{Deserialize, Serialize};
 
-/// Longer pauses between inertial samples are gaps, ns: samples at 20 Hz still describe the motion of a car.
+/// Longer pauses between inertial samples are gaps, ns: samples at 20 Hz still resolve the motion of a car.
 const GAP_NANOS: i64 = 60_000_000;
-/// How long used samples are kept, ns.
+/// Time for which used samples are kept, ns.
 const KEPT_NANOS: i64 = 600_000_000;
-/// Samples at most: a minute at 1 kHz. The oldest are dropped first.
+/// Largest number of buffered samples: a minute at 1 kHz. The oldest are dropped first.
 const MAX_WAITING: usize = 60_000;
-/// A vehicle stands if the samples of half a second scatter by less: m/s^2 and rad/s, root mean square of all axes. An idling
-/// engine vibrates by some hundredths.
+/// Window of standstill detection, and the largest scatter of its samples: m/s^2 and rad/s, root mean square of all
+/// axes. An idling engine vibrates by some hundredths.
 const STILL_NANOS: i64 = 500_000_000;
 const STILL_MPS2: f64 = 0.1;
 const STILL_RADPS: f64 = 0.015;
-/// Error of a receiver's speed at a dilution of 1, m/s along each axis: data sheets state 0.05 under an open sky.
+/// Speed error of a receiver at a dilution of 1, m/s along each axis: data sheets specify 0.05 under an open sky.
 const SPEED_MPS: f64 = 0.1;
 /// Below this speed the course is noise, m/s.
 const LEAST_COURSE_MPS: f64 = 0.5;
 
-/// Where the sensors are mounted on the vehicle.
+/// Mounting of the sensors on the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorMounting {
-    /// Mounting of the lidar.
+    /// Pose of the LiDAR in the body frame.
     pub body_from_lidar: Pose,
     /// Position of the inertial unit, m.
     pub imu_in_body: Point3<f64>,
@@ -32,7 +32,7 @@ pub struct SensorMounting {
 }
 
 impl Default for SensorMounting {
-    /// All frames are one.
+    /// All frames coincide.
     fn default() -> Self {
         let origin = Point3::origin();
         Self { body_from_lidar: Pose::identity(), imu_in_body: origin, antenna_in_body: origin }
@@ -42,11 +42,11 @@ impl Default for SensorMounting {
 /// A sample of an inertial unit along the body's axes (x forward, y left, z up).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InertialSample {
-    /// When.
+    /// Time of the sample.
     pub stamp: Stamp,
     /// Specific force, m/s^2: at rest 9.81 upwards.
     pub force: Vector3<f64>,
-    /// rad/s.
+    /// Angular rate, rad/s.
     pub rate: Vector3<f64>,
 }
 
@@ -65,7 +65,7 @@ impl From<&InertialSample> for ImuRow {
 /// Horizontal velocity of a GNSS antenna.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroundVelocity {
-    /// When.
+    /// Time of the velocity.
     pub stamp: Stamp,
     /// Towards east and north, m/s.
     pub east_north: [f64; 2],
@@ -74,20 +74,21 @@ pub struct GroundVelocity {
 }
 
 impl GroundVelocity {
-    /// From a receiver's speed (m/s), course (degrees clockwise from north, `None` if not known) and dilution of precision. Receivers
-    /// measure them by Doppler shifts, which reflections disturb far less than positions. `None` if the direction is not known.
+    /// Creates a velocity from a receiver's speed (m/s), course (degrees clockwise from north, `None` if unknown) and
+    /// dilution of precision. Receivers measure both by Doppler shifts, which reflections disturb far less than
+    /// positions. `None` if the direction is unknown.
     pub fn new(stamp: Stamp, speed: f64, course_deg: Option<f64>, hdop: Option<f64>) -> Option<Self> {
         let sigma = SPEED_MPS * hdop.unwrap_or(2.0).max(1.0);
         let (east, north) = match course_deg {
             Some(course) if speed >= LEAST_COURSE_MPS => course.to_radians().sin_cos(),
             None if speed > LEAST_COURSE_MPS => return None,
-            // It stands or moves slowly in an unknown direction.
+            // The antenna stands, or moves slowly in an unknown direction.
             _ => return Some(Self { stamp, east_north: [0.0; 2], sigma: sigma.hypot(speed) }),
         };
         let is_number = speed.is_finite() && east.is_finite();
         is_number.then_some(Self { stamp, east_north: [speed * east, speed * north], sigma })
     }
-    /// Of a fix; `None` if the receiver reports no velocity.
+    /// Velocity of a fix; `None` if the receiver reports no velocity.
     pub fn of_fix(row: &GnssRow) -> Option<Self> {
         let reported = |value: f64| (value >= 0.0).then_some(value);
         let hdop = Some(f64::from(row.hdop)).filter(|hdop| *hdop > 0.0);
@@ -98,7 +99,7 @@ impl GroundVelocity {
     }
 }
 
-/// Samples and velocities in the order of time.
+/// Samples and velocities in time order.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct SensorLog {
     samples: Vec<InertialSample>,
@@ -136,7 +137,7 @@ impl SensorLog {
         around.windows(2).all(|pair| pair[1].stamp.0 - pair[0].stamp.0 <= GAP_NANOS)
     }
 
-    /// Means of consecutive samples with the time each of them covers, s, from `begin` to `end`.
+    /// Means of consecutive samples with the time that each of them covers, s, from `begin` to `end`.
     pub fn between(&self, begin: Stamp, end: Stamp) -> impl Iterator<Item = (f64, Vector3<f64>, Vector3<f64>)> {
         let after = self.samples.partition_point(|sample| sample.stamp <= begin).saturating_sub(1);
         let pairs = self.samples[after..].windows(2).take_while(move |pair| pair[0].stamp < end);
@@ -157,7 +158,7 @@ impl SensorLog {
         (seconds > 0.0).then(|| (force / seconds, rate / seconds))
     }
 
-    /// Mean force of the last half second before `end` if the samples are those of a vehicle that stands.
+    /// Mean force and rate of the last half second before `end` if the samples show that the vehicle stands.
     pub fn standstill(&self, end: Stamp) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let begin = end.plus_nanos(-STILL_NANOS);
         let (force, rate) = self.mean(begin, end).filter(|_| self.covers(begin, end))?;

@@ -1,4 +1,4 @@
-//! The step of the LiDAR, given the step of the body.
+//! The step of the LiDAR, derived from the step of the body.
 
 use super::{N, POSITION, ROTATION, symmetric};
 use crate::SensorMounting;
@@ -7,13 +7,13 @@ use nalgebra::{Matrix6, SMatrix};
 
 /// Geometry of a LiDAR on the body.
 pub(super) struct LidarStep {
-    /// Rotation of `odom_from_body` at the begin of the step.
+    /// Rotation of `odom_from_body` at the start of the step.
     odom_from_begin: UnitQuaternion<f64>,
     from: Pose,
     body_from_lidar: UnitQuaternion<f64>,
-    /// From the inertial unit to the LiDAR, body axes, m.
+    /// Lever arm from the inertial unit to the LiDAR, body axes, m.
     arm: Vector3<f64>,
-    /// Derivative of the LiDAR's pose (odom axes) by the error states.
+    /// Derivative of the LiDAR's pose (odom axes) with respect to the error states.
     pub jacobian: SMatrix<f64, 6, N>,
 }
 

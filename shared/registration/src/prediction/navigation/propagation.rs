@@ -6,26 +6,26 @@ use crate::prediction::sensors::SensorLog;
 use geometry::{Stamp, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
-/// m/s^2, at 45 degrees of latitude. The difference elsewhere is estimated as a bias.
+/// Gravity at 45 degrees of latitude, m/s^2. The difference elsewhere is estimated as a bias.
 const GRAVITY_MPS2: f64 = 9.806;
-/// Noise of an industrial inertial unit on a vibrating vehicle: white noise per root of Hz (m/s^2 and rad/s; engine and road
-/// vibrate by 0.1 m/s^2 at 100 Hz), and random walk of the biases per root of a second.
+/// Noise of an industrial inertial unit on a vibrating vehicle: white noise per root of Hz (m/s^2 and rad/s; engine and
+/// road vibrate by 0.1 m/s^2 at 100 Hz), and random walk of the biases per root of a second.
 const FORCE_NOISE: f64 = 0.01;
 const RATE_NOISE: f64 = 3e-4;
 const FORCE_BIAS_WALK: f64 = 2e-4;
 const RATE_BIAS_WALK: f64 = 1e-5;
 
-/// Time after which a vehicle whose rotation is not measured drives straight again, s.
+/// Time constant with which an unmeasured rotation decays to straight motion, s.
 const STRAIGHTENING_S: f64 = 1.0;
 
-/// The share of an angular rate that is left after so many seconds without measurement. Vehicles turn for seconds, not for minutes: a
-/// rate that goes on for ever would turn the noise of a standstill on a bare road into a spin.
+/// The share of an angular rate that remains after `seconds` without measurement. Vehicles turn for seconds, not for
+/// minutes: a rate that continues forever would turn the noise of a standstill on a bare road into a spin.
 pub(crate) fn straightening(seconds: f64) -> f64 {
     (-seconds / STRAIGHTENING_S).exp()
 }
 
 impl Navigation {
-    /// Propagates state and covariance from one time to the next, by inertial samples if the log `has_samples`.
+    /// Propagates state and covariance from one time to the next, with inertial samples if the log `has_samples`.
     pub(super) fn propagate(
         &mut self,
         log: &SensorLog,
@@ -58,21 +58,21 @@ impl Navigation {
             add(RATE_BIAS, RATE_BIAS_WALK * root);
             add(FORCE_BIAS, FORCE_BIAS_WALK * root);
         } else {
-            // The error of the angular rate takes the place of the gyroscopes' bias.
+            // The error of the angular rate replaces the gyroscope bias.
             let axes = self.coast(seconds);
             set(ROTATION, RATE_BIAS, -axes * seconds);
             set(RATE_BIAS, RATE_BIAS, Matrix3::identity() * straightening(seconds));
             add(VELOCITY, acceleration.linear_mps2 * seconds);
             add(RATE_BIAS, acceleration.angular_radps2 * seconds);
         }
-        // Noise is added at the begin, which overestimates its effect on the position a little.
+        // Noise is added at the start of the interval, which slightly overestimates its effect on the position.
         let before = self.covariance + SMatrix::from_diagonal(&noise);
         self.covariance = transition * before * transition.transpose();
         self.cross_covariance *= transition.transpose();
     }
 
-    /// Integrates inertial samples. Returns the integral of the specific force in the axes of the step's begin, and the mean
-    /// axes of the body there.
+    /// Integrates inertial samples. Returns the integral of the specific force in the axes at the start of the step,
+    /// and the mean axes of the body there.
     fn integrate(&mut self, log: &SensorLog, [from, to]: [Stamp; 2]) -> (Vector3<f64>, Matrix3<f64>) {
         let gravity = self.gravity();
         let begin = self.rotation;
@@ -90,7 +90,7 @@ impl Navigation {
         (integral, begin.slerp(&self.rotation, 0.5).to_rotation_matrix().into_inner())
     }
 
-    /// Continues at constant velocity. Returns the mean axes of the body in those of the step's begin.
+    /// Continues at constant velocity. Returns the mean axes of the body relative to the axes at the start of the step.
     fn coast(&mut self, seconds: f64) -> Matrix3<f64> {
         let half_rotation = UnitQuaternion::from_scaled_axis(self.last_rate * (seconds * 0.5));
         let half_way = self.rotation * half_rotation;
@@ -102,7 +102,7 @@ impl Navigation {
         half_way.to_rotation_matrix().into_inner()
     }
 
-    /// Changes to the frame of the next step: its begin is the end of this one.
+    /// Changes to the frame of the next step, which starts at the end of this one.
     pub(super) fn begin_next_step(&mut self) {
         let end_from_begin = self.rotation.inverse().to_rotation_matrix();
         let mut transition = SMatrix::<f64, N, N>::identity();
@@ -126,7 +126,7 @@ impl Navigation {
         self.level_from_begin.inverse().to_rotation_matrix().into_inner()
     }
 
-    /// Axes of the step's begin, m/s^2.
+    /// Gravity in the axes at the start of the step, m/s^2.
     pub(super) fn gravity(&self) -> Vector3<f64> {
         self.level_from_begin.inverse() * Vector3::new(0.0, 0.0, -GRAVITY_MPS2)
     }

@@ -1,4 +1,4 @@
-//! Updates by velocities of a GNSS receiver. The first of them determines north.
+//! Updates with velocities of a GNSS receiver. The first valid course determines north.
 
 use super::{ATTITUDE, N, Navigation, VELOCITY};
 use crate::SensorMounting;
@@ -6,19 +6,19 @@ use crate::prediction::sensors::{GroundVelocity, SensorLog};
 use geometry::{UnitQuaternion, Vector3};
 use nalgebra::{SMatrix, SVector};
 
-/// A course determines north from this speed on, m/s.
+/// Least speed at which a course determines north, m/s.
 const NORTH_MPS: f64 = 2.0;
 /// Largest angle between the motion of the body and its x axis, rad.
 const SLIP: f64 = 0.1;
 /// Velocities with a larger squared Mahalanobis distance are rejected: reflections.
 const GATE: f64 = 25.0;
-/// After so many rejections in a row the filter is wrong, not the receiver.
+/// Consecutive rejections after which the filter is assumed wrong, not the receiver.
 const MAX_REJECTED: u32 = 4;
-/// Error of the filter's velocity in that case, m/s.
+/// Standard deviation of the filter's velocity after such a reset, m/s.
 const RESET_MPS: f64 = 3.0;
 
 impl Navigation {
-    /// Updates the filter at its current time by a measured velocity.
+    /// Updates the filter at its current time with a measured velocity.
     pub(super) fn update_velocity(&mut self, measured: &GroundVelocity, log: &SensorLog, mounting: &SensorMounting) {
         let lever = mounting.antenna_in_body - mounting.imu_in_body;
         let rate = log.mean(measured.stamp.plus_nanos(-20_000_000), measured.stamp.plus_nanos(20_000_000));
@@ -55,8 +55,8 @@ impl Navigation {
         self.last_velocity = Some(measured.stamp);
     }
 
-    /// Rotates the level axes so that the body moves in the measured direction. If the velocity of the body is not known, it moves
-    /// along its x axis.
+    /// Rotates the level axes so that the body moves in the measured direction. If the velocity of the body is unknown,
+    /// it moves along its x axis.
     fn find_north(&mut self, velocity: &Vector3<f64>, measured: &GroundVelocity) {
         let variance = self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).trace();
         let is_known = variance.sqrt() < 0.3 * velocity.norm();
