@@ -21,10 +21,10 @@ const BLOCK: usize = 64;
 /// Smallest and largest x y z of an empty set.
 const NO_BOUNDS: [[f32; 3]; 2] = [[f32::MAX; 3], [f32::MIN; 3]];
 
-/// Pose of a submap in odom, and the length of its path so far, which decides when it is full.
+/// Pose of a submap in odom, and its path length so far, which decides when it is full.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SubmapFrame {
-    /// Position and heading of the body at the first shot, without its tilt against odom, m.
+    /// Position and heading of the body at the first shot, without its tilt relative to odom, m.
     pub odom_from_submap: Pose,
     /// Path length of the body since the first shot, m.
     pub path_m: f64,
@@ -32,12 +32,12 @@ pub struct SubmapFrame {
     pub body: Vector3<f64>,
 }
 
-/// A submap that is being filled, without the memory of its rows.
+/// A submap that is being filled, without its rows.
 #[derive(Clone, Debug)]
 pub struct OpenSubmap {
-    /// Its pose.
+    /// Pose and path length.
     pub frame: SubmapFrame,
-    /// Its header so far.
+    /// Header so far.
     pub header: Box<SubmapHeader>,
 }
 
@@ -46,14 +46,14 @@ pub struct OpenSubmap {
 pub struct SweepRows<'a> {
     /// All points as they were received.
     pub raw: RawSweep<'a>,
-    /// The same points.
+    /// All points, prepared for the odometry.
     pub sweep: &'a Sweep,
-    /// Those to add.
+    /// The points to add.
     pub kept: &'a KeptPoints,
 }
 
 impl OpenSubmap {
-    /// Begins at the position and heading of the body of a vehicle with `n_lidars`.
+    /// Starts a submap at the position and heading of the body of a vehicle with `n_lidars` LiDARs.
     pub fn new(odom_from_body: &Pose, n_lidars: u32) -> Self {
         let odom_from_submap = Pose::from_parts(odom_from_body.translation, heading(&odom_from_body.rotation));
         let mut header = Box::new(SubmapHeader::default());
@@ -66,12 +66,13 @@ impl OpenSubmap {
     pub fn has_room(&self, n_more: usize) -> bool {
         self.header.n_sweeps as usize + n_more <= MAX_SWEEPS_PER_SUBMAP
     }
-    /// From the first to the last shot, s.
+    /// Time from the first to the last shot, s.
     pub fn seconds(&self) -> f64 {
         (self.header.stamp_end - self.header.stamp_begin) as f64 * 1e-9
     }
-    /// Writes the kept points of a sweep to `rows`, which are as many and follow `first_point` others. `body` is the position of the
-    /// body at the last shot in odom, m. The caller has checked [`OpenSubmap::has_room`].
+    /// Writes the kept points of a sweep to `rows`. `rows` has exactly their number and follows `first_point` other
+    /// rows. `body` is the position of the body at the last shot in odom, m. The caller has checked
+    /// [`OpenSubmap::has_room`].
     pub fn append(
         &mut self,
         rows: &mut [SubmapPoint],
@@ -130,13 +131,13 @@ impl OpenSubmap {
             Some(of_lidar) => *of_lidar = n_rings,
             None => self.header.n_rings = n_rings,
         }
-        // The last shot of another LiDAR may be earlier or later than that of the first.
+        // The last shot of another LiDAR may be earlier or later than the last shot of the first.
         self.header.stamp_end = if lidar == 0 { end } else { end.max(self.header.stamp_end) };
         self.header.n_sweeps += 1;
         self.frame.path_m += (body - self.frame.body).norm();
         self.frame.body = body;
     }
-    /// The header of a submap with `n_points` that is complete.
+    /// The header of a complete submap with `n_points` points.
     pub fn finished(mut self, n_points: usize) -> SubmapHeader {
         if n_points == 0 {
             // The bounds of an empty submap would be infinite.
@@ -148,7 +149,7 @@ impl OpenSubmap {
 }
 
 fn joined(a: [[f32; 3]; 2], b: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
-    // Not `f32::min`, which is several times slower because it handles NaN.
+    // `f32::min` is several times slower because it handles NaN.
     let min = |axis: usize| if b[0][axis] < a[0][axis] { b[0][axis] } else { a[0][axis] };
     let max = |axis: usize| if b[1][axis] > a[1][axis] { b[1][axis] } else { a[1][axis] };
     [std::array::from_fn(min), std::array::from_fn(max)]
@@ -181,7 +182,8 @@ struct Angles {
 }
 
 impl Angles {
-    /// Of at most [`BLOCK`] finite points: elevation over the LiDAR's horizontal plane within 2e-5 rad, and incidence.
+    /// Computes the angles of at most [`BLOCK`] finite points: elevation above the LiDAR's horizontal plane within 2e-5
+    /// rad, and incidence.
     fn of(sweep: &Sweep, incidences: &[f32], indices: &[usize]) -> Self {
         let mut slopes = [[0.0; BLOCK]; 2];
         let mut cosines = [f32::NAN; BLOCK];
@@ -211,15 +213,15 @@ impl Angles {
     }
 }
 
-/// `value.round()` for values of at most 2^22. A loop over conversions to an integer does not vectorize, because they check the
-/// limits.
+/// Computes `value.round()` for values of at most 2^22. A loop over conversions to an integer does not vectorize,
+/// because they check the limits.
 #[inline(always)]
 fn rounded(value: f32) -> i32 {
-    /// From here on to twice as much f32 holds whole numbers only: the last bits of a sum are the number that was added.
+    /// From here to twice this value, f32 holds whole numbers only: the last bits of a sum are the added number.
     const WHOLE: f32 = (1 << 23) as f32;
     let size = value.abs();
     let nearest = size + WHOLE;
-    // Halves go to the even number; `round` moves them away from zero.
+    // Ties go to the even number; `round` rounds them away from zero.
     let is_half_below = size - (nearest - WHOLE) == 0.5;
     let whole = (nearest.to_bits() - WHOLE.to_bits()) as i32 + i32::from(is_half_below);
     if value < 0.0 { -whole } else { whole }

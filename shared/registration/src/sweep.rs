@@ -14,7 +14,7 @@ use geometry::Stamp;
 use incidence::incidences;
 use messages::{SweepHeader, SweepPoint};
 
-/// Direction in which a sensor spins, seen from above.
+/// Spin direction of a sensor, seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpinDirection {
     /// From left over front to right, as Velodyne sensors do.
@@ -23,8 +23,8 @@ pub enum SpinDirection {
     Counterclockwise,
 }
 
-/// Sets the times of points from a recording without times: those of a sensor that spins evenly once in `duration_nanos`, from
-/// rear to rear (-x), as the sweeps of KITTI raw are cut.
+/// Sets the times of points from a recording without times: the times of a sensor that spins uniformly once in
+/// `duration_nanos`, from rear to rear (-x), as in the sweeps of KITTI raw.
 pub fn set_times_from_azimuth(points: &mut [TimedPoint], spin: SpinDirection, duration_nanos: u32) {
     for point in points {
         let [x, y, _] = point.position;
@@ -33,7 +33,7 @@ pub fn set_times_from_azimuth(points: &mut [TimedPoint], spin: SpinDirection, du
             SpinDirection::Clockwise => 0.5 - left,
             SpinDirection::Counterclockwise => 0.5 + left,
         };
-        // A point that is not finite gets the first time and is never used.
+        // A point that is not finite gets the first time and is not used.
         point.offset_nanos = (f64::from(share.clamp(0.0, 1.0)) * f64::from(duration_nanos)) as u32;
     }
 }
@@ -48,16 +48,16 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// `stamp` is the time of the first shot, or without point times that of the direction ahead. `n_rings` is the sensor's number of
-    /// rings. If it is 0 or 1, or if all points have the same ring, the rows of the range image are bins of elevation. Points that are
-    /// not finite are never neighbors or features.
+    /// Creates a sweep. `stamp` is the time of the first shot; without point times it is the time at which the sensor
+    /// faces ahead. `n_rings` is the sensor's number of rings. If it is 0 or 1, or if all points have the same ring,
+    /// the rows of the range image are elevation bins. Points that are not finite are never neighbors or features.
     pub fn new(stamp: Stamp, points: Vec<TimedPoint>, n_rings: u32) -> Self {
         let duration_nanos = points.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
         let image = RangeImage::new(&points, n_rings);
         Self { stamp, points, duration_nanos, image }
     }
-    /// From points without times of a sensor that spins evenly once in `duration_nanos`, from rear to rear. `stamp` is the time at which
-    /// it faces ahead, as for a rigid sweep.
+    /// Creates a sweep from points without times of a sensor that spins uniformly once in `duration_nanos`, from rear
+    /// to rear. `stamp` is the time at which it faces ahead, as for a rigid sweep.
     pub fn spinning(
         stamp: Stamp,
         mut points: Vec<TimedPoint>,
@@ -67,8 +67,8 @@ impl Sweep {
         set_times_from_azimuth(&mut points, spin, duration_nanos);
         Self::new(stamp.plus_nanos(-i64::from(duration_nanos / 2)), points, n_rings)
     }
-    /// From the rows of topic `sweep`. `untimed`: how a sensor spins whose recording has no point times, and the time of a revolution,
-    /// ns, see [`Sweep::spinning`]; `None` leaves the sweep rigid.
+    /// Creates a sweep from the rows of topic `sweep`. `untimed`: spin direction of a sensor whose recording has no
+    /// point times, and the time of a revolution, ns, see [`Sweep::spinning`]; `None` leaves the sweep rigid.
     pub fn of_rows(
         stamp: Stamp,
         header: &SweepHeader,
@@ -94,7 +94,7 @@ impl Sweep {
     pub fn points(&self) -> &[TimedPoint] {
         &self.points
     }
-    /// ns from the stamp to the last return; 0 if the recording has no point times.
+    /// Time from the stamp to the last return, ns; 0 if the recording has no point times.
     pub fn duration_nanos(&self) -> u32 {
         self.duration_nanos
     }
@@ -102,11 +102,12 @@ impl Sweep {
     pub fn image(&self) -> &RangeImage {
         &self.image
     }
-    /// Middle between first and last shot: the time to which the sweep's pose belongs.
+    /// Middle between first and last shot: the time of the sweep's pose.
     pub fn mid_stamp(&self) -> Stamp {
         self.stamp.plus_nanos(i64::from(self.duration_nanos / 2))
     }
-    /// By point the cosine of the angle between its ray and the normal of the surface around it, 0 to 1; NaN without neighbors.
+    /// Cosine of the angle of incidence per point, between its ray and the normal of the surface around it, 0 to 1; NaN
+    /// without neighbors.
     pub fn incidences(&self) -> Vec<f32> {
         incidences(&self.image, &self.points)
     }

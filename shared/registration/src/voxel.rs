@@ -12,7 +12,7 @@ impl VoxelIndex {
     pub fn containing(p: [f64; 3], per_m: f64) -> Self {
         Self(p.map(|v| floor(v * per_m)))
     }
-    /// 21 bits of each index; never [`EMPTY_KEY`].
+    /// Key with 21 bits of each index; never [`EMPTY_KEY`].
     #[inline]
     pub fn key(self) -> u64 {
         let bits = |i: i32| u64::from(i as u32) & 0x1f_ffff;
@@ -42,7 +42,7 @@ fn spread(key: u64) -> u64 {
     (key ^ (key >> 31)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
 }
 
-/// Hasher of voxel keys for the standard library's tables: four times as fast as theirs.
+/// Hasher of voxel keys for the tables of the standard library: four times as fast as their default.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SpreadKeys;
 
@@ -86,7 +86,7 @@ pub(crate) struct VoxelSet {
 }
 
 impl VoxelSet {
-    /// Room for `n` voxels.
+    /// Creates a set with room for `n` voxels.
     pub fn for_at_most(n: usize) -> Self {
         let bits = table_bits(n);
         Self { bits, keys: vec![EMPTY_KEY; 1 << bits] }

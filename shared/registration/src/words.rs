@@ -1,9 +1,9 @@
-//! Words of settings for the odometry.
+//! Enumerated settings of the odometry.
 
 settings::words! {
-    /// Point times of sweeps that have none.
+    /// Point times of sweeps without recorded times.
     pub enum UntimedTurn {
-        /// Rigid sweeps until they show which of the other three it is.
+        /// Rigid sweeps until the spin direction is determined.
         Auto = "auto",
         /// Rigid sweeps.
         None = "none",

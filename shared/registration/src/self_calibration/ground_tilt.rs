@@ -1,4 +1,4 @@
-//! The pitch of the ground against all other surfaces, as a LiDAR with errors of its rings measures it.
+//! Apparent pitch of the ground relative to all other surfaces, caused by ring errors of the LiDAR.
 //!
 //! If elevations err alike in all rings, the measured ground is a shallow bowl around the vehicle. The map holds the ground ahead as
 //! seen from afar, and from nearby the same place lies lower. Matched alone, the ground pitches the vehicle by about a tenth of the
@@ -9,16 +9,17 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Surfaces whose normal is this near to the vertical are ground (cosine of 37 degrees, as for one surface of the map).
+/// Least vertical component of the normal of a ground surface (cosine of 37 degrees, as for one surface of the map).
 const GROUND_UPWARDS: f64 = 0.8;
-/// Deviation of the tilt over the rings' errors: what all rings share is often larger than the errors of single rings.
+/// Ratio of the standard deviation of the tilt to the error of the rings: the common error of all rings is often larger
+/// than the errors of single rings.
 const PER_RING_ERROR: f64 = 6.0;
-/// Way over which the tilt changes, m: the map ahead is renewed over it.
+/// Distance traveled over which the tilt changes, m: the map ahead is renewed over it.
 const RENEWED_M: f64 = 30.0;
-/// Shorter ways between two sweeps have no direction, m.
+/// Shorter displacements between two sweeps have no direction, m.
 const MIN_WAY_M: f64 = 0.05;
 
-/// Pitch of the ground, rad, positive if it seems to rise ahead, and its variance.
+/// Apparent pitch of the ground, rad, positive if it rises ahead, and its variance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct GroundTilt {
     pub mean: f64,
@@ -26,7 +27,7 @@ pub(crate) struct GroundTilt {
 }
 
 impl GroundTilt {
-    /// The tilt `way_m` later, for a unit whose rings err by `ring_error_rad`.
+    /// The tilt after `way_m` more metres, for a unit with ring errors of `ring_error_rad`.
     pub fn advanced(&self, way_m: f64, ring_error_rad: f64) -> Self {
         let kept = (-way_m / RENEWED_M).exp();
         let settled = (PER_RING_ERROR * ring_error_rad).powi(2);
@@ -34,20 +35,20 @@ impl GroundTilt {
     }
 }
 
-/// The derivative of residuals by the ground's tilt.
+/// The derivative of residuals with respect to the ground tilt.
 pub(crate) struct GroundLever {
     /// Horizontal unit vector to the left of the motion, or zero.
     left: Vector3<f64>,
 }
 
 impl GroundLever {
-    /// For a motion over `way`, odom axes, m.
+    /// Lever for the displacement `way`, odom axes, m.
     pub fn of(way: &Vector3<f64>) -> Self {
         let horizontal = Vector3::new(way.x, way.y, 0.0);
         let length = horizontal.norm();
         Self { left: if length > MIN_WAY_M { Vector3::z().cross(&horizontal) / length } else { Vector3::zeros() } }
     }
-    /// For a feature at `arm` from the LiDAR on a surface with this normal, m.
+    /// Lever of a feature at `arm` from the LiDAR on a surface with this normal, m.
     #[inline(always)]
     pub fn at(&self, arm: &Vector3<f64>, normal: &Vector3<f64>) -> f64 {
         if normal.z.abs() > GROUND_UPWARDS { -arm.cross(normal).dot(&self.left) } else { 0.0 }

@@ -1,8 +1,10 @@
-//! Compares an inertial unit with the motion of the LiDAR: units, axes, mounting, time offset. A wrong unit is not used.
+//! Compares an inertial unit with the motion of the LiDAR: units, axes, mounting, time offset. A wrong unit is not
+//! used.
 //!
-//! A unit that looks sound at first is used at once. From then on its rates are compared with the rotation, and its forces with the
-//! acceleration, of the matched sweeps. When other axes or units fit far better, the samples are corrected from then on; when none
-//! fits, they are withheld. The sums are over the numbers as they arrive, so that a correction does not change the evidence.
+//! A unit that passes the first plausibility test is used immediately. From then on its rates are compared with the
+//! rotation, and its forces with the acceleration, of the matched sweeps. If other axes or units fit far better, the
+//! samples are corrected from then on; if no combination fits, they are withheld. The sums use the uncorrected samples,
+//! so that a correction does not change the evidence.
 
 mod axes;
 mod comparison;
@@ -22,28 +24,30 @@ use serde::{Deserialize, Serialize};
 /// One g, m/s^2, and one degree, rad.
 const GRAVITY_MPS2: f64 = 9.806_65;
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
-/// Time offsets between unit and LiDAR that are tried: so many steps to either side, s.
+/// Tested time offsets between unit and LiDAR: number of steps to either side, and the step, s.
 const LAG_STEPS: usize = 10;
 const LAG_STEP_S: f64 = 0.02;
-/// Mean specific force of a tenth of a second on a vehicle, m/s^2; a unit that counts in g has a tenth of it.
+/// Range of the mean specific force of a tenth of a second on a vehicle, m/s^2; a unit that reports g has a tenth of
+/// it.
 const FORCE_MPS2: [f64; 2] = [6.0, 14.0];
-/// Angle between it and the z axis of the body at the begin, rad: hard braking on a steep road.
+/// Largest initial angle between the mean specific force and the z axis of the body, rad: hard braking on a steep road.
 const MAX_TILT: f64 = 0.6;
-/// Change of the rotation from sweep to sweep before the unit is verified, rad/s. A verified unit may measure any.
+/// Largest change of the rotation rate from sweep to sweep before the unit is verified, rad/s. A verified unit may
+/// measure any change.
 const MAX_RATE_JUMP: f64 = 0.4;
-/// After so many implausible batches in a row a verified unit is withheld: a second.
+/// Consecutive implausible batches after which a verified unit is withheld: a second.
 const MAX_IMPLAUSIBLE: u32 = 10;
 
-/// How the samples of the unit are corrected.
+/// Correction of the samples of the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InertialCorrection {
-    /// Of the angular rates.
+    /// Correction of the angular rates.
     pub rate: Fit,
-    /// Of the specific forces.
+    /// Correction of the specific forces.
     pub force: Fit,
-    /// From the axes of the fits to those of the body.
+    /// Rotation from the axes of the fits to body axes.
     pub rotation: UnitQuaternion<f64>,
-    /// The stamps are late by this, s.
+    /// Delay of the stamps, s; positive if they are late.
     pub late_s: f64,
 }
 
@@ -70,11 +74,11 @@ impl InertialCorrection {
 /// Whether the samples are used.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum Trust {
-    /// They look sound.
+    /// The samples are plausible.
     Assumed,
     /// They agree with the LiDAR.
     Verified,
-    /// They do not; why.
+    /// The samples disagree with the LiDAR, for this reason.
     Withheld(String),
 }
 
@@ -84,21 +88,21 @@ pub struct InertialMounting {
     /// Rotation about the axes of the body that remains between the unit as `drive.toml` has it (axes and units corrected) and the
     /// LiDAR, rad.
     pub rotation: Vector3<f64>,
-    /// Its deviations, rad.
+    /// Standard deviation of the rotation, rad.
     pub rotation_sigma: Vector3<f64>,
-    /// The stamps are late by this, s.
+    /// Delay of the stamps, s; positive if they are late.
     pub late_s: f64,
-    /// Its deviation, s.
+    /// Standard deviation of the delay, s.
     pub late_sigma_s: f64,
 }
 
 /// Compares the samples of an inertial unit with the poses of the LiDAR.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct InertialCheck {
-    /// Of the unit, m.
+    /// Position of the unit, m.
     imu_in_body: Point3<f64>,
     history: History,
-    /// By time offset, the earliest stamps first.
+    /// Sums of the rates per time offset, the earliest stamps first.
     rates: Vec<Sums>,
     forces: Sums,
     trust: Trust,
@@ -106,7 +110,7 @@ pub struct InertialCheck {
     on_probation: bool,
     correction: InertialCorrection,
     mounting: Option<InertialMounting>,
-    /// Angular rate of the body by the last two poses, rad/s.
+    /// Angular rate of the body from the last two poses, rad/s.
     last_rate: Option<Vector3<f64>>,
     n_samples: u64,
     n_implausible: u32,
@@ -114,8 +118,8 @@ pub struct InertialCheck {
 }
 
 impl InertialCheck {
-    /// For a unit at a place on the body. `on_probation`: its samples are withheld until they agree with the LiDAR; otherwise a unit
-    /// that looks sound is used at once, and influences the poses that it is compared with.
+    /// Creates the check for a unit at `imu_in_body`. `on_probation`: its samples are withheld until they agree with
+    /// the LiDAR; otherwise a plausible unit is used immediately, and influences the poses that it is compared with.
     pub fn new(imu_in_body: Point3<f64>, on_probation: bool) -> Self {
         Self {
             imu_in_body,
@@ -133,7 +137,7 @@ impl InertialCheck {
         }
     }
 
-    /// Adds the samples of about one sweep in the order of time; returns those to use, corrected.
+    /// Adds the samples of about one sweep in time order; returns the samples to use, corrected.
     pub fn add_samples(&mut self, samples: &[InertialSample]) -> Vec<InertialSample> {
         let finite = |sample: &&InertialSample| sample.force.iter().chain(&sample.rate).all(|v| v.is_finite());
         let samples: Vec<InertialSample> = samples.iter().filter(finite).copied().collect();
@@ -171,7 +175,7 @@ impl InertialCheck {
         samples.iter().map(|sample| self.correction.of(sample)).collect()
     }
 
-    /// Why means over the time of a sweep are not those of a vehicle.
+    /// Reason why means over the time of a sweep are implausible for a vehicle.
     fn fault(&self, force: &Vector3<f64>, rate: &Vector3<f64>, is_first: bool) -> Option<String> {
         let size = force.norm() * self.correction.force.scale;
         if !(FORCE_MPS2[0]..FORCE_MPS2[1]).contains(&size) {
@@ -186,12 +190,12 @@ impl InertialCheck {
         let change = (rate - self.last_rate.unwrap_or_else(Vector3::zeros)).norm();
         if self.trust == Trust::Assumed && change > MAX_RATE_JUMP {
             let rate = rate.norm();
-            return Some(format!("the angular rate is {rate:.2} rad/s, {change:.2} off that of the LiDAR"));
+            return Some(format!("the angular rate is {rate:.2} rad/s, {change:.2} off the rate of the LiDAR"));
         }
         None
     }
 
-    /// Adds the pose of the body (in the axes of the odometry) in the middle of the next sweep; `None` if it was not measured.
+    /// Adds the pose of the body (in odometry axes) in the middle of the next sweep; `None` if it was not measured.
     pub fn add_pose(&mut self, stamp: Stamp, odom_from_body: Option<&Pose>) {
         self.last_rate = self.history.push_pose(stamp, odom_from_body);
         let Self { history, rates, forces, imu_in_body, .. } = self;
@@ -216,12 +220,12 @@ impl InertialCheck {
         self.add_pose(middle, is_measured.then_some(&odom_from_body));
     }
 
-    /// Whether the samples so far were wrong: a filter that used them must forget them. `true` once for each change.
+    /// Whether the samples so far were wrong: a filter that used them must discard them. `true` once for each change.
     pub const fn take_change(&mut self) -> bool {
         std::mem::replace(&mut self.has_changed, false)
     }
 
-    /// Why the unit is not used; `None` if it is used, or if the drive has no unit.
+    /// Reason why the unit is not used; `None` if it is used, or if the drive has no unit.
     pub fn why_withheld(&self) -> Option<&str> {
         match &self.trust {
             Trust::Withheld(reason) => Some(reason),
@@ -234,17 +238,17 @@ impl InertialCheck {
         self.why_withheld().map(|reason| Doubt::ImuNotUsed { reason: reason.to_owned() })
     }
 
-    /// How the samples are corrected.
+    /// Correction of the samples.
     pub const fn correction(&self) -> &InertialCorrection {
         &self.correction
     }
 
-    /// Mounting and time offset by the comparison so far; `None` until the vehicle has turned.
+    /// Estimated mounting and time offset; `None` until the vehicle has turned.
     pub const fn mounting(&self) -> Option<&InertialMounting> {
         self.mounting.as_ref()
     }
 
-    /// Whether the samples, as corrected, agree with the LiDAR. `false` until the vehicle has turned and braked.
+    /// Whether the corrected samples agree with the LiDAR. `false` until the vehicle has turned and braked.
     pub fn is_verified(&self) -> bool {
         self.trust == Trust::Verified
     }
@@ -254,7 +258,7 @@ impl InertialCheck {
         self.n_samples > 0
     }
 
-    /// Lines for the operator; none without samples.
+    /// Report lines for the operator; empty without samples.
     pub fn summary(&self) -> Vec<String> {
         if !self.has_samples() {
             return Vec::new();
@@ -278,7 +282,7 @@ impl InertialCheck {
         lines.iter().map(|line| format!("inertial unit: {line}")).collect()
     }
 
-    /// What is corrected, by name.
+    /// Names of the active corrections.
     fn corrections(&self) -> Vec<String> {
         let InertialCorrection { rate, force, rotation, late_s } = &self.correction;
         let mut parts = Vec::new();

@@ -1,30 +1,34 @@
 //! Errors of the elevation angles of a LiDAR's rings, estimated while it drives.
 //!
-//! Elevations of real units err by a tenth of a degree from ring to ring and stay so: rings that see one patch of road put it at
-//! different heights. The mean distance of a ring's features from the map, which other rings have made, tells its error.
+//! Elevations of real units have constant errors of a tenth of a degree from ring to ring: rings that measure one patch
+//! of road place it at different heights. The mean distance of a ring's features from the map, which was built from
+//! other rings, determines the error of the ring.
 //!
-//! An error of all rings makes the ground a shallow bowl: the map ahead was made from afar, the map behind from nearby, and both pitch
-//! the vehicle. It is an unknown of each match, whose lever is the difference between that of the feature and that of the map. A
-//! bend of the road looks alike, so it is sought only in units whose single rings err; see also [`crate::self_calibration::ground_tilt`].
+//! A common error of all rings makes the ground a shallow bowl: the map ahead was built from a distance, the map behind
+//! from nearby, and both pitch the vehicle. The error is an unknown of each match; its lever is the lever of the
+//! feature minus the lever of the map. A vertical curve of the road has the same effect, so the error is estimated only
+//! in units whose single rings have errors; see also [`crate::self_calibration::ground_tilt`].
 
 use crate::Feature;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Deviation of a ring's error before it is measured, rad: 0.2 degrees.
+/// Standard deviation of a ring's error before it is measured, rad: 0.2 degrees.
 const INITIAL_RAD: f64 = 3.5e-3;
 /// Error of a residual for the weight of a measurement, m; see [`crate::MatchSettings::residual_m`].
 const RESIDUAL_M: f64 = 0.1;
-/// Map points whose lever differs by less, m, were seen by the same ring from nearby: they show the same error.
+/// Map points whose lever differs by less, m, were measured by the same ring from nearby: they have the same error.
 const OTHER_RING_M: f64 = 2.0;
-/// Size of the error of all rings over those of single rings.
+/// Ratio of the common error of all rings to the errors of single rings.
 const PER_RING_ERROR: f64 = 2.0;
-/// Least deviation of the error of all rings, rad: 0.01 degrees. Errors of the map are alike from sweep to sweep.
+/// Least standard deviation of the common error, rad: 0.01 degrees. Errors of the map are correlated from sweep to
+/// sweep.
 const MIN_COMMON_RAD: f64 = 1.75e-4;
-/// A ring is measured when its deviation is below this share of the initial one.
+/// A ring is measured when its standard deviation is below this share of the initial one.
 const MEASURED: f64 = 0.5;
 
-/// How far an elevation error of 1 rad moves a point along a normal, m. Both in the LiDAR frame, whose z axis is that of rotation.
+/// Displacement of a point along a normal per radian of elevation error, m. Both vectors are in the LiDAR frame, whose
+/// z axis is the rotation axis.
 #[inline(always)]
 pub(crate) fn lever(position: &Vector3<f32>, normal: &Vector3<f32>) -> f32 {
     let horizontal = (position.x * position.x + position.y * position.y).sqrt().max(1e-3);
@@ -36,7 +40,7 @@ pub(crate) fn lever(position: &Vector3<f32>, normal: &Vector3<f32>) -> f32 {
 pub(crate) struct RingSums([f64; 2]);
 
 impl RingSums {
-    /// Adds a feature, unless the map around it was made by the same ring.
+    /// Adds a feature, unless the same ring built the map around it.
     #[inline(always)]
     pub fn add(&mut self, lever: f64, map_lever: f64, r: f64, weight: f64) {
         if (lever - map_lever).abs() > OTHER_RING_M {
@@ -55,14 +59,14 @@ impl RingSums {
 pub struct RingError {
     /// Reported minus true elevation, rad.
     pub mean: f64,
-    /// Its variance, rad^2; [`RingError::UNKNOWN`] has that of a ring that was not measured.
+    /// Variance of the error, rad^2; [`RingError::UNKNOWN`] has the variance of a ring that was not measured.
     pub variance: f64,
 }
 
 impl RingError {
-    /// Before the ring is measured.
+    /// The error of a ring that has not been measured.
     pub const UNKNOWN: Self = Self { mean: 0.0, variance: INITIAL_RAD * INITIAL_RAD };
-    /// For units without errors.
+    /// The error of a unit without errors.
     pub(crate) const NONE: Self = Self { mean: 0.0, variance: 0.0 };
 
     /// Whether the ring was measured.
@@ -71,7 +75,7 @@ impl RingError {
     }
 }
 
-/// Errors by row of the range image, and the error of all rings.
+/// Errors per row of the range image, and the common error of all rings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RingErrors {
     rows: Vec<RingError>,
@@ -85,17 +89,18 @@ impl Default for RingErrors {
 }
 
 impl RingErrors {
-    /// The errors by row.
+    /// The errors per row.
     pub fn by_row(&self) -> &[RingError] {
         &self.rows
     }
-    /// Root mean square of the errors beyond what their deviations explain, rad; 0 for a unit without significant errors.
+    /// Root mean square of the errors in excess of their standard deviations, rad; 0 for a unit without significant
+    /// errors.
     pub fn significant_rad(&self) -> f64 {
         let measured: Vec<&RingError> = self.rows.iter().filter(|ring| ring.is_measured()).collect();
         let sum: f64 = measured.iter().map(|ring| ring.mean * ring.mean - ring.variance).sum();
         (sum / measured.len().max(1) as f64).max(0.0).sqrt()
     }
-    /// Moves features to where they would be without the errors.
+    /// Moves features to the positions they would have without the errors.
     pub fn correct(&self, features: &mut [Feature]) {
         let significant = self.significant_rad();
         if significant == 0.0 {
@@ -110,7 +115,7 @@ impl RingErrors {
             feature.position = [x + along * x, y + along * y, z - error * horizontal];
         }
     }
-    /// Takes in the sums of a match of corrected features.
+    /// Adds the sums of a match of corrected features.
     pub fn update(&mut self, sums: &[RingSums]) {
         let significant = self.significant_rad();
         if self.rows.len() < sums.len() {
@@ -124,17 +129,17 @@ impl RingErrors {
             ring.variance *= 1.0 - gain;
         }
     }
-    /// The error of a row, reduced by the share that noise may have in it.
+    /// The error of a row, reduced by the possible share of noise in it.
     fn correction(&self, row: usize, significant: f64) -> f64 {
         let signal = significant * significant;
         self.rows.get(row).map_or(0.0, |ring| ring.mean * signal / (signal + ring.variance).max(f64::MIN_POSITIVE))
     }
-    /// The error of all rings, reduced likewise.
+    /// The common error of all rings, reduced in the same manner.
     fn common_correction(&self, significant: f64) -> f64 {
         let signal = (PER_RING_ERROR * significant).powi(2);
         self.common.mean * signal / (signal + self.common.variance).max(f64::MIN_POSITIVE)
     }
-    /// What the correction leaves of the error of all rings. For a unit without errors it is no unknown.
+    /// The common error of all rings that remains after correction. For a unit without errors it is not an unknown.
     pub fn rest(&self) -> RingError {
         let significant = self.significant_rad();
         if significant == 0.0 {
@@ -142,7 +147,7 @@ impl RingErrors {
         }
         RingError { mean: self.common.mean - self.common_correction(significant), ..self.common }
     }
-    /// Takes in what a match of corrected features has left of the error of all rings.
+    /// Adds the common error that remains after a match of corrected features.
     pub fn update_common(&mut self, rest: &RingError) {
         let significant = self.significant_rad();
         if significant > 0.0 {
@@ -173,7 +178,7 @@ mod tests {
         }
     }
 
-    /// Matches of features of two rings with a map at the true height, `n` times.
+    /// Ring errors after `n` matches of features of two rings with a map at the true height.
     fn after(n: usize, errors: [f64; 2]) -> RingErrors {
         let mut found = RingErrors::default();
         for _ in 0..n {

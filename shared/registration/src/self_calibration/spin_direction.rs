@@ -1,10 +1,11 @@
-//! In which direction a sensor turned whose recording has no point times.
+//! Spin direction of a sensor whose recording has no point times.
 //!
-//! Taken as rigid, the sweep of a sensor that turned is sheared: at 10 m/s its left and right side are half a metre apart along the
-//! way. What stands still then moves against the map while it passes from ahead to the side, forwards on one side and backwards on
-//! the other, and the match turns the vehicle: by 2.5 degrees in 290 m on a real HDL-64E. So each match also estimates by which
-//! share of the motion during a revolution, from rear to rear, the points are displaced: 1 for a sensor that turns clockwise, -1
-//! counterclockwise, 0 for sweeps that are deskewed.
+//! Treated as rigid, the sweep of a spinning sensor is sheared: at 10 m/s its left and right side are half a metre
+//! apart along the track. Static objects then move relative to the map while they pass from ahead to the side, forwards
+//! on one side and backwards on the other, and the match rotates the vehicle: by 2.5 degrees in 290 m on a real
+//! HDL-64E. Each match therefore also estimates the share of the motion during a revolution, from rear to rear, by
+//! which the points are displaced: 1 for a sensor that spins clockwise, -1 counterclockwise, 0 for sweeps that are
+//! deskewed.
 
 use crate::sweep::SpinDirection;
 use crate::sweep::arc_tangent::fast_atan2;
@@ -12,14 +13,14 @@ use geometry::Pose;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Deviation of the share before it is measured: any of -1, 0, 1.
+/// Standard deviation of the share before it is measured: any of -1, 0, 1 is possible.
 const INITIAL_DEVIATION: f64 = 1.0;
-/// Least deviation: errors of the map are alike from sweep to sweep.
+/// Least standard deviation: errors of the map are correlated from sweep to sweep.
 const MIN_DEVIATION: f64 = 0.03;
-/// Shares below this are those of deskewed sweeps, which have 0.02 at most. A sensor that turns has 0.3 to 0.6 instead of 1, because
-/// the map takes up half of what moves against it.
+/// Largest absolute share of deskewed sweeps, which have 0.02 at most. A spinning sensor has 0.3 to 0.6 instead of 1,
+/// because the map absorbs half of the displacement.
 const MIN_SHARE: f64 = 0.2;
-/// The direction is known if the share is larger by so many deviations.
+/// The direction is known if the share exceeds `MIN_SHARE` by this number of standard deviations.
 const CERTAIN: f64 = 2.0;
 
 /// Share of the motion during a revolution by which the points of untimed sweeps are displaced, positive if clockwise.
@@ -36,7 +37,7 @@ impl Default for TurnShare {
 }
 
 impl TurnShare {
-    /// After a match.
+    /// The share estimated by a match.
     pub fn measured(mean: f64, variance: f64) -> Self {
         Self { mean, variance: variance.max(MIN_DEVIATION * MIN_DEVIATION) }
     }
@@ -48,7 +49,8 @@ impl TurnShare {
     }
 }
 
-/// The derivative of a point's height over its surface by the share, for a sensor that turns clockwise from rear to rear.
+/// The derivative of a point's height above its surface with respect to the share, for a sensor that spins clockwise
+/// from rear to rear.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TurnLever {
     /// Motion during a revolution: displacement of the LiDAR, m, and rotation vector, both in odom axes.
@@ -56,17 +58,17 @@ pub(crate) struct TurnLever {
 }
 
 impl TurnLever {
-    /// For sweeps with point times, and where the direction is not asked for.
+    /// Lever for sweeps with point times, and for runs that do not determine the direction.
     pub const NONE: Self = Self { motion: None };
 
-    /// For a motion between poses `seconds` apart and a revolution in `turn_s`.
+    /// Lever for a motion between poses `seconds` apart and a revolution in `turn_s`.
     pub fn between(from: &Pose, to: &Pose, seconds: f64, turn_s: f64) -> Self {
         let share = turn_s / seconds;
         let translation = (to.translation.vector - from.translation.vector) * share;
         let rotation = (to.rotation * from.rotation.inverse()).scaled_axis() * share;
         Self { motion: Some((translation, rotation)) }
     }
-    /// For a point in the LiDAR's axes, at `arm` from the LiDAR in odom axes, on a surface with this normal, m.
+    /// Lever of a point in the LiDAR's axes, at `arm` from the LiDAR in odom axes, on a surface with this normal, m.
     #[inline(always)]
     pub fn at(&self, position: &[f32; 3], arm: &Vector3<f64>, normal: &Vector3<f64>) -> f64 {
         let Some((translation, rotation)) = &self.motion else { return 0.0 };

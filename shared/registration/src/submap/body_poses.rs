@@ -5,15 +5,15 @@ use geometry::Pose;
 use messages::StampedPose;
 use serde::{Deserialize, Serialize};
 
-/// Collects poses whose stamps never decrease.
+/// Collects poses with non-decreasing stamps.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct BodyPoses {
     last_stamp: Option<i64>,
 }
 
 impl BodyPoses {
-    /// Appends the poses of the body, `odom_from_body`, at the first and at the last shot of a sweep to `poses`, and returns them with
-    /// the number of those that are left out: they would be earlier than the last one.
+    /// Appends the poses of the body, `odom_from_body`, at the first and at the last shot of a sweep to `poses`.
+    /// Returns them with the number of skipped poses, which would be earlier than the last one.
     pub fn add(
         &mut self,
         registered: &Registered,

@@ -7,14 +7,14 @@ use crate::{Sweep, thinned};
 pub struct KeptPoints {
     /// Indices of the points, ascending.
     pub indices: Vec<usize>,
-    /// Points that were dropped: too near, or not finite.
+    /// Number of dropped points: too near, or not finite.
     pub n_dropped: usize,
     /// See [`Sweep::incidences`].
     pub incidences: Vec<f32>,
 }
 
 impl KeptPoints {
-    /// The finite points from `min_range_m` on. One of each voxel of `thin_m` is kept; 0 keeps all.
+    /// Selects the finite points from `min_range_m` on. One of each voxel of `thin_m` is kept; 0 keeps all.
     pub fn of(sweep: &Sweep, min_range_m: f64, thin_m: f64) -> Self {
         let points = sweep.points();
         let is_in_range = |idx: &usize| {

@@ -1,4 +1,4 @@
-//! Received sweeps of all LiDARs, and how they belong together.
+//! Received sweeps of all LiDARs, and their grouping.
 
 use crate::{KeptPoints, SpinDirection, Sweep};
 use geometry::Stamp;
@@ -11,9 +11,9 @@ pub struct RawSweep<'a> {
     pub seq: u64,
     /// Time of the first shot.
     pub stamp: Stamp,
-    /// Its header.
+    /// Header of the message.
     pub header: &'a SweepHeader,
-    /// Its points.
+    /// Points of the message.
     pub rows: &'a [SweepPoint],
 }
 
@@ -22,12 +22,12 @@ pub struct RawSweep<'a> {
 pub struct PreparedSweep {
     /// All points.
     pub sweep: Sweep,
-    /// Those for the submap.
+    /// The points for the submap.
     pub kept: KeptPoints,
 }
 
 impl RawSweep<'_> {
-    /// The points for the odometry. `untimed` as in [`Sweep::of_rows`].
+    /// Converts the points for the odometry. `untimed` is as in [`Sweep::of_rows`].
     pub fn sweep(&self, untimed: Option<(SpinDirection, u32)>) -> Sweep {
         Sweep::of_rows(self.stamp, self.header, self.rows, untimed)
     }
@@ -37,8 +37,9 @@ impl RawSweep<'_> {
     }
 }
 
-/// Groups messages: a sweep of the first LiDAR, then those of the other LiDARs that begin during it. Also returns the number of messages
-/// of other LiDARs without one of the first, which are dropped: live, either may be lost.
+/// Groups messages: a sweep of the first LiDAR, then the sweeps of the other LiDARs that begin during it. Also returns
+/// the number of dropped messages: sweeps of other LiDARs without a sweep of the first. In live operation either may be
+/// lost.
 pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> (Vec<Vec<M>>, u64) {
     let mut ticks = Vec::<Vec<M>>::new();
     let mut n_dropped = 0;

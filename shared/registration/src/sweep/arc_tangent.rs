@@ -1,4 +1,4 @@
-//! The angle of a direction, fast.
+//! Fast arc tangent of a direction.
 
 /// The angle of (x, y) in -pi to pi, within 2e-5 rad (a hundredth of a column); 0 for the origin. The polynomial is the
 /// minimax one of degree 11 for the arc tangent on 0 to 1.

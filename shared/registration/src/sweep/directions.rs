@@ -1,4 +1,4 @@
-//! Directions of the points of a sweep, as seen from the LiDAR.
+//! Directions of the points of a sweep, seen from the LiDAR.
 
 use crate::TimedPoint;
 use crate::sweep::arc_tangent::fast_atan2;
@@ -10,7 +10,7 @@ const CHUNK: usize = 64;
 pub(crate) struct Directions {
     /// z over horizontal distance; NaN for a point that is not finite or lies at the origin.
     pub slopes: Vec<f32>,
-    /// rad; see [`fast_atan2`].
+    /// Azimuth, rad; see [`fast_atan2`].
     pub azimuths: Vec<f32>,
 }
 
@@ -30,7 +30,7 @@ impl Directions {
 fn write_directions(points: &[TimedPoint], (slopes, azimuths): (&mut [f32], &mut [f32])) {
     for ((point, slope), azimuth) in points.iter().zip(slopes).zip(azimuths) {
         let [x, y, z] = point.position;
-        // Not `hypot`, which is slow because it avoids overflow near the limits of f32.
+        // `hypot` is slow because it avoids overflow near the limits of f32.
         let found = z / (x * x + y * y).sqrt();
         *slope = if found.abs() < f32::INFINITY && (x + y).abs() < f32::INFINITY { found } else { f32::NAN };
         *azimuth = fast_atan2(y, x);

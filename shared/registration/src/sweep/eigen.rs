@@ -3,9 +3,9 @@
 /// Upper triangle of a symmetric matrix: xx, xy, xz, yy, yz, zz.
 pub(crate) type Symmetric = [f64; 6];
 
-/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest. The vector is zero if it is not determined (two
-/// small eigenvalues are equal, or numbers are not finite). Branch-free, so that a loop over matrices vectorizes; nalgebra's solver
-/// does not.
+/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest. The vector is zero if it is
+/// undetermined (two small eigenvalues are equal, or numbers are not finite). The code is branch-free, so that a loop
+/// over matrices vectorizes; nalgebra's solver does not.
 #[inline(always)]
 pub(crate) fn smallest_eigenvector(m: &Symmetric) -> ([f64; 3], [f64; 3]) {
     let values = eigenvalues(m);
@@ -54,8 +54,8 @@ fn eigenvalues(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> [f64; 3] {
     [largest, 3.0 * q - largest - smallest, smallest]
 }
 
-/// cos(acos(x) / 3), the largest root of 4 c^3 - 3 c = x for x in -1 to 1, by Newton's method: a third of the time of the
-/// arc cosine and the cosine. Near -1, a double root, the error is the square root of the rounding error.
+/// cos(acos(x) / 3), the largest root of 4 c^3 - 3 c = x for x in -1 to 1, by Newton's method: a third of the time of
+/// the arc cosine and the cosine. Near -1, a double root, the error is the square root of the rounding error.
 #[inline(always)]
 fn cosine_of_third(x: f64) -> f64 {
     // With u = cos(acos(x) / 2) the root is nearly a parabola.

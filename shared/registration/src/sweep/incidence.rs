@@ -4,11 +4,12 @@ use crate::sweep::neighborhood::{LANES, Planes};
 use crate::{RangeImage, TimedPoint};
 use nalgebra::Vector3;
 
-/// Distance in columns of the neighbors that span the surface: neighbors one column apart are often closer than the range noise.
+/// Distance in columns of the neighbors that span the surface: neighbors one column apart are often closer than the
+/// range noise.
 const BESIDE: isize = 2;
 
-/// See [`crate::Sweep::incidences`]. The neighbors of a cell in its row and in its column span the surface. Several points of one
-/// surface in a cell share a value.
+/// Computes the values of [`crate::Sweep::incidences`]. The neighbors of a cell in its row and in its column span the
+/// surface. Several points of one surface in a cell share a value.
 pub(crate) fn incidences(image: &RangeImage, points: &[TimedPoint]) -> Vec<f32> {
     let planes = Planes::new(image, 1);
     let mut by_cell = Vec::with_capacity(image.rows() * image.cols());
@@ -31,20 +32,20 @@ pub(crate) fn incidences(image: &RangeImage, points: &[TimedPoint]) -> Vec<f32> 
     points.iter().enumerate().map(of_point).collect()
 }
 
-/// Largest squared distance of neighbors, m^2. On surfaces seen at more than 70 degrees neighbors are farther apart; their angle
-/// is not known.
+/// Largest squared distance of neighbors, m^2. On surfaces with an incidence above 70 degrees neighbors are farther
+/// apart; their angle is unknown.
 #[inline(always)]
 fn gate(range: f32) -> f32 {
     let limit = 0.1 + 0.06 * range;
     limit * limit
 }
 
-/// Cosines of the cells from number `first` on.
+/// Cosines of the cells starting at number `first`.
 #[inline(always)]
 fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
     let center = planes.block(row, first, 0);
     let (left, right) = (planes.block(row, first, BESIDE), planes.block(row, first, -BESIDE));
-    // At the image's rim the cell itself replaces the missing neighbor.
+    // At the edge of the image the cell itself replaces the missing neighbor.
     let above = planes.above(row).unwrap_or(row);
     let below = planes.below(row).unwrap_or(row);
     let (above, below) = (planes.block(above, first, 0), planes.block(below, first, 0));
@@ -54,7 +55,8 @@ fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
         let y = center[1][lane];
         let z = center[2][lane];
         let range = (x * x + y * y + z * z).sqrt();
-        // Branch-free. NaN of an empty cell is not near. If one of two neighbors is missing, the other and the center are used.
+        // Branch-free. The NaN of an empty cell is not near. If one of two neighbors is missing, the other and the
+        // center are used.
         let near = |block: &[&[f32; LANES]; 3]| {
             let dx = block[0][lane] - x;
             let dy = block[1][lane] - y;
@@ -76,7 +78,7 @@ fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
         let ny = uz * vx - ux * vz;
         let nz = ux * vy - uy * vx;
         let norm = (nx * nx + ny * ny + nz * nz).sqrt();
-        // Without neighbors 0 / 0: NaN.
+        // Without neighbors 0 / 0 gives NaN.
         let cosine = (nx * x + ny * y + nz * z).abs() / (norm * range);
         cosines[lane] = if cosine > 1.0 { 1.0 } else { cosine };
     }

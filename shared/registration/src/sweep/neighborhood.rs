@@ -1,4 +1,4 @@
-//! The shape of the surface around the cells of a range image, many cells at a time. The memory layout is made for SIMD
+//! The shape of the surface around the cells of a range image, many cells at a time. The memory layout suits SIMD
 //! registers, so it is not an `ndarray`.
 
 use crate::RangeImage;
@@ -6,19 +6,20 @@ use crate::sweep::eigen::smallest_eigenvector;
 
 /// Cells per block: one register of 64 bytes, or two of 32.
 pub(crate) const LANES: usize = 16;
-/// Column offsets of a neighborhood: 2 to 8 columns are 1.4 degrees, as in height, so that it is about square.
+/// Column offsets of a neighborhood: 2 to 8 columns are 1.4 degrees, the same as vertically, so that it is about
+/// square.
 const COLUMN_OFFSETS: [isize; 9] = [0, 2, 4, 6, 8, -2, -4, -6, -8];
 const FARTHEST: usize = 8;
 /// With fewer neighbors a normal is not reliable.
 const MIN_NEIGHBORS: f32 = 7.0;
 
-/// Coordinates of an image's cells as one plane per axis. Cells `step` columns apart are contiguous: `step` lists for each row.
-/// Columns wrap around at both ends.
+/// Coordinates of an image's cells as one plane per axis. Cells `step` columns apart are contiguous: `step` lists for
+/// each row. Columns wrap around at both ends.
 pub(crate) struct Planes {
     step: usize,
-    /// Cells of a list.
+    /// Number of cells of a list.
     n: usize,
-    /// Padding before the first of them.
+    /// Padding before the first cell.
     before: usize,
     /// Length of a list with padding.
     len: usize,
@@ -55,7 +56,7 @@ impl Planes {
         let rim = self.before * self.step;
         for phase in 0..step {
             let start = (row * step + phase) * self.len;
-            // The rim repeats columns of the other end; past the last column only what a neighborhood needs.
+            // The margin repeats columns of the other end; past the last column only those that a neighborhood needs.
             let rim_cols = (phase..rim).step_by(step).map(|col| image.cols() + col - rim);
             let cols = (phase..image.cols() + FARTHEST).step_by(step);
             let positions = rim_cols.chain(cols).map(|col| image.position(row, col));
@@ -69,7 +70,7 @@ impl Planes {
     pub fn step(&self) -> usize {
         self.step
     }
-    /// Cells of a list.
+    /// Number of cells of a list.
     pub fn n(&self) -> usize {
         self.n
     }
@@ -81,7 +82,7 @@ impl Planes {
     pub fn below(&self, row: usize) -> Option<usize> {
         row.checked_sub(self.reach)
     }
-    /// Ranges of the cells from number `first` on, m; NaN of empty ones.
+    /// Ranges of the cells starting at number `first`, m; NaN in empty cells.
     #[inline(always)]
     pub fn ranges(&self, row: usize, first: usize) -> [f32; LANES] {
         let [x, y, z] = self.block(row, first, 0);
@@ -91,7 +92,8 @@ impl Planes {
         }
         ranges
     }
-    /// Coordinates of `LANES` cells, `offset` columns from those from number `first` on, m; NaN in empty cells.
+    /// Coordinates of `LANES` cells, `offset` columns away from the cells starting at number `first`, m; NaN in empty
+    /// cells.
     #[inline(always)]
     pub fn block(&self, row: usize, first: usize, offset: isize) -> [&[f32; LANES]; 3] {
         let step = self.step as isize;
@@ -101,21 +103,21 @@ impl Planes {
     }
 }
 
-/// Shape of the surface around cells, by lane; planarity -1 with too few points.
+/// Shape of the surface around cells, per lane; planarity is -1 with too few points.
 pub(crate) struct Shapes {
     /// Range of the cell's own point, m; NaN in empty cells.
     pub range: [f32; LANES],
-    /// Direction of the smallest deviation, x y z.
+    /// Direction of the smallest standard deviation, x y z.
     pub normal: [[f32; LANES]; 3],
     /// See [`crate::Feature::planarity`].
     pub planarity: [f32; LANES],
-    /// Smallest deviation, m.
+    /// Smallest standard deviation, m.
     pub roughness: [f32; LANES],
-    /// Smallest deviation over the second one.
+    /// Ratio of the smallest standard deviation to the second one.
     pub thickness: [f32; LANES],
 }
 
-/// Sums over the neighbors of a cell, by lane: number, offsets, and their products xx, xy, xz, yy, yz, zz.
+/// Sums over the neighbors of a cell, per lane: number, offsets, and their products xx, xy, xz, yy, yz, zz.
 struct Moments {
     n: [f32; LANES],
     first: [[f32; LANES]; 3],
@@ -123,7 +125,7 @@ struct Moments {
 }
 
 impl Shapes {
-    /// Shapes of the cells from number `first` on.
+    /// Shapes of the cells starting at number `first`.
     #[inline(always)]
     pub fn around(planes: &Planes, row: usize, first: usize) -> Self {
         let range = planes.ranges(row, first);
@@ -169,11 +171,11 @@ impl Shapes {
 impl Moments {
     #[inline(always)]
     fn around(planes: &Planes, row: usize, first: usize, range: &[f32; LANES]) -> Self {
-        // Neighbors on the same surface are nearer than this, even at a flat angle.
+        // Neighbors on the same surface are nearer than this, even at a grazing angle.
         let gate = range.map(|range| (0.2 + 0.1 * range).powi(2));
         let center = planes.block(row, first, 0);
         let mut sums = Self { n: [0.0; LANES], first: [[0.0; LANES]; 3], second: [[0.0; LANES]; 6] };
-        // With dense rings the outer rows and one half way suffice; all rows cost more than they add.
+        // With dense rings the outer rows and one halfway suffice; all rows cost more than they improve.
         let half = planes.reach.div_ceil(2);
         let distances = [0, half, planes.reach].into_iter().take(if half == planes.reach { 2 } else { 3 });
         let rows = distances.flat_map(|distance| {
@@ -192,7 +194,7 @@ impl Moments {
         let Self { n, first: [sum_x, sum_y, sum_z], second: [xx, xy, xz, yy, yz, zz] } = self;
         for lane in 0..LANES {
             let [x, y, z] = std::array::from_fn(|axis| block[axis][lane] - center[axis][lane]);
-            // NaN of an empty cell is not near.
+            // The NaN of an empty cell is not near.
             let is_near = x * x + y * y + z * z < gate[lane];
             let [x, y, z, one] = [x, y, z, 1.0].map(|value| if is_near { value } else { 0.0 });
             n[lane] += one;

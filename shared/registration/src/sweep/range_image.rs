@@ -1,4 +1,4 @@
-//! The returns of a sweep as a range image, by which neighbors are found.
+//! The returns of a sweep as a range image, which gives the neighbors of a return.
 
 use crate::TimedPoint;
 use crate::sweep::arc_tangent::fast_atan2;
@@ -9,21 +9,22 @@ use nalgebra::Vector3;
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
 /// points.
 const COLS: usize = 2048;
-/// Rows if rings are not known: one degree of elevation each, about the ring spacing of a 32-beam sensor.
+/// Number of rows if rings are unknown: one degree of elevation each, about the ring spacing of a 32-beam sensor.
 const ELEVATION_ROWS: usize = 90;
-/// Empty cell.
+/// Index of an empty cell.
 const EMPTY: u32 = u32::MAX;
 /// Half height of a neighborhood: the ring spacing of the HDL-32E, 1.33 degrees, so that it contains three rings.
 const REACH_DEG: f32 = 1.4;
 
-/// Cells from row to row. With a power of two the rows would share a few cache sets, and a sensor fires all rings at once.
-/// Not an `ndarray`: one flat index addresses a cell with its neighbors, and columns wrap around.
+/// Distance of cells from row to row. With a power of two the rows would share a few cache sets, and a sensor fires all
+/// rings at once. This is not an `ndarray`: one flat index addresses a cell with its neighbors, and columns wrap
+/// around.
 pub(crate) const STRIDE: usize = COLS + 4;
 
 /// The point of a cell, 16 bytes. Neighborhoods read its position about fifty times.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
-    /// m, NaN in an empty cell.
+    /// Position, m; NaN in an empty cell.
     position: [f32; 3],
     /// Index of the point, or [`EMPTY`].
     point: u32,
@@ -34,7 +35,7 @@ struct Cell {
 pub struct RangeImage {
     rows: usize,
     cells: Vec<Cell>,
-    /// Index in `cells` by point; [`EMPTY`] for points that are not finite.
+    /// Cell index per point; [`EMPTY`] for points that are not finite.
     cell_of: Vec<u32>,
     /// Rows up or down that a neighborhood reaches.
     reach: usize,
@@ -72,7 +73,7 @@ impl RangeImage {
                 image.cell_of.push(EMPTY);
                 continue;
             }
-            // Not `f32::min`, which is slower because it handles NaN.
+            // `f32::min` is slower because it handles NaN.
             lowest = if slope < lowest { slope } else { lowest };
             highest = if slope > highest { slope } else { highest };
             let row = if rings_known { usize::from(ring(image.cell_of.len())) } else { elevation_row(slope) };
@@ -89,7 +90,7 @@ impl RangeImage {
         }
         image
     }
-    /// The same cells with other positions, by the index of their point, m.
+    /// A copy of the image with other positions, given by point index, m.
     pub(crate) fn moved(&self, position: impl Fn(usize) -> [f32; 3]) -> Self {
         let mut image = self.clone();
         for cell in image.cells.iter_mut().filter(|cell| cell.point != EMPTY) {
@@ -102,7 +103,7 @@ impl RangeImage {
     pub(crate) fn column(x: f32, y: f32) -> usize {
         column_at(fast_atan2(y, x))
     }
-    /// Rows: rings, or bins of elevation.
+    /// Number of rows: rings, or elevation bins.
     pub fn rows(&self) -> usize {
         self.rows
     }
@@ -130,27 +131,29 @@ impl RangeImage {
     pub(crate) fn positions_of_row(&self, row: usize) -> impl Iterator<Item = [f32; 3]> {
         self.cells[row * STRIDE..][..COLS].iter().map(|cell| cell.position)
     }
-    /// Row and column of a point; `None` for one that is not finite.
+    /// Row and column of a point; `None` if the point is not finite.
     #[inline(always)]
     pub(crate) fn cell(&self, point_idx: usize) -> Option<(usize, usize)> {
         let idx = self.cell_of[point_idx];
         (idx != EMPTY).then_some((idx as usize / STRIDE, idx as usize % STRIDE))
     }
-    /// Values of points as an image, [`STRIDE`] from row to row: that of the first point of each cell, `empty` in the others.
+    /// Values of points as an image with [`STRIDE`] cells per row: the value of the first point of each cell, `empty`
+    /// in the other cells.
     #[inline(always)]
     pub(crate) fn by_cell<T: Copy>(&self, empty: T, value: impl Fn(usize) -> T) -> Vec<T> {
         let mut values = vec![empty; self.cells.len()];
-        // Backwards, so that the first one remains. In the order of the points, which is that of their times and of the memory.
+        // Backwards, so that the first one remains. The loop follows the order of the points, which is the order of
+        // their times and of the memory.
         for (point_idx, idx) in self.cell_of.iter().enumerate().rev().filter(|(_, idx)| **idx != EMPTY) {
             values[*idx as usize] = value(point_idx);
         }
         values
     }
-    /// Index of the point in a cell that is not empty, by the cell's number.
+    /// Index of the point in a cell that is not empty, from the cell's number.
     pub(crate) fn point_of_cell(&self, number: usize) -> u32 {
         self.cells[number].point
     }
-    /// Whether rows are rings, each with its own laser, and not bins of elevation.
+    /// Whether rows are rings, each with its own laser, and not elevation bins.
     pub(crate) fn has_rings(&self) -> bool {
         self.has_rings
     }
@@ -164,7 +167,7 @@ impl RangeImage {
 #[inline(always)]
 fn column_at(azimuth: f32) -> usize {
     const PER_RAD: f32 = COLS as f32 / std::f32::consts::TAU;
-    /// From here on to twice as much f32 holds whole numbers only: the last bits of a sum are the number that was added.
+    /// From here to twice this value, f32 holds whole numbers only: the last bits of a sum are the added number.
     const WHOLE: f32 = (1 << 23) as f32;
     let at = azimuth * PER_RAD + COLS as f32 / 2.0;
     let at = if at > 0.0 { at } else { 0.0 };
@@ -184,7 +187,7 @@ mod tests {
     use super::*;
     use crate::sweep::incidence::incidences;
 
-    /// A wall 10 m ahead, rotated by `angle`, seen by beams 1.33 degrees apart.
+    /// A wall 10 m ahead, rotated by `angle`, measured by beams 1.33 degrees apart.
     fn wall(angle: f32, rings: bool) -> Vec<TimedPoint> {
         let mut points = Vec::new();
         for column in -100..100 {

@@ -1,15 +1,15 @@
-//! Rings of a sweep whose points carry no ring numbers, by the order of the points.
+//! Rings of a sweep whose points carry no ring numbers, derived from the order of the points.
 //!
-//! KITTI, SemanticKITTI and clouds made from them store one ring after the other, each a turn of the azimuth. Elevations do not tell
-//! the rings: the lasers of an HDL-64E leave from different heights, so the elevations of one ring, as seen from the origin, spread
-//! over three rings.
+//! KITTI, SemanticKITTI and clouds made from them store one ring after the other, each a full turn in azimuth.
+//! Elevations do not determine the rings: the lasers of an HDL-64E are at different heights, so the elevations of one
+//! ring, seen from the origin, spread over three rings.
 
 use crate::sweep::directions::Directions;
 use std::f32::consts::{PI, TAU};
 
-/// Rings that are recognized. Fewer turns are no rings: a sweep in the order of time has one.
+/// Number of rings that is recognized. Fewer turns are not rings: a sweep in time order has one turn.
 const RINGS: std::ops::RangeInclusive<usize> = 8..=256;
-/// Sectors of azimuth in which the step from ring to ring is searched.
+/// Azimuth sectors in which the step from ring to ring is searched.
 const SECTORS: usize = 64;
 /// Least share of neighboring rings whose mean slopes are in order.
 const MIN_ORDERED: f64 = 0.9;
@@ -17,13 +17,13 @@ const MIN_ORDERED: f64 = 0.9;
 /// Rings of a sweep.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Rings {
-    /// Ring of each point, 0 = lowest; any for points that are not finite.
+    /// Ring of each point, 0 = lowest; arbitrary for points that are not finite.
     pub by_point: Vec<u8>,
     /// Number of rings.
     pub n: usize,
 }
 
-/// The rings of points that are stored ring by ring; `None` if they are not.
+/// The rings of points that are stored ring by ring; `None` for other orders.
 pub(crate) fn rings_by_order(directions: &Directions) -> Option<Rings> {
     wide_loops::run(
         #[inline(always)]
@@ -36,7 +36,7 @@ fn rings(directions: &Directions) -> Option<Rings> {
     let turns = Turns::of(directions)?;
     let cut = turns.cut(&directions.slopes);
     let ring_at = |turned: f32| ((turned - cut) / TAU).floor() as i32;
-    // The cut is known to a sector: a shorter piece before the first or behind the last cut belongs to its neighbor.
+    // The cut is accurate to a sector: a shorter piece before the first or after the last cut belongs to its neighbor.
     let margin = 2.0 * TAU / SECTORS as f32 * turns.total.signum();
     let begin = ring_at(margin);
     let end = ring_at(turns.total - margin);
@@ -67,9 +67,9 @@ fn rings(directions: &Directions) -> Option<Rings> {
     ordered(|lower, upper| lower < upper).then_some(Rings { by_point: rings, n })
 }
 
-/// How far the azimuth has turned since the first point.
+/// Azimuth turned since the first point.
 struct Turns {
-    /// By point, rad.
+    /// Turned angle per point, rad.
     turned: Vec<f32>,
     total: f32,
 }
@@ -97,7 +97,7 @@ impl Turns {
         let total = total as f32;
         (total.abs() > *RINGS.start() as f32 * TAU - PI).then_some(Self { turned, total })
     }
-    /// The angle, from the first point on, at which the rings change: there the slope steps.
+    /// The angle, from the first point on, at which the rings change: the slope has a step there.
     #[inline(always)]
     fn cut(&self, slopes: &[f32]) -> f32 {
         let mut steps = [0.0; SECTORS];
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use crate::TimedPoint;
 
-    /// Rings from the highest to the lowest, each a turn that begins at `begin` rad; every seventh point is missing.
+    /// Rings from the highest to the lowest, each a turn that starts at `begin` rad; every seventh point is missing.
     fn ring_by_ring(n_rings: u8, begin: f32) -> (Vec<TimedPoint>, Vec<u8>) {
         let mut points = Vec::new();
         let mut rings = Vec::new();

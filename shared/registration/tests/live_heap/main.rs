@@ -1,4 +1,5 @@
-//! Live bytes of the heap of the odometry over a drive to and fro. A program of its own: it counts all allocations.
+//! Live heap bytes of the odometry over a drive back and forth. The test is a separate program because it counts all
+//! allocations.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 #[path = "../suite/support/world.rs"]
@@ -15,18 +16,18 @@ use world::{Drive, body_from_lidar};
 static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 
 const STREET: Drive = Drive { speed: 0.0, noise_m: 0.02, ground_only: false };
-/// Sweeps to and fro: more than the map holds.
+/// Sweeps of one drive back and forth: more than the map holds.
 const N_PERIOD: u32 = 80;
 const AMPLITUDE_M: f64 = 6.0;
 const N_PERIODS: i64 = 6;
-/// Bytes of the heap for each point of the map of smooth surfaces: 190 in this street, most of them for blocks of 16 points that are
-/// not full, with the map of rough surfaces and the ranges of the last sweeps.
+/// Heap bytes for each point of the map of smooth surfaces: 190 in this street, most of them for blocks of 16 points
+/// that are not full; includes the map of rough surfaces and the ranges of the last sweeps.
 const MAX_BYTES_PER_POINT: usize = 240;
-/// Largest growth from one period to the next ones, bytes, beside that of points: the noise of the poses moves some points into other
-/// cells. A leak of 100 bytes a sweep is 32 kB.
+/// Largest growth from one period to the next ones, bytes, in addition to the growth by points: the noise of the poses
+/// moves some points into other cells. A leak of 100 bytes per sweep is 32 kB.
 const SLACK: usize = 20_000;
 
-/// To a place 12 m ahead and back, in 8 s.
+/// A drive to a place 12 m ahead and back, in 8 s.
 fn world_from_lidar(second: f64) -> Pose {
     let angle = second / (f64::from(N_PERIOD) * 0.1) * std::f64::consts::TAU;
     let x = AMPLITUDE_M * (1.0 - angle.cos());

@@ -7,7 +7,7 @@ use registration::{GroundVelocity, InertialSample, Odometry, OdometrySettings, R
 /// Bare ground from the first shot on: position and heading are unobservable.
 const PLAIN: Drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: true };
 const STREET: Drive = Drive { ground_only: false, ..PLAIN };
-/// Of a sweep, with or without returns.
+/// Duration of a sweep, with or without returns.
 const SWEEP_NANOS: i64 = 100_000_000;
 /// Biases of the inertial unit: 2 mg and 0.1 degrees/s.
 const FORCE_BIAS: Vector3<f64> = Vector3::new(0.02, -0.01, 0.02);
@@ -87,7 +87,7 @@ fn bare_ground_is_bridged_by_samples_and_velocities() {
         off.norm() > 4.0 && deviation > 5.0,
         "the ground alone is degenerate: {off}, standard deviation {deviation}"
     );
-    // The ground is measured; its height changes with the unknown position by the grade of a road, a tenth.
+    // The ground is measured; the height error grows with the position error by the grade of a road, a tenth.
     let covariance = &alone.last().unwrap().covariance;
     let by_grade = 0.01 * (covariance[(0, 0)] + covariance[(1, 1)]);
     assert!((covariance[(2, 2)] - by_grade).sqrt() < 1.0, "the height is measured");
@@ -136,8 +136,8 @@ fn sweeps_without_a_match_follow_the_inertial_samples() {
     let [(inertial, inertial_sigma), (constant, constant_sigma)] =
         [&by_samples, &by_constant_motion].map(|registered| error(&STREET, registered));
     assert!(by_samples[12..].iter().all(|sweep| sweep.is_bridged() && sweep.predicted_by.inertial));
-    // The bound was 0.08 m with fog at nearly constant speed. It is 0.1 m since the fog lies where the vehicle accelerates, so that
-    // constant motion fails.
+    // The bound was 0.08 m with fog at nearly constant speed. It is 0.1 m because the fog now is where the vehicle
+    // accelerates, so that constant motion fails.
     println!("after four sweeps of fog: {:.4} m with samples, {:.4} m without", inertial.norm(), constant.norm());
     assert!(inertial.norm() < 0.1 && inertial.norm() < 0.5 * constant.norm(), "{inertial} {constant}");
     assert!(inertial_sigma < constant_sigma, "{inertial_sigma} {constant_sigma}");

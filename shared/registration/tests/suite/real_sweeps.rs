@@ -28,7 +28,7 @@ fn kitti_raw_trajectory_agrees_with_two_references() {
     let registered = register_all(&kitti_raw(&folder, Some(SpinDirection::Clockwise)));
     assert_eq!(registered.len(), 22);
     assert!(registered.iter().all(|sweep| !sweep.is_bridged()), "a sweep was not matched");
-    // The references treat the sweeps as rigid: their poses are those in the middle of a sweep.
+    // The references treat the sweeps as rigid: their poses apply in the middle of a sweep.
     let first = registered[0].motion.mid;
     let poses: Vec<Pose> = registered.iter().map(|sweep| first.inverse() * sweep.motion.mid).collect();
     let references =
@@ -59,7 +59,7 @@ fn kitti_raw_trajectory_agrees_with_two_references() {
     }
 }
 
-/// The same points in an order without rings, as those of a sensor whose pattern does not repeat.
+/// A copy of the points in an order without rings, as from a sensor with a non-repetitive pattern.
 fn without_rings(sweep: &Sweep) -> Sweep {
     let mut points = sweep.points().to_vec();
     let mut random = random::Random::new(7);
@@ -129,7 +129,8 @@ fn kitti_00_sweep_95_has_its_reference_pose() {
     assert!(rotation_off < 0.003, "{rotation_off} rad");
 }
 
-/// The sweeps of a drive that is stored as range images of 64 x 870 px, 1/500 m a step; ring after ring, without point times.
+/// The sweeps of a drive that is stored as range images of 64 x 870 px, 1/500 m per step; ring by ring, without point
+/// times.
 fn range_images(drive: &str, numbers: std::ops::Range<usize>) -> Vec<Sweep> {
     let folder = real_data::path("annieway");
     let settings = std::fs::read_to_string(folder.join("range_image.cfg")).unwrap();
@@ -159,7 +160,8 @@ fn range_images(drive: &str, numbers: std::ops::Range<usize>) -> Vec<Sweep> {
     numbers.map(sweep).collect()
 }
 
-/// Cars that move alongside, seen by rings of which several fall into one degree: rows by elevation lost a third of the way.
+/// Cars move alongside, and several rings fall into one degree of elevation: with rows by elevation a third of the
+/// distance was lost.
 #[real_data::test("annieway")]
 fn durlacher_is_as_long_as_by_its_inertial_system() {
     let registered = register_all(&range_images("durlacher", 0..52));
@@ -167,20 +169,20 @@ fn durlacher_is_as_long_as_by_its_inertial_system() {
     println!("{:.2} m, by the INS 15.90 m", moved.norm());
     // Other odometries err by 0.13 to 0.35 m.
     assert!((moved.norm() - 15.90).abs() < 0.5, "{moved}");
-    // The pose is that of the direction ahead, in the middle of the revolution. The vehicle ends at 7 m/s.
+    // The pose applies when the sensor faces ahead, in the middle of the revolution. The vehicle ends at 7 m/s.
     let (delay_s, remaining_m) = against_track(&registered, &ins_track(&real_data::path("annieway/durlacher/ins.csv")));
     println!("{delay_s:.3} s behind the stamps of the INS, then {remaining_m:.3} m");
     assert!((0.0..0.1).contains(&delay_s) && remaining_m < 0.03, "{delay_s} s, {remaining_m} m");
 }
 
-/// Time (s) and distance from the first place (m) of each line of the INS.
+/// Time (s) and distance from the first position (m) of each line of the INS.
 fn ins_track(path: &Path) -> Vec<(f64, f64)> {
     let text = std::fs::read_to_string(path).expect("reads");
     let rows = text.lines().filter(|line| line.starts_with("20")).map(|line| {
         let fields: Vec<&str> = line.split(';').collect();
         let number = |text: &str| text.parse::<f64>().expect("a number");
         let place = [4, 3].map(|from_end| number(fields[fields.len() - from_end]));
-        // All lines are of one minute.
+        // All lines are within one minute.
         (number(fields[0].rsplit(':').next().expect("seconds")), place)
     });
     let rows: Vec<_> = rows.collect();
@@ -188,8 +190,8 @@ fn ins_track(path: &Path) -> Vec<(f64, f64)> {
     rows.iter().map(|(s, place)| (s - begin_s, (place[0] - begin[0]).hypot(place[1] - begin[1]))).collect()
 }
 
-/// The delay of the poses behind the stamps of the track with which the distances from the first place fit best, s, and the root mean
-/// square of what then remains, m.
+/// The delay of the poses relative to the stamps of the track that fits the distances from the first position best, s,
+/// and the root mean square of the residuals, m.
 fn against_track(registered: &[Registered], track: &[(f64, f64)]) -> (f64, f64) {
     let at = |s: f64| {
         let next = track.partition_point(|(stamp, _)| *stamp < s).clamp(1, track.len() - 1);
@@ -198,7 +200,7 @@ fn against_track(registered: &[Registered], track: &[(f64, f64)]) -> (f64, f64) 
     };
     let first = registered[0].motion.mid.translation.vector;
     let remaining = |delay_s: f64| {
-        // Without those that a delay moves beyond the track.
+        // Skips poses that a delay moves beyond the track.
         let errors = (4..registered.len() - 4).map(|number| {
             let found_m = (registered[number].motion.mid.translation.vector - first).norm();
             found_m - (at(track[number].0 + delay_s) - at(delay_s))
@@ -210,8 +212,8 @@ fn against_track(registered: &[Registered], track: &[(f64, f64)]) -> (f64, f64) 
     delays.min_by(|a, b| a.1.total_cmp(&b.1)).expect("delays")
 }
 
-/// The rings of this unit err by a tenth of a degree, and its two blocks of lasers by 7 cm. Without an estimate the flat road pitches by
-/// 5.4 degrees and falls by 4.9 m.
+/// The rings of this unit have errors of a tenth of a degree, and its two laser blocks of 7 cm. Without an estimate the
+/// flat road pitches by 5.4 degrees and falls by 4.9 m.
 #[real_data::test("annieway")]
 fn flat_road_stays_flat_though_rings_err() {
     let registered = register_all(&range_images("muehlburger", 150..341));
@@ -223,8 +225,8 @@ fn flat_road_stays_flat_though_rings_err() {
     assert!(pitch_deg.abs() < 1.0 && height_m.abs() < 1.0, "{pitch_deg} degrees, {height_m} m");
 }
 
-/// Taken as rigid, the sweeps turn the vehicle by 1.6 degrees more. KISS-ICP 1.3.0 turns by 1.67 degrees from the first sweep to number
-/// 340 with point times, by 2.13 without.
+/// Treated as rigid, the sweeps rotate the vehicle by 1.6 degrees more. KISS-ICP 1.3.0 rotates by 1.67 degrees from the
+/// first sweep to number 340 with point times, by 2.13 without.
 #[real_data::test("annieway")]
 fn sense_of_turning_is_found_and_keeps_the_heading() {
     let mut odometry = Odometry::new(

@@ -74,7 +74,7 @@ fn sweeps_without_point_times_have_three_times_the_error() {
     assert!(without > 3.0 * with, "with point times {with} m, without {without} m");
 }
 
-/// Revolutions from rear to rear, with their points' times.
+/// Revolutions from rear to rear, with the times of their points.
 fn from_rear_to_rear(sweeps: &[Sweep]) -> Vec<Sweep> {
     let join = |pair: &[Sweep]| {
         let begin = i64::from(pair[0].duration_nanos()) / 2;
@@ -84,7 +84,7 @@ fn from_rear_to_rear(sweeps: &[Sweep]) -> Vec<Sweep> {
                 |point: &TimedPoint| TimedPoint { offset_nanos: (i64::from(point.offset_nanos) + by) as u32, ..*point };
             sweep.points().iter().filter(|point| is_in(point)).map(moved).collect()
         };
-        // Sensors turn clockwise from ahead: to the right, then to the left.
+        // Sensors spin clockwise from ahead: to the right, then to the left.
         let mut points = moved(&pair[0], -begin, |point| point.position[1] > 0.0);
         points.extend(moved(&pair[1], shift, |point| point.position[1] <= 0.0));
         points.retain(|point| point.offset_nanos < 110_000_000);
@@ -93,7 +93,7 @@ fn from_rear_to_rear(sweeps: &[Sweep]) -> Vec<Sweep> {
     sweeps.windows(2).map(join).collect()
 }
 
-/// The LiDAR is upright: the sense of turning is sought about the vertical.
+/// The LiDAR is upright: the spin direction is estimated about the vertical.
 #[test]
 fn sense_of_turning_is_found_in_sweeps_without_times_and_not_in_deskewed_ones() {
     let world_from_lidar = |t: f64| STREET.world_from_body(t) * Isometry3::translation(0.3, 0.0, 2.1);
@@ -190,7 +190,8 @@ fn sweeps_without_features_are_bridged_and_reported() {
     assert!(distance(&registered[15].end(), &truth_at(&STREET, &registered[15], 1.0)) < 0.08, "recovered");
 }
 
-/// A match that ran out of rounds while centimetres off was once accepted and distorted the map permanently.
+/// Regression: a match that ran out of rounds with an error of centimetres was accepted and distorted the map
+/// permanently.
 #[test]
 fn match_that_has_not_converged_is_rejected() {
     let mut sweeps = sweeps_of(&STREET, 0..8);
@@ -212,7 +213,7 @@ fn match_that_has_not_converged_is_rejected() {
 #[test]
 fn lost_map_is_restarted_and_reported() {
     let mut sweeps = sweeps_of(&STREET, 0..6);
-    // Two seconds later, another part of the road: nothing of the old map is in reach.
+    // Two seconds later, another part of the road: the old map is out of reach.
     let jump = |number: u32| {
         let sweep = Drive { speed: -4.0, ..STREET }.sweep(number);
         Sweep::new(sweep.stamp().plus_nanos(2_000_000_000), sweep.points().to_vec(), 32)

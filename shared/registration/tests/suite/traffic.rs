@@ -10,7 +10,7 @@ fn timed(point: &lidar::SweepPoint) -> TimedPoint {
     TimedPoint { position: [point.x, point.y, point.z], offset_nanos: point.offset_nanos, ring: point.ring }
 }
 
-/// The last registered sweep of the drive, with its inertial unit and the velocities of its receiver.
+/// The last registered sweep of the drive, with inertial unit and GNSS velocities.
 fn driven(drive: &Drive) -> Registered {
     let manifest = drive.manifest();
     let mounting = SensorMounting {
@@ -48,7 +48,7 @@ fn driven(drive: &Drive) -> Registered {
     last.unwrap()
 }
 
-/// By the match alone it moves by 0.3 m, as the queue does.
+/// With the match alone the estimated motion is 0.3 m, because the queue moves along.
 #[test]
 fn inertial_unit_and_receiver_keep_the_own_motion_in_a_queue() {
     let rig = "nuscenes".to_owned();
@@ -66,6 +66,7 @@ fn inertial_unit_and_receiver_keep_the_own_motion_in_a_queue() {
     let found = last.end() * drive.rig().body_from_lidar.inverse();
     let found_m = found.translation.vector.norm();
     assert!(true_m > 20.0, "{true_m} m");
-    // 0.5 to 2.1 m are lost at the start, before the motion is contested (here 1.4 m); by the match alone, all.
+    // 0.5 to 2.1 m are lost at the start, before the motion becomes ambiguous (here 1.4 m); with the match alone, the
+    // whole distance.
     assert!((found_m - true_m).abs() < 2.0, "{found_m} m of {true_m} m");
 }

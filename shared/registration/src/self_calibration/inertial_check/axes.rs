@@ -1,11 +1,11 @@
-//! Axes of a sensor that point along axes of the body, in any order and sense.
+//! Sensor axes that are parallel to body axes, in any order and sense.
 
 use geometry::Vector3;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// For each axis of the body, the axis of the unit along it and its sense.
+/// Axis and sense of the unit along each axis of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Axes {
     of: [usize; 3],
@@ -16,17 +16,17 @@ pub struct Axes {
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
 
 impl Axes {
-    /// Those of the body.
+    /// The axes of the body.
     pub const BODY: Self = Self { of: [0, 1, 2], sign: [1.0; 3] };
 
-    /// All 48 of them, those of the body first.
+    /// All 48 axis combinations, the axes of the body first.
     pub fn all() -> impl Iterator<Item = Self> {
         let sign = |bits: u32, axis: u32| if bits >> axis & 1 == 1 { -1.0 } else { 1.0 };
         let signs = move |of: [usize; 3]| (0..8_u32).map(move |bits| (of, [0, 1, 2].map(|axis| sign(bits, axis))));
         ORDERS.into_iter().flat_map(signs).map(|(of, sign)| Self { of, sign })
     }
 
-    /// A vector of the unit in the axes of the body.
+    /// Transforms a vector of the unit to body axes.
     pub fn in_body(&self, of_unit: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| self.sign[axis] * of_unit[self.of[axis]])
     }
@@ -36,7 +36,7 @@ impl Axes {
         Matrix3::from_fn(|row, col| if self.of[row] == col { self.sign[row] } else { 0.0 })
     }
 
-    /// Sum of the products of two vectors of the body and the unit, by the sum of their outer products.
+    /// Sum of the products of body and unit vectors, from the sum of their outer products.
     pub fn product(&self, body_by_unit: &Matrix3<f64>) -> f64 {
         (0..3).map(|axis| self.sign[axis] * body_by_unit[(axis, self.of[axis])]).sum()
     }

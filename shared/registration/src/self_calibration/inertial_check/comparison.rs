@@ -1,11 +1,13 @@
-//! Sums of products of what the unit measured and what the motion of the LiDAR says, and the axes and units that fit them.
+//! Sums of products of the measurements of the unit and the motion of the LiDAR, and the axes and units that fit them
+//! best.
 
 use super::axes::Axes;
 use geometry::Vector3;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-/// Weight of a pair after one further pair: units can fail during a drive. The sums hold the last minute of a drive at 10 Hz.
+/// Weight of a pair after one more pair: units can fail during a drive. The sums cover the last minute of a drive at 10
+/// Hz.
 const MEMORY: f64 = 1.0 - 1.0 / 600.0;
 
 /// Sums over pairs of vectors.
@@ -19,17 +21,17 @@ pub struct Sums {
     unit_square: f64,
 }
 
-/// How the vectors of a unit become those of the body.
+/// Conversion of the vectors of a unit to body vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fit {
     /// Axes.
     pub axes: Axes,
-    /// Factor of the unit's numbers.
+    /// Scale factor of the unit's values.
     pub scale: f64,
 }
 
 impl Fit {
-    /// Numbers along the axes of the body in the documented unit.
+    /// Body axes and the documented unit of measurement.
     pub const NOMINAL: Self = Self { axes: Axes::BODY, scale: 1.0 };
 }
 
@@ -49,7 +51,7 @@ impl Sums {
         self.n
     }
 
-    /// The sums about the means: without biases.
+    /// The centered sums, without biases.
     #[must_use]
     pub fn centered(&self) -> Self {
         let n = self.n.max(1.0);
@@ -63,12 +65,12 @@ impl Sums {
         }
     }
 
-    /// Sum of the squares of the body's vectors.
+    /// Sum of the squares of the body vectors.
     pub fn signal(&self) -> f64 {
         self.body_square.sum().max(0.0)
     }
 
-    /// Sum of the squares of the body's vectors by axis.
+    /// Sum of the squares of the body vectors per axis.
     pub const fn signals(&self) -> Vector3<f64> {
         self.body_square
     }
@@ -91,7 +93,7 @@ impl Sums {
         (best, second)
     }
 
-    /// Sum of the outer products of the body's vectors and the unit's under a fit.
+    /// Sum of the outer products of body and unit vectors under a fit.
     pub fn products(&self, fit: &Fit) -> Matrix3<f64> {
         self.body_by_unit * fit.axes.matrix().transpose() * fit.scale
     }

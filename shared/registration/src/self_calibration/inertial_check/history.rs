@@ -5,17 +5,17 @@ use geometry::{Point3, Pose, Stamp, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// How long samples are kept, ns, and how many at most.
+/// Time for which samples are kept, ns, and their largest number.
 const KEPT_NANOS: i64 = 3_000_000_000;
 const MAX_SAMPLES: usize = 8_192;
 /// Longer pauses between samples are gaps, ns.
 const GAP_NANOS: i64 = 60_000_000;
-/// An acceleration is the change between the mean velocities of this long before and after, s: a position error of 1 cm then
-/// becomes 0.1 m/s^2.
+/// Half of the time span of an acceleration, s. An acceleration is the change between the mean velocities before and
+/// after: a position error of 1 cm then becomes 0.1 m/s^2.
 const HALF_SPAN_S: f64 = 0.5;
-/// Poses farther apart are not compared, s.
+/// Poses farther apart in time are not compared, s.
 const MAX_STEP_S: f64 = 0.25;
-/// Poses kept: two spans at 20 Hz.
+/// Largest number of poses: two spans at 20 Hz.
 const MAX_POSES: usize = 48;
 
 /// A sample and the integral of the rates up to it.
@@ -31,11 +31,11 @@ struct Knot {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct History {
     knots: VecDeque<Knot>,
-    /// Measured one after another.
+    /// Consecutively measured poses.
     poses: VecDeque<(i64, Pose)>,
-    /// Poses at whose end the rotation is compared.
+    /// Stamp up to which rotations have been compared.
     rotations_until: i64,
-    /// Poses at which the acceleration is compared.
+    /// Stamp up to which accelerations have been compared.
     accelerations_until: i64,
 }
 
@@ -72,8 +72,9 @@ impl History {
         rate
     }
 
-    /// Calls `use_pair` with the mean angular rate of the body between two poses, and that of the unit by time offset (s), for all
-    /// pairs with samples up to `max_lag_s` before and after.
+    /// Calls `use_pair` for all pairs of poses with samples up to `max_lag_s` before and after. The arguments are the
+    /// mean angular rate of the body between the poses, and a function that returns the mean rate of the unit at a time
+    /// offset (s).
     pub fn take_rotations(
         &mut self,
         max_lag_s: f64,
@@ -98,7 +99,7 @@ impl History {
         self.rotations_until = until;
     }
 
-    /// Calls `use_pair` with the specific force of the body in the mean over [`HALF_SPAN_S`] around a pose, and that of the unit.
+    /// Calls `use_pair` with the specific forces of body and unit, each the mean over [`HALF_SPAN_S`] around a pose.
     pub fn take_accelerations(
         &mut self,
         imu_in_body: &Point3<f64>,
@@ -131,7 +132,8 @@ impl History {
         self.accelerations_until = until;
     }
 
-    /// Mean with weights that rise to the middle and fall to the end, as those of the change between two mean velocities.
+    /// Mean force with weights that rise to the middle and fall to the end, as in the change between two mean
+    /// velocities.
     fn mean_force(&self, begin: i64, middle: i64, end: i64) -> Vector3<f64> {
         let first = self.knots.partition_point(|knot| knot.stamp < begin);
         let weight = |stamp: i64| {
@@ -168,7 +170,7 @@ impl History {
     }
 }
 
-/// From the first time to the second.
+/// Seconds from the first time to the second.
 fn seconds(from: i64, to: i64) -> f64 {
     (to - from) as f64 * 1e-9
 }

@@ -1,4 +1,4 @@
-//! Whether the comparison shows that the unit is sound, wrong, or right in other axes or units.
+//! Decides whether the unit is correct, wrong, or correct in other axes or units.
 
 use super::comparison::{Fit, Sums};
 use super::{
@@ -7,42 +7,44 @@ use super::{
 use geometry::{UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 
-/// Pairs that a judgment needs: two seconds at 10 Hz for rates, one for forces.
+/// Least number of pairs for a decision: two seconds at 10 Hz for rates, one for forces.
 const MIN_RATES: f64 = 20.0;
 const MIN_FORCES: f64 = 10.0;
-/// Pairs that a verification needs.
+/// Least number of pairs for a verification.
 const MIN_VERIFIED: f64 = 30.0;
-/// Rotation of the body that rates can be compared with, root mean square, rad/s: a turn at a crossing has 0.3.
+/// Least rotation of the body that rates can be compared with, root mean square, rad/s: a turn at a crossing has 0.3.
 const MIN_ROTATION: f64 = 0.02;
-/// A rotation with which a sound unit must agree, rad/s.
+/// Rotation from which a correct unit must agree, rad/s.
 const CLEAR_ROTATION: f64 = 0.05;
-/// Least errors of the pairs: rad/s between two matched sweeps, and m/s^2.
+/// Lower bounds for the errors of the pairs: rad/s between two matched sweeps, and m/s^2.
 const RATE_SIGMA: f64 = 0.004;
 const FORCE_SIGMA: f64 = 0.3;
-/// Neighboring pairs have common errors: so many count as one.
+/// Number of neighboring pairs that count as one, because their errors are correlated.
 const RATES_PER_PAIR: f64 = 4.0;
 const FORCES_PER_PAIR: f64 = 10.0;
-/// Logarithm of the ratio of likelihoods from which a fit is taken for better than another: odds of three million.
+/// Log-likelihood ratio from which a fit is considered better than another: odds of three million.
 const DECISIVE: f64 = 15.0;
-/// Share of the rotation that a fit must leave unexplained at most.
+/// Largest share of the rotation that a fit may leave unexplained.
 const MAX_UNEXPLAINED: f64 = 0.3;
 /// Root mean square of the forces that the fit may leave unexplained, m/s^2.
 const MAX_FORCE_RESIDUAL: f64 = 1.5;
-/// Scatter of the differences between a sound unit and the LiDAR, rad/s.
+/// Largest scatter of the differences between a correct unit and the LiDAR, rad/s.
 const MAX_RATE_NOISE: f64 = 0.1;
-/// Smaller time offsets are not corrected, s: a fifth of a sweep moves a point by some centimeters in a turn.
+/// Smaller time offsets are not corrected, s: a fifth of a sweep moves a point by some centimetres in a turn.
 const MIN_LATE_S: f64 = 0.02;
-/// Smaller rotations of the mounting are not corrected, rad, nor those below so many deviations.
+/// Smaller rotations of the mounting are not corrected, rad, and neither are rotations below this number of standard
+/// deviations.
 const MIN_ROTATED: f64 = 0.5 * DEGREE;
 const SIGNIFICANT: f64 = 6.0;
-/// Rotation that the estimate of the mounting needs, a sum of squares of pairs, rad^2/s^2: as of 30 degrees in 5 s.
+/// Least rotation for an estimate of the mounting, a sum of squares over pairs, rad^2/s^2: for example 30 degrees in 5
+/// s.
 const MIN_TURNED: f64 = 0.5;
 
 /// The evidence about a kind of measurement.
 struct Evidence {
     best: Fit,
     residual: f64,
-    /// The best fit is better than the current one by so much, and than all others.
+    /// Log-likelihood ratio of the best fit to the current one, and to all others.
     over_current: f64,
     over_others: f64,
 }
@@ -85,7 +87,7 @@ impl InertialCheck {
             && is_small(self.forces.residual(&self.correction.force), self.forces.n());
         if self.trust == Trust::Assumed && agrees && current.n() >= MIN_VERIFIED {
             self.trust = Trust::Verified;
-            // Its first samples meet a filter that has begun without them.
+            // The first samples are added to a filter that started without them.
             self.has_changed = self.on_probation;
         }
         if agrees {
@@ -93,7 +95,7 @@ impl InertialCheck {
         }
     }
 
-    /// The step of the time offset that is corrected.
+    /// Index of the time offset that is corrected.
     fn current_step(&self) -> usize {
         let step = (self.correction.late_s / LAG_STEP_S).round() as i64 + LAG_STEPS as i64;
         step.clamp(0, 2 * LAG_STEPS as i64) as usize
@@ -109,7 +111,7 @@ impl InertialCheck {
         let residual = sums.residual(&best);
         let variance = (residual / (3.0 * sums.n())).max(RATE_SIGMA * RATE_SIGMA);
         let likelier = |other: f64| (other - residual) / (2.0 * variance * RATES_PER_PAIR);
-        // With other axes at any time offset, and with these at the current one.
+        // Fits with other axes at any time offset, and with these axes at the current one.
         let others = rates.iter().map(|sums| {
             let (fit, second) = sums.best(&scales);
             if fit.axes == best.axes { second } else { sums.residual(&fit) }
@@ -129,7 +131,7 @@ impl InertialCheck {
         Evidence { best, residual, over_current, over_others: likelier(second) }
     }
 
-    /// Why the current correction does not fit.
+    /// Reason why the current correction does not fit.
     fn disagreement(&self, rates: &Sums, rate: &Evidence) -> Option<String> {
         let residual = rates.residual(&self.correction.rate);
         let n = rates.n();
@@ -148,7 +150,7 @@ impl InertialCheck {
         let of_forces = self.forces.residual(&self.correction.force);
         if self.forces.n() >= MIN_FORCES && !is_small(of_forces, self.forces.n()) {
             let off = (of_forces / self.forces.n()).sqrt();
-            return Some(format!("its specific forces are {off:.1} m/s^2 off those by the motion of the LiDAR"));
+            return Some(format!("its specific forces are {off:.1} m/s^2 off the acceleration of the LiDAR"));
         }
         let force = (self.forces.n() >= 3.0 * MIN_FORCES).then(|| self.force_evidence());
         if force.is_some_and(|force| force.over_current > DECISIVE) {
@@ -157,7 +159,7 @@ impl InertialCheck {
         None
     }
 
-    /// Uses the unit with these axes and units from now on.
+    /// Uses the unit with these axes and units of measurement from now on.
     fn accept(&mut self, rate: Fit, force: Fit) {
         let is_new = rate != self.correction.rate || force != self.correction.force;
         if is_new || matches!(self.trust, Trust::Withheld(_)) {
@@ -169,7 +171,7 @@ impl InertialCheck {
         }
     }
 
-    /// Estimates the time offset, and corrects it where it is clear.
+    /// Estimates the time offset, and corrects it if it is significant.
     fn estimate_lateness(&mut self, rates: &[Sums]) {
         let residual = |step: usize| rates[step].residual(&self.correction.rate);
         let Some(least) = (0..rates.len()).min_by(|a, b| residual(*a).total_cmp(&residual(*b))) else { return };
@@ -195,7 +197,7 @@ impl InertialCheck {
         }
     }
 
-    /// Estimates the rotation of the mounting, and corrects it where it is clear.
+    /// Estimates the rotation of the mounting, and corrects it if it is significant.
     fn estimate_rotation(&mut self, rates: &Sums) {
         if rates.signal() < MIN_TURNED {
             return;
@@ -208,7 +210,7 @@ impl InertialCheck {
         let residual = rates.residual(&self.correction.rate);
         let variance = (residual / (3.0 * rates.n())).max(RATE_SIGMA * RATE_SIGMA) * RATES_PER_PAIR;
         let [x, y, z]: [f64; 3] = rates.signals().into();
-        // A rotation about an axis shows in the rates about the two others.
+        // A rotation about one axis appears in the rates about the two others.
         let rotation_sigma = Vector3::new(y + z, z + x, x + y).map(|sum| (variance / sum.max(1e-12)).sqrt());
         let Some(mounting) = &mut self.mounting else { return };
         mounting.rotation = rotation;

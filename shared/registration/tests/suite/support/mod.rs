@@ -13,12 +13,12 @@ pub fn untimed(points: &[[f32; 4]], number: usize) -> Sweep {
     Sweep::new(Stamp(number as i64 * 100_000_000), points.iter().map(point).collect(), 0)
 }
 
-/// x y z intensity of a PCD file.
+/// Reads x y z intensity from a PCD file.
 pub fn read_pcd(path: &Path) -> Vec<[f32; 4]> {
     quads(&formats::pcd::points_from_pcd(&std::fs::read(path).unwrap()).unwrap())
 }
 
-/// x y z intensity of a KITTI .bin file.
+/// Reads x y z intensity from a KITTI .bin file.
 pub fn read_bin(path: &Path) -> Vec<[f32; 4]> {
     quads(&formats::kitti::points_from_bin(&std::fs::read(path).unwrap()).unwrap())
 }
@@ -27,7 +27,7 @@ fn quads(points: &[formats::cloud::CloudPoint]) -> Vec<[f32; 4]> {
     points.iter().map(|point| [point.x, point.y, point.z, point.intensity]).collect()
 }
 
-/// Rows of 12 numbers, 3x4 row-major.
+/// Reads poses from rows of 12 numbers, 3x4 row-major.
 pub fn read_kitti_poses(path: &Path) -> Vec<Pose> {
     let pose = |line: &str| {
         let v: Vec<f64> = line.split_whitespace().map(|word| word.parse().unwrap()).collect();

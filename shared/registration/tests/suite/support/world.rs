@@ -4,7 +4,7 @@
 use geometry::{Isometry3, Pose, Stamp, UnitQuaternion, Vector3};
 use registration::{Sweep, TimedPoint};
 
-/// Firings of one revolution, and time between them: an HDL-32E at 10 Hz.
+/// Number of firings of one revolution, and the time between them: an HDL-32E at 10 Hz.
 const FIRINGS: u32 = 2170;
 const FIRING_NANOS: u32 = 46_080;
 const RINGS: u8 = 32;
@@ -15,7 +15,7 @@ pub struct Drive {
     pub speed: f64,
     /// Range noise, m.
     pub noise_m: f32,
-    /// Nothing but ground: position and heading are unobservable.
+    /// Only ground: position and heading are unobservable.
     pub ground_only: bool,
 }
 
@@ -91,7 +91,7 @@ impl Drive {
             hit(-from.z / ray.z);
         }
         if self.ground_only {
-            // Only the strip that is visible between the facades in the street.
+            // Only the strip that is visible between the facades of the street.
             let across = from.y + nearest * ray.y;
             return (across.abs() < 8.0 && nearest < 90.0).then_some(nearest);
         }
@@ -114,8 +114,9 @@ fn front(house: i32, side: f64) -> f64 {
     9.0 + 1.2 * noise(house * 2 + i32::from(side > 0.0))
 }
 
-/// The front of a house: 7 m wide, 9 m high, with recessed windows and a rough surface. The relief is measured across the front,
-/// not along the ray: a wall whose shape depends on the point of view rotates the vehicle, always in the same sense.
+/// The front of a house: 7 m wide, 9 m high, with recessed windows and a rough surface. The relief is measured across
+/// the front, not along the ray: a wall whose shape depends on the viewpoint rotates the vehicle, always in the same
+/// sense.
 fn facade_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
     let front = front(house, side);
     let range_to = |out: f64| (side * out - from.y) / ray.y;
@@ -126,7 +127,7 @@ fn facade_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) 
     if range > 0.0 && inside { range_to(front - relief(along, height, side)) } else { f64::MAX }
 }
 
-/// The side wall where a house stands back from the previous one.
+/// The side wall of a house that is set back from the previous one.
 fn corner_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
     let range = (f64::from(house) * 7.0 - from.x) / ray.x;
     let out = side * (from.y + range * ray.y);
@@ -144,7 +145,7 @@ fn relief(along: f64, height: f64, side: f64) -> f64 {
     if window { -0.18 } else { 0.03 * noise(cell) }
 }
 
-/// A parked box of 4 x 1.8 x 1.5 m beside the road, at two houses of three.
+/// A parked box of 4 x 1.8 x 1.5 m at the roadside, at two of three houses.
 fn box_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
     if (house + i32::from(side > 0.0)).rem_euclid(3) == 0 {
         return f64::MAX;
@@ -177,12 +178,12 @@ fn pole_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) ->
     if height(range) < 5.0 { range } else { f64::MAX }
 }
 
-/// Seeded, uniform in -0.5 to 0.5.
+/// Seeded noise, uniform in -0.5 to 0.5.
 fn noise(seed: i32) -> f64 {
     hash(seed as u64) - 0.5
 }
 
-/// Seeded, standard normal to a good approximation: a sum of four uniforms.
+/// Seeded noise, standard normal to a good approximation: a sum of four uniforms.
 fn gauss(seed: u64) -> f32 {
     let sum: f64 = (0..4).map(|i| hash(seed * 4 + i)).sum();
     // Four uniforms have variance 1/3.
