@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn stretch_in_which_the_deviation_grows_is_named_with_its_times() {
         let found = after(&[vec![[0.01, 1e-4]; 30], vec![[2.0, 0.0]; 9], vec![[0.01, 1e-4]; 50]].concat());
-        let doubt = found.doubt(5.0).expect("the way is lost");
+        let doubt = found.doubt(5.0).expect("the path error grows");
         let growth_m = doubt.size();
         let text = doubt.to_string();
         assert!((growth_m - 6.0).abs() < 0.01, "{growth_m}");
@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn lost_heading_counts_where_it_is_lost_and_not_on_the_way_after() {
         let found = after(&[vec![[0.01, 1e-4]; 10], vec![[0.0, 0.2]], vec![[0.01, 1e-4]; 500]].concat());
-        let doubt = found.doubt(5.0).expect("the way is lost");
+        let doubt = found.doubt(5.0).expect("the path error grows");
         let growth_m = doubt.size();
         let text = doubt.to_string();
         assert!((growth_m - 10.0).abs() < 0.01, "0.2 rad at 50 m: {growth_m}");

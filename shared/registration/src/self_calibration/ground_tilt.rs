@@ -1,10 +1,11 @@
 //! Apparent pitch of the ground relative to all other surfaces, caused by ring errors of the LiDAR.
 //!
-//! If elevations err alike in all rings, the measured ground is a shallow bowl around the vehicle. The map holds the ground ahead as
-//! seen from afar, and from nearby the same place lies lower. Matched alone, the ground pitches the vehicle by about a tenth of the
-//! error with each metre, always in the same sense: 27 degrees in 290 m for each degree of error on a real HDL-64E. Facades, cars
-//! and poles do not. But most features are ground, so its pitch is an unknown of its own that changes slowly with the way. How fast
-//! follows from the rings: a unit whose rings agree has no bowl. Where only ground is in view, it decides alone as before.
+//! If elevations have the same error in all rings, the measured ground is a shallow bowl around the vehicle. The map
+//! holds the ground ahead as measured from a distance, and the same place appears lower from nearby. Matched alone, the
+//! ground pitches the vehicle by about a tenth of the error per metre, always in the same sense: 27 degrees in 290 m
+//! for each degree of error on a real HDL-64E. Facades, cars and poles do not. But most features are ground, so its
+//! pitch is a separate unknown that changes slowly along the track. Its rate of change is derived from the rings: a
+//! unit whose rings agree has no bowl. Where only ground is visible, it alone determines the pitch of the vehicle.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
