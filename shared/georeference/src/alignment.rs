@@ -1,16 +1,16 @@
-//! Aligns the odometry with positions in the world before the pose graph is solved: where is north?
+//! Aligns the odometry with world positions before the pose graph is solved, which determines north.
 
 use geometry::{Isometry3, Point3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Vector2, Vector3};
 
-/// The same point in two frames.
+/// Positions of one point in two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointPair {
-    /// m.
+    /// Position by the odometry, m.
     pub p_in_odom: Point3<f64>,
-    /// m; may be an outlier.
+    /// Position in the world, m; may be an outlier.
     pub p_in_world: Point3<f64>,
-    /// Above 0.
+    /// Weight, positive.
     pub weight: f64,
 }
 
@@ -19,27 +19,29 @@ pub struct PointPair {
 pub struct Alignment {
     /// A rotation about z and a translation.
     pub world_from_odom: Pose,
-    /// Root mean square distance of the inliers from their center, horizontally, m. It is the lever arm with which errors
-    /// of positions rotate the result.
+    /// Root mean square horizontal distance of the inliers from their center, m. It is the lever arm with which
+    /// position errors rotate the result.
     pub spread_m: f64,
     /// Sum of the weights of the pairs.
     pub n_inliers: f64,
 }
 
-/// Residuals beyond this count less than a quarter in the last round, m: twice the error of a receiver under the open sky.
+/// Residuals beyond this have less than a quarter of the weight in the last round, m: twice the error of a receiver
+/// under the open sky.
 const SCALE_M: f64 = 3.0;
 /// Factor from round to round, as in [`crate::PoseGraph::solve`].
 const SHARPENING: f64 = 1.4;
-/// Parts of the drive from which the alignment starts, beside the whole: even if half of the fixes are wrong together, some
-/// part has right ones.
+/// Number of parts of the drive from which the alignment starts, in addition to the whole drive: even if half of the
+/// fixes are wrong, the fixes of some part are correct.
 const N_PARTS: usize = 8;
-/// Residuals against the alignment of a part that count half at first, m: a part knows its own place but not the heading.
+/// Residuals with half the weight in the first round after the alignment of a part, m: a part constrains its own
+/// position but not the heading.
 const PART_SCALE_M: f64 = 12.0;
 
-/// Rotation about z and translation that align the most pairs. From several starts (all pairs, and each part of the drive) it
-/// is found by graduated non-convexity (Yang et al. 2020; within each round the closed form of Umeyama 1991 in two
-/// dimensions); the result with the most inliers counts. `yaw`: the rotation, if it is known. The height is the weighted median of the
-/// differences. `None` without pairs.
+/// Rotation about z and translation that align the most pairs. The search starts from all pairs and from each part of
+/// the drive, and uses graduated non-convexity (Yang et al. 2020; within each round the closed form of Umeyama 1991 in
+/// two dimensions); the result with the most inliers is used. `yaw` is the rotation, if it is known. The height is the
+/// weighted median of the differences. `None` without pairs.
 pub fn align_odometry(pairs: &[PointPair], yaw: Option<f64>) -> Option<Alignment> {
     let all: Vec<f64> = pairs.iter().map(|pair| pair.weight).collect();
     if pairs.is_empty() {
@@ -54,7 +56,7 @@ pub fn align_odometry(pairs: &[PointPair], yaw: Option<f64>) -> Option<Alignment
         let of_part = |(k, weight): (usize, &f64)| if part.contains(&k) { *weight } else { 0.0 };
         let weights: Vec<f64> = all.iter().enumerate().map(of_part).collect();
         let found = refined(pairs, weighted(pairs, &weights, yaw), PART_SCALE_M.powi(2), yaw);
-        // More than rounding: results from different starts are often the same.
+        // The margin exceeds rounding: results from different starts are often identical.
         if found.n_inliers > 1.001 * best.n_inliers {
             best = found;
         }
@@ -82,7 +84,8 @@ fn squared_residual(alignment: &Alignment, pair: &PointPair) -> f64 {
     (alignment.world_from_odom * pair.p_in_odom - pair.p_in_world).xy().norm_squared()
 }
 
-/// Graduated non-convexity from a start; `scale` is the squared residual that counts a quarter at first, m^2.
+/// Graduated non-convexity from a start; `scale` is the squared residual with a quarter of the weight in the first
+/// round, m^2.
 fn refined(pairs: &[PointPair], start: Alignment, scale: f64, yaw: Option<f64>) -> Alignment {
     let mut alignment = start;
     let mut scale = scale.max(2.0 * SCALE_M * SCALE_M);
@@ -149,7 +152,7 @@ mod tests {
         assert!((29.0..31.0).contains(&found.n_inliers), "{}", found.n_inliers);
     }
 
-    /// From all pairs alone it settles between both halves or turns the drive by some degrees.
+    /// A start from all pairs alone converges between both halves or rotates the drive by some degrees.
     #[test]
     fn alignment_with_drifting_outliers_in_nearly_half_keeps_the_most_inliers() {
         let (truth, pairs) =

@@ -1,22 +1,23 @@
-//! The path of the antenna around a fix, by the odometry: the clock of the receiver may be wrong by some tenths of a second.
+//! The path of the antenna around a fix, from the odometry: the clock of the receiver may be wrong by some tenths of a
+//! second.
 
 use crate::recent_path::RecentPath;
 use geometry::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Between positions, s and ns: velocities are means over twice this time, so errors of 1 cm become 3 cm/s.
+/// Time between positions, s and ns: velocities are means over twice this time, so errors of 1 cm become 3 cm/s.
 const STEP_S: f64 = 0.25;
 const STEP_NANOS: i64 = 250_000_000;
-/// Positions on either side of the fix.
+/// Number of positions on either side of the fix.
 const N_SIDE: usize = 4;
 const N: usize = 2 * N_SIDE + 1;
 
 /// Positions of the antenna in odom axes, from a second before a fix to a second after it.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct AntennaTrack {
-    /// At the fix, m.
+    /// Position at the fix, m.
     antenna_in_odom: Point3<f64>,
-    /// Every [`STEP_S`], from there, m. Less than 100 m: rounding is below 4 µm.
+    /// Displacements from there, one every [`STEP_S`], m. Less than 100 m: rounding is below 4 µm.
     displacements: [[f32; 3]; N],
 }
 
@@ -24,7 +25,8 @@ impl AntennaTrack {
     pub const HALF_SPAN_S: f64 = STEP_S * N_SIDE as f64;
     pub const HALF_SPAN_NANOS: i64 = STEP_NANOS * N_SIDE as i64;
 
-    /// `None` if the path does not include the stamp. Beyond its ends the velocity continues.
+    /// Creates the track; `None` if the path does not include the stamp. Beyond the ends of the path the velocity
+    /// continues.
     pub fn new(path: &RecentPath, stamp: i64, antenna_in_body: &Point3<f64>) -> Option<Self> {
         let at = |stamp: i64| path.at(stamp).map(|odom_from_body| odom_from_body * antenna_in_body);
         let antenna_in_odom = at(stamp)?;
@@ -70,7 +72,7 @@ impl AntennaTrack {
         (self.tangent(k) * (1.0 - share) + self.tangent(k + 1) * share) / STEP_S
     }
 
-    /// Position before a time, and the share of the step from there.
+    /// Index of the position before a time, and the share of the step from there.
     fn place(seconds: f64) -> (usize, f64) {
         let steps = (seconds / STEP_S + N_SIDE as f64).clamp(0.0, (N - 1) as f64);
         let k = (steps as usize).min(N - 2);
@@ -79,7 +81,7 @@ impl AntennaTrack {
     fn displacement(&self, k: usize) -> Vector3<f64> {
         Vector3::from(self.displacements[k]).cast()
     }
-    /// Displacement in one step, around a position.
+    /// Displacement per step around a position.
     fn tangent(&self, k: usize) -> Vector3<f64> {
         let before = k.saturating_sub(1);
         let after = (k + 1).min(N - 1);

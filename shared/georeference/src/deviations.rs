@@ -1,21 +1,22 @@
-//! Deviations of the result beyond those of the least-squares problem: what the fixes have in common, and their disagreement.
+//! Standard deviations of the result in excess of the least-squares covariance: common errors of the fixes, and their
+//! disagreement.
 
 use crate::fixes::UsedFix;
 use crate::{AntennaPosition, Solution};
 use geometry::Pose;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
-/// A fix agrees with the result within this many times its tolerance horizontally, as in [`crate::PoseGraph::solve`], and within
-/// this many in height, where multipath is larger.
+/// A fix agrees with the result within this many times its tolerance horizontally, as in [`crate::PoseGraph::solve`],
+/// and within `MAX_UP` times in height, where multipath is larger.
 const MAX_ACROSS: f64 = 3.4;
 const MAX_UP: f64 = 12.0;
-/// Deviations grow as if at least this share of the fixes agreed.
+/// Lower bound for the share of agreeing fixes in the growth of standard deviations.
 const MIN_USED_SHARE: f64 = 0.05;
-/// Below this share the result may be anywhere among the fixes.
+/// Below this share of agreeing fixes, the result may be at any of the fixes.
 const MAJORITY: f64 = 0.5;
 
-/// Numbers of the fixes that agree with these poses if they are the majority, else of all. Beside a jump all fixes seem to drift, so
-/// that their deviations do not tell the wrong ones.
+/// Numbers of the fixes that agree with these poses if they are the majority; otherwise the numbers of all fixes. Near
+/// a jump all fixes appear to drift, so their deviations do not identify the wrong ones.
 pub(crate) fn majority(used: &[UsedFix], positions: &[AntennaPosition], poses: &[Pose]) -> Vec<usize> {
     let all = 0..positions.len();
     let agreeing: Vec<usize> =
@@ -33,9 +34,9 @@ fn agrees(fix: &UsedFix, residual: &Vector3<f64>) -> bool {
     residual.xy().norm() <= MAX_ACROSS * tolerance_m && residual.z.abs() <= MAX_UP * tolerance_m
 }
 
-/// Rejects fixes that do not agree with the result, whatever their weight, and adds common errors to the covariances of placed
-/// submaps. Standard deviations grow with the share of rejected fixes; if it is above one half, by the
-/// median distance of all fixes.
+/// Rejects fixes that do not agree with the result, regardless of their weight, and adds common errors to the
+/// covariances of placed submaps. Standard deviations grow with the share of rejected fixes; if it is above one half,
+/// they grow by the median distance of all fixes.
 pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[AntennaPosition]) {
     let n = positions.len() as f64;
     let mut common = Vector3::zeros();
@@ -55,7 +56,7 @@ pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[Ante
     let growth = used_share.max(MIN_USED_SHARE).powi(-2);
     let mut variances = common * growth;
     if used_share < MAJORITY {
-        // The horizontal distance is shared by both axes.
+        // Both axes share the horizontal distance.
         let across = median(across_m).powi(2) / 2.0;
         let up = median(up_m).powi(2);
         variances += Vector3::new(across, across, up);

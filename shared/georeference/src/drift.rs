@@ -5,14 +5,14 @@ use nalgebra::{Matrix6, Vector6};
 use registration::Registered;
 use serde::{Deserialize, Serialize};
 
-/// Variances that grow with the path length, m^2 and rad^2 per m: 2 cm over 20 m, and 1.6 mrad (0.09 degrees) by the LiDAR
-/// alone, as on simulated and real streets (0.2 degrees over 100 m, see `lab/peers/README.md`).
+/// Variances that grow with the path length, m^2 and rad^2 per m: 2 cm over 20 m, and 1.6 mrad (0.09 degrees) with the
+/// LiDAR alone, as on simulated and real streets (0.2 degrees over 100 m, see `lab/peers/README.md`).
 const TRANSLATION_VARIANCE: f64 = 2e-5;
 const ROTATION_VARIANCE: f64 = 1.3e-7;
-/// With gyroscopes 0.3 to 0.4 mrad are measured over the 18 m from submap to submap of drives 11 and 12
-/// (`docs/experiments/georeferencing.md`); this is 0.6.
+/// Rotation variance with gyroscopes, rad^2 per m. 0.3 to 0.4 mrad are measured over the 18 m from submap to submap of
+/// drives 11 and 12 (`docs/experiments/georeferencing.md`); this value is 0.6 mrad.
 const ROTATION_VARIANCE_WITH_GYROSCOPES: f64 = 2e-8;
-/// Variances of any two submaps: 5 mm and 0.2 mrad.
+/// Least variances between two submaps: 5 mm and 0.2 mrad.
 const MIN_VARIANCES: [f64; 2] = [2.5e-5, 4e-8];
 /// Error of a sweep along a degenerate direction: this share of its path, and at least this, m.
 const DEGENERATE_SHARE: f64 = 0.1;
@@ -21,10 +21,10 @@ const DEGENERATE_M: f64 = 0.02;
 const BRIDGED_SHARE: f64 = 0.15;
 const BRIDGED_M: f64 = 0.05;
 const BRIDGED_RAD: f64 = 0.005;
-/// Rotations weigh as the displacement that they cause at this distance, m, as in `registration`.
+/// Rotations are converted to the displacement at this distance, m, as in `registration`.
 const LEVER_M: f64 = 10.0;
 
-/// Uncertainty accumulated since the submap began.
+/// Uncertainty accumulated since the start of the submap.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Drift {
     /// Translation and rotation, m^2 and rad^2.
@@ -60,7 +60,7 @@ impl Drift {
         }
     }
 
-    /// Inverse covariance of the next submap's pose in the one that begins at `odom_from_submap`.
+    /// Inverse covariance of the next submap's pose relative to the submap that starts at `odom_from_submap`.
     pub fn information(&self, odom_from_submap: &Pose) -> Matrix6<f64> {
         let [m, rad] = [0, 1].map(|k| MIN_VARIANCES[k] + self.variances[k]);
         let mut axes = Matrix6::zeros();

@@ -1,4 +1,4 @@
-//! Whether the fixes of the GNSS receiver place the result.
+//! Doubts about the georeferencing by GNSS fixes.
 
 use crate::Placed;
 use doubts::Doubt;
@@ -28,12 +28,12 @@ pub fn fix_doubts(counted: [u64; 2], is_expected: bool, placed: Option<&Placed>,
 fn reason(placed: &Placed) -> String {
     match (placed.fixes.n, placed.fixes.reason()) {
         (0, _) => {
-            "none is at a time of the trajectory, so the result is not georeferenced; check the clock of the receiver"
+            "no fix is within the time of the trajectory, so the result is not georeferenced; check the clock of the receiver"
                 .into()
         }
         (_, reason) if reason.is_empty() => {
             let n_rejected = placed.header.n_fixes_refused;
-            format!("{n_rejected} disagree with the rest and the odometry; the position in the world may be wrong")
+            format!("{n_rejected} fixes disagree with the others and the odometry; the position in the world may be wrong")
         }
         (_, reason) => {
             format!("{reason}, so the result is not georeferenced; drive farther, or set correct without gnss")

@@ -1,4 +1,4 @@
-//! From fixes of a GNSS receiver to antenna positions and velocities in submaps.
+//! Converts fixes of a GNSS receiver to antenna positions and velocities in submaps.
 
 use crate::antenna_track::AntennaTrack;
 use crate::recent_path::RecentPath;
@@ -10,30 +10,31 @@ use registration::GroundVelocity;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Fixes within this time count as one measurement, s: the time in which the vehicle passes a house and its reflections.
+/// Fixes within this time count as one measurement, s: the time in which the vehicle passes a house and its
+/// reflections.
 const ERROR_CORRELATION_S: f64 = 8.0;
-/// Below this speed, m/s, the errors last longer, because the surroundings of the antenna change more slowly; at most this
-/// many times.
+/// Below this speed, m/s, the errors last longer, because the surroundings of the antenna change more slowly; the
+/// factor is limited.
 const PASSING_MPS: f64 = 3.0;
 const MAX_SLOWNESS: f64 = 10.0;
-/// Fixes closer in time are left out, ns: their errors are the same.
+/// Fixes closer in time are skipped, ns: their errors are the same.
 const MIN_PAUSE_NANOS: i64 = 450_000_000;
-/// Errors of heights over those of horizontal positions: all satellites are above.
+/// Ratio of height errors to horizontal errors: all satellites are above the antenna.
 const VERTICAL_FACTOR: f64 = 1.5;
-/// Fixes this close to the result are never outliers, m: code positions wander by this much even where nothing is wrong.
+/// Fixes this close to the result are never outliers, m: code positions wander by this much even without faults.
 const CODE_TOLERANCE_M: f64 = 0.6;
 const CARRIER_TOLERANCE_M: f64 = 0.05;
-/// Fixes that wait for the odometry: three minutes at 20 Hz. Without sweeps there is no odometry.
+/// Largest number of fixes that wait for the odometry: three minutes at 20 Hz. Without sweeps there is no odometry.
 const MAX_PENDING: usize = 1 << 12;
-/// Dilution of precision where the receiver reports none.
+/// Dilution of precision if the receiver reports none.
 const DEFAULT_HDOP: f64 = 2.0;
-/// Slower velocities have no reliable direction, m/s.
+/// Velocities below this speed have no reliable direction, m/s.
 const MIN_COURSE_MPS: f64 = 1.0;
 
 /// Collects fixes.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Fixes {
-    /// Fixes later than the odometry.
+    /// Fixes later than the last pose of the odometry.
     pending: VecDeque<Fix>,
     /// Origin of the world.
     origin: Option<Geodetic>,
@@ -49,7 +50,7 @@ pub(crate) struct Fix {
     velocity: Option<Doppler>,
 }
 
-/// Horizontal velocity that the receiver measured by Doppler shifts.
+/// Horizontal velocity that the receiver measured from Doppler shifts.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Doppler {
     /// Towards east and north, m/s.
@@ -58,23 +59,23 @@ pub(crate) struct Doppler {
     pub sigma_mps: f64,
 }
 
-/// A fix at a time of the trajectory.
+/// A fix within the time of the trajectory.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct UsedFix {
     pub stamp: i64,
     pub hdop: f64,
     pub receiver: ReceiverClass,
-    /// Number of the submap, and the antenna around the fix by the odometry.
+    /// Number of the submap, and the antenna path around the fix from the odometry.
     pub submap: usize,
     pub antenna: AntennaTrack,
-    /// Position by the receiver.
+    /// Position from the receiver.
     pub p_in_world: Point3<f64>,
     pub velocity: Option<Doppler>,
     /// Time since the previous fix, s; at most [`ERROR_CORRELATION_S`].
     pub pause_s: f64,
 }
 
-/// How a position was measured, by GGA's quality.
+/// Kind of position solution, from GGA's quality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum ReceiverClass {
     Code,
@@ -93,7 +94,7 @@ impl ReceiverClass {
             _ => Some(Self::Code),
         }
     }
-    /// Whether carrier phases give the position: errors of consecutive fixes are independent.
+    /// Whether the position is from carrier phases: errors of consecutive fixes are then independent.
     pub const fn is_by_carrier(self) -> bool {
         matches!(self, Self::CarrierFixed | Self::CarrierFloat)
     }
@@ -106,8 +107,9 @@ impl ReceiverClass {
             Self::CarrierFloat => 0.15,
         }
     }
-    /// Common error of all fixes of a drive, along one horizontal axis and in height, m: orbits, clocks, atmosphere. A drive cannot
-    /// observe it. Corrections leave a tenth of a meter for each satellite; the height has no satellite below.
+    /// Common error of all fixes of a drive, along one horizontal axis and in height, m: orbits, clocks, atmosphere. It
+    /// is unobservable in a drive. Corrections leave a tenth of a metre for each satellite; the height has no
+    /// satellites from below.
     pub const fn common_m(self) -> [f64; 2] {
         match self {
             Self::Code => [1.0, 2.0],
@@ -119,7 +121,7 @@ impl ReceiverClass {
 }
 
 impl Fix {
-    /// `None` if the row has no valid position.
+    /// Converts a row; `None` if it has no valid position.
     pub fn new(row: &GnssRow) -> Option<Self> {
         let place = Geodetic::new(row.latitude_deg, row.longitude_deg, row.altitude_m)?;
         let receiver = ReceiverClass::of_quality(row.quality)?;
@@ -143,7 +145,7 @@ impl Doppler {
 }
 
 impl UsedFix {
-    /// The position as a measurement of its submap, if the receiver's clock is `late_s` late.
+    /// The position as a measurement of its submap, for a receiver clock that is `late_s` late.
     pub fn position(&self, late_s: f64, odom_from_submap: &Pose) -> AntennaPosition {
         let sigma = self.receiver.scatter_m() * self.hdop;
         let speed = self.antenna.velocity(-late_s).norm();
@@ -171,20 +173,21 @@ impl UsedFix {
 }
 
 impl Fixes {
-    /// `origin` of the drive's world, if its recording has one; otherwise the first fix becomes the origin.
+    /// `origin` is the origin of the drive's world, if its recording has one; otherwise the first fix becomes the
+    /// origin.
     pub fn with_origin(origin: Option<Geodetic>) -> Self {
         Self { origin, ..Self::default() }
     }
     pub const fn origin(&self) -> Option<Geodetic> {
         self.origin
     }
-    /// Adds a fix. While the odometry does not advance, the oldest ones are dropped.
+    /// Adds a fix. While the odometry does not advance, the oldest fixes are dropped.
     pub fn push(&mut self, fix: Fix) {
         self.pending.push_back(fix);
         let n_over = self.pending.len().saturating_sub(MAX_PENDING);
         self.pending.drain(..n_over);
     }
-    /// Uses the fixes around whose times the odometry is known; at the end of the drive, all up to the last pose. `submap_at`
+    /// Uses the fixes with odometry around their times; at the end of the drive, all up to the last pose. `submap_at`
     /// returns number and `odom_from_submap` of the submap at a stamp.
     pub fn update(
         &mut self,
@@ -219,7 +222,7 @@ impl Fixes {
 
 #[cfg(test)]
 impl UsedFix {
-    /// At a second and a dilution, for tests of the errors.
+    /// A fix at a given second and dilution, for tests of the errors.
     pub fn for_test(second: i64, hdop: f64, by_carrier: bool) -> Self {
         let receiver = if by_carrier { ReceiverClass::CarrierFixed } else { ReceiverClass::CorrectedCode };
         let antenna = AntennaTrack::default();

@@ -12,9 +12,9 @@ use nalgebra::Matrix6;
 use registration::{LocalMap, Registered};
 use serde::{Deserialize, Serialize};
 
-/// A submap gets a keyframe only after this path since the last one, m: a vehicle that stands sees nothing new.
+/// A submap gets a keyframe only after this path length since the last one, m: a standing vehicle measures nothing new.
 const KEYFRAME_M: f64 = 5.0;
-/// Which measurements are used, and where the sensors are.
+/// Selection of measurements, and mounting of the sensors.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::struct_excessive_bools, reason = "independent switches")]
 pub struct GeoreferenceSettings {
@@ -26,25 +26,25 @@ pub struct GeoreferenceSettings {
     pub loops: bool,
     /// Invert the smoothing filter of the GNSS receiver where one is detected.
     pub unsmooth_fixes: bool,
-    /// m.
+    /// Position of the GNSS antenna, m.
     pub antenna_in_body: Point3<f64>,
-    /// m.
+    /// Position of the inertial unit, m.
     pub imu_in_body: Point3<f64>,
     /// Origin of the world, if the drive names one.
     pub origin: Option<Geodetic>,
-    /// Places kept for loop closures.
+    /// Largest number of places kept for loop closures.
     pub max_keyframes: usize,
 }
 
-/// A submap by the odometry.
+/// A submap from the odometry.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Node {
     odom_from_submap: Pose,
     stamp: i64,
 }
 
-/// The measurements so far. Serializing it saves the state. Memory in submaps of 20 m: 43 kB per km, 240 bytes for each fix (up to
-/// twice that while vectors grow), and up to 4 MB per km of places that were not visited before, until
+/// The measurements so far. Serializing it saves the state. Memory in submaps of 20 m: 43 kB per km, 240 bytes for each
+/// fix (up to twice that while vectors grow), and up to 4 MB per km of places that were not visited before, until
 /// [`GeoreferenceSettings::max_keyframes`] are reached. Sensor data that wait for the odometry are bounded.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Georeferencer {
@@ -58,39 +58,39 @@ pub struct Georeferencer {
     places: Places,
 }
 
-/// Where the submaps lie.
+/// Poses of the submaps in the world.
 pub struct Placed {
     /// Frame of the world, and numbers of measurements used and rejected.
     pub header: PlacementHeader,
     /// One for each submap.
     pub rows: Vec<PlacementRow>,
-    /// How far the fixes determine the result.
+    /// Use of the fixes in the result.
     pub fixes: FixUse,
     /// One line for the operator.
     pub summary: String,
 }
 
-/// What became of the fixes at times of the trajectory. Fixes that follow others too soon are left out.
+/// Use of the fixes within the time of the trajectory. Fixes that follow others too closely are skipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FixUse {
-    /// All.
+    /// Number of fixes within the time of the trajectory.
     pub n: usize,
-    /// Those that agree with the result. 0 unless the result is placed on the Earth.
+    /// Number of fixes that agree with the result. 0 unless the result is georeferenced.
     pub n_used: usize,
-    /// Root mean square distance from their center, m.
+    /// Root mean square distance of the fixes from their center, m.
     pub spread_m: f64,
     /// Delay of the receiver's stamps, if its velocities show one. It is corrected unless it is out of range.
     pub delay: Option<ReceiverDelay>,
 }
 
 impl FixUse {
-    /// Why the fixes do not place the result on the Earth; empty if they do, or if they disagree with it.
+    /// Reason why the fixes do not georeference the result; empty if they do, or if they disagree with it.
     pub fn reason(&self) -> String {
         match self.n {
             0 => "no fixes".to_owned(),
             n if self.spread_m < MIN_SPREAD_M => {
                 let spread_m = self.spread_m;
-                format!("{n} fixes have a spread of {spread_m:.1} m, {MIN_SPREAD_M} m are needed to find north")
+                format!("{n} fixes have a spread of {spread_m:.1} m; {MIN_SPREAD_M} m are needed to determine north")
             }
             _ => String::new(),
         }
@@ -98,12 +98,13 @@ impl FixUse {
 }
 
 impl Georeferencer {
-    /// Without measurements.
+    /// Creates a georeferencer without measurements.
     pub fn new(settings: &GeoreferenceSettings) -> Self {
         Self { fixes: Fixes::with_origin(settings.origin), ..Self::default() }
     }
 
-    /// Adds fixes in the order of time. Returns how many of them have a valid position. Fixes are only kept if they are used.
+    /// Adds fixes in time order. Returns the number of fixes with a valid position. Fixes are kept only if they are
+    /// used.
     pub fn add_gnss(&mut self, rows: &[GnssRow], settings: &GeoreferenceSettings) -> usize {
         let mut n_valid = 0;
         for fix in rows.iter().filter_map(Fix::new) {
@@ -115,20 +116,20 @@ impl Georeferencer {
         n_valid
     }
 
-    /// Adds inertial samples in the order of time. They are only kept if they are used.
+    /// Adds inertial samples in time order. They are kept only if they are used.
     pub fn add_imu(&mut self, rows: &[ImuRow], settings: &GeoreferenceSettings) {
         for row in rows.iter().filter(|_| settings.imu) {
             self.gravity.push(row);
         }
     }
 
-    /// Drops all measurements by inertial samples: they were wrong.
+    /// Drops all measurements from inertial samples, because the samples were wrong.
     pub fn forget_imu(&mut self) {
         self.gravity = Gravity::default();
         self.graph.up_directions.clear();
     }
 
-    /// Begins a submap; the next sweep is its first one.
+    /// Starts a submap; the next sweep is its first one.
     pub fn begin_submap(&mut self, odom_from_submap: Pose, stamp: i64) {
         let source = self.nodes.len();
         if let Some(before) = self.nodes.last() {
@@ -159,8 +160,8 @@ impl Georeferencer {
         }
     }
 
-    /// Ends the open submap and searches loop closures. `map` is the current map of the odometry. Returns whether a loop was
-    /// closed.
+    /// Ends the open submap and searches loop closures. `map` is the current map of the odometry. Returns whether a
+    /// loop was closed.
     pub fn end_submap(&mut self, settings: &GeoreferenceSettings, map: &LocalMap) -> bool {
         let (Some(node), Some(stamp)) = (self.nodes.last(), self.path.last()) else { return false };
         let Some(odom_from_body) = self.path.at(stamp).filter(|_| settings.loops) else { return false };
@@ -176,7 +177,7 @@ impl Georeferencer {
         is_closed
     }
 
-    /// Turns the sensor data up to the last sweep into measurements of submaps.
+    /// Converts the sensor data up to the last sweep to measurements of submaps.
     pub fn update(&mut self, settings: &GeoreferenceSettings) {
         let Self { nodes, graph, path, fixes, gravity, .. } = self;
         let submap_at = |stamp: i64| submap_at(nodes, stamp);
@@ -188,7 +189,7 @@ impl Georeferencer {
         }
     }
 
-    /// Places all submaps by all measurements, at the end of the drive. `None` without submaps.
+    /// Solves for the poses of all submaps with all measurements, at the end of the drive. `None` without submaps.
     pub fn solve(&mut self, settings: &GeoreferenceSettings) -> Option<Placed> {
         let Self { nodes, graph, path, fixes, gravity, .. } = self;
         let submap_at = |stamp: i64| submap_at(nodes, stamp);
@@ -235,7 +236,7 @@ impl Georeferencer {
     }
 }
 
-/// Number and pose of the submap that began last at a stamp.
+/// Number and pose of the latest submap that began at or before a stamp.
 fn submap_at(nodes: &[Node], stamp: i64) -> Option<(usize, Pose)> {
     let number = nodes.partition_point(|node| node.stamp <= stamp).checked_sub(1)?;
     Some((number, nodes[number].odom_from_submap))
@@ -303,7 +304,7 @@ mod tests {
         }
     }
 
-    /// Bytes of the state after ticks of 0.1 s with 100 samples of an inertial unit and a fix each, without any sweep.
+    /// Size of the state in bytes after ticks of 0.1 s with 100 inertial samples and a fix each, without any sweep.
     fn state_bytes(n_ticks: i64, settings: &GeoreferenceSettings) -> usize {
         let mut georeferencer = Georeferencer::new(settings);
         for tick in 0..n_ticks {

@@ -1,7 +1,7 @@
 //! Direction of gravity in submaps from inertial samples.
 //!
-//! An accelerometer measures the acceleration of the vehicle minus gravity. Over a submap the mean acceleration equals the
-//! change of velocity divided by the time, which the odometry knows. The rest of the mean points up.
+//! An accelerometer measures the acceleration of the vehicle minus gravity. Over a submap the mean acceleration equals
+//! the change of velocity divided by the time; the odometry provides both. The remaining part of the mean points up.
 
 use crate::UpDirection;
 use crate::recent_path::{HALF_SPAN_NANOS, RecentPath};
@@ -10,23 +10,23 @@ use messages::ImuRow;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Shorter stretches are not used, s: the error of the velocity weighs too much.
+/// Shorter stretches are not used, s: the weight of the velocity error is too large.
 const MIN_SECONDS: f64 = 0.8;
 /// Longer pauses between samples are gaps, s.
 const GAP_SECONDS: f64 = 0.1;
-/// The length of the rest must be that of gravity, m/s^2, within this tolerance.
+/// The remaining part must have the magnitude of gravity, m/s^2, within this tolerance.
 const GRAVITY_MPS2: f64 = 9.81;
 const TOLERANCE_MPS2: f64 = 0.5;
-/// 6 mrad: a lasting bias of 4 mg, or a velocity error of 12 cm/s over two seconds.
+/// Standard deviation of 6 mrad: a constant bias of 4 mg, or a velocity error of 12 cm/s over two seconds.
 const SIGMA_RAD: f64 = 0.006;
 
-/// Samples that wait for the odometry: a minute at 1 kHz. Without sweeps there is no odometry.
+/// Largest number of samples that wait for the odometry: a minute at 1 kHz. Without sweeps there is no odometry.
 const MAX_PENDING: usize = 1 << 16;
 
 /// Collects inertial samples.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Gravity {
-    /// Samples later than the odometry.
+    /// Samples later than the last pose of the odometry.
     pending: VecDeque<(i64, Vector3<f64>)>,
     stretch: Option<Stretch>,
 }
@@ -37,7 +37,7 @@ struct Stretch {
     submap: usize,
     begin: i64,
     end: i64,
-    /// At the begin, m/s, odom axes.
+    /// Velocity at the start, m/s, odom axes.
     velocity: Vector3<f64>,
     /// Specific force at the last sample, odom axes, m/s^2.
     force: Vector3<f64>,
@@ -56,7 +56,7 @@ impl Gravity {
         }
     }
 
-    /// Uses the samples at whose times the odometry knows the velocity.
+    /// Uses the samples at times with a velocity from the odometry.
     pub fn update(
         &mut self,
         path: &RecentPath,

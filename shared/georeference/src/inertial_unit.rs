@@ -1,4 +1,4 @@
-//! The samples of the inertial unit: compared with the motion of the LiDAR, and passed on to those that use them.
+//! The samples of the inertial unit: comparison with the motion of the LiDAR, and distribution to their users.
 
 use crate::{GeoreferenceSettings, Georeferencer};
 use doubts::Doubt;
@@ -7,22 +7,22 @@ use messages::ImuRow;
 use registration::{InertialCheck, InertialSample, Registered, SelectedOdometry};
 use serde::{Deserialize, Serialize};
 
-/// An inertial unit that may be wrong.
+/// An inertial unit whose samples may be wrong.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct InertialUnit {
-    /// Compares the samples with the motion of the LiDAR; `None`: the samples are used as they are.
+    /// Comparison of the samples with the motion of the LiDAR; `None`: the samples are used uncorrected.
     check: Option<InertialCheck>,
     /// Whether the samples predict the motion.
     predicts: bool,
 }
 
 impl InertialUnit {
-    /// `predicts`: its samples predict the motion.
+    /// `predicts`: the samples predict the motion.
     pub fn new(check: Option<InertialCheck>, predicts: bool) -> Self {
         Self { check, predicts }
     }
 
-    /// Adds samples that are not withheld to odometry and pose graph.
+    /// Adds the samples that are not withheld to odometry and pose graph.
     pub fn add(
         &mut self,
         rows: &[ImuRow],
@@ -57,12 +57,12 @@ impl InertialUnit {
         }
     }
 
-    /// What was found out about the unit.
+    /// Results of the comparison, for the operator.
     pub fn summary(&self) -> Vec<String> {
         self.check.as_ref().map(InertialCheck::summary).unwrap_or_default()
     }
 
-    /// Why the unit was not used, if it was not.
+    /// The doubt if the unit was not used.
     pub fn doubt(&self) -> Option<Doubt> {
         self.check.as_ref().and_then(InertialCheck::doubt)
     }

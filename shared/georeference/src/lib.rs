@@ -1,4 +1,4 @@
-//! Where the submaps of a drive lie in the world: one least-squares problem over the submaps' poses
+//! Poses of the submaps of a drive in the world: one least-squares problem over the submaps' poses
 //! (`docs/explanation/georeferencing.md`).
 //!
 //! | measurement | module |
@@ -8,19 +8,20 @@
 //! | direction of gravity from the samples of an inertial unit | `gravity` |
 //! | loop closures: places that were visited twice | [`loops`](LoopFinder) |
 //!
-//! - [`Georeferencer`] collects the measurements while the drive goes on and solves the problem at the end.
+//! - [`Georeferencer`] collects the measurements during the drive and solves the problem at the end.
 //! - [`PoseGraph`] holds the measurements. [`PoseGraph::solve`] finds the poses and their covariances.
 //! - [`align_odometry`] finds north and the offset to the world before the graph is solved.
-//! - [`Keyframe`] describes the surroundings of a submap, [`LoopFinder`] recognizes them later, [`Places`] keeps one of each place.
+//! - [`Keyframe`] describes the surroundings of a submap, [`LoopFinder`] recognizes them later, [`Places`] keeps one
+//!   keyframe of each place.
 //!
-//! Begin at [`Georeferencer::solve`]: it takes the poses of the odometry, `odom_from_submap`, and returns the poses after all
-//! measurements, `world_from_submap`. Only this crate makes the step from odom to the world.
+//! Start reading at [`Georeferencer::solve`]: it takes the poses of the odometry, `odom_from_submap`, and returns the
+//! poses after all measurements, `world_from_submap`. Only this crate transforms from odom to the world.
 //!
 //! Errors of poses are in the axes of the submap, translation (m) before rotation vector (rad).
 //!
-//! This crate must never move points against their submap, and never change the path within a submap: it moves submaps as rigid
-//! bodies. It must never hide a contradiction: fixes that disagree with the majority are rejected, counted and reported by
-//! [`fix_doubts()`]. Everything is a pure function of its inputs, without clocks and files.
+//! This crate must never move points relative to their submap, and never change the path within a submap: it moves
+//! submaps as rigid bodies. It must never hide a contradiction: fixes that disagree with the majority are rejected,
+//! counted and reported by [`fix_doubts()`]. Everything is a pure function of its inputs, without clocks and files.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

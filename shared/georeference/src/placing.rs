@@ -1,10 +1,10 @@
-//! Places the odometry on the Earth by the fixes of a GNSS receiver.
+//! Georeferences the odometry with the fixes of a GNSS receiver.
 //!
-//! 1. The delay of the receiver's stamps, and north, by the receiver's velocities.
-//! 2. The shape of the drive by odometry, loops, gravity and velocities.
-//! 3. The place of that shape that agrees with the most fixes.
-//! 4. All measurements together from there; the errors of the fixes are estimated from their residuals in between, without the
-//!    fixes that disagree while most agree.
+//! 1. The delay of the receiver's stamps, and north, from the receiver's velocities.
+//! 2. The shape of the drive from odometry, loops, gravity and velocities.
+//! 3. The placement of that shape that agrees with the most fixes.
+//! 4. All measurements together, starting from that placement; between the solutions the errors of the fixes are
+//!   estimated from their residuals, without the fixes that disagree while most agree.
 
 use crate::deviations::{judge, majority};
 use crate::fixes::UsedFix;
@@ -13,28 +13,30 @@ use crate::receiver_errors::correct_positions;
 use crate::{AntennaPosition, Gauge, PointPair, PoseGraph, Solution, Start, UpDirection, align_odometry};
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 
-/// Positions determine north if their root mean square distance from their center is at least this, m: as on 35 m of straight
-/// road. An error of one metre then rotates the result by some degrees, and the covariances say so.
+/// Least root mean square distance of positions from their center with which they determine north, m: for example on 35
+/// m of straight road. An error of one metre then rotates the result by some degrees, and the covariances include it.
 pub(crate) const MIN_SPREAD_M: f64 = 10.0;
-/// Rounds in which errors of fixes and poses of submaps are estimated in turn; further rounds move submaps by millimeters.
+/// Rounds in which errors of fixes and poses of submaps are estimated alternately; further rounds move submaps by
+/// millimetres.
 const ROUNDS: usize = 4;
 
-/// Without gravity: roads slope by less than a tenth, most by far less. Velocities and wrong heights would otherwise tilt the drive.
+/// Prior without gravity measurements: roads slope by less than a tenth, most by far less. Otherwise velocities and
+/// wrong heights would tilt the drive.
 const START_IS_LEVEL: UpDirection =
     UpDirection { submap: 0, up_in_submap: Vector3::new(0.0, 0.0, 1.0), sigma_rad: 0.03 };
 
-/// Share of a fix that disagrees with the majority in the result.
+/// Weight factor of a fix that disagrees with the majority.
 const RELEASED_SHARE: f64 = 1e-3;
 
 pub(crate) struct Placing {
-    /// Root mean square distance of the fixes from their center, horizontally, m.
+    /// Root mean square horizontal distance of the fixes from their center, m.
     pub spread_m: f64,
     pub delay: Option<ReceiverDelay>,
-    /// `None` if the fixes do not determine the place.
+    /// The solution; `None` if the fixes do not determine the placement.
     pub placed: Option<Solution>,
 }
 
-/// `graph` has the measurements beside the fixes.
+/// Georeferences the drive. `graph` has the measurements other than fixes.
 pub(crate) fn place_by_fixes(
     graph: &PoseGraph,
     odom_from_submap: &[Pose],
@@ -58,7 +60,8 @@ pub(crate) fn place_by_fixes(
     Placing { spread_m, delay, placed }
 }
 
-/// Spread of the fixes, and `world_from_submap` by the most fixes. `yaw`: world from odom, by the velocities.
+/// Spread of the fixes, and `world_from_submap` that agrees with the most fixes. `yaw`: rotation from odom to the
+/// world, from the velocities.
 fn start(
     graph: &PoseGraph,
     positions: &[AntennaPosition],
@@ -81,7 +84,7 @@ fn start(
     Some((alignment.spread_m, start))
 }
 
-/// `None` if no fix agrees with the result.
+/// Solves the graph with the fixes; `None` if no fix agrees with the result.
 fn solve(
     mut graph: PoseGraph,
     positions: &[AntennaPosition],
@@ -102,7 +105,7 @@ fn solve(
     (Solution::n_inliers(&solution.position_weights) > 0).then_some(solution)
 }
 
-/// Corrects the fixes that agree with these poses; the rest, if it is the minority, loses its weight.
+/// Corrects the fixes that agree with these poses. The other fixes, if they are the minority, get a negligible weight.
 fn corrected(
     fixes: &[UsedFix],
     positions: &[AntennaPosition],

@@ -1,4 +1,4 @@
-//! How late the stamps of a GNSS receiver are: its Doppler velocities against those of the odometry.
+//! Estimates the delay of the stamps of a GNSS receiver, by comparing its Doppler velocities with the odometry.
 //!
 //! Speed and course change when the vehicle accelerates and turns; the receiver must report the change at the same time.
 
@@ -6,39 +6,41 @@ use crate::antenna_track::AntennaTrack;
 use crate::fixes::UsedFix;
 use nalgebra::Vector2;
 
-/// Delays that are tried, s apart.
+/// Step of the tested delays, s.
 const STEP_S: f64 = 0.05;
-/// Velocities that share a heading of the odometry: about half a minute, in which it drifts by less than the velocities err.
+/// Number of velocities that share a heading of the odometry: about half a minute, in which the heading drifts by less
+/// than the velocity errors.
 const WINDOW: usize = 32;
-/// Residuals beyond this many standard deviations count as this.
+/// Residuals are limited to this many standard deviations.
 const MAX_RESIDUAL: f64 = 4.0;
-/// Fewer velocities determine no delay.
+/// With fewer velocities the delay is undetermined.
 const MIN_VELOCITIES: usize = 10;
-/// A delay is corrected if it is this many standard deviations and this long, s: at 10 m/s shorter ones move fixes by less than 20 cm.
+/// A delay is corrected if it is at least this many standard deviations and at least this long, s: at 10 m/s shorter
+/// delays move fixes by less than 20 cm.
 const MIN_SIGNIFICANCE: f64 = 4.0;
 const MIN_DELAY_S: f64 = 0.02;
 
 /// Delay of the stamps of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReceiverDelay {
-    /// By how much the stamps are later than the positions, s; negative: earlier.
+    /// Delay of the stamps relative to the positions, s; negative if they are early.
     pub late_s: f64,
     /// Standard deviation, s.
     pub sigma_s: f64,
 }
 
 impl ReceiverDelay {
-    /// Whether the delay is beyond what can be estimated; it is then not corrected.
+    /// Whether the delay is beyond the estimated range; it is then not corrected.
     pub fn is_out_of_range(&self) -> bool {
         self.late_s.abs() > AntennaTrack::HALF_SPAN_S - 1.5 * STEP_S
     }
-    /// Whether it is more than the noise.
+    /// Whether it exceeds the noise.
     fn is_significant(&self) -> bool {
         self.late_s.abs() > MIN_DELAY_S && self.late_s.abs() > MIN_SIGNIFICANCE * self.sigma_s
     }
 }
 
-/// The delay, if the velocities show one. Also returned if it is out of range.
+/// The delay, if the velocities show one. It is also returned if it is out of range.
 pub(crate) fn receiver_delay(fixes: &[UsedFix]) -> Option<ReceiverDelay> {
     let fixes: Vec<&UsedFix> = fixes.iter().filter(|fix| fix.velocity.is_some()).collect();
     if fixes.len() < MIN_VELOCITIES {
@@ -48,26 +50,26 @@ pub(crate) fn receiver_delay(fixes: &[UsedFix]) -> Option<ReceiverDelay> {
     let costs: Vec<f64> = (-n_side..=n_side).map(|k| cost(&fixes, f64::from(k) * STEP_S)).collect();
     let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
     if best == 0 || best == costs.len() - 1 {
-        // The range ends before the best delay. Without velocities that change, all delays cost about the same.
+        // The range ends before the best delay. Without changes of velocity all delays have about the same cost.
         let is_better = costs[n_side as usize] - costs[best] > MIN_SIGNIFICANCE.powi(2);
         let late_s = AntennaTrack::HALF_SPAN_S * if best == 0 { -1.0 } else { 1.0 };
         return is_better.then_some(ReceiverDelay { late_s, sigma_s: AntennaTrack::HALF_SPAN_S });
     }
-    // A parabola through the best and its neighbors.
+    // A parabola through the best delay and its neighbors.
     let [before, at, after] = [costs[best - 1], costs[best], costs[best + 1]];
     let curvature = before - 2.0 * at + after;
     if curvature <= 0.0 {
         return None;
     }
     let shift = (0.5 * (before - after) / curvature).clamp(-1.0, 1.0);
-    // A cost that is larger than the number of its components shows larger errors of the velocities.
+    // A cost above the number of its components indicates larger velocity errors.
     let per_component = (costs[best] / (2.0 * fixes.len() as f64)).max(1.0);
     let sigma_s = STEP_S * (2.0 * per_component / curvature).sqrt();
     let delay = ReceiverDelay { late_s: (best as f64 + shift - f64::from(n_side)) * STEP_S, sigma_s };
     delay.is_significant().then_some(delay)
 }
 
-/// Sum of the squared residuals if the stamps are late. Each window of velocities has its own heading.
+/// Sum of the squared residuals for stamps that are late by `late_s`. Each window of velocities has its own heading.
 fn cost(fixes: &[&UsedFix], late_s: f64) -> f64 {
     fixes.chunks(WINDOW).map(|window| window_cost(window, late_s)).sum()
 }
@@ -84,8 +86,8 @@ fn window_cost(window: &[&UsedFix], late_s: f64) -> f64 {
     pairs.iter().map(|pair| residual(pair).min(MAX_RESIDUAL).powi(2)).sum()
 }
 
-/// Rotation from odom to the world by all velocities, whatever part of them is wrong: by the directions alone, then without
-/// outliers.
+/// Rotation from odom to the world from all velocities, robust against any share of outliers: first from the directions
+/// alone, then without outliers.
 pub(crate) fn yaw_by_velocities(fixes: &[UsedFix], late_s: f64) -> Option<f64> {
     let pairs = fixes.iter().filter_map(|fix| {
         let velocity = fix.velocity.as_ref()?;
@@ -94,7 +96,7 @@ pub(crate) fn yaw_by_velocities(fixes: &[UsedFix], late_s: f64) -> Option<f64> {
     yaw_between(pairs)
 }
 
-/// Three rounds of weighted directions; from the second one on without those beyond some standard deviations.
+/// Three rounds of weighted directions; from the second one on without directions beyond some standard deviations.
 fn yaw_between(pairs: impl Iterator<Item = (Vector2<f64>, Vector2<f64>, f64)>) -> Option<f64> {
     let pairs: Vec<_> = pairs.filter(|(odom, world, _)| odom.norm() > 0.0 && world.norm() > 0.0).collect();
     let mut yaw = None;

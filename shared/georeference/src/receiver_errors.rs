@@ -1,47 +1,49 @@
-//! Errors of fixes that show once the submaps are aligned: the fixes move against the submaps.
+//! Errors of fixes that appear once the submaps are aligned: the fixes move relative to the submaps.
 //!
-//! Independent noise and multipath look different. Noise changes from fix to fix and averages out. Errors by multipath stay for
-//! seconds, raise the heights more than they lower them (reflected signals arrive late, never early, and mostly come from low
-//! satellites), and move horizontal positions at the same time.
+//! Independent noise and multipath have different signatures. Noise changes from fix to fix and averages out. Multipath
+//! errors last for seconds, raise heights more often than they lower them (reflected signals arrive late, never early,
+//! and mostly come from low satellites), and shift horizontal positions at the same time.
 
 use crate::AntennaPosition;
 use crate::fixes::UsedFix;
 use crate::receiver_filter::{is_smoothed, unsmooth};
 use geometry::{Pose, Vector3};
 
-/// The drift of a fix against the odometry is measured over this time on either side, ns, and at least to the next fix.
+/// The drift of a fix relative to the odometry is measured over this time on either side, ns, and at least to the next
+/// fix.
 const DRIFT_NANOS: i64 = 2_000_000_000;
-/// Drift that the receiver's slow errors and the odometry's own drift explain, m/s.
+/// Drift explained by the receiver's slow errors and the odometry's own drift, m/s.
 const FREE_DRIFT_MPS: f64 = 0.1;
-/// A drifting fix moves to or from a wrong position. Each such drift beyond the free one adds the standard deviation once,
-/// m/s.
+/// A drifting fix moves to or from a wrong position. Each such drift in excess of the free one adds the standard
+/// deviation once, m/s.
 const DRIFT_PER_SIGMA_MPS: f64 = 0.05;
-/// Faster drifts count as this one, m/s: a jump affects its neighbors, too.
+/// Upper limit of the drift, m/s: a jump also affects its neighbors.
 const MAX_DRIFT_MPS: f64 = 1.0;
-/// Squared drift by independent noise is below this many times its mean: the 95 % quantile of three degrees of freedom.
+/// Squared drift from independent noise is below this many times its mean: the 95 % quantile of three degrees of
+/// freedom.
 const NOISE_DRIFT_QUANTILE: f64 = 2.6;
 
-/// Fixes further apart show no independent noise, ns.
+/// Fixes further apart give no information on independent noise, ns.
 const MAX_NOISE_PAUSE_NANOS: i64 = 2_500_000_000;
 /// Median absolute second difference of noise with a standard deviation of 1 m: 0.6745 times the root of 6.
 const NOISE_PER_SECOND_DIFFERENCE: f64 = 1.0 / (0.6745 * 2.449_489_743);
 
-/// Heights are averaged over this time to find errors that stay, ns.
+/// Time over which heights are averaged to detect lasting errors, ns.
 const MULTIPATH_NANOS: i64 = 8_000_000_000;
-/// Fewer averages show nothing.
+/// Fewer averages are not evidence.
 const MIN_AVERAGES: usize = 4;
-/// Averages that scatter by less, in standard deviations of a height, are no evidence of multipath; from `MULTIPATH_SIGMAS`
-/// on it is certain.
+/// Averages with a smaller scatter, in standard deviations of a height, do not indicate multipath; from
+/// `MULTIPATH_SIGMAS` on it is certain.
 const FREE_SIGMAS: f64 = 0.8;
 const MULTIPATH_SIGMAS: f64 = 2.4;
-/// With multipath: errors of heights above the true one over those below.
+/// With multipath: ratio of height errors above the true height to errors below it.
 const ABOVE_FACTOR: f64 = 8.0;
-/// With multipath: horizontal errors over the error of the height above the true one.
+/// With multipath: ratio of horizontal errors to height errors above the true height.
 const ACROSS_PER_ABOVE: f64 = 1.0;
 
 /// Corrects positions and standard deviations, given the poses of the submaps, `world_from_submap` by number. Standard
-/// deviations grow with the drift of the fix. With `unsmooth_fixes`, the horizontal positions of a receiver that smooths are
-/// unsmoothed instead, except those by carrier phases.
+/// deviations grow with the drift of the fix. With `unsmooth_fixes`, the horizontal positions of a smoothing receiver
+/// are unsmoothed instead, except positions from carrier phases.
 pub fn correct_positions(
     used: &[&UsedFix],
     positions: &mut [AntennaPosition],
@@ -77,8 +79,8 @@ pub fn correct_positions(
     }
 }
 
-/// Standard deviations of the errors that are independent from fix to fix, by axis, m: by the second differences. 0 for a
-/// smooth sequence.
+/// Standard deviations of the errors that are independent from fix to fix, per axis, m, from the second differences. 0
+/// for a smooth sequence.
 fn independent_noise(residuals: &[(i64, Vector3<f64>)]) -> Vector3<f64> {
     let near = |triple: &&[(i64, Vector3<f64>)]| triple[2].0 - triple[0].0 <= 2 * MAX_NOISE_PAUSE_NANOS;
     let second_difference = |triple: &[(i64, Vector3<f64>)]| triple[2].1 - triple[1].1 * 2.0 + triple[0].1;
@@ -90,10 +92,10 @@ fn independent_noise(residuals: &[(i64, Vector3<f64>)]) -> Vector3<f64> {
     })
 }
 
-/// From 0 (none) to 1 (certain): whether heights have errors that stay for some seconds.
+/// Evidence of height errors that last for some seconds, from 0 (none) to 1 (certain).
 fn multipath_evidence(residuals: &[(i64, Vector3<f64>)], positions: &[AntennaPosition], noise: &Vector3<f64>) -> f64 {
     let Some((first, _)) = residuals.first() else { return 0.0 };
-    // Sum of the heights, number, and sum of the standard deviations of each average.
+    // Time slot, sum of the heights, number, and sum of the standard deviations of each average.
     let mut averages: Vec<(i64, f64, f64, f64)> = Vec::new();
     for ((stamp, residual), position) in residuals.iter().zip(positions) {
         let number = (stamp - first) / MULTIPATH_NANOS;
@@ -114,7 +116,7 @@ fn multipath_evidence(residuals: &[(i64, Vector3<f64>)], positions: &[AntennaPos
     let variance = averages.iter().map(|(_, sum, n, _)| (sum / n - mean).powi(2)).sum::<f64>() / (n - 1.0);
     let by_noise = averages.iter().map(|(_, _, n, _)| noise.z.powi(2) / n).sum::<f64>() / n;
     let sigma = averages.iter().map(|(_, _, n, sigmas)| sigmas / n).sum::<f64>() / n;
-    // The variance of some averages of noise is up to twice its mean.
+    // The variance of a few averages of noise is up to twice its mean.
     let scatter = (variance - 2.0 * by_noise).max(0.0).sqrt() / sigma;
     ((scatter - FREE_SIGMAS) / (MULTIPATH_SIGMAS - FREE_SIGMAS)).clamp(0.0, 1.0)
 }
@@ -123,7 +125,7 @@ fn multipath_evidence(residuals: &[(i64, Vector3<f64>)], positions: &[AntennaPos
 fn add_independent(position: &mut AntennaPosition, noise: &Vector3<f64>) {
     let across = noise.x.max(noise.y);
     let [east, north, down] = &mut position.sigma_m;
-    // Of the errors that stay, along the better axis.
+    // Variance of the lasting errors, along the better axis.
     let lasting = east.min(*north).powi(2);
     let share = position.share;
     *east = east.hypot(across);
@@ -133,7 +135,7 @@ fn add_independent(position: &mut AntennaPosition, noise: &Vector3<f64>) {
     position.share = share * (lasting + across * across) / (lasting + share * across * across);
 }
 
-/// Speed of a fix against the submaps beyond that of independent noise, m/s; 0 for the only fix.
+/// Speed of a fix relative to the submaps in excess of independent noise, m/s; 0 for a single fix.
 fn drift_mps(residuals: &[(i64, Vector3<f64>)], number: usize, noise: &Vector3<f64>) -> f64 {
     let stamp = residuals[number].0;
     let n_before = residuals.partition_point(|(at, _)| *at < stamp - DRIFT_NANOS);
@@ -150,10 +152,10 @@ mod tests {
     use crate::receiver_filter::{GAIN_PER_S, MAX_NOISE_M, SPEED_ERROR_MPS};
     use geometry::{Isometry3, Point3};
 
-    /// Standard deviation to the east at a dilution of 1, m.
+    /// Standard deviation towards east at a dilution of 1, m.
     const SIGMA_M: f64 = 0.2;
 
-    /// Corrected fixes on a straight path at a dilution of 1. Each input is a second and the error to the east.
+    /// Corrected fixes on a straight path at a dilution of 1. Each input is a second and the error towards east.
     fn corrected(fixes: &[(i64, f64)]) -> Vec<AntennaPosition> {
         corrected_with(fixes, 1.0, false, true)
     }
@@ -185,7 +187,7 @@ mod tests {
         corrected(fixes).iter().map(|p| p.sigma_m[2] / 0.4).collect()
     }
 
-    /// Remaining errors to the east.
+    /// Remaining errors towards east.
     fn errors(fixes: &[(i64, f64)]) -> Vec<f64> {
         corrected(fixes).iter().map(error).collect()
     }
@@ -203,7 +205,7 @@ mod tests {
         (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
     }
 
-    /// Fixes of a smoothing receiver whose new positions are exact, but 8 m off for 40 of 140 seconds.
+    /// Fixes of a smoothing receiver whose unsmoothed positions are exact, but 8 m off for 40 of 140 seconds.
     fn smoothed(gain_per_s: f64) -> Vec<(i64, f64)> {
         let mut filtered = 0.0;
         let follow = |second: i64| {
@@ -257,7 +259,8 @@ mod tests {
         }
     }
 
-    /// At a dilution of 8 a change was once amplified 57 times: errors of 14 m from fixes with a standard deviation of 1.6 m.
+    /// Regression: at a dilution of 8 a change was amplified 57 times: errors of 14 m from fixes with a standard
+    /// deviation of 1.6 m.
     #[test]
     fn unsmoothing_at_high_dilution_limits_the_error_of_the_speed() {
         for hdop in [1.0, 2.0, 4.0, 8.0, 20.0] {
@@ -265,7 +268,7 @@ mod tests {
             let mut after = 0.0;
             let mut normalized = 0.0;
             for stream in 0..10 {
-                // New positions are exact, and the speed errs by 3 cm/s times the dilution.
+                // Unsmoothed positions are exact, and the speed has an error of 3 cm/s times the dilution.
                 let mut filtered = 0.0;
                 let follow = |second: i64| {
                     filtered = (-GAIN_PER_S / hdop).exp() * (filtered + SPEED_ERROR_MPS * hdop * gauss(stream, second));
@@ -278,15 +281,16 @@ mod tests {
                 normalized += rms(corrected.iter().map(|p| error(p) / p.sigma_m[0])) / 10.0;
             }
             println!("dilution {hdop}: {before:.2} m, {after:.2} m, {normalized:.3} standard deviations");
-            // Only the speed errs here, so all of the error is amplified speed error. It is largest against the reported deviation
-            // between dilutions of 2 and 4: 2 m over 0.93 m at 4. Measured: 0.63, 2.08, 2.21, 1.47, 1.03. The bound was 2.0 with twice
-            // the growth of the deviations; since they grow only from a dilution of 2 on, good fixes keep their weight.
+            // Only the speed has an error here, so the whole error is amplified speed error. It is largest relative to
+            // the reported deviation between dilutions of 2 and 4: 2 m over 0.93 m at 4. Measured: 0.63, 2.08, 2.21,
+            // 1.47, 1.03. The bound was 2.0 with twice the growth of the deviations; they now grow only from a dilution
+            // of 2 on, so good fixes keep their weight.
             assert!(normalized < 2.25, "dilution {hdop}: {normalized}");
             assert!(after < 1.1 * before.hypot(MAX_NOISE_M), "dilution {hdop}: {after} m");
         }
     }
 
-    /// Errors of 5 cm that change within a minute have short steps, like the output of a filter.
+    /// Errors of 5 cm that change within a minute have short steps, similar to the output of a filter.
     #[test]
     fn carrier_phase_fixes_keep_their_positions() {
         let fixes: Vec<(i64, f64)> = (0..140).map(|second| (second, 0.05 * (second as f64 * 0.1).sin())).collect();
@@ -298,8 +302,8 @@ mod tests {
 
     #[test]
     fn noise_on_a_slowly_changing_error_is_not_taken_for_a_filter() {
-        // Mean 0, variance 1, by number. With the noise of `gauss` above, 1 stream of 20 is taken for a filter (1.41 m instead of
-        // 1.06 m): one of the reasons why unsmoothing is off by default.
+        // Mean 0, variance 1, by number. With the noise of `gauss` above, 1 stream of 20 is mistaken for a filter (1.41
+        // m instead of 1.06 m): one of the reasons why unsmoothing is off by default.
         let noise = |number: i64| {
             let uniform = |part: i64| {
                 let mut z = ((number * 12 + part) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -328,7 +332,7 @@ mod tests {
             assert!((before - after).abs() < 1e-9);
         }
         let corrected = corrected(&fixes);
-        // Noise of 3.7 m is no drift for most of the fixes, and it averages out: they count as independent.
+        // Noise of 3.7 m is not a drift for most of the fixes, and it averages out: they count as independent.
         let is_noise = |p: &&AntennaPosition| (2.0..6.0).contains(&p.sigma_m[0]) && p.share > 0.8;
         let n = corrected.iter().filter(is_noise).count();
         assert!(n >= 35, "{n} of 50");
@@ -348,12 +352,12 @@ mod tests {
             assert!((factor - 6.0).abs() < 1e-6, "{drifting}: {factor}");
         }
         assert!(factors[11] > 3.0 && factors[11] < 6.0);
-        // Half a metre a second over the minute between its neighbors, a metre a second since the last.
+        // Half a metre per second over the minute between its neighbors, a metre per second since the last fix.
         assert!((factors[30] - 1.0 - (30.0 / 61.0 - 0.1) / 0.05).abs() < 1e-6, "{}", factors[30]);
         assert!((factors[31] - 1.0 - 0.9 / 0.05).abs() < 1e-6, "{}", factors[31]);
     }
 
-    /// Heights and positions to the east, by second, with an error that both have.
+    /// Heights and positions towards east, by second, with an error common to both.
     fn errors_in_height(error: impl Fn(i64) -> f64) -> Vec<AntennaPosition> {
         let at = |second: i64| Point3::new(8.0 * second as f64, 0.0, 1.8);
         let position = |second: i64| AntennaPosition {
@@ -385,7 +389,7 @@ mod tests {
         let positions = errors_in_height(|second| if second % 32 < 16 { 6.0 } else { 0.0 });
         assert_eq!(positions.len(), 64);
         assert!(positions.iter().all(|p| p.sigma_above_m > 7.0 * p.sigma_m[2]));
-        // Raised fixes count less horizontally, too.
+        // Raised fixes also have less horizontal weight.
         assert!(positions[8].sigma_m[0] > 5.0 && positions[24].sigma_m[0] < 0.5, "{positions:?}");
     }
 

@@ -1,30 +1,30 @@
 //! The smoothing filter inside some GNSS receivers, and its inversion.
 //!
-//! Such a receiver predicts its position by the measured speed and corrects the prediction a little by each new fix. A fix
-//! under the open sky then still carries the errors of the street before. Only the simulated receiver is known to work like
-//! this, so the inversion is off unless [`crate::GeoreferenceSettings::unsmooth_fixes`] is set.
+//! Such a receiver predicts its position with the measured speed and corrects the prediction slightly with each new
+//! fix. A fix under the open sky then still contains the errors of the previous street. Only the simulated receiver is
+//! known to work in this manner, so the inversion is off unless [`crate::GeoreferenceSettings::unsmooth_fixes`] is set.
 
 use crate::AntennaPosition;
 use geometry::Vector3;
 
-/// Gain of the filter, 1/s, at a dilution of 1; less at a worse one. 0.12 to 0.17 do equally well over the fixes of seeds 21
-/// to 34.
+/// Gain of the filter, 1/s, at a dilution of 1; smaller at a larger dilution. Gains of 0.12 to 0.17 perform equally
+/// well over the fixes of seeds 21 to 34.
 pub(crate) const GAIN_PER_S: f64 = 0.14;
-/// Error of the measured speed at a dilution of 1, m/s. The filter adds it up, and the inversion amplifies it.
+/// Error of the measured speed at a dilution of 1, m/s. The filter integrates it, and the inversion amplifies it.
 pub(crate) const SPEED_ERROR_MPS: f64 = 0.03;
-/// Largest error of an unsmoothed position due to the speed, m: as large as that of reflections. It limits the amplification
-/// from a dilution of 3 on, where some of the filter's memory is left in.
+/// Largest error of an unsmoothed position due to the speed, m: as large as errors from reflections. It limits the
+/// amplification from a dilution of 3 on, where some of the filter's memory remains.
 pub(crate) const MAX_NOISE_M: f64 = 2.0;
-/// A receiver that smooths has steps between residuals below this share of the residuals.
+/// A smoothing receiver has steps between residuals below this share of the residuals.
 const MAX_STEP_SHARE: f64 = 0.5;
 /// Largest share of steps that reverse: half for a filter, 0.7 for noise on a slowly changing error.
 const MAX_REVERSALS: f64 = 0.6;
-/// Up to this dilution the reported standard deviations hold for unsmoothed positions.
+/// Up to this dilution the reported standard deviations are valid for unsmoothed positions.
 const MAX_RELIABLE_HDOP: f64 = 2.0;
 
-/// Whether the receiver smooths, by the residuals of its fixes against the submaps. Steps between independent errors are 1.4
-/// times as long as the errors; those of the simulated receiver are 0.15 to 0.2 times. A slowly changing error has short
-/// steps, too, but the steps of the noise on it reverse.
+/// Whether the receiver smooths, judged from the residuals of its fixes relative to the submaps. Steps between
+/// independent errors are 1.4 times as long as the errors; the steps of the simulated receiver are 0.15 to 0.2 times as
+/// long. A slowly changing error also has short steps, but the steps of the noise on it reverse.
 pub fn is_smoothed(residuals: &[(i64, Vector3<f64>)]) -> bool {
     let center = [0, 1].map(|axis| median(residuals.iter().map(|(_, residual)| residual[axis])));
     let errors = residuals.iter().map(|(_, residual)| (residual.x - center[0]).hypot(residual.y - center[1]));
@@ -34,8 +34,8 @@ pub fn is_smoothed(residuals: &[(i64, Vector3<f64>)]) -> bool {
     median(steps.iter().map(nalgebra::Matrix::norm)) < MAX_STEP_SHARE * median(errors) && !reverses
 }
 
-/// Inverts one step of the filter: moves the position to the fix that pulled the filter there. `change` is the change of the
-/// residual since the fix `seconds` before.
+/// Inverts one step of the filter: moves the position to the fix that corrected the filter. `change` is the change of
+/// the residual since the fix `seconds` before.
 pub fn unsmooth(position: &mut AntennaPosition, change: &Vector3<f64>, seconds: f64, hdop: f64) {
     let kept = (-seconds * GAIN_PER_S / hdop).exp();
     let amplification = (kept / (1.0 - kept)).min(MAX_NOISE_M / (SPEED_ERROR_MPS * hdop));
@@ -49,7 +49,7 @@ pub fn unsmooth(position: &mut AntennaPosition, change: &Vector3<f64>, seconds: 
     *north *= noise;
 }
 
-/// 0 without values.
+/// Median of the values; 0 without values.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);

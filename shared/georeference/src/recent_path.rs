@@ -3,7 +3,8 @@
 use geometry::{Point3, Pose, Vector3, interpolate};
 use serde::{Deserialize, Serialize};
 
-/// How long poses are kept, ns: the sensor data of a tick arrive with its sweep, the first sweep's pose one sweep later.
+/// Time for which poses are kept, ns: the sensor data of a tick arrive with its sweep, the first sweep's pose one sweep
+/// later.
 const KEPT_NANOS: i64 = 3_000_000_000;
 /// Velocities are means over twice this time, ns: a position error of 1 cm then becomes 2 cm/s.
 pub(crate) const HALF_SPAN_NANOS: i64 = 250_000_000;
@@ -24,7 +25,7 @@ impl RecentPath {
     pub fn last(&self) -> Option<i64> {
         self.0.last().map(|(stamp, _)| *stamp)
     }
-    /// `None` before the first and after the last pose.
+    /// Interpolated pose; `None` before the first and after the last pose.
     pub fn at(&self, stamp: i64) -> Option<Pose> {
         let after = self.0.partition_point(|(at, _)| *at < stamp);
         let (end, b) = self.0.get(after)?;
@@ -34,8 +35,8 @@ impl RecentPath {
         let (begin, a) = self.0.get(after.checked_sub(1)?)?;
         Some(interpolate(a, b, (stamp - begin) as f64 / (end - begin) as f64))
     }
-    /// Mean velocity of a point of the body around a stamp, odom axes, m/s. At either end of the path the mean is over the
-    /// part that is known.
+    /// Mean velocity of a point of the body around a stamp, odom axes, m/s. At either end of the path the mean is over
+    /// the available part.
     pub fn velocity(&self, stamp: i64, p_in_body: &Point3<f64>) -> Option<Vector3<f64>> {
         let begin = (stamp - HALF_SPAN_NANOS).max(self.first()?);
         let end = (stamp + HALF_SPAN_NANOS).min(self.last()?);

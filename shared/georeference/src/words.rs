@@ -1,11 +1,11 @@
-//! Words of settings for the georeference.
+//! Enumerated settings of the georeferencing.
 
 settings::words! {
     /// Measurements that correct the poses of the submaps.
     pub enum Correction {
         /// GNSS fixes.
         Gnss = "gnss",
-        /// Gravity by the inertial unit.
+        /// Gravity from the inertial unit.
         Imu = "imu",
         /// Loop closures.
         Loops = "loops",

@@ -180,7 +180,7 @@ fn fixes_that_do_not_place_the_drive_are_doubted() {
         let fix = fix(second, Vector3::zeros());
         Some(GnssRow { stamp: fix.stamp + 3_600_000_000_000, ..fix })
     };
-    assert_eq!(fix_doubts(&settings, &hour_late), [None, Some(0.0)], "none is at a time of the trajectory");
+    assert_eq!(fix_doubts(&settings, &hour_late), [None, Some(0.0)], "no fix is within the time of the trajectory");
     // Each fix is hundreds of metres off, in another direction.
     let scattered = |second: f64| {
         let angle = (second * 10.0).round() * 2.4;

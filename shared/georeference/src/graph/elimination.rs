@@ -1,8 +1,8 @@
 //! Sparse normal equations over poses, solved by block elimination.
 //!
-//! Submaps form a chain with some loops. The minimum degree order (Tinney and Walker 1967: eliminate the pose with the fewest
-//! neighbors first) keeps the factor sparse. Own code and not a sparse solver's: the blocks are 6 x 6 and dense, and the
-//! covariances need only the blocks of the factor.
+//! Submaps form a chain with some loops. The minimum degree order (Tinney and Walker 1967: eliminate the pose with the
+//! fewest neighbors first) keeps the factor sparse. The code does not use a sparse solver because the blocks are 6 x 6
+//! and dense, and the covariances need only the blocks of the factor.
 
 use nalgebra::{Cholesky, Const, Matrix6, Vector6};
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,14 +12,14 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct Order(Vec<usize>);
 
 impl Order {
-    /// For `n` unknowns; each pair shares a measurement.
+    /// Computes the order for `n` unknowns; each pair shares a measurement.
     pub fn new(n: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
         let mut neighbors = vec![BTreeSet::new(); n];
         for (a, b) in pairs.filter(|(a, b)| a != b) {
             neighbors[a].insert(b);
             neighbors[b].insert(a);
         }
-        // By degree, then by number.
+        // Sorted by degree, then by number.
         let mut remaining: BTreeSet<(usize, usize)> = (0..n).map(|k| (neighbors[k].len(), k)).collect();
         let mut order = Vec::with_capacity(n);
         while let Some((_, pivot)) = remaining.pop_first() {
@@ -36,11 +36,11 @@ impl Order {
     }
 }
 
-/// `H x = g` in blocks of six.
+/// The system `H x = g` in blocks of six.
 #[derive(Clone, Debug)]
 pub struct BlockSystem {
     diagonal: Vec<Matrix6<f64>>,
-    /// By row, then column; both triangles of the matrix.
+    /// Off-diagonal blocks by row, then column; both triangles of the matrix.
     off_diagonal: Vec<BTreeMap<usize, Matrix6<f64>>>,
     gradient: Vec<Vector6<f64>>,
 }
@@ -52,9 +52,9 @@ struct Pivot {
     off_diagonal: Vec<(usize, Matrix6<f64>)>,
 }
 
-/// See [`BlockSystem::factor`].
+/// Factorization of a [`BlockSystem`].
 pub struct Factored {
-    /// In the order of elimination.
+    /// Pivots in elimination order.
     pivots: Vec<Pivot>,
 }
 
@@ -89,7 +89,7 @@ impl BlockSystem {
         }
         self
     }
-    /// `None` if the matrix is not positive definite: some pose is not determined.
+    /// Factors the matrix; `None` if it is not positive definite, which means that a pose is undetermined.
     pub fn factor(mut self, order: &Order) -> Option<Factored> {
         let mut pivots = Vec::with_capacity(order.0.len());
         for &k in &order.0 {
@@ -130,8 +130,8 @@ impl Factored {
         }
         x
     }
-    /// The diagonal blocks of the inverse of H: the covariance of each unknown. Only the blocks of the factor's pattern are
-    /// computed (Takahashi, Fagan and Chin 1973).
+    /// The diagonal blocks of the inverse of H: the covariance of each unknown. Only the blocks in the sparsity pattern
+    /// of the factor are computed (Takahashi, Fagan and Chin 1973).
     pub fn covariances(&self) -> Vec<Matrix6<f64>> {
         let n = self.pivots.len();
         let mut diagonal = vec![Matrix6::zeros(); n];
@@ -169,7 +169,8 @@ mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector};
 
-    /// A chain of poses with three loops and quasi-random blocks; the same as a dense matrix with its right side.
+    /// A chain of poses with three loops and quasi-random blocks, as a block system and as a dense matrix with its
+    /// right-hand side.
     fn system(pairs: &[(usize, usize)]) -> (BlockSystem, DMatrix<f64>, DVector<f64>) {
         let n = 12;
         let drawn = |seed: usize| (seed as f64 * 0.618_033_988_749).fract() - 0.5;

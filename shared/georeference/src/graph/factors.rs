@@ -5,7 +5,7 @@ use super::tangent::{inverse_right_jacobian, skew};
 use geometry::Pose;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
-/// A residual over two submaps and its derivatives by motions of both.
+/// A residual over two submaps and its derivatives with respect to motions of both.
 pub struct RelativeFactor {
     pub residual: Vector6<f64>,
     pub by_target: Matrix6<f64>,

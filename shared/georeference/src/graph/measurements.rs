@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Pose of one submap in another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RelativePose {
-    /// Number of the submap in whose frame the pose is.
+    /// Number of the reference submap, in whose frame the pose is.
     pub target: usize,
     /// Number of the measured submap.
     pub source: usize,
@@ -22,30 +22,31 @@ pub struct RelativePose {
 pub struct AntennaPosition {
     /// Number of the submap.
     pub submap: usize,
-    /// m.
+    /// Position in the submap, m.
     pub p_in_submap: Point3<f64>,
-    /// m.
+    /// Position in the world, m.
     pub p_in_world: Point3<f64>,
     /// Standard deviation along east, north, and down, m.
     pub sigma_m: [f64; 3],
     /// Standard deviation of heights above the true one, m. Reflected signals arrive late, never early, and raise the
-    /// measured position, so the distribution has two different halves.
+    /// measured position, so the distribution is asymmetric.
     pub sigma_above_m: f64,
-    /// Weight as a share of an independent measurement, above 0 to 1: errors of a receiver last longer than the time
-    /// between two fixes.
+    /// Weight as a share of an independent measurement, greater than 0 and at most 1: errors of a receiver last longer
+    /// than the time between two fixes.
     pub share: f64,
-    /// Residuals are weighed by `sigma_m`, but are outliers only beyond this standard deviation, m. 0 without such a limit.
+    /// Residuals are weighted with `sigma_m`, but are outliers only beyond this standard deviation, m. 0 disables the
+    /// limit.
     pub tolerance_m: f64,
 }
 
-/// Horizontal velocity of a point of a submap in the world: of the antenna, by Doppler shifts. It determines the heading.
+/// Horizontal velocity of the antenna in the world, from Doppler shifts. It constrains the heading.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HorizontalVelocity {
     /// Number of the submap.
     pub submap: usize,
-    /// By the odometry, m/s.
+    /// Velocity from the odometry, m/s.
     pub v_in_submap: Vector3<f64>,
-    /// By the receiver, towards east and north, m/s.
+    /// Velocity from the receiver, towards east and north, m/s.
     pub v_in_world: [f64; 2],
     /// Standard deviation of each component, m/s.
     pub sigma_mps: f64,
@@ -56,7 +57,7 @@ pub struct HorizontalVelocity {
 pub struct UpDirection {
     /// Number of the submap.
     pub submap: usize,
-    /// Unit vector.
+    /// Upward direction, a unit vector.
     pub up_in_submap: Vector3<f64>,
     /// Standard deviation, rad.
     pub sigma_rad: f64,
@@ -65,7 +66,7 @@ pub struct UpDirection {
 /// All measurements. Submaps are numbered from 0 in the order of the drive.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoseGraph {
-    /// Each submap after the first in the previous one, by odometry.
+    /// Pose of each submap after the first relative to the previous one, from the odometry.
     pub odometry: Vec<RelativePose>,
     /// Loop closures. They may be outliers.
     pub loops: Vec<RelativePose>,

@@ -7,23 +7,23 @@ use super::tangent::moved;
 use geometry::Pose;
 use nalgebra::{Matrix6, Vector6};
 
-/// What fixes the degrees of freedom that the measurements leave open.
+/// Constraints on the degrees of freedom that the measurements leave unconstrained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gauge {
-    /// The positions.
+    /// The positions constrain all degrees of freedom.
     Positions,
-    /// The first submap keeps its position; velocities determine the heading, gravity or the start roll and pitch.
+    /// The first submap keeps its position; velocities constrain the heading, gravity or the start roll and pitch.
     FirstPosition,
-    /// The first submap keeps its position and heading; gravity determines roll and pitch.
+    /// The first submap keeps its position and heading; gravity constrains roll and pitch.
     FirstPositionAndHeading,
     /// The first submap keeps its pose.
     FirstPose,
 }
 
-/// How far the start of [`PoseGraph::solve`] is trusted.
+/// Trust in the start of [`PoseGraph::solve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// Not: all measurements have the same weight at first.
+    /// No trust: all measurements have the same initial weight.
     Guess,
     /// It fits the inliers. Measurements far from it are outliers from the first round on, so a minority cannot pull the
     /// solution away.
@@ -39,50 +39,51 @@ pub struct Solution {
     pub covariances: Vec<Matrix6<f64>>,
     /// Weight of each loop closure, 0 outlier to 1 inlier.
     pub loop_weights: Vec<f64>,
-    /// Weight of each position, alike.
+    /// Weight of each position, 0 outlier to 1 inlier.
     pub position_weights: Vec<f64>,
 }
 
-/// Chi squared beyond which a loop closure (six degrees of freedom) or a position (three) counts less than a quarter: the 99 %
-/// quantiles.
+/// Chi squared beyond which a loop closure (six degrees of freedom) or a position (three) has less than a quarter of
+/// the weight: the 99 % quantiles.
 const LOOP_SCALE: f64 = 16.8;
 const POSITION_SCALE: f64 = 11.3;
-/// The same for a velocity (two degrees of freedom).
+/// The 99 % quantile of chi squared for a velocity (two degrees of freedom).
 const VELOCITY_SCALE: f64 = 9.2;
-/// From an aligned start this share of the measurements are inliers, and their chi squared is up to this many times its scale.
+/// Share of the measurements that are inliers after an aligned start; their chi squared is at most [`SURE_CHI`] times
+/// its scale.
 const SURE_SHARE: f64 = 0.25;
 const SURE_CHI: f64 = 4.0;
-/// Factor by which the kernel gets less convex from round to round (Yang et al. 2020, section VI).
+/// Factor by which the kernel becomes less convex from round to round (Yang et al. 2020, section VI).
 const SHARPENING: f64 = 1.4;
-/// Steps in each round, and in the last one.
+/// Number of steps in each round, and in the last one.
 const STEPS_BETWEEN: u32 = 2;
 const STEPS_AT_END: u32 = 50;
 /// A step below this (m, rad) ends a round.
 const SMALL_STEP: f64 = 1e-7;
-/// Information on what the gauge fixes: a micrometre, a microradian.
+/// Information on the degrees of freedom fixed by the gauge: a micrometre, a microradian.
 const FIXED: f64 = 1e12;
-/// Information on the rest, against numerical singularity only: a kilometre.
+/// Information on the other degrees of freedom, only to avoid numerical singularity: a kilometre.
 const FREE: f64 = 1e-6;
 /// Least weight of an inlier.
 const MIN_INLIER_WEIGHT: f64 = 0.25;
 
 impl Solution {
-    /// How many of these weights belong to inliers.
+    /// Number of weights that belong to inliers.
     pub fn n_inliers(weights: &[f64]) -> usize {
         weights.iter().filter(|weight| **weight >= MIN_INLIER_WEIGHT).count()
     }
 }
 
 impl PoseGraph {
-    /// Levenberg-Marquardt over all poses, beginning at `start`, which has a pose for each submap. Loop closures and positions
-    /// are weighted by graduated non-convexity with the kernel of Geman and `McClure` (Yang et al., RA-L 2020): all weights
-    /// begin alike, and those of large residuals shrink from round to round. `None` if a pose is not determined, or if a
-    /// measurement refers to a submap that `start` does not have.
+    /// Levenberg-Marquardt over all poses, starting from `start`, which has a pose for each submap. Loop closures and
+    /// positions are weighted by graduated non-convexity with the kernel of Geman and `McClure` (Yang et al., RA-L
+    /// 2020): all weights start equal, and the weights of large residuals decrease from round to round. `None` if a
+    /// pose is undetermined, or if a measurement refers to a submap that `start` does not have.
     pub fn solve(&self, start: &[Pose], gauge: Gauge) -> Option<Solution> {
         self.solve_from(start, Start::Guess, gauge)
     }
 
-    /// [`Self::solve`] from a start that may be trusted.
+    /// Solves like [`Self::solve`], with the given trust in the start.
     pub fn solve_from(&self, start: &[Pose], trust: Start, gauge: Gauge) -> Option<Solution> {
         if start.is_empty() || self.largest_number() >= start.len() {
             return None;
@@ -99,7 +100,7 @@ impl PoseGraph {
             let is_last = convexity <= 1.0;
             let weights = problem.weights(&poses, convexity);
             for _ in 0..if is_last { STEPS_AT_END } else { STEPS_BETWEEN } {
-                // In the last round the weights follow each step.
+                // In the last round the weights are updated with each step.
                 let weights = if is_last { &problem.weights(&poses, 1.0) } else { &weights };
                 if problem.improve(&mut poses, weights)? < SMALL_STEP {
                     break;
@@ -138,7 +139,7 @@ struct RobustWeights {
     velocities: Vec<f64>,
 }
 
-/// Weight of a measurement by its chi squared.
+/// Weight of a measurement as a function of its chi squared.
 fn geman_mcclure(chi_squared: f64, scale: f64, convexity: f64) -> f64 {
     (convexity * scale / (chi_squared + convexity * scale)).powi(2)
 }
@@ -155,7 +156,7 @@ impl Problem<'_> {
         UnaryFactor::of_position(position, &poses[position.submap]).chi_squared()
     }
 
-    /// Chi squared by which a position may be an outlier.
+    /// Chi squared of a position for the outlier test.
     fn chi_of_position_with_tolerance(&self, number: usize, poses: &[Pose]) -> f64 {
         let position = &self.graph.positions[number];
         let sigma_m = position.sigma_m[0].min(position.sigma_m[1]);
@@ -167,8 +168,8 @@ impl Problem<'_> {
         UnaryFactor::of_velocity(velocity, &poses[velocity.submap]).chi_squared()
     }
 
-    /// Chi squared in units of its scale below which this share of the measurements of each kind lies; the largest of the
-    /// kinds.
+    /// Quantile `share` of the chi squared of the measurements, in units of its scale; the largest of all kinds of
+    /// measurement.
     fn quantile(&self, poses: &[Pose], share: f64) -> f64 {
         let PoseGraph { loops, positions, velocities, .. } = self.graph;
         let of = |mut chis: Vec<f64>| {
@@ -194,12 +195,12 @@ impl Problem<'_> {
         }
     }
 
-    /// One step that lowers the cost. Returns its length (the longest of any pose), 0 if no step lowers the cost.
+    /// One step that lowers the cost. Returns its length (the longest of any pose); 0 if no step lowers the cost.
     fn improve(&self, poses: &mut Vec<Pose>, weights: &RobustWeights) -> Option<f64> {
         let system = self.system(poses, weights);
         let cost = self.cost(poses, weights);
         let mut damping = 0.0;
-        // Sixteen tenfold increases of the damping lead from a full step to one of a micrometre.
+        // Sixteen tenfold increases of the damping reduce a full step to one of a micrometre.
         for _ in 0..16 {
             let gradient: Vec<Vector6<f64>> = system.gradient().iter().map(|g| -g).collect();
             let step = self.factored(&system, damping)?.solve(&gradient);
@@ -255,8 +256,8 @@ impl Problem<'_> {
         system
     }
 
-    /// Information, residual and Jacobian of the gauge: position in the world's axes, rotation in the first submap's, whose z
-    /// axis is vertical within some degrees.
+    /// Information, residual and Jacobian of the gauge: position in world axes, rotation in axes of the first submap,
+    /// whose z axis is vertical within some degrees.
     fn gauge_prior(&self, first: &Pose) -> (Matrix6<f64>, Vector6<f64>, Matrix6<f64>) {
         let information = match self.gauge {
             Gauge::Positions => [FREE; 6],

@@ -3,7 +3,7 @@
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix3, Vector3, Vector6};
 
-/// `skew(a) * b` is `a x b`.
+/// Cross-product matrix: `skew(a) * b` is `a x b`.
 pub fn skew(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }

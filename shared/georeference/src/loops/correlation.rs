@@ -1,5 +1,5 @@
-//! Correlative matching of two keyframes seen from above (Olson, ICRA 2009): walls onto walls, then road onto road. The result
-//! is right within half a metre.
+//! Correlative matching of the top views of two keyframes (Olson, ICRA 2009): walls onto walls, then ground onto
+//! ground. The result is accurate within half a metre.
 
 use super::keyframe::SurfacePoint;
 use geometry::{Isometry3, Pose, Vector3};
@@ -8,28 +8,28 @@ const CELL_M: f64 = 0.5;
 /// Half the side of the grid, m: keyframes reach 40 m and may be 10 m apart.
 const HALF_M: f64 = 60.0;
 const SIDE: usize = (2.0 * HALF_M / CELL_M) as usize;
-/// Largest error of the guess, m and rad: submaps are 20 m long, a sector is 0.1 rad.
+/// Largest error of the initial guess, m and rad: submaps are 20 m long, a sector is 0.1 rad.
 const SHIFT_M: f64 = 14.0;
 const SHIFTS: usize = (SHIFT_M / CELL_M) as usize;
 /// Number of shifts along one axis.
 const WINDOW: usize = 2 * SHIFTS + 1;
-/// Cells around the grid of walls, so that the windows of walls at its rim lie inside.
+/// Margin of cells around the grid of walls, so that the search windows of walls at its edge lie inside.
 const MARGIN: usize = 2 * SHIFTS;
 const WALL_SIDE: usize = SIDE + 2 * MARGIN;
 const ANGLE_RAD: f64 = 0.12;
 const ANGLE_STEP_RAD: f64 = 0.02;
-/// Wall points that are compared at most, evenly chosen.
+/// Largest number of compared wall points, evenly chosen.
 const MAX_WALLS: usize = 600;
-/// Cells of the ground, m.
+/// Side of a ground cell, m.
 const GROUND_CELL_M: f64 = 2.0;
 const GROUND_SIDE: usize = (2.0 * HALF_M / GROUND_CELL_M) as usize;
 
-/// A keyframe seen from above, around a center.
+/// Top view of a keyframe around a center.
 pub struct TopView {
     frame_from_center: Pose,
-    /// 2 in cells with a wall, 1 in the cells beside.
+    /// 2 in cells with a wall, 1 in adjacent cells.
     walls: Vec<u8>,
-    /// Mean height of the ground by cell; NaN in cells without ground.
+    /// Mean height of the ground per cell; NaN in cells without ground.
     ground: Vec<f32>,
 }
 
@@ -76,8 +76,8 @@ impl TopView {
         Self { frame_from_center: *frame_from_center, walls, ground: sums.iter().map(mean).collect() }
     }
 
-    /// `target_from_source` near a guess, and the share of walls that coincide with walls, 0 to 1. `None` if there are too few
-    /// walls or too little ground.
+    /// Returns `target_from_source` near a guess, and the share of walls that coincide with walls, 0 to 1. `None` if
+    /// there are too few walls or too little ground.
     pub fn locate(&self, source: &[SurfacePoint], target_from_source: &Pose) -> Option<(Pose, f64)> {
         let walls: Vec<&SurfacePoint> = source.iter().filter(|surface| is_wall(surface)).collect();
         if walls.len() < 50 {
@@ -88,7 +88,7 @@ impl TopView {
         let n_rotations = (ANGLE_RAD / ANGLE_STEP_RAD).round() as i32;
         let mut best = (0, center_from_source);
         for rotation in -n_rotations..=n_rotations {
-            // About the vehicle's position in the target.
+            // Rotates about the vehicle's position in the target.
             let rotated = rotated_in_place(&center_from_source, f64::from(rotation) * ANGLE_STEP_RAD);
             let at = walls.iter().map(|wall| (rotated * wall.position).coords);
             let scores = self.scores(at);
@@ -108,8 +108,8 @@ impl TopView {
         Some((self.frame_from_center * raised, share))
     }
 
-    /// The number of coinciding walls for each shift, row by row from the south-west on. A shift by whole cells moves the cell
-    /// of each wall, so each wall adds one window of the grid.
+    /// The number of coinciding walls for each shift, row by row, starting in the south-west. A shift by whole cells
+    /// moves the cell of each wall, so each wall adds one window of the grid.
     fn scores(&self, walls: impl Iterator<Item = Vector3<f64>>) -> Vec<u16> {
         let mut scores = vec![0; WINDOW * WINDOW];
         for at in walls {
@@ -130,7 +130,7 @@ impl TopView {
         scores
     }
 
-    /// Median height of the target's ground over the source's.
+    /// Median height of the target's ground above the source's ground.
     fn rise(&self, source: &[SurfacePoint], center_from_source: &Pose) -> Option<f64> {
         let ground = source.iter().filter(|surface| is_ground(surface));
         let mut rises: Vec<f64> = ground
@@ -148,7 +148,7 @@ impl TopView {
     }
 }
 
-/// Rotated about the vertical through the origin of the source.
+/// Rotates the pose about the vertical through the origin of the source.
 fn rotated_in_place(center_from_source: &Pose, angle_rad: f64) -> Pose {
     let at = center_from_source.translation;
     let rotation = Isometry3::rotation(Vector3::z() * angle_rad);

@@ -7,16 +7,16 @@ use super::scan_context::{ContextMatch, ScanContext};
 use crate::graph::RelativePose;
 use geometry::{Isometry3, Pose, Vector3};
 
-/// When two keyframes count as the same place.
+/// Criteria for two keyframes of one place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoopSettings {
     /// Least path length between the two visits, m: longer than the map of the odometry.
     pub min_path_m: f64,
-    /// Largest drift of the odometry as a share of that path. Farther keyframes are not compared.
+    /// Largest drift of the odometry as a share of that path. Keyframes farther away are not compared.
     pub max_drift: f64,
     /// Search radius in addition to the drift, m.
     pub radius_m: f64,
-    /// Candidates (places and directions) that are verified, the best matches first.
+    /// Largest number of candidates (places and directions) that are verified, best matches first.
     pub max_candidates: usize,
     /// Largest distance of scan contexts.
     pub max_distance: f64,
@@ -43,10 +43,10 @@ impl Default for LoopSettings {
     }
 }
 
-/// A place that was visited again.
+/// A place that was visited again, with the measured relative pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoopClosure {
-    /// The later submap in the earlier one.
+    /// Pose of the later submap relative to the earlier one.
     pub relative: RelativePose,
     /// Distance of the scan contexts, 0 to 1.
     pub distance: f64,
@@ -58,8 +58,8 @@ pub struct LoopClosure {
     pub rms_m: f64,
 }
 
-/// Where along the later submap scan contexts are taken, m behind and ahead of its keyframe: the nearest keyframe of the first
-/// visit is at most half a submap away.
+/// Positions of scan contexts along the later submap, m behind and ahead of its keyframe: the nearest keyframe of the
+/// first visit is at most half a submap away.
 const PLACES_M: [f64; 5] = [-10.0, -5.0, 0.0, 5.0, 10.0];
 
 /// Searches loop closures.
@@ -69,7 +69,7 @@ pub struct LoopFinder {
 }
 
 impl LoopFinder {
-    /// With these settings.
+    /// Creates a finder with these settings.
     pub const fn new(settings: LoopSettings) -> Self {
         Self { settings }
     }

@@ -1,16 +1,16 @@
-//! The surroundings of a submap, by which its place is recognized later.
+//! The surroundings of a submap, used to recognize its place later.
 
 use geometry::{Point3, Pose, Vector3};
 use registration::{MapPoint, thinned};
 use serde::{Deserialize, Serialize};
 
-/// Farther surfaces are left out, m.
+/// Surfaces farther away are skipped, m.
 pub const REACH_M: f64 = 40.0;
 /// One point per cube of this side, m: the search radius of a match.
 const SPACING_M: f64 = 0.5;
-/// Points at most; about 9 bytes each in a saved state.
+/// Largest number of points; about 9 bytes each in a saved state.
 const MAX_POINTS: usize = 8_000;
-/// Coordinates are stored in these units, m: a quarter of a LiDAR's noise.
+/// Unit of stored coordinates, m: a quarter of the noise of a LiDAR.
 const UNIT_M: f64 = 0.005;
 
 /// The surfaces around the end of a submap, in its frame.
@@ -18,16 +18,16 @@ const UNIT_M: f64 = 0.005;
 pub struct Keyframe {
     /// Number of the submap.
     pub submap: usize,
-    /// Path length since the beginning of the drive, m.
+    /// Path length since the start of the drive, m.
     pub path_m: f64,
-    /// Position of the vehicle by its odometry, m.
+    /// Position of the vehicle from its odometry, m.
     pub p_in_odom: Point3<f64>,
     /// Pose of the vehicle in the submap.
     pub submap_from_body: Pose,
     surfaces: Vec<Packed>,
 }
 
-/// A point in [`UNIT_M`] and its normal in 1/127.
+/// A point in units of [`UNIT_M`] and its normal in units of 1/127.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Packed([i16; 3], [i8; 3]);
 
@@ -39,7 +39,7 @@ pub struct SurfacePoint {
 }
 
 impl Keyframe {
-    /// From the map of the odometry when the vehicle was at `odom_from_body`.
+    /// Creates a keyframe from the map of the odometry at the vehicle pose `odom_from_body`.
     pub fn new(submap: usize, path_m: f64, map: &[MapPoint], odom_from_submap: &Pose, odom_from_body: &Pose) -> Self {
         let center = odom_from_body.translation.vector;
         let is_near = |p: &&MapPoint| (Vector3::from(p.position) - center).norm_squared() < REACH_M * REACH_M;
@@ -51,7 +51,7 @@ impl Keyframe {
         let pack = |index: usize| {
             let at = position(&near[index]).coords / UNIT_M;
             let normal = submap_from_odom.rotation * Vector3::from(near[index].normal).cast::<f64>() * 127.0;
-            // 163 m fit; a submap is some tens of metres long.
+            // The range of 163 m suffices; a submap is some tens of metres long.
             Packed(at.map(|v| v.round() as i16).into(), normal.map(|v| v.round() as i8).into())
         };
         Self {
@@ -62,7 +62,7 @@ impl Keyframe {
             surfaces: firsts.into_iter().step_by(step).map(pack).collect(),
         }
     }
-    /// In the frame of the submap, m.
+    /// Surface points in the frame of the submap, m.
     pub fn surfaces(&self) -> impl Iterator<Item = SurfacePoint> {
         self.surfaces.iter().map(|Packed(at, normal)| SurfacePoint {
             position: Point3::from(at.map(|v| f64::from(v) * UNIT_M)),

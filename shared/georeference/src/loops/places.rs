@@ -1,14 +1,14 @@
-//! The places that a drive has visited, by their keyframes.
+//! The visited places of a drive, represented by keyframes.
 
 use super::finder::{LoopClosure, LoopFinder};
 use super::keyframe::Keyframe;
 use serde::{Deserialize, Serialize};
 
-/// A keyframe replaces the one that it closes a loop with, if both are within this distance, m: half a submap of the default
+/// Distance within which a keyframe replaces the keyframe that it closes a loop with, m: half a submap of the default
 /// length, which is the largest distance at which a later visit is recognized.
 const SAME_PLACE_M: f64 = 10.0;
 
-/// Keyframes in the order of the drive. Memory: up to 80 kB each. A place that is visited again keeps one keyframe, the newest:
+/// Keyframes in drive order. Memory: up to 80 kB each. A place that is visited again keeps only the newest keyframe:
 /// the odometry has drifted least since then.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Places {
@@ -44,7 +44,7 @@ impl Places {
     }
 }
 
-/// Whether `earlier` is the keyframe that `later` closes the loop with, and both are of the same place.
+/// Whether `later` closes the loop with `earlier`, and both are at the same place.
 fn is_same_place(earlier: &Keyframe, later: &Keyframe, closure: &LoopClosure) -> bool {
     let later_in_earlier = closure.relative.target_from_source * later.submap_from_body;
     let apart = later_in_earlier.translation.vector - earlier.submap_from_body.translation.vector;

@@ -8,16 +8,17 @@ use registration::{Kernel, LocalMap, MapPoint, Weights};
 
 /// Search radius for surfaces, m: the largest that a map allows.
 const RADIUS_M: f64 = 0.5;
-/// Robust scales, m, and rounds with each at most: first the error of the guess, then what the map's spacing allows.
+/// Robust scales, m, and the largest number of rounds of each: first the error of the guess, then the scale that the
+/// map's spacing allows.
 const SCALES: [(f64, usize); 2] = [(0.3, 8), (0.05, 16)];
 /// A smaller step ends the rounds of a scale, m and rad: a sixtieth of [`FLOOR_M`], also at a distance of 40 m.
 const SETTLED_M: f64 = 5e-4;
 const SETTLED_RAD: f64 = 1e-5;
-/// Fewer matches are not a measurement.
+/// Fewer matches are not used as a measurement.
 const MIN_MATCHES: u32 = 300;
 /// Error of a residual, m. Matches on one wall have correlated errors, so it is larger than the noise.
 const RESIDUAL_M: f64 = 0.2;
-/// Least error with any number of matches, m and rad: two views of a town from different places do not agree better.
+/// Least error with any number of matches, m and rad: two views of a town from different positions do not agree better.
 const FLOOR_M: f64 = 0.03;
 const FLOOR_RAD: f64 = 0.001;
 
@@ -45,14 +46,14 @@ pub fn map_of(surfaces: &[SurfacePoint]) -> LocalMap {
     LocalMap::from_points(&surfaces.iter().map(point).collect::<Vec<_>>())
 }
 
-/// The guess must be within half a metre. `None` if there are too few matches.
+/// Refines a guess that is accurate within half a metre. `None` if there are too few matches.
 pub fn refine(target: &LocalMap, source: &[SurfacePoint], guess: &Pose) -> Option<Fit> {
     let mut target_from_source = *guess;
     let mut last = None;
     for (scale_m, max_rounds) in SCALES {
         for _ in 0..max_rounds {
             let round = Round::new(target, source, &target_from_source, scale_m)?;
-            // Degenerate directions (along a tunnel) stay as they are.
+            // Degenerate directions (along a tunnel) keep the guess.
             let step = (round.h + Matrix6::identity() * (1e-3 * round.weight)).cholesky()?.solve(&-round.g);
             target_from_source = moved(&target_from_source, &step);
             last = Some(round);
@@ -80,7 +81,7 @@ struct Round {
 }
 
 impl Round {
-    /// `None` if there are too few.
+    /// Sums over the matches; `None` if there are too few.
     fn new(target: &LocalMap, source: &[SurfacePoint], target_from_source: &Pose, scale_m: f64) -> Option<Self> {
         let kernel = Kernel { radius_m: RADIUS_M, weights: Weights::Compact };
         let mut sum = Self { h: Matrix6::zeros(), g: Vector6::zeros(), weight: 0.0, squares: 0.0, n_matched: 0 };
@@ -90,7 +91,7 @@ impl Round {
             let Some(surface) = target.surface(position.coords.into(), &normal.cast(), &kernel) else { continue };
             let r = surface.distance_m;
             let weight = 1.0 / (1.0 + (r / scale_m).powi(2));
-            // In the axes of the source a motion (v, w) shifts the point by R (v + w x p).
+            // In source axes a motion (v, w) shifts the point by R (v + w x p).
             let n_in = target_from_source.rotation.inverse() * surface.normal;
             let torque = point.position.coords.cross(&n_in);
             let j = Vector6::new(n_in.x, n_in.y, n_in.z, torque.x, torque.y, torque.z);
@@ -105,16 +106,16 @@ impl Round {
 }
 
 fn information(h: &Matrix6<f64>, target_from_source: &Pose) -> Option<Matrix6<f64>> {
-    // A tiny prior keeps directions without any match finite: a kilometre, a radian.
+    // A weak prior keeps directions without any match finite: a kilometre, a radian.
     let loose = Vector6::new(1e-6, 1e-6, 1e-6, 1.0, 1.0, 1.0);
     let covariance = (h / (RESIDUAL_M * RESIDUAL_M) + Matrix6::from_diagonal(&loose)).try_inverse()?;
     let m = FLOOR_M * FLOOR_M;
     let rad = FLOOR_RAD * FLOOR_RAD;
     let covariance = covariance + Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
-    // The steps are in the source's axes; the graph expects translations in the target's.
+    // The steps are in source axes; the graph expects translations in target axes.
     let mut axes = Matrix6::identity();
     axes.fixed_view_mut::<3, 3>(0, 0).copy_from(target_from_source.rotation.to_rotation_matrix().matrix());
     let information = (axes * covariance * axes.transpose()).try_inverse()?;
-    // Rounding makes it slightly asymmetric.
+    // Rounding makes the matrix slightly asymmetric.
     Some((information + information.transpose()) * 0.5)
 }

@@ -1,5 +1,5 @@
-//! Scan context (Kim and Kim, IROS 2018): the greatest height around a place by range and direction. A rotation of the vehicle
-//! shifts the columns.
+//! Scan context (Kim and Kim, IROS 2018): the largest height around a place per range ring and direction sector. A
+//! rotation of the vehicle shifts the columns.
 
 use super::keyframe::SurfacePoint;
 use geometry::Pose;
@@ -7,23 +7,24 @@ use geometry::Pose;
 const RINGS: usize = 20;
 const SECTORS: usize = 60;
 const RING_M: f64 = super::keyframe::REACH_M / RINGS as f64;
-/// Added to all heights so that they are positive, m: roads fall by 6 % over 40 m.
+/// Offset added to all heights so that they are positive, m: roads fall by 6 % over 40 m.
 const GROUND_M: f64 = 4.0;
 
-/// Greatest heights, sector by sector; 0 in empty cells.
+/// Largest heights, sector by sector; 0 in empty cells.
 pub struct ScanContext(Vec<[f32; RINGS]>);
 
-/// The rotation under which two contexts match best.
+/// The rotation with the best match of two contexts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContextMatch {
-    /// 0 equal, 1 nothing in common.
+    /// Distance of the contexts: 0 equal, 1 nothing in common.
     pub distance: f64,
     /// Rotation from the target's to the source's heading, rad, -pi to pi.
     pub rotation_rad: f64,
 }
 
 impl ScanContext {
-    /// From the surfaces around `frame_from_center`. Its x axis is the direction of the first sector.
+    /// Computes the context of the surfaces around `frame_from_center`. Its x axis is the direction of the first
+    /// sector.
     pub fn new(surfaces: &[SurfacePoint], frame_from_center: &Pose) -> Self {
         let mut sectors = vec![[0.0; RINGS]; SECTORS];
         let center_from_frame = frame_from_center.inverse();
@@ -40,8 +41,9 @@ impl ScanContext {
         Self(sectors)
     }
 
-    /// The match with the least mean of `1 - cosine` over the columns that both have (eqs. 6 and 7 of the paper), and the best
-    /// one more than a right angle away from it: a street with houses on both sides looks similar in both directions.
+    /// The match with the least mean of `1 - cosine` over the columns that both contexts have (eqs. 6 and 7 of the
+    /// paper), and the best match more than a right angle away from it: a street with houses on both sides looks
+    /// similar in both directions.
     pub fn matches(&self, source: &Self) -> [ContextMatch; 2] {
         let norms = |context: &Self| context.0.iter().map(|column| dot(column, column).sqrt()).collect::<Vec<f32>>();
         let target_norms = norms(self);

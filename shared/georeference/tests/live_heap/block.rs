@@ -1,4 +1,4 @@
-//! A vehicle that drives round a square block of houses, with exact odometry, fixes and inertial samples.
+//! A vehicle that drives around a square block of houses, with exact odometry, fixes and inertial samples.
 
 use crate::matched;
 use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Vector3};
@@ -7,10 +7,10 @@ use messages::{GnssRow, ImuRow};
 use random::{hash, unit};
 use registration::{LocalMap, MapPoint, Registered, SweepMotion};
 
-/// Submaps of a round.
+/// Submaps per round.
 pub const LAP_SUBMAPS: usize = 32;
 const SUBMAP_M: f64 = 20.0;
-/// At 10 m/s and 10 Hz.
+/// Sweeps per submap at 10 m/s and 10 Hz.
 const SWEEPS_PER_SUBMAP: usize = 20;
 const SWEEP_NANOS: i64 = 100_000_000;
 /// Side of the block, m.
@@ -18,10 +18,10 @@ const SIDE_M: f64 = LAP_SUBMAPS as f64 * SUBMAP_M / 4.0;
 /// Width of a house and spacing of points, m.
 const HOUSE_M: f64 = 8.0;
 const SPACING_M: f64 = 0.5;
-/// Surfaces in the map of the odometry, m.
+/// Extent of the surfaces in the map of the odometry, m.
 const REACH_M: f64 = 45.0;
 
-/// `world_from_body` at a place of the round, m from a corner.
+/// `world_from_body` at a position of the round, m from a corner.
 fn pose(along_m: f64) -> Pose {
     let side = (along_m / SIDE_M).floor();
     let corner = Isometry3::rotation(Vector3::z() * (side * std::f64::consts::FRAC_PI_2));
@@ -65,7 +65,7 @@ pub fn local_map(number: usize) -> LocalMap {
     LocalMap::from_points(&points)
 }
 
-/// Where the vehicle is.
+/// State of the vehicle.
 #[derive(Default)]
 pub struct Vehicle {
     n_sweeps: usize,

@@ -1,4 +1,4 @@
-//! Live bytes of the heap over rounds around the same block. A program of its own: it counts all allocations.
+//! Live heap bytes over rounds around the same block. The test is a separate program because it counts all allocations.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod block;
@@ -28,10 +28,10 @@ fn settings() -> GeoreferenceSettings {
     }
 }
 
-/// Bytes that a submap of 20 m and two seconds keeps for the end of the drive: its pose, the measurements of odometry, loop and
-/// gravity (860 bytes), and two fixes (480 bytes). A vector that grows reserves up to twice its length.
+/// Bytes that a submap of 20 m and two seconds keeps until the end of the drive: its pose, the measurements of
+/// odometry, loop and gravity (860 bytes), and two fixes (480 bytes). A growing vector reserves up to twice its length.
 const MAX_BYTES_PER_SUBMAP: usize = 2 * 1340;
-/// Bytes of a keyframe at most, see `Keyframe`.
+/// Largest size of a keyframe in bytes, see `Keyframe`.
 const MAX_BYTES_PER_PLACE: usize = 81_000;
 
 #[test]

@@ -41,7 +41,7 @@ pub fn truth(second: f64) -> Pose {
 }
 
 fn odometry(second: f64) -> Pose {
-    // In a frame of its own, whose north is anywhere.
+    // The odometry frame has an arbitrary origin and heading.
     let odom_from_world = Isometry3::new(Vector3::new(3.0, 2.0, 0.0), Vector3::z() * 1.3) * truth(0.0).inverse();
     let truth = odom_from_world * truth(second);
     Isometry3::rotation(Vector3::z() * (DRIFT_RAD_PER_S * second)) * truth
@@ -100,7 +100,7 @@ pub fn errors(placed: &Placed) -> [f64; 3] {
     squares.map(|square| (square / placed.rows.len() as f64).sqrt())
 }
 
-/// Mean stated standard deviations, alike.
+/// Means of the reported standard deviations, in the same order.
 pub fn stated(placed: &Placed) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for row in &placed.rows {

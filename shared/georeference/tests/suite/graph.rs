@@ -7,7 +7,7 @@ use nalgebra::{Matrix6, Vector6};
 /// Submaps of a round of 1.5 km.
 const N: usize = 75;
 
-/// The generator that the bounds below were measured with (Knuth, MMIX).
+/// The generator with which the bounds below were measured (Knuth, MMIX).
 struct Random(u64);
 
 impl Random {
@@ -113,7 +113,7 @@ fn loop_closure_halves_the_drift_and_covariances_match_the_errors() {
         after += rmse(&solution.poses, &truth) / 20.0;
         let end = truth[N].inv_mul(&solution.poses[N]);
         assert!(end.translation.vector.norm() < 0.1, "seed {seed}: the end is off by {end}");
-        // The covariance is largest half way: compare it with the errors there.
+        // The covariance is largest halfway: compare it with the errors there.
         let error = truth[N / 2].inv_mul(&solution.poses[N / 2]);
         let mut off = Vector6::zeros();
         off.fixed_rows_mut::<3>(0).copy_from(&error.translation.vector);
@@ -121,7 +121,7 @@ fn loop_closure_halves_the_drift_and_covariances_match_the_errors() {
         normalized += off.dot(&(solution.covariances[N / 2].try_inverse().unwrap() * off)) / 6.0 / 20.0;
     }
     assert!(after < 0.5 * before, "{before} m became {after} m");
-    assert!((0.6..1.6).contains(&normalized), "errors are {normalized} times what the covariance says");
+    assert!((0.6..1.6).contains(&normalized), "squared errors are {normalized} times the covariance");
 }
 
 #[test]
@@ -131,7 +131,7 @@ fn outlying_loops_and_positions_are_rejected() {
     let (mut graph, drifted) = odometry(&truth, &mut random);
     graph.loops.push(exact_loop(&truth, 0, N));
     graph.loops.push(exact_loop(&truth, 1, N - 1));
-    // Two streets that look alike.
+    // Two streets of similar appearance.
     graph.loops.push(RelativePose { target_from_source: Pose::identity(), ..exact_loop(&truth, 10, 50) });
     graph.loops.push(RelativePose { target_from_source: Pose::identity(), ..exact_loop(&truth, 12, 48) });
     // A quarter of the positions are reflections: consecutive, tens of metres off.
@@ -193,7 +193,7 @@ fn gravity_corrects_the_tilt_and_keeps_position_and_heading() {
         let up_in_submap = (pose.rotation.inverse() * Vector3::z() + vector(&mut random, 0.002)).normalize();
         graph.up_directions.push(UpDirection { submap, up_in_submap, sigma_rad: 0.003 });
     }
-    // The odometry begins with a tilt of three degrees.
+    // The odometry starts with a tilt of three degrees.
     let tilt = Isometry3::rotation(Vector3::new(0.05, -0.02, 0.0));
     let start: Vec<Pose> = drifted.iter().map(|pose| tilt * pose).collect();
     let solution = graph.solve(&start, Gauge::FirstPositionAndHeading).unwrap();

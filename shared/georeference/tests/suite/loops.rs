@@ -7,11 +7,11 @@ use registration::{MapPoint, thinned};
 use simulation::{DriveSpec, Simulation};
 use std::sync::LazyLock;
 
-/// One round of a town and some more.
+/// One round of a town and a bit more.
 static TOWN: LazyLock<Simulation> = LazyLock::new(|| Simulation::new(&DriveSpec::urban(31, 300.0).sparse(4)).unwrap());
 
-/// Uniform within 3 cm. A hash of its own and not one of `random`: with other noise the loop in the opposite direction is not
-/// found.
+/// Uniform noise within 3 cm. It uses its own hash instead of `random`: with other noise the loop in the opposite
+/// direction is not found.
 fn noise_m(seed: u64) -> f64 {
     let z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -19,8 +19,8 @@ fn noise_m(seed: u64) -> f64 {
     0.06 * (uniform - 0.5)
 }
 
-/// The map of an odometry after the 30 m before `seconds`, in the world's axes. `side` rotates and shifts the vehicle in its
-/// lane. Surfaces are where the rays of a LiDAR hit, with 3 cm of noise.
+/// The map of an odometry after the 30 m before `seconds`, in world axes. `side` rotates and shifts the vehicle in its
+/// lane. Surfaces are at the hits of LiDAR rays, with 3 cm of noise.
 fn map(seconds: f64, side: &Pose) -> Vec<MapPoint> {
     let mut points = Vec::new();
     for k in 0..12_u64 {
@@ -94,7 +94,7 @@ fn place_visited_twice_is_found_despite_drift_and_distinguished_from_others() {
     let still = Pose::identity();
     let targets: Vec<(Keyframe, Pose)> = (0..4).map(|k| keyframe(k, 14.0 + 12.0 * k as f64, &still, &still)).collect();
     let drift = Isometry3::new(Vector3::new(8.0, -6.0, 2.5), Vector3::new(0.01, -0.01, 0.05));
-    // Ten metres before the place of the first visit: the largest distance of keyframes.
+    // Ten metres before the position of the first visit: the largest distance of keyframes.
     let seconds = again(38.0 - 1.0);
     let same_direction = keyframe(9, seconds, &still, &drift);
     assert_found(&same_direction, &targets, 2, "same direction");
@@ -102,7 +102,7 @@ fn place_visited_twice_is_found_despite_drift_and_distinguished_from_others() {
     let around = Isometry3::new(Vector3::new(0.0, 4.0, 0.0), Vector3::z() * std::f64::consts::PI);
     let opposite_direction = keyframe(9, seconds + 2.0, &around, &drift);
     assert_found(&opposite_direction, &targets, 2, "opposite direction");
-    // Without that place none of the others matches, however large the search radius.
+    // Without that place no other place matches, regardless of the search radius.
     let others: Vec<Keyframe> =
         targets.iter().map(|(keyframe, _)| keyframe.clone()).filter(|k| k.submap != 2).collect();
     let anywhere = LoopSettings { radius_m: 10_000.0, ..LoopSettings::default() };

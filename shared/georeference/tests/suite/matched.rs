@@ -1,4 +1,4 @@
-//! A sweep that was matched well.
+//! A well-matched sweep.
 
 use geometry::Stamp;
 use nalgebra::Matrix6;

@@ -1,4 +1,4 @@
-//! Placement by fixes with the faults of real receivers: what becomes of the result, and what is reported.
+//! Georeferencing with the faults of real receivers: result and reports.
 
 use crate::drive::{SECONDS, errors, fix, noise, placed, stated};
 use geometry::Vector3;
@@ -14,7 +14,7 @@ fn good_fixes_place_the_drive_and_are_all_used() {
     assert!(!placed.summary.contains("stamps"), "{}", placed.summary);
 }
 
-/// Heights were once biased low by 1.2 standard deviations.
+/// Regression: heights were biased low by 1.2 standard deviations.
 #[test]
 fn white_noise_leaves_heights_unbiased() {
     let mut mean = 0.0;
@@ -43,7 +43,7 @@ fn fixes_that_err_alike_for_a_third_of_the_drive_are_rejected() {
     assert!(stated(&wrong)[0] > 1.3 * stated(&right)[0], "{:?} {:?}", stated(&wrong), stated(&right));
 }
 
-/// All fixes together once turned the drive towards a drifting minority.
+/// Regression: all fixes together rotated the drive towards a drifting minority.
 #[test]
 fn heading_follows_the_course_while_fixes_drift() {
     // 45 % of the fixes drift away by up to 25 m.

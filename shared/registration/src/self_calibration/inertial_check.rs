@@ -85,8 +85,8 @@ enum Trust {
 /// Rotation and time offset that fit the unit to the LiDAR, with standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InertialMounting {
-    /// Rotation about the axes of the body that remains between the unit as `drive.toml` has it (axes and units corrected) and the
-    /// LiDAR, rad.
+    /// Remaining rotation about body axes between the unit as described in `drive.toml` (axes and units corrected) and
+    /// the LiDAR, rad.
     pub rotation: Vector3<f64>,
     /// Standard deviation of the rotation, rad.
     pub rotation_sigma: Vector3<f64>,
