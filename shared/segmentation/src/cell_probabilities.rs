@@ -3,7 +3,7 @@
 use crate::class_rows::{UNLABELED, class_row};
 use messages::{ClassId, ClassRow};
 
-/// Cell of a point that is in no cell.
+/// Cell index of a point outside all cells.
 pub(crate) const NO_CELL: u32 = u32::MAX;
 
 /// The probabilities of the classes of a model in each cell of a submap, and the cells of its points.
@@ -14,19 +14,19 @@ pub struct CellProbabilities {
 }
 
 impl CellProbabilities {
-    /// `of_cells` has `n_classes` probabilities for each cell, zeros where nothing is known; `cell_of_point` the cell of each point, or
-    /// [`NO_CELL`].
+    /// `of_cells` has `n_classes` probabilities for each cell, zeros if they are unknown; `cell_of_point` is the cell
+    /// of each point, or [`NO_CELL`].
     pub(crate) fn new(n_classes: usize, of_cells: Vec<f32>, cell_of_point: Vec<u32>) -> Self {
         debug_assert!(of_cells.len().is_multiple_of(n_classes), "a row for each cell");
         Self { n_classes, of_cells, cell_of_point }
     }
-    /// The probabilities at each point, in order; `None` where nothing is known.
+    /// The probabilities at each point, in order; `None` if they are unknown.
     pub(crate) fn of_points(&self) -> impl Iterator<Item = Option<&[f32]>> {
         let of_cell = |cell: u32| &self.of_cells[cell as usize * self.n_classes..][..self.n_classes];
         let known = move |&cell: &u32| (cell != NO_CELL).then(|| of_cell(cell)).filter(|row| is_known(row));
         self.cell_of_point.iter().map(known)
     }
-    /// The values of a function of the probabilities, where they are known.
+    /// Applies a function to all known probabilities.
     pub(crate) fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
         for row in self.of_cells.chunks_exact_mut(self.n_classes) {
             if is_known(row) {
@@ -37,7 +37,7 @@ impl CellProbabilities {
         }
         self
     }
-    /// Class and score of each point, in order. `classes` are those of the probabilities.
+    /// Class and score of each point, in order. `classes` are the classes of the probabilities.
     pub(crate) fn decide(&self, classes: &[ClassId]) -> impl Iterator<Item = ClassRow> {
         let of_cell = |row: &[f32]| row_of(best_of(row), classes);
         let of_cells: Vec<ClassRow> = self.of_cells.chunks_exact(self.n_classes).map(of_cell).collect();
@@ -53,13 +53,13 @@ pub(crate) fn is_known(probabilities: &[f32]) -> bool {
 /// The most probable class of a point or cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BestClass {
-    /// Its number among the classes of the model.
+    /// Index among the classes of the model.
     pub class: usize,
-    /// 0 to 1.
+    /// Probability, 0 to 1.
     pub probability: f32,
 }
 
-/// The best class, of equally probable ones the first; `None` if all probabilities are zero.
+/// The best class, the first one of equally probable classes; `None` if all probabilities are zero.
 pub(crate) fn best_of(probabilities: &[f32]) -> Option<BestClass> {
     let mut best = BestClass { class: 0, probability: *probabilities.first()? };
     for (class, &probability) in probabilities.iter().enumerate() {
@@ -70,7 +70,7 @@ pub(crate) fn best_of(probabilities: &[f32]) -> Option<BestClass> {
     Some(best).filter(|best| best.probability > 0.0)
 }
 
-/// The row of a point with this class; without one, unlabeled.
+/// The row of a point with this class; unlabeled without a class.
 pub(crate) fn row_of(best: Option<BestClass>, classes: &[ClassId]) -> ClassRow {
     best.map_or(UNLABELED, |BestClass { class, probability }| class_row(classes[class], probability))
 }

@@ -1,8 +1,8 @@
-//! Rows of the topic `class` from decisions.
+//! Converts decisions to rows of topic `class`.
 
 use messages::{ClassId, ClassRow};
 
-/// Writes the row of each point. Returns the number of unlabeled ones.
+/// Writes the row of each point. Returns the number of unlabeled points.
 pub(crate) fn write_rows(rows: impl Iterator<Item = ClassRow>, classes: &mut [ClassRow]) -> usize {
     let mut n_unlabeled = 0;
     for (class, row) in classes.iter_mut().zip(rows) {

@@ -1,10 +1,10 @@
-//! What networks run on.
+//! Compute device of networks.
 
 use crate::SegmentationError;
 use candle_core::Device;
 
 settings::words! {
-    /// What networks run on.
+    /// Compute device of networks.
     #[derive(Default)]
     pub enum ComputeDevice {
         /// The kernels of [`kernels::images`] on all threads of the CPU.
@@ -16,7 +16,7 @@ settings::words! {
 }
 
 impl ComputeDevice {
-    /// The device of candle whose operations run the networks; `None` for the kernels.
+    /// The candle device that runs the networks; `None` for the kernels.
     ///
     /// # Errors
     /// If this build cannot use the device, or the machine does not have it.

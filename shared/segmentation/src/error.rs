@@ -36,7 +36,7 @@ pub enum SegmentationError {
     Card {
         /// Model file.
         path: PathBuf,
-        /// What is missing or invalid.
+        /// Missing or invalid part.
         reason: String,
     },
     /// The architecture is unknown.
@@ -82,7 +82,7 @@ pub enum SegmentationError {
         path: PathBuf,
         /// Name of the tensor.
         name: String,
-        /// What is wrong, and what is expected.
+        /// The problem, and the expected value.
         reason: String,
     },
     /// The settings of a model contradict each other.
@@ -120,7 +120,7 @@ pub enum SegmentationError {
     /// The scores of a network do not fit the model.
     #[error("scores of sweep {sweep}: {found} numbers; the model needs {expected:?} channels, rows, columns")]
     Scores {
-        /// Number of the sweep among those of its submap.
+        /// Number of the sweep in its submap.
         sweep: usize,
         /// Number of scores.
         found: usize,

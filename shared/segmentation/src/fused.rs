@@ -1,9 +1,10 @@
-//! Two models as one: the weighted geometric mean of their probabilities (a product of experts, Hinton 2002).
+//! Fusion of two models: the weighted geometric mean of their probabilities (a product of experts, Hinton 2002).
 //!
-//! Two networks that see the same points in other ways err at other places: one that nearly excludes a class outweighs one that only
-//! prefers it. So a class that each of them often misses is missed more often by both: its mean is multiplied by a prior above 1 (logit
-//! adjustment, Menon et al. 2021). Where two that err differently agree, they are right more often than either score says: a temperature
-//! below 1 raises the scores of the decided classes, and changes no class.
+//! Two networks with different views of the points make different errors: a model that nearly excludes a class
+//! outweighs a model that only prefers it. A class that both models often miss is therefore missed more often after
+//! fusion: its mean is multiplied by a prior above 1 (logit adjustment, Menon et al. 2021). Where two models with
+//! different errors agree, they are correct more often than either score indicates: a temperature below 1 raises the
+//! scores of the decided classes, and changes no class.
 
 use crate::CellProbabilities;
 use crate::cell_probabilities::{BestClass, best_of, row_of};
@@ -23,7 +24,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Added to every probability: no model excludes a class for sure. Votes have steps of 1/255.
+/// Added to every probability, so that no model excludes a class with certainty. Votes have steps of 1/255.
 const LEAST: f32 = 1e-3;
 
 /// Name of the architecture in model files.
@@ -32,15 +33,15 @@ pub const ARCHITECTURE: &str = "fused";
 /// Version that this program writes and runs.
 const VERSION: u32 = 1;
 
-/// How two models are fused.
+/// Parameters of the fusion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fusion {
     /// Share of the first model in the mean, 0 to 1.
     pub share: f64,
-    /// The first model sees one of this many sweeps of those that it would see alone, 1 to 16: most of what the others show, the second
-    /// model has seen, too.
+    /// The first model processes one in this many of its sweeps, 1 to 16. Most of what the skipped sweeps show is also
+    /// input of the second model.
     pub every: usize,
-    /// Factors of the means by names of classes, 0.01 to 100; 1 for other classes.
+    /// Factors of the means by class name, 0.01 to 100; 1 for other classes.
     pub priors: BTreeMap<String, f32>,
     /// Divisor of the logarithms of the products of means and priors, 0.1 to 10 (temperature scaling, Guo et al. 2017).
     pub temperature: f32,
@@ -60,7 +61,7 @@ struct Settings {
     models: [CardText; 2],
 }
 
-/// Leaves the scores as they are.
+/// The temperature that leaves scores unchanged.
 fn no_temperature() -> f32 {
     1.0
 }
@@ -74,8 +75,8 @@ pub(crate) fn parts(file: &ModelFile) -> Result<[ModelFile; 2], SegmentationErro
 /// The bytes of a model file that fuses two. Equal files give equal bytes.
 ///
 /// # Errors
-/// If a file cannot be read, one of the models knows no probabilities, removes the ground first or is fused itself, their classes
-/// differ, a prior is that of another class, or a number is outside its range.
+/// If a file cannot be read, one of the models has no probabilities, removes the ground first or is itself fused, their
+/// classes differ, a prior names another class, or a number is outside its range.
 pub fn fuse(first: &Path, second: &Path, fusion: &Fusion) -> Result<Vec<u8>, SegmentationError> {
     let files = [ModelFile::read(first)?, ModelFile::read(second)?];
     Fused::of_files(&files, fusion, &Options::default())?;
@@ -89,7 +90,7 @@ pub fn fuse(first: &Path, second: &Path, fusion: &Fusion) -> Result<Vec<u8>, Seg
     encode_model(ARCHITECTURE, VERSION, &settings, tensors.collect())
 }
 
-/// Sweeps of which the first model sees one, at most.
+/// Largest value of [`Fusion::every`].
 const MOST_EVERY: usize = 16;
 
 /// A model that can be fused.
@@ -101,12 +102,12 @@ fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter
         spherical::ARCHITECTURE if removes_ground()? => "the model removes the ground first",
         spherical::ARCHITECTURE => return Ok(Box::new(SphericalModel::from_file(file)?.with_options(*options)?)),
         points::ARCHITECTURE => {
-            // Its operations have no kernels for a GPU; the other model can be there.
+            // Its operations have no GPU kernels; the other model can run on the GPU.
             let on_cpu = Options { device: ComputeDevice::Cpu, ..*options };
             return Ok(Box::new(PointModel::from_file(file)?.with_options(on_cpu)?));
         }
-        ground_quasi_flat::ARCHITECTURE => "the model knows no probabilities",
-        ARCHITECTURE => "the model is fused itself",
+        ground_quasi_flat::ARCHITECTURE => "the model has no probabilities",
+        ARCHITECTURE => "the model is itself fused",
         _ => return Err(file.unknown_architecture()),
     };
     Err(SegmentationError::Card { path: file.path.clone(), reason: format!("{reason}, so it cannot be fused") })
@@ -133,7 +134,7 @@ impl Fused {
     /// Reads the files of two models. The result has the card of the first.
     ///
     /// # Errors
-    /// Those of [`fuse`].
+    /// The errors of [`fuse`].
     pub fn of_models(
         first: &Path,
         second: &Path,
@@ -164,7 +165,7 @@ impl Fused {
         let expected = names(&**first);
         if found != expected {
             let reason = format!(
-                "the classes {} are not those of the model that it is fused with: {}",
+                "the classes {} differ from the classes of the other model: {}",
                 found.join(", "),
                 expected.join(", ")
             );
@@ -187,8 +188,8 @@ impl Fused {
     pub fn classes(&self) -> &[ClassId] {
         self.models[0].classes()
     }
-    /// The means of one of `step` points, starting with the first, before priors and temperature: for each point a value for each class, or
-    /// zeros where neither model can classify it.
+    /// The means of one of `step` points, starting with the first, before priors and temperature: for each point a
+    /// value for each class, or zeros if neither model can classify it.
     ///
     /// # Errors
     /// If the columns of the input differ in length, or a model fails.
@@ -209,7 +210,7 @@ impl Fused {
         }
         Ok(means)
     }
-    /// What each model contributes to the products.
+    /// Factors of each model in the products.
     fn factors(
         &self,
         input: &ModelInput<'_>,
@@ -219,14 +220,14 @@ impl Fused {
         let [first, second] = &self.models;
         let SubmapProbabilities { cells: of_first, report } = first.probabilities(input, ground)?;
         let SubmapProbabilities { cells: of_second, .. } = second.probabilities(input, ground)?;
-        // By cells, because many points share one.
+        // Computed per cell because many points share one.
         let power = |exponent: f32| move |probability: f32| (probability + LEAST).powf(exponent);
         let of_models = [of_first.map(power(exponents[0])), of_second.map(power(exponents[1]))];
         Ok(Factors { of_models, report })
     }
 }
 
-/// What both models contribute to the products of a submap.
+/// Factors of both models in the products of a submap.
 struct Factors {
     /// The probabilities of each model to the power of its exponent.
     of_models: [CellProbabilities; 2],
@@ -234,7 +235,7 @@ struct Factors {
     report: Report,
 }
 
-/// Multiplies values of the classes by the factors at a point. A model that cannot classify it has none.
+/// Multiplies values of the classes by the factors at a point. A model that cannot classify the point has no factors.
 fn multiply(values: &mut [f32], factors: [Option<&[f32]>; 2]) {
     for of_model in factors.into_iter().flatten() {
         values.iter_mut().zip(of_model).for_each(|(value, factor)| *value *= factor);
@@ -252,7 +253,7 @@ fn decide(priors: &[f32], factors: [Option<&[f32]>; 2]) -> Option<BestClass> {
     best_of(products).map(|best| BestClass { probability: best.probability / total, ..best })
 }
 
-/// Whether both are the row of one cell.
+/// Whether both are the row of the same cell.
 fn is_same(a: Option<&[f32]>, b: Option<&[f32]>) -> bool {
     match (a, b) {
         (Some(a), Some(b)) => std::ptr::eq(a, b),
@@ -264,16 +265,16 @@ impl Segmenter for Fused {
     fn card(&self) -> &ModelCard {
         &self.card
     }
-    /// Unseen are the points that neither model can classify; the rest of the report is that of the first.
+    /// `n_unseen` counts the points that neither model can classify; the rest of the report is from the first model.
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let first = &self.models[0];
         let ground = SubmapGround::find(input.header, input.points);
-        // So a temperature costs nothing: the factors are computed with some exponents anyway.
+        // A temperature costs nothing because the factors are computed with exponents anyway.
         let exponents = self.shares.map(|share| share / self.temperature);
         let Factors { of_models: [of_first, of_second], report } = self.factors(input, &ground, exponents)?;
         let decided = |factors: [Option<&[f32]>; 2]| row_of(decide(&self.priors, factors), first.classes());
-        // Points that follow each other often share their cells.
+        // Consecutive points often share their cells.
         let mut last = ([None, None], decided([None, None]));
         let rows = of_first.of_points().zip(of_second.of_points()).map(|(first, second)| {
             let factors = [first, second];
@@ -296,7 +297,7 @@ mod tests {
 
     const ROAD_OR_POLE: [ClassId; 2] = [ClassId::Road, ClassId::Pole];
 
-    /// Gives each point its own cell with probabilities of a list.
+    /// Gives each point its own cell with probabilities from a list.
     struct Fixed {
         card: ModelCard,
         classes: Vec<ClassId>,

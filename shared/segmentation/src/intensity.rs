@@ -1,7 +1,8 @@
-//! Intensities of other sensors on the scale of the training.
+//! Converts the intensities of other sensors to the scale of the training data.
 //!
-//! Sensors report the strength of a return on scales of their own: the median of roads is 11 of 255 for some, 66 for others. The
-//! ground is in every street, and its intensities have similar shares of asphalt, paint and grass; so they show the scale.
+//! Sensors report the strength of a return on different scales: the median of roads is 11 of 255 for some sensors, 66
+//! for others. Ground is in every street, and its intensities have similar shares of asphalt, paint and grass, so they
+//! determine the scale.
 
 mod ground_histogram;
 mod map;
@@ -14,54 +15,55 @@ pub use ring_gains::{GroundByRing, RingReturn};
 use ground_histogram::N;
 use messages::SubmapPoint;
 
-/// About so many points of a submap are examined: a pass over all would read the whole submap once more.
+/// Approximate number of examined points of a submap: examining all would read the whole submap once more.
 const SAMPLE: usize = 100_000;
-/// Factor from the median of the ground in the training up to which intensities are on its scale, in both directions. The ground of one
-/// sensor is twice as bright under a tilted mounting as under an upright one. In simulated towns, intensities as recorded are better up
-/// to a gain of 2, and normalized ones from 3 on.
+/// Factor between the medians of the ground and of the training up to which intensities are on the training scale, in
+/// both directions. The ground of one sensor is twice as bright under a tilted mounting as under an upright one. In
+/// simulated towns, recorded intensities are better up to a gain of 2, and normalized ones from 3 on.
 const TOLERANCE: f32 = 3.0;
 
 settings::words! {
-    /// What a model takes from the intensities.
+    /// Use of the intensities in a model.
     #[derive(Default)]
     pub enum IntensityUse {
-        /// As recorded if they are on the scale of the training, else brought to it.
+        /// Recorded intensities if they are on the scale of the training data, otherwise normalized ones.
         #[default]
         Auto = "auto",
-        /// Brought to the scale of the training, ring by ring.
+        /// Intensities normalized to the scale of the training data, ring by ring.
         Normalized = "normalized",
-        /// As recorded.
+        /// Recorded intensities.
         Raw = "raw",
-        /// Nothing.
+        /// No intensities.
         Off = "off",
     }
 }
 
-/// Quantiles of the ground in simulated towns, for models without their own: points of the HDL-32E of the survey rig, urban, suburban,
-/// rural and tunnel, seeds 9001 and 9002. `replica-lab train` prints and stores those of its data.
+/// Quantiles of the ground in simulated towns, for models without their own: points of the HDL-32E of the survey rig,
+/// urban, suburban, rural and tunnel, seeds 9001 and 9002. `replica-lab train` prints and stores the quantiles of its
+/// data.
 const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
 
-/// The intensities of a submap for a model.
+/// The intensities of a submap, prepared for a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SubmapIntensities {
-    /// What becomes of each intensity.
+    /// Conversion of each intensity.
     pub map: IntensityMap,
-    /// The medians of the ground, if they show that the intensities are on another scale than those of the training.
+    /// The medians of the ground, if they show that the intensities are not on the scale of the training data.
     pub foreign: Option<ForeignIntensity>,
 }
 
 /// Median intensities of the ground on different scales.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignIntensity {
-    /// In the submap.
+    /// Median in the submap.
     pub found: u8,
-    /// In the training.
+    /// Median in the training data.
     pub trained: u8,
 }
 
 impl SubmapIntensities {
-    /// Finds the scale of the intensities of a submap from its ground. `heights_m` are the heights of the points above the ground.
-    /// Without intensities of the training, the ones of simulated towns are taken.
+    /// Finds the scale of the intensities of a submap from its ground. `heights_m` are the heights of the points above
+    /// the ground. Without intensities of the training data, the ones of simulated towns are used.
     pub fn find(
         intensity_use: IntensityUse,
         points: &[SubmapPoint],
@@ -70,7 +72,7 @@ impl SubmapIntensities {
     ) -> Self {
         const UNKNOWN: SubmapIntensities = SubmapIntensities { map: IntensityMap::Unknown, foreign: None };
         let trained = trained.unwrap_or(SIMULATED);
-        // An odd step: points are ordered by firings of 2^n rings, and all rings are to be counted.
+        // The step is odd: points are ordered by firings of 2^n rings, and all rings must be counted.
         let step = (points.len() / SAMPLE) | 1;
         let sample = points.iter().zip(heights_m).step_by(step);
         let ring_return = |(point, height_m): (&SubmapPoint, &f32)| RingReturn {
@@ -97,7 +99,7 @@ impl SubmapIntensities {
     }
 }
 
-/// Whether a median could be that of a training drive.
+/// Whether a training drive could have such a median.
 fn is_on_scale(found: GroundIntensities, trained: GroundIntensities) -> bool {
     let [found, trained] = [found, trained].map(|quantiles| f32::from(quantiles[N / 2]));
     found <= trained * TOLERANCE && found * TOLERANCE >= trained

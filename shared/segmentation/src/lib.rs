@@ -10,9 +10,10 @@
 //! | `ground_quasi_flat` | [`ground_quasi_flat`] | ground by mathematical morphology, without a network (crate `ground`) |
 //!
 //! A network is a graph of candle tensors ([`network`] on images, [`points`] on points). Its fast operations are in the crate `kernels`,
-//! the terrain below a submap in the crate `ground`, everything that only training needs in the crate `training`.
+//! the terrain below a submap is in the crate `ground`, and everything only needed for training in the crate
+//! `training`.
 //!
-//! | what all models share | module |
+//! | shared by all models | module |
 //! |---|---|
 //! | model files, and the part of a fused file | [`ModelFile`], [`encode_model`] |
 //! | probabilities in cells of the submap | [`CellProbabilities`] |
@@ -21,12 +22,14 @@
 //! | options of a run that are not part of the model | [`Options`], [`ComputeDevice`] |
 //!
 //! Equal submaps and models give equal classes and scores on every CPU, for every number of threads and every batch size; only a GPU
-//! rounds differently. A model never reads a clock, the environment or a file after it is loaded. It never invents a class: names of
-//! classes come from the model file and must be in the class table of `messages`. Every score and every byte of a class depends on the
-//! order of floating-point operations here, so a change of this order is a new version of the architecture.
+//! rounds differently. A model never reads a clock, the environment or a file after it is loaded. It never invents a
+//! class: class names come from the model file and must be in the class table of `messages`. Every score and every
+//! class byte depends on the order of floating-point operations here, so a change of this order is a new version of the
+//! architecture.
 //!
 //! Where to start reading: `segmenter.rs` has the interface of all models, `load.rs` the list of architectures, and
-//! `spherical/model.rs` and `points/model.rs` a whole model each. A further architecture is a module and a line in [`load()`].
+//! `spherical/model.rs` and `points/model.rs` a complete model each. A new architecture is a module and a line in
+//! [`load()`].
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

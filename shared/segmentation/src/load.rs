@@ -1,4 +1,4 @@
-//! Loading of models by the architecture in their file.
+//! Loads models by the architecture in their file.
 
 use crate::ground_quasi_flat::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
@@ -9,7 +9,7 @@ use crate::spherical::{self, AskedColumns, SphericalModel};
 use crate::{Fused, SegmentationError, fused};
 use std::path::Path;
 
-/// The columns that a model file reads beside the points of a submap.
+/// The columns that a model file reads in addition to the points of a submap.
 ///
 /// # Errors
 /// If the file or its settings cannot be read.

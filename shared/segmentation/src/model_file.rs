@@ -3,8 +3,8 @@
 //!
 //! A file can contain several models: its settings then have their cards, and the tensors of the first are named `0.…`.
 //!
-//! One key and not three, because safetensors keeps its metadata in a hash map: with one key, equal models give equal
-//! bytes.
+//! There is one key instead of three because safetensors keeps its metadata in a hash map: with one key, equal models
+//! give equal bytes.
 
 use crate::SegmentationError;
 use candle_core::{DType, Device, Tensor};
@@ -17,7 +17,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Largest model file that is read, bytes: a hundred times the networks that run on a CPU beside the other stages.
+/// Size limit of a model file, bytes: a hundred times the networks that run on a CPU alongside the other stages.
 pub const MAX_MODEL_BYTES: u64 = 1 << 30;
 
 /// Metadata key of the model card.
@@ -28,13 +28,13 @@ const CARD_KEY: &str = "model";
 pub struct ModelCard {
     /// Name of the architecture.
     pub architecture: String,
-    /// Version of the architecture. Incremented when the same file would give other classes.
+    /// Version of the architecture. It is incremented when the same file would give other classes.
     pub version: u32,
     /// 64-bit FNV-1a of the whole file.
     pub digest: u64,
 }
 
-/// A card as it is written.
+/// The card in its stored form.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CardText {
@@ -50,19 +50,19 @@ pub struct ModelFile {
     /// Architecture, version and digest.
     pub card: ModelCard,
     settings: serde_json::Value,
-    /// Start of the names of its tensors.
+    /// Common prefix of its tensor names.
     prefix: String,
     container: Arc<Container>,
 }
 
-/// A safetensors file, read once: parsing its header for each tensor again would take most of the time of loading.
+/// A safetensors file, read once: parsing its header for each tensor would dominate the loading time.
 struct Container {
     metadata: Metadata,
     data_start: usize,
     bytes: Vec<u8>,
 }
 
-/// Bytes of the length of the header before it.
+/// Size of the length field before the header, bytes.
 const LENGTH_BYTES: usize = 8;
 
 impl ModelFile {
@@ -91,13 +91,13 @@ impl ModelFile {
         Self { path: self.path.clone(), card, settings, prefix, container: self.container.clone() }
     }
 
-    /// The card as it is written.
+    /// The card in its stored form.
     pub(crate) fn card_text(&self) -> CardText {
         let ModelCard { architecture, version, .. } = self.card.clone();
         CardText { architecture, version, settings: self.settings.clone() }
     }
 
-    /// All tensors, named as those of a part.
+    /// All tensors, with the names that they have in a part.
     pub(crate) fn tensors_of_part(&self, number: usize) -> Result<BTreeMap<String, Tensor>, SegmentationError> {
         let names = self.container.metadata.tensors().into_keys();
         names.map(|name| Ok((prefix_of(number) + &name, self.load(&name)?))).collect()
@@ -124,7 +124,7 @@ impl ModelFile {
         SegmentationError::Tensor { path: self.path.clone(), name: format!("{}{name}", self.prefix), reason }
     }
 
-    /// The error for an architecture that no model has.
+    /// The error for an unknown architecture.
     pub(crate) fn unknown_architecture(&self) -> SegmentationError {
         let known = "fused, ground_quasi_flat, points, spherical";
         SegmentationError::Architecture { path: self.path.clone(), found: self.card.architecture.clone(), known }
@@ -165,7 +165,7 @@ impl ModelFile {
         }
     }
 
-    /// A vector of `len` finite f32.
+    /// A vector of finite f32 values with a length in `len`.
     pub(crate) fn vector(
         &self,
         name: &'static str,
@@ -183,7 +183,7 @@ impl ModelFile {
     }
 }
 
-/// Start of the names of the tensors of a part.
+/// Prefix of the tensor names of a part.
 fn prefix_of(number: usize) -> String {
     format!("{number}.")
 }

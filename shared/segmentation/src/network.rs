@@ -1,7 +1,8 @@
-//! Networks on images as lists of layers that any [`Executor`] runs: [`Inference`] here, as operations of candle on tensors, and the
-//! derivatives in the crate `training`.
+//! Networks on images as lists of layers that any [`Executor`] runs: [`Inference`] here, as operations of candle on
+//! tensors, and the derivatives in the crate `training`.
 //!
-//! [`NetworkSpec`] names an architecture and runs it, [`Weights`] has its values, [`Inference`] is both ready to run.
+//! [`NetworkSpec`] names an architecture and runs it, [`Weights`] has its values, and [`Inference`] combines both for
+//! prediction.
 
 mod blocked;
 mod executor;

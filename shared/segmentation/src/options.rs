@@ -7,13 +7,13 @@ use crate::refinement::Refinement;
 /// Options of a run that are not part of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// One of so many sweeps goes through the network; 1 for all. Models that do not use sweeps ignore it.
+    /// One in this many sweeps goes through the network; 1 for all. Models that do not use sweeps ignore it.
     pub every: usize,
-    /// Sweeps that go through the network together, at least 1. The classes do not depend on it.
+    /// Number of sweeps that go through the network together, at least 1. The classes do not depend on it.
     pub batch: usize,
-    /// What the network runs on.
+    /// Compute device of the network.
     pub device: ComputeDevice,
-    /// What is taken from the intensities.
+    /// Use of the intensities.
     pub intensity: IntensityUse,
     /// Corrections of the classes.
     pub refinement: Refinement,

@@ -1,5 +1,5 @@
-//! Networks on points: [`PointNetworkSpec`] names one, [`PointNetworkSpec::plan`] searches the neighborhoods of a batch, and
-//! [`PointNetworkSpec::run`] gives a score of each class for each point. All have gradients in training.
+//! Networks on points: [`PointNetworkSpec`] names one, [`PointNetworkSpec::plan`] searches the neighborhoods of a
+//! batch, and [`PointNetworkSpec::run`] computes a score of each class for each point. All have gradients in training.
 //!
 //! | network | kind | uses |
 //! |---|---|---|

@@ -1,4 +1,5 @@
-//! Corrections of classes by mathematical morphology (thesis section 6.3.2). The ones of range images are in `spherical`.
+//! Corrections of classes by mathematical morphology (thesis section 6.3.2). Corrections of range images are in
+//! `spherical`.
 
 use geometry::BevGrid;
 use ground::SubmapGround;
@@ -7,7 +8,7 @@ use messages::{ClassRow, SubmapPoint};
 use morphology::{Connectivity, connected_components, geodesic_elongations};
 use ndarray::Array2;
 
-/// The corrections that are applied.
+/// Selection of corrections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "each correction is chosen for itself")]
 pub struct Refinement {
@@ -15,9 +16,10 @@ pub struct Refinement {
     pub poles: bool,
     /// Regions of buildings and vegetation with fewer than 100 pixels get the surrounding class.
     pub small_regions: bool,
-    /// In the top view, regions higher than 2.5 m with a geodesic elongation above 20 become buildings.
+    /// Regions of the top view that are higher than 2.5 m and have a geodesic elongation above 20 become buildings.
     pub buildings: bool,
-    /// Terrain and unpaved ground become vegetation where the ground is rough, if the model has this class. Not by the thesis.
+    /// Terrain and unpaved ground become vegetation where the ground is rough, if the model has this class. Not from
+    /// the thesis.
     pub rough_ground: bool,
 }
 
@@ -33,9 +35,9 @@ impl Default for Refinement {
     }
 }
 
-/// Lower points are ground for poles and buildings, m.
+/// Points below this height are ground for poles and buildings, m.
 pub(crate) const GROUND_M: f32 = 0.3;
-/// Classes with which low vegetation is confused. Rings with errors make pavements rough, too.
+/// Classes with which low vegetation is confused. Ring errors also make pavements rough.
 const SOIL: [ClassId; 2] = [Terrain, ClassId::Ground];
 const BUILDING_M: f32 = 2.5;
 const BUILDING_ELONGATION: f64 = 20.0;
@@ -139,7 +141,7 @@ mod tests {
         for ((point, before), row) in points.iter().zip(&before).zip(&rows) {
             let is_changed = row != before;
             assert!(!is_changed || row.class_id == Vegetation as u8 && before.class_id == Terrain as u8);
-            // The vote of the cells around decides near the border.
+            // Near the border the vote of the surrounding cells decides.
             assert!(!is_changed || point.y > -1.0, "{point:?}");
             n_changed += usize::from(is_changed && point.y > 1.0);
         }

@@ -45,11 +45,11 @@ pub struct Report {
     pub n_unknown: usize,
     /// Factor by which the cells of the model's grid were enlarged to stay within its memory limit; 1 if they were not.
     pub coarsened: u32,
-    /// Median intensities of the ground, if they show that the intensities are on another scale than those of the training.
+    /// Median intensities of the ground, if they show that the intensities are not on the scale of the training data.
     pub foreign_intensity: Option<ForeignIntensity>,
 }
 
-/// Gives every point a class and a score.
+/// Assigns a class and a score to every point.
 pub trait Segmenter: Send {
     /// Identification of the model.
     fn card(&self) -> &ModelCard;
@@ -61,13 +61,13 @@ pub trait Segmenter: Send {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError>;
 }
 
-/// A model that knows the probabilities of its classes in cells of the submap.
+/// A model that computes probabilities of its classes in cells of the submap.
 pub trait CellSegmenter: Segmenter {
     /// The classes of the probabilities, in order.
     fn classes(&self) -> &[ClassId];
-    /// Corrections of the classes of points, after the decision for the most probable ones.
+    /// Corrections of the classes of points, applied after the choice of the most probable classes.
     fn refinement(&self) -> Refinement;
-    /// The probabilities, from the submap and the ground below it.
+    /// Computes the probabilities from the submap and the ground below it.
     fn probabilities(
         &self,
         input: &ModelInput<'_>,
@@ -75,7 +75,7 @@ pub trait CellSegmenter: Segmenter {
     ) -> Result<SubmapProbabilities, SegmentationError>;
 }
 
-/// What a [`CellSegmenter`] knows of a submap.
+/// Result of a [`CellSegmenter`] for a submap.
 pub struct SubmapProbabilities {
     /// Probabilities of the classes in cells of the submap.
     pub cells: CellProbabilities,
@@ -84,7 +84,7 @@ pub struct SubmapProbabilities {
 }
 
 impl<'a> ModelInput<'a> {
-    /// A submap without colors and spectra.
+    /// Creates the input of a submap without colors and spectra.
     pub fn new(header: &'a SubmapHeader, points: &'a [SubmapPoint]) -> Self {
         Self { header, points, colors: None, spectra: None }
     }
@@ -97,7 +97,7 @@ impl<'a> ModelInput<'a> {
         self.check_length("class column", classes.len())?;
         self.check_columns()
     }
-    /// [`Self::check`] of the columns that a model reads.
+    /// Checks the columns that a model reads, like [`Self::check`].
     pub(crate) fn check_columns(&self) -> Result<(), SegmentationError> {
         self.colors.map_or(Ok(()), |colors| self.check_length("color column", colors.len()))?;
         let expected = self.points.len();

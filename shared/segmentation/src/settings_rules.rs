@@ -1,9 +1,9 @@
-//! Rules that the settings of all models on networks share.
+//! Rules shared by the settings of all network models.
 
 use crate::SegmentationError;
 use messages::{ClassId, UnknownClass};
 
-/// The classes of these names.
+/// The classes with these names.
 ///
 /// # Errors
 /// [`SegmentationError::Settings`] if a name is not in the class table.

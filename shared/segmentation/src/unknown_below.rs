@@ -10,7 +10,8 @@ pub struct UnknownBelow {
 }
 
 impl UnknownBelow {
-    /// Wraps a model of any architecture. The threshold is a score, 0 to 1. A threshold of 0 returns the model as it is.
+    /// Wraps a model of any architecture. The threshold is a score, 0 to 1. A threshold of 0 returns the unchanged
+    /// model.
     pub fn wrap(model: Box<dyn Segmenter>, threshold: f64) -> Box<dyn Segmenter> {
         if threshold > 0.0 { Box::new(Self { model, threshold }) } else { model }
     }
@@ -40,7 +41,7 @@ mod tests {
     use super::*;
     use messages::{SubmapHeader, SubmapPoint};
 
-    /// Gives three points a class with rising score, and a fourth one none.
+    /// Assigns a class with rising score to three points, and no class to a fourth.
     struct Fixed(ModelCard);
 
     const ROWS: [ClassRow; 4] = [

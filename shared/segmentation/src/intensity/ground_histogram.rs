@@ -7,9 +7,9 @@ pub(super) const N: usize = 5;
 /// Intensities of the ground below which 5, 25, 50, 75 and 95 % of its points lie.
 pub type GroundIntensities = [u8; N];
 
-/// Points within this distance of the ground are taken for the ground, m.
+/// Largest distance from the ground of points that count as ground, m.
 const GROUND_M: f32 = 0.15;
-/// Ground points below which the scale is not known.
+/// With fewer ground points the scale is unknown.
 const MIN_POINTS: u64 = 2000;
 
 /// Counts the intensities of ground points.
@@ -33,7 +33,7 @@ impl GroundHistogram {
     pub(super) fn add_counts(&mut self, intensity: u8, n: u64) {
         self.0[usize::from(intensity)] += n;
     }
-    /// Numbers of points by intensity.
+    /// Number of points per intensity.
     pub(super) fn counts(&self) -> &[u64; 256] {
         &self.0
     }
@@ -41,7 +41,7 @@ impl GroundHistogram {
     pub fn join(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(sum, n)| *sum += n);
     }
-    /// `None` if there are too few points, or all have intensity 0.
+    /// The quantiles; `None` if there are too few points, or all have intensity 0.
     pub fn quantiles(&self) -> Option<GroundIntensities> {
         let total: u64 = self.0.iter().sum();
         if total < MIN_POINTS || self.0[0] == total {

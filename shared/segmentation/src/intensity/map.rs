@@ -1,19 +1,19 @@
-//! What becomes of the intensities of a submap.
+//! Conversion of the intensities of a submap.
 
-/// What becomes of each intensity of a submap.
+/// Conversion of each intensity of a submap.
 #[derive(Clone, Debug, PartialEq)]
 pub enum IntensityMap {
-    /// It stays.
+    /// The intensity is unchanged.
     Unchanged,
-    /// It gets the value of the training at the same share of the ground: values by intensity for each ring, the last ones also for
-    /// the rings above.
+    /// The intensity is replaced by the training value at the same quantile of the ground: values by intensity for each
+    /// ring. The last ring's values also apply to the rings above.
     ByRing(Vec<[u8; 256]>),
-    /// It is not known.
+    /// The intensity is unknown.
     Unknown,
 }
 
 impl IntensityMap {
-    /// What becomes of an intensity that is known.
+    /// Converts a known intensity.
     pub fn of_intensity(&self, ring: usize, intensity: u8) -> u8 {
         match self {
             Self::Unchanged => intensity,

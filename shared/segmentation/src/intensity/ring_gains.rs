@@ -1,14 +1,14 @@
-//! Gains of the rings of a LiDAR: the lasers of a unit respond differently, in some models by a factor of two.
+//! Gains of the rings of a LiDAR: the lasers of a unit have different responses, in some models by a factor of two.
 
 use super::ground_histogram::{GroundHistogram, GroundIntensities, N};
 use super::map::IntensityMap;
 
-/// Ground points of a ring below which its gain is not known.
+/// With fewer ground points the gain of a ring is unknown.
 const MIN_POINTS: u64 = 100;
-/// Largest factor between the ground of a ring and that of all rings. It covers range and incidence, too.
+/// Largest factor between the ground of a ring and the ground of all rings. It also covers range and incidence.
 const LARGEST: f32 = 4.0;
 
-/// The intensities of the ground, ring by ring. Rings of the same number of several LiDARs count as one.
+/// The intensities of the ground, ring by ring. Rings with the same number of several LiDARs count as one.
 #[derive(Clone, Debug, Default)]
 pub struct GroundByRing(Vec<GroundHistogram>);
 
@@ -43,12 +43,12 @@ impl GroundByRing {
         all.quantiles()
     }
 
-    /// Whether nearly the whole ground has one intensity: a constant in the place of intensities.
+    /// Whether nearly the whole ground has one intensity: a constant instead of intensities.
     pub(super) fn is_constant(&self) -> bool {
         self.quantiles().is_some_and(|found| found[0] == found[N - 1])
     }
 
-    /// Factor of each ring to the median of all.
+    /// Factor of each ring relative to the median of all rings.
     fn factors(&self) -> Option<Vec<f32>> {
         let median_of_all = f32::from(self.quantiles()?[N / 2]);
         let factor = |ring: &GroundHistogram| match median(ring) {
@@ -60,8 +60,9 @@ impl GroundByRing {
         Some(self.0.iter().map(factor).collect())
     }
 
-    /// Brings all rings to the same median, and their intensities to the scale of the training: linear between the quantiles; above the
-    /// last, the rest of both scales. A constant says nothing. `None` if the ground is not known.
+    /// Conversion that scales all rings to the same median, and their intensities to the scale of the training data:
+    /// linear between the quantiles; above the last one, linear over the rest of both scales. A constant gives no
+    /// information. `None` if the ground is unknown.
     pub fn normalizing(&self, trained: GroundIntensities) -> Option<IntensityMap> {
         let factors = self.factors()?;
         if self.is_constant() {
@@ -90,7 +91,7 @@ fn median(ring: &GroundHistogram) -> Option<f32> {
     ring.counts().iter().position(reached).filter(|_| total >= MIN_POINTS).map(|intensity| intensity as f32)
 }
 
-/// The value of the training for an intensity, linear between quantiles of the ground.
+/// The training value for an intensity, linear between quantiles of the ground.
 fn between(found: GroundIntensities, trained: GroundIntensities) -> impl Fn(f32) -> u8 {
     let mut knots = vec![(0.0_f32, 0.0_f32)];
     for (number, (from, to)) in found.into_iter().zip(trained).enumerate() {
@@ -139,7 +140,7 @@ mod tests {
             assert!(map.of_intensity(ring, median).abs_diff(12) <= 1, "ring {ring}");
             assert!(map.of_intensity(ring, 2 * median) >= 25, "paint of ring {ring}");
         }
-        // Without ground, rings keep their gain; rings that were not counted are like the last one.
+        // Without ground, rings keep their gain; rings that were not counted use the last one.
         let high = map.of_intensity(9, 50);
         assert!(high == map.of_intensity(5, 50) && high == map.of_intensity(200, 50));
         let equal = GroundByRing::of((0..5000).map(|_| ground(0, 76)));

@@ -14,8 +14,8 @@ use std::sync::{Mutex, PoisonError};
 #[derive(Debug, Default)]
 pub struct ImagePool(Mutex<Vec<Tensor>>);
 
-/// The tensor of an image, which may return to a pool when dropped: a clone of the tensor does not keep its values, a `copy()`
-/// does.
+/// The tensor of an image, which may return to a pool when dropped. A clone of the tensor does not keep its values, a
+/// `copy()` does.
 pub struct PooledImage<'a> {
     tensor: Tensor,
     pool: Option<&'a ImagePool>,
@@ -36,7 +36,7 @@ impl ImagePool {
         let tensor = found.map_or_else(|| zeros(channels, height, width), Ok)?;
         Ok(PooledImage { tensor, pool: Some(self) })
     }
-    /// An image that `write` writes except its border.
+    /// An image that `write` fills except for its border.
     pub(super) fn written(
         &self,
         [channels, height, width]: [usize; 3],

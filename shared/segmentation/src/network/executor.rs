@@ -1,4 +1,4 @@
-//! What runs the layers of a network.
+//! Interface for running the layers of a network.
 
 use super::layer::Layer;
 use crate::SegmentationError;
@@ -13,6 +13,6 @@ pub trait Executor {
     fn max_pool(&mut self, image: &Self::Image, factor: [usize; 2]) -> Result<Self::Image, SegmentationError>;
     /// Repeats every pixel over rows x columns.
     fn upsample(&mut self, image: &Self::Image, factor: [usize; 2]) -> Result<Self::Image, SegmentationError>;
-    /// In training, sets a share of the values to zero and scales the others to keep the mean.
+    /// Dropout: in training, sets a share of the values to zero and scales the others to keep the mean.
     fn dropout(&mut self, image: Self::Image, rate: f32) -> Result<Self::Image, SegmentationError>;
 }

@@ -19,7 +19,8 @@ use rayon::prelude::*;
 pub struct Inference {
     spec: NetworkSpec,
     filters: Vec<Filter>,
-    /// The filters for the operations of candle, and where these run; without them, the kernels of [`kernels::images`] run.
+    /// The filters for the operations of candle, and their device; without them, the kernels of [`kernels::images`]
+    /// run.
     on_device: Option<(Device, Vec<DeviceFilter>)>,
     border: Border,
     pool: ImagePool,
@@ -37,10 +38,11 @@ impl Inference {
         let input_pool = ImagePool::default();
         Ok(Self { spec, filters, on_device: None, border, pool, input_pool })
     }
-    /// The network with an identity as last layer: its output are the features of the classifier, all sources concatenated.
+    /// The network with an identity as last layer: its outputs are the inputs of the classifier, all sources
+    /// concatenated.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// The errors of [`Self::new`].
     pub fn of_features(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, SegmentationError> {
         let mut network = Self::new(spec, weights, border)?;
         let last = network.filters.last_mut().expect("a network has layers");
@@ -50,8 +52,8 @@ impl Inference {
         *last = Filter::new(shape, &identity, &vec![0.0; n]);
         Ok(network)
     }
-    /// The network on the operations of candle instead of the kernels, on any device. On a CPU they are much slower; the outputs
-    /// differ by rounding.
+    /// Runs the network with the operations of candle instead of the kernels, on any device. On a CPU they are much
+    /// slower; the outputs differ by rounding.
     ///
     /// # Errors
     /// If the device cannot hold the filters.
@@ -86,11 +88,11 @@ impl Inference {
     pub fn run(&self, input: &Tensor) -> Result<PooledImage<'_>, SegmentationError> {
         Ok(self.run_batch(&[input])?.remove(0))
     }
-    /// Runs the network on images whose borders are filled: on all threads of the CPU, or as one tensor on a device. The outputs do
-    /// not depend on the number of threads.
+    /// Runs the network on images whose borders are filled: on all CPU threads, or as one tensor on a device. The
+    /// outputs do not depend on the number of threads.
     ///
     /// # Errors
-    /// As [`Self::run`].
+    /// The errors of [`Self::run`].
     pub fn run_batch(&self, inputs: &[&Tensor]) -> Result<Vec<PooledImage<'_>>, SegmentationError> {
         inputs.iter().try_for_each(|input| self.check(input))?;
         let Some((device, filters)) = &self.on_device else {

@@ -17,9 +17,9 @@ pub struct Layer {
 /// Name and shape of a tensor of a layer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TensorShape {
-    /// Name, as by `PyTorch`.
+    /// Name in `PyTorch`.
     pub name: String,
-    /// Shape, as by `PyTorch`.
+    /// Shape in `PyTorch`.
     pub shape: Vec<usize>,
 }
 

@@ -1,8 +1,10 @@
-//! A network on the operations of candle: on any device, and with their derivatives. The crate `training` runs it on variables. Images of a batch are tensors `[channels, images,
-//! rows, columns]`: with the channels first, a convolution is one product of matrices.
+//! A network on the operations of candle: on any device, and with derivatives. The crate `training` runs it on
+//! variables. Images of a batch are tensors `[channels, images, rows, columns]`: with the channels first, a convolution
+//! is one matrix product.
 //!
-//! candle's own convolution, pooling and upsampling are not used: on a GPU (0.9.2), the derivative of a convolution reads its
-//! transposed factor as if it were contiguous; the derivative of a maximum over four pixels is a quarter of the true one.
+//! candle's own convolution, pooling and upsampling are not used: on a GPU (0.9.2), the derivative of a convolution
+//! reads its transposed factor as if it were contiguous; the derivative of a maximum over four pixels is a quarter of
+//! the correct one.
 
 use super::executor::Executor;
 use super::layer::Layer;
@@ -39,9 +41,9 @@ pub fn tensors_of(filter: &Filter, device: &Device) -> Result<[Tensor; 2]> {
 #[derive(Debug)]
 pub struct DeviceFilter {
     shape: Shape,
-    /// `[out, columns x rows x in]`, in the order of [`taps`].
+    /// Weights, `[out, columns x rows x in]`, in the order of [`taps`].
     weights: Tensor,
-    /// `[out, 1]`.
+    /// Biases, `[out, 1]`.
     biases: Tensor,
 }
 
@@ -54,7 +56,8 @@ impl DeviceFilter {
         let [weights, biases] = tensors_of(filter, device)?;
         Self::from_tensors(filter.shape.clone(), &weights, &biases)
     }
-    /// From tensors as those of [`tensors_of`], on one device. The layer follows them if they are variables.
+    /// Creates a filter from tensors in the form of [`tensors_of`], on one device. The layer changes with them if they
+    /// are variables.
     ///
     /// # Errors
     /// If the tensors do not have the shape.
@@ -74,7 +77,7 @@ impl DeviceFilter {
     }
 }
 
-/// What a filter sees of an image: its taps as channels, columns outermost, then rows, then the channels of the image.
+/// The input of a filter: its taps as channels, columns outermost, then rows, then the channels of the image.
 fn taps(image: &Tensor, shape: &Shape, border: Border) -> Result<Tensor> {
     let (_, _, height, width) = image.dims4()?;
     let [rows, columns] = shape.kernel;
@@ -133,7 +136,7 @@ pub struct Run<'a> {
     pub filters: std::slice::Iter<'a, DeviceFilter>,
     /// Padding beyond the left and right edge.
     pub border: Border,
-    /// Without random numbers, there is no dropout.
+    /// Random numbers for dropout; `None` disables dropout.
     pub dropout: Option<&'a mut Random>,
 }
 
@@ -157,7 +160,8 @@ impl Executor for Run<'_> {
         [rows, columns]: [usize; 2],
     ) -> std::result::Result<Tensor, SegmentationError> {
         let (channels, n, height, width) = image.dims4()?;
-        // A sum over small windows, the derivative of a broadcast, is slow on a GPU; that of a concatenation is not.
+        // A sum over small windows, the derivative of a broadcast, is slow on a GPU; the derivative of a concatenation
+        // is not.
         let copies = Tensor::cat(&vec![image; rows * columns], 0)?;
         let copies = copies.reshape((rows, columns, channels * n, height, width))?.permute((2, 3, 0, 4, 1))?;
         Ok(copies.contiguous()?.reshape((channels, n, height * rows, width * columns))?)

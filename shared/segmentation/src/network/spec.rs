@@ -19,7 +19,8 @@ pub enum NetworkSpec {
         outputs: usize,
         /// Channels of each level, finest first, 1 to 6 levels.
         widths: Vec<usize>,
-        /// Channels of the last 3 x 3 convolution; by default those of the finest level. Folded columns share them.
+        /// Channels of the last 3 x 3 convolution; by default the channels of the finest level. Folded columns share
+        /// them.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         head: Option<usize>,
     },
@@ -67,7 +68,7 @@ impl NetworkSpec {
         let inputs = self.inputs();
         let outputs = self.outputs();
         let widths = self.widths();
-        // More channels would not run beside the other stages.
+        // A network with more channels would be too slow alongside the other stages.
         let in_range = |n: usize| (1..=1024).contains(&n);
         let head = if let Self::Unet { head: Some(head), .. } = self { *head } else { 1 };
         if ![inputs, outputs, head].iter().chain(widths).all(|&width| in_range(width)) {

@@ -1,7 +1,8 @@
-//! U-Net: two 3 x 3 convolutions per level on the way down, one after each step up, a 1 x 1 convolution at the end.
+//! U-Net: two 3 x 3 convolutions per level of the encoder, one after each upsampling step, a 1 x 1 convolution at the
+//! end.
 //!
-//! A 1 x 1 convolution reduces the coarser level to the width of the finer one before upsampling: cheaper than upsampling first,
-//! and equivalent.
+//! A 1 x 1 convolution reduces the coarser level to the width of the finer one before upsampling, which is equivalent
+//! to the reverse order and faster.
 
 use crate::SegmentationError;
 use crate::network::executor::Executor;

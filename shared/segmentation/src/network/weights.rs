@@ -1,4 +1,4 @@
-//! The weights of a network by name, named and ordered as by `PyTorch`.
+//! The weights of a network by name, named and ordered as in `PyTorch`.
 
 use super::layer::{Layer, TensorShape};
 use super::spec::NetworkSpec;
@@ -8,12 +8,12 @@ use candle_core::{Device, Tensor};
 use kernels::images::Filter;
 use std::collections::BTreeMap;
 
-/// Shape and values of a tensor, as by `PyTorch`.
+/// Shape and values of a tensor, as in `PyTorch`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightTensor {
-    /// Its dimensions, outermost first.
+    /// Dimensions, outermost first.
     pub shape: Vec<usize>,
-    /// Its values in this order, the last dimension innermost.
+    /// Values in this order, the last dimension innermost.
     pub values: Vec<f32>,
 }
 
@@ -39,7 +39,7 @@ impl Weights {
         }
         Ok(Self { tensors })
     }
-    /// The weights `share` of the way from these to `other` ones of the same network.
+    /// Linear interpolation to `other` weights of the same network: `share` 0 gives these weights, 1 the other ones.
     #[must_use]
     pub fn mixed_with(&self, other: &Self, share: f32) -> Self {
         let mut mixed = self.clone();

@@ -5,7 +5,7 @@ use candle_core::Tensor;
 use neighbors::LIMIT_M;
 use std::ops::Range;
 
-/// Clouds, one after the other.
+/// Point clouds, stored one after another.
 #[derive(Clone, Debug)]
 pub struct PointBatch {
     positions: Vec<[f32; 3]>,
@@ -13,7 +13,7 @@ pub struct PointBatch {
 }
 
 impl PointBatch {
-    /// Positions in m, near the origin, and the number of points of each cloud.
+    /// Creates a batch from positions in m, near the origin, and the number of points of each cloud.
     ///
     /// # Errors
     /// If a cloud is empty, the lengths do not add up, or a coordinate is not a number.
@@ -37,11 +37,11 @@ impl PointBatch {
     pub fn positions(&self) -> &[[f32; 3]] {
         &self.positions
     }
-    /// Points of each cloud.
+    /// Number of points of each cloud.
     pub fn lengths(&self) -> &[usize] {
         &self.lengths
     }
-    /// Point numbers of each cloud.
+    /// Range of point numbers of each cloud.
     pub fn clouds(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         ranges(&self.lengths)
     }
@@ -52,7 +52,7 @@ impl PointBatch {
     }
 }
 
-/// Ranges of these lengths, one after the other.
+/// Ranges of these lengths, one after another.
 pub(super) fn ranges(lengths: &[usize]) -> impl Iterator<Item = Range<usize>> + '_ {
     lengths.iter().scan(0, |start, length| {
         *start += length;

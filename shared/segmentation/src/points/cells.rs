@@ -1,4 +1,4 @@
-//! One point for each occupied cell of a grid: what networks on points see of a submap.
+//! One point for each occupied cell of a grid: the input of networks on points.
 
 use crate::cell_probabilities::NO_CELL;
 use crate::intensity::IntensityMap;
@@ -6,22 +6,22 @@ use crate::{ModelInput, SegmentationError};
 use messages::SubmapPoint;
 use neighbors::{LIMIT_M, VoxelGrid};
 
-/// Points and what their features are computed from: a submap, or a sphere of it.
+/// Points and the data for their features: a submap, or a sphere of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellCloud {
     /// Barycenters of the points of the cells, m.
     pub positions: Vec<[f32; 3]>,
     /// Mean heights above the ground, m; 0 without ground.
     pub heights_m: Vec<f32>,
-    /// Mean intensities, 0 to 255; empty if they are not known.
+    /// Mean intensities, 0 to 255; empty if they are unknown.
     pub intensities: Vec<f32>,
-    /// Mean colors, 0 to 1; empty if they are not known.
+    /// Mean colors, 0 to 1; empty if they are unknown.
     pub colors: Vec<[f32; 3]>,
 }
 
 impl CellCloud {
-    /// The cells of side `cell_m` of a submap, in the order of their first points, and the grid with the points of each cell.
-    /// Points with coordinates that are not valid are in no cell.
+    /// The cells of side `cell_m` of a submap, in the order of their first points, and the grid with the points of each
+    /// cell. Points with invalid coordinates are in no cell.
     ///
     /// # Errors
     /// If the side of the cells is not a positive number.
@@ -93,7 +93,7 @@ impl CellCloud {
     }
 }
 
-/// The cell of each of `n_points` points, [`NO_CELL`] without one.
+/// The cell of each of `n_points` points, [`NO_CELL`] for points without a cell.
 pub(super) fn cell_of_each(grid: &VoxelGrid, n_points: usize) -> Vec<u32> {
     let mut cells = vec![NO_CELL; n_points];
     for cell in 0..grid.len() {

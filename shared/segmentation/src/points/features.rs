@@ -3,11 +3,11 @@
 use super::cells::CellCloud;
 use serde::{Deserialize, Serialize};
 
-/// A feature of a point. All are 0 where they are not known.
+/// A feature of a point. Unknown values are 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PointFeature {
-    /// 1.
+    /// Constant 1.
     One,
     /// Position relative to the center of the sphere, m: x, y, z.
     Offset,
@@ -19,7 +19,7 @@ pub enum PointFeature {
     ColorHeight,
 }
 
-/// Largest offset, m. Points beyond are outside of all useful spheres.
+/// Largest offset, m. Points beyond are outside all useful spheres.
 const FARTHEST_M: f32 = 1e4;
 
 impl PointFeature {

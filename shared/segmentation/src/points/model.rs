@@ -46,16 +46,16 @@ impl PointModel {
     /// Reads a model file of this architecture.
     ///
     /// # Errors
-    /// As [`crate::load`].
+    /// The errors of [`crate::load`].
     pub fn load(path: &Path) -> Result<(Self, Weights), SegmentationError> {
         let model = Self::from_file(&ModelFile::read(path)?)?;
         let weights = model.parameters.weights()?;
         Ok((model, weights))
     }
-    /// Sets the options; those of sweeps are not used.
+    /// Sets the options; options of sweeps are not used.
     ///
     /// # Errors
-    /// If the device is a GPU: the operations on points have no kernels for it.
+    /// If the device is a GPU: the operations on points have no GPU kernels.
     pub fn with_options(mut self, options: Options) -> Result<Self, SegmentationError> {
         if options.device == ComputeDevice::Cuda {
             return Err(SegmentationError::PointsOnGpu);
@@ -67,7 +67,8 @@ impl PointModel {
     pub fn settings(&self) -> &PointSettings {
         &self.settings
     }
-    /// The probabilities of the classes in each cell. A cell without votes gets those of the nearest cell with votes, if there is one.
+    /// The probabilities of the classes in each cell. A cell without votes gets the probabilities of the nearest cell
+    /// with votes, if there is one.
     fn of_cells(&self, cloud: &CellCloud) -> Result<Vec<f32>, SegmentationError> {
         let settings = &self.settings;
         let prediction = CloudPrediction {

@@ -1,4 +1,4 @@
-//! The parameters of a network on points by name, named and shaped as by `PyTorch`.
+//! The parameters of a network on points by name, named and shaped as in `PyTorch`.
 
 use crate::SegmentationError;
 use crate::model_file::ModelFile;
@@ -7,10 +7,10 @@ use candle_core::{Device, Tensor, Var};
 use random::Random;
 use std::collections::BTreeMap;
 
-/// How a parameter starts.
+/// Initial values of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
-    /// Uniform within 1 / sqrt(inputs of a unit), as `PyTorch` starts linear layers and convolutions.
+    /// Uniform within 1 / sqrt(inputs of a unit), as `PyTorch` initializes linear layers and convolutions.
     Uniform {
         /// Inputs of a unit.
         inputs: usize,
@@ -30,7 +30,7 @@ pub struct Parameter {
     pub name: String,
     /// Shape.
     pub shape: Vec<usize>,
-    /// First values.
+    /// Initial values.
     pub start: Start,
 }
 
@@ -67,7 +67,7 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Values from a function of the parameter.
+    /// Creates parameters with values from a function.
     fn from_values(
         list: &[Parameter],
         mut values: impl FnMut(&Parameter) -> Result<Vec<f32>, SegmentationError>,
@@ -79,7 +79,7 @@ impl Parameters {
         }
         Ok(Self { tensors, variables: BTreeMap::new() })
     }
-    /// The start of a training.
+    /// Initial values for a training.
     pub fn random(list: &[Parameter], random: &mut Random) -> Result<Self, SegmentationError> {
         Self::from_values(list, |parameter| {
             let n = parameter.shape.iter().product();
@@ -112,8 +112,8 @@ impl Parameters {
         }
         Ok(weights)
     }
-    /// Replaces the values of parameters whose names and shapes occur in the weights, which may be those of another network.
-    /// Returns their number.
+    /// Replaces the values of parameters whose names and shapes occur in the weights, which may be from another
+    /// network. Returns their number.
     ///
     /// # Errors
     /// If candle fails.
@@ -145,7 +145,7 @@ impl Parameters {
         self.tensors.insert(name.to_owned(), value);
         Ok(())
     }
-    /// Makes variables of the parameters that are trained: results then have gradients.
+    /// Converts the trained parameters to variables: results then have gradients.
     pub fn trainable(mut self, list: &[Parameter]) -> Result<Self, SegmentationError> {
         for parameter in list {
             if matches!(parameter.start, Start::Uniform { .. } | Start::Value(_)) {
@@ -156,15 +156,15 @@ impl Parameters {
         }
         Ok(self)
     }
-    /// The variables by name: what an optimizer changes.
+    /// The variables by name, which an optimizer changes.
     pub fn variables(&self) -> &BTreeMap<String, Var> {
         &self.variables
     }
-    /// All tensors by name: what a model file contains.
+    /// All tensors by name, which a model file contains.
     pub fn tensors(&self) -> &BTreeMap<String, Tensor> {
         &self.tensors
     }
-    /// Whether there is such a parameter.
+    /// Whether the parameter exists.
     pub(super) fn contains(&self, name: &str) -> bool {
         self.tensors.contains_key(name)
     }
@@ -173,7 +173,7 @@ impl Parameters {
         let missing = || SegmentationError::WeightShape { name: name.to_owned(), found: None, expected: Vec::new() };
         self.tensors.get(name).ok_or_else(missing)
     }
-    /// Moves the running statistics of batch normalization towards those of a training pass, by `momentum`.
+    /// Moves the running statistics of batch normalization towards the statistics of a training pass, by `momentum`.
     pub fn update_statistics(
         &mut self,
         statistics: &BTreeMap<String, kernels::points::ColumnStatistics>,

@@ -7,13 +7,14 @@ use kernels::points::{Activation, ColumnStatistics, Normalization, Source, linea
 use random::Random;
 use std::collections::BTreeMap;
 
-/// Added to variances by batch normalization.
+/// Added to variances in batch normalization.
 const EPSILON: f64 = 1e-5;
 
 /// Applies the layers of a network.
 ///
-/// In evaluation, batch normalization uses the running statistics and becomes a part of the layer beside it; there are no gradients. In
-/// training it uses those of the batch, which the pass keeps for [`Parameters::update_statistics`], or the running ones as constants.
+/// In evaluation, batch normalization uses the running statistics and is merged into the adjacent layer; there are no
+/// gradients. In training it uses the statistics of the batch, which the pass keeps for
+/// [`Parameters::update_statistics`], or the running ones as constants.
 pub struct Pass<'a> {
     parameters: &'a Parameters,
     /// Random numbers of dropout; `None` in evaluation.
@@ -37,7 +38,7 @@ impl<'a> Pass<'a> {
     pub fn training_with_running_statistics(parameters: &'a Parameters, random: Random) -> Self {
         Self { training: Some(random), ..Self::evaluation(parameters) }
     }
-    /// Whether the pass is one for training.
+    /// Whether this is a training pass.
     pub(super) fn is_training(&self) -> bool {
         self.training.is_some()
     }
@@ -65,7 +66,7 @@ impl<'a> Pass<'a> {
     pub(super) fn matrix(&self, name: &str) -> Result<Tensor, SegmentationError> {
         Ok(self.get(&format!("{name}.weight"))?.flatten_from(1)?)
     }
-    /// The bias of a layer; zeros if it has none.
+    /// The bias of a layer; zeros if the layer has no bias.
     pub(super) fn bias(&self, name: &str, channels: usize) -> Result<Tensor, SegmentationError> {
         let name = format!("{name}.bias");
         if self.parameters.contains(&name) { Ok(self.get(&name)?.clone()) } else { zeros(channels) }
@@ -96,7 +97,7 @@ impl<'a> Pass<'a> {
         let LinearLayer { weight, bias } = self.running(norm)?.after(&weight, &bias)?;
         Ok(linear(rows, &weight, &bias, activation)?)
     }
-    /// Batch normalization by the running statistics.
+    /// Batch normalization with the running statistics.
     pub(super) fn running(&self, norm: &str) -> Result<RunningNorm, SegmentationError> {
         let of = |suffix: &str| self.get(&format!("{norm}.{suffix}"));
         let scale = (of("weight")? / (of("running_var")? + EPSILON)?.sqrt()?)?;
@@ -132,7 +133,7 @@ impl<'a> Pass<'a> {
         self.statistics.insert(name.to_owned(), statistics);
         Ok(out)
     }
-    /// In training, sets a share of the values to zero and scales the others to keep the mean.
+    /// Dropout: in training, sets a share of the values to zero and scales the others to keep the mean.
     pub(super) fn dropout(&mut self, rows: Tensor, rate: f32) -> Result<Tensor, SegmentationError> {
         let Some(random) = &mut self.training else { return Ok(rows) };
         if rate <= 0.0 {
@@ -152,26 +153,26 @@ pub(super) struct RunningNorm {
 
 /// The tensors of a linear layer.
 pub(super) struct LinearLayer {
-    /// `(out, in)`.
+    /// Weights, `(out, in)`.
     pub weight: Tensor,
-    /// `(out)`.
+    /// Biases, `(out)`.
     pub bias: Tensor,
 }
 
 impl RunningNorm {
-    /// A linear layer with the normalization after it.
+    /// Merges a linear layer and the normalization after it.
     pub fn after(&self, weight: &Tensor, bias: &Tensor) -> Result<LinearLayer, SegmentationError> {
         let bias = ((bias * &self.scale)? + &self.shift)?;
         Ok(LinearLayer { weight: weight.broadcast_mul(&self.scale.unsqueeze(1)?)?, bias })
     }
-    /// A linear layer with the normalization before it.
+    /// Merges a linear layer and the normalization before it.
     pub fn before(&self, weight: &Tensor, bias: &Tensor) -> Result<LinearLayer, SegmentationError> {
         let bias = (weight.matmul(&self.shift.unsqueeze(1)?)?.flatten_all()? + bias)?;
         Ok(LinearLayer { weight: weight.broadcast_mul(&self.scale.unsqueeze(0)?)?, bias })
     }
 }
 
-/// Zeros of a bias.
+/// A bias of zeros.
 pub(super) fn zeros(channels: usize) -> Result<Tensor, SegmentationError> {
     Ok(Tensor::zeros(channels, candle_core::DType::F32, &Device::Cpu)?)
 }

@@ -11,14 +11,14 @@ use kernels::points::tensor;
 use neighbors::SpatialIndex;
 use rayon::prelude::*;
 
-/// A network with its parameters, and how it predicts.
+/// A network with its parameters, and the settings of its prediction.
 #[derive(Clone, Copy)]
 pub struct CloudPrediction<'a> {
     /// The network.
     pub network: &'a PointNetworkSpec,
     /// Its parameters.
     pub parameters: &'a Parameters,
-    /// What it sees at a time.
+    /// Regions that it processes at a time.
     pub regions: Regions,
     /// Divisor of the scores before they become probabilities.
     pub temperature: f32,
@@ -26,12 +26,12 @@ pub struct CloudPrediction<'a> {
     pub seed: u64,
 }
 
-/// What a network sees of a cloud at a time.
+/// Regions of a cloud that a network processes at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Regions {
     /// Spheres of a regular grid.
     Spheres(SphereSettings),
-    /// Squares, seen from above.
+    /// Squares in the horizontal plane.
     Squares(SquareSettings),
 }
 
@@ -58,13 +58,14 @@ pub struct RegionInput {
     pub features: Vec<f32>,
 }
 
-/// Regions, and points of them, that are predicted at a time at most. The memory of a prediction grows with them.
+/// Largest number of regions, and of their points, that are predicted at a time. The memory of a prediction grows with
+/// them.
 const REGIONS_AT_A_TIME: usize = 8;
 const POINTS_AT_A_TIME: usize = 1 << 17;
 
 impl CloudPrediction<'_> {
-    /// Mean probability of each class at each point, over the regions that contain it. Points with coordinates that are not valid,
-    /// and points that are alone in their regions, get 0. `input` gives the input of a region.
+    /// Mean probability of each class at each point, over the regions that contain it. Points with invalid coordinates,
+    /// and single points of a region, get 0. `input` returns the input of a region.
     ///
     /// # Errors
     /// If settings, network or rows do not fit each other.
@@ -123,11 +124,11 @@ pub struct Votes {
 }
 
 impl Votes {
-    /// No votes.
+    /// Creates an empty sum.
     pub fn new(n_points: usize, n_classes: usize) -> Self {
         Self { n_classes, sums: vec![0.0; n_points * n_classes], counts: vec![0; n_points] }
     }
-    /// Adds the scores of points as probabilities: their exponentials, divided by the sum of these.
+    /// Adds the scores of points as probabilities (softmax).
     pub fn add(&mut self, points: &[u32], scores: &[f32]) {
         for (point, scores) in points.iter().zip(scores.chunks_exact(self.n_classes.max(1))) {
             let largest = scores.iter().fold(f32::NEG_INFINITY, |largest, score| largest.max(*score));

@@ -1,4 +1,4 @@
-//! Networks on points as their authors published them, to compare with (thesis tables 6.9 and 6.10). No shipped model uses one.
+//! Published networks on points, for comparison (thesis tables 6.9 and 6.10). No shipped model uses one.
 //!
 //! | module | publication |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! Neighborhoods of clouds of a batch.
+//! Neighborhoods in the clouds of a batch.
 
 use super::batch::ranges;
 use crate::SegmentationError;
@@ -67,13 +67,14 @@ impl Clouds {
         }
         Ok(Self::new(positions, lengths))
     }
-    /// A sample of each cloud, each point the farthest from those before it. At least one point of each.
+    /// Farthest point sampling of each cloud: each point is the farthest from the previous ones. At least one point of
+    /// each cloud.
     pub fn farthest(&self, n: usize, seed: u64) -> Vec<u32> {
         let starts = ranges(&self.lengths).map(|range| range.start as u32);
         let samples = starts.zip(&self.indices);
         samples.flat_map(|(start, index)| index.farthest_points(n, seed).into_iter().map(move |p| start + p)).collect()
     }
-    /// The points with these numbers, in order of their clouds.
+    /// The points with these numbers, in the order of their clouds.
     pub fn chosen(&self, points: &[u32]) -> Self {
         let positions = points.iter().map(|point| self.positions[*point as usize]).collect();
         let of_cloud =
@@ -86,14 +87,14 @@ impl Clouds {
     }
 }
 
-/// The 3 nearest coarse points of each fine one, with weights by inverse squared distance that sum to 1.
+/// The 3 nearest coarse points of each fine point, with inverse squared distances as weights that sum to 1.
 pub(super) struct Interpolation {
     pub nearest: Lists,
     /// A weight for each item of the lists.
     pub weights: Vec<f32>,
 }
 
-/// Finds what a fine cloud takes from a coarse one.
+/// Interpolation from a coarse to a fine cloud.
 pub(super) fn interpolation(fine: &Clouds, coarse: &Clouds) -> Interpolation {
     let found = coarse.nearest(fine, 3, |_| true);
     let weights = found.iter().flat_map(|of_point| {

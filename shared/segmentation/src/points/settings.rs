@@ -20,7 +20,8 @@ pub const ARCHITECTURE: &str = "points";
 /// Version that this program writes and runs.
 pub const VERSION: u32 = 1;
 
-/// Most cells along the radius of a sphere: larger spheres would need more memory than the other stages leave.
+/// Largest number of cells along the radius of a sphere: larger spheres would need more memory than the other stages
+/// leave.
 const MOST_CELLS: f32 = 500.0;
 
 /// Settings of a model file.
@@ -35,21 +36,21 @@ pub struct PointSettings {
     pub features: Vec<PointFeature>,
     /// Side of the cells that are one point of the network, m, 0.02 to 5.
     pub cell_m: f32,
-    /// Spheres that the network sees in training, and in prediction if there are no squares.
+    /// Spheres of the training, and of the prediction if there are no squares.
     pub spheres: SphereSettings,
-    /// Squares that it sees in prediction.
+    /// Squares of the prediction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub squares: Option<SquareSettings>,
     /// Divisor of the logits that calibrates the scores, 0.1 to 10.
     pub temperature: f32,
-    /// Intensities of the ground in the training, below which 5, 25, 50, 75 and 95 % of its points lie. Without them, those of the
-    /// simulated towns.
+    /// Intensities of the ground in the training data, below which 5, 25, 50, 75 and 95 % of its points lie. By
+    /// default, the intensities of the simulated towns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground_intensities: Option<GroundIntensities>,
 }
 
 impl PointSettings {
-    /// What the network sees at a time in prediction.
+    /// Regions that the network processes at a time in prediction.
     pub fn regions(&self) -> Regions {
         self.squares.map_or(Regions::Spheres(self.spheres), Regions::Squares)
     }
@@ -109,7 +110,7 @@ impl PointSettings {
     pub fn to_bytes(&self, weights: &Weights) -> Result<Vec<u8>, SegmentationError> {
         encode_model(ARCHITECTURE, VERSION, self, weights.to_tensors()?)
     }
-    /// The parameters of a file of this architecture.
+    /// The parameters in a file of this architecture.
     pub(super) fn parameters(&self, file: &crate::ModelFile) -> Result<Parameters, SegmentationError> {
         Parameters::from_file(&self.network.parameters(), file)
     }

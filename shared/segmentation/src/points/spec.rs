@@ -36,10 +36,10 @@ enum Neighborhoods {
     WaffleIron(WaffleIronPlan),
 }
 
-/// Channels and other counts at most: more would not run beside the other stages.
+/// Limit of channels and other counts: a larger network would be too slow alongside the other stages.
 const MOST_CHANNELS: usize = 4096;
 const MOST_NEIGHBORS: usize = 256;
-/// Cells of a plane at most.
+/// Largest number of cells of a plane.
 const MOST_CELLS: usize = 1 << 22;
 
 impl PointPlan {
@@ -50,7 +50,7 @@ impl PointPlan {
 }
 
 impl PointNetworkSpec {
-    /// Features of a point.
+    /// Number of features of a point.
     pub fn inputs(&self) -> usize {
         match self {
             Self::Pointnet(net) => net.inputs,
@@ -59,7 +59,7 @@ impl PointNetworkSpec {
             Self::WaffleIron(net) => net.inputs,
         }
     }
-    /// Classes.
+    /// Number of classes.
     pub fn outputs(&self) -> usize {
         match self {
             Self::Pointnet(net) => net.outputs,
@@ -80,7 +80,7 @@ impl PointNetworkSpec {
                 counts.extend(layers.chain([net.abstractions.len(), net.propagations.len()]));
                 if net.abstractions.len() != net.propagations.len() {
                     return Some(format!(
-                        "{} propagations for {} abstractions; there must be as many",
+                        "{} propagations for {} abstractions; the numbers must be equal",
                         net.propagations.len(),
                         net.abstractions.len()
                     ));
@@ -134,7 +134,7 @@ impl PointNetworkSpec {
         let is_length = |length: &&f32| !(1e-4..=1e4).contains(*length);
         lengths_m.iter().find(is_length).map(|length| format!("a length of {length} m, must be 0.0001 to 10000"))
     }
-    /// Names, shapes and first values of all parameters.
+    /// Names, shapes and initial values of all parameters.
     pub fn parameters(&self) -> Vec<Parameter> {
         let mut list = ParameterList::default();
         match self {
@@ -170,10 +170,10 @@ impl PointNetworkSpec {
         };
         Ok(PointPlan { batch, neighborhoods })
     }
-    /// Runs the network: features `(points, inputs)`, scores of classes `(points, outputs)`, both in the order of the batch.
+    /// Runs the network: features `(points, inputs)`, scores of classes `(points, outputs)`, both in batch order.
     ///
     /// # Errors
-    /// If features, plan or parameters are those of another network or batch.
+    /// If features, plan or parameters belong to another network or batch.
     pub fn run(&self, pass: &mut Pass<'_>, plan: &PointPlan, features: &Tensor) -> Result<Tensor, SegmentationError> {
         let expected = vec![plan.batch.positions().len(), self.inputs()];
         if features.dims() != expected {
@@ -185,7 +185,7 @@ impl PointNetworkSpec {
             (Self::Pointnet2(net), Neighborhoods::Pointnet2(plan)) => net.run(pass, plan, features),
             (Self::Kpconv(net), Neighborhoods::Kpconv(plan)) => net.run(pass, plan, features),
             (Self::WaffleIron(net), Neighborhoods::WaffleIron(plan)) => net.run(pass, plan, features),
-            _ => Err(SegmentationError::Settings("the plan is one of another network".to_owned())),
+            _ => Err(SegmentationError::Settings("the plan belongs to another network".to_owned())),
         }
     }
 }

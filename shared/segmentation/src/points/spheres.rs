@@ -1,4 +1,4 @@
-//! Spheres of a cloud (thesis 6.3.2): for prediction, those of a regular grid.
+//! Spheres of a cloud (thesis 6.3.2); prediction uses the spheres of a regular grid.
 
 use super::cells::is_valid;
 use crate::SegmentationError;
@@ -34,8 +34,9 @@ impl SphereSettings {
     fn check(self) -> Result<(), SegmentationError> {
         self.problem().map_or(Ok(()), |problem| Err(SegmentationError::Settings(problem)))
     }
-    /// Centers of spheres that contain all points: those of a cubic grid, in the order of their first points, then points that no
-    /// sphere of the grid contains. The grid starts at 0, so equal places get equal spheres in every cloud.
+    /// Centers of spheres that contain all points: spheres of a cubic grid, in the order of their first points, then
+    /// spheres around points that no sphere of the grid contains. The grid starts at 0, so equal positions get equal
+    /// spheres in every cloud.
     ///
     /// # Errors
     /// If the settings are invalid.
@@ -56,7 +57,7 @@ impl SphereSettings {
             let middle = |v: f32| ((f64::from(v) / f64::from(spacing)).floor() + 0.5) * f64::from(spacing);
             cover(points[point as usize].map(|v| middle(v) as f32), &mut covered);
         }
-        // The corners of the cells are outside of all spheres, if the overlap is small.
+        // If the overlap is small, the corners of the cells are outside all spheres.
         loop {
             let is_open = |point: &usize| !covered[*point] && is_valid(points[*point]);
             let open: Vec<usize> = (0..points.len()).filter(is_open).collect();

@@ -1,5 +1,5 @@
-//! Squares of a cloud, seen from above: what a network on planes predicts at a time. They overlap less than spheres that cover a street
-//! do.
+//! Squares of a cloud in the horizontal plane: regions for the prediction of a network on planes. They overlap less
+//! than spheres that cover a street.
 
 use super::cells::is_valid;
 use crate::SegmentationError;
@@ -12,16 +12,16 @@ use std::collections::BTreeMap;
 pub struct SquareSettings {
     /// Side, m.
     pub side_m: f32,
-    /// Margin that belongs to neighboring squares, too, m: on all four sides.
+    /// Margin on all four sides that also belongs to neighboring squares, m.
     pub margin_m: f32,
 }
 
-/// What a network sees of a cloud at a time.
+/// A region of a cloud that a network processes at a time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Region {
-    /// Positions are given to the network relative to it, m.
+    /// Center, m. The network receives positions relative to it.
     pub center: [f32; 3],
-    /// Numbers of its points.
+    /// Numbers of the points.
     pub points: Vec<u32>,
 }
 
@@ -35,8 +35,9 @@ impl SquareSettings {
         let has_core = self.margin_m >= 0.0 && self.margin_m <= 0.4 * self.side_m;
         (!has_core).then(|| format!("margin_m = {}; must be 0 to 0.4 sides", self.margin_m))
     }
-    /// The squares of all points, in order of their places. The numbers of their points ascend, the points have any height. The grid starts at 0, so equal places get equal squares in every cloud.
-    /// A quarter of the points of a square are below its center.
+    /// The squares of all points, in grid order. The numbers of their points ascend; the points have any height. The
+    /// grid starts at 0, so equal positions get equal squares in every cloud. A quarter of the points of a square are
+    /// below its center.
     ///
     /// # Errors
     /// If the settings are invalid.

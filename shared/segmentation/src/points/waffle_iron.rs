@@ -1,5 +1,5 @@
-//! `WaffleIron` (Puy et al., ICCV 2023): residual blocks that mix channels at each point, and space by 2D convolutions on one of three
-//! coordinate planes. Names of parameters follow the published code.
+//! `WaffleIron` (Puy et al., ICCV 2023): residual blocks that mix channels at each point, and positions by 2D
+//! convolutions on one of three coordinate planes. Names of parameters follow the published code.
 
 mod evaluation;
 mod training;
@@ -14,25 +14,25 @@ use kernels::points::{Activation, Lists, PlaneShape, depth_wise_convolution, pla
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Cells of the planes of a batch at most.
+/// Largest number of cells of the planes of a batch.
 const MOST_CELLS: usize = 1 << 25;
 
-/// First value of the scales of residuals.
+/// Initial value of the scales of residuals.
 const LAYER_SCALE: f32 = 1e-5;
 
 /// `WaffleIron`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WaffleIron {
-    /// Features of a point.
+    /// Number of features of a point.
     pub inputs: usize,
-    /// Classes.
+    /// Number of classes.
     pub outputs: usize,
-    /// Channels.
+    /// Number of channels.
     pub width: usize,
-    /// Blocks. They use the planes xy, xz and yz in turn.
+    /// Number of blocks. They use the planes xy, xz and yz in turn.
     pub depth: usize,
-    /// Neighbors of the embedding.
+    /// Number of neighbors in the embedding.
     pub neighbors: usize,
     /// Side of a cell of the planes, m.
     pub cell_m: f32,
@@ -48,9 +48,9 @@ pub struct WaffleIron {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlaneConvolution {
-    /// Each channel by itself, as published.
+    /// Separate convolution of each channel, as published.
     DepthWise,
-    /// All channels.
+    /// Convolution over all channels.
     Dense,
 }
 
@@ -62,7 +62,7 @@ pub struct WaffleIronPlan {
 }
 
 impl WaffleIronPlan {
-    /// The plane of a block: all in turn.
+    /// The plane of a block; blocks use the planes in turn.
     fn plane_of(&self, block: usize) -> &Plane {
         &self.planes[block % self.planes.len()]
     }
@@ -80,7 +80,7 @@ const NONE: Activation = Activation::NONE;
 const RELU: Activation = Activation::RELU;
 
 impl WaffleIron {
-    /// Cells along each axis.
+    /// Number of cells along each axis.
     pub(super) fn n_cells(&self) -> [usize; 3] {
         std::array::from_fn(|axis| ((self.high_m[axis] - self.low_m[axis]) / self.cell_m).ceil() as usize)
     }
@@ -132,7 +132,7 @@ impl WaffleIron {
         let cell_of = |position: [f32; 3]| {
             let [y, x] = axes.map(|axis| {
                 let cell = ((position[axis] - self.low_m[axis]) / self.cell_m).floor();
-                // A conversion to an integer saturates.
+                // The conversion to an integer saturates.
                 (cell as usize).min(n_cells[axis] - 1)
             });
             y * width + x
@@ -169,7 +169,7 @@ impl WaffleIron {
             let mut weight = pass.get(&format!("{name}.{layer}.weight"))?.clone();
             let mut bias = pass.bias(&format!("{name}.{layer}"), self.width)?;
             if layer == "ffn.2" {
-                // The scale of the residual, here instead of at each point.
+                // The scale of the residual, applied here instead of at each point.
                 weight = weight.broadcast_mul(&scale.reshape((self.width, 1, 1, 1))?)?;
                 bias = (bias * &scale)?;
             }

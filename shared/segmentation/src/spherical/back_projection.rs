@@ -1,11 +1,11 @@
-//! From classes of pixels to classes of points (thesis figure 6.7).
+//! Back-projection from classes of pixels to classes of points (thesis figure 6.7).
 
 use geometry::{NO_POINT, RangeImage};
 
 /// Class of a point without a class.
 pub const NO_CLASS: u8 = u8::MAX;
 
-/// How a point that is not the nearest of its pixel gets a class.
+/// Rule for the class of a point that is not the nearest of its pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BackProjection {
     /// The class of its pixel.
@@ -15,7 +15,7 @@ pub enum BackProjection {
     /// The most frequent class of the k neighbors with the most similar range in a window around its pixel (`RangeNet++`, Milioto et
     /// al. 2019): window 5 x 5, distance |range difference| (1 - gauss), sigma 1 pixel, at most 1 m.
     Nearest {
-        /// 1, 3, 5, 7.
+        /// Number of neighbors: 1, 3, 5, 7.
         k: usize,
     },
 }
@@ -25,8 +25,8 @@ const REACH: usize = 2;
 /// Largest range difference of a voting neighbor, m.
 const CUTOFF_M: f32 = 1.0;
 
-/// The class of every point from the classes of the pixels. The nearest point of a pixel gets the class of the pixel with every
-/// method; points outside of the image get none.
+/// The class of every point from the classes of the pixels. The nearest point of a pixel gets the class of the pixel
+/// with every method; points outside the image get no class.
 pub fn back_project(image: &RangeImage, classes: &[u8], method: BackProjection) -> Vec<u8> {
     let of_point = |point: usize| {
         let pixel = image.pixel_of_point[point];
@@ -44,8 +44,8 @@ pub fn back_project(image: &RangeImage, classes: &[u8], method: BackProjection) 
     (0..image.pixel_of_point.len()).map(of_point).collect()
 }
 
-/// The pixel whose class a point gets: that of the neighbor with the most similar range in the window, or its own pixel if no neighbor
-/// is near; `None` outside of the image.
+/// The pixel whose class a point gets: the pixel of the neighbor with the most similar range in the window, or the
+/// point's own pixel if no neighbor is near; `None` outside the image.
 pub fn pixel_for(image: &RangeImage, point: usize) -> Option<u32> {
     let own = image.pixel_of_point[point];
     if own == NO_POINT || image.is_shown(point) {
@@ -63,7 +63,7 @@ struct Near {
     point: usize,
 }
 
-/// Points in the window, without those beyond the cutoff.
+/// Neighbors in the window, without neighbors beyond the cutoff.
 fn neighbors(image: &RangeImage, point: usize) -> impl Iterator<Item = Near> {
     let range_m = image.range_m[point];
     image.window(point, REACH).filter_map(move |(neighbor, [dy, dx])| {
@@ -81,7 +81,7 @@ fn nearest(image: &RangeImage, classes: &[u8], point: usize, k: usize) -> Option
     near.truncate(k);
     let class_of = |near: &Near| classes[image.pixel_of_point[near.point] as usize];
     let votes = |class: u8| near.iter().filter(|near| class_of(near) == class).count();
-    // The nearest neighbor wins a tie: `max_by_key` returns the last of equals, so the order is reversed.
+    // The nearest neighbor wins a tie: `max_by_key` returns the last of equal elements, so the order is reversed.
     near.iter().rev().map(class_of).max_by_key(|&class| votes(class))
 }
 

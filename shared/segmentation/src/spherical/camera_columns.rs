@@ -1,14 +1,14 @@
-//! What the cameras measured at the points of a submap.
+//! Camera measurements at the points of a submap.
 
 use super::CameraBand;
 use crate::{ModelInput, SpectraColumn};
 use messages::{ColorRow, MAX_BANDS, SpectraView, UNSEEN};
 
-/// Distance at which a measured band counts no more for a wavelength, nm: more than the distance between the bands of a mosaic
-/// camera, less than the distance between features of the spectra of materials.
+/// Distance from which a measured band has no weight for a wavelength, nm: more than the distance between the bands of
+/// a mosaic camera, less than the distance between features of the spectra of materials.
 pub const BAND_REACH_NM: f32 = 25.0;
 
-/// The colors and spectra of a submap, as the features of a model need them.
+/// The colors and spectra of a submap in the form of model features.
 #[derive(Default)]
 pub(super) struct CameraColumns<'a> {
     colors: Option<&'a [ColorRow]>,
@@ -16,7 +16,7 @@ pub(super) struct CameraColumns<'a> {
     bands: Vec<Source>,
 }
 
-/// Where the values of a band come from.
+/// Source of the values of a band.
 enum Source {
     /// Channel of the color.
     Color(usize),
@@ -67,7 +67,7 @@ impl<'a> CameraColumns<'a> {
     }
 }
 
-/// The weighted mean of the measured bands. `None` if none of them counts.
+/// The weighted mean of the measured bands. `None` if no band has weight.
 fn resampled((measured, reflectances): (u64, &[f32]), weights: &[f32; MAX_BANDS]) -> Option<f32> {
     let mut sum = 0.0;
     let mut total = 0.0;

@@ -1,5 +1,6 @@
-//! Range images of sensors whose firings are farther apart than the columns: an OS1 with 1024 columns, an HDL-32E at 20 Hz. Networks are
-//! trained on images without such gaps and take the stripes for porous things, so the gaps show the point beside them.
+//! Range images of sensors whose firings are farther apart than the columns: an OS1 with 1024 columns, an HDL-32E at 20
+//! Hz. Networks are trained on images without such gaps and confuse the stripes with porous objects, so the gaps show
+//! the adjacent point.
 
 use geometry::{NO_POINT, RangeImage};
 use messages::SubmapPoint;
@@ -8,7 +9,8 @@ use std::borrow::Cow;
 /// Azimuths of successive firings of a ring differ by less than this, 0.01 deg. Larger differences are lost returns.
 const STEPS: usize = 256;
 
-/// The point that each pixel shows: that of the pixel, else that of a pixel to the left which is nearer than the next firing.
+/// The point that each pixel shows: the point of the pixel, otherwise the point of a pixel to the left that is nearer
+/// than the next firing.
 pub(super) fn shown_points<'a>(image: &'a RangeImage, points: &[SubmapPoint]) -> Cow<'a, [u32]> {
     let gap = columns_per_firing(points, image.columns).saturating_sub(1);
     if gap == 0 {
@@ -23,7 +25,7 @@ pub(super) fn shown_points<'a>(image: &'a RangeImage, points: &[SubmapPoint]) ->
     Cow::Owned(filled.collect())
 }
 
-/// Columns from one firing of a ring to the next, rounded: the median over a sweep. 1 if it is not known.
+/// Columns from one firing of a ring to the next, rounded: the median over a sweep. 1 if it is unknown.
 fn columns_per_firing(points: &[SubmapPoint], columns: usize) -> usize {
     let mut last = [None; 256];
     let mut counts = [0_usize; STEPS];

@@ -1,10 +1,10 @@
 //! Exponential and hyperbolic tangent without branches, so that loops over them are vectorized. Every processor gives the same bits:
 //! no library function and no fused operation is used.
 
-/// 1.5 x 2^23: adding a number to it rounds the number to an integer.
+/// Constant 1.5 x 2^23: adding a number to it rounds the number to an integer.
 const ROUNDER: f32 = 12_582_912.0;
 
-/// e^x within 3 units of the last place for x in -87 to 88; x is clamped to this range.
+/// Computes e^x within 3 units of the last place for x in -87 to 88; x is clamped to this range.
 #[inline(always)]
 pub(super) fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 88.0);
@@ -22,7 +22,7 @@ pub(super) fn exp(x: f32) -> f32 {
     fraction * f32::from_bits((rounded.to_bits() << 23).wrapping_add(1.0_f32.to_bits()))
 }
 
-/// tanh x within 3e-7.
+/// Computes tanh x within 3e-7.
 #[inline(always)]
 pub(super) fn tanh(x: f32) -> f32 {
     1.0 - 2.0 / (exp(2.0 * x) + 1.0)

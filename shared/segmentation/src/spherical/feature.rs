@@ -4,13 +4,13 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::RangeInclusive;
 
-/// Wavelengths of bands, nm: silicon detectors see nothing else.
+/// Wavelengths of bands, nm: the sensitivity range of silicon detectors.
 const WAVELENGTHS_NM: RangeInclusive<u16> = 300..=1100;
 
-/// Number of features of a model that names none.
+/// Number of default features, for a model that names no features.
 pub const N_FEATURES: usize = 10;
 
-/// Most features of a model.
+/// Largest number of features of a model.
 const MAX_FEATURES: usize = 64;
 
 /// One input feature. All values are about -1 to 3; without a point, they are 0.
@@ -61,7 +61,7 @@ pub enum Feature {
     HasBand(u16),
 }
 
-/// Features without a wavelength, and their names. The first ten are those of a model that names none.
+/// Features without a wavelength, and their names. The first ten are the default features.
 const NAMED: [(Feature, &str); 18] = [
     (Feature::Valid, "valid"),
     (Feature::Range, "range"),
@@ -83,7 +83,7 @@ const NAMED: [(Feature, &str); 18] = [
     (Feature::HasColor, "has_color"),
 ];
 
-/// A measurement of the cameras that a feature shows.
+/// A camera measurement that a feature shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraBand {
     /// sRGB red, 0 to 1.
@@ -97,7 +97,7 @@ pub enum CameraBand {
 }
 
 impl Feature {
-    /// The measurement that the feature shows or whose presence it states; `None` for features of the LiDAR.
+    /// The camera measurement that the feature contains or whose presence it states; `None` for LiDAR features.
     pub fn camera_band(self) -> Option<CameraBand> {
         match self {
             Self::Red | Self::HasColor => Some(CameraBand::Red),
@@ -156,14 +156,14 @@ impl TryFrom<String> for Feature {
 pub struct Features(Vec<Feature>);
 
 impl Default for Features {
-    /// Those of a model that names none.
+    /// The default features, for a model that names no features.
     fn default() -> Self {
         Self(NAMED[..N_FEATURES].iter().map(|(feature, _)| *feature).collect())
     }
 }
 
 impl Features {
-    /// Features in this order.
+    /// Creates a list of features in this order.
     pub fn new(features: Vec<Feature>) -> Self {
         Self(features)
     }
@@ -176,7 +176,7 @@ impl Features {
     pub fn len(&self) -> usize {
         self.0.len()
     }
-    /// Whether these are the features of a model that names none.
+    /// Whether these are the default features.
     pub fn is_default(&self) -> bool {
         self.0.len() == N_FEATURES && self.0.iter().zip(&NAMED).all(|(feature, (known, _))| feature == known)
     }
@@ -189,7 +189,7 @@ impl Features {
         let twice = (1..n).find(|&i| self.0[..i].contains(&self.0[i]));
         twice.map(|i| format!("features: {} is listed twice", self.0[i]))
     }
-    /// The distinct measurements of the cameras, in the order of the features.
+    /// The distinct camera measurements, in the order of the features.
     pub fn camera_bands(&self) -> Vec<CameraBand> {
         let mut bands = Vec::new();
         for band in self.0.iter().filter_map(|feature| feature.camera_band()) {
@@ -199,7 +199,7 @@ impl Features {
         }
         bands
     }
-    /// The columns that the features need beside the points.
+    /// The columns that the features need in addition to the points.
     pub fn columns(&self) -> AskedColumns {
         let bands = self.camera_bands();
         let wavelength = |band: &CameraBand| if let CameraBand::Nm(nm) = band { Some(*nm) } else { None };
@@ -208,17 +208,17 @@ impl Features {
     }
 }
 
-/// Columns of a submap that a model reads beside its points.
+/// Columns of a submap that a model reads in addition to its points.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AskedColumns {
-    /// Whether it reads colors.
+    /// Whether the model reads colors.
     pub color: bool,
-    /// Wavelengths at which it reads spectra, nm.
+    /// Wavelengths of the spectra that the model reads, nm.
     pub wavelengths_nm: Vec<u16>,
 }
 
 impl AskedColumns {
-    /// Those of two models.
+    /// The columns of two models.
     #[must_use]
     pub fn and(mut self, other: Self) -> Self {
         self.color |= other.color;

@@ -1,4 +1,4 @@
-//! The usual features of 16 pixels, and their place in the channels of the input image.
+//! The default features of 16 pixels, and their position in the channels of the input image.
 
 #![allow(
     clippy::needless_range_loop,
@@ -10,7 +10,7 @@ use super::feature::N_FEATURES;
 use super::surface::{SurfaceTile, Tile};
 use kernels::images::{LANES, PlanesMut};
 
-/// Writes the features of a row. `n_channels` of them are one column of the planes.
+/// Writes the features of a row. Each column has `n_channels` of them.
 #[inline(always)]
 pub(super) fn write_folded(of_row: &[f32], n_channels: usize, row: usize, planes: &mut PlanesMut<'_>) {
     for (column, channels) in of_row.chunks_exact(n_channels).enumerate() {
@@ -20,7 +20,7 @@ pub(super) fn write_folded(of_row: &[f32], n_channels: usize, row: usize, planes
     }
 }
 
-/// The features of a model that names none.
+/// The default features.
 #[inline(always)]
 pub(super) fn of_tile(
     surface: &SurfaceTile,
@@ -31,7 +31,7 @@ pub(super) fn of_tile(
     let known = f32::from(u8::from(has_intensity));
     let mut features = [[0.0; LANES]; N_FEATURES];
     let mut log_range = [0.0; LANES];
-    // A separate loop: the logarithm of the library is not vectorized.
+    // A separate loop because the logarithm of the library is not vectorized.
     for i in 0..LANES {
         log_range[i] = (1.0 + surface.range_m[i]).ln() - 2.0;
     }

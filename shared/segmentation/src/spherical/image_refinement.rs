@@ -7,9 +7,9 @@ use messages::ClassId::{self, Building, Pole, Vegetation};
 use morphology::{Connectivity, Labels, connected_components, geodesic_elongations, reconstruct_by_dilation};
 use ndarray::Array2;
 
-/// Regions of fewer pixels are small.
+/// Regions with fewer pixels are small.
 const SMALL_PIXELS: usize = 100;
-/// An object stands out if it is this much nearer than its surroundings, m.
+/// An object stands out if it is nearer than its surroundings by this much, m.
 const NEARER_M: f32 = 1.0;
 /// Depth of pixels without a point, m: behind all objects.
 const NOTHING_M: f32 = 200.0;
@@ -25,7 +25,7 @@ pub(super) fn refine_votes(refinement: Refinement, image: &PolarImage, classes: 
     }
 }
 
-/// The class with the most votes, the first of equals.
+/// The class with the most votes, the first of equal ones.
 fn best(vote: &Vote) -> usize {
     (0..vote.len()).rev().max_by_key(|&class| vote[class]).unwrap_or(0)
 }
@@ -108,7 +108,7 @@ fn small_regions(image: &PolarImage, of: &[Option<usize>], votes: &mut [Vote]) {
     }
 }
 
-/// Numbers of neighboring pixels by class.
+/// Number of neighboring pixels per class.
 type Vote32 = [u32; MAX_CLASSES];
 
 #[cfg(test)]

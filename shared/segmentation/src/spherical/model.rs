@@ -26,7 +26,7 @@ pub struct SphericalModel {
     card: ModelCard,
     images: SweepImages,
     network: Inference,
-    /// What classifies pixels in place of the last layer.
+    /// Classifier that replaces the last layer.
     classifier: Option<Box<dyn PixelClassifier>>,
     point_votes: VoteBuffers,
 }
@@ -40,14 +40,14 @@ impl SphericalModel {
     /// Reads a model file of this architecture.
     ///
     /// # Errors
-    /// As [`crate::load`].
+    /// The errors of [`crate::load`].
     pub fn load(path: &std::path::Path) -> Result<(Self, Weights), SegmentationError> {
         let file = ModelFile::read(path)?;
         let model = Self::from_file(&file)?;
         let weights = Weights::from_file(&model.settings().network, &file)?;
         Ok((model, weights))
     }
-    /// From settings and weights.
+    /// Creates a model from settings and weights.
     ///
     /// # Errors
     /// If the weights do not fit the settings.
@@ -56,7 +56,7 @@ impl SphericalModel {
         let network = Inference::new(images.settings().network.clone(), weights, Border::Circular)?;
         Ok(Self { card, images, network, classifier: None, point_votes: VoteBuffers::default() })
     }
-    /// Replaces the last layer of the network by another classifier. `weights` are those of the model.
+    /// Replaces the last layer of the network by another classifier. `weights` are the weights of the model.
     ///
     /// # Errors
     /// If the weights do not fit the settings.
@@ -94,8 +94,8 @@ impl SphericalModel {
         let [_, height, width] = self.images.input_size(image.rows);
         self.network.input(height, width, |input| write_features(image, &self.settings().features, input))
     }
-    /// Votes of the pixels of an image in raster order from the output of the network. Those of pixels without a point are not
-    /// written.
+    /// Votes of the pixels of an image in raster order from the output of the network. Votes of pixels without a point
+    /// are not written.
     fn vote(&self, image: &PolarImage, output: &Tensor, votes: &mut [Vote]) -> Result<(), SegmentationError> {
         read_image(output, self.network.out_channels(), |output| match &self.classifier {
             Some(classifier) => classifier.vote(image, &output, votes),
@@ -103,7 +103,7 @@ impl SphericalModel {
         })?;
         Ok(())
     }
-    /// Writes the votes of the points of some sweeps.
+    /// Writes the votes of the points of several sweeps.
     fn vote_together(
         &self,
         source: &ImageSource<'_>,
@@ -126,7 +126,7 @@ impl SphericalModel {
         let batch = self.images.options().batch;
         let mut of_points = self.point_votes.take(input.points.len());
         let mut of_sweeps = votes_of_sweeps(&mut of_points, sweeps.iter().map(|of| &of.points));
-        // Sweeps on all threads, not rows of one sweep: this scales better.
+        // Parallel over sweeps instead of rows of one sweep, which scales better.
         let batches = sweeps.par_chunks(batch).zip(of_sweeps.par_chunks_mut(batch));
         batches.try_for_each(|(of_batch, votes)| self.vote_together(&source, prepared, of_batch, votes))?;
         let cells = self.images.cells(input, &of_points);
@@ -165,7 +165,7 @@ impl CellSegmenter for SphericalModel {
     }
 }
 
-/// The votes of each sweep; those of points between the sweeps become zero.
+/// The votes of each sweep; the votes of points between the sweeps become zero.
 fn votes_of_sweeps<'a>(
     mut votes: &'a mut [Vote],
     sweeps: impl Iterator<Item = &'a Range<usize>>,

@@ -1,4 +1,5 @@
-//! Input features of a model that names its features. Slower than [`super::features`], whose number of features is constant.
+//! Input features of a model that names its features. This code is slower than [`super::features`], whose number of
+//! features is constant.
 
 #![allow(
     clippy::needless_range_loop,
@@ -20,16 +21,16 @@ pub(super) struct NamedFeatures<'a> {
     pub(super) planes: PlanesMut<'a>,
 }
 
-/// Where the values of a feature come from.
+/// Source of the values of a feature.
 #[derive(Clone, Copy)]
 enum Source {
-    /// The feature of this number of a model that names none.
+    /// Default feature with this index.
     Usual(usize),
-    /// Further features of the LiDAR.
+    /// LiDAR feature that is not a default feature.
     Further(Feature),
-    /// The measurement of this number of the cameras.
+    /// Camera measurement with this index.
     Camera(usize),
-    /// Whether it is known.
+    /// Whether the camera measurement is known.
     HasCamera(usize),
 }
 
@@ -88,7 +89,7 @@ fn sources(features: &Features) -> Vec<Source> {
     features.as_slice().iter().map(source).collect()
 }
 
-/// Features of the LiDAR that are not among the usual ones.
+/// LiDAR features that are not default features.
 #[inline(always)]
 fn further(feature: Feature, surface: &SurfaceTile) -> Tile {
     let mut values = [0.0; LANES];
@@ -113,7 +114,7 @@ fn further(feature: Feature, surface: &SurfaceTile) -> Tile {
     values
 }
 
-/// A measurement of the cameras at up to 16 pixels; 0 where it is unknown or there is no point.
+/// A camera measurement at up to 16 pixels; 0 if it is unknown or there is no point.
 #[inline(always)]
 fn camera(image: &PolarImage, pixels: Range<usize>, range_m: &Tile, number: usize, value: impl Fn(f32) -> f32) -> Tile {
     let mut values = [0.0; LANES];

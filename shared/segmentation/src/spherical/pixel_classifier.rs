@@ -3,8 +3,9 @@
 use super::{PolarImage, Vote};
 use kernels::images::PlanesRef;
 
-/// Classifies pixels from the inputs of the last layer of the network, in its place.
+/// Classifies pixels from the inputs of the last layer of the network, instead of this layer.
 pub trait PixelClassifier: Send + Sync {
-    /// Writes the votes of the pixels of an image in raster order from its features. Those of pixels without a point are not written.
+    /// Writes the votes of the pixels of an image in raster order from its features. Votes of pixels without a point
+    /// are not written.
     fn vote(&self, image: &PolarImage, features: &PlanesRef<'_>, votes: &mut [Vote]);
 }

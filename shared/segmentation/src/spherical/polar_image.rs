@@ -6,7 +6,7 @@ use geometry::{NO_POINT, RangeImage};
 /// The nearest point of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PolarPixel {
-    /// Vector from the LiDAR to the point, in a frame whose z is up, m; zero without a point.
+    /// Vector from the LiDAR to the point, in a frame with z up, m; zero without a point.
     pub ray: [f32; 3],
     /// Height above the ground, m.
     pub height_m: f32,
@@ -39,7 +39,8 @@ pub struct PolarImage {
     pub pixels: Vec<PolarPixel>,
     /// Whether intensities are known.
     pub has_intensity: bool,
-    /// What the cameras measured, equally many values for each pixel, NaN where unknown; empty if the model does not ask for it.
+    /// Camera measurements, the same number of values for each pixel, NaN if unknown; empty if the model does not use
+    /// them.
     pub camera: Vec<f32>,
 }
 
@@ -48,7 +49,7 @@ impl PolarImage {
     pub fn of(image: &RangeImage, has_intensity: bool, pixel: impl Fn(usize) -> PolarPixel) -> Self {
         Self::showing(&image.nearest, image.columns, has_intensity, pixel)
     }
-    /// The given point of every pixel, [`NO_POINT`] for none, in raster order.
+    /// Creates the image from the given point of every pixel, [`NO_POINT`] for no point, in raster order.
     pub(super) fn showing(
         points: &[u32],
         columns: usize,
@@ -59,7 +60,7 @@ impl PolarImage {
         let pixels = points.iter().map(show).collect();
         Self { rows: points.len() / columns.max(1), columns, pixels, has_intensity, camera: Vec::new() }
     }
-    /// Changes the intensities of a sweep. Its lowest row is ring 0.
+    /// Converts the intensities of a sweep. Its lowest row is ring 0.
     pub fn apply_intensities(&mut self, map: &IntensityMap) {
         match map {
             IntensityMap::Unchanged => {}

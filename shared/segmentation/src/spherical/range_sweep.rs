@@ -1,4 +1,5 @@
-//! The range images of the sweeps of a submap. Ring and azimuth of a point give its pixel; without rings, elevation and azimuth.
+//! The range images of the sweeps of a submap. Ring and azimuth of a point determine its pixel; without rings,
+//! elevation and azimuth.
 
 use super::camera_columns::CameraColumns;
 use super::coarse_azimuths::shown_points;
@@ -9,31 +10,32 @@ use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint, SubmapSweep};
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Rows of the range image of a sensor without rings: as many as the beams of the largest sensor of the training.
+/// Rows of the range image of a sensor without rings: the number of beams of the largest sensor of the training.
 const ROWS_WITHOUT_RINGS: usize = 64;
 
 /// One sweep of a submap as a range image.
 #[derive(Clone, Debug)]
 pub struct RangeSweep {
-    /// Indices of its points in the submap.
+    /// Indices of the points in the submap.
     pub points: Range<usize>,
     /// The nearest point of each pixel; indices count from the first point of the sweep.
     pub image: RangeImage,
-    /// The same points relative to the position of the LiDAR. Where a sensor's firings are farther apart than the columns, gaps show the
-    /// point to their left.
+    /// The image of rays relative to the position of the LiDAR. If a sensor's firings are farther apart than the
+    /// columns, gaps show the point to their left.
     pub polar: PolarImage,
 }
 
 /// A sweep of a submap.
 #[derive(Clone, Debug)]
 pub struct SweepPoints {
-    /// Its entry in the header.
+    /// Entry in the header.
     pub sweep: SubmapSweep,
-    /// Indices of its points in the submap.
+    /// Indices of the points in the submap.
     pub points: Range<usize>,
 }
 
-/// The sweeps with their points, ascending. Sweeps whose points are not in the submap, or belong to a sweep before, are skipped.
+/// The sweeps with their points, ascending. Sweeps whose points are not in the submap, or belong to an earlier sweep,
+/// are skipped.
 pub fn sweeps_with_points(input: &ModelInput<'_>) -> Vec<SweepPoints> {
     let n_sweeps = (input.header.n_sweeps as usize).min(MAX_SWEEPS_PER_SUBMAP);
     let mut end = 0;
@@ -55,7 +57,7 @@ pub fn rows_of(header: &SubmapHeader, sweep: &SubmapSweep) -> usize {
     }
 }
 
-/// Rings of the LiDAR of a sweep. Sensors with patterns that do not repeat have none.
+/// Number of rings of the LiDAR of a sweep. Sensors with non-repetitive patterns have no rings.
 fn n_rings(header: &SubmapHeader, sweep: &SubmapSweep) -> Option<usize> {
     Some(header.ring_counts().of(sweep.lidar) as usize).filter(|n_rings| *n_rings > 1)
 }
@@ -79,7 +81,7 @@ impl ElevationRows {
     }
 }
 
-/// What the range images of a submap show.
+/// Source of the range images of a submap.
 pub struct ImageSource<'a> {
     input: &'a ModelInput<'a>,
     columns: usize,
@@ -89,17 +91,17 @@ pub struct ImageSource<'a> {
 }
 
 impl<'a> ImageSource<'a> {
-    /// Images of so many columns. `heights_m` are the heights of all points above the ground; where they are NaN, the LiDAR is
-    /// assumed 2 m above it.
+    /// Creates a source of images with this number of columns. `heights_m` are the heights of all points above the
+    /// ground; where they are NaN, the LiDAR is assumed to be 2 m above it.
     pub fn new(input: &'a ModelInput<'a>, columns: usize, heights_m: &'a [f32]) -> Self {
         Self { input, columns, heights_m, removed: None, camera: CameraColumns::default() }
     }
-    /// Leaves out points.
+    /// Excludes points.
     #[must_use]
     pub fn without(self, removed: Option<&'a [bool]>) -> Self {
         Self { removed, ..self }
     }
-    /// Adds measurements of the cameras.
+    /// Adds camera measurements.
     #[must_use]
     pub fn with_camera(self, bands: &[CameraBand]) -> Self {
         Self { camera: CameraColumns::new(self.input, bands), ..self }

@@ -32,23 +32,23 @@ pub struct Settings {
     pub vote_cell_m: f32,
     /// Divisor of the logits that calibrates the scores, 0.1 to 10.
     pub temperature: f32,
-    /// Intensities of the ground in the training, below which 5, 25, 50, 75 and 95 % of its points lie. Without them, those of the
-    /// simulated towns.
+    /// Intensities of the ground in the training data, below which 5, 25, 50, 75 and 95 % of its points lie. By
+    /// default, the intensities of the simulated towns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground_intensities: Option<GroundIntensities>,
     /// Input features, in order.
     #[serde(default, skip_serializing_if = "Features::is_default")]
     pub features: Features,
-    /// What becomes of ground points.
+    /// Treatment of ground points.
     #[serde(default, skip_serializing_if = "GroundUse::is_default")]
     pub ground: GroundUse,
 }
 
-/// What becomes of the points that are ground for the ground model with its default parameters.
+/// Treatment of the points that are ground according to the ground model with its default parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GroundUse {
-    /// They are in the image, and the network gives them their classes.
+    /// They are in the image, and the network classifies them.
     #[default]
     Kept,
     /// They are not in the image. Their class is `ground`, with the score of the ground model (thesis section 6.3.2).

@@ -16,7 +16,7 @@ pub const MAX_CLASSES: usize = 32;
 /// Probabilities of the classes, 0 to 255 for 0 to 1; zero beyond the last class.
 pub type Vote = [u8; MAX_CLASSES];
 
-/// The vote of a point without one.
+/// The vote of a point without a vote.
 pub(super) const NO_VOTE: Vote = [0; MAX_CLASSES];
 
 /// Computes votes from logits.
@@ -27,7 +27,7 @@ pub(super) struct Softmax<'a> {
     pub(super) fold: usize,
     pub(super) n_classes: usize,
     pub(super) temperature: f32,
-    /// Votes of the pixels. Those of pixels without a point are not written.
+    /// Votes of the pixels. Votes of pixels without a point are not written.
     pub(super) votes: &'a mut [Vote],
 }
 
@@ -40,7 +40,7 @@ type Words = [[u32; LANES]; MAX_CLASSES / 4];
 impl NullaryFnOnce for Softmax<'_> {
     type Output = ();
 
-    // 16 pixels at a time: sums over classes are then sums of vectors, and no lane is unused.
+    // 16 pixels at a time: sums over classes are then vector sums, and no lane is unused.
     #[inline(always)]
     fn call(self) {
         let Self { image, logits, fold, n_classes, temperature, votes } = self;

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A submap and the columns that a model reads, with their own memory.
+/// A submap and the columns that a model reads, with owned memory.
 pub struct OwnedSubmap {
     /// Sweeps and sensor positions.
     pub header: Box<SubmapHeader>,
@@ -25,7 +25,7 @@ pub struct OwnedSubmap {
     pub spectra: Option<OwnedSpectra>,
 }
 
-/// A message of the topic `spectra`, with its own memory.
+/// A message of topic `spectra`, with owned memory.
 pub struct OwnedSpectra {
     /// Bands and counts.
     pub header: Box<SpectraHeader>,
@@ -43,17 +43,18 @@ impl OwnedSubmap {
 
 /// A submap whose sweeps go through a network that the caller runs.
 ///
-/// Images and scores are plain arrays in the order of `PyTorch`: channel, row, column. Columns are the angles of a full revolution,
-/// so a convolution takes the opposite edge beyond the left and right one; above and below the image there are zeros.
+/// Images and scores are plain arrays in the order of `PyTorch`: channel, row, column. Columns are the angles of a full
+/// revolution, so a convolution reads the opposite edge beyond the left and right one; above and below the image there
+/// are zeros.
 ///
-/// 1. [`Self::images`] gives the inputs of the network for some sweeps.
+/// 1. [`Self::images`] returns the inputs of the network for some sweeps.
 /// 2. [`Self::vote`] takes the scores of the network for one of them.
-/// 3. [`Self::classes`] gives the classes by the votes so far.
+/// 3. [`Self::classes`] returns the classes from the votes so far.
 pub struct SubmapSweeps {
     images: Arc<SweepImages>,
     submap: OwnedSubmap,
     prepared: Prepared,
-    /// Sweeps whose images were given, until their scores come.
+    /// Sweeps whose images were returned and whose scores are still missing.
     pending: BTreeMap<usize, RangeSweep>,
     votes: Vec<Vote>,
 }
@@ -62,7 +63,7 @@ impl SubmapSweeps {
     /// Finds the ground and the scale of the intensities.
     ///
     /// # Errors
-    /// If a column has another number of rows than the submap.
+    /// If a column has a different number of rows than the submap.
     pub fn new(images: Arc<SweepImages>, submap: OwnedSubmap) -> Result<Self, SegmentationError> {
         let input = submap.input();
         input.check_columns()?;
@@ -93,11 +94,11 @@ impl SubmapSweeps {
         self.pending.extend(sweeps.zip(shown));
         images.concat()
     }
-    /// Takes the scores of the network for a sweep, before the softmax. Scores of a folded column are in channels that follow each
-    /// other, as its features are.
+    /// Takes the scores of the network for a sweep, before the softmax. Scores of a folded column are in consecutive
+    /// channels, like its features.
     ///
     /// # Errors
-    /// If the number of scores is another one than the network of the model would give.
+    /// If the number of scores differs from the output of the model's network.
     ///
     /// # Panics
     /// If there is no such sweep.
@@ -120,7 +121,7 @@ impl SubmapSweeps {
             Ok(())
         })
     }
-    /// The class of every point by the votes of the sweeps so far.
+    /// The class of every point from the votes of the sweeps so far.
     pub fn classes(&self) -> (Vec<ClassRow>, Report) {
         let mut classes = vec![ClassRow::default(); self.votes.len()];
         let input = self.submap.input();

@@ -9,8 +9,9 @@
 use super::{PolarImage, PolarPixel};
 use kernels::images::LANES;
 
-/// Distances of neighbors in columns, the preferred one last: far enough that range noise (2 cm) does not tilt the normal, near enough to
-/// stay on the surface. 4 of 2048 columns are 0.7 degrees, half the distance between the rings of an HDL-32E.
+/// Distances of neighbors in columns, the preferred one last: far enough that range noise (2 cm) does not tilt the
+/// normal, near enough to stay on the surface. 4 of 2048 columns are 0.7 degrees, half the distance between the rings
+/// of an HDL-32E.
 const COLUMN_STEPS: [usize; 4] = [2, 3, 5, 4];
 /// Largest change of range between neighbors on one surface, as a share of the range.
 const SAME_SURFACE: f32 = 0.15;
@@ -36,7 +37,8 @@ pub(super) struct SurfaceTile {
 
 /// Rays of an image and their lengths, as a structure of arrays.
 pub(super) struct Surface {
-    /// x, y, z and length by row, with a row of zeros above and below, and [`PAD`] columns of the opposite end before and after.
+    /// x, y, z and length by row, with a row of zeros above and below, and [`PAD`] columns of the opposite end on
+    /// either side.
     rays: [Vec<f32>; 4],
     pitch: usize,
 }
@@ -60,7 +62,8 @@ impl Surface {
         Self { rays, pitch }
     }
 
-    /// 16 pixels of a row from a column that is a multiple of 16. Values beyond the last column of the image are arbitrary.
+    /// 16 pixels of a row, starting at a column that is a multiple of 16. Values beyond the last column of the image
+    /// are arbitrary.
     #[inline(always)]
     pub(super) fn tile(&self, row: usize, column: usize) -> SurfaceTile {
         let at = (row + 1) * self.pitch + PAD + column;
@@ -106,7 +109,7 @@ fn set(rows: &mut [&mut [f32]; 4], at: usize, pixel: &PolarPixel) {
     (rows[0][at], rows[1][at], rows[2][at], rows[3][at]) = (x, y, z, pixel.range_m());
 }
 
-/// Replaces `end` by the neighbor where that is on the same surface.
+/// Replaces `end` with the neighbor if both are on the same surface.
 #[inline(always)]
 fn take_same(end: &mut [Tile; 4], neighbor: &[Tile; 4], here: &[Tile; 4], limit_m: &Tile) {
     let mut is_same = [false; LANES];

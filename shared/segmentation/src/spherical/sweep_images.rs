@@ -1,6 +1,8 @@
-//! What surrounds a network on range images: the images of a submap before it, the votes and classes after it.
+//! The steps before and after a network on range images: the images of a submap before it, the votes and classes after
+//! it.
 //!
-//! [`SphericalModel`](super::SphericalModel) runs the network of a model file in between, [`SubmapSweeps`](super::SubmapSweeps) any other one.
+//! [`SphericalModel`](super::SphericalModel) runs the network of a model file in between,
+//! [`SubmapSweeps`](super::SubmapSweeps) any other one.
 
 use super::PolarImage;
 use super::back_projection::pixel_for;
@@ -30,26 +32,26 @@ pub struct SweepImages {
     pixel_votes: VoteBuffers,
 }
 
-/// What is found in a whole submap before its images are made.
+/// Results for a whole submap that are needed before its images.
 pub(super) struct Prepared {
     /// The sweeps that go through the network.
     pub(super) sweeps: Vec<SweepPoints>,
     ground: Arc<SubmapGround>,
-    /// The ground, if the network does not see it.
+    /// The ground, if it is removed before the network.
     removed: Option<RemovedGround>,
     intensities: SubmapIntensities,
 }
 
-/// The ground points of a submap that the network does not see.
+/// The ground points of a submap that are removed before the network.
 struct RemovedGround {
-    /// Class of each point by the ground model.
+    /// Class of each point from the ground model.
     classes: Vec<ClassRow>,
     /// Whether each point is ground.
     is_ground: Vec<bool>,
 }
 
 impl SweepImages {
-    /// Of a model with these settings.
+    /// Creates the steps for a model with these settings.
     ///
     /// # Errors
     /// [`SegmentationError::Settings`] with the violated rule.
@@ -57,7 +59,7 @@ impl SweepImages {
         let classes = settings.check()?;
         Ok(Self { settings, classes, options: Options::default(), pixel_votes: VoteBuffers::default() })
     }
-    /// Of a model file, whose weights are not used.
+    /// Creates the steps for a model file, whose weights are not used.
     ///
     /// # Errors
     /// If the file cannot be read, or has another architecture or invalid settings.
@@ -83,13 +85,14 @@ impl SweepImages {
     pub fn options(&self) -> &Options {
         &self.options
     }
-    /// Channels, rows and columns of the network's input for a range image of so many rows. Rows below the image are zero.
+    /// Channels, rows and columns of the network's input for a range image with this number of rows. Rows below the
+    /// image are zero.
     pub fn input_size(&self, rows: usize) -> [usize; 3] {
         let network = &self.settings.network;
         let rows = rows.next_multiple_of(network.multiple_of()[0]);
         [network.inputs(), rows, self.settings.columns / self.settings.fold]
     }
-    /// Finds the scale of the intensities, and the classes of the ground if the network does not see it.
+    /// Finds the scale of the intensities, and the classes of the ground if it is removed before the network.
     pub(super) fn prepare(&self, input: &ModelInput<'_>, ground: Arc<SubmapGround>) -> Prepared {
         let removed = (self.settings.ground == GroundUse::Removed).then(|| {
             let classes = ground.ground.classes(&ground.heights_m);
@@ -101,21 +104,21 @@ impl SweepImages {
         let sweeps = sweeps_with_points(input).into_iter().step_by(self.options.every).collect();
         Prepared { sweeps, ground, removed, intensities }
     }
-    /// What the images of the submap show.
+    /// Source of the images of the submap.
     pub(super) fn source<'a>(&self, input: &'a ModelInput<'a>, prepared: &'a Prepared) -> ImageSource<'a> {
         let source = ImageSource::new(input, self.settings.columns, &prepared.ground.heights_m);
         let removed = prepared.removed.as_ref().map(|removed| removed.is_ground.as_slice());
         source.without(removed).with_camera(&self.settings.features.camera_bands())
     }
-    /// Votes of the pixels of an image in raster order from the scores of the network. Those of pixels without a point are not
-    /// written.
+    /// Votes of the pixels of an image in raster order from the scores of the network. Votes of pixels without a point
+    /// are not written.
     pub(super) fn softmax(&self, image: &PolarImage, scores: PlanesRef<'_>, votes: &mut [Vote]) {
         let fold = self.settings.fold;
         let n_classes = self.classes.len();
         let temperature = self.settings.temperature;
         Arch::new().dispatch(Softmax { image, logits: scores, fold, n_classes, temperature, votes });
     }
-    /// Writes the votes of the points of a sweep. `of_pixels` writes those of the pixels that have a point.
+    /// Writes the votes of the points of a sweep. `of_pixels` writes the votes of the pixels that have a point.
     pub(super) fn vote(
         &self,
         sweep: &RangeSweep,
@@ -132,7 +135,7 @@ impl SweepImages {
         self.pixel_votes.give_back(pixel_votes);
         Ok(())
     }
-    /// The shares of the classes in the votes of all points, by cells.
+    /// The shares of the classes in the votes of all points, per cell.
     pub(super) fn cells(&self, input: &ModelInput<'_>, votes: &[Vote]) -> CellProbabilities {
         Votes { of_points: votes }.shares(input.points, self.settings.vote_cell_m, self.classes.len())
     }

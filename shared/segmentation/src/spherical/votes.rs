@@ -12,18 +12,18 @@ use pulp::{Arch, NullaryFnOnce};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Added to cell coordinates, so that they are positive numbers of 21 bits: +-100 km in cells of 0.1 m.
+/// Added to cell coordinates so that they are positive numbers of 21 bits: +-100 km in cells of 0.1 m.
 const OFFSET: i64 = 1 << 20;
 const MASK: i64 = (1 << 21) - 1;
 
-/// Cells without votes take those of cells with up to 2^4 times the side: 3.2 m for 0.2 m, the distance between the rings of an
-/// HDL-32E on the road at 20 m.
+/// Largest level of coarser cells. Cells without votes take the votes of cells with up to 2^4 times the side: 3.2 m for
+/// 0.2 m, the distance between the rings of an HDL-32E on the road at 20 m.
 const COARSER: u32 = 4;
 
 /// Probabilities of classes for every point.
 pub(super) struct Votes<'a> {
-    /// The vote of each point, that of its pixel; zeros without one. In the order of the points and not of the pixels, because all
-    /// sweeps of a submap do not fit into the cache.
+    /// The vote of each point, which is the vote of its pixel; zeros without a pixel. It is in the order of the points
+    /// instead of the pixels because all sweeps of a submap do not fit into the cache.
     pub of_points: &'a [Vote],
 }
 
@@ -37,8 +37,9 @@ type Sums = [u32; MAX_CLASSES];
 type Cells = HashMap<u64, u32, BuildHasherDefault<CellHasher>>;
 
 impl Votes<'_> {
-    /// Shares of the first `n_classes` classes in the votes of each cell, of side `cell_m` in the submap frame. A cell without votes has
-    /// those of the smallest of the surrounding cells of 2, 4, 8, 16 times the side that has votes; zeros if none has.
+    /// Shares of the first `n_classes` classes in the votes of each cell, of side `cell_m` in the submap frame. A cell
+    /// without votes has the shares of the smallest surrounding cell of 2, 4, 8, 16 times the side with votes; zeros if
+    /// there is no such cell.
     pub fn shares(&self, points: &[SubmapPoint], cell_m: f32, n_classes: usize) -> CellProbabilities {
         let cast = Cast { votes: self, points, cell_m };
         let Ballots { cells, mut sums, number_of_point } = Arch::new().dispatch(cast);
@@ -80,7 +81,7 @@ impl NullaryFnOnce for Cast<'_> {
         let mut cells = Vec::new();
         let mut sums = Vec::new();
         let mut number_of_point = Vec::with_capacity(points.len());
-        // The next point of a ring is mostly in the cell of the last one.
+        // Consecutive points of a ring are mostly in the same cell.
         let mut last_of_ring = vec![Last { cell: u64::MAX, number: 0, sums: [0; MAX_CLASSES] }; 256];
         for (points, votes) in points.chunks(CHUNK).zip(votes.of_points.chunks(CHUNK)) {
             // A separate loop, which is vectorized.
@@ -114,8 +115,8 @@ impl NullaryFnOnce for Cast<'_> {
     }
 }
 
-/// Gives cells that still have no votes those of cells with 2^`level` times the side. `is_open` says which cells had none at first: only
-/// the votes of the others count.
+/// Gives cells that still have no votes the votes of cells with 2^`level` times the side. `is_open` marks the cells
+/// that were empty at first: only the votes of the others count.
 fn fill_coarsely(cells: &[u64], is_open: &[bool], level: u32, sums: &mut [Sums]) {
     let is_empty = |sums: &Sums| *sums == [0; MAX_CLASSES];
     let mut number_of_cell = Cells::default();
@@ -167,8 +168,8 @@ fn coarser(cell: u64, level: u32) -> u64 {
     cell & (keep << 42 | keep << 21 | keep)
 }
 
-/// Hashes keys of cells by one multiplication (Fibonacci hashing, Knuth vol. 3, 6.4). Keys come from positions; protection against
-/// malicious keys is not needed.
+/// Hashes keys of cells with one multiplication (Fibonacci hashing, Knuth vol. 3, 6.4). Keys come from positions;
+/// protection against malicious keys is not needed.
 #[derive(Default)]
 struct CellHasher(u64);
 
@@ -186,7 +187,7 @@ impl Hasher for CellHasher {
     }
 }
 
-/// The cell of a point. Points with NaN coordinates have no votes, so it does not matter which cell they share.
+/// The cell of a point. Points with NaN coordinates have no votes, so their cell does not matter.
 #[inline(always)]
 fn cell_of(point: &SubmapPoint, cell_m: f32) -> u64 {
     // The floor, without a library call.

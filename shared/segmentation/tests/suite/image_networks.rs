@@ -1,4 +1,4 @@
-//! Networks on images by the kernels and by the operations of candle.
+//! Networks on images: kernels against operations of candle.
 
 use candle_core::{Device, Tensor};
 use kernels::images::tensors::zeros;
@@ -13,7 +13,7 @@ fn image(size: [usize; 3], border: Border, random: &mut Random) -> Planes {
     Planes::from_fn(size, border, |_, _, _| random.range(-1.0, 1.0))
 }
 
-/// Networks with numbers of channels that do not fill their blocks, and with one that does.
+/// Networks whose numbers of channels do not fill their blocks, and one whose number does.
 fn specs() -> [NetworkSpec; 4] {
     [
         NetworkSpec::Unet { inputs: 7, outputs: 5, widths: vec![16, 20, 35], head: None },

@@ -1,4 +1,4 @@
-//! Model files: which are accepted, and the errors of the others.
+//! Model files: accepted files, and the errors of rejected ones.
 
 use crate::support::{model_of, shipped_model};
 use ground::Parameters;

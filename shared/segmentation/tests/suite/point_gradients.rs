@@ -1,4 +1,5 @@
-//! Gradients of the networks on points against finite differences, and results against the number of threads.
+//! Gradients of the networks on points compared with finite differences, and results compared across numbers of
+//! threads.
 
 use candle_core::{Device, Tensor, Var};
 use random::Random;
@@ -38,7 +39,8 @@ fn network(text: &str) -> (PointNetworkSpec, PointBatch, Tensor) {
     let mut random = Random::new(8);
     let spec: PointNetworkSpec = serde_json::from_str(text).expect("a network");
     let positions = (0..160).map(|_| std::array::from_fn(|_| random.range(-1.0, 1.0))).collect();
-    // PointNet normalizes one row for each cloud: of few clouds, a finite difference would need smaller steps than f32 has.
+    // PointNet normalizes one row for each cloud: with few clouds, a finite difference would need smaller steps than
+    // f32 resolves.
     let lengths = if matches!(spec, PointNetworkSpec::Pointnet(_)) { vec![5; 32] } else { vec![40; 4] };
     let batch = PointBatch::new(positions, lengths).expect("valid");
     let features = gauss(&mut random, &[160, 4]);

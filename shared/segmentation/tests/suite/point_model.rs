@@ -90,7 +90,7 @@ fn is_known(row: ClassRow) -> bool {
 fn model_of_each_kind_gives_every_point_a_class_and_does_not_depend_on_threads() {
     let points = street(6000);
     for network in NETWORKS {
-        // Scores that differ more than by their rounding.
+        // The low temperature makes scores differ by more than their rounding.
         let model = model(&PointSettings { temperature: 0.1, ..settings(network) });
         assert_eq!((model.card().architecture.as_str(), model.card().version), ("points", 1));
         let on_threads = |n: usize| {
@@ -102,7 +102,7 @@ fn model_of_each_kind_gives_every_point_a_class_and_does_not_depend_on_threads()
         assert!(classes.iter().copied().all(is_known), "{network}");
         assert_eq!(report, Report { coarsened: 1, ..Report::default() });
         assert!(on_threads(3).0 == classes, "{network}");
-        // A random network distinguishes the points in some way.
+        // A random network gives the points different classes.
         assert!(classes.iter().any(|row| row != &classes[0]), "{network}");
     }
 }
@@ -155,7 +155,7 @@ fn unusual_submaps_are_classified_without_failure() {
         let model = model(&settings(network));
         let of = |points: &[SubmapPoint]| segment(&model, points);
         assert_eq!(of(&[]).1.n_unseen, 0);
-        // A network needs neighbors: a point without any is unlabeled.
+        // A network needs neighbors: a point without any neighbor is unlabeled.
         for lonely in [vec![at(1.0, 2.0, 3.0)], vec![at(1.0, 2.0, 3.0); 500]] {
             let (classes, report) = of(&lonely);
             assert_eq!(report.n_unseen, lonely.len(), "{network}");
@@ -166,7 +166,7 @@ fn unusual_submaps_are_classified_without_failure() {
         points[10] = at(f32::NAN, 0.0, 0.0);
         points[11] = at(0.0, f32::INFINITY, 0.0);
         points[12] = at(2e18, 0.0, 0.0);
-        // Far away and alone: the nearest cell with a class decides.
+        // Isolated and far away: the nearest cell with a class decides.
         points[13] = at(-3e9, 5e12, 1e17);
         points[14] = at(1000.0, 0.0, 0.0);
         let (classes, report) = of(&points);

@@ -1,5 +1,5 @@
-//! Networks on points with weights from `PyTorch`: `lab/peers/point_networks.py write` wrote the files of `data/points`, with a
-//! batch, outputs, gradients and running statistics of torch in f64.
+//! Networks on points with weights from `PyTorch`: `lab/peers/point_networks.py write` wrote the files of
+//! `data/points`, with a batch, outputs, gradients and running statistics of torch in f64.
 
 use candle_core::{Device, Tensor, Var};
 use random::Random;
@@ -52,7 +52,8 @@ impl Reference {
         let values = |t: &Tensor| t.flatten_all().and_then(|t| t.to_vec1::<f32>()).expect("f32");
         let got = values(got);
         let expected = values(&expected);
-        // The gradient of a bias before a normalization is 0 in exact numbers: its rounding errors are those of the weight's.
+        // The gradient of a bias before a normalization is 0 in exact arithmetic: its rounding errors are as large as
+        // the errors of the weight's gradient.
         let scale = name.strip_suffix(".bias").map(|layer| format!("{layer}.weight"));
         let file = SafeTensors::deserialize(&self.bytes).expect("safetensors");
         let scale =
@@ -90,7 +91,7 @@ impl Reference {
 
 fn equals_torch(name: &str) {
     let mut reference = Reference::read(name);
-    // An evaluation computes no gradients: layers that follow each other are one operation.
+    // An evaluation computes no gradients: consecutive layers are one operation.
     let scores = reference.spec.run(&mut Pass::evaluation(&reference.parameters), &reference.plan, &reference.features);
     reference.assert_near(&scores.expect("runs"), "test.evaluation.scores");
     let mut pass = Pass::training_with_running_statistics(&reference.parameters, Random::new(1));

@@ -28,7 +28,7 @@ fn spheres_of_the_grid_cover_every_point() {
     let centers = settings.centers(&points).expect("valid");
     let inside = |point: [f32; 3]| centers.iter().filter(|c| squared_distance(point, **c) <= 9.0).count();
     assert!(points[..20_000].iter().all(|point| inside(*point) > 0));
-    // The first centers are those of the grid: 5 m apart.
+    // The first centers are grid centers, 5 m apart.
     let on_grid = |center: &&[f32; 3]| center.iter().all(|v| (v / 5.0 - 0.5).fract().abs() < 1e-4);
     let n_grid = centers.iter().take_while(on_grid).count();
     assert!((60..centers.len()).contains(&n_grid), "{n_grid} of {}", centers.len());
@@ -51,7 +51,7 @@ fn squares_cover_every_point_and_share_their_margins() {
     let squares = settings.squares(&points).expect("valid");
     let mut n_squares_of = vec![0; points.len()];
     for Region { center, points: members } in &squares {
-        // Centers are those of squares of 5 m.
+        // Centers are the centers of squares of 5 m.
         assert!(center[..2].iter().all(|v| (v / 5.0 - 0.5).fract().abs() < 1e-6), "{center:?}");
         let reach =
             |point: &u32| (0..2).map(|axis| (points[*point as usize][axis] - center[axis]).abs()).fold(0.0, f32::max);
@@ -113,7 +113,7 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     assert_eq!(means.len(), 4500);
     assert!(means.chunks(3).all(|means| (means.iter().sum::<f32>() - 1.0).abs() < 1e-5));
 
-    // The same by hand for one point.
+    // Manual computation for one point.
     let index = SpatialIndex::new(&points);
     let mut sum = [0.0; 3];
     let mut n = 0;

@@ -13,7 +13,7 @@ use segmentation::{ModelCard, ModelInput, SegmentationError, Segmenter};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// In columns of classes, a row that no model has written.
+/// Class of a row that no model has written.
 const UNKNOWN: u8 = u8::MAX;
 const RINGS: u8 = 16;
 const FIRINGS: u32 = 512;
@@ -34,7 +34,7 @@ fn settings() -> Settings {
     }
 }
 
-/// Random filters of mean 0, scaled as the first ones of a training, and biases of 0.
+/// Random filters of mean 0, scaled like initial filters of a training, and biases of 0.
 fn weights(settings: &Settings) -> Weights {
     let mut weights = Weights::default();
     for (stream, layer) in (0..).zip(settings.network.layers()) {
@@ -148,7 +148,7 @@ fn points_without_rings_are_placed_by_elevation() {
         point.ring = 0;
         point.elevation = (ray[2].atan2(ray[0].hypot(ray[1])).to_degrees() * 100.0).round() as i16;
     }
-    // A pattern that does not repeat has no order of angles either.
+    // A non-repetitive pattern has no order of angles either.
     for sweep in &header.sweeps[..2] {
         let first = sweep.first_point as usize;
         let n = sweep.n_points as usize;
@@ -202,7 +202,7 @@ fn points_without_sweep_or_ring_are_unlabeled() {
     let settings = settings();
     let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
     let (mut header, mut points, _) = submap();
-    // Far from all others, so that it gets no vote of a neighbor.
+    // Far from all others, so that it gets no vote from a neighbor.
     points[5] = SubmapPoint { ring: 200, z: 30.0, ..points[5] };
     points[6].x = f32::NAN;
     header.n_sweeps = 1;
@@ -286,7 +286,7 @@ fn scores_of_a_network_outside_the_model_give_its_classes() {
     assert_eq!(error.to_string(), "scores of sweep 1: 5 numbers; the model needs [6, 16, 256] channels, rows, columns");
 }
 
-/// Named features in the usual order are written by other code than those of a model that names none.
+/// Different code writes named features in the default order and default features.
 #[test]
 fn shipped_model_keeps_its_bytes_and_default_features() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/street.safetensors");

@@ -61,9 +61,9 @@ fn models_and_numbers_that_do_not_suit_are_refused_before_anything_is_written() 
             &ground,
             "0.5",
             1,
-            "ground.safetensors: metadata key `model`: the model knows no probabilities, so it cannot be fused",
+            "ground.safetensors: metadata key `model`: the model has no probabilities, so it cannot be fused",
         ),
-        (&fused, "0.5", 1, "the model is fused itself, so it cannot be fused"),
+        (&fused, "0.5", 1, "the model is itself fused, so it cannot be fused"),
         (&without_file, "0.5", 1, "none.safetensors: No such file"),
         (&street, "1.5", 2, "must be 0 to 1"),
     ] {

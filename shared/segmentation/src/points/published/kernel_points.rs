@@ -1,17 +1,18 @@
-//! Placement of kernel points: they repel each other and are attracted by the center, where the first one stays (Thomas et al. 2019,
-//! supplement). Only additions, multiplications, divisions and square roots: the same numbers on every machine.
+//! Placement of kernel points: they repel each other and are attracted by the center, where the first one stays (Thomas
+//! et al. 2019, supplement). The code uses only additions, multiplications, divisions and square roots, so it gives the
+//! same numbers on every machine.
 
 use random::Random;
 
-/// Mean distance of the outer kernel points from the center, of the radius.
+/// Mean distance of the outer kernel points from the center, as a share of the radius.
 const MEAN_RADIUS: f64 = 0.66;
-/// Steps at most; 15 points settle after about 1500.
+/// Largest number of steps; 15 points converge after about 1500.
 const STEPS: usize = 5000;
 /// Step per force, its decay per step, and the longest step.
 const STEP: f64 = 1e-2;
 const DECAY: f64 = 0.9995;
 const LONGEST: f64 = 0.05;
-/// A placement is done when no force changes by more.
+/// A placement has converged if no force changes by more.
 const SETTLED: f64 = 1e-7;
 
 /// Kernel points in a sphere of radius 1. The first is the center.
@@ -47,10 +48,10 @@ pub(super) fn kernel_points(n: usize, seed: u64) -> Vec<[f64; 3]> {
     points.into_iter().map(|point| point.map(|v| v * scale)).collect()
 }
 
-/// The points, turned at random.
+/// The points with a random rotation.
 pub(super) fn turned(points: &[[f64; 3]], seed: u64) -> Vec<[f64; 3]> {
     let mut random = Random::of_stream(seed, 1);
-    // A quaternion, uniform on the sphere.
+    // A random unit quaternion, uniformly distributed.
     let [w, x, y, z] = loop {
         let q: [f64; 4] = std::array::from_fn(|_| f64::from(random.range(-1.0, 1.0)));
         let square = q.iter().map(|v| v * v).sum::<f64>();

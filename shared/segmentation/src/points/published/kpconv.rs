@@ -23,27 +23,27 @@ const EXTENT_CELLS: f32 = 1.2;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KpConv {
-    /// Features of a point.
+    /// Number of features of a point.
     pub inputs: usize,
-    /// Classes.
+    /// Number of classes.
     pub outputs: usize,
     /// Channels of the first bottleneck block, a multiple of 4; they double with each level.
     pub width: usize,
-    /// Levels.
+    /// Number of levels.
     pub levels: usize,
-    /// Bottleneck blocks of a level, after the one that leads to it.
+    /// Bottleneck blocks of a level, after the block that leads to it.
     pub blocks: usize,
     /// Kernel points of a convolution.
     pub kernel_points: usize,
     /// Side of the grid cells from which the points come, m. It doubles with each level.
     pub cell_m: f32,
-    /// Nearest neighbors that a convolution uses at most.
+    /// Largest number of nearest neighbors in a convolution.
     pub neighbors: usize,
 }
 
 /// Neighborhoods of a batch on all levels.
 pub struct KpConvPlan {
-    /// Points of the batch in Morton order, and their places in it.
+    /// Points of the batch in Morton order, and their indices in it.
     sorted: Arc<Lists>,
     unsorted: Arc<Lists>,
     levels: Vec<Level>,

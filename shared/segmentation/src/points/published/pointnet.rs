@@ -10,13 +10,13 @@ use kernels::points::{Activation, Lists, add_activated, concatenate, linear, max
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// `PointNet`. Its input are the positions and `inputs` features.
+/// `PointNet`. Its inputs are the positions and `inputs` features.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointNet {
-    /// Features of a point beside its position.
+    /// Number of features of a point in addition to its position.
     pub inputs: usize,
-    /// Classes.
+    /// Number of classes.
     pub outputs: usize,
     /// Channels of the first layer and side of the feature transform; 64 in the publication. The others are multiples.
     pub width: usize,
@@ -73,8 +73,8 @@ impl PointNet {
         let x = pass.linear_norm(&x, "conv3", "bn3", RELU)?;
         pass.linear(&x, "conv4", Activation::NONE)
     }
-    /// The first layer of the head, on global and local features: the product with the global ones is the same for all points of a
-    /// cloud.
+    /// The first layer of the head, on global and local features: the product with the global features is the same for
+    /// all points of a cloud.
     fn first_of_head(
         &self,
         pass: &mut Pass<'_>,
@@ -137,6 +137,6 @@ fn distance_to_orthogonal(transforms: &Tensor) -> Result<Tensor, SegmentationErr
     let product = transforms.matmul(&transforms.transpose(1, 2)?.contiguous()?)?;
     let difference = product.broadcast_sub(&Tensor::eye(side, DType::F32, &Device::Cpu)?)?;
     let squares = difference.sqr()?.sum((1, 2))?;
-    // Not 0: the derivative of a square root has no value there.
+    // The offset avoids 0, where the derivative of the square root is undefined.
     Ok((squares + 1e-12)?.sqrt()?.mean(0)?)
 }

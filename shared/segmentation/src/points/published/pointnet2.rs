@@ -15,13 +15,13 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointNet2 {
-    /// Features of a point beside its position.
+    /// Number of features of a point in addition to its position.
     pub inputs: usize,
-    /// Classes.
+    /// Number of classes.
     pub outputs: usize,
     /// Set abstractions, finest first.
     pub abstractions: Vec<Abstraction>,
-    /// Channels of the layers of each feature propagation, finest first, as many as abstractions.
+    /// Channels of the layers of each feature propagation, finest first, one list per abstraction.
     pub propagations: Vec<Vec<usize>>,
     /// Dropout before the last layer.
     pub dropout: f32,
@@ -31,9 +31,9 @@ pub struct PointNet2 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Abstraction {
-    /// Centers of each cloud.
+    /// Number of centers of each cloud.
     pub centers: usize,
-    /// Groups of different size around each center.
+    /// Groups of different sizes around each center.
     pub scales: Vec<Scale>,
 }
 
@@ -43,7 +43,7 @@ pub struct Abstraction {
 pub struct Scale {
     /// Radius of a group, m.
     pub radius_m: f32,
-    /// Points of a group: the nearest ones; if there are fewer, the nearest one again.
+    /// Points of a group: the nearest ones; if there are fewer, the nearest one is repeated.
     pub neighbors: usize,
     /// Channels of the layers.
     pub widths: Vec<usize>,

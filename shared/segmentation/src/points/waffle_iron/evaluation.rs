@@ -1,6 +1,6 @@
-//! The network for prediction: normalizations are parts of the layers after them, and layers that follow each other at a point are one
-//! operation, so the rows of all points are read and written once for each block. The results are those of [`super::training`] but for
-//! rounding.
+//! The network for prediction: normalizations are merged into the layers after them, and consecutive layers at a point
+//! are one operation, so the rows of all points are read and written once for each block. The results equal the results
+//! of [`super::training`] except for rounding.
 
 use super::{NONE, WaffleIron, WaffleIronPlan};
 use crate::SegmentationError;
@@ -47,7 +47,7 @@ impl WaffleIron {
         let products = linear(&x, &weight, &zeros(self.width)?, NONE)?;
         let layer = Layer::new(&pass.matrix("embed.conv2.4")?, &zeros(self.width)?)?;
         let of_neighbors = neighbor_maximum(&products, bias.to_vec1()?, &plan.neighbors, layer)?;
-        // `embed.conv1` has no activation: it is a part of the last layer.
+        // `embed.conv1` has no activation: it is merged into the last layer.
         let last = pass.matrix("embed.final")?;
         let of_point = last.narrow(1, 0, self.width)?;
         let rest = last.narrow(1, self.width, self.width)?;

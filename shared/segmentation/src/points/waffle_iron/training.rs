@@ -48,7 +48,8 @@ impl WaffleIron {
 fn embedding(pass: &mut Pass<'_>, neighbors: &Lists, features: &Tensor) -> Result<Tensor, SegmentationError> {
     let x = pass.norm(features, "embed.norm", NONE)?;
     let of_point = pass.linear(&x, "embed.conv1", NONE)?;
-    // Each neighbor and its point, with weights 1 and -1: a row for each pair, all at once because of the statistics.
+    // Each neighbor and its point, with weights 1 and -1: a row for each pair, all at once because of the batch
+    // statistics.
     let pairs =
         (0..neighbors.len()).flat_map(|point| neighbors.of(point).iter().map(move |near| [*near, point as u32]));
     let pairs = Arc::new(Lists::new(pairs, neighbors.n_rows()));

@@ -71,7 +71,7 @@ pub fn shipped_model() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/ground.safetensors"))
 }
 
-/// A model of these parameters, written to a file and read back.
+/// A model with these parameters, written to a file and read back.
 pub fn model_of(parameters: &Parameters) -> Box<dyn Segmenter> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("model.safetensors");
