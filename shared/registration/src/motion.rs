@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// Pose of the LiDAR during one sweep: the pose in the middle, and the change from first to last shot.
 ///
-/// The pose at share s (-0.5 first shot, 0.5 last shot) has the position `mid + s * translation` and the rotation `mid
-/// * exp(s * rotation)`: linear interpolation and slerp between both ends. The reference is the middle because an error
+/// The pose at share s (-0.5 first shot, 0.5 last shot) has the position `mid + s * translation` and the rotation
+/// `mid * exp(s * rotation)`: linear interpolation and slerp between both ends. The reference is the middle because an error
 /// of the motion distorts the sweep symmetrically about it and therefore hardly shifts the match.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepMotion {

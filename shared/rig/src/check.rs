@@ -1,4 +1,4 @@
-//! Whether a rig fits the data of its drive.
+//! Checks whether a rig fits the data of its drive.
 
 mod cameras;
 mod chirality;
@@ -27,12 +27,12 @@ use registration::SpinDirection;
 
 /// The verdicts about a drive.
 pub struct Report {
-    /// In the order of the checks.
+    /// The verdicts, in the order of the checks.
     pub verdicts: Vec<Verdict>,
 }
 
 impl Report {
-    /// Checks a drive. `settings` are those with which it was surveyed.
+    /// Checks a drive. `settings` are the settings of its survey.
     pub fn of(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Self, RigError> {
         let mut verdicts = clocks::verdicts(survey);
         let is_late = |verdicts: &[Verdict], name: &str| {
@@ -76,7 +76,7 @@ impl Report {
     }
 }
 
-/// The mounting of the LiDAR, and whether its points are those of a sensor that turns as they say.
+/// Verdicts about the mounting of the LiDAR, and whether its points are consistent with a spinning sensor.
 fn lidar_verdicts(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinDirection>) -> Vec<Verdict> {
     let mirrored = chirality::verdict(survey);
     if mirrored.is_doubt() {

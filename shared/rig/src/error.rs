@@ -6,7 +6,7 @@ use lidar::SweepError;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why a rig cannot be made, checked or refined.
+/// Reason why a rig cannot be made, checked or refined.
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {
     /// The drive folder has problems.
@@ -29,20 +29,20 @@ pub enum RigError {
         /// The error.
         source: io::Error,
     },
-    /// A file of others that cannot be used.
+    /// A third-party file cannot be used.
     #[error("{}: {place}{rule}", path.display())]
     Source {
         /// The file or folder.
         path: PathBuf,
-        /// Where in the file, with a colon at the end; empty for the whole file.
+        /// Position in the file, with a colon at the end; empty for the whole file.
         place: String,
-        /// What was found and what was expected.
+        /// The value found and the expected value.
         rule: String,
     },
-    /// A text that is no rotation.
+    /// A text is not a rotation.
     #[error(transparent)]
     Rotation(#[from] crate::rotation::RotationError),
-    /// A file that exists and would be overwritten.
+    /// A file exists and would be overwritten.
     #[error("{} exists already; --write replaces it", path.display())]
     Exists {
         /// The file.
@@ -56,12 +56,12 @@ impl RigError {
         Self::Io { path: path.to_owned(), source }
     }
 
-    /// A log of a drive that cannot be read.
+    /// The error for a log of a drive that cannot be read.
     pub(crate) fn log(drive: &Drive, error: &io::Error) -> Self {
         Self::Io { path: drive.folder().to_owned(), source: io::Error::new(error.kind(), error.to_string()) }
     }
 
-    /// A file of others that breaks a rule.
+    /// The error for a third-party file that breaks a rule.
     pub fn source(path: &Path, place: &str, rule: impl Into<String>) -> Self {
         let place = if place.is_empty() { String::new() } else { format!("{place}: ") };
         Self::Source { path: path.to_owned(), place, rule: rule.into() }

@@ -2,24 +2,24 @@
 //!
 //! | idea | module |
 //! |---|---|
-//! | one pass over a drive: the motion by the LiDAR alone, outlines, ground, samples | [`survey`] |
-//! | whether the rig fits the data, and what does not | [`check`] |
+//! | one pass over a drive: motion from the LiDAR alone, outlines, ground, samples | [`survey`] |
+//! | checks whether the rig fits the data, and what does not fit | [`check`] |
 //! | pictures of points over images and of sweeps over each other | [`picture`] |
 //! | rotations and elevations that fit the drive better | [`refine`] |
-//! | mounting of one LiDAR against another | `secondary_lidar` |
+//! | mounting of one LiDAR relative to another | `secondary_lidar` |
 //! | delay of a receiver | `receiver_delay` |
-//! | rotations as people write them | [`rotation`] |
+//! | rotations in their usual notations | [`rotation`] |
 //! | third-party calibrations | [`source`] |
 //! | errors | [`error`] |
 //!
-//! A rig is a `drive.toml` with mountings, time offsets and camera models of all sensors. This crate finds out whether it is
-//! right; it must never change a drive folder by itself: [`refine`] returns a new manifest with the reason for each change, and
-//! the caller writes it. A value that the drive does not determine stays as it is, and is reported as not observable. All
-//! mountings are `body_from_sensor`, in m and rad, as in `docs/reference/conventions.md`.
+//! A rig is a `drive.toml` with mountings, time offsets and camera models of all sensors. This crate checks whether it
+//! is correct. It must never change a drive folder by itself: [`refine`] returns a new manifest with the reason for
+//! each change, and the caller writes it. A value that the drive does not determine is kept, and is reported as not
+//! observable. All mountings are `body_from_sensor`, in m and rad, as in `docs/reference/conventions.md`.
 //!
-//! Begin with [`survey`], which reads the drive once; [`check`] and [`refine`] have one file for each kind of sensor and judge
-//! what it collected. Calibrations by third parties come in by [`source`]. The commands are `replica rig new`, `check` and
-//! `refine` (`docs/guide/rig.md`).
+//! Start reading at [`survey`], which reads the drive once; [`check`] and [`refine`] have one file for each kind of
+//! sensor and evaluate the data of the survey. [`source`] imports third-party calibrations. The commands are
+//! `replica rig new`, `check` and `refine` (`docs/guide/rig.md`).
 
 pub mod check;
 pub mod error;

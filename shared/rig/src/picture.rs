@@ -19,7 +19,7 @@ use std::path::Path;
 pub struct Picture {
     /// Name of its file.
     pub file: String,
-    /// What it shows.
+    /// Caption of the picture.
     pub caption: String,
     content: Content,
 }
@@ -51,7 +51,7 @@ pub fn write(folder: &Path, drive: &Drive, survey: &Survey, report: &Report) -> 
     Ok(pictures.len())
 }
 
-/// A square of `side` pixels around a place, cut off at the border.
+/// Draws a square of `side` pixels around a position, clipped at the border.
 fn dot(image: &mut RgbImage, [u, v]: [f64; 2], side: i64, color: [u8; 3]) {
     let left = (u - 0.5 * (side - 1) as f64).round() as i64;
     let top = (v - 0.5 * (side - 1) as f64).round() as i64;

@@ -1,11 +1,11 @@
-//! How late the stamps of a GNSS receiver are: its velocities against those of the LiDAR's path, which change when the vehicle
-//! accelerates and turns.
+//! Delay of the stamps of a GNSS receiver: its velocities are compared with the velocities along the LiDAR's path,
+//! which change when the vehicle accelerates and turns.
 
 use geometry::{Point3, Stamp};
 use nalgebra::{Rotation2, Vector2};
 use registration::GroundVelocity;
 
-/// Delays that are tried, s apart, and the largest one.
+/// Step and largest value of the tested delays, s.
 const STEP_S: f64 = 0.05;
 const N_SIDE: usize = 20;
 pub(crate) const MAX_DELAY_S: f64 = STEP_S * N_SIDE as f64;
@@ -14,27 +14,27 @@ const N_DELAYS: usize = 2 * N_SIDE + 1;
 const HALF_NANOS: i64 = 250_000_000;
 /// Velocities closer in time have the same errors, s.
 const MIN_PAUSE_S: f64 = 0.45;
-/// Below this speed a course is noise, m/s.
+/// Least speed with a reliable course, m/s.
 const MIN_SPEED_MPS: f64 = 1.0;
-/// Velocities of this time share a heading of the path, s: it drifts by less than they err.
+/// Time for which velocities share a heading of the path, s: the heading drifts by less than the velocity errors.
 const WINDOW_S: f64 = 30.0;
-/// Fewer velocities determine no delay.
+/// With fewer velocities the delay is undetermined.
 const MIN_VELOCITIES: usize = 6;
-/// Residuals beyond this many standard deviations count as this.
+/// Residuals are limited to this many standard deviations.
 const MAX_RESIDUAL: f64 = 4.0;
-/// A larger deviation determines no delay, s.
+/// With a larger standard deviation the delay is undetermined, s.
 const MAX_SIGMA_S: f64 = 0.1;
 
 /// Delay of the stamps of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReceiverDelay {
-    /// By how much the stamps are later than the measurements, s; negative: earlier.
+    /// Delay of the stamps relative to the measurements, s; negative if they are early.
     pub late_s: f64,
     /// Standard deviation, s.
     pub sigma_s: f64,
 }
 
-/// Why velocities determine no delay.
+/// Reason why the velocities do not determine a delay.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum NoDelay {
     #[error("{n} fixes with speed and course above {MIN_SPEED_MPS} m/s, {MIN_VELOCITIES} are needed")]
@@ -45,7 +45,7 @@ pub(crate) enum NoDelay {
     BeyondRange,
 }
 
-/// A velocity by the receiver, and those by the path if its stamp is late by each of the delays.
+/// A velocity from the receiver, and the velocities along the path for each tested delay of its stamp.
 struct Pair {
     stamp: Stamp,
     world: Vector2<f64>,
@@ -53,7 +53,7 @@ struct Pair {
     odom: [Vector2<f64>; N_DELAYS],
 }
 
-/// The delay. `antenna_in_odom` is the path of the antenna by the LiDAR.
+/// Estimates the delay. `antenna_in_odom` is the path of the antenna from the LiDAR odometry.
 pub(crate) fn receiver_delay(
     velocities: impl Iterator<Item = GroundVelocity>,
     antenna_in_odom: impl Fn(Stamp) -> Option<Point3<f64>>,
@@ -74,14 +74,14 @@ pub(crate) fn receiver_delay(
     let cost = |delay: usize| windows.iter().map(|window| window_cost(window, delay)).sum();
     let costs: Vec<f64> = (0..N_DELAYS).map(cost).collect();
     let best = (0..N_DELAYS).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(N_SIDE);
-    // More than the number of components shows larger errors of the velocities than stated.
+    // A cost above the number of components indicates larger velocity errors than stated.
     let n_components = (2 * pairs.len() - windows.len()) as f64;
     let unit = (costs[best] / n_components).max(1.0);
     if best == 0 || best == N_DELAYS - 1 {
         let is_better = costs[N_SIDE] - costs[best] > MAX_RESIDUAL.powi(2) * unit;
         return Err(if is_better { NoDelay::BeyondRange } else { NoDelay::EvenMotion });
     }
-    // A parabola through the best and its neighbors.
+    // A parabola through the best delay and its neighbors.
     let [before, at, after] = [costs[best - 1], costs[best], costs[best + 1]];
     let curvature = before - 2.0 * at + after;
     let sigma_s = STEP_S * (2.0 * unit / curvature.max(0.0)).sqrt();
@@ -93,7 +93,7 @@ pub(crate) fn receiver_delay(
 }
 
 impl Pair {
-    /// `None` if the velocity has no direction, or the path does not include all delays.
+    /// Creates a pair; `None` if the velocity has no direction, or the path does not cover all delays.
     fn new(velocity: &GroundVelocity, antenna_in_odom: &impl Fn(Stamp) -> Option<Point3<f64>>) -> Option<Self> {
         let world = Vector2::from(velocity.east_north);
         if world.norm() < MIN_SPEED_MPS {
@@ -109,15 +109,15 @@ impl Pair {
         Some(Self { stamp: velocity.stamp, world, sigma: velocity.sigma, odom })
     }
 
-    /// In standard deviations, if the odometry's axes are turned by `yaw` from the world's.
+    /// Residual in standard deviations, for odometry axes that are rotated by `yaw` relative to the world.
     fn residual(&self, delay: usize, yaw: f64) -> f64 {
         (Rotation2::new(yaw) * self.odom[delay] - self.world).norm() / self.sigma
     }
 }
 
-/// Sum of the squared residuals with the heading that fits best.
+/// Sum of the squared residuals with the best-fitting heading.
 fn window_cost(window: &[Pair], delay: usize) -> f64 {
-    // By all directions alone; then with less weight on those that do not fit.
+    // First from all directions alone; then with less weight on outliers.
     let mut yaw = yaw_of(window, delay, |pair| 1.0 / (pair.world.norm() * pair.odom[delay].norm().max(f64::EPSILON)));
     for _ in 0..3 {
         let from = yaw;
@@ -142,7 +142,7 @@ fn yaw_of(window: &[Pair], delay: usize, weight: impl Fn(&Pair) -> f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A minute that brakes, accelerates and turns, in odom axes.
+    /// A minute of braking, acceleration and turns, in odom axes.
     fn path(stamp: Stamp) -> Option<Point3<f64>> {
         let s = stamp.0 as f64 * 1e-9;
         let along = 8.0 * s - 12.0 * (s / 4.0).cos();
@@ -153,7 +153,7 @@ mod tests {
         (stamp.0 >= 0).then(|| Point3::new(stamp.0 as f64 * 8e-9, 0.0, 0.0))
     }
 
-    /// Velocities that are `late_s` late in a world turned by a radian, with errors of 0.1 m/s and some outliers.
+    /// Velocities that are `late_s` late in a world rotated by one radian, with errors of 0.1 m/s and some outliers.
     fn velocities(late_s: f64, of_path: fn(Stamp) -> Option<Point3<f64>>) -> Vec<GroundVelocity> {
         let mut random = random::Random::new(7);
         let late_nanos = (late_s * 1e9) as i64;

@@ -1,7 +1,8 @@
-//! Refines a rig by its drive: rotations and delays of cameras and inertial unit, the delay of the receiver, elevations of the LiDAR's
-//! rings, and mountings of the secondary LiDARs.
+//! Refines a rig from its drive: rotations and delays of cameras and inertial unit, the delay of the receiver,
+//! elevations of the LiDAR's rings, and mountings of the secondary LiDARs.
 //!
-//! A value is replaced where the drive determines it and it differs by more than twice its standard deviation. All other values stay.
+//! A value is replaced if the drive determines it and it differs by more than twice its standard deviation. All other
+//! values are kept.
 
 mod cameras;
 mod gnss;
@@ -17,20 +18,20 @@ use drive::manifest::rules::MAX_DELAY_NANOS;
 use serde::Serialize;
 use std::fmt;
 
-/// Deviations by which a value must differ.
+/// Number of standard deviations by which a value must differ.
 pub(crate) const SIGNIFICANT: f64 = 2.0;
 
-/// What happens to a value.
+/// Outcome for a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It is replaced.
+    /// The value is replaced.
     Replaced,
-    /// It is right within its deviation.
+    /// The value is correct within its standard deviation.
     Kept,
     /// The drive does not determine it.
     NotObservable,
-    /// The drive determines it, but `drive.toml` has no place for it.
+    /// The drive determines the value, but `drive.toml` has no entry for it.
     ToDo,
 }
 
@@ -41,15 +42,15 @@ pub struct Change {
     pub subject: String,
     /// The value.
     pub quantity: String,
-    /// How much it differs from the stated one, in `unit`.
+    /// Difference from the stated value, in `unit`.
     pub difference: f64,
     /// Standard deviation of the difference.
     pub sigma: f64,
     /// Unit of both.
     pub unit: &'static str,
-    /// What happens to it.
+    /// Outcome for the value.
     pub outcome: Outcome,
-    /// Old and new value, or why it is not determined.
+    /// Old and new value, or the reason why it is undetermined.
     pub text: String,
 }
 

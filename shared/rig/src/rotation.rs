@@ -1,27 +1,27 @@
-//! Rotations as people write them: quaternions, matrices, and Euler angles with a named order.
+//! Rotations in their usual notations: quaternions, matrices, and Euler angles with a named order.
 
 use geometry::{Quaternion, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 use std::f64::consts::PI;
 
-/// How rotations are written.
+/// Supported notations of rotations.
 pub const FORMS: &str = "\"quaternion xyzw 0,0,0,1\", \"quaternion wxyz 1,0,0,0\", \"matrix\" with nine numbers row by row, \
                          \"euler intrinsic zyx deg 90,1.5,0\", \"euler extrinsic xyz rad 0,0.1,1.57\" or \"rpy deg 0,1.5,90\"";
-/// Largest deviation of a norm or of the products of two rows from those of a rotation.
+/// Largest deviation of a norm, or of the product of two rows, from the value of a rotation.
 const TOLERANCE: f64 = 1e-3;
 
-/// A text or numbers that are no rotation.
+/// A text or numbers that are not a rotation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RotationError {
-    /// Words that are not understood.
+    /// Words that are not recognized.
     #[error("rotation {text:?}: {rule}; expected {FORMS}")]
     Form {
         /// The text.
         text: String,
-        /// What is wrong.
+        /// The violated rule.
         rule: String,
     },
-    /// A quaternion without length 1.
+    /// A quaternion whose length is not 1.
     #[error("the quaternion has length {norm:.4}; must be 1. Is it a unit quaternion, with all four numbers?")]
     Norm {
         /// Its length.
@@ -36,7 +36,7 @@ pub enum RotationError {
         /// The determinant.
         determinant: f64,
     },
-    /// A matrix that is no rotation.
+    /// A matrix that is not a rotation.
     #[error("the rows of the matrix differ from unit vectors at right angles by {off:.4}; must be below {TOLERANCE}")]
     Matrix {
         /// The largest difference of a product of rows.
@@ -98,8 +98,8 @@ fn angles(numbers: &[f64], unit: &str) -> Option<[f64; 3]> {
     Some(numbers.map(|value| value * scale))
 }
 
-/// Rotations one after the other about the axes of `order`, rad: about the axes as they have been turned (intrinsic), or about those
-/// of the frame that does not turn (extrinsic). `None` for another order than three of x, y, z.
+/// Consecutive rotations about the axes of `order`, rad: about the rotated axes (intrinsic), or about the axes of the
+/// fixed frame (extrinsic). `None` unless the order has three of x, y, z.
 pub fn euler(order: &str, is_intrinsic: bool, angles: [f64; 3]) -> Option<UnitQuaternion<f64>> {
     let axis = |letter: char| match letter {
         'x' => Some(Vector3::x_axis()),
@@ -115,7 +115,7 @@ pub fn euler(order: &str, is_intrinsic: bool, angles: [f64; 3]) -> Option<UnitQu
     Some(if is_intrinsic { a * b * c } else { c * b * a })
 }
 
-/// From x y z w.
+/// Converts a quaternion x y z w.
 pub fn from_quaternion([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, RotationError> {
     let quaternion = Quaternion::new(w, x, y, z);
     let norm = quaternion.norm();
@@ -126,7 +126,7 @@ pub fn from_quaternion([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, Ro
     }
 }
 
-/// From a matrix whose columns are the axes of the sensor. Rounding is removed.
+/// Converts a matrix whose columns are the axes of the sensor. Rounding is removed.
 pub fn from_matrix(matrix: &Matrix3<f64>) -> Result<UnitQuaternion<f64>, RotationError> {
     let off = (matrix * matrix.transpose() - Matrix3::identity()).abs().max();
     if off.is_nan() || off >= TOLERANCE {
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn order_and_sense_of_euler_angles_matter() {
-        // Intrinsic zyx is extrinsic xyz with the angles from the other end.
+        // Intrinsic zyx is extrinsic xyz with the angles in reverse order.
         assert!(angle("euler intrinsic zyx deg 30,20,10", "euler extrinsic xyz deg 10,20,30") < 1e-9);
         assert!(angle("euler intrinsic zyx deg 30,20,10", "rpy deg 10,20,30") < 1e-9);
         assert!(angle("euler intrinsic xyz deg 10,20,30", "euler extrinsic xyz deg 10,20,30") > 0.05);

@@ -1,7 +1,7 @@
-//! The mounting of a LiDAR against that of the first one, by the surfaces that both have seen.
+//! The mounting of a LiDAR relative to the first one, from the surfaces that both measure.
 //!
-//! The planar features of the first LiDAR, placed by the surveyed motion, make a map. The mounting of the other LiDAR moves until its own
-//! features lie on the surfaces of that map.
+//! The planar features of the first LiDAR, transformed by the surveyed motion, form a map. The mounting of the other
+//! LiDAR is optimized until its own features lie on the surfaces of that map.
 
 use crate::error::RigError;
 use crate::survey::{Survey, SurveySettings};
@@ -14,11 +14,12 @@ use registration::{
     Feature, FeatureSettings, Kernel, LocalMap, MapPoint, MapSettings, Sweep, Weights, planar_features,
 };
 
-/// Sweeps that are used; those of longer surveys are spread evenly.
+/// Largest number of used sweeps; longer surveys are sampled evenly.
 const MAX_SWEEPS: usize = 150;
-/// Consecutive groups of sweeps whose results are compared.
+/// Number of consecutive groups of sweeps whose results are compared.
 const GROUPS: usize = 6;
-/// Longest range, m, search radius, m, and scale of the residuals, m, of each round. Near features bear large rotations.
+/// Longest range, m, search radius, m, and scale of the residuals, m, of each round. Near features tolerate large
+/// rotations.
 const ROUNDS: [[f64; 3]; 12] = [
     [6.0, 0.5, 0.3],
     [6.0, 0.5, 0.3],
@@ -33,23 +34,23 @@ const ROUNDS: [[f64; 3]; 12] = [
     [60.0, 0.4, 0.05],
     [60.0, 0.4, 0.05],
 ];
-/// Least features on surfaces of the map.
+/// Least number of features on surfaces of the map.
 const MIN_MATCHES: usize = 300;
 /// Error of a residual, m.
 const RESIDUAL_M: f64 = 0.05;
-/// Neighboring features and sweeps have the same errors: so many count as one.
+/// Number of neighboring features and sweeps that count as one: their errors are correlated.
 const PER_MEASUREMENT: f64 = 10.0;
-/// What is known before: that the mounting is off by less, m and rad.
+/// Prior standard deviations of the mounting error, m and rad.
 const PRIOR: [f64; 2] = [0.5, 0.2];
-/// A value with a larger deviation is not determined, m and rad.
+/// Largest standard deviations of a determined value, m and rad.
 const DETERMINED: [f64; 2] = [0.1, 0.02];
-/// A feature is on its surface if it is so near, m.
+/// Largest distance of a feature that lies on its surface, m.
 const ON_SURFACE_M: f64 = 0.1;
 
-/// The mounting of a secondary LiDAR, by the data.
+/// The mounting of a secondary LiDAR, estimated from the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondaryMounting {
-    /// `body_from_lidar` by the data.
+    /// Estimated `body_from_lidar`.
     pub body_from_lidar: Pose,
     /// Measured minus stated position along the axes of the body, m.
     pub shift_m: [f64; 3],
@@ -57,20 +58,20 @@ pub struct SecondaryMounting {
     pub turn: [f64; 3],
     /// Standard deviations of shift (m) and turn (rad).
     pub sigmas: [f64; 6],
-    /// Features near a surface of the map.
+    /// Number of features near a surface of the map.
     pub n_matches: usize,
-    /// Share of them on the surface.
+    /// Share of these features that lie on the surface.
     pub on_surface: f64,
 }
 
 impl SecondaryMounting {
-    /// Whether the drive determines a value: the three of the shift, then those of the turn.
+    /// Whether the drive determines a value: indices 0 to 2 are the shift, 3 to 5 the rotation.
     pub fn is_determined(&self, index: usize) -> bool {
         self.sigmas[index] < DETERMINED[index / 3]
     }
 
-    /// Compares a LiDAR with the first one over the surveyed part of a drive. `index` is that of the LiDAR in the drive. `None` if it has
-    /// no data or hardly sees what the first one sees.
+    /// Compares a LiDAR with the first one over the surveyed part of a drive. `index` is the index of the LiDAR in the
+    /// drive. `None` if it has no data, or hardly any surface in common with the first one.
     pub fn measure(
         drive: &Drive,
         survey: &Survey,
@@ -222,7 +223,7 @@ impl Scene<'_> {
         })
     }
 
-    /// Normal equations by group at a mounting, features near a surface, and features on it.
+    /// Normal equations per group at a given mounting, number of features near a surface, and number of features on it.
     fn sums(&self, body_from_lidar: &Pose, [range_m, radius_m, scale_m]: [f64; 3]) -> ([Sums; GROUPS], usize, usize) {
         let kernel = Kernel { radius_m, weights: Weights::Compact };
         let mut groups = [Sums::default(); GROUPS];
@@ -260,7 +261,7 @@ fn total(groups: &[Sums; GROUPS]) -> Sums {
     groups.iter().fold(Sums::default(), |a, group| Sums { h: a.h + group.h, b: a.b + group.b })
 }
 
-/// The pose after a shift along the axes of the body and a turn about its own axes.
+/// The pose after a shift along body axes and a rotation about its own axes.
 fn moved(pose: &Pose, step: &Vector6<f64>) -> Pose {
     let shift = Vector3::new(step[0], step[1], step[2]);
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));

@@ -1,4 +1,4 @@
-//! Calibrations of others: what they say about a rig.
+//! Third-party calibrations as sources of a rig.
 
 mod kalibr;
 mod kitti;
@@ -16,23 +16,23 @@ use drive::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, Po
 use geometry::{CameraModel, Pose, Quaternion, UnitQuaternion};
 use std::path::Path;
 
-/// Longest text of a calibration that is read, bytes. The calibrations of all logs of nuScenes are 5 MB.
+/// Size limit of a calibration text, bytes. The calibrations of all logs of nuScenes are 5 MB.
 const MAX_BYTES: u64 = 64 << 20;
-/// Exposure time of entries whose source has none, ns.
+/// Exposure time of entries whose source has no exposure time, ns.
 pub const UNKNOWN_EXPOSURE_NANOS: u64 = 2_000_000;
 
-/// What to take from sources that leave a choice.
+/// Choices for sources that are ambiguous.
 #[derive(Clone, Debug, Default)]
 pub struct SourceOptions {
-    /// Pose of the frame of the source in the body; `None`: the source says it, or the frames are the same.
+    /// Pose of the source frame in the body; `None`: the source states it, or the frames are the same.
     pub body_from_source: Option<Pose>,
     /// Name of the body frame in a tf tree.
     pub body_frame: Option<String>,
-    /// Columns and rows of images, for sources that do not have them, px.
+    /// Columns and rows of images, for sources without them, px.
     pub image_size: Option<[u32; 2]>,
     /// nuScenes: name of the log.
     pub log: Option<String>,
-    /// Name of a camera whose file has none.
+    /// Name of a camera whose file does not name it.
     pub camera_name: Option<String>,
 }
 
@@ -43,13 +43,13 @@ pub struct CameraPart {
     pub name: String,
     /// Name of its frame in a tf tree, if the source names one.
     pub frame: Option<String>,
-    /// Mounting; `None`: the source does not have it.
+    /// Mounting; `None` if the source does not have it.
     pub body_from_camera: Option<Pose>,
     /// Lens.
     pub model: CameraModel,
 }
 
-/// What a source says about a rig.
+/// The parts of a rig that a source contains.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RigParts {
     /// Mounting of the LiDAR.
@@ -60,11 +60,12 @@ pub struct RigParts {
     pub body_from_imu: Option<Pose>,
     /// Antenna of the receiver, body frame, m.
     pub antenna_in_body: Option<[f64; 3]>,
-    /// What was taken, assumed and left.
+    /// Notes on used, assumed and skipped parts.
     pub notes: Vec<String>,
 }
 
-/// Reads a source. Its kind is recognized by its name and content. `tree` has the frames of a tf file that was read before.
+/// Reads a source. Its kind is recognized from its name and content. `tree` has the frames of a tf file that was read
+/// before.
 pub fn read(path: &Path, options: &SourceOptions, tree: &mut FrameTree) -> Result<RigParts, RigError> {
     if path.is_dir() {
         return kitti::read(path, options);
@@ -127,7 +128,7 @@ fn of_yaml(path: &Path, fault: &YamlError) -> RigError {
     RigError::source(path, &format!("line {}", fault.line), fault.rule.clone())
 }
 
-/// The pose of a 4 x 4 or 3 x 4 matrix, row by row.
+/// The pose from a 4 x 4 or 3 x 4 matrix, row by row.
 fn pose_of_matrix(numbers: &[f64]) -> Result<Pose, String> {
     if numbers.len() != 12 && numbers.len() != 16 {
         return Err(format!("{} numbers; a transform has 12 or 16", numbers.len()));
@@ -140,7 +141,7 @@ fn pose_of_matrix(numbers: &[f64]) -> Result<Pose, String> {
     Ok(Pose::from_parts(geometry::Translation3::new(numbers[3], numbers[7], numbers[11]), rotation))
 }
 
-/// A pose of a position and a quaternion x y z w.
+/// The pose from a position and a quaternion x y z w.
 fn pose_of(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Pose, String> {
     crate::rotation::from_quaternion([x, y, z, w]).map_err(|error| error.to_string())?;
     let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
@@ -148,7 +149,7 @@ fn pose_of(position: [f64; 3], [x, y, z, w]: [f64; 4]) -> Result<Pose, String> {
 }
 
 impl RigParts {
-    /// Adds what another source says. What both say is taken from the later one.
+    /// Adds the parts of another source. The later source has priority.
     pub fn merge(&mut self, other: Self) {
         self.body_from_lidar = other.body_from_lidar.or(self.body_from_lidar);
         self.body_from_imu = other.body_from_imu.or(self.body_from_imu);
@@ -157,7 +158,7 @@ impl RigParts {
         self.notes.extend(other.notes);
     }
 
-    /// Mounts cameras that name their frame by the tree.
+    /// Mounts cameras that name their frame, using the tree.
     pub fn mount(&mut self, tree: &FrameTree, options: &SourceOptions) -> Result<(), String> {
         for camera in self.cameras.iter_mut().filter(|camera| camera.body_from_camera.is_none()) {
             if let Some(frame) = camera.frame.as_ref().filter(|frame| tree.has(frame)) {
@@ -168,7 +169,7 @@ impl RigParts {
         Ok(())
     }
 
-    /// The `drive.toml`: files have the places that the drive folder gives them.
+    /// The `drive.toml`, with the file paths of the drive folder.
     pub fn manifest(&self, name: &str, lidar: LidarEntry, origin: Option<[f64; 3]>) -> Result<Manifest, String> {
         let mut manifest = Manifest::of_lidar(name, lidar);
         for (index, camera) in self.cameras.iter().enumerate() {

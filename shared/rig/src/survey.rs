@@ -1,4 +1,4 @@
-//! One pass over a drive: the motion by the LiDAR alone, and all that the checks compare with it.
+//! One pass over a drive: the motion from the LiDAR alone, and all data that the checks compare with it.
 
 mod edges;
 mod ground;
@@ -31,40 +31,41 @@ use registration::{
 /// The part of a drive that is surveyed.
 #[derive(Clone, Copy, Debug)]
 pub struct SurveySettings {
-    /// Begin, s after the first sweep.
+    /// Start, s after the first sweep.
     pub start_s: f64,
-    /// Length at most, s.
+    /// Largest length, s.
     pub seconds: f64,
-    /// How a sensor without point times spins, as the setting `untimed_turn` of `slam_aggregate`; `None`: not at all.
+    /// Spin direction of a sensor without point times, as in the setting `untimed_turn` of `slam_aggregate`; `None`:
+    /// rigid sweeps.
     pub untimed_turn: Option<SpinDirection>,
 }
 
 impl Default for SurveySettings {
-    /// A minute has turns and brakings in most streets.
+    /// A minute contains turns and braking in most streets.
     fn default() -> Self {
         Self { start_s: 0.0, seconds: 60.0, untimed_turn: None }
     }
 }
 
-/// Least share of a revolution, as for `acquire`.
+/// Least share of a revolution, as in `acquire`.
 const MIN_TURN: f64 = 0.5;
-/// The ground is searched in every so many sweeps.
+/// The ground is searched in one of this many sweeps.
 const GROUND_EVERY: usize = 5;
-/// If more sweeps than this share have no match, other directions of the vehicle are tried.
+/// Share of sweeps without a match from which other directions of the vehicle are tried.
 const MAX_BRIDGED: f64 = 0.3;
-/// Sweeps of a trial.
+/// Number of sweeps of a trial.
 const TRIAL_SWEEPS: usize = 30;
 /// Sweeps that are kept as received, for the check of the spin.
 const STRETCH_SWEEPS: usize = 24;
-/// The stretch begins when the vehicle moves by so much from sweep to sweep, m.
+/// Least displacement from sweep to sweep at which the stretch begins, m.
 const STRETCH_STEP_M: f64 = 0.3;
 
 /// A registered sweep.
 #[derive(Clone, Debug)]
 pub struct SweepPose {
-    /// Time of its middle.
+    /// Time of the middle of the sweep.
     pub middle: Stamp,
-    /// `odom_from_body` then.
+    /// `odom_from_body` at that time.
     pub odom_from_body: Pose,
     /// Whether the pose is a match without degenerate directions.
     pub is_measured: bool,
@@ -77,18 +78,18 @@ pub struct RawSweep {
     pub stamp: Stamp,
     /// Data of the whole sweep.
     pub header: SweepHeader,
-    /// Its points.
+    /// Points of the sweep.
     pub rows: Vec<SweepPoint>,
 }
 
 impl RawSweep {
-    /// As a message of topic `sweep`.
+    /// The sweep as a message of topic `sweep`.
     pub(crate) fn view(&self) -> registration::RawSweep<'_> {
         registration::RawSweep { seq: 0, stamp: self.stamp, header: &self.header, rows: &self.rows }
     }
 }
 
-/// What one pass over a drive has measured.
+/// Measurements of one pass over a drive.
 pub struct Survey {
     /// First shot and last shot.
     pub span: [Stamp; 2],
@@ -104,7 +105,7 @@ pub struct Survey {
     pub n_ground_searches: usize,
     /// Comparison of the inertial unit with the poses; `None` without a unit.
     pub inertial: Option<InertialCheck>,
-    /// Samples within the span, along the axes of the body as `drive.toml` states them.
+    /// Samples within the span, along the body axes stated by `drive.toml`.
     pub samples: Vec<ImuRow>,
     /// All fixes of the receiver.
     pub fixes: Vec<Fix>,
@@ -114,7 +115,7 @@ pub struct Survey {
     pub kept: Vec<KeptSweep>,
     /// Consecutive sweeps of the moving vehicle, as received.
     pub stretch: Vec<RawSweep>,
-    /// Whether the points have times, measured or by the setting.
+    /// Whether the points have times, measured or from the setting.
     pub has_times: bool,
     /// Stamps of all sensors.
     pub stamps: Vec<SensorStamps>,
@@ -132,7 +133,7 @@ impl Survey {
                 trial.run(TRIAL_SWEEPS)?;
                 shares.push((trial.bridged_share(), yaw_deg));
             }
-            // Of equal shares the first: the mounting as it is.
+            // The first of equal shares, which is the stated mounting.
             let best = shares.iter().copied().reduce(|best, other| if other.0 < best.0 { other } else { best });
             if let Some((_, yaw_deg)) = best.filter(|(_, yaw_deg)| *yaw_deg != 0.0) {
                 pass = Pass::begin(drive, settings, yaw_deg.to_radians())?;
@@ -149,7 +150,7 @@ impl Survey {
     }
 }
 
-/// A pass that is running.
+/// A pass in progress.
 struct Pass<'a> {
     drive: &'a Drive,
     settings: &'a SurveySettings,
@@ -212,7 +213,7 @@ impl<'a> Pass<'a> {
         self.found.bridged_share()
     }
 
-    /// Registers sweeps up to the end of the part, at most so many.
+    /// Registers sweeps up to the end of the part, at most `max_sweeps`.
     fn run(&mut self, max_sweeps: usize) -> Result<(), RigError> {
         let mut first = None;
         while self.n_sweeps < max_sweeps {
@@ -243,7 +244,7 @@ impl<'a> Pass<'a> {
         self.found.has_times = sweep.duration_nanos() > 0;
         self.add_samples(end);
         self.search_ground(&sweep);
-        // A sweep out of the order of time cannot be registered; its stamp is reported by the pipeline.
+        // A sweep out of time order cannot be registered; the pipeline reports its stamp.
         let Ok(registered) = self.odometry.register(&sweep) else { return };
         let waiting = self.waiting.take();
         let mut raws = waiting.into_iter().chain([raw]);
@@ -280,7 +281,7 @@ impl<'a> Pass<'a> {
     fn add_registered(&mut self, registered: &Registered, raw: RawSweep) {
         if let Some(check) = &mut self.found.inertial {
             check.add_registered(registered, &self.body_from_lidar);
-            // Nothing here uses the samples.
+            // The survey does not use the samples.
             check.take_change();
         }
         let body = |odom_from_lidar: Pose| odom_from_lidar * self.body_from_lidar.inverse();
@@ -309,7 +310,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Whether the last two poses are apart: sweeps without times have no motion of their own.
+    /// Whether the vehicle moved between the last two poses: sweeps without times have no motion of their own.
     fn moves_from_before(&self) -> bool {
         let [.., a, b] = &self.found.poses[..] else { return false };
         (b.odom_from_body.translation.vector - a.odom_from_body.translation.vector).norm() > STRETCH_STEP_M

@@ -5,7 +5,7 @@ use saphyr_parser::{Event, Parser};
 /// Largest depth of lists and maps.
 const MAX_DEPTH: usize = 32;
 
-/// A value and the line at which it begins.
+/// A value and the line at which it starts.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Node {
     pub value: Value,
@@ -20,7 +20,7 @@ pub(crate) enum Value {
     Map(Vec<(String, Node)>),
 }
 
-/// What is wrong with a text, and at which line.
+/// An error in a text, with its line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("line {line}: {rule}")]
 pub(crate) struct YamlError {
@@ -35,14 +35,14 @@ fn error(line: usize, rule: impl Into<String>) -> YamlError {
 /// A list or map that is being filled.
 enum Open {
     List(Vec<Node>, usize),
-    /// With the key whose value follows.
+    /// The map, with the key whose value follows.
     Map(Vec<(String, Node)>, Option<String>, usize),
 }
 
 /// The documents of a text. The first line of OpenCV, `%YAML:1.0`, is skipped, and so is a byte order mark.
 pub(crate) fn documents(text: &str) -> Result<Vec<Node>, YamlError> {
     let text = text.trim_start_matches('\u{feff}');
-    // OpenCV's directive is not YAML; the line stays, so that numbers of lines are right.
+    // OpenCV's directive is not YAML; the line is kept so that line numbers are correct.
     let replaced = text.strip_prefix("%YAML:").map(|rest| format!("#YAML:{rest}"));
     let text = replaced.as_deref().unwrap_or(text);
     let mut open: Vec<Open> = Vec::new();
@@ -105,12 +105,12 @@ impl Node {
         keys.iter().find_map(|key| self.get(key))
     }
 
-    /// The value of a key that must be there.
+    /// The value of a mandatory key.
     pub fn required(&self, key: &str) -> Result<&Node, YamlError> {
         self.get(key).ok_or_else(|| error(self.line, format!("no {key}")))
     }
 
-    /// Keys and values; none unless this is a map.
+    /// Keys and values; empty unless this is a map.
     pub fn entries(&self) -> &[(String, Node)] {
         match &self.value {
             Value::Map(map) => map,
@@ -118,7 +118,7 @@ impl Node {
         }
     }
 
-    /// The elements; none unless this is a list.
+    /// The elements; empty unless this is a list.
     pub fn elements(&self) -> &[Node] {
         match &self.value {
             Value::List(list) => list,
@@ -143,7 +143,7 @@ impl Node {
         })
     }
 
-    /// All numbers of a list, or of a list of lists, in order; those under `data` if this is a matrix of OpenCV.
+    /// All numbers of a list, or of a list of lists, in order; the numbers under `data` if this is an OpenCV matrix.
     pub fn numbers(&self) -> Result<Vec<f64>, YamlError> {
         if let Some(data) = self.get("data") {
             return data.numbers();
@@ -161,7 +161,7 @@ impl Node {
         Ok(all)
     }
 
-    /// So many numbers.
+    /// Exactly `N` numbers.
     pub fn numbers_of<const N: usize>(&self) -> Result<[f64; N], YamlError> {
         let numbers = self.numbers()?;
         let found = numbers.len();

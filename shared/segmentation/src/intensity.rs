@@ -1,7 +1,7 @@
 //! Converts the intensities of other sensors to the scale of the training data.
 //!
-//! Sensors report the strength of a return on different scales: the median of roads is 11 of 255 for some sensors, 66
-//! for others. Ground is in every street, and its intensities have similar shares of asphalt, paint and grass, so they
+//! Sensors report the strength of a return on different scales: the median of roads is 11 of 255 for one sensor, 66 for
+//! another. Ground is in every street, and its intensities have similar shares of asphalt, paint and grass, so they
 //! determine the scale.
 
 mod ground_histogram;

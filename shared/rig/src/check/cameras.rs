@@ -1,4 +1,4 @@
-//! Cameras against the outlines of objects in the points.
+//! Cameras compared with the outlines of objects in the points.
 
 use super::Verdict;
 use super::hypotheses::{Hypothesis, lenses, mountings};
@@ -10,32 +10,32 @@ use drive::{Drive, Frame};
 use geometry::Stamp;
 use rayon::prelude::*;
 
-/// Exposures of a camera that are compared at most, spread over the drive.
+/// Largest number of compared exposures of a camera, spread over the drive.
 const MAX_EXPOSURES: usize = 24;
-/// As for `colorize` (`max_offset_mrad`, `max_delay_ms`): 10 cm at 20 m.
+/// Limits of offset and delay, as in `colorize` (`max_offset_mrad`, `max_delay_ms`): 10 cm at 20 m.
 const MAX_OFFSET_RAD: f32 = 5e-3;
 const MAX_DELAY_S: f32 = 5e-3;
-/// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns.
+/// Time before and after an exposure at which its pose is evaluated to determine how a delay moves edges, ns.
 const SHIFT_NANOS: i64 = 20_000_000;
-/// Least height of the peak of another hypothesis, in standard deviations of the score of random positions. Many are tried, so that
-/// the largest of wrong ones is higher than a single wrong one.
+/// Least height of the peak of another hypothesis, in standard deviations of the score of random positions. The highest
+/// peak of many wrong hypotheses is higher than the peak of a single one.
 const MIN_PEAK: f32 = 14.0;
-/// By so much it must exceed the peak of the stated camera.
+/// Least margin over the peak of the stated camera.
 const MIN_GAIN: f32 = 4.0;
-/// Delays of all cameras that are tried where nothing fits, ns: to both sides, in steps that the search bridges.
+/// Tested common delays of all cameras if nothing fits, ns: to both sides, in steps that the search bridges.
 const DELAY_STEP_NANOS: i64 = 100_000_000;
 const MAX_DELAY_STEPS: i64 = 20;
-/// Time scales, s.
+/// Offsets between time scales, s.
 const SCALES_S: [i64; 4] = [-37, -18, 18, 37];
-/// Offsets of all cameras as stated, and the exposures that were compared.
+/// Offsets of all cameras as stated, and the compared exposures.
 pub struct CameraScores<'a> {
     drive: &'a Drive,
     survey: &'a Survey,
-    /// Exposures by camera.
+    /// Exposures per camera.
     frames: Vec<Vec<&'a Frame>>,
-    /// By all profiles.
+    /// Common offset from all profiles.
     pub offset: Offset,
-    /// Peaks of the stated cameras without delay, as those of the hypotheses are.
+    /// Peaks of the stated cameras without delay, comparable to the peaks of the hypotheses.
     peaks: Vec<f32>,
 }
 
@@ -75,13 +75,13 @@ impl<'a> CameraScores<'a> {
             by_hypothesis.iter_mut().zip(found).for_each(|(all, found)| all.extend(found));
         }
         let peaks: Vec<f32> = by_hypothesis.par_iter().map(|profiles| peak(profiles)).collect();
-        // Of equal peaks the first.
+        // The first of equal peaks.
         let best = (0..peaks.len()).reduce(|best, i| if peaks[i] > peaks[best] { i } else { best })?;
         let is_better = peaks[best] >= MIN_PEAK && peaks[best] > self.peaks[camera] + MIN_GAIN;
         is_better.then(|| (hypotheses[best].clone(), peaks[best]))
     }
 
-    /// How much the stamps of all cameras in `cameras` are late where their outlines fit far better, s.
+    /// Common delay of the stamps of all cameras in `cameras` at which their outlines fit far better, s.
     fn common_delay(&self, cameras: &[usize]) -> Option<(f64, f32)> {
         let fine = (-MAX_DELAY_STEPS..=MAX_DELAY_STEPS).map(|step| step * DELAY_STEP_NANOS);
         let delays: Vec<i64> =
@@ -128,7 +128,7 @@ fn of_frames(
     by_frame.into_iter().flatten().collect()
 }
 
-/// The profiles of an image that was taken at `stamp`, by the edges of the sweeps around this time.
+/// The profiles of an image that was taken at `stamp`, from the edges of the sweeps around this time.
 fn profiles(survey: &Survey, camera: &ProjectionCamera, stamp: Stamp, pixels: &PixelBuffer) -> Vec<Profile> {
     let Some(image) = pixels.view() else { return Vec::new() };
     let at = |nanos: i64| survey.trajectory.at(stamp.plus_nanos(nanos));

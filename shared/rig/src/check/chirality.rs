@@ -1,14 +1,14 @@
-//! Whether the points are mirrored: a frame with left and right exchanged turns the other way round.
+//! Checks whether the points are mirrored: a frame with left and right exchanged rotates in the opposite sense.
 
 use super::Verdict;
 use super::gnss::Turning;
 use crate::survey::Survey;
 use nalgebra::Matrix3;
 
-/// Share of the turning of the receiver's course that the odometry must have; a mirrored one has -1.
+/// Least ratio of the odometry's turning to the turning of the receiver's course; a mirrored odometry has -1.
 const MIN_SHARE: f64 = -0.5;
 
-/// By the course of the receiver, and by the axes of the inertial unit.
+/// Verdict from the course of the receiver, or from the axes of the inertial unit.
 pub(super) fn verdict(survey: &Survey) -> Verdict {
     let by_course = Turning::of(survey);
     let by_unit = axes(survey);
@@ -25,7 +25,8 @@ pub(super) fn verdict(survey: &Survey) -> Verdict {
     }
     match by_unit {
         Some([rate, force]) => {
-            // A mirrored unit is mirrored in both; mirrored points turn rates and forces differently.
+            // A mirrored unit has the same mirrored axes for rates and forces; mirrored points rotate the two
+            // differently.
             let is_sound = (rate.determinant() > 0.0) == (force.determinant() > 0.0);
             let value = if is_sound {
                 "angular rates and accelerations of the inertial unit have the same axes"
@@ -34,13 +35,11 @@ pub(super) fn verdict(survey: &Survey) -> Verdict {
             };
             Verdict::of("handedness", "lidar", is_sound, [value.to_owned(), limit, advice.to_owned()])
         }
-        None => {
-            Verdict::unknown("handedness", "lidar", "no turn that a receiver or an inertial unit has measured, too")
-        }
+        None => Verdict::unknown("handedness", "lidar", "no turn that a receiver or an inertial unit also measured"),
     }
 }
 
-/// The axes of rates and forces, if the comparison of the unit has decided about them.
+/// The axes of rates and forces, if the comparison of the unit has determined them.
 fn axes(survey: &Survey) -> Option<[Matrix3<f64>; 2]> {
     let check = survey.inertial.as_ref()?;
     let is_judged = check.is_verified();

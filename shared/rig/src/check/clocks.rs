@@ -1,4 +1,4 @@
-//! Stamps of the sensors against each other: a clock in another time zone or time scale.
+//! Stamps of the sensors compared with each other: a clock may be in another time zone or time scale.
 
 use super::{Answer, Verdict};
 use crate::survey::{SensorKind, SensorStamps, Survey};
@@ -6,20 +6,20 @@ use geometry::Stamp;
 
 /// Name of the LiDAR in verdicts.
 pub(super) const LIDAR: &str = "lidar";
-/// A sensor whose measurements cover less of the sweeps is not of their time.
+/// Least share of the sweeps that the measurements of a sensor on the same clock cover.
 const MIN_OVERLAP: f64 = 0.5;
-/// With the clock corrected they must cover so much.
+/// Least share after correction of the clock.
 const MIN_CORRECTED: f64 = 0.9;
-/// Begins and ends of recordings differ by some seconds at most, s.
+/// Largest difference between starts and between ends of recordings, s.
 const MAX_APART_S: f64 = 5.0;
-/// Seconds by which the time of GPS and TAI are ahead of UTC since 2017.
+/// Seconds by which GPS time and TAI are ahead of UTC since 2017.
 const SCALES: [(i64, &str); 3] =
     [(18, "GPS time instead of UTC (18 leap seconds)"), (37, "TAI instead of UTC"), (19, "TAI instead of GPS time")];
-/// Time zones reach from -12 to +14 hours, in quarters.
+/// Time zones range from -12 to +14 hours, in quarters of an hour.
 const QUARTERS: std::ops::RangeInclusive<i64> = -56..=56;
 const QUARTER_S: i64 = 900;
 
-/// A verdict for each sensor that has measurements.
+/// A verdict for each sensor with measurements.
 pub(super) fn verdicts(survey: &Survey) -> Vec<Verdict> {
     let others = survey.stamps.iter().filter(|sensor| sensor.kind != SensorKind::Lidar);
     let judged: Vec<(&SensorStamps, Judgment)> = others.map(|sensor| (sensor, judgment(sensor, survey.span))).collect();
@@ -35,7 +35,7 @@ pub(super) fn verdicts(survey: &Survey) -> Vec<Verdict> {
 
 struct Judgment {
     overlap: f64,
-    /// Begin after that of the sweeps, s.
+    /// Start relative to the start of the sweeps, s.
     begin_s: f64,
     answer: Answer,
     /// A known offset that explains the stamps.
@@ -64,7 +64,7 @@ fn judgment(sensor: &SensorStamps, lidar: [Stamp; 2]) -> Judgment {
     Judgment { overlap, begin_s, answer: Answer::Doubt, offset_s }
 }
 
-/// Share of the shorter of two spans that lies in the other. Measurements stand for the time up to the next one.
+/// Overlap as a share of the shorter of two spans. Measurements are valid up to the next one.
 fn overlap([begin, end]: [i64; 2], lidar: [Stamp; 2], interval_s: f64) -> f64 {
     let end = end.saturating_add((interval_s * 1e9) as i64);
     let common = end.min(lidar[1].0).saturating_sub(begin.max(lidar[0].0)).max(0) as f64;
@@ -81,13 +81,13 @@ impl Judgment {
         let limit = format!("at least {:.0} %", 100.0 * MIN_OVERLAP);
         let advice = match self.offset_s {
             Some(seconds) => format!("subtract {seconds} s from its stamps: {}", reason(seconds)),
-            None => format!("its stamps are of another time, {:.1} s off at the begin; check its clock", self.begin_s),
+            None => format!("its stamps are on another clock, {:.1} s off at the start; check its clock", self.begin_s),
         };
         Verdict::of("clock", name, self.answer == Answer::Fits, [value, limit, advice])
     }
 }
 
-/// What an offset is.
+/// Name of an offset.
 fn reason(seconds: i64) -> String {
     let of_scale = SCALES.iter().find(|(scale, _)| *scale == seconds.abs());
     match of_scale {

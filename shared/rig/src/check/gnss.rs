@@ -1,4 +1,4 @@
-//! The receiver: where its fixes are, where its antenna is, and whether it moves as the LiDAR does.
+//! The GNSS receiver: position of its fixes, position of its antenna, and agreement of its motion with the LiDAR's.
 
 use super::Verdict;
 use crate::survey::Survey;
@@ -8,31 +8,31 @@ use lidar::nmea::Fix;
 
 /// Largest distance of the fixes from the origin of the world frame, m. Coordinates in meters lose precision beyond.
 const MAX_ORIGIN_M: f64 = 50_000.0;
-/// Where an antenna can be: m ahead or behind, to the side, and above the ground.
+/// Limits of the antenna position: m ahead or behind, to the side, and above the ground.
 const MAX_ALONG_M: f64 = 15.0;
 const MAX_ACROSS_M: f64 = 3.0;
 const MAX_ABOVE_M: f64 = 6.0;
-/// Speed below which a course is noise, m/s.
+/// Least speed with a reliable course, m/s.
 const MIN_SPEED_MPS: f64 = 2.0;
-/// Turning that an answer needs, rad: root of the sum of squares.
+/// Least turning for a verdict, rad: root of the sum of squares.
 const MIN_TURNED: f64 = 0.35;
 /// Longest time between two fixes whose courses are compared, s.
 const MAX_STEP_S: f64 = 2.5;
-/// The receiver's speed over that of the LiDAR.
+/// Accepted range of the ratio of the receiver's speed to the LiDAR's speed.
 const SPEED_SHARE: [f64; 2] = [0.9, 1.1];
-/// Fixes that a comparison of speeds needs.
+/// Least number of fixes for a comparison of speeds.
 const MIN_FIXES: usize = 4;
 
-/// How much the LiDAR turns where the receiver's course does.
+/// Turning of the LiDAR compared with turning of the receiver's course.
 pub(super) struct Turning {
-    /// Turning of the LiDAR over that of the course: 1 if all is right, -1 if one of them is mirrored.
+    /// Ratio of the LiDAR's turning to the course's turning: 1 if both are correct, -1 if one of them is mirrored.
     pub share: f64,
     /// Turning of the course, rad: root of the sum of squares.
     pub turned: f64,
 }
 
 impl Turning {
-    /// `None` if the vehicle hardly turned, or without a receiver.
+    /// Compares the two; `None` if the vehicle hardly turned, or without a receiver.
     pub fn of(survey: &Survey) -> Option<Self> {
         let mut squares = 0.0;
         let mut products = 0.0;
@@ -60,13 +60,14 @@ fn heading_of(fix: &Fix) -> Option<f64> {
     fix.course_deg.filter(|_| is_moving).map(|course| (90.0 - course).to_radians())
 }
 
-/// An angle from -pi to pi.
+/// An angle, wrapped to -pi to pi.
 fn wrapped(angle: f64) -> f64 {
     let (sin, cos) = angle.sin_cos();
     sin.atan2(cos)
 }
 
-/// Origin of the world frame, and place of the antenna if the height of the LiDAR is right.
+/// Verdicts about the origin of the world frame, and about the position of the antenna if the height of the LiDAR is
+/// correct.
 pub(super) fn place(drive: &Drive, survey: &Survey, is_height_right: bool) -> Vec<Verdict> {
     let Some(entry) = &drive.manifest().gnss else { return Vec::new() };
     let mut verdicts = Vec::new();
@@ -109,7 +110,7 @@ fn origin([latitude, longitude, height]: [f64; 3], fixes: &[Fix]) -> Option<Verd
     Some(Verdict::of("origin", "gnss", distance_m < MAX_ORIGIN_M, [value, limit, advice]))
 }
 
-/// Speeds of receiver and LiDAR.
+/// Verdict about the speeds of receiver and LiDAR.
 pub(super) fn motion(survey: &Survey) -> Vec<Verdict> {
     let speed_at = |stamp: Stamp| -> Option<f64> {
         let [before, after] = [-250_000_000, 250_000_000].map(|nanos| survey.trajectory.at(stamp.plus_nanos(nanos)));
@@ -122,7 +123,7 @@ pub(super) fn motion(survey: &Survey) -> Vec<Verdict> {
     }
     let square: f64 = pairs.iter().map(|(_, by_lidar)| by_lidar * by_lidar).sum();
     let share = pairs.iter().map(|(by_receiver, by_lidar)| by_receiver * by_lidar).sum::<f64>() / square;
-    let value = format!("{share:.3} times that of the LiDAR at {} fixes", pairs.len());
+    let value = format!("{share:.3} times the speed of the LiDAR at {} fixes", pairs.len());
     let [least, most] = SPEED_SHARE;
     let advice = if share < 0.6 && share > 0.45 || share > 1.8 && share < 2.05 {
         "the speeds of the log are in knots or km/h where m/s or knots are expected; check the converter of the log"

@@ -1,27 +1,28 @@
-//! What else a camera may be: other mountings, lenses, times and images that are tried where the stated ones do not fit.
+//! Alternative hypotheses about a camera: mountings, lenses, times and images that are tried if the stated ones do not
+//! fit.
 
 use geometry::{CameraModel, Isometry3, KannalaBrandt, Pinhole, Pose, Rig, RigCamera, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 
-/// Wrong scales of focal lengths: calibrated at another resolution, or another lens.
+/// Typical wrong scales of focal lengths: calibration at another resolution, or another lens.
 const SCALES: [f64; 6] = [0.5, 2.0 / 3.0, 0.8, 1.25, 1.5, 2.0];
-/// Rotations about y and x that are tried, degrees: the search around each reaches half the step.
+/// Tested rotations about y and x, degrees: the search around each covers half the step.
 const TURNS_DEG: f64 = 4.0;
 const MAX_YAW_STEPS: i32 = 7;
 const MAX_PITCH_STEPS: i32 = 3;
-/// Largest angle of a fisheye that stands for a pinhole, rad.
+/// Largest angle of a fisheye model that replaces a pinhole model, rad.
 const FISHEYE_ANGLE: f64 = 1.5;
 
-/// A camera as it may be.
+/// A hypothetical camera.
 #[derive(Clone, Debug)]
 pub(super) struct Hypothesis {
-    /// Name of the check that it answers.
+    /// Name of the check.
     pub check: &'static str,
-    /// What it says.
+    /// Finding for the verdict.
     pub text: String,
-    /// What to change.
+    /// Advice for the verdict.
     pub advice: String,
-    /// The camera.
+    /// The hypothetical camera.
     pub camera: RigCamera,
     /// Whether left and right of its images are exchanged.
     pub is_mirrored: bool,
@@ -33,7 +34,7 @@ impl Hypothesis {
     }
 }
 
-/// Other kinds of lenses and focal lengths.
+/// Hypotheses about lenses and focal lengths.
 pub(super) fn lenses(camera: &RigCamera) -> Vec<Hypothesis> {
     let with = |model| RigCamera { model, ..camera.clone() };
     let mut found = Vec::new();
@@ -42,7 +43,7 @@ pub(super) fn lenses(camera: &RigCamera) -> Vec<Hypothesis> {
             let Pinhole { width, height, fx, fy, cx, cy, .. } = *m;
             let fisheye =
                 KannalaBrandt { width, height, fx, fy, cx, cy, distortion: [0.0; 4], max_angle: FISHEYE_ANGLE };
-            let text = "the images are those of a fisheye lens";
+            let text = "the images are from a fisheye lens";
             let advice = "set model.kind = \"kannala_brandt\" with the calibration of the fisheye";
             found.push(Hypothesis::new("lens", text, advice, with(CameraModel::KannalaBrandt(fisheye))));
             if m.distortion != [0.0; 5] {
@@ -55,7 +56,7 @@ pub(super) fn lenses(camera: &RigCamera) -> Vec<Hypothesis> {
         CameraModel::KannalaBrandt(m) => {
             let KannalaBrandt { width, height, fx, fy, cx, cy, .. } = *m;
             let pinhole = Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] };
-            let text = "the images are those of a pinhole lens";
+            let text = "the images are from a pinhole lens";
             let advice = "set model.kind = \"pinhole\"";
             found.push(Hypothesis::new("lens", text, advice, with(CameraModel::Pinhole(pinhole))));
         }
@@ -81,14 +82,14 @@ fn scaled(model: &CameraModel, scale: f64) -> Option<CameraModel> {
     }
 }
 
-/// Other mountings and images of camera `index`.
+/// Hypotheses about mountings and images of camera `index`.
 pub(super) fn mountings(rig: &Rig, index: usize, names: &[String]) -> Vec<Hypothesis> {
     let camera = &rig.cameras[index];
     let at = |body_from_camera| RigCamera { body_from_camera, ..camera.clone() };
     let mut found = Vec::new();
     for (other, name) in names.iter().enumerate().filter(|(other, _)| *other != index) {
         if rig.cameras[other].model.size() == camera.model.size() {
-            let text = format!("its images fit the place of {name}");
+            let text = format!("its images fit the mounting of {name}");
             let advice = format!("exchange the folders of {} and {name}", names[index]);
             found.push(Hypothesis::new("mounting", text, advice, rig.cameras[other].clone()));
         }
@@ -103,8 +104,7 @@ pub(super) fn mountings(rig: &Rig, index: usize, names: &[String]) -> Vec<Hypoth
     ));
     for (rotation, name) in axes() {
         let text = format!("it fits with other axes: x, y, z of the camera are {name} of the stated one");
-        let advice =
-            "a camera looks along z, x is right, y is down; multiply body_from_camera by this exchange of axes";
+        let advice = "camera axes are x right, y down, z forward; multiply body_from_camera by this exchange of axes";
         found.push(Hypothesis::new("mounting", text, advice, at(turned(&camera.body_from_camera, &rotation))));
     }
     let mirrored =
@@ -125,7 +125,7 @@ pub(super) fn mountings(rig: &Rig, index: usize, names: &[String]) -> Vec<Hypoth
     found
 }
 
-/// The mounting with the camera turned in its own frame.
+/// The mounting with the camera rotated in its own frame.
 pub(crate) fn turned(body_from_camera: &Pose, rotation: &UnitQuaternion<f64>) -> Pose {
     Isometry3::from_parts(body_from_camera.translation, body_from_camera.rotation * rotation)
 }

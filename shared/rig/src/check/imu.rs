@@ -1,4 +1,4 @@
-//! The inertial unit against the motion of the LiDAR.
+//! The inertial unit compared with the motion of the LiDAR.
 
 use super::Verdict;
 use crate::survey::Survey;
@@ -8,13 +8,13 @@ use nalgebra::{Matrix3, Rotation3};
 use registration::{Axes, InertialCheck};
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
-/// Larger rotations of the mounting are doubts, rad, if they are significant by so many deviations.
+/// Limits of the rotation of the mounting, rad, and of its significance in standard deviations.
 const MAX_ROTATION: f64 = 1.5 * DEGREE;
 const SIGNIFICANT: f64 = 4.0;
-/// Larger time offsets are doubts, s: a point 20 m away moves by 1 cm at 0.5 rad/s in 1 ms.
+/// Limit of the time offset, s: a point 20 m away moves by 1 cm at 0.5 rad/s in 1 ms.
 const MAX_LATE_S: f64 = 0.02;
 
-/// Why mounting and axes are unknown.
+/// Reason for unknown mounting and axes.
 const NO_TURN: &str = "the vehicle turned or braked too little to compare the unit with the LiDAR";
 
 pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
@@ -77,7 +77,7 @@ fn axes(drive: &Drive, check: &InertialCheck) -> Verdict {
         return Verdict::unknown("axes", "imu", NO_TURN);
     }
     if rate == Axes::BODY && force == Axes::BODY {
-        return Verdict::of("axes", "imu", true, ["those of the body".to_owned(), String::new(), String::new()]);
+        return Verdict::of("axes", "imu", true, ["body axes".to_owned(), String::new(), String::new()]);
     }
     let value = if rate == force { rate.to_string() } else { format!("angular rates: {rate}; accelerations: {force}") };
     let matrix = rate.matrix();
@@ -92,7 +92,7 @@ fn axes(drive: &Drive, check: &InertialCheck) -> Verdict {
     Verdict::of("axes", "imu", false, [value, String::new(), advice])
 }
 
-/// The stated rotation from the axes of the unit to those of the body.
+/// The stated rotation from unit axes to body axes.
 fn stated(drive: &Drive) -> UnitQuaternion<f64> {
     drive.manifest().imu.as_ref().map_or_else(UnitQuaternion::identity, |entry| entry.mounting().rotation)
 }
@@ -102,7 +102,7 @@ pub(crate) fn rotation_of(matrix: Matrix3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix))
 }
 
-/// As `drive.toml` has it.
+/// A rotation in the notation of `drive.toml`.
 pub(crate) fn quaternion(rotation: &UnitQuaternion<f64>) -> String {
     let q = rotation.coords;
     format!("[{:.6}, {:.6}, {:.6}, {:.6}]", q.x, q.y, q.z, q.w)

@@ -1,20 +1,21 @@
-//! The mounting of the LiDAR against the ground: level and height.
+//! The mounting of the LiDAR compared with the ground: level and height.
 
 use super::Verdict;
 use crate::survey::{GroundPlane, Survey};
 use drive::Drive;
 use geometry::{UnitQuaternion, Vector3};
 
-/// Larger tilts are doubts, rad: a road falls to its sides by 1.4 degrees, and springs add one.
+/// Limit of the tilt, rad: a road slopes sideways by 1.4 degrees, and the suspension adds one.
 const MAX_TILT: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// Sweeps with ground that an answer needs.
+/// Least number of sweeps with ground for a verdict.
 const MIN_PLANES: usize = 3;
-/// Height of the origin of the body above the ground, m: it is on the road, on an axle, in the middle, or on the roof.
+/// Limits of the height of the body origin above the ground, m: it may be on the road, on an axle, in the middle, or on
+/// the roof.
 const BODY_HEIGHT_M: [f64; 2] = [-0.5, 4.0];
-/// Neighboring sweeps see the same road: so many count as one.
+/// Number of neighboring sweeps that count as one: they measure the same road.
 const PER_MEASUREMENT: f64 = 2.0;
 
-/// Mounting of the LiDAR by the ground, in the axes of the body as `drive.toml` states them.
+/// Mounting of the LiDAR estimated from the ground, in the body axes stated by `drive.toml`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// Normal of the ground; (0, 0, 1) if the LiDAR is mounted as stated.
@@ -23,23 +24,23 @@ pub struct Level {
     pub sigma: f64,
     /// Height of the LiDAR above the ground, m.
     pub height_m: f64,
-    /// Its standard deviation, m.
+    /// Standard deviation of the height, m.
     pub height_sigma_m: f64,
 }
 
 impl Level {
-    /// The angle by which the LiDAR is off.
+    /// The tilt of the LiDAR, rad.
     pub fn tilt(&self) -> f64 {
         self.up.angle(&Vector3::z())
     }
 
-    /// The rotation that brings the body as stated to the level one.
+    /// The rotation from the stated body axes to the level ones.
     pub fn correction(&self) -> UnitQuaternion<f64> {
         UnitQuaternion::rotation_between(&self.up, &Vector3::z()).unwrap_or_else(UnitQuaternion::identity)
     }
 }
 
-/// The level by all sweeps; `None` if too few have ground.
+/// The level from all sweeps; `None` if too few have ground.
 pub fn level(survey: &Survey, body_from_lidar: &UnitQuaternion<f64>) -> Option<Level> {
     let planes = &survey.ground;
     if planes.len() < MIN_PLANES || planes.len() * 3 < survey.n_ground_searches {
@@ -53,7 +54,7 @@ pub fn level(survey: &Survey, body_from_lidar: &UnitQuaternion<f64>) -> Option<L
     };
     let up = Vector3::from_fn(|axis, _| median(&|plane| up_of(plane)[axis])).normalize();
     let height_m = median(&|plane| plane.height_m);
-    // 1.48 makes a median deviation a standard deviation.
+    // The factor 1.48 converts a median deviation to a standard deviation.
     let scatter = 1.48 * median(&|plane| up_of(plane).angle(&up));
     let height_scatter_m = 1.48 * median(&|plane| (plane.height_m - height_m).abs());
     let n = (planes.len() as f64 / PER_MEASUREMENT).max(1.0).sqrt();
@@ -73,7 +74,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     };
     let tilt = found.tilt();
     let up = found.up;
-    // The ground falls ahead: the LiDAR looks up.
+    // The ground falls ahead: the LiDAR is pitched up.
     let [roll, pitch] = [up.y.atan2(up.z), -up.x.atan2(up.z)].map(f64::to_degrees);
     let value = format!(
         "the ground is {:.2} +- {:.2} degrees off the x-y plane of the body ({pitch:+.2} about y, {roll:+.2} about x)",

@@ -1,4 +1,4 @@
-//! The mountings of the secondary LiDARs, by the surfaces that both see.
+//! The mountings of the secondary LiDARs, from surfaces measured by both LiDARs.
 
 use super::Verdict;
 use crate::error::RigError;
@@ -6,12 +6,13 @@ use crate::secondary_lidar::SecondaryMounting;
 use crate::survey::{Survey, SurveySettings};
 use drive::Drive;
 
-/// Larger errors are doubts: they double walls 10 m away, rad and m.
+/// Limits of the mounting error, which doubles walls 10 m away, rad and m.
 const MAX_TURN: f64 = 0.5 * std::f64::consts::PI / 180.0;
 const MAX_SHIFT_M: f64 = 0.08;
-/// Least share of the features on the surfaces of the first LiDAR.
+/// Least share of the features that lie on the surfaces of the first LiDAR.
 const MIN_ON_SURFACE: f64 = 0.6;
-const NOT_MEASURED: &str = "it has no data, hardly sees the surfaces that the first LiDAR sees, is on another clock, or its mounting is far off";
+const NOT_MEASURED: &str =
+    "it has no data, hardly any surface in common with the first LiDAR, another clock, or its mounting is far off";
 
 pub(super) fn verdicts(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Vec<Verdict>, RigError> {
     let mut verdicts = Vec::new();

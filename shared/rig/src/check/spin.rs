@@ -1,31 +1,31 @@
-//! In which direction the LiDAR turns: whether the times of the points deskew a sweep, or distort it.
+//! Spin direction of the LiDAR: checks whether the point times deskew a sweep or distort it.
 
 use super::Verdict;
 use crate::survey::{RawSweep, Survey};
 use drive::Drive;
 use registration::{Odometry, OdometrySettings, SensorMounting, SpinDirection, Sweep, TimedPoint};
 
-/// Sweeps before the motion is known well are not compared.
+/// Number of first sweeps that are not compared, because the motion is not accurate yet.
 const SETTLED: usize = 8;
-/// Another sense of turning must lower the residuals by this factor.
+/// Another spin direction must lower the residuals by this factor.
 const MAX_SHARE: f64 = 0.93;
 
-/// Residuals of a stretch of the drive by how its points get their times.
+/// Residuals of a stretch of the drive for each kind of point times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpinCosts {
-    /// Name and mean cost; the first is the present one.
+    /// Name and mean cost; the first entry is the current one.
     pub by_spin: Vec<(&'static str, f64)>,
 }
 
 #[derive(Clone, Copy, PartialEq)]
 enum Times {
-    /// As they are.
+    /// Unchanged times.
     Given,
-    /// From the end of the sweep to its begin.
+    /// Reversed times, from the end of the sweep to its start.
     Reversed,
     /// No times.
     None,
-    /// By the azimuth.
+    /// Times from the azimuth.
     Turning(SpinDirection),
 }
 
@@ -63,7 +63,7 @@ fn mean_cost(drive: &Drive, stretch: &[RawSweep], times: Times) -> Option<f64> {
     for (index, raw) in stretch.iter().enumerate() {
         for registered in odometry.register(&timed(raw, times)).ok()? {
             if index >= SETTLED {
-                // A sweep without a match fits worst.
+                // A sweep without a match has the highest cost.
                 costs.push(
                     registered.matched.as_ref().map_or(1.0, |matched| matched.rms_m.powi(2) / 0.01 + matched.cost),
                 );
@@ -95,11 +95,11 @@ pub(super) fn verdict(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinD
     let list: Vec<String> = by_spin.iter().map(|(name, cost)| format!("{name} {cost:.4}")).collect();
     let value = format!("residuals by times of the points: {}", list.join(", "));
     let present = by_spin[0].1;
-    // Of equal costs the first.
+    // The first of equal costs.
     let best = by_spin.iter().copied().reduce(|best, other| if other.1 < best.1 { other } else { best });
     let better = best.filter(|(_, cost)| *cost < MAX_SHARE * present).map(|(name, _)| name);
     let advice = match better {
-        Some("reversed") => "the points are fired in the other direction than their times say: check the order of the \
+        Some("reversed") => "the points are fired in the opposite direction of their times: check the order of the \
                              points, or the sense of the azimuth"
             .to_owned(),
         Some(name) => format!("set [slam_aggregate] untimed_turn = {name:?} in launch.toml: the points have no times"),

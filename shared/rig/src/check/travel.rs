@@ -1,29 +1,31 @@
-//! The mounting of the LiDAR against the direction in which the vehicle drives.
+//! The mounting of the LiDAR compared with the direction of travel.
 
 use super::Verdict;
 use crate::survey::Survey;
 use geometry::Vector3;
 use nalgebra::{Matrix2, Vector2};
 
-/// Larger angles between the x axis of the body and the direction of travel are doubts, rad.
+/// Limit of the angle between the x axis of the body and the direction of travel, rad.
 const MAX_ANGLE: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// Slower motion has no clear direction, m/s.
+/// Least speed with a reliable direction, m/s.
 const MIN_SPEED_MPS: f64 = 1.5;
-/// Pairs of sweeps that an answer needs.
+/// Least number of pairs of sweeps for a verdict.
 const MIN_PAIRS: usize = 10;
-/// Neighboring pairs have common errors: so many count as one.
+/// Number of neighboring pairs that count as one: their errors are correlated.
 const PER_MEASUREMENT: f64 = 4.0;
 
-/// Direction of travel in the body.
+/// Direction of travel in the body frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Travel {
-    /// Angle to the left of the x axis of the body, rad. The mounting is turned by it: 0 if it is right.
+    /// Angle to the left of the x axis of the body, rad. It is the heading error of the mounting: 0 if the mounting is
+    /// correct.
     pub yaw: f64,
-    /// Its standard deviation, rad.
+    /// Standard deviation of the angle, rad.
     pub sigma: f64,
 }
 
-/// The direction of travel: a vehicle on wheels moves along its own axis, apart from what its turning adds at the origin of the body.
+/// The direction of travel: a wheeled vehicle moves along its own axis, apart from the lateral motion of the body
+/// origin in turns.
 pub fn travel(survey: &Survey) -> Option<Travel> {
     let mut motions: Vec<(Vector3<f64>, f64)> = Vec::new();
     for pair in survey.poses.windows(2).filter(|pair| pair[0].is_measured && pair[1].is_measured) {
@@ -37,16 +39,16 @@ pub fn travel(survey: &Survey) -> Option<Travel> {
     if motions.len() < MIN_PAIRS {
         return None;
     }
-    // Backwards is the other sense of the same axis; most drives go forwards.
+    // Backwards is the opposite sense of the same axis; most drives go forwards.
     let mean: Vector3<f64> = motions.iter().map(|(linear, _)| linear).sum();
     let rough = mean.y.atan2(mean.x);
     let (sin, cos) = rough.sin_cos();
-    // Along and across the rough direction: across = yaw along + arm turning.
+    // Along and across the approximate direction: across = yaw * along + lever arm * yaw rate.
     let turned = motions.iter().map(|(v, w)| ([cos * v.x + sin * v.y, *w], cos * v.y - sin * v.x));
     let rows: Vec<(Vector2<f64>, f64)> = turned.map(|(row, across)| (row.into(), across)).collect();
     let normal: Matrix2<f64> = rows.iter().map(|(row, _)| row * row.transpose()).sum();
     let right: Vector2<f64> = rows.iter().map(|(row, across)| row * *across).sum();
-    // An arm of some meters is known before; without turns it would be free.
+    // Prior: the lever arm is some metres; without turns it would be unconstrained.
     let prior = Matrix2::new(0.0, 0.0, 0.0, 1e-3);
     let inverse = (normal + prior).try_inverse()?;
     let solution = inverse * right;

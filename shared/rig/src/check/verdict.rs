@@ -1,4 +1,4 @@
-//! What a check says.
+//! The result of a check.
 
 use serde::Serialize;
 use std::fmt;
@@ -9,14 +9,14 @@ use std::fmt;
 pub enum Answer {
     /// Rig and data agree.
     Fits,
-    /// They do not.
+    /// Rig and data disagree.
     Doubt,
-    /// The data does not tell.
+    /// The data does not determine it.
     Unknown,
 }
 
 impl Answer {
-    /// The word in reports.
+    /// The word used in reports.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Fits => "fits",
@@ -35,11 +35,11 @@ pub struct Verdict {
     pub subject: String,
     /// The answer.
     pub answer: Answer,
-    /// The measured value with its unit, or why there is none.
+    /// The measured value with its unit, or the reason why it is missing.
     pub value: String,
-    /// The limit of the value; empty without one.
+    /// The limit of the value; empty without a limit.
     pub limit: String,
-    /// What to change; empty unless it is a doubt.
+    /// Advice on what to change; empty unless the answer is a doubt.
     pub advice: String,
 }
 
@@ -58,7 +58,7 @@ impl Verdict {
         Self { check, subject: subject.to_owned(), answer: Answer::Unknown, value: reason.into(), limit, advice }
     }
 
-    /// A sensor that can be judged only with a LiDAR that fits.
+    /// A verdict for a sensor that can be checked only after the LiDAR fits.
     pub(crate) fn after_lidar(subject: &str) -> Self {
         Self::unknown("mounting", subject, "not judged before the doubts about the LiDAR are settled")
     }

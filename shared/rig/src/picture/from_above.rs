@@ -1,4 +1,4 @@
-//! Two sweeps over each other from above, with and without deskewing.
+//! Top view of two overlaid sweeps, with and without deskewing.
 
 use super::overlay::in_frame;
 use super::{Content, Picture, dot};
@@ -11,14 +11,14 @@ use image::{Rgb, RgbImage};
 /// Side of a picture, px, and of the square that it shows, m.
 const SIDE_PX: u32 = 900;
 const SIDE_M: f64 = 40.0;
-/// Heights above the ground that are shown, m: walls and vehicles, without the road.
+/// Range of heights above the ground that are drawn, m: walls and vehicles, without the road.
 const HEIGHT_M: [f64; 2] = [0.5, 4.0];
 const COLORS: [[u8; 3]; 2] = [[0, 90, 190], [220, 90, 0]];
 
 pub(super) fn pictures(drive: &Drive, survey: &Survey) -> Vec<Picture> {
     let mut sweeps = survey.kept.iter().filter(|sweep| sweep.is_from_above);
     let (Some(first), Some(second)) = (sweeps.next(), sweeps.next()) else { return Vec::new() };
-    // Height of the ground in the body.
+    // Height of the ground in the body frame.
     let ground_m = level(survey, &drive.rig().body_from_lidar.rotation)
         .map(|level| drive.rig().body_from_lidar.translation.z - level.height_m);
     let rigid = |sweep: &KeptSweep| KeptSweep { duration_nanos: 0, ..sweep.clone() };

@@ -9,10 +9,10 @@ use registration::DeskewTable;
 
 /// Depths of the nearest color, red, and of the farthest one, blue, m.
 pub const DEPTH_M: [f64; 2] = [3.0, 40.0];
-/// Side of a point, px.
+/// Side length of a drawn point, px.
 const SIDE: i64 = 2;
 
-/// Up to three pictures of each camera: of the first, the middle and the last exposure that a kept sweep covers.
+/// Up to three pictures of each camera: the first, the middle and the last exposure that a kept sweep covers.
 pub(super) fn pictures(drive: &Drive, survey: &Survey) -> Vec<Picture> {
     let mut pictures = Vec::new();
     for (camera, entry) in drive.manifest().cameras.iter().enumerate() {
@@ -62,7 +62,8 @@ fn overlay(drive: &Drive, survey: &Survey, frame: &Frame, sweep: &KeptSweep) -> 
     Some(image)
 }
 
-/// Draws points (distance from the camera, m; column and row, px) into an image, colored by [`DEPTH_M`], the near ones on top.
+/// Draws points (distance from the camera, m; column and row, px) into an image, colored by [`DEPTH_M`], near points on
+/// top.
 pub fn draw_points(image: &mut RgbImage, mut points: Vec<(f64, [f64; 2])>) {
     points.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (depth_m, at) in points {
@@ -70,13 +71,13 @@ pub fn draw_points(image: &mut RgbImage, mut points: Vec<(f64, [f64; 2])>) {
     }
 }
 
-/// The deskewed points of a sweep in a frame whose pose in the frame of the odometry is given.
+/// The deskewed points of a sweep in a frame with the given pose in the odometry frame.
 pub(super) fn in_frame(sweep: &KeptSweep, odom_from_frame: &Pose) -> impl Iterator<Item = Point3<f64>> {
     let frame_from_odom = odom_from_frame.inverse();
     let [begin, end] =
         [sweep.motion.begin(), sweep.motion.end()].map(|odom_from_lidar| frame_from_odom * odom_from_lidar);
     let table = DeskewTable::new(&begin, &end, sweep.duration_nanos);
-    // Without times of the points, all have the pose in the middle.
+    // Without point times, all points have the pose in the middle.
     let mid = frame_from_odom * sweep.motion.mid;
     let duration = sweep.duration_nanos;
     sweep.rows.iter().map(move |row| {
@@ -89,7 +90,7 @@ pub(super) fn in_frame(sweep: &KeptSweep, odom_from_frame: &Pose) -> impl Iterat
     })
 }
 
-/// From red over yellow, green and cyan to blue, even in the logarithm of the depth.
+/// Color from red over yellow, green and cyan to blue, linear in the logarithm of the depth.
 fn color(depth_m: f64) -> [u8; 3] {
     let [near, far] = DEPTH_M;
     let share = ((depth_m / near).ln() / (far / near).ln()).clamp(0.0, 1.0);

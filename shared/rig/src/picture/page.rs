@@ -6,7 +6,7 @@ use crate::survey::Survey;
 use drive::Drive;
 use page::{Level, Page, Table};
 
-/// The page. Pictures are files beside it.
+/// Builds the page. Pictures are files in the same folder.
 pub(super) fn html(drive: &Drive, survey: &Survey, report: &Report, pictures: &[Picture]) -> String {
     let mut page = Page::new(&format!("Rig of {}", drive.manifest().name));
     page.section("Verdicts");

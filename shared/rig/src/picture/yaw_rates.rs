@@ -5,7 +5,7 @@ use crate::survey::Survey;
 use chart::{Axis, COLORS, Chart, Series};
 use registration::Velocity;
 
-/// `None` without an inertial unit.
+/// The picture; `None` without an inertial unit.
 pub(super) fn picture(survey: &Survey) -> Option<Picture> {
     survey.inertial.as_ref()?;
     let begin = survey.span[0];
@@ -17,7 +17,7 @@ pub(super) fn picture(survey: &Survey) -> Option<Picture> {
             [pair[0].middle.seconds_since(begin) + 0.5 * seconds, velocity.angular.z]
         })
         .collect();
-    // Mean over a tenth of a second, as of the sweeps.
+    // Mean over a tenth of a second, comparable to the sweeps.
     let mut by_unit: Vec<[f64; 2]> = Vec::new();
     let mut rest = &survey.samples[..];
     while let Some(first) = rest.first() {

@@ -1,4 +1,4 @@
-//! Rotations and the common delay of the cameras, by the outlines of objects.
+//! Rotations and the common delay of the cameras, estimated from the outlines of objects.
 
 use super::{Change, Outcome, Refined, delayed, outcome};
 use crate::check::{CameraScores, turned};
@@ -48,7 +48,7 @@ fn color_cameras(drive: &Drive, survey: &Survey, refined: &mut Refined) {
         let [rotation, sigma] = [found.rotation, found.deviation].map(|values| values.map(f64::from));
         let mut correction = Vector3::zeros();
         for axis in 0..3 {
-            // An axis that was not fitted has no deviation.
+            // An axis that was not fitted has no standard deviation.
             if sigma[axis] == 0.0 {
                 let text = if axis == 2 { "below half a degree" } else { "along the outlines" };
                 refined.changes.push(unknown(NAMES[axis], text.to_owned()));
@@ -68,7 +68,7 @@ fn color_cameras(drive: &Drive, survey: &Survey, refined: &mut Refined) {
         refined.changes.push(unknown("position", "only rotations are measured".to_owned()));
         if correction != Vector3::zeros() {
             let given = drive.rig().cameras[camera].body_from_camera;
-            // The points move by the rotation in the frame of the camera.
+            // The points move by the rotation in the camera frame.
             let new: Pose = turned(&given, &UnitQuaternion::from_scaled_axis(correction).inverse());
             refined.manifest.cameras[camera].body_from_camera = PoseEntry::from(new);
         }

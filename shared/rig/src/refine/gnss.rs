@@ -1,4 +1,4 @@
-//! Delay of the GNSS receiver, by its velocities and those of the LiDAR.
+//! Delay of the GNSS receiver, estimated by comparing its velocities with the LiDAR's.
 
 use super::{Change, Outcome, Refined, delayed, outcome};
 use crate::receiver_delay::receiver_delay;

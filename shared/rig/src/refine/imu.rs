@@ -1,4 +1,4 @@
-//! Rotation and time offset of the inertial unit, by its angular rates and those of the LiDAR.
+//! Rotation and time offset of the inertial unit, estimated by comparing its angular rates with the LiDAR's.
 
 use super::{Change, Outcome, Refined, delayed, outcome};
 use crate::check::{quaternion, rotation_of};
@@ -6,9 +6,9 @@ use crate::survey::Survey;
 use drive::manifest::PoseEntry;
 use geometry::{UnitQuaternion, Vector3};
 
-/// A rotation with a larger deviation is not determined, rad: one degree.
+/// Largest standard deviation of a determined rotation, rad: one degree.
 const MAX_SIGMA: f64 = std::f64::consts::PI / 180.0;
-/// The same of a time offset, s.
+/// Largest standard deviation of a determined time offset, s.
 const MAX_LATE_SIGMA_S: f64 = 0.02;
 const NAMES: [&str; 3] = ["rotation about x", "rotation about y", "rotation about z"];
 

@@ -1,4 +1,4 @@
-//! Elevations of the LiDAR's rings, as the odometry estimates their errors.
+//! Elevations of the LiDAR's rings, corrected by the errors that the odometry estimates.
 
 use super::{Change, Outcome, Refined, SIGNIFICANT};
 use crate::survey::Survey;
@@ -8,7 +8,7 @@ use lidar::{Lidar, Model};
 use registration::RingError;
 use std::fmt::Write;
 
-/// Name of the file of the refined unit.
+/// File name of the refined calibration.
 const FILE: &str = "lidar_refined.yaml";
 
 pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
@@ -40,7 +40,7 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     for (ring, error) in errors.iter().enumerate() {
         let quantity = format!("elevation of ring {ring}");
         if !error.is_measured() {
-            let text = "too few surfaces that other rings have seen, too";
+            let text = "too few surfaces that other rings also measured";
             refined.changes.push(change(quantity, error, Outcome::NotObservable, text));
         } else if !is_significant(error) {
             refined.changes.push(change(quantity, error, Outcome::Kept, ""));
@@ -48,11 +48,11 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
             n_replaced += 1;
             refined.changes.push(change(quantity, error, Outcome::Replaced, ""));
         } else {
-            let text = "no file of this model can be written: correct that of the unit";
+            let text = "no file of this model can be written: correct the calibration file of the unit";
             refined.changes.push(change(quantity, error, Outcome::ToDo, text));
         }
     }
-    let common = "what all rings share, or what grows evenly from ring to ring, is not seen";
+    let common = "errors common to all rings, or linear over the rings, are not observable";
     refined.changes.push(change("elevation of all rings".into(), &RingError::UNKNOWN, Outcome::NotObservable, common));
     if let Some((model, lasers)) = file.filter(|_| n_replaced > 0) {
         let error_of =
@@ -67,12 +67,12 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     }
 }
 
-/// The error, reduced by the share that noise has in it.
+/// The error, reduced by its share of noise.
 fn correction(error: &RingError) -> f64 {
     error.mean * (1.0 - error.variance / (error.mean * error.mean)).max(0.0)
 }
 
-/// The errors without the part that is even over the rings: the matches do not see it, so that it drifts.
+/// The errors without the part that is linear over the rings: the matches do not constrain it, so it drifts.
 fn detrended(errors: &[RingError]) -> Vec<RingError> {
     let known = || (0..errors.len()).filter(|ring| errors[*ring].is_measured());
     let total = |of: &dyn Fn(usize) -> f64| known().map(|ring| of(ring) / errors[ring].variance).sum::<f64>();
@@ -100,7 +100,7 @@ fn lasers(lidar: &Lidar) -> Option<(lidar::velodyne::Model, Vec<Laser>)> {
     Some((model, lasers))
 }
 
-/// A file of the unit as drivers of ROS read it, in rad and m.
+/// A calibration file of the unit in the format of ROS drivers, in rad and m.
 fn yaml(model: lidar::velodyne::Model, lasers: &[Laser]) -> String {
     let mut text = String::from("lasers:\n");
     for (id, laser) in lasers.iter().enumerate() {

@@ -25,7 +25,7 @@ pub(super) fn refine(
                 sigma: 0.0,
                 unit: "m",
                 outcome: Outcome::NotObservable,
-                text: "no data, or hardly any surface that the first LiDAR sees, too".to_owned(),
+                text: "no data, or hardly any surface in common with the first LiDAR".to_owned(),
             });
             continue;
         };
@@ -44,7 +44,7 @@ pub(super) fn refine(
                 *kept = raw;
             }
             let text = match outcome {
-                Outcome::NotObservable => "the surfaces that both LiDARs see do not determine it",
+                Outcome::NotObservable => "the surfaces that both LiDARs measure do not determine it",
                 _ => "",
             };
             let difference = raw * scale;

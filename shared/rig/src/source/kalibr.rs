@@ -5,13 +5,14 @@ use super::{CameraPart, RigParts, SourceOptions, pose_of_matrix};
 use crate::yaml::{Node, YamlError};
 use geometry::Pose;
 
-/// Cameras `cam0`, `cam1`, … The frame of the source is that of the inertial unit if the chain has one (`T_cam_imu`), else that of `cam0`.
+/// Cameras `cam0`, `cam1`, … The source frame is the frame of the inertial unit if the chain has one (`T_cam_imu`),
+/// otherwise the frame of `cam0`.
 pub(super) fn parts(document: &Node, options: &SourceOptions) -> Result<RigParts, YamlError> {
     let mut found = RigParts::default();
     let chain = document.entries().iter().filter(|(key, _)| is_camera(key));
     let mut source_from_last = Pose::identity();
     let has_imu = document.get("cam0").is_some_and(|camera| camera.get("T_cam_imu").is_some());
-    // Without a stated mounting, an inertial unit is the body.
+    // Without a stated mounting, the inertial unit is the body.
     let body_from_source = options.body_from_source.or_else(|| has_imu.then(Pose::identity));
     for (index, (name, entry)) in chain.enumerate() {
         let fault = |node: &Node| {

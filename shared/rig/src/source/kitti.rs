@@ -29,7 +29,7 @@ fn table(path: &Path) -> Result<Table, RigError> {
     let mut table = Table::new();
     for (index, line) in text(path)?.lines().enumerate() {
         let Some((key, rest)) = line.split_once(':') else { continue };
-        // Dates and other words are no numbers.
+        // Dates and other words are not numbers.
         let numbers: Option<Vec<f64>> =
             rest.split_whitespace().map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
         if let Some(numbers) = numbers {
@@ -53,7 +53,7 @@ fn numbers<'a>(path: &Path, table: &'a Table, key: &str, n: usize) -> Result<&'a
     Ok(found)
 }
 
-/// The body is the LiDAR unless the source's frame, that of the LiDAR, is mounted otherwise.
+/// The body is the LiDAR unless the source frame, which is the LiDAR's frame, is mounted otherwise.
 fn of_odometry(path: &Path, options: &SourceOptions) -> Result<RigParts, RigError> {
     let table = table(path)?;
     let key = if table.contains_key("Tr") { "Tr" } else { "Tr_velo_to_cam" };
@@ -68,7 +68,7 @@ fn of_odometry(path: &Path, options: &SourceOptions) -> Result<RigParts, RigErro
     Ok(parts)
 }
 
-/// The body is the inertial unit if the folder has `calib_imu_to_velo.txt`, else the LiDAR.
+/// The body is the inertial unit if the folder has `calib_imu_to_velo.txt`, otherwise the LiDAR.
 fn of_raw(folder: &Path, path: &Path, options: &SourceOptions) -> Result<RigParts, RigError> {
     let of_cameras = table(path)?;
     let lidar_path = folder.join("calib_velo_to_cam.txt");
@@ -96,13 +96,14 @@ fn of_raw(folder: &Path, path: &Path, options: &SourceOptions) -> Result<RigPart
     let mut parts = cameras(path, &of_cameras, keys, sizes, &rectified_from_lidar, &of_lidar)?;
     parts.body_from_imu = Some(body_from_imu);
     parts.antenna_in_body = Some(body_from_imu.translation.vector.into());
-    parts
-        .notes
-        .push("KITTI raw; frame of the source and body: the inertial unit, to which the fixes refer, too".to_owned());
+    parts.notes.push(
+        "KITTI raw; frame of the source and body: the inertial unit, which is also the reference of the fixes"
+            .to_owned(),
+    );
     Ok(parts)
 }
 
-/// R and T of a file.
+/// Pose from R and T of a file.
 fn rigid(path: &Path) -> Result<Pose, RigError> {
     let table = table(path)?;
     let rotation = numbers(path, &table, "R", 9)?;
@@ -115,7 +116,8 @@ fn pose(path: &Path, key: &str, numbers: &[f64]) -> Result<Pose, RigError> {
     pose_of_matrix(numbers).map_err(|rule| RigError::source(path, key, rule))
 }
 
-/// The cameras of rectified projection matrices: K [I | t], where t is the place of the first camera in the frame of each.
+/// The cameras from rectified projection matrices: K [I | t], where t is the position of the first camera in the frame
+/// of each.
 fn cameras(
     path: &Path,
     table: &Table,
@@ -137,7 +139,7 @@ fn cameras(
         let fy = p[5];
         let cy = p[6];
         if !(fx > 0.0 && fy > 0.0) || p[8..11] != [0.0, 0.0, 1.0] {
-            let rule = "is no projection of a rectified camera; must be fx 0 cx tx, 0 fy cy ty, 0 0 1 tz";
+            let rule = "is not a projection of a rectified camera; must be fx 0 cx tx, 0 fy cy ty, 0 0 1 tz";
             return Err(RigError::source(path, key, rule));
         }
         let Some([width, height]) = size else {

@@ -1,22 +1,22 @@
-//! Lens models of others as camera models.
+//! Converts third-party lens models to camera models.
 
 use geometry::{CameraModel, KannalaBrandt, Pinhole};
 
 /// Largest angle of a fisheye, rad.
 const MAX_ANGLE: f64 = 3.0;
-/// Steps in which the end of a fisheye's image is searched, rad.
+/// Step of the search for the edge of a fisheye's image, rad.
 const ANGLE_STEP: f64 = 0.001;
 
 /// Intrinsics of a file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Intrinsics {
-    /// Columns and rows.
+    /// Columns and rows of the image.
     pub size: [u32; 2],
     /// fx fy cx cy, px.
     pub numbers: [f64; 4],
 }
 
-/// A lens of a named distortion model with its coefficients.
+/// Converts a lens of a named distortion model with its coefficients.
 pub(super) fn lens(intrinsics: Intrinsics, model: &str, coefficients: &[f64]) -> Result<CameraModel, String> {
     let Intrinsics { size: [width, height], numbers: [fx, fy, cx, cy] } = intrinsics;
     if !(1..=32_768).contains(&width) || !(1..=32_768).contains(&height) {
@@ -31,7 +31,7 @@ pub(super) fn lens(intrinsics: Intrinsics, model: &str, coefficients: &[f64]) ->
             Ok(CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] }))
         }
         "plumb_bob" | "radtan" | "rational_polynomial" | "none" | "" => {
-            // k1 k2 p1 p2 k3, then those of the rational model.
+            // Coefficients k1 k2 p1 p2 k3, then the coefficients of the rational model.
             if rest(5) {
                 return Err(format!(
                     "{} distortion coefficients of which those after the fifth are not zero (rational model); calibrate with k1 k2 p1 p2 \
@@ -58,7 +58,8 @@ pub(super) fn lens(intrinsics: Intrinsics, model: &str, coefficients: &[f64]) ->
     }
 }
 
-/// The angle at which the image ends: at its farthest corner, or where the polynomial of the lens turns back.
+/// The angle at the edge of the image: at its farthest corner, or where the polynomial of the lens is no longer
+/// monotonic.
 fn widest(lens: &KannalaBrandt) -> f64 {
     let radius = |angle: f64| {
         let [k1, k2, k3, k4] = lens.distortion;
@@ -70,7 +71,7 @@ fn widest(lens: &KannalaBrandt) -> f64 {
     let n_steps = (MAX_ANGLE / ANGLE_STEP) as u32;
     let angles = (1..=n_steps).map(|step| f64::from(step) * ANGLE_STEP);
     let inside = |angle: &f64| radius(*angle) > radius(angle - ANGLE_STEP) && radius(angle - ANGLE_STEP) < farthest;
-    // Rounded down to the precision of the steps, so that the text is short.
+    // Rounded down to the step precision, so that the text is short.
     let last = angles.take_while(inside).last().unwrap_or(ANGLE_STEP);
     (last * 1e3).round() * 1e-3
 }
@@ -89,7 +90,7 @@ mod tests {
         };
         // 500 px of 300 px per rad.
         assert!((angle(&[0.0; 4]) - 1.667).abs() < 1e-9);
-        // t - t^3 / 3 turns at 1 rad.
+        // The polynomial t - t^3 / 3 has its maximum at 1 rad.
         assert!((angle(&[-1.0 / 3.0]) - 1.0).abs() < 2e-3);
     }
 

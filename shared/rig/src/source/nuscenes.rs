@@ -21,7 +21,7 @@ struct Calibrated {
     token: String,
     sensor_token: String,
     translation: [f64; 3],
-    /// w x y z.
+    /// Quaternion w x y z.
     rotation: [f64; 4],
     #[serde(default)]
     camera_intrinsic: Vec<[f64; 3]>,
@@ -60,7 +60,7 @@ pub(super) fn read(path: &Path, options: &SourceOptions) -> Result<RigParts, Rig
     for (channel, entries) in by_channel {
         let [entry] = entries[..] else {
             let rule = format!(
-                "{} calibrations of {channel}; give --log NAME, the begin of the file names of one drive (n015-2018-07-24-11-22-45+0800); \
+                "{} calibrations of {channel}; give --log NAME, the start of the file names of one drive (n015-2018-07-24-11-22-45+0800); \
                  it is looked up in sample_data.json",
                 entries.len()
             );
@@ -97,14 +97,14 @@ fn table<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, RigError> {
     serde_json::from_str(&text(path)?).map_err(|error| RigError::source(path, "", error.to_string()))
 }
 
-/// The calibrations that the files of a log refer to. The table has millions of rows, so that it is read as a stream.
+/// The calibrations referenced by the files of a log. The table has millions of rows, so it is read as a stream.
 fn tokens_of(path: &Path, log: &str) -> Result<BTreeSet<String>, RigError> {
     let file = File::open(path).map_err(|error| RigError::io(path, error))?;
     let mut reader = serde_json::Deserializer::from_reader(BufReader::new(file));
     let tokens = reader.deserialize_seq(TokensOf { log });
     let tokens = tokens.map_err(|error| RigError::source(path, "", error.to_string()))?;
     if tokens.is_empty() {
-        return Err(RigError::source(path, "", format!("no file of a log {log}; must be the begin of file names")));
+        return Err(RigError::source(path, "", format!("no file of a log {log}; must be the start of file names")));
     }
     Ok(tokens)
 }

@@ -1,4 +1,4 @@
-//! A camera's intrinsics as OpenCV or ROS write them.
+//! Camera intrinsics in the formats of OpenCV and ROS.
 
 use super::lens::{Intrinsics, lens};
 use super::{CameraPart, RigParts, SourceOptions};
@@ -12,7 +12,8 @@ const COEFFICIENT_KEYS: &[&str] =
 const WIDTH_KEYS: &[&str] = &["image_width", "image_Width", "width"];
 const HEIGHT_KEYS: &[&str] = &["image_height", "image_Height", "height"];
 
-/// One camera. Without an entry of its lens model, four or five coefficients are `plumb_bob`; OpenCV's `fisheye_model: 1` is a fisheye.
+/// One camera. Without an entry for its lens model, four or five coefficients are `plumb_bob`; OpenCV's
+/// `fisheye_model: 1` is a fisheye.
 pub(super) fn parts(document: &Node, path: &Path, options: &SourceOptions) -> Result<RigParts, YamlError> {
     let fault = |line: usize, rule: String| YamlError { line, rule };
     let matrix_node = document
@@ -37,7 +38,7 @@ pub(super) fn parts(document: &Node, path: &Path, options: &SourceOptions) -> Re
     });
     let note = format!("camera {name}: intrinsics of {}; frame of the source: the camera", path.display());
     let camera = CameraPart {
-        // Drivers write the frame of the camera, or its name, which is often that of its frame.
+        // Drivers write the frame of the camera, or its name, which is often the name of its frame.
         frame: Some(frame.map_or_else(|| name.clone(), str::to_owned)),
         name,
         body_from_camera: options.body_from_source,

@@ -1,18 +1,18 @@
-//! A tree of frames of ROS, as `ros2 topic echo /tf_static` prints it.
+//! A tree of ROS frames in the format of `ros2 topic echo /tf_static`.
 
 use super::{RigParts, SourceOptions, pose_of};
 use crate::yaml::{Node, Value, YamlError};
 use geometry::Pose;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Frames from the body to a sensor at most.
+/// Largest number of frames from the body to a sensor.
 const MAX_DEPTH: usize = 64;
-/// Parts of the names of frames by which sensors are recognized.
+/// Parts of frame names that identify sensors.
 const LIDAR_NAMES: [&str; 9] =
     ["lidar", "velodyne", "os_sensor", "ouster", "hesai", "pandar", "rslidar", "livox", "laser"];
 const IMU_NAMES: [&str; 1] = ["imu"];
 const ANTENNA_NAMES: [&str; 3] = ["gnss", "gps", "antenna"];
-/// Usual names of the body.
+/// Usual names of the body frame.
 const BODY_NAMES: [&str; 3] = ["base_link", "base_footprint", "body"];
 
 /// Frames by name, each with its parent.
@@ -43,9 +43,10 @@ impl FrameTree {
     fn add_transform(&mut self, node: &Node) -> Result<(), YamlError> {
         let fault = |rule: String| YamlError { line: node.line, rule };
         let name = |node: &Node| node.text().map(|text| text.trim_start_matches('/').to_owned());
-        let child = name(node.required("child_frame_id")?).ok_or_else(|| fault("child_frame_id is no name".into()))?;
+        let child =
+            name(node.required("child_frame_id")?).ok_or_else(|| fault("child_frame_id is not a name".into()))?;
         let parent = node.required("header")?.required("frame_id")?;
-        let parent = name(parent).ok_or_else(|| fault("frame_id is no name".into()))?;
+        let parent = name(parent).ok_or_else(|| fault("frame_id is not a name".into()))?;
         let transform = node.required("transform")?;
         let numbers = |key: &str, names: &[&str]| -> Result<Vec<f64>, YamlError> {
             let part = transform.required(key)?;
@@ -96,7 +97,7 @@ impl FrameTree {
         roots.dedup();
         match roots[..] {
             [root] => Ok(root.clone()),
-            _ => Err(format!("the body frame is not clear; give --body FRAME. {}", self.list())),
+            _ => Err(format!("the body frame is ambiguous; give --body FRAME. {}", self.list())),
         }
     }
 
@@ -116,7 +117,7 @@ impl FrameTree {
         common.ok_or_else(|| format!("frames {frame} and {body} are not connected; {}", self.list()))
     }
 
-    /// The sensors that the names of frames tell. A kind with several frames is left out and noted.
+    /// The sensors identified by frame names. A kind with several frames is skipped and noted.
     pub(super) fn parts(&self, options: &SourceOptions) -> Result<RigParts, String> {
         let body = self.body(options)?;
         let mut parts = RigParts {
@@ -126,7 +127,7 @@ impl FrameTree {
         let mut one = |names: &[&str], kind: &str| -> Result<Option<Pose>, String> {
             let is_named = |frame: &&String| names.iter().any(|name| frame.to_lowercase().contains(name));
             let found: BTreeSet<&String> = self.frames.keys().filter(is_named).collect();
-            // Of a sensor with frames of its parts, the one nearest to the body.
+            // If a sensor has frames of its parts, the frame nearest to the body.
             let nearest: Vec<&&String> =
                 found.iter().filter(|frame| !found.contains(&self.frames[**frame].0)).collect();
             match nearest[..] {
@@ -137,7 +138,7 @@ impl FrameTree {
                 [] => Ok(None),
                 _ => {
                     let names: Vec<&str> = nearest.iter().map(|name| name.as_str()).collect();
-                    parts.notes.push(format!("{kind}: several frames ({}); none is taken", names.join(", ")));
+                    parts.notes.push(format!("{kind}: several frames ({}); none is used", names.join(", ")));
                     Ok(None)
                 }
             }
@@ -180,7 +181,7 @@ mod tests {
         let tree = tree(&text);
         let parts = tree.parts(&SourceOptions::default()).expect("parts");
         let lidar = parts.body_from_lidar.expect("a LiDAR");
-        // The roof is turned to the left: its x axis is the y axis of the body.
+        // The roof is rotated to the left: its x axis is the y axis of the body.
         assert!((lidar.translation.vector - geometry::Vector3::new(1.0, 2.0, 2.0)).norm() < 1e-6, "{lidar}");
         assert!((lidar.rotation.angle() - std::f64::consts::PI).abs() < 1e-6);
         let from_roof = SourceOptions { body_frame: Some("roof".into()), ..SourceOptions::default() };

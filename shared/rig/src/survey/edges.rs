@@ -7,7 +7,7 @@ use geometry::{Pose, Stamp};
 use messages::{SubmapPoint, SubmapSweep};
 use registration::{KeptPoints, OpenSubmap, Registered, Sweep, SweepRows};
 
-/// Nearer points are of the vehicle itself, m.
+/// Points nearer than this are on the vehicle itself, m.
 const MIN_RANGE_M: f64 = 1.0;
 
 /// The depth edges of one sweep.
@@ -17,16 +17,16 @@ pub struct SweepEdges {
     pub begin: Stamp,
     /// Last shot.
     pub end: Stamp,
-    /// Pose of the frame of the edges: position and heading of the body at the first shot.
+    /// Pose of the edge frame: position and heading of the body at the first shot.
     pub odom_from_edges: Pose,
-    /// Rings of the LiDAR.
+    /// Number of rings of the LiDAR.
     pub n_rings: u32,
-    /// The edges; their times are s after the first shot.
+    /// The edges; their times are in s after the first shot.
     pub edges: Vec<DepthEdge>,
 }
 
 impl SweepEdges {
-    /// The edges of a registered sweep; `None` if it has no match: its points are not deskewed.
+    /// The edges of a registered sweep; `None` if it has no match, because its points are then not deskewed.
     pub(super) fn of(raw: &RawSweep, sweep: &Sweep, registered: &Registered, begin: &Pose) -> Option<Self> {
         registered.matched.as_ref()?;
         let (submap, rows) = deskewed(raw, sweep, registered, begin);
@@ -40,7 +40,7 @@ impl SweepEdges {
     }
 }
 
-/// A submap of one sweep.
+/// A submap with one sweep.
 pub(super) struct OneSweep {
     pub frame: registration::SubmapFrame,
     sweep: SubmapSweep,

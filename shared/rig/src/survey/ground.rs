@@ -4,20 +4,22 @@ use geometry::Vector3;
 use nalgebra::{Matrix3, SymmetricEigen};
 use registration::Feature;
 
-/// Ranges of the ground that is fitted, m: nearer is the vehicle, farther the road bends.
+/// Ranges of the fitted ground, m: nearer points are on the vehicle, and farther away the road curves.
 const RANGE_M: [f32; 2] = [2.0, 20.0];
-/// Largest angle between its normal and the stated upward direction, rad. A LiDAR that is mounted farther off is not recognized.
+/// Largest angle between the normal and the stated upward direction, rad. A LiDAR with a larger mounting error is not
+/// recognized.
 const MAX_TILT: f64 = 1.05;
 /// Least distance of the sensor from the ground, m.
 const MIN_HEIGHT_M: f64 = 0.2;
-/// Features of which planes are tried.
+/// Number of features whose planes are tried.
 const MAX_SEEDS: usize = 96;
-/// A feature is on a plane if its normal is this near (cosine of 8 degrees) and it is so near, m. The fit halves the distance.
+/// A feature is on a plane if its normal (cosine of 8 degrees) and its distance, m, are within these limits. The fit
+/// halves the distance.
 const ALIGNED: f64 = 0.99;
 const NEAR_M: f64 = 0.2;
-/// Least features of a plane.
+/// Least number of features of a plane.
 const MIN_FEATURES: usize = 40;
-/// Fits with the features that are near the last one.
+/// Number of fits, each with the features near the last plane.
 const ROUNDS: usize = 4;
 
 /// The ground in the frame of the LiDAR.
@@ -25,13 +27,14 @@ const ROUNDS: usize = 4;
 pub struct GroundPlane {
     /// Unit normal towards the sensor.
     pub normal: Vector3<f64>,
-    /// Distance of the sensor, m.
+    /// Distance from the sensor, m.
     pub height_m: f64,
-    /// Features on it.
+    /// Number of features on it.
     pub n_features: usize,
 }
 
-/// The plane with the most features of all whose normals are within 60 degrees of `up`; `None` if no plane has enough.
+/// The plane with the most features, of all planes with normals within 60 degrees of `up`; `None` if no plane has
+/// enough features.
 pub fn ground_plane(features: &[Feature], up: &Vector3<f32>) -> Option<GroundPlane> {
     let up = up.cast::<f64>();
     let candidate = |feature: &Feature| {
@@ -46,7 +49,7 @@ pub fn ground_plane(features: &[Feature], up: &Vector3<f32>) -> Option<GroundPla
     let every = candidates.len().div_ceil(MAX_SEEDS).max(1);
     let seeds = candidates.iter().step_by(every).map(|(at, normal)| (*normal, -normal.dot(at)));
     let support = |plane: &(Vector3<f64>, f64)| on(&candidates, plane, NEAR_M).count();
-    // Of equally good planes the first.
+    // The first of equally good planes.
     let best = seeds.map(|plane| (support(&plane), plane)).reduce(|a, b| if b.0 > a.0 { b } else { a });
     let mut plane = best.filter(|(n, _)| *n >= MIN_FEATURES)?.1;
     for _ in 0..ROUNDS {
@@ -60,7 +63,7 @@ pub fn ground_plane(features: &[Feature], up: &Vector3<f32>) -> Option<GroundPla
     Some(GroundPlane { normal: plane.0, height_m: plane.1, n_features })
 }
 
-/// The positions on a plane of this normal and distance.
+/// The positions on a plane with this normal and distance.
 fn on<'a>(
     candidates: &'a [(Vector3<f64>, Vector3<f64>)],
     (normal, height_m): &'a (Vector3<f64>, f64),

@@ -18,7 +18,7 @@ pub struct PixelBuffer {
 }
 
 impl PixelBuffer {
-    /// The image as the projection reads it.
+    /// The image in the form that the projection reads.
     pub fn view(&self) -> Option<ColorImage<'_>> {
         ColorImage::new(0, self.width, self.height, &self.bytes)
     }
@@ -32,7 +32,7 @@ impl PixelBuffer {
     }
 }
 
-/// The pixels of a file; `None` if it is damaged or has another size than the camera. `acquire` reports such files.
+/// The pixels of a file; `None` if it is damaged or its size differs from the camera's. `acquire` reports such files.
 pub fn decoded(frame: &Frame, entry: &CameraEntry) -> Option<PixelBuffer> {
     let (width, height) = entry.model.size();
     let mut bytes = vec![0; 3 * width as usize * height as usize];

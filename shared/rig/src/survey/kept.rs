@@ -6,11 +6,12 @@ use geometry::Stamp;
 use messages::SweepPoint;
 use registration::{Registered, SweepMotion};
 
-/// Exposures of a camera of which pictures are made at most. Three are drawn; others stand in where the LiDAR ends early.
+/// Largest number of exposures of a camera that are drawn. Three are drawn; the others are substitutes where the LiDAR
+/// ends early.
 const EXPOSURES: usize = 5;
-/// Sweeps that are drawn over each other.
+/// Number of sweeps that are overlaid.
 const FROM_ABOVE: usize = 2;
-/// They are the first with this displacement or rotation during the sweep, m and rad, so that deskewing shows.
+/// Least displacement or rotation during these sweeps, m and rad, so that deskewing is visible.
 const CLEAR_M: f64 = 0.5;
 const CLEAR_RAD: f64 = 0.02;
 
@@ -19,26 +20,26 @@ const CLEAR_RAD: f64 = 0.02;
 pub struct KeptSweep {
     /// First shot.
     pub stamp: Stamp,
-    /// ns from first to last shot; 0 without times of points.
+    /// Time from first to last shot, ns; 0 without point times.
     pub duration_nanos: u32,
     /// `odom_from_lidar` over the sweep.
     pub motion: SweepMotion,
-    /// Its points, as received.
+    /// Points, as received.
     pub rows: Vec<SweepPoint>,
-    /// Whether it is one of those that are drawn from above.
+    /// Whether it is drawn in the top view.
     pub is_from_above: bool,
 }
 
-/// Which sweeps are kept.
+/// Selection of kept sweeps.
 #[derive(Debug, Default)]
 pub(super) struct Wanted {
-    /// Exposures to draw, by time.
+    /// Exposures to draw, in time order.
     stamps: Vec<Stamp>,
     n_from_above: usize,
 }
 
 impl Wanted {
-    /// For the exposures of a part of a drive.
+    /// Selects sweeps for the exposures of a part of a drive.
     pub fn new(drive: &Drive, begin: Stamp, seconds: f64) -> Self {
         let end = begin.plus_nanos((seconds * 1e9) as i64);
         let mut stamps = Vec::new();
@@ -52,13 +53,13 @@ impl Wanted {
         Self { stamps, n_from_above: 0 }
     }
 
-    /// The sweep, if it is wanted.
+    /// The sweep, if it is selected.
     pub fn keep(&mut self, raw: &RawSweep, registered: &Registered) -> Option<KeptSweep> {
         let end = raw.stamp.plus_nanos(i64::from(raw.header.duration_nanos));
         let is_of_exposure = self.stamps.iter().any(|stamp| (raw.stamp..end).contains(stamp));
         let motion = &registered.motion;
         let is_clear = motion.translation.norm() > CLEAR_M || motion.rotation.norm() > CLEAR_RAD;
-        // Two consecutive ones.
+        // Two consecutive sweeps.
         let is_from_above = self.n_from_above < FROM_ABOVE && (is_clear || self.n_from_above > 0);
         self.n_from_above += usize::from(is_from_above);
         (is_of_exposure || is_from_above).then(|| KeptSweep {
@@ -71,7 +72,7 @@ impl Wanted {
     }
 }
 
-/// At most `n` of a list, spread evenly from the first to the last.
+/// At most `n` elements of a list, spread evenly from the first to the last.
 pub(crate) fn spread<T: Copy>(all: &[T], n: usize) -> Vec<T> {
     if all.len() <= n {
         return all.to_vec();

@@ -5,7 +5,7 @@ use drive::{Drive, Frame};
 use geometry::Stamp;
 use lidar::nmea::Fix;
 
-/// What a sensor is.
+/// Kind of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorKind {
     /// The LiDAR.
@@ -23,9 +23,9 @@ pub enum SensorKind {
 /// The stamps of a sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorStamps {
-    /// Which.
+    /// Kind of the sensor.
     pub kind: SensorKind,
-    /// Its name.
+    /// Name of the sensor.
     pub name: String,
     /// Number of measurements.
     pub n: usize,
@@ -54,7 +54,7 @@ impl SensorStamps {
     }
 }
 
-/// The stamps of all sensors of a drive. `span` is that of the sweeps that were read.
+/// The stamps of all sensors of a drive. `span` is the span of the sweeps that were read.
 pub fn stamps_of(
     drive: &Drive,
     span: [Stamp; 2],

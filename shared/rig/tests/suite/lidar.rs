@@ -30,7 +30,7 @@ fn wrong_mounting_of_the_lidar_is_found() {
     assert_eq!(copied.doubts(), ["lidar height"]);
 }
 
-/// The drive as KITTI sweeps without times, cut at the rear. `is_mirrored`: with left and right exchanged.
+/// The drive as KITTI sweeps without times, cut at the rear. `is_mirrored`: left and right are exchanged.
 fn as_clouds(is_mirrored: bool) -> Copied {
     let mut copied = Copied::of(with_turns());
     let drive = Drive::open(&with_turns().path()).expect("a drive");
@@ -51,7 +51,7 @@ fn as_clouds(is_mirrored: bool) -> Copied {
         // The last sweep is cut short.
         if sweep.turn > 0.9 {
             fs::write(folder.join(format!("{index:06}.bin")), bytes).expect("writes");
-            // Clouds without point times have the stamp of the middle.
+            // Clouds without point times have the stamp of the middle of the sweep.
             writeln!(times, "{}", sweep.stamp.0 + i64::from(sweep.duration_nanos / 2)).expect("a text");
         }
     }
@@ -60,7 +60,8 @@ fn as_clouds(is_mirrored: bool) -> Copied {
     "bin".clone_into(&mut entry.format);
     let half = UnitQuaternion::from_scaled_axis(Vector3::z() * PI);
     let given = entry.body_from_lidar.to_pose().expect("a pose");
-    // A mirrored y axis would let the vehicle drive backwards: the operator turns the LiDAR until it drives forwards.
+    // A mirrored y axis would make the vehicle drive backwards: the operator rotates the LiDAR until it drives
+    // forwards.
     let rotation = if is_mirrored { half * given.rotation * half } else { given.rotation * half };
     entry.body_from_lidar = PoseEntry::from(Pose::from_parts(given.translation, rotation));
     copied

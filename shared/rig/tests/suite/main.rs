@@ -1,4 +1,4 @@
-//! Rigs of simulated drives: right ones, and ones with a single fault.
+//! Rigs of simulated drives: correct ones, and ones with a single fault.
 
 mod cameras;
 mod lidar;

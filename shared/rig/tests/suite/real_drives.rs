@@ -1,4 +1,4 @@
-//! Rigs of drives that others recorded.
+//! Rigs of third-party drives.
 
 use crate::support::turn;
 use drive::manifest::{LidarEntry, Manifest, PoseEntry};
@@ -11,12 +11,12 @@ use rig::survey::{Survey, SurveySettings};
 use std::os::unix::fs::symlink;
 use tempfile::TempDir;
 
-/// KITTI raw: 22 sweeps of an HDL-64E on a car that drives straight, without times of points.
+/// KITTI raw: 22 sweeps of an HDL-64E on a car that drives straight, without point times.
 const STREET: &str = "kitti_raw_0048";
 /// Published height of the LiDAR of KITTI above the ground, m.
 const LIDAR_HEIGHT_M: f64 = 1.73;
 
-/// The street with the origin of the body on the ground, and the LiDAR turned by degrees about an axis of the body.
+/// The street with the origin of the body on the ground, and the LiDAR rotated by `degrees` about an axis of the body.
 fn street(axis: Vector3<f64>, degrees: f64) -> (TempDir, Drive) {
     let folder = tempfile::tempdir().expect("a folder");
     symlink(real_data::path(STREET), folder.path().join("lidar")).expect("links");
@@ -29,7 +29,7 @@ fn street(axis: Vector3<f64>, degrees: f64) -> (TempDir, Drive) {
     (folder, drive)
 }
 
-/// Doubts, and what the sensors were found to be.
+/// Doubts, and all verdicts as text.
 fn checked(drive: &Drive, untimed_turn: Option<SpinDirection>) -> (Vec<String>, String) {
     let settings = SurveySettings { untimed_turn, ..SurveySettings::default() };
     let survey = Survey::of(drive, &settings).expect("surveyed");

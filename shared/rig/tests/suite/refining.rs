@@ -1,4 +1,4 @@
-//! Rigs with known errors are refined within the stated deviations, and never made worse.
+//! Rigs with known errors are refined within the stated standard deviations, and never made worse.
 
 use crate::support::{Copied, turn, with_cameras, with_turns};
 use geometry::{UnitQuaternion, Vector3};
@@ -18,8 +18,9 @@ fn of<'a>(refined: &'a Refined, subject: &str, quantity: &str) -> &'a Change {
     found.unwrap_or_else(|| panic!("no {quantity} of {subject}"))
 }
 
-/// Whether a change differs from a planted error by less than `tolerance`, states a deviation below `max_sigma`, and errs by less than
-/// three of its deviations. Without the first two, a large deviation would accept any change.
+/// Asserts that a change differs from a planted error by less than `tolerance`, states a standard deviation below
+/// `max_sigma`, and has an error of less than three standard deviations. Without the first two, a large standard
+/// deviation would accept any change.
 fn assert_finds(change: &Change, planted: f64, tolerance: f64, max_sigma: f64) {
     let error = (change.difference - planted).abs();
     assert!(error < tolerance, "{change} instead of {planted}");
@@ -92,7 +93,7 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
         assert_eq!(change.outcome, Outcome::Replaced, "{change}");
         assert_finds(change, planted, 0.2, 0.7);
     }
-    // Turns about the vertical alone do not tell the heading of the unit.
+    // Turns about the vertical alone do not determine the heading of the unit.
     assert_eq!(of(&found, "imu", "rotation about z").outcome, Outcome::NotObservable);
     let change = of(&found, "imu", "delay");
     assert_eq!(change.outcome, Outcome::Replaced, "{change}");
@@ -109,20 +110,20 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
 fn late_receiver_gets_its_delay() {
     for planted_ms in [0.0, 200.0, -350.0] {
         let mut late = Copied::of(with_turns());
-        // The stamps of the log are right: a delay that is stated too small leaves them late.
+        // The stamps of the log are correct: a stated delay that is too small leaves them late.
         let receiver = late.manifest.gnss.as_mut().expect("a receiver");
         receiver.delay_nanos = (-planted_ms * 1e6) as i64;
         let found = refined(&late);
         let change = of(&found, "gnss", "delay");
         assert_finds(change, planted_ms, 30.0, 50.0);
         let new = found.manifest.gnss.as_ref().expect("a receiver").delay_nanos;
-        // An insignificant delay is kept: the receiver of this drive has none.
+        // An insignificant delay is kept: the receiver of this drive has no delay.
         assert!((new as f64 * 1e-6).abs() < 30.0, "{change}: {new}");
         assert_eq!(change.outcome == Outcome::Replaced, planted_ms != 0.0, "{change}");
     }
 }
 
-/// Errors without their mean and what grows evenly, which no drive shows.
+/// Errors without their mean and linear part, which no drive shows.
 fn detrended(errors: &[f64]) -> Vec<f64> {
     let n = errors.len() as f64;
     let middle = (n - 1.0) / 2.0;
@@ -141,7 +142,7 @@ fn rms(values: &[f64]) -> f64 {
 fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("drive");
-    // Its rings cross on the facades: they see one surface from near and far.
+    // Its rings cross on the facades: they measure one surface from near and far.
     let rig = RigSpec::l3d2();
     let lidar_errors = LidarErrors { unit_seed: 5, ..LidarErrors::POOR };
     let spec = DriveSpec { rig, lidar_errors, ..DriveSpec::urban(1, 14.0).sparse(1) };

@@ -1,4 +1,4 @@
-//! Calibrations of others.
+//! Third-party calibrations.
 
 use formats::ladybug::LadybugCalibration;
 use geometry::{CameraModel, Point3, Vector3};
@@ -64,7 +64,7 @@ fn chain_of_kalibr_is_mounted_at_the_inertial_unit() {
     assert_eq!(parts.body_from_imu, Some(geometry::Pose::identity()));
     let [first, second] = &parts.cameras[..] else { panic!("{parts:?}") };
     let pose = first.body_from_camera.expect("mounted");
-    // The camera looks along the x axis of the unit.
+    // The optical axis of the camera is the x axis of the unit.
     assert!((pose * Vector3::z() - Vector3::x()).norm() < 1e-9);
     assert!((pose * Point3::new(0.01, 0.02, 0.03)).coords.norm() < 1e-9);
     assert!(matches!(first.model, CameraModel::KannalaBrandt(_)) && matches!(second.model, CameraModel::Pinhole(_)));

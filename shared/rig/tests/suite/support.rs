@@ -34,7 +34,7 @@ impl Recorded {
     }
 }
 
-/// A street with turns, by two LiDARs.
+/// A street with turns, with two LiDARs.
 pub fn with_two_lidars() -> &'static Recorded {
     static DRIVE: OnceLock<Recorded> = OnceLock::new();
     DRIVE.get_or_init(|| {
@@ -53,7 +53,7 @@ pub fn with_cameras() -> &'static Recorded {
     })
 }
 
-/// A street with turns, by a LiDAR, a receiver and an inertial unit alone.
+/// A street with turns, with only a LiDAR, a receiver and an inertial unit.
 pub fn with_turns() -> &'static Recorded {
     static DRIVE: OnceLock<Recorded> = OnceLock::new();
     DRIVE.get_or_init(|| {
@@ -87,14 +87,14 @@ impl Copied {
         self.folder.path()
     }
 
-    /// Removes the link to a file or folder, and returns its place.
+    /// Removes the link to a file or folder, and returns its path.
     pub fn replaced(&self, name: &str) -> PathBuf {
         let path = self.path().join(name);
         fs::remove_file(&path).expect("a link");
         path
     }
 
-    /// With all names of images moved in time.
+    /// Shifts the times in all image names.
     pub fn with_images_late(self, nanos: i64) -> Self {
         let originals = fs::canonicalize(self.path().join("camera")).expect("a folder");
         let cameras = self.replaced("camera");
@@ -112,7 +112,7 @@ impl Copied {
         self
     }
 
-    /// With other samples of the inertial unit: force and rate.
+    /// Replaces the samples of the inertial unit: force and rate.
     pub fn with_samples(self, change: impl Fn(i64, [f64; 3], [f64; 3]) -> Sample) -> Self {
         let text = fs::read_to_string(self.path().join("imu.csv")).expect("reads");
         let mut lines = text.lines();
@@ -134,7 +134,7 @@ impl Copied {
         Drive::open(self.path()).expect("a drive")
     }
 
-    /// `check subject` of each doubt.
+    /// Check and subject of each doubt.
     pub fn doubts(&self) -> Vec<String> {
         doubts(&self.open(), &SurveySettings::default())
     }
@@ -146,7 +146,7 @@ pub fn doubts(drive: &Drive, settings: &SurveySettings) -> Vec<String> {
     report.doubts().map(|verdict| format!("{} {}", verdict.subject, verdict.check)).collect()
 }
 
-/// Turns a sensor in the axes of the body (`of_body`) or in its own.
+/// Rotates a sensor about body axes (`of_body`) or its own axes.
 pub fn turn(entry: &mut PoseEntry, axis: Vector3<f64>, degrees: f64, of_body: bool) {
     let pose = entry.to_pose().expect("a pose");
     let rotation = UnitQuaternion::from_scaled_axis(axis * degrees.to_radians());
