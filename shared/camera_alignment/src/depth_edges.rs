@@ -4,21 +4,21 @@ use coloring::{SubmapPoints, seconds};
 use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
 use rayon::prelude::*;
 
-/// The far side is farther by this, m, plus [`JUMP_SHARE`] of the range of the near side: more than a curb, less than the
+/// Least range jump, m, to which [`JUMP_SHARE`] of the range of the near side is added: more than a curb, less than the
 /// length of a car.
 const JUMP_M: f32 = 0.5;
 const JUMP_SHARE: f32 = 0.1;
 
-/// Two shots on the same side of a jump differ by less than this, m, plus [`SMOOTH_SHARE`] of the range. This excludes
-/// foliage.
+/// Largest range difference of two shots on the same side of a jump, m, to which [`SMOOTH_SHARE`] of the range is
+/// added. This excludes foliage.
 const SMOOTH_M: f32 = 0.1;
 const SMOOTH_SHARE: f32 = 0.05;
 
 /// Largest azimuth difference of neighbors on a ring, 0.01 degree: three shots of an HDL-32E at 20 Hz.
 const MAX_AZIMUTH_STEP: u16 = 100;
 
-/// Distances of jumps in the same direction on a ring, shots, that make them ambiguous in the image: bars of a fence,
-/// foliage. Nearer jumps are of the same outline.
+/// Range of distances between jumps in the same direction on a ring, shots, that make them ambiguous in the image: bars
+/// of a fence, foliage. Nearer jumps belong to the same outline.
 const AMBIGUOUS: std::ops::RangeInclusive<usize> = 3..=10;
 
 /// Largest distance of an outline's jumps on neighboring rings, in ranges: twice the ring spacing of a LiDAR with 16 rings
@@ -38,17 +38,18 @@ const MAX_BEND: f32 = 0.15;
 pub struct DepthEdge {
     /// Position on the outline, assumed midway between the two shots, m, submap frame.
     pub at: [f32; 3],
-    /// From the direction of the near shot to that of the far one, m at the range of the near side: one step of the scan.
+    /// Vector from the direction of the near shot to the direction of the far one, m at the range of the near side: one
+    /// step of the scan.
     pub across: [f32; 3],
     /// Range of the near side from the LiDAR, m.
     pub range_m: f32,
-    /// Along the outline, from its jump on the ring below to that on the ring above, m.
+    /// Vector along the outline, from its jump on the ring below to its jump on the ring above, m.
     pub outline: [f32; 3],
     /// Time of the shot, s after the submap's first.
     pub time: f32,
 }
 
-/// The depth edges of all sweeps that overlap one of the time spans (s after the submap's first shot), without those of
+/// The depth edges of all sweeps that overlap one of the time spans (s after the submap's first shot), without edges of
 /// moving objects.
 pub fn depth_edges(points: &SubmapPoints<'_>, spans: &[[f32; 2]]) -> Vec<DepthEdge> {
     let of_sweep = |sweep: &SubmapSweep| {
@@ -104,8 +105,8 @@ impl<'a> Shots<'a> {
             let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i| five[i]);
             let mut add = |jump: Option<Jump>| jumps.extend(jump.filter(|jump| is_alone(before + 1, jump)));
             add(self.jump([a, b, c, d]));
-            // A beam that hits both sides measures a range in between. A shot that belongs to one side does not count as such:
-            // the same jump, found half a shot earlier, would shift all outlines against the scan direction.
+            // A beam that hits both sides measures a range in between. A shot on one side is not such a mixed shot: the
+            // same jump, found half a shot earlier, would shift all outlines against the scan direction.
             if is_between([b, c, d].map(|shot| shot.range_m)) {
                 add(self.jump([a, b, d, e]));
             }
@@ -181,8 +182,8 @@ struct Jump {
 }
 
 impl Jump {
-    /// Adds the direction of the outline, if the ring below or above has a jump on it. If both have one, the outline must be
-    /// straight.
+    /// Adds the direction of the outline, if the ring below or above also has a jump on it. If both rings have one, the
+    /// outline must be straight.
     fn linked(&self, below: &[Jump], above: &[Jump]) -> Option<DepthEdge> {
         let below = self.nearest(below);
         let above = self.nearest(above);
@@ -217,7 +218,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// If range jumps between two neighbors: whether the first is the near one.
+/// For a range jump between two neighbors: whether the first is the near one.
 fn near_first(a: f32, b: f32) -> Option<bool> {
     let near = a.min(b);
     ((a - b).abs() > JUMP_M + JUMP_SHARE * near).then_some(a < b)
@@ -269,7 +270,8 @@ mod tests {
         edge.at[1].atan2(edge.at[0]) / STEP_RAD
     }
 
-    /// A jump was once found twice, the second time half a shot earlier: all cameras seemed to be rotated by a quarter of a shot.
+    /// Regression: a jump was found twice, the second time half a shot earlier: all cameras appeared to be rotated by a
+    /// quarter of a shot.
     #[test]
     fn edge_is_midway_between_shots_of_both_sides() {
         for far_first in [false, true] {
@@ -292,7 +294,8 @@ mod tests {
 
     #[test]
     fn outline_follows_rings_and_near_surface_is_extrapolated() {
-        // The last near shot of each ring is two later than that of the ring below. The surface recedes by 4 cm per shot.
+        // The last near shot of each ring is two shots later than on the ring below. The surface recedes by 4 cm per
+        // shot.
         let ring = |n_near: usize| (0..14).map(|i| if i < n_near { 5.0 + 0.04 * i as f32 } else { 20.0 }).collect();
         let edges = edges_of(&[ring(5), ring(7), ring(9)]);
         assert_eq!(edges.len(), 3);
@@ -302,7 +305,7 @@ mod tests {
             let range_m = edge.at.iter().map(|v| v * v).sum::<f32>().sqrt();
             assert!((range_m - (5.0 + 0.04 * (n_near as f32 - 0.5))).abs() < 1e-3, "{edge:?}");
         }
-        // One ring alone gives no direction, and neither do two rings that hit different objects.
+        // A single ring gives no direction, and neither do two rings that hit different objects.
         assert!(edges_of(&[ring(5)]).is_empty() && edges_of(&[ring(2), ring(12)]).is_empty());
     }
 }

@@ -1,9 +1,9 @@
 //! Fit of rotations and delay to the profiles of a run.
 //!
-//! The unknowns are one rotation per camera and one delay for all cameras, because one trigger fires them. A rotation moves
-//! all edges of a camera alike, at any range. A delay moves near edges more than far ones, edges ahead outward and edges at
-//! the side backward. Both are distinguishable if the vehicle moves and the edges are at different ranges. Otherwise the
-//! delay is reported as not observable, and the rotations hold for a delay of zero.
+//! The unknowns are one rotation per camera and one delay for all cameras, because one trigger fires them. A rotation
+//! moves all edges of a camera equally, at any range. A delay moves near edges more than far ones, edges ahead outward
+//! and edges at the side backward. Both are distinguishable if the vehicle moves and the edges are at different ranges.
+//! Otherwise the delay is reported as not observable, and the rotations are valid for a delay of zero.
 
 use crate::offset::{CameraOffset, Offset, Rotation};
 use crate::outlines::{CameraOutlines, Outline};
@@ -12,7 +12,8 @@ use crate::search::{Solution, best_on_grid};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A delay or a rotation about the optical axis is significant if it raises the squared peak by the square of this.
+/// Least increase of the peak for a significant delay or rotation about the optical axis: the squared peak rises by the
+/// square of this.
 const SIGNIFICANT_GAIN: f32 = 8.0;
 
 /// Consecutive parts of the drive, left out one by one to estimate standard deviations (the jackknife; Efron, "The Jackknife,
@@ -95,8 +96,8 @@ fn deviation(parts: &[Solution], value: impl Fn(&Solution) -> f32) -> f32 {
     (square * (n - 1.0) / n).sqrt()
 }
 
-/// Adds a rotation about the optical axis for those cameras whose peak it raises significantly. For others, one more unknown
-/// would only add noise.
+/// Adds a rotation about the optical axis for cameras whose peak it raises significantly. For the other cameras, one
+/// more unknown would only add noise.
 fn with_rotations_about_axes<'a>(
     outlines: &[Vec<Outline>],
     all: Vec<CameraOutlines<'a>>,
@@ -145,7 +146,8 @@ pub fn fit_at_range(profiles: &[Profile], range_m: Range<f32>, around: &CameraOf
     }
 }
 
-/// Searches the rotation of one camera alone, without a delay and without deviations: to compare many assumptions about a camera.
+/// Searches the rotation of one camera alone, without a delay and without standard deviations, to compare many
+/// hypotheses about a camera.
 pub fn fit_rotation(profiles: &[Profile]) -> CameraOffset {
     let outlines: Vec<Outline> = profiles.iter().map(Outline::from).collect();
     let camera = [CameraOutlines::new(outlines.iter())];

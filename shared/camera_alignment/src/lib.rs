@@ -6,14 +6,14 @@
 //! 4. [`fit()`] searches the rotation of each camera and the common delay that bring both together.
 //! 5. [`report`] writes the result as log lines.
 //!
-//! Begin at [`fit()`], the estimate, and at [`OffsetMonitor`], which decides which profiles are kept for it.
+//! Start reading at [`fit()`], the estimate, and at [`OffsetMonitor`], which decides which profiles are kept for it.
 //!
 //! Angles are radians in the axes of the camera (x right, y down, z forward), delays seconds; a positive delay means that exposures
 //! are later than their stamps.
 //!
-//! This crate must never correct anything: it measures and reports, and the rig and the colors of the run stay as they are. An
-//! offset that the scene does not determine has no value. It decodes no images and uses no clock; results depend only on the profiles and
-//! their order, so they survive a restart of the run.
+//! This crate must never correct anything: it measures and reports, and does not change the rig or the colors of the
+//! run. An offset that the scene does not constrain has no value. The crate decodes no images and uses no clock;
+//! results depend only on the profiles and their order, so they survive a restart of the run.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -1,4 +1,4 @@
-//! Profiles of a whole run, and the offset that follows from them.
+//! Profiles of a whole run, and the offset estimated from them.
 
 use crate::depth_edges::depth_edges;
 use crate::fit::{fit, fit_at_range};
@@ -13,10 +13,11 @@ use std::ops::Range;
 /// submap.
 const MAX_PROFILES: usize = 1200;
 
-/// Ranges that are reported, m: a delay shows at the nearest and does not at the farthest.
+/// Reported ranges, m: a delay is visible at the nearest and invisible at the farthest.
 pub const RANGES_M: [Range<f32>; 3] = [0.0..8.0, 8.0..20.0, 20.0..120.0];
 
-/// The profiles of a submap's depth edges in some exposures. Exposures and profiles come with the index of their camera.
+/// The profiles of a submap's depth edges in some exposures. Exposures and profiles are paired with the index of their
+/// camera.
 pub fn profiles_by_camera(
     points: &SubmapPoints<'_>,
     exposures: &[(usize, AlignmentExposure<'_>)],
@@ -67,7 +68,7 @@ impl OffsetMonitor {
         self.profiles.iter().all(Vec::is_empty)
     }
 
-    /// The offset by all profiles.
+    /// The offset estimated from all profiles.
     pub fn offset(&self) -> Offset {
         fit(&self.profiles)
     }

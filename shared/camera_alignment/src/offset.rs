@@ -21,8 +21,8 @@ pub struct CameraOffset {
     pub rotation: Rotation,
     /// Whether a rotation about the optical axis is significant; otherwise it is 0.
     pub is_rotated_about_axis: bool,
-    /// Whether only the rotation across the outlines is observable, because all of them have about the same direction; the
-    /// other one is 0.
+    /// Whether only the rotation perpendicular to the outlines is observable, because all of them have about the same
+    /// direction; the other one is 0.
     pub is_across_alone: bool,
     /// Standard deviation of the rotation, from parts of the drive, rad.
     pub deviation: Rotation,
@@ -59,7 +59,7 @@ impl CameraOffset {
 pub struct Offset {
     /// Time from stamp to exposure, s, and its standard deviation; `None` if no significant delay was found.
     pub delay_s: Option<[f32; 2]>,
-    /// Whether a delay is observable: it is not where it would move the edges as rotations do.
+    /// Whether a delay is observable: it is not if it would move the edges like rotations.
     pub is_delay_observable: bool,
     /// Offset of each camera, by index.
     pub cameras: Vec<CameraOffset>,

@@ -1,4 +1,4 @@
-//! The profiles of one camera: how well the LiDAR outlines match those of the images after a rotation and a delay.
+//! The profiles of one camera: agreement of the LiDAR outlines with the image outlines after a rotation and a delay.
 
 use crate::offset::Rotation;
 use crate::profile::{Profile, REACH};
@@ -12,13 +12,13 @@ const BACKGROUND: usize = 12;
 /// Largest number of profiles of a camera in the coarse search.
 const MAX_COARSE: usize = 250;
 
-/// A rotation about the optical axis is observable if the squared motion that it adds to that of other rotations exceeds this
-/// share: the edges are 0.07 rad from the image center on average.
+/// A rotation about the optical axis is observable if the squared motion that it adds to the motion by other rotations
+/// exceeds this share: the edges are 0.07 rad from the image center on average.
 const MIN_ABOUT_AXIS: f32 = 0.005;
 
-/// Standard deviation that all parts of a drive share, steps: outlines of objects are not exactly changes of brightness, and
-/// a beam is as wide as a pixel. With it, the errors of the six cameras of rig nuscenes (rms) are 0.94 and 0.83 of the reported
-/// deviation on development seeds 21 and 22; without it, 2.6 on seed 21.
+/// Standard deviation common to all parts of a drive, steps: outlines of objects are not exactly changes of brightness,
+/// and a beam is as wide as a pixel. With it, the errors of the six cameras of rig nuscenes (rms) are 0.94 and 0.83 of
+/// the reported standard deviation on development seeds 21 and 22; without it, 2.6 on seed 21.
 const COMMON_STEPS: f32 = 0.3;
 
 /// Number of steps of a profile.
@@ -40,7 +40,7 @@ impl From<&Profile> for Outline {
         for (step, change) in changes.iter_mut().zip(&profile.changes) {
             *step = f32::from(*change) / 16.0;
         }
-        // A level that is constant over many steps is no outline.
+        // A level that is constant over many steps is not an outline.
         let background = smoothed(&changes, BACKGROUND);
         let changes = std::array::from_fn(|i| changes[i] - background[i]);
         Self {
@@ -72,7 +72,7 @@ pub struct CameraOutlines<'a> {
 }
 
 impl<'a> CameraOutlines<'a> {
-    /// From the outlines of a camera.
+    /// Creates the outlines of a camera.
     pub fn new(outlines: impl Iterator<Item = &'a Outline>) -> Self {
         let outlines: Vec<&Outline> = outlines.collect();
         let axes = axes(&outlines);
@@ -90,7 +90,7 @@ impl<'a> CameraOutlines<'a> {
         unexplained_square(&self.outlines, Z, &[X, Y]) > MIN_ABOUT_AXIS * across
     }
 
-    /// Standard deviation of the rotation about x, y or z that all parts of a drive share, rad.
+    /// Standard deviation of the rotation about x, y or z common to all parts of a drive, rad.
     pub fn common_deviation(&self, axis: usize) -> f32 {
         let n = self.outlines.len().max(1) as f32;
         let fitted: f32 = self.axes.iter().map(|rotation| rotation[axis] * rotation[axis]).sum();
@@ -116,7 +116,7 @@ impl<'a> CameraOutlines<'a> {
     pub fn coarse_scores(&self, rotations: &[Rotation], delay_s: f32) -> Vec<f32> {
         let every = self.outlines.len().div_ceil(MAX_COARSE).max(1);
         let mut sums = vec![0.0; rotations.len()];
-        // Profile by profile, because a profile then is in the cache for all rotations.
+        // Profile by profile, so that a profile is in the cache for all rotations.
         for outline in self.outlines.iter().step_by(every) {
             for (sum, rotation) in sums.iter_mut().zip(rotations) {
                 *sum += value_at(&outline.smooth, outline.position(*rotation, delay_s));
@@ -139,7 +139,7 @@ fn value_at(changes: &[f32; LEN], at: f32) -> f32 {
     // `false` for NaN.
     if at >= 0.0 && at < (LEN - 1) as f32 {
         let before = at as i32;
-        // Not `fract`, which is a function call on processors before SSE 4.1.
+        // `fract` is a function call on processors before SSE 4.1.
         let share = at - before as f32;
         let a = changes[before as usize];
         let b = changes[before as usize + 1];
@@ -149,7 +149,7 @@ fn value_at(changes: &[f32; LEN], at: f32) -> f32 {
     }
 }
 
-/// Mean over a window of `2 * radius + 1`, cut off at the ends.
+/// Mean over a window of `2 * radius + 1`, clipped at the ends.
 fn smoothed(changes: &[f32; LEN], radius: usize) -> [f32; LEN] {
     std::array::from_fn(|i| {
         let window = &changes[i.saturating_sub(radius)..(i + radius + 1).min(LEN)];
@@ -186,8 +186,8 @@ fn unexplained_square(outlines: &[&Outline], column: usize, others: &[usize]) ->
     0.0
 }
 
-/// The axis across the optical axis that the edges observe best, and the one at right angles to it if they observe that at
-/// least a fifth as well.
+/// The axis perpendicular to the optical axis that the edges observe best, and the axis perpendicular to both if the
+/// edges observe it at least a fifth as well.
 fn axes(outlines: &[&Outline]) -> Vec<Rotation> {
     let sum = |value: &dyn Fn(&[f32; 5]) -> f32| outlines.iter().map(|outline| value(&outline.row)).sum::<f32>();
     let xx = sum(&|r| r[0] * r[0]);

@@ -13,21 +13,21 @@ use serde::{Deserialize, Serialize};
 /// Steps of a profile on each side of the expected outline.
 pub const REACH: usize = 48;
 
-/// Angle of a step, rad, or one pixel if that is more. A profile covers at least 3.4 degrees on each side.
+/// Angle of a step, rad, or one pixel if it is larger. A profile covers at least 3.4 degrees on each side.
 const STEP_RAD: f32 = 0.00125;
 
 /// Largest time between the shot of an edge and the exposure, s: one and a half revolutions, in which the pose drifts by
 /// less than a millimetre.
 pub const MAX_AGE_S: f32 = 0.15;
 
-/// Largest number of edges per exposure. More belong to the same outlines.
+/// Largest number of edges per exposure. Additional edges belong to the same outlines.
 const MAX_EDGES: usize = 150;
 
-/// Largest distance between the two shots of an edge, steps. Edges with a larger distance are those between rings: their
-/// position is known to half a degree only, with a bias that depends on the shape of objects.
+/// Largest distance between the two shots of an edge, steps. Edges with a larger distance are between rings: their
+/// position is accurate to half a degree only, with a bias that depends on the shape of objects.
 const MAX_GAP: f32 = 8.0;
 
-/// Noise of the sensor, levels of 255. Keeps a profile that contains only noise from being scaled up.
+/// Noise of the image sensor, levels of 255. It prevents the scaling up of a profile that contains only noise.
 const NOISE_LEVELS: f32 = 4.0;
 
 /// The brightness changes of one exposure around one depth edge.
@@ -52,7 +52,7 @@ pub struct Profile {
 pub struct AlignmentExposure<'a> {
     /// The exposure at its stamp.
     pub exposure: PosedExposure<'a>,
-    /// The same exposure, a little earlier and a little later.
+    /// The exposure with poses slightly earlier and slightly later.
     pub shifted: [PosedExposure<'a>; 2],
     /// Time between these two, s.
     pub shift_s: f32,
@@ -91,7 +91,7 @@ impl AlignmentExposure<'_> {
         let at = lens.pixel(p);
         let toward =
             |step: [f32; 3]| minus(lens.pixel(self.exposure.in_camera([0, 1, 2].map(|i| edge.at[i] + step[i]))), at);
-        // The line crosses the outline at right angles in the image; it does not follow the ring.
+        // The line is perpendicular to the outline in the image; it does not follow the ring.
         let [x, y] = toward(edge.outline);
         let normal = [-y, x].map(|v| v / x.hypot(y));
         let [x, y] = toward(edge.across);
@@ -161,7 +161,8 @@ mod tests {
     use coloring::ProjectionCamera;
     use geometry::{CameraModel, Pinhole, Pose, RigCamera};
 
-    /// A camera of 400 px per rad sees a bright half plane left of a line through the image center, 30 degrees off vertical.
+    /// A camera of 400 px per rad images a bright half plane left of a line through the image center, 30 degrees off
+    /// vertical.
     #[test]
     fn profile_crosses_outline_for_any_ring_direction() {
         const SIDE: u32 = 401;

@@ -6,17 +6,17 @@ use coloring::ProjectionCamera;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// What a run says about the offset between points and images.
+/// Report of a run on the offset between points and images.
 #[derive(Default)]
 pub struct OffsetReport {
     /// Log lines.
     pub lines: Vec<String>,
-    /// Of each camera whose offset is known: whether it exceeds the limit.
+    /// Whether the offset exceeds the limit, for each camera with a known offset.
     pub are_large: Vec<bool>,
 }
 
 impl OffsetReport {
-    /// Empty without profiles. `limits`: of the offset, rad, and of the delay, s.
+    /// Creates the report; empty without profiles. `limits`: limit of the offset, rad, and of the delay, s.
     pub fn of(monitor: &OffsetMonitor, names: &[String], cameras: &[ProjectionCamera], limits: [f32; 2]) -> Self {
         if monitor.is_empty() {
             return Self::default();

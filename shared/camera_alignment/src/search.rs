@@ -1,4 +1,4 @@
-//! Search of rotations and delay: a grid search, followed by coordinate ascent with ever smaller steps.
+//! Search of rotations and delay: a grid search, followed by coordinate ascent with decreasing steps.
 
 use crate::offset::Rotation;
 use crate::outlines::CameraOutlines;
@@ -14,7 +14,7 @@ const MAX_DELAY_S: f32 = 0.15;
 const ROTATION_STEP: f32 = 0.004;
 const DELAY_STEP_S: f32 = 0.01;
 
-/// The same for rotations about the optical axis, which move edges by about a third as much.
+/// Step for rotations about the optical axis, which move edges by about a third as much.
 const AXIS_STEP: f32 = 0.012;
 
 /// Rotations of all cameras and their common delay.
@@ -37,14 +37,14 @@ impl Solution {
             let score = found.iter().map(|(score, _)| score).sum();
             (score, Self { rotations: found.into_iter().map(|(_, rotation)| rotation).collect(), delay_s: *delay_s })
         };
-        // Of equally good delays, the first.
+        // The first of equally good delays.
         let better = |best: (f32, Self), found: (f32, Self)| if found.0 > best.0 { found } else { best };
         let found: Vec<(f32, Self)> = delays.par_iter().map(at_delay).collect();
         let best = found.into_iter().reduce(better);
         best.map_or_else(|| Self { rotations: vec![[0.0; 3]; cameras.len()], delay_s: 0.0 }, |(_, solution)| solution)
     }
 
-    /// Coordinate ascent with ever smaller steps, one unknown after the other, while the score rises.
+    /// Coordinate ascent with decreasing steps, one unknown after another, while the score rises.
     pub fn refined(mut self, cameras: &[CameraOutlines<'_>], may_be_late: bool) -> Self {
         let mut rotation_step = ROTATION_STEP;
         let mut delay_step = DELAY_STEP_S;

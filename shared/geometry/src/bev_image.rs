@@ -2,7 +2,7 @@
 
 use crate::bev::BevGrid;
 
-/// What a cell shows of the values of its points.
+/// Statistic of the values in a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BevStatistic {
     /// The largest value.

@@ -103,8 +103,9 @@ impl Pinhole {
             y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
         )
     }
-    /// Whether the radial distortion is monotone from the optical axis to the squared radius `r2` (of x/z, y/z). Beyond the
-    /// first extremum the polynomial folds off-axis directions back into the image, where a real lens sees nothing.
+    /// Whether the radial distortion is monotone from the optical axis to the squared radius `r2` (of x/z, y/z). Beyond
+    /// the first extremum the polynomial folds off-axis directions back into the image, although they are outside the
+    /// view of the real lens.
     pub fn is_monotone_to(&self, r2: f64) -> bool {
         let [k1, k2, _, _, k3] = self.distortion;
         let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
@@ -123,7 +124,7 @@ impl Pinhole {
         slope(r2) > 0.0 && turning_points.iter().all(|s| !(*s > 0.0 && *s < r2) || slope(*s) > 0.0)
     }
     fn project(&self, p: &Point3<f64>) -> Option<Vector2<f64>> {
-        // Closer than a nanometre in front of the lens is as good as behind it.
+        // A point closer than a nanometre in front of the lens counts as behind it.
         if p.z <= 1e-9 {
             return None;
         }
@@ -274,7 +275,7 @@ mod tests {
         let poles = [-quarter, quarter].map(|angle| UnitQuaternion::from_scaled_axis(Vector3::x() * angle));
         let faces: Vec<UnitQuaternion<f64>> = around.chain(poles).collect();
         for i in 0..10_000 {
-            // Fibonacci's sphere: even in all directions.
+            // Fibonacci sphere: uniform over all directions.
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 10_000.0;
             let across = (1.0 - z * z).sqrt();
             let angle = f64::from(i) * 2.399_963_229_728_653;

@@ -126,7 +126,7 @@ mod tests {
         }
     }
 
-    /// Reference values by pyproj 3.7.2 (PROJ 9.5.1): `+proj=cart`, then `+proj=topocentric` at the origin.
+    /// Reference values from pyproj 3.7.2 (PROJ 9.5.1): `+proj=cart`, then `+proj=topocentric` at the origin.
     #[test]
     fn local_coordinates_equal_proj() {
         let frame = LocalFrame::new(Geodetic::new(48.846_222, 2.346_414, 104.6).expect("a position"));

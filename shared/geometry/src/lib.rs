@@ -3,17 +3,18 @@
 //! Frames, axes and units follow `docs/reference/conventions.md`: metres, radians, f64 for poses. A pose is named by its
 //! direction: `odom_from_body * p_in_body` is the point in odom.
 //!
-//! | to do | begin at |
+//! | task | start at |
 //! |---|---|
 //! | transform and interpolate poses over time | [`Pose`], [`Trajectory`] |
 //! | convert between WGS84, a local east-north-up frame, UTM | [`LocalFrame`], [`Utm`], [`Projection`] |
-//! | find out where a sensor is mounted | [`Rig`] |
+//! | look up the mounting of a sensor | [`Rig`] |
 //! | project a point into an image and back | [`CameraModel`] |
 //! | sort points into a grid | [`BevGrid`] from above, [`RangeImage`] as seen from the LiDAR |
 //!
-//! This crate must never read files, clocks or the environment, and knows no message and no setting: it is the lowest crate
-//! that the algorithms share. Functions are pure, so equal inputs give equal bits. An impossible result (a point behind the
-//! camera, a stamp outside of a trajectory) is `None` or an error, never a default such as the identity pose.
+//! This crate must never read files, clocks or the environment, and does not depend on messages or settings: it is the
+//! lowest crate that the algorithms share. Functions are pure, so equal inputs give equal bits. An impossible result (a
+//! point behind the camera, a stamp outside a trajectory) is `None` or an error, never a default such as the identity
+//! pose.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

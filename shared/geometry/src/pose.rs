@@ -21,8 +21,8 @@ pub fn heading(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
 }
 
-/// Poses of one frame in another over time, by default of the body: in odom before the placement (`odom_from_body`), in the world
-/// after it and in the truth of a simulated drive (`world_from_body`).
+/// Poses of one frame relative to another over time, by default of the body: relative to odom before georeferencing
+/// (`odom_from_body`), relative to the world after it and in the truth of a simulated drive (`world_from_body`).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectory {
     poses: Vec<(Stamp, Pose)>,

@@ -1,4 +1,4 @@
-//! Map projections by their PROJ definitions.
+//! Map projections, given by their PROJ definitions.
 
 use crate::Geodetic;
 use proj4rs::Proj;
@@ -46,7 +46,7 @@ impl Projection {
 mod tests {
     use super::*;
 
-    /// Reference coordinates by pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, 2154)`.
+    /// Reference coordinates from pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, 2154)`.
     #[test]
     fn lambert_coordinates_equal_proj_and_convert_back() {
         let definition = "+proj=lcc +lat_0=46.5 +lon_0=3 +lat_1=49 +lat_2=44 +x_0=700000 +y_0=6600000";

@@ -55,8 +55,8 @@ pub struct RangeImage {
 }
 
 impl RangeImage {
-    /// Builds the image from row and column (`None` outside) and range in m of each point. Of points with equal range the first
-    /// is kept.
+    /// Builds the image from row and column (`None` outside) and range in m of each point. The first of several points
+    /// with equal range is kept.
     pub fn new(rows: usize, columns: usize, points: impl IntoIterator<Item = (Option<(usize, usize)>, f32)>) -> Self {
         let points = points.into_iter();
         let n_points = points.size_hint().0;

@@ -13,7 +13,8 @@ pub struct OrientedRectangle {
     pub heading: f64,
 }
 
-/// Orientations tried: a quarter turn in steps of one degree. An error of half a degree makes a 5 m long car 2 cm wider.
+/// Number of tested orientations: a quarter turn in steps of one degree. An error of half a degree makes a 5 m long car
+/// 2 cm wider.
 const N_DIRECTIONS: u32 = 90;
 
 impl OrientedRectangle {

@@ -1,5 +1,5 @@
-//! A lens described by splines: a pinhole image is warped onto the sensor. Ladybug panoramic cameras are calibrated this way
-//! (Point Grey, "Geometric Vision using Ladybug cameras").
+//! A lens described by splines: a pinhole image is warped onto the sensor. Calibrations of Ladybug panoramic cameras
+//! use this model (Point Grey, "Geometric Vision using Ladybug cameras").
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -47,9 +47,9 @@ pub enum SplineSurfaceError {
     /// A coefficient is infinite or NaN.
     #[error("coefficient {column} of row {row} is {value}; expected a finite number")]
     NotFinite {
-        /// Counted from 0.
+        /// Row index, counted from 0.
         row: usize,
-        /// Counted from 0.
+        /// Column index, counted from 0.
         column: usize,
         /// The coefficient.
         value: f64,
@@ -132,7 +132,7 @@ impl SplineWarp {
     /// Sensor pixel of a point (camera frame, m), inside the image or not. `None` if the point lies outside the pinhole image by
     /// more than the fraction `beyond` of its size.
     pub fn project(&self, p: &Point3<f64>, beyond: f64) -> Option<Vector2<f64>> {
-        // Closer than a nanometre in front of the lens is as good as behind it.
+        // A point closer than a nanometre in front of the lens counts as behind it.
         let [u, v] = if p.z > 1e-9 { self.share(p.x / p.z, p.y / p.z) } else { return None };
         let is_known = |share: f64| (-beyond..=1.0 + beyond).contains(&share);
         (is_known(u) && is_known(v)).then(|| self.warped(u, v).0)

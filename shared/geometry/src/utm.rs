@@ -19,9 +19,9 @@ pub enum UtmError {
     /// The projection library failed.
     #[error("UTM zone {zone}: {cause}")]
     Projection {
-        /// 1 to 60.
+        /// Number of the zone, 1 to 60.
         zone: u32,
-        /// Why.
+        /// Error of the projection library.
         cause: ProjectionError,
     },
 }
@@ -69,7 +69,8 @@ impl Utm {
 mod tests {
     use super::*;
 
-    /// Reference coordinates by pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, EPSG)`; zones by the map of the reference.
+    /// Reference coordinates from pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, EPSG)`; zones from the map of
+    /// the reference.
     #[test]
     fn coordinates_and_zones_equal_proj() {
         for (lat, lon, epsg, expected) in [

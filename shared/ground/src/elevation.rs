@@ -13,14 +13,14 @@ pub(crate) struct Elevation {
     pub(crate) grid: BevGrid,
     /// Lowest z of each cell, m; infinity without a point.
     pub(crate) lowest_m: Array2<f32>,
-    /// Flat index of the cell of each point; the number of cells for a point outside of the grid.
+    /// Flat index of the cell of each point; the number of cells for a point outside the grid.
     pub(crate) cells: Vec<u32>,
     /// Number of points without a cell.
     pub(crate) n_outside: usize,
 }
 
 impl Elevation {
-    /// `None` if no point is within the reach of the settings.
+    /// Creates the grid; `None` if no point is within the range of the settings.
     pub(crate) fn new(header: &SubmapHeader, points: &[SubmapPoint], settings: &Settings) -> Option<Self> {
         let region = Bounds::around_path(header, points)?.grown(settings.reach_m);
         let within = points.iter().filter(|point| region.contains(point));
@@ -45,7 +45,7 @@ impl Elevation {
         Some(Self { grid, lowest_m, cells, n_outside })
     }
 
-    /// Factor between the side of the cells and that of the settings.
+    /// Ratio of the side of the cells to the side in the settings.
     pub(crate) fn coarsened(&self, settings: &Settings) -> u32 {
         (self.grid.cell_m / settings.cell_m).round() as u32
     }
@@ -60,9 +60,10 @@ struct Bounds {
 impl Bounds {
     const NOTHING: Self = Self { min: [f64::INFINITY; 2], max: [f64::NEG_INFINITY; 2] };
 
-    /// Bounds of the positions of the LiDAR, or of the median point if the header has none. `None` without a finite point.
+    /// Bounds of the positions of the LiDAR, or of the median point if the header has no positions. `None` without a
+    /// finite point.
     ///
-    /// The median and not the mean, because of outliers.
+    /// The median is used instead of the mean because of outliers.
     fn around_path(header: &SubmapHeader, points: &[SubmapPoint]) -> Option<Self> {
         let path = sensor_positions(header);
         let path = path.fold(Self::NOTHING, |bounds, [x, y]| bounds.with(x, y));

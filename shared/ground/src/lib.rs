@@ -19,9 +19,9 @@
 //!
 //! Road, sidewalk and terrain are not distinguished: a lowered curb joins their zones.
 //!
-//! This crate never reads a model file and never runs a network: it knows neither `candle` nor `segmentation`. The result depends on the
-//! points and the parameters only, not on the number of threads. Memory is limited: the grid has at most 2^24 cells and larger submaps
-//! get larger cells ([`Ground::coarsened`]).
+//! This crate never reads a model file and never runs a network; it does not depend on `candle` or `segmentation`. The
+//! result depends on the points and the parameters only, not on the number of threads. Memory is limited: the grid has
+//! at most 2^24 cells and larger submaps get larger cells ([`Ground::coarsened`]).
 //!
 //! Where to start reading: `submap_ground.rs` has the method in the order above; [`Parameters::default`] gives the reasons for the values.
 

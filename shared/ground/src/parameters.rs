@@ -23,8 +23,8 @@ pub struct Settings {
     pub standing_m: f64,
     /// Smallest area of a ground zone, m^2 of cells with points, 0 to 1000.
     pub min_zone_m2: f64,
-    /// Largest standard deviation of ground from a plane of 1 m, m, 0.005 to 10; more is low vegetation. Twice and three times as much for
-    /// planes of 1.8 and 3.4 m where points are sparse.
+    /// Largest standard deviation of ground from a plane of 1 m, m, 0.005 to 10; larger deviations are low vegetation.
+    /// The limit is two and three times as large for planes of 1.8 and 3.4 m where points are sparse.
     pub rough_m: f64,
 }
 

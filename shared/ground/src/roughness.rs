@@ -4,23 +4,24 @@ use nalgebra::{Matrix3, Vector3};
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 
-/// Half the sides of the windows, cells. The larger ones are for places where points are too sparse for the smaller ones.
+/// Half side lengths of the windows, cells. The larger ones are used where points are too sparse for the smaller ones.
 const REACHES: [usize; 3] = [2, 4, 8];
 
-/// Fewest cells with a height in a window.
+/// Least number of cells with a height in a window.
 const MIN_CELLS: f32 = 8.0;
 
-/// Smallest determinant of the covariance of these cells, cells^4: 8 cells in two neighboring rows have 1.3, those in a line 0.
+/// Least determinant of the covariance of these cells, cells^4: 8 cells in two neighboring rows have 1.3, cells in a
+/// line 0.
 const MIN_SPREAD: f32 = 0.5;
 
 /// Half the side of the window of the vote, cells.
 const VOTE_REACH: usize = 5;
 
-/// Whether the heights around a cell scatter by more than `limit_m` (standard deviation, m) around their plane. NaN is a cell without
-/// a height; it is not rough, as cells with too few heights around them.
+/// Whether the heights around a cell scatter by more than `limit_m` (standard deviation, m) around their plane. NaN is
+/// a cell without a height; such cells, and cells with too few heights around them, are not rough.
 ///
-/// A larger window sees more of the curvature: its limit is larger by its number (1, 2, 3). The majority of the cells within 1.1 m
-/// decides, so that a curb, which is narrow, is not rough.
+/// A larger window includes more of the curvature: its limit is larger by its number (1, 2, 3). The majority of the
+/// cells within 1.1 m decides, so that a curb, which is narrow, is not rough.
 pub(crate) fn rough_cells(heights_m: &Array2<f32>, limit_m: f32) -> Array2<bool> {
     let scatters = for_each_cell(heights_m.dim(), |cell| {
         if heights_m[cell].is_nan() {
@@ -45,8 +46,8 @@ fn for_each_cell<T: Send>((rows, cols): (usize, usize), value: impl Fn((usize, u
     Array2::from_shape_vec((rows, cols), values).expect("a value for each cell")
 }
 
-/// Standard deviation from the plane of least squares. Heights are taken relative to `height_m`, to keep their digits. `None` if there
-/// are too few, or all in one line.
+/// Standard deviation from the least-squares plane. Heights are relative to `height_m`, to keep their precision. `None`
+/// if there are too few heights, or all are in one line.
 fn deviation_from_plane(window: &ArrayView2<'_, f32>, height_m: f32) -> Option<f32> {
     let mut n = 0.0;
     let mut normal = Matrix3::<f32>::zeros();
@@ -105,7 +106,7 @@ mod tests {
     fn cells_without_height_or_neighbors_are_not_rough() {
         let mut alone = Array2::from_elem((40, 40), f32::NAN);
         alone[(20, 20)] = 1.0;
-        // In one line there is no plane.
+        // A single line of heights has no plane.
         alone.slice_mut(s![5, ..]).iter_mut().zip(0_u8..).for_each(|(height, col)| *height = f32::from(col % 2));
         assert!(!rough_cells(&alone, 0.04).iter().any(|rough| *rough));
     }

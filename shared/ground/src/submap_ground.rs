@@ -11,10 +11,10 @@ use std::sync::Arc;
 pub struct Ground {
     parameters: Parameters,
     n_points: usize,
-    /// `None` if no point is within the reach of the parameters.
+    /// The grid; `None` if no point is within the range of the parameters.
     elevation: Option<Elevation>,
-    /// Height of the terrain in every cell in raster order, m, and one element at infinity for points outside of the grid; `None` if
-    /// there is no ground.
+    /// Height of the terrain in every cell in raster order, m, and one element at infinity for points outside the grid;
+    /// `None` if there is no ground.
     terrain_m: Option<Vec<f32>>,
 }
 
@@ -27,7 +27,7 @@ pub struct SubmapGround {
 }
 
 impl SubmapGround {
-    /// Finds the ground of a submap by the default parameters.
+    /// Finds the ground of a submap with the default parameters.
     pub fn find(header: &SubmapHeader, points: &[SubmapPoint]) -> Arc<Self> {
         let ground = Ground::find(header, points);
         let heights_m = ground.heights(points);
@@ -36,12 +36,12 @@ impl SubmapGround {
 }
 
 impl Ground {
-    /// Finds the ground by the default parameters. The header gives the path of the LiDAR; without sweeps, the points give it.
-    /// `points` are in the frame of the submap, m: z is up within the tilt of the vehicle.
+    /// Finds the ground with the default parameters. The path of the LiDAR comes from the header, or from the points if
+    /// there are no sweeps. `points` are in the frame of the submap, m: z is up within the tilt of the vehicle.
     pub fn find(header: &SubmapHeader, points: &[SubmapPoint]) -> Self {
         Self::find_with(header, points, Parameters::default())
     }
-    /// Finds the ground by other parameters.
+    /// Finds the ground with other parameters.
     pub fn find_with(header: &SubmapHeader, points: &[SubmapPoint], parameters: Parameters) -> Self {
         let elevation = Elevation::new(header, points, &parameters.settings);
         let terrain_m = elevation.as_ref().and_then(|elevation| terrain(elevation, &parameters));
@@ -51,7 +51,7 @@ impl Ground {
     fn found(&self) -> Option<(&Elevation, &[f32])> {
         Some((self.elevation.as_ref()?, self.terrain_m.as_deref()?))
     }
-    /// Number of points outside of the grid: not finite, or too far from the path of the LiDAR.
+    /// Number of points outside the grid: not finite, or too far from the path of the LiDAR.
     pub fn n_outside(&self) -> usize {
         self.elevation.as_ref().map_or(self.n_points, |elevation| elevation.n_outside)
     }
@@ -59,7 +59,7 @@ impl Ground {
     pub fn coarsened(&self) -> u32 {
         self.elevation.as_ref().map_or(1, |elevation| elevation.coarsened(&self.parameters.settings))
     }
-    /// Height of every point above the terrain, m. NaN without terrain. `points` are those of the submap.
+    /// Height of every point above the terrain, m. NaN without terrain. `points` are the points of the submap.
     pub fn heights(&self, points: &[SubmapPoint]) -> Vec<f32> {
         let heights = self.found().map(|(elevation, terrain_m)| heights_above(terrain_m, elevation, points));
         heights.unwrap_or_else(|| vec![f32::NAN; points.len()])
@@ -72,7 +72,8 @@ impl Ground {
         });
         is_rough.unwrap_or_else(|| vec![false; self.n_points])
     }
-    /// The class of every point by this method: ground with a score, or unlabeled. `heights_m` are those of [`Self::heights`].
+    /// The class of every point by this method: ground with a score, or unlabeled. `heights_m` is the result of
+    /// [`Self::heights`].
     pub fn classes(&self, heights_m: &[f32]) -> Vec<ClassRow> {
         let mut classes = vec![UNLABELED; self.n_points];
         if let Some((elevation, terrain_m)) = self.found() {
@@ -85,7 +86,7 @@ impl Ground {
 /// The class of a point that is not ground.
 const UNLABELED: ClassRow = ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 };
 
-/// Heights above the terrain. NaN for points outside of the grid, whose terrain is at infinity.
+/// Heights above the terrain. NaN for points outside the grid, whose terrain is at infinity.
 fn heights_above(terrain: &[f32], elevation: &Elevation, points: &[SubmapPoint]) -> Vec<f32> {
     let height = |(point, &cell): (&SubmapPoint, &u32)| {
         let height = point.z - terrain[cell as usize];
@@ -94,7 +95,7 @@ fn heights_above(terrain: &[f32], elevation: &Elevation, points: &[SubmapPoint])
     points.iter().zip(&elevation.cells).map(height).collect()
 }
 
-/// Gives ground points their class. The others keep theirs.
+/// Assigns the class to ground points. The other rows are unchanged.
 fn mark_ground(
     heights_m: &[f32],
     elevation: &Elevation,
@@ -123,7 +124,7 @@ fn mark_ground(
     }
 }
 
-/// Whether the ground of each cell is rougher than ground can be. One element more, for points outside of the grid.
+/// Whether the ground of each cell is rougher than ground can be, plus one element for points outside the grid.
 fn rough_ground(elevation: &Elevation, terrain: &[f32], parameters: &Parameters) -> Vec<bool> {
     let Tolerance { below_m, above_m, .. } = parameters.tolerance;
     let mut ground_m = elevation.lowest_m.clone();

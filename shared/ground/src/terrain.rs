@@ -5,14 +5,14 @@ use crate::parameters::{Parameters, Settings};
 use morphology::{closing, fill_gaps, limit_rise, opening, quasi_flat_zones_over_gaps};
 use ndarray::{Array2, Zip, s};
 
-/// Smallest share of low cells of a ground zone. Not all, because the border of a zone may touch objects.
+/// Least share of low cells of a ground zone. Not all cells must be low because the border of a zone may touch objects.
 const MIN_LOW_SHARE: f64 = 0.5;
 
 /// Pits of up to twice this width, cells, are closed before the opening.
 const STRAY_CELLS: usize = 1;
 
-/// Height of the ground in every cell, m, in raster order, plus one element at infinity for points outside of the grid. `None` if there
-/// is no ground.
+/// Height of the ground in every cell, m, in raster order, plus one element at infinity for points outside the grid.
+/// `None` if there is no ground.
 pub(crate) fn terrain(elevation: &Elevation, parameters: &Parameters) -> Option<Vec<f32>> {
     let measured = elevation.lowest_m.mapv(f32::is_finite);
     let low = low_cells(elevation, &measured, parameters)?;

@@ -1,4 +1,4 @@
-//! Blobs: nearby points of a class within one time slice. A moving object is not smeared in a slice.
+//! Blobs: nearby points of a class within one time slice. A moving object is not smeared within a slice.
 
 use crate::candidates::Candidate;
 use crate::sets::Sets;
@@ -24,7 +24,7 @@ pub(crate) struct Blob {
     /// Mean position of its points, m.
     pub(crate) center: [f64; 2],
     pub(crate) n_points: u32,
-    /// Points that `slam_aggregate` has marked as moving.
+    /// Number of points that `slam_aggregate` has marked as moving.
     pub(crate) n_marked: u32,
 }
 

@@ -11,11 +11,12 @@ pub(crate) struct Candidate {
     pub(crate) cell: Cell,
     /// Height above the ground, m.
     pub(crate) above_m: f32,
-    /// ns since the Unix epoch.
+    /// Time, ns since the Unix epoch.
     pub(crate) time: i64,
 }
 
-/// The candidates of a class in the order of the submap. `is_class` is for each of [`TopView::thing_points`].
+/// The candidates of a class in the order of the submap. `is_class` has one element for each of
+/// [`TopView::thing_points`].
 pub(crate) fn candidates(
     view: &TopView,
     points: &[SubmapPoint],

@@ -1,4 +1,4 @@
-//! The number of points that a sensor would have on an object: rays per solid angle, distance and number of sweeps.
+//! Expected number of points on an object: rays per solid angle, distance and number of sweeps.
 
 use crate::settings::Kind;
 use messages::{SubmapPoint, SubmapSweep};
@@ -13,12 +13,12 @@ pub struct Density {
 }
 
 impl Density {
-    /// From the sweeps of a submap. `points` are sorted by sweep.
+    /// Computes the density from the sweeps of a submap. `points` are sorted by sweep.
     pub fn of(sweeps: &[SubmapSweep], points: &[SubmapPoint]) -> Self {
         let n_lidars = sweeps.iter().map(|sweep| sweep.lidar as usize + 1).max().unwrap_or_default();
         let rays: Vec<f64> = (0..n_lidars as u32)
             .map(|lidar| {
-                // The fullest sweep has the fewest columns without return.
+                // The sweep with the most points has the fewest columns without a return.
                 let of_lidar = sweeps.iter().filter(|sweep| sweep.lidar == lidar);
                 of_lidar.max_by_key(|sweep| sweep.n_points).map_or(0.0, |sweep| rays_per_steradian(sweep, points))
             })
@@ -31,9 +31,10 @@ impl Density {
         Self { sweeps: sweeps.iter().map(|sweep| (place(sweep), rays[sweep.lidar as usize])).collect() }
     }
 
-    /// Points of a usual object of the class in the place of these points, over all sweeps. `None` if the rays of a sweep are unknown.
+    /// Expected points of a typical object of the class at the position of these points, over all sweeps. `None` if the
+    /// rays of a sweep are unknown.
     pub fn expected(&self, points: &[SubmapPoint], object: &[u32], kind: &Kind) -> Option<f64> {
-        // An object shows its front or its side.
+        // The visible face of an object is its front or its side.
         let face_m2 = 0.5 * kind.length_m * kind.height_m;
         let mut center = [0.0; 3];
         for point in object.iter().map(|&point_idx| &points[point_idx as usize]) {

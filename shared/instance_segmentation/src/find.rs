@@ -10,8 +10,8 @@ use crate::top_view::TopView;
 use crate::visits::{END_WINDOW_NANOS, Visits};
 use messages::SubmapPoint;
 
-/// All objects of one class in the view, in the order of their first points. `is_class` is for each of [`TopView::thing_points`];
-/// `time_of` gives ns since the Unix epoch.
+/// All objects of one class in the view, in the order of their first points. `is_class` has one element for each of
+/// [`TopView::thing_points`]; `time_of` returns ns since the Unix epoch.
 pub fn find(
     view: &TopView,
     points: &[SubmapPoint],

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Cells of an object. Comparing those of its ends shows whether it moves.
+/// Cells of an object. Comparing the cells at its ends shows whether it moves.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Footprint<C> {
     /// All cells.
@@ -28,14 +28,14 @@ impl<C: Ord> Footprint<C> {
         }
     }
 
-    /// Needs [`Footprint::sort`] afterwards.
+    /// Appends another footprint. Call [`Footprint::sort`] afterwards.
     pub(crate) fn append(&mut self, mut other: Self) {
         self.all.append(&mut other.all);
         self.at_first.append(&mut other.at_first);
         self.at_last.append(&mut other.at_last);
     }
 
-    /// The sorted footprint in other cells.
+    /// Converts the sorted footprint to other cells.
     pub(crate) fn mapped<D: Ord>(&self, cell: impl Fn(&C) -> D) -> Footprint<D> {
         let [all, at_first, at_last] =
             [&self.all, &self.at_first, &self.at_last].map(|cells| cells.iter().map(&cell).collect());

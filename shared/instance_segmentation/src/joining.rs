@@ -1,4 +1,4 @@
-//! Joins the parts of a standing object that others hide in part, such as a car behind a fence.
+//! Joins the parts of a static object that is partly occluded, such as a car behind a fence.
 
 use crate::object::{Object, united};
 use crate::sets::Sets;
@@ -6,7 +6,8 @@ use crate::settings::Kind;
 use crate::top_view::{Cell, TopView};
 use geometry::OrientedRectangle;
 
-/// Joins nearby parts, the nearest first, if the result has the size of an object of the class and no ground was seen between them.
+/// Joins nearby parts, the nearest first, if the result has the size of an object of the class and no ground was
+/// observed between them.
 pub(crate) fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Object> {
     let mut pairs: Vec<(u64, usize, usize)> = Vec::new();
     let limit = (kind.join_m / view.grid.cell_m).ceil() as usize;
@@ -53,13 +54,13 @@ pub(crate) fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Obj
     united(objects, &mut sets)
 }
 
-/// Largest share of the cells between two parts of one object in which ground was seen.
+/// Largest share of the cells between two parts of one object in which ground was observed.
 const MAX_GROUND_BETWEEN: f64 = 0.3;
 
 /// Largest width of a joined object as a share of its largest length.
 const MAX_WIDTH_SHARE: f64 = 0.5;
 
-/// Share of the cells on the line between two cells in which ground was seen.
+/// Share of the cells on the line between two cells in which ground was observed.
 fn ground_between(a: Cell, b: Cell, view: &TopView) -> f64 {
     let n = a.0.abs_diff(b.0).max(a.1.abs_diff(b.1)).max(1);
     let along = |from: usize, to: usize, step: usize| {

@@ -4,8 +4,9 @@
 //! [`Tracker`] gives the objects of later submaps the ids of earlier ones. Start reading at [`find()`] in `find.rs`: it calls the
 //! steps below in their order.
 //!
-//! The crate must never change a class, invent a point or depend on the order of points: it groups the points that the stage
-//! `infer` has labeled. It knows no topics, clocks or files; the same submap gives the same objects in the same order.
+//! The crate must never change a class, invent a point or depend on the order of points: it groups the points that the
+//! stage `infer` has labeled. It does not depend on topics, clocks or files; the same submap gives the same objects in
+//! the same order.
 //!
 //! | module | idea |
 //! |---|---|
@@ -15,8 +16,9 @@
 //! | `object`, `footprint` | an object, its motion and the cells that it covers |
 //! | `footprints` | cells of a class, dilated, filled and separated at peaks |
 //! | `visits` | objects that pass the same cells at different times |
-//! | `blobs`, `tracks`, `movers` | points of one sweep, followed with constant velocity; pieces of the path of a moving object are united |
-//! | `joining` | parts of a standing object that others hide in part |
+//! | `blobs`, `tracks`, `movers` | points of one sweep, tracked with constant velocity; pieces of the path of a moving
+//! object are united |
+//! | `joining` | parts of a static object that is partly occluded |
 //! | `density` | expected number of points of an object |
 //! | `sets` | disjoint sets |
 //! | `tracker` | the same object in several submaps |

@@ -1,4 +1,4 @@
-//! Movers: tracks of blobs that do not stay in their place. They unite the pieces of the path of one moving object.
+//! Movers: tracks of blobs that change their position. They unite the pieces of the path of one moving object.
 
 use crate::blobs::{Blob, Blobs};
 use crate::candidates::Candidate;
@@ -9,17 +9,17 @@ use crate::top_view::TopView;
 use crate::tracks::{Track, follow};
 use messages::{POINT_DYNAMIC, SubmapPoint};
 
-/// A track moves if `slam_aggregate` has marked at least this share of its points, and it goes at least this number of lengths of a
-/// usual object. The pieces of a shorter path overlap. In the narrow view of a tilted LiDAR, one car after another is seen in the same
-/// place; their tracks must unite nothing.
+/// A track moves if `slam_aggregate` has marked at least this share of its points, and its length is at least this many
+/// lengths of a typical object. The pieces of a shorter path overlap. In the narrow view of a tilted LiDAR, one car
+/// after another appears at the same position; their tracks must not unite anything.
 const MARKED_SHARE: f64 = 0.2;
 const MARKED_LENGTHS: f64 = 1.0;
 
-/// If no point of the submap is marked: a track moves if it goes this number of lengths, farther than the visible part of a standing
-/// object can.
+/// If no point of the submap is marked, a track moves if its length is at least this many object lengths, which is
+/// farther than the visible part of a static object can shift.
 const UNMARKED_LENGTHS: f64 = 2.0;
 
-/// Tracks of one object overlap in time or follow each other within this time, ns.
+/// Tracks of one object overlap in time or are separated by at most this time, ns.
 const MAX_PAUSE_NANOS: i64 = 500_000_000;
 
 /// A piece belongs to a mover that has at least this share of its points.
@@ -27,7 +27,7 @@ const SHARE_OF_PIECE: f64 = 0.5;
 
 /// The moving objects of a class.
 pub(crate) struct Movers {
-    /// Number of the mover of each point of the class, sorted by points. Points of standing objects have none.
+    /// Number of the mover of each point of the class, sorted by points. Points of static objects have no entry.
     of_point: Vec<(u32, u32)>,
     motions: Vec<Motion>,
 }
@@ -112,9 +112,9 @@ fn way_m(track: &Track, blobs: &Blobs) -> f64 {
     (last[0] - first[0]).hypot(last[1] - first[1])
 }
 
-/// The way of a track: centers of its blobs, and the velocity that fits them best.
+/// The path of a track: centers of its blobs, and the velocity that fits them best.
 struct Path {
-    /// In the order of time.
+    /// Centers in time order.
     centers: Vec<Waypoint>,
     velocity: [f64; 2],
 }
@@ -152,7 +152,7 @@ impl Path {
         [center[0] + self.velocity[0] * seconds, center[1] + self.velocity[1] * seconds]
     }
 
-    /// Whether both are tracks of one object: they meet within its size at one time.
+    /// Whether both are tracks of one object: they coincide within its size at one time.
     fn belongs_to(&self, other: &Self, kind: &Kind) -> bool {
         let latest_begin = self.begin_nanos().max(other.begin_nanos());
         let first_end = self.end_nanos().min(other.end_nanos());
@@ -166,7 +166,7 @@ impl Path {
     }
 }
 
-/// Motion of a mover with these paths: the velocity is that of the path with most blobs.
+/// Motion of a mover with these paths: the velocity is taken from the path with most blobs.
 fn motion<'a>(paths: impl Iterator<Item = &'a Path> + Clone) -> Option<Motion> {
     let first = paths.clone().min_by_key(|path| path.begin_nanos())?.centers.first()?;
     let last = paths.clone().max_by_key(|path| path.end_nanos())?.centers.last()?;

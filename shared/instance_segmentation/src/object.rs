@@ -32,7 +32,7 @@ pub struct Motion {
     pub velocity: [f64; 2],
 }
 
-/// Where an object was at a time.
+/// Position of an object at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Waypoint {
     /// Time, ns since the Unix epoch.
@@ -58,7 +58,7 @@ impl Object {
         self.footprint.sort();
     }
 
-    /// Needs [`Object::sort`] afterwards.
+    /// Appends another object. Call [`Object::sort`] afterwards.
     pub(crate) fn append(&mut self, mut other: Self) {
         self.points.append(&mut other.points);
         self.footprint.append(other.footprint);

@@ -1,8 +1,8 @@
-//! What makes points an object.
+//! Criteria for objects.
 
 use messages::ClassId;
 
-/// How cells become footprints, for all classes.
+/// Conversion of cells to footprints, for all classes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootprintSettings {
     /// Dilation that joins the parts of an object, m.
@@ -36,16 +36,16 @@ pub struct Kind {
     pub join_m: f64,
     /// Largest speed of a moving object, m/s; 0 for classes that do not move.
     pub max_speed_mps: f64,
-    /// Length and height of a usual object, m.
+    /// Length and height of a typical object, m.
     pub length_m: f64,
     /// See `length_m`.
     pub height_m: f64,
-    /// Maximum length of an object that is joined of parts, m.
+    /// Maximum length of an object that is joined from parts, m.
     pub max_length_m: f64,
 }
 
 impl Kind {
-    /// Minimum number of points of a new object of which this number is expected. Without an expectation it is `min_points`.
+    /// Minimum number of points of a new object with this expected number. Without an expectation it is `min_points`.
     pub fn required_points(&self, expected: Option<f64>) -> usize {
         match expected {
             Some(expected) if self.min_share > 0.0 => {

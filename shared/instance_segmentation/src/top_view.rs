@@ -5,7 +5,7 @@ use messages::{ClassRow, GROUND_CLASSES, SubmapPoint};
 use morphology::fill_gaps;
 use ndarray::Array2;
 
-/// Most cells: 64 MiB of heights, 400 m x 400 m in cells of 0.1 m. Larger views get larger cells.
+/// Largest number of cells: 64 MiB of heights, 400 m x 400 m in cells of 0.1 m. Larger views get larger cells.
 const MAX_CELLS: usize = 1 << 24;
 
 /// Margin around the objects, m: enough to interpolate the ground in the shadow of a truck.
@@ -38,7 +38,7 @@ pub struct ThingPoint {
 }
 
 impl TopView {
-    /// `None` if there is no point of these classes, or the points are too far apart for any grid.
+    /// Creates the view; `None` if there is no point of these classes, or the points are too far apart for any grid.
     pub fn around(points: &[SubmapPoint], classes: &[ClassRow], is_thing: &[bool; 256], cell_m: f64) -> Option<Self> {
         let is_thing = |row: &ClassRow| is_thing[usize::from(row.class_id)];
         let things = points.iter().zip(classes).filter(|(point, row)| is_thing(row) && is_finite(point));

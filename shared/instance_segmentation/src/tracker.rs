@@ -9,7 +9,7 @@ use crate::object::{Motion, Object, Waypoint};
 use geometry::{BevGrid, Point3, Pose, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Cell size for comparing footprints of two submaps, m: larger than the errors of their poses.
+/// Cell size for comparing footprints of two submaps, m: larger than the pose errors.
 const CELL_M: f64 = 0.2;
 
 /// An object moves if its first and its last footprint overlap by less than this fraction of the smaller one.
@@ -18,11 +18,11 @@ const SAME_PLACE: f64 = 0.2;
 /// Longest gap in the observation of a moving object, ns.
 const MAX_PAUSE_NANOS: i64 = 1_000_000_000;
 
-/// Error of the predicted center of a moving object, m, and as a share of the predicted way.
+/// Error of the predicted center of a moving object, m, and as a share of the predicted displacement.
 const GATE_M: f64 = 1.0;
 const GATE_SHARE: f64 = 0.5;
 
-/// Most tracked objects. The oldest are removed first.
+/// Largest number of tracked objects. The oldest are removed first.
 const MAX_OBJECTS: usize = 4096;
 
 /// Objects of earlier submaps, the latest observed last.
@@ -37,15 +37,15 @@ type OdomCell = (i32, i32);
 /// Footprint of an object in odom.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TrackedObject {
-    /// Its id; 0 before it has one.
+    /// Id; 0 before one is assigned.
     pub id: u32,
     class: u8,
     footprint: Footprint<OdomCell>,
     begin: i64,
     end: i64,
-    /// Of a moving object, in odom.
+    /// Motion of a moving object, in odom.
     motion: Option<Motion>,
-    /// Submaps since it was observed.
+    /// Number of submaps since its last observation.
     age: u32,
 }
 
@@ -73,7 +73,7 @@ impl TrackedObject {
         self.motion.is_some() || self.footprint.overlap_of_ends() < SAME_PLACE
     }
 
-    /// How well the predicted center of this object fits the first center of `later`: 1 exactly, 0 at the gate.
+    /// Agreement of the predicted center of this object with the first center of `later`: 1 exactly, 0 at the gate.
     fn predicts(&self, later: &Self) -> f64 {
         let (Some(motion), Some(next)) = (self.motion, later.motion) else { return 0.0 };
         let seconds = (next.first.nanos - motion.last.nanos).max(0) as f64 * 1e-9;
@@ -83,7 +83,8 @@ impl TrackedObject {
         (1.0 - off(0).hypot(off(1)) / gate_m).max(0.0)
     }
 
-    /// Overlap with the footprint of `later`, or how well the prediction of a moving object fits it; 0 if it cannot be the same object.
+    /// Overlap with the footprint of `later`, or agreement with the prediction of a moving object; 0 if it cannot be
+    /// the same object.
     fn overlap_with(&self, later: &Self) -> f64 {
         if self.class != later.class {
             return 0.0;

@@ -1,8 +1,9 @@
-//! Tracks: blobs of consecutive slices that one object explains, by prediction with constant velocity.
+//! Tracks: blobs of consecutive slices of one object, associated by prediction with constant velocity.
 
 use crate::blobs::Blob;
 
-/// A track that was not observed for this time ends, ns. It is shorter for a track of few blobs, whose velocity is not known.
+/// A track that was not observed for this time ends, ns. The time is shorter for a track of few blobs, whose velocity
+/// is unknown.
 const MAX_PAUSE_NANOS: i64 = 450_000_000;
 const MAX_PAUSE_OF_NEW_NANOS: i64 = 250_000_000;
 const N_OF_NEW: usize = 4;
@@ -10,16 +11,16 @@ const N_OF_NEW: usize = 4;
 /// Share of a new velocity measurement in the velocity of a track: the visible part of an object changes from slice to slice.
 const GAIN: f64 = 0.4;
 
-/// Error of a predicted center, m, and as a share of the way at the largest speed.
+/// Error of a predicted center, m, and as a share of the displacement at the largest speed.
 const GATE_M: f64 = 0.3;
 const GATE_SHARE: f64 = 0.5;
 
 /// Blobs of one object.
 #[derive(Clone, Debug)]
 pub(crate) struct Track {
-    /// Indices of its blobs in the order of time, one a slice at most.
+    /// Indices of its blobs in time order, at most one per slice.
     pub(crate) blobs: Vec<usize>,
-    /// m/s, at the last blob.
+    /// Velocity at the last blob, m/s.
     velocity: [f64; 2],
 }
 
@@ -49,7 +50,7 @@ impl Track {
 }
 
 fn seconds_between(earlier: &Blob, later: &Blob) -> f64 {
-    // Blobs of neighboring slices may have been seen at nearly the same time, at the border of the slices.
+    // Blobs of neighboring slices may have been observed at nearly the same time, at the border of the slices.
     ((later.nanos - earlier.nanos) as f64 * 1e-9).max(0.01)
 }
 

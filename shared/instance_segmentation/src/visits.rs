@@ -1,10 +1,11 @@
 //! Separates objects that occupied the same cells at different times: a passing car covers the same cells as a parked car, but not
 //! all at the same time.
 //!
-//! A *visit* is an interval in which a cell has points without a gap of `apart_s`. Visits of neighboring cells are connected if no
-//! such gap lies between them. A *group* is a connected set of visits. A parked object that was occluded for a while has several
-//! groups in one place, which are joined. A lane with several passing objects also has several groups, which are not joined because
-//! they are *moving*: the first and the last footprint of a moving group are in different places.
+//! A *visit* is an interval in which a cell has points without a gap of `apart_s`. Visits of neighboring cells are
+//! connected if no such gap lies between them. A *group* is a connected set of visits. A parked object that was
+//! occluded for a while has several groups at one position, which are joined. A lane with several passing objects also
+//! has several groups, which are not joined because they are *moving*: the first and the last footprint of a moving
+//! group are at different positions.
 
 use crate::candidates::Candidate;
 use crate::footprint::{Footprint, overlap};
@@ -20,7 +21,7 @@ pub(crate) const END_WINDOW_NANOS: i64 = 500_000_000;
 /// A group moves if its first and its last footprint overlap by less than this fraction of the smaller one.
 const SAME_PLACE: f64 = 0.2;
 
-/// Groups of a standing object overlap by at least this fraction of the smaller one.
+/// Groups of a static object overlap by at least this fraction of the smaller one.
 const SAME_OBJECT: f64 = 0.5;
 
 const NONE: u32 = u32::MAX;
@@ -110,7 +111,7 @@ fn link_neighbors(
     }
 }
 
-/// Joins standing groups of one part that are in the same place. Returns the number of remaining groups.
+/// Joins static groups of one part that are at the same position. Returns the number of remaining groups.
 fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footprints: &Footprints) -> usize {
     let mut begins = vec![i64::MAX; n];
     let mut ends = vec![i64::MIN; n];

@@ -1,6 +1,7 @@
 //! Operations on rows of points, with derivatives: tensors have a row for each point and a column for each channel.
 //!
-//! All results and gradients are the same for every number of threads: a row has one thread, and sums over rows have fixed parts.
+//! All results and gradients are the same for every number of threads: one thread computes a row, and sums over rows
+//! have fixed parts.
 
 mod activation;
 mod concatenate;

@@ -16,8 +16,8 @@ pub fn area_opening<T: Level>(image: &Array2<T>, area: usize, connectivity: Conn
     }
 }
 
-/// The dual of [`area_opening`]. On a binary image, holes of fewer than `area` pixels are filled. The connectivity is that of the
-/// holes: components with eight neighbors have holes with four.
+/// The dual of [`area_opening`]. On a binary image, holes of fewer than `area` pixels are filled. `connectivity`
+/// applies to the holes: components with eight neighbors have holes with four.
 pub fn area_closing<T: Level>(image: &Array2<T>, area: usize, connectivity: Connectivity) -> Array2<T> {
     match two_levels(image) {
         Some([low, high]) => open_binary(image, [high, low], area, connectivity),
@@ -25,7 +25,7 @@ pub fn area_closing<T: Level>(image: &Array2<T>, area: usize, connectivity: Conn
     }
 }
 
-/// The two values of the image, if there are no more.
+/// The two values of the image, if it has at most two.
 fn two_levels<T: Level>(image: &Array2<T>) -> Option<[T; 2]> {
     let first = *image.first()?;
     let second = image.iter().copied().find(|&value| value != first).unwrap_or(first);
@@ -82,7 +82,7 @@ fn remove_peaks<T: Level>(
             if forest.areas[peak] < area || levels.pixels[peak].rank() == level {
                 forest.merge(peak, pixel);
             } else {
-                // The component of the pixel contains this peak, so it is large enough, too.
+                // The component of the pixel contains this peak, so it is also large enough.
                 forest.areas[pixel] = forest.areas[pixel].max(area);
             }
         }

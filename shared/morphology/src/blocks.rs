@@ -21,13 +21,13 @@ macro_rules! in_blocks {
 }
 pub(crate) use in_blocks;
 
-/// `N` pixels, beginning at `start`.
+/// A block of `N` pixels, starting at `start`.
 #[inline(always)]
 pub(crate) fn block<T, const N: usize>(row: &[T], start: usize) -> &[T; N] {
     row[start..start + N].try_into().expect("a slice of N pixels")
 }
 
-/// `N` pixels, beginning at `start`.
+/// A mutable block of `N` pixels, starting at `start`.
 #[inline(always)]
 pub(crate) fn block_mut<T, const N: usize>(row: &mut [T], start: usize) -> &mut [T; N] {
     (&mut row[start..start + N]).try_into().expect("a slice of N pixels")

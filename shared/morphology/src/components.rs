@@ -53,7 +53,7 @@ pub(crate) fn labels_of(runs: &Runs, inside: &Array2<bool>) -> Labels {
             let end = rows.min(row + BATCH.div_ceil(cols.max(1)));
             pixels.resize(end * cols + BURST, 0);
         }
-        // The pixels after this row are those of the next, which is written later.
+        // The pixels after this row belong to the next row, which is written later.
         let line = &mut pixels[row * cols..(row + 1) * cols + BURST];
         let of_row = runs.of_row(row);
         wide_loops::run(

@@ -46,8 +46,8 @@ impl Element {
         let share = |t: isize, side: isize| (t as f64 * side as f64 / n.max(1) as f64).round() as isize;
         Self::of_offsets((-n..=n).map(|t| (share(t, rows), share(t, cols))))
     }
-    /// An element of any offsets (row, column). Duplicates are ignored. With an empty element, dilation gives the lowest and erosion the
-    /// highest value everywhere.
+    /// An element with any offsets (row, column). Duplicates are ignored. With an empty element, dilation gives the
+    /// lowest and erosion the highest value everywhere.
     pub fn of_offsets(offsets: impl IntoIterator<Item = (isize, isize)>) -> Self {
         let mut rows: BTreeMap<isize, Vec<isize>> = BTreeMap::new();
         for (row, col) in offsets {

@@ -82,8 +82,8 @@ fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<boo
     candidates.unframed(|is_maximum| is_maximum)
 }
 
-/// Candidates are the pixels without a higher neighbor. A pixel that is not a candidate excludes its plateau, downwards and sideways.
-/// [`sweep_up`] does the same upwards. Both sweeps settle most plateaus.
+/// Candidates are the pixels without a higher neighbor. A pixel that is not a candidate excludes its plateau, downwards
+/// and sideways. [`sweep_up`] does the same upwards. The two sweeps determine most plateaus.
 #[inline(always)]
 fn sweep_down<T: Level>(image: &Padded<T>, candidates: &mut Padded<bool>, connectivity: Connectivity) {
     let mut scratch = vec![false; image.cols];

@@ -70,11 +70,12 @@ where
     *block_mut(into, start) = std::array::from_fn::<T, N, _>(is_near);
 }
 
-/// Zones of a sparse height image, for example of lidar rings on the ground. Two valid pixels of a row or column without valid pixels
-/// between them belong to one zone if they are `g <= steps.len()` pixels apart and their heights differ by at most `steps[g - 1]`.
-/// With one step the result equals [`quasi_flat_zones`] with four neighbors.
+/// Zones of a sparse height image, for example of lidar rings on the ground. Two valid pixels of a row or column
+/// without valid pixels between them belong to one zone if they are `g <= steps.len()` pixels apart and their heights
+/// differ by at most `steps[g - 1]`. With one step the result equals [`quasi_flat_zones`] with four neighbors.
 ///
-/// Steps that grow with the gap limit the slope. Interpolating the gaps instead would turn vertical edges beside a shadow into ramps.
+/// Steps that grow with the gap limit the slope. Interpolating the gaps instead would turn vertical edges next to a
+/// shadow into ramps.
 ///
 /// # Panics
 /// If the images differ in size.

@@ -28,7 +28,7 @@ pub trait Level: Copy + PartialOrd {
     #[inline(always)]
     #[must_use]
     fn sup(self, other: Self) -> Self {
-        // This form is a single vector instruction for f32, too.
+        // This form is a single vector instruction for f32 as well.
         if self > other { self } else { other }
     }
     /// Minimum.

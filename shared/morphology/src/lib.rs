@@ -1,12 +1,12 @@
 //! Mathematical morphology on binary, height and label images.
 //!
-//! Ground detection, corrections of classes, instances and coloring use these operators on top views, range images and masks.
-//! Images are `Array2`s with index `[row, column]` in any memory order. Results are in standard layout. Windows are clipped to the
-//! image. Labels increase from 1 in raster order of the first pixels of the components, 0 is no component, so equal images have equal
-//! labels.
+//! Ground detection, corrections of classes, instances and coloring use these operators on top views, range images and
+//! masks. Images are `Array2`s with index `[row, column]` in any memory order. Results are in standard layout. Windows
+//! are clipped to the image. Labels increase from 1 in raster order of the first pixels of the components, so equal
+//! images have equal labels. Label 0 marks pixels outside all components.
 //!
-//! Written here: no crate has these operators for `f32` heights with union-find and vectorized rows (`lab/peers/morphology.py`
-//! compares times and results with scikit-image, OpenCV and others).
+//! The operators are implemented here because no crate has them for `f32` heights with union-find and vectorized rows
+//! (`lab/peers/morphology.py` compares times and results with scikit-image, OpenCV and others).
 //!
 //! | file | operator | cost per pixel |
 //! |---|---|---|
@@ -21,8 +21,9 @@
 //! | `gaps` | interpolation of missing heights | constant |
 //! | `slope` | limited slope: erosion by a cone | constant |
 //!
-//! An operator knows nothing of streets, points or classes: thresholds in metres belong to the caller. It never changes its input, never
-//! depends on the memory order of the image or on the instruction set, and never gives labels in an order other than raster order.
+//! An operator does not depend on streets, points or classes: the caller sets thresholds in metres. It never changes
+//! its input, never depends on the memory order of the image or on the instruction set, and never gives labels in an
+//! order other than raster order.
 //!
 //! Where to start reading: `components.rs` is the shortest complete operator; `flat.rs` shows how rows are processed in vector registers
 //! (`rows.rs`, `sliding.rs`); `level.rs` is the trait of the pixel types. `tests/suite/against_definitions.rs` has each definition in a

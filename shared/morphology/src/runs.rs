@@ -1,6 +1,6 @@
 //! Connected components of runs. A run is a connected part of a row; runs that touch in consecutive rows belong to one component.
-//! Branches that depend on the beginning of runs are unpredictable, so pixels are reduced to bits, and runs are found and joined one
-//! word of bits at a time.
+//! Branches that depend on the start of runs are unpredictable, so pixels are reduced to bits, and runs are found and
+//! joined one word of bits at a time.
 
 use crate::neighbors::Connectivity;
 use crate::union_find::DisjointSets;

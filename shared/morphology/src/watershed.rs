@@ -6,9 +6,9 @@ use crate::order::sorted_by;
 use crate::padded::Padded;
 use ndarray::Array2;
 
-/// Every pixel of the mask that is connected with a marker gets the label of the marker whose flood reaches it first. Floods continue at
-/// the lowest adjacent pixel, among equal pixels at the one that was reached first (markers in raster order). 0 means no marker and no
-/// label. There are no lines between basins.
+/// Every pixel of the mask that is connected with a marker gets the label of the marker whose flood reaches it first.
+/// Floods continue at the lowest adjacent pixel, among equal pixels at the one that was reached first (markers in
+/// raster order). 0 in `markers` means no marker, in the result no label. There are no lines between basins.
 ///
 /// # Panics
 /// If the images differ in size.

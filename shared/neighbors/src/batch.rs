@@ -1,4 +1,4 @@
-//! Neighborhoods of many queries, in parallel and in Morton order: queries that follow each other read the same blocks.
+//! Neighborhoods of many queries, in parallel and in Morton order: consecutive queries read the same blocks.
 
 use crate::index::{Neighbor, SpatialIndex};
 use crate::morton::Entry;
@@ -35,7 +35,7 @@ impl<T> Neighborhoods<T> {
     pub fn is_empty(&self) -> bool {
         self.row_of.is_empty()
     }
-    /// The list of a query. Empty for queries with coordinates that are not valid.
+    /// The list of a query. Empty for queries with invalid coordinates.
     pub fn of(&self, query_idx: usize) -> &[T] {
         let row = self.row_of[query_idx] as usize;
         let Some(chunk) = self.chunks.get(row / CHUNK) else { return &[] };
@@ -49,7 +49,7 @@ impl<T> Neighborhoods<T> {
             chunk.items.iter_mut().for_each(&mut change);
         }
     }
-    /// Lengths of all lists together.
+    /// Total length of all lists.
     pub fn n_items(&self) -> usize {
         self.chunks.iter().map(|chunk| chunk.items.len()).sum()
     }
@@ -64,7 +64,7 @@ struct Rows {
 }
 
 impl Rows {
-    /// Row of each query, `u32::MAX` for a query that is not valid.
+    /// Row of each query, `u32::MAX` for an invalid query.
     fn row_of(&self) -> Vec<u32> {
         let mut row_of = vec![u32::MAX; self.n_queries];
         for (row, query) in (0..).zip(&self.query_of) {
@@ -79,7 +79,7 @@ impl SpatialIndex {
     pub fn nearest_of_each(&self, queries: &[[f32; 3]], k: usize) -> Neighborhoods<Neighbor> {
         self.nearest_of_rows(&self.rows(queries), k)
     }
-    /// The k nearest points of each point of the cloud: itself, or a copy of it, is first.
+    /// The k nearest points of each point of the cloud: the point itself, or a copy of it, is first.
     pub fn nearest_of_own(&self, k: usize) -> Neighborhoods<Neighbor> {
         self.nearest_of_rows(&self.own_rows(), k)
     }
@@ -87,13 +87,13 @@ impl SpatialIndex {
     pub fn within_of_each(&self, queries: &[[f32; 3]], radius_m: f32) -> Neighborhoods<u32> {
         self.within_of_rows(&self.rows(queries), radius_m)
     }
-    /// Numbers of the points within a radius of each point of the cloud, with itself, in Morton order.
+    /// Numbers of the points within a radius of each point of the cloud, including the point itself, in Morton order.
     pub fn within_of_own(&self, radius_m: f32) -> Neighborhoods<u32> {
         self.within_of_rows(&self.own_rows(), radius_m)
     }
-    /// What `map` makes of each query: it receives the number of the query and the numbers of the points within a radius, in Morton
-    /// order. No lists are kept, so the memory does not depend on the number of neighbors. `map` runs on all threads of the current
-    /// pool in any order; results are in the order of the queries. A query that is not valid has no points.
+    /// Maps each query: `map` receives the number of the query and the numbers of the points within a radius, in Morton
+    /// order. No lists are kept, so the memory does not depend on the number of neighbors. `map` runs on all threads of
+    /// the current pool in any order; results are in the order of the queries. An invalid query has no points.
     ///
     /// ```
     /// let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]];

@@ -2,7 +2,7 @@
 
 use crate::position::Bounds;
 
-/// Points in a leaf, at most.
+/// Largest number of points in a leaf.
 pub const BLOCK: usize = 16;
 
 /// The points of a leaf. Unused slots are infinitely far away.
@@ -11,14 +11,14 @@ pub struct Block {
     x: [f32; BLOCK],
     y: [f32; BLOCK],
     z: [f32; BLOCK],
-    /// Place of the first point in the order of the index.
+    /// Position of the first point in the order of the index.
     pub start: u32,
-    /// Points.
+    /// Number of points.
     pub n: u32,
 }
 
 impl Block {
-    /// At most [`BLOCK`] positions.
+    /// Creates a block of at most [`BLOCK`] positions.
     pub fn new(start: u32, positions: impl Iterator<Item = [f32; 3]>) -> Self {
         let [x, y, z] = [[f32::INFINITY; BLOCK]; 3];
         let mut block = Self { x, y, z, start, n: 0 };

@@ -1,5 +1,5 @@
-//! The best points found so far, as integers: the bits of the squared distance above the point number. Numbers that are not negative
-//! have the order of their bits, so one comparison orders by distance and then by point number.
+//! The best points found so far, as integers: the bits of the squared distance above the point number. The bits of
+//! non-negative numbers have the order of the numbers, so one comparison orders by distance and then by point number.
 
 use crate::index::Neighbor;
 use std::collections::BinaryHeap;
@@ -21,7 +21,7 @@ const NO_POINT: u64 = 0x7f80_0000_0000_0000;
 
 /// Keeps the smallest k keys.
 pub trait Candidates {
-    /// Keys from here on are refused.
+    /// Keys from this one on are rejected.
     fn limit(&self) -> u64;
     /// Takes a key that is less than the limit.
     fn add(&mut self, key: u64);
@@ -32,11 +32,11 @@ pub struct SortedList {
     keys: Vec<u64>,
 }
 
-/// A list up to this k, a heap beyond.
+/// Largest k for which a list is used instead of a heap.
 pub const LONGEST_LIST: usize = 64;
 
 impl SortedList {
-    /// For k of at least 1.
+    /// Creates an empty list for k of at least 1.
     pub fn of(k: usize) -> Self {
         Self { keys: vec![NO_POINT; k] }
     }
@@ -75,7 +75,7 @@ pub struct Heap {
 }
 
 impl Heap {
-    /// For k of at least 1.
+    /// Creates an empty heap for k of at least 1.
     pub fn of(k: usize) -> Self {
         Self { keys: BinaryHeap::with_capacity(k), k }
     }

@@ -6,8 +6,9 @@ use crate::tree::{Child, Tree, WIDTH};
 use random::Random;
 
 impl SpatialIndex {
-    /// `n` points, each the farthest from those before it; of equally far points the one with the smallest number. The first is
-    /// random by the seed. All indexed points if `n` is larger. A longer sample begins with the shorter one.
+    /// Selects `n` points, each the farthest from the previous ones; of equally far points the one with the smallest
+    /// number. The seed determines the first point. All indexed points if `n` is larger. A longer sample begins with
+    /// the shorter one.
     pub fn farthest_points(&self, n: usize, seed: u64) -> Vec<u32> {
         let n = n.min(self.len());
         let mut sample = Vec::with_capacity(n);
@@ -27,21 +28,21 @@ impl SpatialIndex {
     }
 }
 
-/// Key of a point that is chosen or absent: less than all others.
+/// Key of a point that is chosen or absent: smaller than all others.
 const CHOSEN: u64 = 0;
 
 /// Distance of each point to the nearest chosen one.
 struct Distances<'a> {
     index: &'a SpatialIndex,
     tree: &'a Tree,
-    /// m², by block; negative for chosen points and unused slots.
+    /// Squared distances, m², by block; negative for chosen points and unused slots.
     squared: Vec<[f32; BLOCK]>,
-    /// The greatest key below each child of each node.
+    /// The largest key below each child of each node.
     farthest: Vec<[u64; WIDTH]>,
 }
 
 impl<'a> Distances<'a> {
-    /// No point is chosen: all are infinitely far from the chosen ones.
+    /// Initial state without chosen points: all points are infinitely far from the chosen ones.
     fn new(index: &'a SpatialIndex) -> Self {
         let tree = &index.tree;
         let of_block = |n: u32| std::array::from_fn(|slot| if slot < n as usize { f32::INFINITY } else { -1.0 });
@@ -57,19 +58,19 @@ impl<'a> Distances<'a> {
                 .collect(),
         }
     }
-    /// Position of the point at a place of the order.
+    /// Position of the point at an index of the order.
     fn position(&self, place: usize) -> [f32; 3] {
         let block = &self.tree.blocks[self.tree.blocks.partition_point(|block| block.start as usize <= place) - 1];
         block.positions().nth(place - block.start as usize).expect("blocks cover the order")
     }
-    /// Updates the distances below a node after the point at `place` was chosen; returns the greatest key.
+    /// Updates the distances below a node after the point at index `place` was chosen; returns the largest key.
     fn choose(&mut self, node_idx: usize, place: u32, position: [f32; 3]) -> u64 {
         let node = &self.tree.nodes[node_idx];
         let squared = node.squared_distances(position);
         for (slot, squared) in squared.into_iter().enumerate() {
             let [start, end] = node.points[slot];
             let holds_chosen = (start..end).contains(&place);
-            // All points of the box are at least this far from the chosen one: none gets nearer.
+            // All points of the box are at least this far from the chosen one: no distance decreases.
             if !holds_chosen && u64::from(squared.to_bits()) >= self.farthest[node_idx][slot] >> 32 {
                 continue;
             }
@@ -93,7 +94,7 @@ impl<'a> Distances<'a> {
         let keys = squared.iter().zip(self.index.slots(block.start)).map(|(squared, point)| key(*squared, *point));
         keys.fold(CHOSEN, u64::max)
     }
-    /// Place of the farthest point.
+    /// Index of the farthest point.
     fn farthest(&self) -> usize {
         let mut node_idx = 0;
         loop {

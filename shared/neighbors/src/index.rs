@@ -11,7 +11,7 @@ use rayon::prelude::*;
 pub struct Neighbor {
     /// Number of the point in the cloud.
     pub index: u32,
-    /// Square of its distance, m².
+    /// Squared distance, m².
     pub squared_m2: f32,
 }
 
@@ -19,7 +19,7 @@ pub struct Neighbor {
 #[derive(Clone, Debug)]
 pub struct SpatialIndex {
     pub(crate) tree: Tree,
-    /// Point numbers in Morton order. A block's worth of padding follows, so that slots of the last block can be read.
+    /// Point numbers in Morton order, followed by a block of padding, so that slots of the last block can be read.
     order: Vec<u32>,
     pub(crate) grid: MortonGrid,
     n_cloud: usize,
@@ -53,7 +53,7 @@ impl SpatialIndex {
         order.extend([u32::MAX; BLOCK]);
         Self { tree, order, grid, n_cloud: points.len() }
     }
-    /// Number of indexed points: those of the cloud with valid coordinates.
+    /// Number of indexed points, which are the points of the cloud with valid coordinates.
     pub fn len(&self) -> usize {
         self.order.len() - BLOCK
     }
@@ -61,7 +61,7 @@ impl SpatialIndex {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// Number of points of the cloud, with those that are not indexed.
+    /// Number of points of the cloud, including points that are not indexed.
     pub fn n_cloud(&self) -> usize {
         self.n_cloud
     }
@@ -69,7 +69,7 @@ impl SpatialIndex {
     pub fn order(&self) -> &[u32] {
         &self.order[..self.len()]
     }
-    /// Point numbers from a place of the order on, one for each slot of a block.
+    /// Point numbers starting at an index of the order, one for each slot of a block.
     #[inline(always)]
     pub(crate) fn slots(&self, start: u32) -> &[u32] {
         &self.order[start as usize..start as usize + BLOCK]

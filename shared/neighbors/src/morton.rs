@@ -2,7 +2,7 @@
 
 use crate::position::Bounds;
 
-/// Bits of an axis.
+/// Number of bits per axis.
 const BITS: u32 = 21;
 
 /// Assigns codes to positions within bounds.
@@ -13,7 +13,7 @@ pub struct MortonGrid {
 }
 
 impl MortonGrid {
-    /// Cubic cells, 2^21 along the longest side of the bounds.
+    /// Creates cubic cells, 2^21 along the longest side of the bounds.
     pub fn of(bounds: Bounds) -> Self {
         let extent = bounds.extent();
         let per_m = if extent > 0.0 { f64::from((1_u32 << BITS) - 1) / extent } else { 0.0 };

@@ -18,7 +18,7 @@ impl SpatialIndex {
     }
 }
 
-/// Memory of searches for k points, used again by each query.
+/// Memory of searches for k points, reused by each query.
 pub(crate) struct NearestSearch<'a> {
     index: &'a SpatialIndex,
     k: usize,
@@ -34,7 +34,7 @@ impl<'a> NearestSearch<'a> {
         let (of_list, of_heap) = if k <= LONGEST_LIST { (k.max(1), 0) } else { (1, k) };
         Self { index, k, list: SortedList::of(of_list), heap: Heap::of(of_heap), stack: Vec::with_capacity(64) }
     }
-    /// Neighbors of each query.
+    /// Number of neighbors of each query.
     pub fn k(&self) -> usize {
         self.k
     }

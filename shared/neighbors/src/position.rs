@@ -3,7 +3,7 @@
 /// Largest coordinate of an indexed point or a query, m. Squared distances between such points are finite in `f32`.
 pub const LIMIT_M: f32 = 1e18;
 
-/// Square of the distance, m²: `(dx * dx + dy * dy) + dz * dz` in `f32`. All results of this crate compare this number.
+/// Squared distance, m²: `(dx * dx + dy * dy) + dz * dz` in `f32`. All results of this crate compare this number.
 #[inline(always)]
 pub fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     let [dx, dy, dz] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -31,7 +31,7 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// Contains nothing. Infinitely far from everything.
+    /// An empty box, infinitely far from every position.
     pub const EMPTY: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
 
     /// The smallest box around both.

@@ -2,8 +2,8 @@
 
 use random::Random;
 
-/// `n` different numbers of `0..n_points` in random order, all equally probable; all numbers if `n` is larger. Determined by the
-/// seed; a longer sample begins with the shorter one.
+/// Samples `n` different numbers of `0..n_points` in random order, with equal probabilities; all numbers if `n` is
+/// larger. The sample is determined by the seed; a longer sample begins with the shorter one.
 pub fn random_sample(n_points: u32, n: usize, seed: u64) -> Vec<u32> {
     let mut random = Random::new(seed);
     let mut points: Vec<u32> = (0..n_points).collect();

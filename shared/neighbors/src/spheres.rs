@@ -9,11 +9,11 @@ use crate::voxel_grid::{InvalidCell, VoxelGrid};
 pub struct Scales {
     /// Radius of the smallest sphere, m.
     pub smallest_m: f32,
-    /// Radius of a sphere by that of the next smaller one.
+    /// Ratio of the radius of a sphere to the radius of the next smaller one.
     pub factor: f32,
     /// Number of spheres.
     pub n: usize,
-    /// Radius by voxel side (`rho` of the paper): a sphere has at most [`Scales::most_points`].
+    /// Ratio of the radius to the voxel side (`rho` of the paper): a sphere has at most [`Scales::most_points`].
     pub density: f32,
 }
 
@@ -23,9 +23,9 @@ pub struct Scales {
 pub struct InvalidScales {
     /// Number of the scale, the smallest is 0.
     pub scale: usize,
-    /// Its radius, m.
+    /// Radius of the scale, m.
     pub radius_m: f32,
-    /// Its voxels.
+    /// Voxels of the scale.
     pub cell: InvalidCell,
 }
 
@@ -38,15 +38,15 @@ impl Scales {
     pub fn cell_m(&self, scale: usize) -> f32 {
         self.radius_m(scale) / self.density
     }
-    /// Most points of a sphere: voxels that reach into a sphere of `density` voxels lie within `density + sqrt(3)` voxels of its
-    /// center.
+    /// Largest number of points of a sphere: voxels that intersect a sphere of `density` voxels lie within
+    /// `density + sqrt(3)` voxels of its center.
     pub fn most_points(&self) -> usize {
         let reach = f64::from(self.density) + 1.74;
         (4.0 / 3.0 * std::f64::consts::PI * reach * reach * reach) as usize
     }
 }
 
-/// A cloud at several scales: large spheres see it coarsely, so each sphere has a limited number of points.
+/// A cloud at several scales: large spheres use a coarse cloud, so each sphere has a limited number of points.
 #[derive(Clone, Debug)]
 pub struct MultiscaleSpheres {
     scales: Scales,
@@ -66,7 +66,7 @@ impl MultiscaleSpheres {
     pub fn new(points: &[[f32; 3]], scales: Scales) -> Result<Self, InvalidScales> {
         let level = |scale| {
             let radius_m = scales.radius_m(scale);
-            // An invalid factor can give valid voxels in the middle of the scales only, so each one is checked.
+            // An invalid factor can give valid voxels only in the middle of the scales, so each scale is checked.
             let grid =
                 VoxelGrid::new(points, scales.cell_m(scale)).map_err(|cell| InvalidScales { scale, radius_m, cell })?;
             let kept = grid.first_points();

@@ -6,7 +6,7 @@ use crate::position::Bounds;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Children of a node.
+/// Number of children of a node.
 pub const WIDTH: usize = 8;
 
 /// Marks a child that is a block.
@@ -47,8 +47,8 @@ impl Node {
         points: [[0; 2]; WIDTH],
     };
 
-    /// A lower bound of the squared distance to the points in each box. It holds after rounding, too: `f32` subtraction,
-    /// multiplication and addition are monotonic.
+    /// A lower bound of the squared distance to the points in each box. It also holds after rounding: `f32`
+    /// subtraction, multiplication and addition are monotonic.
     #[inline(always)]
     pub fn squared_distances(&self, q: [f32; 3]) -> [f32; WIDTH] {
         let mut squared = [0.0; WIDTH];
@@ -99,7 +99,7 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// The tree over sorted entries. Sorts entries of equal codes further where they are more than a block.
+    /// Builds the tree over sorted entries. If more entries than a block have equal codes, they are sorted further.
     pub fn over(points: &[[f32; 3]], entries: &mut [Entry]) -> Self {
         let mut outline = Outline { points, nodes: Vec::new(), blocks: Vec::new() };
         outline.add_node(entries, 0);
@@ -135,7 +135,7 @@ struct Outline<'a> {
 }
 
 impl Outline<'_> {
-    /// Adds the node of these entries, which begin at place `first`, and everything below it; returns its number.
+    /// Adds the node of these entries, which begin at index `first`, and everything below it; returns its number.
     fn add_node(&mut self, entries: &mut [Entry], first: usize) -> u32 {
         let node_idx = self.nodes.len();
         self.nodes.push(Node::UNUSED);
@@ -161,7 +161,7 @@ impl Outline<'_> {
         node_idx as u32
     }
 
-    /// Divides the largest part, again and again, into at most eight parts; sets their ends and returns their number.
+    /// Repeatedly divides the largest part, into at most eight parts; sets their ends and returns their number.
     fn divide(&self, entries: &mut [Entry], ends: &mut [usize; WIDTH]) -> usize {
         let mut n_parts = 1;
         while n_parts < WIDTH {
@@ -181,17 +181,17 @@ impl Outline<'_> {
         n_parts
     }
 
-    /// Where the cell around these entries is divided: at the highest bit in which their codes differ.
+    /// Index at which the cell around these entries is divided: at the highest bit in which their codes differ.
     fn first_of_upper_half(&self, entries: &mut [Entry]) -> usize {
         let first = 0;
         let last = entries.len() - 1;
         if entries[first].code == entries[last].code {
             let bounds = Bounds::around(entries.iter().map(|entry| self.points[entry.point as usize]));
             if bounds.extent() == 0.0 {
-                // Copies of one point.
+                // All entries are copies of one point.
                 return entries.len() / 2;
             }
-            // A far outlier makes cells large; cells of their own separate these points.
+            // A distant outlier makes cells large; a separate grid divides these points.
             let grid = MortonGrid::of(bounds);
             for entry in entries.iter_mut() {
                 entry.code = grid.code(self.points[entry.point as usize]);

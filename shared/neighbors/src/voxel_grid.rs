@@ -35,7 +35,7 @@ fn entries<V: Send>(points: &[[f32; 3]], voxel: impl Fn([f32; 3]) -> V + Sync) -
 }
 
 impl VoxelGrid {
-    /// Groups the points by cubic voxels of side `cell_m`. Points with coordinates that are not valid have no voxel.
+    /// Groups the points by cubic voxels of side `cell_m`. Points with invalid coordinates have no voxel.
     pub fn new(points: &[[f32; 3]], cell_m: f32) -> Result<Self, InvalidCell> {
         if !(cell_m > 0.0 && cell_m.is_finite()) {
             return Err(InvalidCell(cell_m));
@@ -53,7 +53,7 @@ impl VoxelGrid {
                 (0..3).fold(0_u64, |bits, axis| bits << AXIS_BITS | (voxel[axis] - low[axis]) as u64)
             }))
         } else {
-            // As bits: no voxel number is too large.
+            // Compared as bits: no voxel number is too large.
             Self::of_entries(entries(points, |p| voxel(p).map(f64::to_bits)))
         })
     }
@@ -82,11 +82,12 @@ impl VoxelGrid {
         let start = if voxel_idx == 0 { 0 } else { self.ends[voxel_idx - 1] };
         &self.points[start..self.ends[voxel_idx]]
     }
-    /// The first point of each voxel, ascending: a sample that keeps all features of its points.
+    /// The first point of each voxel, ascending. This sample keeps all features of its points.
     pub fn first_points(&self) -> Vec<u32> {
         (0..self.len()).map(|voxel_idx| self.points_of(voxel_idx)[0]).collect()
     }
-    /// The barycenter of each voxel of the same cloud, summed in `f64`: a smoother sample, of positions that no sensor measured.
+    /// The barycenter of each voxel of the same cloud, summed in `f64`. This sample is smoother, but no sensor measured
+    /// its positions.
     pub fn barycenters(&self, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let barycenter = |voxel_idx| {
             let members = self.points_of(voxel_idx);

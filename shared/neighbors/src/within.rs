@@ -38,12 +38,12 @@ impl SpatialIndex {
     }
 }
 
-/// The square of the radius; `None` if nothing can be found. Never infinite, so unused slots are outside.
+/// The squared radius; `None` if nothing can be found. It is finite, so unused slots are outside.
 fn squared_radius(query: [f32; 3], radius_m: f32) -> Option<f32> {
     (is_valid(query) && radius_m >= 0.0).then(|| (radius_m * radius_m).min(f32::MAX))
 }
 
-/// Marks an entry of the stack whose points are all within the radius: places of the order instead of a child.
+/// Marks an entry of the stack whose points are all within the radius: indices of the order instead of a child.
 const ALL: u64 = 1 << 63;
 
 /// Appends the numbers of all points within a radius, in Morton order.
@@ -71,7 +71,7 @@ pub(crate) fn append_within(
                 let squared = block.squared_distances(query);
                 let mut inside = [0; BLOCK];
                 let mut n_inside = 0;
-                // Without branches: each point is written, and the next one overwrites it if it is outside.
+                // Branch-free: each point is written, and the next one overwrites it if it is outside.
                 for (squared, point) in squared.iter().zip(index.slots(block.start)) {
                     inside[n_inside.min(BLOCK - 1)] = *point;
                     n_inside += usize::from(*squared <= squared_radius);

@@ -3,7 +3,7 @@
 
 use crate::ray::Vec3;
 
-/// Flat primitives per leaf: as many as one SIMD test covers ([`crate::flat`]).
+/// Flat primitives per leaf: the number that one SIMD test covers ([`crate::flat`]).
 pub const FLATS: usize = 4;
 /// Bins per axis. Every plane between two bins is a split candidate.
 const BINS: usize = 16;
@@ -23,7 +23,7 @@ pub struct Item {
     pub high: Vec3,
     /// Index of the primitive or object, set by the caller.
     pub index: u32,
-    /// Whether it is flat: up to [`FLATS`] flat items share a leaf, any other item has its own.
+    /// Whether the item is flat: up to [`FLATS`] flat items share a leaf, any other item has its own.
     pub is_flat: bool,
 }
 
@@ -55,8 +55,8 @@ impl Node {
     }
 }
 
-/// Builds the tree and sorts the items into the order of its leaves. The root is node 0. Without items there is no node.
-/// Some nodes in between are unused.
+/// Builds the tree and sorts the items into the order of its leaves. The root is node 0. Without items there is no
+/// node. Some nodes in the array are unused.
 pub fn binary_tree(items: &mut [Item]) -> Vec<Node> {
     if items.is_empty() {
         return Vec::new();
@@ -66,7 +66,8 @@ pub fn binary_tree(items: &mut [Item]) -> Vec<Node> {
     nodes
 }
 
-/// `nodes` begins with number `at`, `items` with number `first`; a tree over n items has at most 2 n - 1 nodes.
+/// Builds a subtree. `nodes` starts at number `at`, `items` at number `first`; a tree over n items has at most 2 n - 1
+/// nodes.
 fn grow(nodes: &mut [Node], at: usize, items: &mut [Item], first: usize, depth: usize) {
     let (low, high) = hull(items.iter().map(|item| (item.low, item.high)));
     nodes[0] = Node { low, high, count: items.len() as u32, next: first as u32 };

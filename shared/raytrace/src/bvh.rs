@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub struct Bvh {
     pub(crate) tree: Tree,
     pub(crate) packs: Vec<Flat4>,
-    /// In the order of the leaves.
+    /// Primitives in the order of the leaves.
     primitives: Vec<Primitive>,
 }
 
@@ -61,7 +61,7 @@ impl Bvh {
         &self.primitives
     }
 
-    /// Smallest and largest coordinates; `None` of an empty tree.
+    /// Smallest and largest coordinates; `None` for an empty tree.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
         self.tree.bounds()
     }
@@ -89,7 +89,7 @@ impl Bvh {
         is_hit
     }
 
-    /// Range and place of the first hit in a leaf.
+    /// Range and index of the first hit in a leaf.
     #[inline(always)]
     pub(crate) fn hit(&self, ray: &Ray, leaf: Leaf, limit: f32) -> Option<(f32, u32)> {
         match leaf {

@@ -11,9 +11,9 @@ use wide::f32x4;
 pub struct Flat {
     /// One corner.
     pub corner: Vec3,
-    /// From it to the second corner.
+    /// Edge from the corner to the second corner.
     pub edge1: Vec3,
-    /// From it to the last corner.
+    /// Edge from the corner to the last corner.
     pub edge2: Vec3,
     /// Largest u + v inside, where u and v are the barycentric shares of the edges: 1 for a triangle, 2 for a parallelogram.
     pub reach: f32,
@@ -37,11 +37,11 @@ impl Flat {
     }
 }
 
-/// Tolerance at edges, as a share of the edge: no ray passes between two primitives that share an edge in spite of rounding.
-/// 10 µm on an edge of 10 m.
+/// Tolerance at edges, as a share of the edge: despite rounding, no ray passes between two primitives that share an
+/// edge. 10 µm on an edge of 10 m.
 pub const EDGE: f32 = 1e-6;
 
-/// Up to four flat primitives by coordinate and lane. An unused lane has edges of zero length, which no ray hits.
+/// Up to four flat primitives, per coordinate and lane. An unused lane has edges of zero length, which no ray hits.
 #[derive(Clone, Debug)]
 pub struct Flat4 {
     lanes: Pieces<f32x4>,
@@ -52,7 +52,7 @@ pub struct Flat4 {
 }
 
 impl Flat4 {
-    /// Up to four flat primitives.
+    /// Packs up to four flat primitives.
     pub fn new(first: u32, pieces: impl Iterator<Item = Flat>) -> Self {
         let pieces: Vec<Flat> = pieces.take(FLATS).collect();
         let lanes =
@@ -111,7 +111,7 @@ impl Flat4 {
     }
 }
 
-/// Flat primitives by coordinate, as many as `T` has lanes.
+/// Flat primitives per coordinate, one in each lane of `T`.
 #[derive(Clone, Copy, Debug)]
 pub struct Pieces<T> {
     corner: [T; 3],
@@ -123,7 +123,7 @@ pub struct Pieces<T> {
 /// Intersection of rays with the planes of flat primitives.
 struct Meeting<T> {
     determinant: T,
-    /// Shares of the edges.
+    /// Barycentric shares of the edges.
     u: T,
     v: T,
     range: T,

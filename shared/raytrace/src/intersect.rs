@@ -60,7 +60,8 @@ impl Shape {
             Self::Porous { center, radius, .. } => {
                 let h = mix(porous_hash(ray, &center));
                 let part = |shift: u32| ((h >> shift) & 0xffff) as f32 / 32768.0 - 1.0;
-                // Leaves have random directions; outer leaves point outward rather, which gives a crown light and shade.
+                // Leaves have random directions; outer leaves tend to point outward, which gives a crown light and
+                // shade.
                 (point - center) / radius + Vec3::new(part(0), part(16), part(32)) * 0.6
             }
         };
@@ -86,7 +87,7 @@ fn cuboid_range(ray: &Ray, center: &Vec3, half: &Vec3, rotation: &UnitQuaternion
 
 /// Range at which the ray meets the side of a cone, `|off(t)| = radius(along(t))`, or one of its ends.
 fn cone_range(ray: &Ray, base: &Vec3, axis: &Vec3, length: f32, radii: [f32; 2]) -> Option<f32> {
-    // From the point of the ray that is nearest to the base: the small differences below keep their precision far away.
+    // Start at the point of the ray nearest to the base: the small differences below then stay precise at long range.
     let shift = (base - ray.origin).dot(&ray.direction);
     let from_base = ray.at(shift) - base;
     let slope = (radii[1] - radii[0]) / length;
@@ -130,7 +131,7 @@ fn cone_range(ray: &Ray, base: &Vec3, axis: &Vec3, length: f32, radii: [f32; 2])
 fn sphere_ranges(ray: &Ray, center: &Vec3, radius: f32) -> Option<[f32; 2]> {
     let to_center = center - ray.origin;
     let along = to_center.dot(&ray.direction);
-    // Distance of the line from the center by the perpendicular, which keeps its precision far away.
+    // The distance of the line from the center is measured along the perpendicular, which stays precise at long range.
     let off2 = (to_center - ray.direction * along).norm_squared();
     let half2 = radius * radius - off2;
     if half2 <= 0.0 {

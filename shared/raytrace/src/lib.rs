@@ -8,14 +8,14 @@
 //! | `objects` | a second hierarchy over moving objects, each with a hierarchy of its own |
 //! | `packet`, `packet_queries` | sixteen rays at a time |
 //!
-//! Start reading at [`Bvh`] for standing geometry and at [`ObjectTree`] for moving objects; [`Primitive`] and [`Shape`] document the
-//! primitives. [`Bvh::nearest_of`] casts packets, which is several times as fast as single rays.
+//! Start reading at [`Bvh`] for static geometry and at [`ObjectTree`] for moving objects; [`Primitive`] and [`Shape`]
+//! document the primitives. [`Bvh::nearest_of`] casts packets, which is several times as fast as single rays.
 //!
 //! All geometry is f32, in metres. Within 1 km of the origin a step of f32 is below 0.1 mm.
 //!
-//! The crate must never give a packet of rays another answer than the same rays one by one, and never an answer that depends on the order
-//! in which primitives were added, except between surfaces at the same distance. It knows no towns, sensors or materials: a hit
-//! is the number of a primitive and a distance.
+//! The crate must never give a different answer for a packet of rays than for the same rays one by one, and never an
+//! answer that depends on the order in which primitives were added, except between surfaces at the same distance. It
+//! does not depend on towns, sensors or materials: a hit is the number of a primitive and a distance.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -1,4 +1,4 @@
-//! A second-level hierarchy over moving objects at one time; each object has a hierarchy of its own.
+//! A second-level hierarchy over moving objects at one time; each object has its own hierarchy.
 
 use crate::binary_tree::Item;
 use crate::ray::{Ray, Vec3};

@@ -6,23 +6,24 @@ use crate::flat::Flat4;
 use crate::ray::Ray;
 use crate::wide_tree::{DEEP, INNER, KIND, Leaf, SLACK, Tree, WideNode};
 
-/// Rays of a packet.
+/// Number of rays of a packet.
 pub const PACKET_SIZE: usize = 16;
 /// One number per ray.
 pub type Lanes = [f32; PACKET_SIZE];
 
-/// Up to [`PACKET_SIZE`] rays that go into the same octant, by coordinate and lane. A lane without ray repeats the first one.
+/// Up to [`PACKET_SIZE`] rays with directions in the same octant, per coordinate and lane. A lane without a ray repeats
+/// the first one.
 #[derive(Clone, Debug)]
 pub struct Packet {
     origin: [Lanes; 3],
     direction: [Lanes; 3],
     inverse: [Lanes; 3],
-    /// 0 where the rays enter a box by its low side.
+    /// Per axis: 0 if the rays enter a box through its low side.
     near: [usize; 3],
 }
 
 impl Packet {
-    /// A packet of these rays; `None` if there are none, too many, or if their directions lie in several octants.
+    /// Creates a packet; `None` if there are no rays or too many, or if their directions are in several octants.
     pub fn new(rays: &[Ray]) -> Option<Self> {
         if rays.is_empty() || rays.len() > PACKET_SIZE {
             return None;
@@ -98,7 +99,7 @@ impl Packet {
         }
     }
 
-    /// Least range at which rays enter a child's box, and a bit for each that meets it before its limit.
+    /// Least range at which rays enter a child's box, and a bit for each ray that meets it before its limit.
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "the compiler vectorizes the loop over lanes of several arrays")]
     fn enter(&self, node: &WideNode, child: usize, limits: &Lanes) -> (f32, u32) {
@@ -114,7 +115,7 @@ impl Packet {
                 leave = smaller((far[axis] - self.origin[axis][lane]) * self.inverse[axis][lane], leave);
             }
             let meets = enter <= smaller(leave * SLACK, limits[lane]);
-            // Ranges are not negative: their bits are in the same order.
+            // Ranges are not negative, so their bits have the same order.
             least = least.min(if meets { enter.to_bits() } else { u32::MAX });
             rays |= if meets { 1 << lane } else { 0 };
         }
@@ -144,17 +145,17 @@ pub struct Found {
     pub ranges: Lanes,
     /// Range of the second nearest hit.
     seconds: Lanes,
-    /// Primitive of the nearest hit, in the order of the leaves; [`NOWHERE`] = none.
+    /// Primitive of the nearest hit, in the order of the leaves; [`NOWHERE`] without a hit.
     pub places: [u32; PACKET_SIZE],
 }
 
-/// Stands for no primitive.
+/// Index that means no primitive.
 pub const NOWHERE: u32 = u32::MAX;
-/// A hit is ambiguous if the second one is not farther than this factor.
+/// A hit is ambiguous if the range of the second one is within this factor.
 const CLOSE: f32 = 1.000_01;
 
 impl Found {
-    /// No hits yet, up to `max_m`.
+    /// Creates the state without hits, up to `max_m`.
     pub const fn nothing(max_m: f32) -> Self {
         Self { ranges: [max_m; PACKET_SIZE], seconds: [f32::INFINITY; PACKET_SIZE], places: [NOWHERE; PACKET_SIZE] }
     }
@@ -180,7 +181,7 @@ impl Found {
     }
 }
 
-/// The largest limit; negative if all are.
+/// The largest limit; negative if all limits are.
 #[inline(always)]
 fn farthest(limits: &Lanes) -> f32 {
     // Read as integers the positive ones keep their order, above all negative ones.

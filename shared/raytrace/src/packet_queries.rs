@@ -1,5 +1,5 @@
-//! Queries for many rays, packet by packet. Results equal those of single rays to the last bit: where two hits are so close
-//! that the order of tests may decide, the ray is traced again alone.
+//! Queries for many rays, packet by packet. Results equal the results of single rays to the last bit: if two hits are
+//! so close that the order of tests may decide, the ray is traced again alone.
 
 use crate::bvh::Bvh;
 use crate::objects::ObjectTree;
@@ -9,7 +9,7 @@ use crate::shape::Primitive;
 use crate::wide_tree::Leaf;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Up to this many active rays are tested one by one, each against four flat primitives at once.
+/// Largest number of active rays that are tested one by one, each against four flat primitives at once.
 const FEW: u32 = 4;
 
 impl Bvh {
@@ -42,7 +42,7 @@ impl Bvh {
         hits
     }
 
-    /// `None` if the rays do not form a packet.
+    /// The packet query; `None` if the rays do not form a packet.
     fn found(&self, rays: &[Ray], max_m: f32, any: bool) -> Option<Found> {
         let bundle = Packet::new(rays)?;
         Some(Arch::new().dispatch(Hits { bvh: self, rays, bundle: &bundle, max_m, any }))
@@ -75,7 +75,7 @@ struct Hits<'a> {
     rays: &'a [Ray],
     bundle: &'a Packet,
     max_m: f32,
-    /// Whether any hit is enough.
+    /// Whether any hit suffices.
     any: bool,
 }
 
@@ -90,7 +90,7 @@ impl WithSimd for Hits<'_> {
         bundle.walk(
             &bvh.tree,
             &mut limits,
-            // Without it the closure is compiled for the narrowest registers.
+            // Without this attribute the closure is compiled for the narrowest registers.
             #[inline(always)]
             |leaf, mut some, limits| {
                 match leaf {
@@ -117,7 +117,7 @@ impl WithSimd for Hits<'_> {
     }
 }
 
-/// Query for the rays of a packet that come near an object.
+/// Query for the rays of a packet that pass near an object.
 struct Near<'a> {
     swarm: &'a ObjectTree,
     bundle: &'a Packet,
@@ -215,7 +215,7 @@ mod tests {
         let yard = yard();
         let rays = rays();
         let found: Vec<Option<Found>> = rays.chunks(PACKET_SIZE).map(|rays| yard.found(rays, 25.0, false)).collect();
-        // 750 of a fan whose rows change the octant five times each, 250 of random rays that never agree.
+        // 750 from a fan whose rows change the octant five times each, 250 from random rays that never share an octant.
         let n_bundles = found.iter().flatten().count();
         assert!((600..=750).contains(&n_bundles), "{n_bundles}");
         let ambiguous =

@@ -9,9 +9,9 @@ pub type Vec3 = nalgebra::Vector3<f32>;
 /// A ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Where it starts, m.
+    /// Origin, m.
     pub origin: Vec3,
-    /// Unit length.
+    /// Direction, of unit length.
     pub direction: Vec3,
     /// Seed of the random depth at which the ray ends in a porous shape.
     pub seed: u64,

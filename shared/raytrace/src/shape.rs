@@ -19,65 +19,65 @@ pub enum Shape {
     Triangle {
         /// One corner.
         corner: Vec3,
-        /// From it to the second.
+        /// Edge to the second corner.
         edge1: Vec3,
-        /// From it to the third.
+        /// Edge to the third corner.
         edge2: Vec3,
     },
     /// A parallelogram, visible from both sides. Wire mesh is a panel that stops only some rays.
     Panel {
         /// One corner.
         corner: Vec3,
-        /// From it to the second.
+        /// Edge to the second corner.
         edge1: Vec3,
-        /// From it to the fourth.
+        /// Edge to the fourth corner.
         edge2: Vec3,
-        /// Share of rays that it stops, above 0; 1 = solid.
+        /// Share of rays that the panel stops, above 0; 1 = solid.
         fill: f32,
     },
     /// An oriented box.
     Cuboid {
-        /// Its middle.
+        /// Center of the box.
         center: Vec3,
-        /// Half of its edges, above 0, in its own frame.
+        /// Half side lengths, above 0, in its own frame.
         half: Vec3,
         /// Rotation from its own frame.
         rotation: UnitQuaternion<f32>,
     },
     /// A cone frustum with flat ends.
     Cone {
-        /// Middle of one end.
+        /// Center of one end.
         base: Vec3,
         /// Unit vector to the other end.
         axis: Vec3,
-        /// Between the ends.
+        /// Distance between the ends.
         length: f32,
-        /// At `base` and at the other end; one of them may be 0.
+        /// Radii at `base` and at the other end; one of them may be 0.
         radii: [f32; 2],
     },
     /// A cylinder with flat ends.
     Cylinder {
-        /// Middle of one end.
+        /// Center of one end.
         base: Vec3,
         /// Unit vector to the other end.
         axis: Vec3,
-        /// Between the ends.
+        /// Distance between the ends.
         length: f32,
         /// Radius.
         radius: f32,
     },
     /// A sphere.
     Sphere {
-        /// Its middle.
+        /// Center of the sphere.
         center: Vec3,
-        /// Its radius.
+        /// Radius of the sphere.
         radius: f32,
     },
-    /// A sphere of foliage: a ray ends in it at an exponentially distributed depth, or passes.
+    /// A sphere of foliage: a ray ends in it at an exponentially distributed depth, or passes through.
     Porous {
-        /// Its middle.
+        /// Center of the sphere.
         center: Vec3,
-        /// Its radius.
+        /// Radius of the sphere.
         radius: f32,
         /// Mean depth at which rays end.
         free_path: f32,

@@ -7,9 +7,10 @@ use wide::f32x4;
 
 /// Children of a node.
 pub const LANES: usize = 4;
-/// Stack entries that nearly all trees need. Clearing a stack of a kilobyte would take a tenth of a ray's time.
+/// Stack size that suffices for nearly all trees. Clearing a stack of a kilobyte would take a tenth of a ray's time.
 const SHALLOW: usize = 64;
-/// Enough for any tree: the binary tree has at most 40 levels plus 32 median splits, and each level leaves 3 entries.
+/// Stack size that suffices for any tree: the binary tree has at most 40 levels plus 32 median splits, and each level
+/// leaves 3 entries.
 pub(crate) const DEEP: usize = 256;
 
 /// Content of a leaf.
@@ -38,7 +39,7 @@ const SINGLE: u32 = 0b10 << 30;
 /// Tolerance for f32 rounding: a ray may leave a box earlier than it enters it by this factor.
 pub(crate) const SLACK: f32 = 1.000_001;
 
-/// Boxes of the children by side (low, high), axis and lane. An unused lane has a box that no ray meets.
+/// Boxes of the children per side (low, high), axis and lane. An unused lane has a box that no ray meets.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub(crate) struct WideNode {
@@ -51,7 +52,7 @@ pub(crate) struct WideNode {
 pub struct Tree {
     pub(crate) nodes: Vec<WideNode>,
     bounds: Option<[Vec3; 2]>,
-    /// Stack entries that any ray needs.
+    /// Stack size that suffices for any ray.
     stack: usize,
 }
 
@@ -67,7 +68,7 @@ impl Tree {
         tree
     }
 
-    /// Smallest and largest coordinates; `None` of an empty tree.
+    /// Smallest and largest coordinates; `None` for an empty tree.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
         self.bounds
     }
@@ -145,7 +146,7 @@ impl Tree {
 struct Slabs {
     origin: [f32x4; 3],
     inverse: [f32x4; 3],
-    /// 0 where the ray enters a box by its low side.
+    /// Per axis: 0 if the ray enters a box through its low side.
     near: [usize; 3],
 }
 
@@ -160,7 +161,7 @@ impl Slabs {
         }
     }
 
-    /// Range at which the ray enters each box, and a bit for each that it meets before the limit.
+    /// Range at which the ray enters each box, and a bit for each box that it meets before the limit.
     #[inline(always)]
     fn enter(&self, node: &WideNode, limit: f32) -> ([f32; LANES], u32) {
         let mut enter = f32x4::ZERO;
@@ -185,12 +186,12 @@ struct Widen<'a> {
 }
 
 impl Widen<'_> {
-    /// Appends the wide node of a binary node and its subtree. `stack` counts the entries in use when a ray reaches it, the node
-    /// included.
+    /// Appends the wide node of a binary node and its subtree. `stack` counts the entries in use when a ray reaches it,
+    /// including the node.
     fn node(&mut self, tree: &mut Tree, binary: usize, stack: usize) -> u32 {
         let mut children = vec![binary];
         while children.len() < LANES {
-            // The largest box is met most often, so its children are promoted first.
+            // The largest box is hit most often, so its children are promoted first.
             let inner = children.iter().enumerate().filter(|(_, child)| self.binary[**child].count == 0);
             let largest = inner
                 .max_by(|a, b| self.binary[*a.1].half_area().total_cmp(&self.binary[*b.1].half_area()))

@@ -54,7 +54,7 @@ impl Confusion {
         assert_eq!(self.n_classes, other.n_classes);
         self.counts.iter_mut().zip(&other.counts).for_each(|(sum, n)| *sum += n);
     }
-    /// The same points with labeled and predicted classes mapped by `class_of`.
+    /// A matrix of the same points with labeled and predicted classes mapped by `class_of`.
     #[must_use]
     pub fn merged(&self, class_of: impl Fn(usize) -> usize) -> Self {
         let mut merged = Self::new(self.n_classes);
@@ -87,7 +87,7 @@ impl Confusion {
             n_predicted,
         }
     }
-    /// Mean IoU of the labeled classes; `None` if there are none.
+    /// Mean IoU of the labeled classes; `None` without labeled classes.
     pub fn mean_iou(&self) -> Option<f64> {
         let present = (0..self.n_classes).map(|class| self.class(class)).filter(|scores| scores.n_truth > 0);
         let ious: Vec<f64> = present.filter_map(|scores| scores.iou).collect();
@@ -217,7 +217,7 @@ mod tests {
         let c = confusion.class(2);
         assert_eq!((c.precision, c.recall, c.iou), (Some(0.0), None, Some(0.0)));
         assert_eq!(confusion.class(3).iou, None);
-        // Class c is only predicted: it lowers the precision of others, but does not count as a class with IoU 0.
+        // Class c is only predicted: it lowers the recall of class b, but does not count as a class with IoU 0.
         assert_eq!(confusion.mean_iou(), Some(f64::midpoint(2.0 / 3.0, 1.0 / 3.0)));
         assert_eq!(confusion.overall_accuracy(), Some(0.6));
         assert_eq!((Confusion::new(3).mean_iou(), Confusion::new(3).overall_accuracy()), (None, None));
@@ -234,7 +234,7 @@ mod tests {
             let is_right = random.index(3) > 0;
             confusion.add(truth, if is_right { truth } else { random.index(7) });
         }
-        // Precision, recall, IoU; not a number where there is none.
+        // Precision, recall, IoU; NaN if undefined.
         let expected = [
             [0.747_800_586_510_3, 0.728_571_428_571_4, 0.584_862_385_321_1],
             [0.761_904_761_904_8, 0.687_679_083_094_6, 0.566_037_735_849_1],

@@ -5,18 +5,18 @@
 pub struct Fidelity {
     /// Sum over the bands of the squared errors of a pixel, mean over pixels: the MSE column of table 3.1 of the thesis.
     pub squared_error: f64,
-    /// Peak signal-to-noise ratio, dB: 10 log10(peak^2 / e), e the mean of the squared error over pixels *and* bands. Infinite for equal
-    /// images.
+    /// Peak signal-to-noise ratio, dB: 10 log10(peak^2 / e), where e is the mean of the squared error over pixels *and*
+    /// bands. Infinite for equal images.
     pub psnr_db: f64,
 }
 
-/// Compares two band-sequential images of `n_bands`. Values that are not finite in either image are left out, in all bands of their
-/// pixel. `None` without a pixel to compare.
+/// Compares two band-sequential images of `n_bands`. A pixel with a value that is not finite in either image is skipped
+/// in all bands. `None` if there is no pixel to compare.
 pub fn fidelity(original: &[f32], image: &[f32], n_bands: usize, peak: f64) -> Option<Fidelity> {
     fidelity_where(original, image, n_bands, peak, |_| true)
 }
 
-/// As [`fidelity`], of the pixels whose index is selected.
+/// Compares the pixels whose index is selected, like [`fidelity`].
 pub fn fidelity_where(
     original: &[f32],
     image: &[f32],

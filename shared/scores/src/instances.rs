@@ -1,9 +1,9 @@
-//! Scores of instances: panoptic quality (Kirillov et al. 2019) and those of thesis table 6.11.
+//! Scores of instances: panoptic quality (Kirillov et al. 2019) and the scores of thesis table 6.11.
 //!
-//! A predicted and a true instance of one class match if their intersection over union (IoU) is above 1/2; then neither matches
-//! another. Points whose truth is void are ignored: they are left out of unions, and a prediction with more than half of its points
-//! on void is not a false positive (the rule of panopticapi). Points of a class whose truth has no instance (a "crowd") are void
-//! for predictions of that class only.
+//! A predicted and a true instance of one class match if their intersection over union (IoU) is above 1/2; then neither
+//! matches another. Points whose truth is void are ignored: unions do not include them, and a prediction with more than
+//! half of its points on void is not a false positive (the rule of panopticapi). Points of a class whose truth has no
+//! instance (a "crowd") are void for predictions of that class only.
 
 use std::collections::BTreeMap;
 
@@ -12,14 +12,14 @@ use std::collections::BTreeMap;
 pub struct PointLabel {
     /// Id in the class table.
     pub class: u8,
-    /// Instance id; 0: none.
+    /// Instance id; 0 without an instance.
     pub instance: u32,
 }
 
 /// The number of points of each pair of true and predicted label, over any number of clouds, in any order.
 #[derive(Clone, Debug, Default)]
 pub struct Overlaps {
-    /// By true label, then predicted label.
+    /// Number of points by true label, then predicted label.
     pairs: BTreeMap<(PointLabel, PointLabel), u64>,
     /// The latest pair, not yet in `pairs`. Consecutive points mostly have equal labels, so they are counted here first.
     run: Option<((PointLabel, PointLabel), u64)>,
@@ -32,7 +32,7 @@ pub struct InstanceScores {
     pub class: u8,
     /// Number of true instances.
     pub n_true: usize,
-    /// Number of predicted instances, without those on void.
+    /// Number of predicted instances, without predictions on void.
     pub n_predicted: usize,
     /// IoU of the matches, sorted by true instance id.
     pub matches: Vec<f64>,
@@ -55,7 +55,7 @@ impl InstanceScores {
     pub fn pq(&self) -> f64 {
         2.0 * self.matches.iter().sum::<f64>() / (self.n_true + self.n_predicted) as f64
     }
-    /// Mean IoU over the true instances, with 0 for those without a match: column mIoU of thesis table 6.11.
+    /// Mean IoU over the true instances, with 0 for instances without a match: column mIoU of thesis table 6.11.
     pub fn miou(&self) -> f64 {
         self.matches.iter().sum::<f64>() / self.n_true as f64
     }

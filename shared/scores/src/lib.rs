@@ -11,10 +11,10 @@
 //!
 //! Formulas and the other programs that give the same numbers: `docs/reference/measures.md`.
 //!
-//! What it must never do: read a file, know a model or a stage, or substitute a score where there is no truth: such a score is NaN or
-//! `None`. The caller brings labels, poses and points in memory.
+//! This crate must never read a file, depend on a model or a stage, or substitute a score if there is no truth: such a
+//! score is NaN or `None`. The caller provides labels, poses and points in memory.
 //!
-//! Where to begin reading: [`Confusion`] is the simplest; [`trajectory`] has the most conventions.
+//! Start reading at [`Confusion`], the simplest score; [`trajectory`] has the most conventions.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

@@ -1,7 +1,8 @@
 //! Scores of a point cloud: its sharpness, which needs no truth, and its distance to a true cloud.
 //!
-//! These scores complement trajectory errors: a trajectory may drift by a meter per kilometer while its cloud is sharp everywhere,
-//! and vice versa. All scores depend on the density of the cloud, so compare only clouds of the same returns.
+//! These scores complement trajectory errors: a trajectory may drift by a metre per kilometre while its cloud is sharp
+//! everywhere, and vice versa. All scores depend on the density of the cloud, so compare only clouds of the same
+//! returns.
 
 mod crispness;
 mod distance;

@@ -1,4 +1,4 @@
-//! Scores of the regions of a label image: shapes, and superpixels against segmentations by people.
+//! Scores of the regions of a label image: shapes, and superpixels compared with segmentations by people.
 //!
 //! Definitions: thesis 3.3.2; "benchmark": the superpixel benchmark of Stutz et al. (CVIU 2018), whose values they equal.
 
@@ -10,7 +10,7 @@ pub use boundaries::{BoundaryScores, ContourDensity, boundary_scores, contour_de
 pub use overlap::{OverlapScores, explained_variation, overlap_scores};
 pub use shapes::{Shapes, shapes};
 
-/// A label image: rows of columns. Equal labels are one region, connected or not. Label 0 is a region, too.
+/// A label image: rows of columns. Equal labels are one region, connected or not. Label 0 is also a region.
 #[derive(Clone, Copy, Debug)]
 pub struct LabelImage<'a> {
     columns: usize,
@@ -18,7 +18,7 @@ pub struct LabelImage<'a> {
 }
 
 impl<'a> LabelImage<'a> {
-    /// `None` if the labels are no full rows, or a label is not below the number of pixels + 1.
+    /// Creates the image; `None` if the labels do not fill the rows, or a label is not below the number of pixels + 1.
     pub fn new(columns: usize, labels: &'a [u32]) -> Option<Self> {
         let is_valid = columns > 0 && !labels.is_empty() && labels.len().is_multiple_of(columns);
         let is_bounded = labels.iter().all(|label| *label as usize <= labels.len());
@@ -57,7 +57,7 @@ impl<'a> LabelImage<'a> {
         self.labels.len() / self.columns
     }
 
-    /// By label: number of pixels.
+    /// Number of pixels per label.
     fn areas(&self) -> Vec<u64> {
         let n_labels = self.labels.iter().max().map_or(0, |label| *label as usize + 1);
         let mut areas = vec![0; n_labels];
@@ -67,7 +67,7 @@ impl<'a> LabelImage<'a> {
         areas
     }
 
-    /// Left, right, upper and lower neighbor; `None` outside of the image.
+    /// Left, right, upper and lower neighbor; `None` outside the image.
     fn neighbors(&self, at: usize) -> [Option<usize>; 4] {
         let x = at % self.columns;
         let y = at / self.columns;
@@ -79,7 +79,7 @@ impl<'a> LabelImage<'a> {
         ]
     }
 
-    /// Sides of a pixel toward another label, and at the rim of the image.
+    /// Number of sides of a pixel that face another label or the edge of the image.
     fn open_sides(&self, at: usize) -> [u32; 2] {
         let mut counts = [0; 2];
         for neighbor in self.neighbors(at) {

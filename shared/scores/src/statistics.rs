@@ -15,14 +15,14 @@ pub struct Statistics {
     pub p95: f64,
     /// Standard deviation of the set (divided by n).
     pub deviation: f64,
-    /// Smallest.
+    /// Smallest value.
     pub min: f64,
-    /// Largest.
+    /// Largest value.
     pub max: f64,
 }
 
 impl Statistics {
-    /// `None` without values. The values must be finite.
+    /// Computes the statistics; `None` without values. The values must be finite.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
@@ -50,7 +50,7 @@ impl Statistics {
             max,
         })
     }
-    /// In another unit: all values multiplied by `factor`.
+    /// Converts to another unit: all values are multiplied by `factor`.
     #[must_use]
     pub fn times(self, factor: f64) -> Self {
         Self {

@@ -21,8 +21,8 @@ pub(super) struct Job<'a> {
 impl WithSimd for Job<'_> {
     type Output = ();
 
-    // Tiles of pixels x output blocks whose sums fit into registers. 16 to 24 of 32 registers (AVX-512) or 8 of 16 (AVX2) hide the
-    // latency of the multiply-adds.
+    // Tile sizes (pixels x output blocks) whose sums fit into registers. 16 to 24 of 32 registers (AVX-512) or 8 of 16
+    // (AVX2) hide the latency of the multiply-adds.
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let n_blocks = self.out.n_blocks();

@@ -16,7 +16,7 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// From a packed filter.
+    /// Creates a filter from packed values.
     ///
     /// # Panics
     /// If there are not [`Shape::packed_rows`] rows.
@@ -26,7 +26,7 @@ impl Filter {
         let transformed = if is_tiled { winograd_filter::transformed(&shape, &packed) } else { Vec::new() };
         Self { shape, packed, transformed }
     }
-    /// From weights in the order of `PyTorch`, `[out, in, row, column]`, and biases.
+    /// Creates a filter from weights in the order of `PyTorch`, `[out, in, row, column]`, and biases.
     ///
     /// # Panics
     /// If the number of weights or biases does not match the shape.
@@ -68,7 +68,7 @@ impl Filter {
     pub(super) fn tap(&self, out_block: usize, tap: usize) -> &[Feature] {
         &self.packed[out_block * self.shape.rows_per_block() + tap * LANES..][..LANES]
     }
-    /// The filter for the Winograd kernel; empty if that cannot apply it.
+    /// The filter for the Winograd kernel; empty if the kernel cannot apply it.
     #[inline(always)]
     pub(super) fn transformed(&self) -> &[Feature] {
         &self.transformed

@@ -36,10 +36,10 @@ pub struct Planes<P = Vec<Feature>> {
     pixels: P,
 }
 
-/// An image in the memory of another one, or of a tensor.
+/// An image that borrows the memory of another one, or of a tensor.
 pub type PlanesRef<'a> = Planes<&'a [Feature]>;
 
-/// An image in the memory of another one, or of a tensor, to write to.
+/// An image that mutably borrows the memory of another one, or of a tensor.
 pub type PlanesMut<'a> = Planes<&'a mut [Feature]>;
 
 /// Number of pixels of an image, with borders.
@@ -72,7 +72,7 @@ impl Planes {
         planes.fill_border(border);
         planes
     }
-    /// From pixels without a border, in the order block, row, column.
+    /// Creates an image from pixels without a border, in the order block, row, column.
     ///
     /// # Panics
     /// If their number is not blocks x height x width.
@@ -88,12 +88,12 @@ impl Planes {
 }
 
 impl<P: Deref<Target = [Feature]>> Planes<P> {
-    /// From pixels with borders, in the order block, row, column.
+    /// Creates an image from pixels with borders, in the order block, row, column.
     pub(super) fn from_pixels(channels: usize, height: usize, width: usize, pixels: P) -> Self {
         assert_eq!(pixels.len(), n_pixels(channels, height, width));
         Self { channels, height, width, pixels }
     }
-    /// The same image, borrowed.
+    /// A borrowed view of the image.
     pub fn view(&self) -> PlanesRef<'_> {
         Planes { channels: self.channels, height: self.height, width: self.width, pixels: &self.pixels }
     }
@@ -170,7 +170,7 @@ impl<P: Deref<Target = [Feature]>> Planes<P> {
 }
 
 impl<P: DerefMut<Target = [Feature]>> Planes<P> {
-    /// The same image, borrowed to write to.
+    /// A mutably borrowed view of the image.
     pub fn view_mut(&mut self) -> PlanesMut<'_> {
         Planes { channels: self.channels, height: self.height, width: self.width, pixels: &mut self.pixels }
     }

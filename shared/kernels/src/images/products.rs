@@ -19,7 +19,8 @@ pub(super) fn add_products<S: Simd, const N: usize, const P: usize, const C: usi
     weights: [&[Feature]; C],
 ) {
     let zero = simd.splat_f32s(0.0);
-    // Not `..=`: its check is a call if the compiler does not inline it, and a call saves all registers of the sums.
+    // `..=` is avoided: it has a check that is a call if the compiler does not inline it, and a call saves all
+    // registers of the sums.
     let (pixels, _) = pixels.split_at((P - 1) * SX + 1);
     for channel in 0..n_channels {
         let mut of_channel = [[zero; N]; C];

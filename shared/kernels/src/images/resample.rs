@@ -6,7 +6,7 @@ use std::ops::{Deref, DerefMut};
 /// The maximum of each window of rows x columns; writes all of `out` except its border.
 ///
 /// # Panics
-/// If the size of the image is not that of `out` times the factor.
+/// If the size of the image is not the size of `out` times the factor.
 pub fn max_pool<S, O>(image: &Planes<S>, [rows, columns]: [usize; 2], out: &mut Planes<O>)
 where
     S: Deref<Target = [Feature]>,
@@ -35,7 +35,7 @@ where
 /// Repeats every pixel over rows x columns; writes all of `out` except its border.
 ///
 /// # Panics
-/// If the size of `out` is not that of the image times the factor.
+/// If the size of `out` is not the size of the image times the factor.
 pub fn upsample<S, O>(image: &Planes<S>, [rows, columns]: [usize; 2], out: &mut Planes<O>)
 where
     S: Deref<Target = [Feature]>,

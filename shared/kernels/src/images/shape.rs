@@ -17,21 +17,21 @@ pub struct Shape {
     pub rectify: bool,
 }
 
-/// Place of a value in a packed filter.
+/// Position of a value in a packed filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilterPosition {
     /// Row of 16 values.
     pub row: usize,
-    /// Place in the row.
+    /// Index in the row.
     pub lane: usize,
 }
 
 /// A filter, or the derivative with respect to one, in the order of `PyTorch`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlainFilter {
-    /// `[out, in, row, column]`.
+    /// Weights, `[out, in, row, column]`.
     pub weights: Vec<f32>,
-    /// `[out]`.
+    /// Biases, `[out]`.
     pub biases: Vec<f32>,
 }
 

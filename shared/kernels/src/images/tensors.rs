@@ -44,7 +44,7 @@ pub(super) fn planes_of<'a>(storage: &'a CpuStorage, layout: &Layout, channels: 
     Ok(Planes::from_pixels(channels, height, width, pixels))
 }
 
-/// The image in the memory of a tensor, to write to.
+/// The image in the memory of a tensor, mutably borrowed.
 pub(super) fn planes_mut_of<'a>(
     storage: &'a mut CpuStorage,
     layout: &Layout,
@@ -104,7 +104,7 @@ impl<F: Fn(&mut PlanesMut<'_>)> InplaceOp1 for Write<F> {
     }
 }
 
-/// Lets `write` write everything except the border, then fills the border.
+/// Calls `write` for everything except the border, then fills the border.
 pub(super) fn written(image: &mut PlanesMut<'_>, border: Border, write: impl FnOnce(&mut PlanesMut<'_>)) -> Result<()> {
     if border == Border::Circular && image.width() < BORDER {
         bail!("a circular image of {} columns; it must have at least {BORDER}", image.width());
@@ -114,7 +114,7 @@ pub(super) fn written(image: &mut PlanesMut<'_>, border: Border, write: impl FnO
     Ok(())
 }
 
-/// From blocks to the order of `PyTorch`, `[1, channels, rows, columns]`.
+/// Converts from blocks to the order of `PyTorch`, `[1, channels, rows, columns]`.
 pub struct FromBlocks {
     /// Channels of the image.
     pub channels: usize,
@@ -130,7 +130,7 @@ impl CustomOp1 for FromBlocks {
     }
 }
 
-/// From the order of `PyTorch`, `[1, channels, rows, columns]`, to blocks.
+/// Converts from the order of `PyTorch`, `[1, channels, rows, columns]`, to blocks.
 pub struct ToBlocks {
     /// The border.
     pub border: Border,

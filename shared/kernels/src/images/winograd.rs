@@ -36,7 +36,7 @@ pub(super) struct Job<'a> {
 impl WithSimd for Job<'_> {
     type Output = ();
 
-    // Tiles x output blocks whose sums fit into registers: 24 of 32 (AVX-512), 12 of 16 (AVX2).
+    // Tile sizes (tiles x output blocks) whose sums fit into registers: 24 of 32 (AVX-512), 12 of 16 (AVX2).
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         match S::F32_LANES {

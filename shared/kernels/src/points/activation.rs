@@ -11,12 +11,12 @@ use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
 /// `max(x, slope * x)` with a slope of 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Activation {
-    /// Slope of negative values: 1 changes nothing, 0 is the rectifier (`ReLU`).
+    /// Slope of negative values: 1 is the identity, 0 is the rectifier (`ReLU`).
     pub slope: f32,
 }
 
 impl Activation {
-    /// Changes nothing.
+    /// Identity.
     pub const NONE: Self = Self { slope: 1.0 };
     /// Rectifier.
     pub const RELU: Self = Self { slope: 0.0 };
@@ -25,11 +25,11 @@ impl Activation {
 
     #[inline(always)]
     pub(super) fn of(self, x: f32) -> f32 {
-        // Not in the branch: both values become vectors then, and random signs cost no mispredicted jumps.
+        // Outside the branch: both values are then vectors, and random signs cost no mispredicted jumps.
         let scaled = self.slope * x;
         if x > 0.0 { x } else { scaled }
     }
-    /// Applies it to values.
+    /// Applies the activation to values.
     pub(super) fn apply(self, values: &mut [f32]) {
         if self != Self::NONE {
             wide_loops::run(
@@ -71,7 +71,7 @@ impl Activation {
     }
 }
 
-/// Values of a task.
+/// Number of values of a task.
 const BLOCK: usize = 1 << 14;
 
 /// The activation of a sum of two tensors of one shape.

@@ -1,4 +1,5 @@
-//! Concatenation of columns. candle's copies element by element along the last dimension, and so does its gradient.
+//! Concatenation of columns. candle's concatenation copies element by element along the last dimension, and so does its
+//! gradient.
 
 use super::rows::{for_each_block, read, tensor, values};
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
@@ -6,7 +7,7 @@ use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
 /// Rows of a task.
 const BLOCK: usize = 256;
 
-/// The columns of tensors with equal numbers of rows, one after the other.
+/// The columns of tensors with equal numbers of rows, one after another.
 pub fn concatenate(first: &Tensor, others: &[&Tensor]) -> Result<Tensor> {
     let mut all = first.clone();
     for other in others {

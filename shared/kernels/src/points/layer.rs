@@ -12,7 +12,7 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// Weight `(out, in)` and bias `(out)`.
+    /// Creates a layer from weight `(out, in)` and bias `(out)`.
     pub fn new(weight: &Tensor, bias: &Tensor) -> Result<Self> {
         let (n_out, n_in) = weight.dims2()?;
         if bias.dims() != [n_out] {
@@ -31,7 +31,7 @@ impl Layer {
             row.iter_mut().zip(&self.bias).for_each(|(value, bias)| *value += bias);
         }
     }
-    /// Adds the products of rows with the weight to others.
+    /// Adds the products of `rows` with the weight to `out`.
     pub(super) fn add_product(&self, rows: &[f32], out: &mut [f32]) {
         self.weight.add_product(Matrix::of_rows(rows, self.n_in), out);
     }

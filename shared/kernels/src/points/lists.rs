@@ -18,7 +18,7 @@ pub struct Lists {
 pub(super) struct Transposed {
     /// For each row the lists that contain it, ascending.
     pub lists: Lists,
-    /// The place of the row in the items of the list, for each item of `lists`.
+    /// The index of the row in the items of the list, for each item of `lists`.
     pub places: Vec<u32>,
 }
 
@@ -35,11 +35,11 @@ impl Lists {
         assert!(items.iter().all(|row| (*row as usize) < n_rows), "list items are less than {n_rows}");
         Self { ends, items, n_rows, transposed: OnceLock::new() }
     }
-    /// One row for each output.
+    /// Lists of one row for each output.
     pub fn single(rows: impl IntoIterator<Item = u32>, n_rows: usize) -> Self {
         Self::new(rows.into_iter().map(|row| [row]), n_rows)
     }
-    /// Consecutive rows, `lengths` of them each.
+    /// Lists of consecutive rows, with the given lengths.
     pub fn consecutive(lengths: &[usize]) -> Self {
         let mut start = 0;
         let ranges = lengths.iter().map(|length| {
@@ -61,7 +61,7 @@ impl Lists {
     pub fn n_rows(&self) -> usize {
         self.n_rows
     }
-    /// Lengths of all lists together.
+    /// Total length of all lists.
     pub fn n_items(&self) -> usize {
         self.items.len()
     }
@@ -71,7 +71,7 @@ impl Lists {
         let start = if list == 0 { 0 } else { self.ends[list - 1] };
         start as usize..self.ends[list] as usize
     }
-    /// The row at a place of the items.
+    /// The row at an index of the items.
     #[inline(always)]
     pub(super) fn item(&self, place: usize) -> u32 {
         self.items[place]
@@ -81,7 +81,7 @@ impl Lists {
     pub fn of(&self, list: usize) -> &[u32] {
         &self.items[self.places(list)]
     }
-    /// For each row the lists that contain it, ascending, and the places of the row in the items.
+    /// For each row the lists that contain it, ascending, and the indices of the row in the items.
     pub(super) fn transposed(&self) -> &Transposed {
         self.transposed.get_or_init(|| Box::new(self.transpose()))
     }

@@ -13,8 +13,8 @@ use std::sync::Arc;
 /// Rows of a task.
 const BLOCK: usize = 32;
 
-/// The maximum of the rows of each list, by column. Lists shorter than `full` have a further row of zeros: the shadow neighbor of
-/// `KPConv`. An empty list gives zeros. Of equal values the first one gets the gradient.
+/// The maximum of the rows of each list, by column. Lists shorter than `full` have an additional row of zeros: the
+/// shadow neighbor of `KPConv`. An empty list gives zeros. The first of equal values gets the gradient.
 pub fn maximum(rows: &Tensor, lists: &Arc<Lists>, full: usize) -> Result<Tensor> {
     rows.contiguous()?.apply_op1(Maximum { lists: lists.clone(), full })
 }
@@ -69,7 +69,7 @@ impl CustomOp1 for Maximum {
                         for (row, out) in out.chunks_exact_mut(n_columns).enumerate() {
                             let mut last = u32::MAX;
                             for list in lists.of(first + row) {
-                                // A row that is twice in a list gets its gradient once.
+                                // A row that occurs twice in a list gets its gradient once.
                                 if std::mem::replace(&mut last, *list) == *list {
                                     continue;
                                 }

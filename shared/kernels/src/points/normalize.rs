@@ -1,4 +1,4 @@
-//! Batch normalization: by the statistics of the rows in training, by running statistics in evaluation.
+//! Batch normalization: with the statistics of the rows in training, with running statistics in evaluation.
 
 #![allow(
     clippy::needless_range_loop,
@@ -12,12 +12,12 @@ use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor, bail};
 /// Rows of a task.
 const BLOCK: usize = 256;
 
-/// Where the statistics of a normalization come from.
+/// Source of the statistics of a normalization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// From the rows themselves: their gradient goes through the statistics, too.
+    /// The statistics of the rows themselves: the gradient of the rows also flows through the statistics.
     Rows,
-    /// From elsewhere: they are constants.
+    /// Given statistics, which are constants.
     Constant,
 }
 
@@ -74,12 +74,12 @@ impl ColumnStatistics {
     }
 }
 
-/// What rows are normalized by.
+/// Parameters of the normalization of rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Normalization<'a> {
     /// Mean and variance of each column.
     pub statistics: &'a ColumnStatistics,
-    /// Where they come from.
+    /// Source of the statistics.
     pub source: Source,
     /// Added to variances.
     pub epsilon: f64,
@@ -106,7 +106,7 @@ pub fn normalize(
 
 struct Normalize {
     means: Vec<f32>,
-    /// 1 / standard deviation of each column.
+    /// Inverse standard deviation of each column.
     inverses: Vec<f32>,
     source: Source,
     activation: Activation,
@@ -178,7 +178,7 @@ impl CustomOp3 for Normalize {
     }
 }
 
-/// What the gradients depend on.
+/// Inputs of the gradients.
 #[derive(Clone, Copy)]
 struct Values<'a> {
     rows: &'a [f32],
@@ -189,7 +189,7 @@ struct Values<'a> {
 }
 
 impl Normalize {
-    /// Gradients of bias and weight, one after the other, and of the rows.
+    /// Gradients of bias and weight, one after another, and of the rows.
     fn gradients(&self, values: Values<'_>, weight: &[f32]) -> (Vec<f64>, Vec<f32>) {
         let Values { n, n_columns, .. } = values;
         let sums = column_sums(

@@ -13,7 +13,8 @@ use std::sync::Arc;
 /// Rows of a task.
 const BLOCK: usize = 64;
 
-/// The means of the rows of each list, times `scale` and plus `shift`: those of normalized rows, in evaluation. An empty list gives zeros.
+/// The means of the rows of each list, times `scale` and plus `shift`, which is the mean of normalized rows in
+/// evaluation. An empty list gives zeros.
 pub fn normalized_means(rows: &Tensor, lists: &Arc<Lists>, scale: &Tensor, shift: &Tensor) -> Result<Tensor> {
     let op = NormalizedMeans { lists: lists.clone(), scale: scale.to_vec1()?, shift: shift.to_vec1()? };
     rows.contiguous()?.apply_op1_no_bwd(&op)

@@ -22,7 +22,7 @@ const CHANNELS: usize = 16;
 /// Rows of cells of a part of the gradient of the weights.
 const PART_ROWS: usize = 16;
 
-/// Planes of equal size, one after the other.
+/// Planes of equal size, one after another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaneShape {
     /// Number of planes.
@@ -87,7 +87,7 @@ pub fn plane_convolution(
     cells.contiguous()?.apply_op3(&weight.contiguous()?, &bias.contiguous()?, Dense { shape, activation })
 }
 
-/// Convolution of each channel by itself. Cells `(cells, channels)`, weight `(channels, 1, 3, 3)`, bias `(channels)`.
+/// Separate convolution of each channel. Cells `(cells, channels)`, weight `(channels, 1, 3, 3)`, bias `(channels)`.
 pub fn depth_wise_convolution(
     cells: &Tensor,
     weight: &Tensor,
@@ -160,7 +160,7 @@ impl CustomOp3 for Dense {
         let gradient = self.activation.gradient(result, gradient)?;
         let (n_out, n_in, _, _) = weight.dims4()?;
         let of_cells = || {
-            // The taps turned by 180 degrees.
+            // The taps, rotated by 180 degrees.
             let by_tap = |weight: &[f32]| {
                 let at = |i: usize| weight[(i / n_in % n_out * n_in + i % n_in) * TAPS + TAPS - 1 - i / n_in / n_out];
                 let by_tap: Vec<f32> = (0..weight.len()).map(at).collect();
@@ -240,7 +240,7 @@ impl CustomOp3 for DepthWise {
     }
 }
 
-/// The weights `(channels, 3, 3)` by tap, turned by 180 degrees if asked.
+/// The weights `(channels, 3, 3)` by tap, rotated by 180 degrees if `turned`.
 fn weight_by_tap(weight: &[f32], n_channels: usize, turned: bool) -> Vec<f32> {
     let at = |i: usize| {
         let tap = if turned { TAPS - 1 - i / n_channels } else { i / n_channels };

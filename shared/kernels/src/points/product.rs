@@ -22,7 +22,7 @@ pub(super) struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    /// Rows of `n_columns` values.
+    /// A matrix from rows of `n_columns` values.
     pub fn of_rows(values: &'a [f32], n_columns: usize) -> Self {
         Self { values, row_step: n_columns, column_step: 1 }
     }

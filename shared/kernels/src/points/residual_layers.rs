@@ -1,4 +1,4 @@
-//! Two layers with a residual, in one pass over the rows: what `WaffleIron` does at each point, in evaluation.
+//! Two layers with a residual, in one pass over the rows: the operation of `WaffleIron` at each point, in evaluation.
 
 use super::activation::Activation;
 use super::layer::Layer;

@@ -16,7 +16,7 @@ const BLOCK_VALUES: usize = 1 << 16;
 /// Parts of the gradient of the weights.
 const PARTS: usize = 8;
 
-/// Rows that are collected at once.
+/// Number of rows that are collected at once.
 fn block_rows(depth: usize) -> usize {
     (BLOCK_VALUES / depth.max(1)).clamp(8, 128)
 }
@@ -52,7 +52,7 @@ pub(super) fn convolve(
     out
 }
 
-/// Collects the inputs of rows from `first` on.
+/// Collects the inputs of rows starting at `first`.
 fn collect(taps: &impl Taps, input: &[f32], n_columns: usize, first: usize, collected: &mut [f32]) {
     collected.fill(0.0);
     if taps.n_taps() * n_columns > 0 {

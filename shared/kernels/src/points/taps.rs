@@ -1,4 +1,4 @@
-//! Where a convolution reads its input: for each output row the items of a list, each with weights for the taps of a kernel.
+//! Inputs of a convolution: for each output row the items of a list, each with weights for the taps of a kernel.
 
 #![allow(
     clippy::needless_range_loop,
@@ -21,7 +21,7 @@ pub(super) trait Taps: Sync {
 
 /// Lanes of a block of kernel points.
 const LANES: usize = 16;
-/// Coordinate of unused lanes: far from everything.
+/// Coordinate of unused lanes, far from all points.
 const FAR: f32 = 1e18;
 
 /// Kernel points of a point convolution (Thomas et al. 2019). A neighbor at distance d of a kernel point has the influence
@@ -29,7 +29,7 @@ const FAR: f32 = 1e18;
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelPoints {
     n: usize,
-    /// Coordinates by axis.
+    /// Coordinates per axis.
     blocks: Vec<[[f32; LANES]; 3]>,
     per_extent: f32,
 }
@@ -74,11 +74,11 @@ pub(super) struct KernelTaps<'a> {
 }
 
 impl<'a> KernelTaps<'a> {
-    /// Queries read support points.
+    /// Taps for queries that read support points.
     pub fn forward(at: &'a Neighborhood, kernel: &'a KernelPoints) -> Self {
         Self { lists: &at.lists, rows: &at.queries, items: &at.support, sign: 1.0, kernel }
     }
-    /// Support points read queries: the gradient of the input.
+    /// Taps for support points that read queries: the gradient of the input.
     pub fn backward(at: &'a Neighborhood, kernel: &'a KernelPoints) -> Self {
         Self { lists: &at.lists.transposed().lists, rows: &at.support, items: &at.queries, sign: -1.0, kernel }
     }

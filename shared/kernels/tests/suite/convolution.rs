@@ -1,4 +1,4 @@
-//! Convolution, pooling and upsampling against their definitions.
+//! Convolution, pooling and upsampling compared with their definitions.
 
 use kernels::images::{Border, Filter, LANES, Planes, Shape, convolve, max_pool, upsample};
 use random::Random;

@@ -1,4 +1,4 @@
-//! Kernels against their definitions.
+//! Kernels compared with their definitions.
 
 mod convolution;
 mod point_gradients;

@@ -1,4 +1,4 @@
-//! Gradients of the operations on points against finite differences.
+//! Gradients of the operations on points compared with finite differences.
 
 use candle_core::{Device, Result, Tensor, Var};
 use kernels::points::{

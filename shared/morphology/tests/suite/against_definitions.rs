@@ -214,7 +214,8 @@ fn zones_over_gaps_join_the_nearest_valid_pixels_of_a_line() {
 
 #[test]
 fn labels_increase_in_raster_order() {
-    // The first pixel of label 1 precedes that of label 2, although its component is connected only at the bottom.
+    // The first pixel of label 1 precedes the first pixel of label 2, although its component is connected only at the
+    // bottom.
     let mask = array![[true, false, true], [true, false, false], [true, true, true]];
     let labels = connected_components(&mask, Connectivity::Four);
     assert_eq!(labels.image, array![[1, 0, 2], [1, 0, 0], [1, 1, 1]]);

@@ -3,13 +3,14 @@
 use neighbors::squared_distance;
 use random::Random;
 
-/// Positions that are uniform in a cube of side 20 m.
+/// Positions with a uniform distribution in a cube of side 20 m.
 pub fn uniform(n: usize, seed: u64) -> Vec<[f32; 3]> {
     let mut random = Random::new(seed);
     (0..n).map(|_| std::array::from_fn(|_| random.range(-10.0, 10.0))).collect()
 }
 
-/// What breaks indices: surfaces, lines, copies, coordinates on a coarse grid (many equal distances) and a far outlier.
+/// Difficult inputs for an index: surfaces, lines, copies, coordinates on a coarse grid (many equal distances) and a
+/// distant outlier.
 pub fn awkward(n: usize, seed: u64) -> Vec<[f32; 3]> {
     let mut random = Random::new(seed);
     let mut points: Vec<[f32; 3]> = (0..n)
@@ -25,7 +26,7 @@ pub fn awkward(n: usize, seed: u64) -> Vec<[f32; 3]> {
     points
 }
 
-/// A sweep of KITTI.
+/// A KITTI sweep.
 pub fn real_sweep() -> Vec<[f32; 3]> {
     let bytes = std::fs::read(real_data::path("kitti00/000094.bin")).expect("readable");
     let number = |bytes: &[u8]| f32::from_le_bytes(bytes.try_into().expect("four bytes"));
@@ -41,7 +42,7 @@ pub fn sorted_by_distance(points: &[[f32; 3]], query: [f32; 3]) -> Vec<(f32, u32
     all
 }
 
-/// Queries: points of the cloud and positions beside them.
+/// Queries: points of the cloud and positions near them.
 pub fn queries(points: &[[f32; 3]], n: usize, seed: u64) -> Vec<[f32; 3]> {
     let mut random = Random::new(seed);
     let valid: Vec<[f32; 3]> =

@@ -1,4 +1,4 @@
-//! Inputs at the limits, as the crate's table defines them.
+//! Inputs at the limits, as defined by the table of the crate.
 
 use crate::clouds::awkward;
 use neighbors::{LIMIT_M, MultiscaleSpheres, Scales, SpatialIndex, VoxelGrid, around};

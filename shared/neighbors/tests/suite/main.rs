@@ -1,4 +1,4 @@
-//! Neighborhoods and samples equal those of a search over all points.
+//! Neighborhoods and samples compared with a search over all points.
 
 mod clouds;
 mod definitions;

@@ -1,4 +1,4 @@
-//! Sharpness of surfaces. It needs no truth.
+//! Sharpness of surfaces, computed without truth.
 
 use super::index::PointIndex;
 use super::patch::Patch;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Range and sampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistanceSettings {
-    /// Points without a point of the other cloud within this distance count as far, m. They are in no mean.
+    /// Points without a point of the other cloud within this distance count as far, m. They are not included in means.
     pub reach_m: f32,
     /// Largest number of points whose neighbor is searched, spread evenly over the sorted points.
     pub max_samples: usize,

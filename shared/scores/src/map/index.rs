@@ -13,8 +13,8 @@ pub struct PointIndex {
 }
 
 impl PointIndex {
-    /// Builds an index with columns `cell_m` wide; the best width is about the search radius. Points that are not finite are left out.
-    /// Coordinates should be within 10 km of 0, where an f32 resolves 1 mm.
+    /// Builds an index with columns `cell_m` wide; the best width is about the search radius. Points that are not
+    /// finite are skipped. Coordinates should be within 10 km of 0, where an f32 resolves 1 mm.
     pub fn new(mut points: Vec<[f32; 3]>, cell_m: f32) -> Self {
         points.retain(|point| point.iter().all(|value| value.is_finite()));
         let column = |point: &[f32; 3]| [point[0], point[1]].map(|value| (value / cell_m).floor() as i32);

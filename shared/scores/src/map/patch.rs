@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn patch_of_tilted_plane_has_its_normal_and_thickness() {
-        // Two sheets 2 cm to either side: deviation 2 cm.
+        // Two sheets, 2 cm to either side: the standard deviation is 2 cm.
         let normal = Vector3::new(0.6, 0.0, 0.8);
         let u = Vector3::new(0.8, 0.0, -0.6);
         let v = Vector3::y();

@@ -1,16 +1,16 @@
-//! Boundaries of regions against those of a segmentation.
+//! Boundaries of regions compared with boundaries of a segmentation.
 
 use super::LabelImage;
 
-/// How the boundaries of superpixels fit those of a segmentation.
+/// Agreement of the boundaries of superpixels with the boundaries of a segmentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundaryScores {
-    /// Share of the segmentation's boundary pixels with a superpixel boundary near. 0 without boundaries.
+    /// Share of the segmentation's boundary pixels with a superpixel boundary nearby. 0 without boundaries.
     pub recall: f64,
-    /// Share of the superpixels' boundary pixels with a boundary of the segmentation near. 0 without boundaries.
+    /// Share of the superpixels' boundary pixels with a boundary of the segmentation nearby. 0 without boundaries.
     pub precision: f64,
-    /// Precision of the benchmark: recalled pixels of the segmentation's boundaries by these and the superpixels' boundary pixels without
-    /// a boundary near.
+    /// Precision of the benchmark: recalled boundary pixels of the segmentation, divided by the sum of these and the
+    /// superpixels' boundary pixels without a boundary nearby.
     pub benchmark_precision: f64,
 }
 
@@ -37,8 +37,8 @@ pub fn contour_density(image: &LabelImage<'_>) -> ContourDensity {
     }
 }
 
-/// Compares boundaries. Near: at most `distance` px in x and in y. The thesis has 2, the benchmark 0.0025 of the diagonal, rounded.
-/// Both images must have the same size.
+/// Compares boundaries. They match within `distance` px in x and in y. The thesis uses 2, the benchmark 0.0025 of the
+/// diagonal, rounded. Both images must have the same size.
 pub fn boundary_scores(superpixels: &LabelImage<'_>, segmentation: &LabelImage<'_>, distance: usize) -> BoundaryScores {
     let found = boundary(superpixels);
     let truth = boundary(segmentation);

@@ -3,12 +3,13 @@
 use super::LabelImage;
 use std::collections::BTreeMap;
 
-/// How superpixels fit into the segments of a segmentation. All are shares of the pixels.
+/// Overlap of superpixels with the segments of a segmentation. All values are shares of the pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OverlapScores {
-    /// Pixels outside of the segment that their superpixel overlaps most (Van den Bergh et al.).
+    /// Pixels outside the segment with the largest overlap of their superpixel (Van den Bergh et al.).
     pub under_segmentation_bergh: f64,
-    /// For each pair of superpixel and segment the smaller part, inside or outside (Neubert and Protzel). 0 to about 1.
+    /// Sum over pairs of superpixel and segment of the smaller part, inside or outside (Neubert and Protzel). 0 to
+    /// about 1.
     pub under_segmentation_np: f64,
     /// Achievable segmentation accuracy: 1 - `under_segmentation_bergh`.
     pub achievable_accuracy: f64,

@@ -6,11 +6,13 @@ use std::f64::consts::PI;
 /// Shapes of the regions of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shapes {
-    /// Area by that of the bounding box, mean over regions.
+    /// Ratio of the area to the area of the bounding box, mean over regions.
     pub extent: f64,
-    /// Area by the number of pixels in the convex hull, mean over regions. The hull is that of the middles of the pixels' sides.
+    /// Ratio of the area to the number of pixels in the convex hull, mean over regions. The hull encloses the midpoints
+    /// of the pixels' sides.
     pub solidity: f64,
-    /// Area by that of a circle of the same perimeter (sides of pixels, at the rim of the image, too), mean over pixels.
+    /// Ratio of the area to the area of a circle with the same perimeter (sides of pixels, including the edge of the
+    /// image), mean over pixels.
     pub compactness: f64,
 }
 
@@ -37,7 +39,8 @@ pub fn shapes(image: &LabelImage<'_>) -> Shapes {
     Shapes { extent: extent / n, solidity: solidity / n, compactness: compactness / image.labels.len() as f64 }
 }
 
-/// The outermost pixels of a region: by row from the first to the last, the first and the last column. `None` in a row without pixels.
+/// The outermost pixels of a region: for each row from the first to the last, the first and the last column. `None` in
+/// a row without pixels.
 #[derive(Default)]
 struct Outline {
     first_row: usize,
@@ -69,8 +72,8 @@ impl Outline {
         (last - first + 1) * self.columns.len()
     }
 
-    /// Pixels whose center is in the convex hull of the middles of all pixels' sides, or on its rim. In integers: coordinates are twice
-    /// those of the pixels.
+    /// Number of pixels whose center is in the convex hull of the midpoints of all pixels' sides, or on its boundary.
+    /// Computed in integers: coordinates are twice the coordinates of the pixels.
     fn hull_area(&self) -> i64 {
         let middles = |(row, ends): (usize, &Option<[usize; 2]>)| {
             let y = 2 * (self.first_row + row) as i64;
@@ -82,7 +85,7 @@ impl Outline {
         let points: Vec<[i64; 2]> = self.columns.iter().enumerate().filter_map(middles).flatten().collect();
         let sides = [1, -1].map(|direction| {
             let mut chain: Vec<[i64; 2]> = points.clone();
-            // Along y: the left (or right) rim of the hull.
+            // Along y: the left (or right) boundary of the hull.
             chain.sort_unstable_by_key(|[x, y]| (*y, direction * x));
             chain.dedup_by_key(|point| point[1]);
             rim(&chain, direction)
@@ -90,7 +93,7 @@ impl Outline {
         let rows = self.columns.len() as i64;
         let inside = |row: i64| {
             let y = 2 * (self.first_row as i64 + row);
-            // x = numerator / denominator on each rim, rounded inwards to a pixel.
+            // x = numerator / denominator on each boundary, rounded inwards to a pixel.
             let [left, right] = [0, 1].map(|k| crossing(&sides[k], y));
             let first = -(-left.0).div_euclid(2 * left.1);
             let last = right.0.div_euclid(2 * right.1);
@@ -100,7 +103,7 @@ impl Outline {
     }
 }
 
-/// The convex rim of points in ascending y. Direction 1: the left one, -1: the right one.
+/// The convex boundary of points in ascending y. Direction 1: the left one, -1: the right one.
 fn rim(points: &[[i64; 2]], direction: i64) -> Vec<[i64; 2]> {
     let mut rim: Vec<[i64; 2]> = Vec::new();
     for point in points {
@@ -117,7 +120,7 @@ fn rim(points: &[[i64; 2]], direction: i64) -> Vec<[i64; 2]> {
     rim
 }
 
-/// Where a rim crosses a row: numerator and positive denominator of x.
+/// Intersection of a boundary with a row: numerator and positive denominator of x.
 fn crossing(rim: &[[i64; 2]], y: i64) -> (i64, i64) {
     let above = rim.partition_point(|point| point[1] <= y).clamp(1, rim.len() - 1);
     let [x0, y0] = rim[above - 1];
@@ -132,7 +135,7 @@ mod tests {
     fn shapes_of(rows: &[&str]) -> Shapes {
         let labels: Vec<u32> = rows.concat().bytes().map(|byte| u32::from(byte == b'#')).collect();
         let image = LabelImage::new(rows[0].len(), &labels).expect("an image");
-        // Of the marked region alone: the background has its own shape.
+        // Shape of the marked region only: the background has its own shape.
         let outline = &outlines(&image, 2)[1];
         let area = image.areas()[1] as f64;
         Shapes {
@@ -154,7 +157,7 @@ mod tests {
     fn distant_parts_are_one_region_with_its_hull() {
         let found = shapes_of(&["#...", "....", "...#"]);
         assert_eq!(found.extent, 2.0 / 12.0);
-        // The hull has the pixels next to the diagonal, too.
+        // The hull also contains the pixels next to the diagonal.
         assert_eq!(found.solidity, 2.0 / 4.0);
     }
 

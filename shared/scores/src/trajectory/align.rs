@@ -4,10 +4,10 @@ use super::pose_pair::PosePair;
 use geometry::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 
-/// What is aligned.
+/// Transform that is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alignment {
-    /// Nothing: both trajectories are in the same world frame.
+    /// No transform: both trajectories are in the same world frame.
     None,
     /// The first poses become equal.
     First,
@@ -20,13 +20,13 @@ pub enum Alignment {
 /// `truth_world_from_estimate_world`: scale, then rotation, then translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
-    /// 1 unless the alignment is [`Alignment::Sim3`].
+    /// Scale; 1 unless the alignment is [`Alignment::Sim3`].
     pub scale: f64,
-    /// Applied after the scale.
+    /// Pose applied after the scale.
     pub pose: Isometry3<f64>,
 }
 
-/// Why poses cannot be aligned.
+/// Reason why poses cannot be aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AlignError {
     /// There are no poses.

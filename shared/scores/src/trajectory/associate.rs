@@ -16,8 +16,8 @@ pub struct Association {
     pub n_close: usize,
 }
 
-/// Finds the true pose at the time of each estimated pose: a true pose of this time, else an interpolation between its two
-/// neighbors (position linear, rotation along the shorter arc) if these are at most `max_gap_nanos` apart.
+/// Finds the true pose at the time of each estimated pose: a true pose of this time, otherwise an interpolation between
+/// its two neighbors (position linear, rotation along the shorter arc) if these are at most `max_gap_nanos` apart.
 ///
 /// Poses less than `min_step_nanos` after the previous pair are ignored. A trajectory with poses at both ends of each sweep has two
 /// poses at nearly the same time, which would distort errors from pose to pose.

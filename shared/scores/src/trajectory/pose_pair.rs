@@ -13,7 +13,8 @@ pub struct PosePair {
     pub estimate: Pose,
 }
 
-/// Distance of the positions of each pair, m: the absolute trajectory error (Sturm et al., IROS 2012), once aligned.
+/// Distance between the positions of each pair, m: the absolute trajectory error (Sturm et al., IROS 2012), once
+/// aligned.
 pub fn position_errors(pairs: &[PosePair]) -> Vec<f64> {
     let error = |pair: &PosePair| (pair.estimate.translation.vector - pair.truth.translation.vector).norm();
     pairs.iter().map(error).collect()

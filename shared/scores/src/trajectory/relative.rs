@@ -66,7 +66,7 @@ mod tests {
             PosePair { stamp: Stamp(0), truth, estimate: Pose::translation(2.0 * x, 0.0, 0.0) }
         };
         let pairs: Vec<PosePair> = [0.0, 1.0, 2.0, 2.5, 4.0, 9.0].map(pair).to_vec();
-        // Distances along the estimate are twice those along the truth.
+        // Distances along the estimate are twice the distances along the truth.
         assert_eq!(intervals_by_distance(&pairs, 4.0), [(0, 2), (2, 4), (4, 5)]);
         let errors = relative_errors(&pairs, &[(0, 2), (4, 5)]);
         assert_eq!([errors[0].translation_m, errors[1].translation_m], [2.0, 5.0]);

@@ -22,8 +22,8 @@ pub struct Segment {
     pub rotation_rad_per_m: f64,
 }
 
-/// The segments of each length from every `step`-th pair to the first pair that is *further* along the truth. Segments beyond the
-/// end of the trajectory are left out.
+/// The segments of each length from every `step`-th pair to the first pair that is *further* along the truth. Segments
+/// beyond the end of the trajectory are skipped.
 pub fn kitti_segments(pairs: &[PosePair], lengths_m: &[f64], step: usize) -> Vec<Segment> {
     let distances = distances_along(pairs);
     let mut segments = Vec::new();
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
     use geometry::{Pose, Stamp, Vector3};
 
-    /// A straight line in steps of 1 m. The estimate is 1 % too long and rolls by 0.01 degrees per meter.
+    /// A straight line in steps of 1 m. The estimate is 1 % too long and rolls by 0.01 degrees per metre.
     fn pairs(n: usize) -> Vec<PosePair> {
         let pair = |i: usize| {
             let x = i as f64;
