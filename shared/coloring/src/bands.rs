@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 /// The bands of all mosaic cameras, one camera after another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bands {
-    /// Center wavelength of each band, nm; 0 behind the last.
+    /// Center wavelength of each band, nm; 0 after the last band.
     pub wavelengths_nm: [f32; MAX_BANDS],
     /// Index of the camera of each band.
     pub cameras: [u8; MAX_BANDS],
-    /// First band of each camera, and the end.
+    /// First band of each camera, followed by the number of all bands.
     pub(crate) starts: Vec<usize>,
 }
 
@@ -25,7 +25,7 @@ pub struct TooManyBands {
 }
 
 impl Bands {
-    /// From the wavelengths of each camera, nm.
+    /// Takes the wavelengths of each camera, nm.
     ///
     /// # Errors
     /// For more than [`MAX_BANDS`] bands or more than 255 cameras.
@@ -48,10 +48,11 @@ impl Bands {
         Ok(bands)
     }
 
-    /// From the wavelengths of the first cubes, by index of the camera, and the expected ones for cameras without a cube.
+    /// Takes the wavelengths of the first cubes, by camera index, and the expected wavelengths for cameras without a
+    /// cube.
     ///
     /// # Errors
-    /// As [`Bands::new`].
+    /// See [`Bands::new`].
     pub fn of_first_cubes(expected_nm: &[Vec<f32>], first_nm: &BTreeMap<u32, Vec<f32>>) -> Result<Self, TooManyBands> {
         let known = |(camera, expected): (u32, &Vec<f32>)| first_nm.get(&camera).unwrap_or(expected).clone();
         Self::new(&(0..).zip(expected_nm).map(known).collect::<Vec<_>>())
@@ -63,8 +64,8 @@ impl Bands {
     }
 }
 
-/// The bands of all mosaic cameras: as expected, until the first cube of a camera arrives. That cube defines the bands of its camera,
-/// because `calibrate` decides whether cubes are corrected.
+/// The bands of all mosaic cameras. The expected bands apply until the first cube of a camera arrives. That cube then
+/// defines the bands of its camera, because `calibrate` decides whether cubes are corrected.
 #[derive(Clone, Debug)]
 pub struct KnownBands {
     expected_nm: Vec<Vec<f32>>,
@@ -73,18 +74,18 @@ pub struct KnownBands {
 }
 
 impl KnownBands {
-    /// From the expected wavelengths of each camera, nm.
+    /// Takes the expected wavelengths of each camera, nm.
     ///
     /// # Errors
-    /// As [`Bands::new`].
+    /// See [`Bands::new`].
     pub fn new(expected_nm: Vec<Vec<f32>>) -> Result<Self, TooManyBands> {
         Ok(Self { bands: Bands::new(&expected_nm)?, first_nm: BTreeMap::new(), expected_nm })
     }
 
-    /// Continues with the wavelengths of the first cubes, by index of the camera.
+    /// Continues with the wavelengths of the first cubes, by camera index.
     ///
     /// # Errors
-    /// As [`Bands::new`].
+    /// See [`Bands::new`].
     pub fn resume(&mut self, first_nm: BTreeMap<u32, Vec<f32>>) -> Result<(), TooManyBands> {
         self.bands = Bands::of_first_cubes(&self.expected_nm, &first_nm)?;
         self.first_nm = first_nm;

@@ -29,13 +29,13 @@ impl ProjectionCamera {
         self.size
     }
 
-    /// Resolution of the lens on its axis.
+    /// Resolution of the lens on its axis, px/rad.
     pub fn px_per_rad(&self) -> f32 {
         self.lens.px_per_rad()
     }
 
-    /// An exposure at `stamp` whose whole image is usable. Only the pose of the camera against the submap matters: both poses may
-    /// be in any frame that does not move, as long as it is the same one.
+    /// An exposure at `stamp` whose whole image is usable. Only the pose of the camera relative to the submap matters:
+    /// both poses may be in any fixed frame, as long as it is the same one.
     pub fn exposure(&self, stamp: i64, odom_from_body: &Pose, odom_from_submap: &Pose) -> PosedExposure<'_> {
         let [width, height] = self.size;
         self.exposure_of_area(stamp, odom_from_body, odom_from_submap, [0, 0, width, height])

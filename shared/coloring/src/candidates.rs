@@ -5,7 +5,7 @@ use crate::exposure::PosedExposure;
 use crate::points::SubmapPoints;
 use crate::visibility::VisibilityMap;
 
-/// Largest times between shot and exposure.
+/// Largest time between shot and exposure.
 #[derive(Clone, Copy, Debug)]
 pub struct AgeLimits {
     /// For points that stand still, s.
@@ -15,12 +15,12 @@ pub struct AgeLimits {
 }
 
 impl AgeLimits {
-    /// From settings, s. That of moving objects is not longer than the other.
+    /// Takes both limits from settings, s. The limit for moving objects is capped at the limit for static points.
     pub fn new(max_age_s: f64, max_moving_age_s: f64) -> Self {
         Self { max_age_s: max_age_s as f32, max_moving_age_s: max_moving_age_s.min(max_age_s) as f32 }
     }
 
-    /// The limit of a point, s, by whether it moves: see [`Chunk::moves`].
+    /// The limit for a point, s. `moves` is its value in [`Chunk::moves`].
     #[inline(always)]
     pub fn max_age_s_of(self, moves: u32) -> f32 {
         if moves != 0 { self.max_moving_age_s } else { self.max_age_s }
@@ -40,7 +40,7 @@ pub struct Candidates<'a> {
 }
 
 impl Candidates<'_> {
-    /// Pixel of a point of a chunk in an exposure, if that sees the point and is not too old for it.
+    /// Pixel of a point of a chunk in an exposure, if the exposure shows the point and is within its age limit.
     pub fn visible_pixel(&self, exposure: usize, chunk: &Chunk, i: usize) -> Option<[f32; 2]> {
         let visibility = &self.visibility[exposure];
         let exposure = &self.exposures[exposure];
@@ -51,7 +51,7 @@ impl Candidates<'_> {
         sees.then_some(pixel)
     }
 
-    /// Whether an exposure may see points of the chunk, by its field of view and by time.
+    /// Whether an exposure may show points of the chunk, by its field of view and its time.
     pub fn may_see(&self, exposure: usize, chunk: &Chunk) -> bool {
         let exposure = &self.exposures[exposure];
         let time = seconds(exposure.stamp, self.points.origin);

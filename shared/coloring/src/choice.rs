@@ -1,4 +1,5 @@
-//! Choice of exposure: of those that see a point, the one with the smallest expected position error of the color.
+//! Choice of exposure: among the exposures that show a point, the one with the smallest expected position error of the
+//! color.
 
 use crate::candidates::{AgeLimits, Candidates};
 use crate::chunk::{CHUNK, Chunk, Lanes, gap, seconds};
@@ -7,17 +8,17 @@ use crate::projection::Projected;
 use crate::visibility::{CellGrid, NO_CELL};
 use pulp::{Arch, NullaryFnOnce};
 
-/// Drift between the pose of an exposure and that of a shot, m per second between them: half a percent of 10 m/s.
+/// Drift between the poses of an exposure and a shot, m per second between them: half a percent of 10 m/s.
 const DRIFT_M_PER_S: f32 = 0.05;
 
-/// Extra cost of an exposure before the first or after the last shot of the submap, m: objects that passed the camera then
-/// are in another submap and do not occlude here.
+/// Extra cost of an exposure before the first or after the last shot of the submap, m: objects that passed the camera
+/// then are in another submap and cannot occlude here.
 const OUTSIDE_SUBMAP_M: f32 = 0.05;
 
-/// Error of mounting and lens in the middle of an image, rad. It is twice as large at the border.
+/// Error of mounting and lens in the middle of an image, rad. It doubles towards the border.
 const POINTING_RAD: f32 = 0.001;
 
-/// The exposures chosen for the points of a chunk, with the buffers for choosing.
+/// The exposures chosen for the points of a chunk, with reusable buffers.
 #[derive(Debug, Default)]
 pub struct Choices {
     projected: Projected,
@@ -27,7 +28,7 @@ pub struct Choices {
     n_points: usize,
 }
 
-/// The exposure that is being considered, point by point.
+/// Costs and cells of the exposure under consideration, for each point.
 #[derive(Debug)]
 struct Offer {
     /// Expected position error of the color, m.
@@ -43,7 +44,7 @@ impl Default for Offer {
     }
 }
 
-/// The best exposure so far, point by point.
+/// The best exposure so far, for each point.
 #[derive(Debug)]
 struct Best {
     costs: Lanes<f32>,
@@ -58,18 +59,19 @@ impl Default for Best {
     }
 }
 
-/// Index of the exposure of a point that no exposure sees.
+/// Index used for a point that no exposure shows.
 pub const NO_EXPOSURE: u32 = u32::MAX;
 
 impl Choices {
-    /// For every point that some exposure sees: its index in the chunk, the index of the chosen exposure, and the pixel.
+    /// For every point that some exposure shows: its index in the chunk, the index of the chosen exposure, and the pixel.
     pub fn chosen(&self) -> impl Iterator<Item = (usize, usize, [f32; 2])> {
         let Best { exposures, u, v, .. } = &self.best;
         let indices = (0..self.n_points).filter(|i| exposures[*i] != NO_EXPOSURE);
         indices.map(|i| (i, exposures[i] as usize, [u[i], v[i]]))
     }
 
-    /// Of all exposures that see point `i` of the chunk and are `good` at its pixel, the one with the smallest expected error.
+    /// The exposure with the smallest expected error among those that show point `i` of the chunk and are `good` at its
+    /// pixel.
     pub fn best_where(
         i: usize,
         chunk: &Chunk,
@@ -89,7 +91,7 @@ impl Choices {
     }
 
     /// Chooses an exposure for every point of a chunk. Of two equally good exposures, the first in the list is chosen. A
-    /// point of an unknown sweep has no time, and no exposure is chosen for it.
+    /// point of an unknown sweep has no time and gets no exposure.
     pub fn choose(&mut self, chunk: &Chunk, candidates: &Candidates<'_>) {
         let order = by_least_cost(candidates, chunk);
         self.n_points = if order.is_empty() { 0 } else { chunk.n_points };
@@ -106,7 +108,7 @@ impl Choices {
         }
     }
 
-    /// Assigns an exposure to the points that it sees and that have no better one.
+    /// Assigns an exposure to the points that it shows and that have no better one.
     fn offer(&mut self, index: u32, chunk: &Chunk, candidates: &Candidates<'_>) {
         let exposure = &candidates.exposures[index as usize];
         let visibility = &candidates.visibility[index as usize];
@@ -135,7 +137,7 @@ impl Choices {
     }
 }
 
-/// Computes the costs of an exposure and the points that it is offered to. Returns whether there are any.
+/// Computes the costs of an exposure and the points that it is offered to. Returns whether there are any such points.
 struct Weigh<'a> {
     index: u32,
     /// Time of the exposure, s after the submap's first shot.
@@ -178,7 +180,7 @@ impl NullaryFnOnce for Weigh<'_> {
     }
 }
 
-/// Assigns the exposure to the points that it sees.
+/// Assigns the exposure to the points that it shows.
 struct Take<'a> {
     index: u32,
     n_lanes: usize,
@@ -203,13 +205,13 @@ impl NullaryFnOnce for Take<'_> {
     }
 }
 
-/// See [`OUTSIDE_SUBMAP_M`].
+/// Extra cost of an exposure at `time`; see [`OUTSIDE_SUBMAP_M`].
 fn outside_submap_m(candidates: &Candidates<'_>, time: f32) -> f32 {
     if gap(time, candidates.points.time_span()) > 0.0 { OUTSIDE_SUBMAP_M } else { 0.0 }
 }
 
-/// The exposures that may see points of the chunk, with a lower bound of their cost for any of them, m. Cheapest first: most
-/// points then have an exposure before the expensive ones are considered.
+/// The exposures that may show points of the chunk, with a lower bound of their cost for any point, m. The cheapest come
+/// first: most points then have an exposure before the expensive ones are considered.
 fn by_least_cost(candidates: &Candidates<'_>, chunk: &Chunk) -> Vec<(u32, f32)> {
     let least = |exposure: &PosedExposure<'_>| {
         let time = seconds(exposure.stamp, candidates.points.origin);
@@ -240,8 +242,9 @@ mod tests {
 
     const MS: i64 = 1_000_000;
 
-    /// Index of the exposure that is chosen for a point 10 m ahead, shot at 1000 ms. The limit is 128 ms, or 32 ms if the point
-    /// moves. An exposure is given by its stamp in ms, whether it faces the point, and its distance behind the others in m.
+    /// Index of the exposure that is chosen for a point 10 m ahead, shot at 1000 ms. The limit is 128 ms, or 32 ms if the
+    /// point moves. An exposure is given by its stamp in ms, whether it faces the point, and its distance behind the
+    /// others in m.
     fn chosen(exposures: &[(i64, bool, f64)], flags: u8) -> Option<usize> {
         let width = 100;
         let height = 100;

@@ -9,12 +9,13 @@ use crate::sky::Sky;
 use messages::{ColorRow, UNSEEN};
 use rayon::prelude::*;
 
-/// What is done to colors besides sampling them; nothing by default.
+/// Optional steps in addition to sampling; all are off by default.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ColorSteps {
-    /// Level the brightness of exposures, and replace an exposure that is saturated or black at a point by another one.
+    /// Level the brightness of exposures. Replace an exposure that is saturated or black at a point by another one.
     pub level_exposures: bool,
-    /// Replace a pixel that shows the sky by one beside it or in another exposure; without these, the point gets no color.
+    /// Replace a pixel that shows the sky by a neighboring one or by another exposure; if both show the sky, the point
+    /// gets no color.
     pub reject_sky: bool,
 }
 
@@ -38,7 +39,7 @@ pub struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// `images` belong to the exposures of the candidates by index.
+    /// `images[i]` belongs to exposure `i` of the candidates.
     pub fn new(candidates: &'a Candidates<'a>, images: &'a [ColorImage<'a>], steps: ColorSteps) -> Self {
         let Candidates { exposures, visibility, .. } = *candidates;
         let gains = steps.level_exposures.then(|| ExposureGains::estimate(candidates, images));
@@ -46,8 +47,9 @@ impl<'a> Sampler<'a> {
         Self { candidates, images, gains, sky }
     }
 
-    /// The color of point `i` of a chunk: from the chosen exposure and pixel, or where these do not show the point, from a pixel
-    /// beside or the next best exposure that does. `None` if the only choice is the color of the sky.
+    /// The color of point `i` of a chunk. It comes from the chosen exposure and pixel. If these are unusable, it comes
+    /// from a neighboring pixel or the next best exposure. `None` if the chosen pixel shows the sky and there is no
+    /// replacement.
     pub fn sample(&self, chunk: &Chunk, (i, exposure, pixel): (usize, usize, [f32; 2])) -> Option<PointColor> {
         let z = chunk.z[i];
         let clear = self.clear_of_sky(exposure, pixel, z);
@@ -71,12 +73,12 @@ impl<'a> Sampler<'a> {
         PointColor { exposure, pixel, row }
     }
 
-    /// Whether a color is neither saturated nor black, if that matters.
+    /// Whether a color is neither saturated nor black; always true if exposures are not leveled.
     fn is_exposed(&self, row: ColorRow) -> bool {
         self.gains.is_none() || is_well_exposed(row)
     }
 
-    /// The pixel of a point with the height `z`, or one beside it that does not show the sky.
+    /// The pixel of a point with the height `z`, or a neighboring one that does not show the sky.
     fn clear_of_sky(&self, exposure: usize, pixel: [f32; 2], z: f32) -> Option<[f32; 2]> {
         let Some(sky) = &self.sky else { return Some(pixel) };
         // There is no sky below the horizon.
@@ -85,8 +87,8 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Writes the color of every point into `rows`, one row per point, and returns the number of points with a color. `images`
-/// belong to the exposures by index.
+/// Writes the color of every point into `rows`, one row per point, and returns the number of points with a color.
+/// `images[i]` belongs to exposure `i`.
 pub fn color_into(
     candidates: &Candidates<'_>,
     images: &[ColorImage<'_>],
@@ -109,7 +111,7 @@ pub fn color_into(
     rows.par_chunks_mut(CHUNK).enumerate().map_init(Default::default, color_chunk).sum()
 }
 
-/// Whether no channel is saturated and not all are zero.
+/// Whether no channel is saturated and at least one is not zero.
 fn is_well_exposed(row: ColorRow) -> bool {
     let brightest = row.r.max(row.g).max(row.b);
     (4..254).contains(&brightest)

@@ -1,30 +1,30 @@
-//! Which results of a run are doubtful.
+//! Doubts about the colors and spectra of a run.
 
 use crate::ExposureTally;
 use doubts::{Doubt, ExposureUse};
 use std::collections::BTreeMap;
 
-/// Limits beyond which results are doubtful; shares of 1.
+/// Limits beyond which results are doubtful, as shares of 1.
 #[derive(Clone, Copy, Debug)]
 pub struct DoubtLimits {
     /// Least share of points with a color.
     pub min_colored_share: f64,
-    /// Largest share of exposures of a camera that are not used.
+    /// Largest share of unused exposures per camera.
     pub max_unused_share: f64,
 }
 
 /// Kind of exposures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExposureKind {
-    /// Of color cameras.
+    /// Exposures of color cameras.
     Images,
-    /// Of mosaic cameras.
+    /// Exposures of mosaic cameras.
     Cubes,
 }
 
 impl DoubtLimits {
-    /// The doubts about one kind of exposures. `names` of its cameras; `n_points` of all submaps; `n_seen` of these have a color or a
-    /// spectrum.
+    /// The doubts about one kind of exposures. `names` are the names of its cameras. `n_points` counts the points of all
+    /// submaps, `n_seen` those with a color or a spectrum.
     pub fn doubts(
         &self,
         kind: ExposureKind,
@@ -37,7 +37,7 @@ impl DoubtLimits {
         let exposures = sum(tallies);
         let (few, is_few) = match kind {
             ExposureKind::Images => (Doubt::FewPointsColored { share, limit, exposures }, share < limit),
-            // Any point that a mosaic camera sees has a spectrum; how many those are depends on the rig.
+            // Any point that a mosaic camera sees has a spectrum. The rig determines how many those are.
             ExposureKind::Cubes => (Doubt::NoSpectra { exposures }, n_seen == 0),
         };
         (n_points > 0 && is_few).then_some(few).into_iter().chain(self.unused(kind, names, tallies)).collect()

@@ -31,7 +31,8 @@ impl<'a> ColorImage<'a> {
         usize::from(self.camera)
     }
 
-    /// The pixel nearest to (u, v), and those up to `reach` steps of `step` px beside, above and below it, with their coordinates.
+    /// The pixel nearest to (u, v) and its neighbors in both directions, up to `reach` steps of `step` px, with their
+    /// coordinates.
     pub fn around(
         &self,
         [u, v]: [f32; 2],
@@ -62,7 +63,7 @@ impl<'a> ColorImage<'a> {
     #[inline]
     pub fn sample(&self, pixel: [f32; 2]) -> ColorRow {
         let half = 1 << 15;
-        // Two channels in one number, 32 bits each: the shares sum up to 2^16, so they do not overlap.
+        // Two channels in one number, 32 bits each: the shares add up to 2^16, so they do not overlap.
         let (mut red_and_blue, mut green) = (half << 32 | half, half);
         for (corner, share) in self.corners(pixel) {
             let [r, g, b] = self.at(corner).map(u64::from);

@@ -17,8 +17,8 @@ impl<'a> CubeImage<'a> {
         Some(Self { planes: CubeView::new(header, rows).filter(|_| sound)?, header })
     }
 
-    /// `None` unless the cells are inside the image of the camera, whose filter pattern has sides of `pattern` px, and the rows fit the
-    /// header.
+    /// `None` unless the cells are inside the image of the camera and the rows fit the header. The filter pattern of the
+    /// camera has sides of `pattern` px.
     pub fn of_camera(camera: &ProjectionCamera, pattern: u32, header: &'a CubeHeader, rows: &'a [u32]) -> Option<Self> {
         let [width, height] = camera.size().map(u64::from);
         let end = |first: u32, n_cells: u32| u64::from(first) + u64::from(n_cells) * u64::from(header.pattern);
@@ -33,7 +33,7 @@ impl<'a> CubeImage<'a> {
         self.header.n_bands as usize
     }
 
-    /// The part of the raw image that it covers: left, top, width, height, px.
+    /// The part of the raw image that the cube covers: left, top, width, height, px.
     pub fn area(&self) -> [u32; 4] {
         let CubeHeader { x0, y0, width, height, pattern, .. } = *self.header;
         [x0, y0, width * pattern, height * pattern]
@@ -44,7 +44,7 @@ impl<'a> CubeImage<'a> {
         self.planes.band(band)
     }
 
-    /// Number of the region of a cell; 0 = none.
+    /// Number of the region of a cell; 0 = no region.
     pub fn region(&self, cell: u32) -> u32 {
         self.planes.regions().map_or(0, |regions| regions[cell as usize])
     }

@@ -14,16 +14,16 @@ pub struct PosedExposure<'a> {
     pub position: [f32; 3],
     /// Lens of the camera.
     pub lens: &'a Lens,
-    /// The camera sees nothing outside of it.
+    /// Field of view of the camera.
     pub frustum: Frustum,
     /// Usable part of the image: `min <= pixel < max` for u and v, px.
     pub min: [f32; 2],
-    /// See `min`.
+    /// Upper end, exclusive; see `min`.
     pub max: [f32; 2],
 }
 
 impl PosedExposure<'_> {
-    /// Whether the pixel is on the usable part.
+    /// Whether the pixel is in the usable part.
     #[inline(always)]
     pub fn contains(&self, u: f32, v: f32) -> bool {
         // Bitwise instead of short-circuit, so that loops over this have no jumps. NaN is in no image.

@@ -5,14 +5,14 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-/// What became of the exposures of one camera.
+/// Counts of received and unused exposures of one camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExposureTally {
-    /// All that arrived.
+    /// All exposures received.
     pub received: u64,
-    /// Those that do not match the rig.
+    /// Exposures that do not match the rig.
     pub unusable: u64,
-    /// Those before the first or after the last pose.
+    /// Exposures before the first or after the last pose.
     pub without_pose: u64,
 }
 
@@ -33,10 +33,10 @@ pub struct HeldExposure<T> {
     pub data: T,
 }
 
-/// Exposures in the order of (stamp, camera).
+/// Exposures ordered by (stamp, camera).
 pub struct ExposureWindow<T> {
     held: Vec<HeldExposure<T>>,
-    /// By camera.
+    /// Counts by camera index.
     tallies: BTreeMap<u32, ExposureTally>,
 }
 
@@ -47,7 +47,7 @@ impl<T> Default for ExposureWindow<T> {
 }
 
 impl<T> ExposureWindow<T> {
-    /// From a saved state; see [`ExposureWindow::restore`].
+    /// Continues with the counts of a saved state; see [`ExposureWindow::restore`].
     pub fn with_tallies(tallies: BTreeMap<u32, ExposureTally>) -> Self {
         Self { held: Vec::new(), tallies }
     }
@@ -72,13 +72,13 @@ impl<T> ExposureWindow<T> {
     pub fn exposures(&self) -> &[HeldExposure<T>] {
         &self.held
     }
-    /// The exposures within a time.
+    /// The exposures with a stamp in `stamps`.
     pub fn within(&self, stamps: RangeInclusive<i64>) -> &[HeldExposure<T>] {
         let first = self.held.partition_point(|kept| kept.stamp < *stamps.start());
         let end = self.held.partition_point(|kept| kept.stamp <= *stamps.end());
         self.held.get(first..end).unwrap_or_default()
     }
-    /// The exposures within a time with their `odom_from_body`, and how many have no pose.
+    /// The exposures with a stamp in `stamps` and their `odom_from_body`, and the number of exposures without a pose.
     pub fn posed_within(&self, stamps: RangeInclusive<i64>, trajectory: &Trajectory) -> (Vec<(&T, Pose)>, u64) {
         let near = self.within(stamps);
         let posed = |held: &HeldExposure<T>| trajectory.at(Stamp(held.stamp));
@@ -90,15 +90,15 @@ impl<T> ExposureWindow<T> {
     pub fn oldest_stamp(&self) -> Option<i64> {
         self.held.first().map(|exposure| exposure.stamp)
     }
-    /// By camera.
+    /// Counts by camera index.
     pub fn tallies(&self) -> &BTreeMap<u32, ExposureTally> {
         &self.tallies
     }
-    /// Releases the exposures before `stamp`. `has_pose`: whether the trajectory has a pose at a stamp.
+    /// Releases the exposures before `stamp`. `has_pose` returns whether the trajectory has a pose at a stamp.
     pub fn release_before(&mut self, stamp: i64, has_pose: impl Fn(i64) -> bool) {
         self.release(self.held.partition_point(|kept| kept.stamp < stamp), has_pose);
     }
-    /// Releases the oldest exposures until at most `n_max` are left. Returns the number of released ones.
+    /// Releases the oldest exposures until at most `n_max` are left. Returns the number of released exposures.
     pub fn release_excess(&mut self, n_max: usize, has_pose: impl Fn(i64) -> bool) -> u64 {
         let n_excess = self.held.len().saturating_sub(n_max);
         self.release(n_excess, has_pose);

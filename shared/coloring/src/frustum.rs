@@ -1,9 +1,9 @@
-//! The field of view of a camera as planes, to skip chunks of points outside of it.
+//! The field of view of a camera as planes, used to skip chunks of points outside it.
 
 use crate::lens::Lens;
 use geometry::{CameraModel, Vector2};
 
-/// Spacing of sampled pixels along the image border, px. Between them the border is straight within the margin.
+/// Spacing of sampled pixels along the image border, px. Between samples the border is straight within the margin.
 const RIM_STEP_PX: u32 = 16;
 
 /// Added to the slopes on every side: half a degree, more than the f32 error of the lens and the curvature between samples.
@@ -24,7 +24,7 @@ pub fn slopes(model: &CameraModel, lens: &Lens) -> Option<Slopes> {
     let columns = along(height).flat_map(|v| [Vector2::new(-0.5, v), Vector2::new(right, v)]);
     let mut slopes = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for pixel in rows.chain(columns) {
-        // A border pixel without a ray: the lens ends within the image.
+        // A border pixel without a ray: the field of view of the lens ends inside the image.
         let ray = model.ray_from_pixel(&pixel).filter(|ray| ray.z > 0.1);
         let reach = ray.map_or([-widest, widest, -widest, widest], |ray| {
             let [x, y] = [ray.x / ray.z, ray.y / ray.z];
@@ -35,12 +35,13 @@ pub fn slopes(model: &CameraModel, lens: &Lens) -> Option<Slopes> {
     Some([slopes[0] - MARGIN, slopes[1] + MARGIN, slopes[2] - MARGIN, slopes[3] + MARGIN])
 }
 
-/// Planes of the submap frame with the visible points on their positive side. `None` for a camera that sees everywhere.
+/// Planes in the submap frame with the visible points on their positive side. `None` for a camera with an unlimited field
+/// of view.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum(Option<[[f32; 4]; 5]>);
 
 impl Frustum {
-    /// The field of view of a camera with these slopes. Without slopes, the camera sees everywhere.
+    /// The field of view of a camera with these slopes. It is unlimited if `slopes` is `None`.
     pub fn new(slopes: Option<Slopes>, camera_from_submap: &[[f32; 4]; 3]) -> Self {
         let [x, y, z] = *camera_from_submap;
         let plane = |a: [f32; 4], sign: f32, slope: f64| [0, 1, 2, 3].map(|i| sign * (a[i] - slope as f32 * z[i]));

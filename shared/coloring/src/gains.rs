@@ -1,4 +1,4 @@
-//! Gain compensation: a wall keeps its color where one exposure ends and the next begins.
+//! Gain compensation: removes brightness steps between exposures on one surface.
 //!
 //! Points that are visible in two exposures give the ratio of their brightness. One gain per exposure is estimated from all
 //! ratios by weighted least squares (Brown and Lowe, "Automatic Panoramic Image Stitching using Invariant Features", IJCV
@@ -11,19 +11,19 @@ use messages::ColorRow;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// One of so many points is looked up in all exposures: some thousand per submap, for some dozens of gains.
+/// One point in this many is looked up in all exposures: some thousands per submap, for some dozens of gains.
 const THINNING: usize = 64;
 
-/// Usable levels of a channel, of 255: outside, the sensor is saturated or noise dominates.
+/// Usable levels of a channel, of 255. Outside this range, the sensor is saturated or noise dominates.
 const USABLE: std::ops::RangeInclusive<u8> = 10..=240;
 
-/// Largest logarithm of a brightness ratio. Beyond, the two exposures show different surfaces.
+/// Largest logarithm of a brightness ratio. A larger ratio means that the two exposures show different surfaces.
 const MAX_LOG_RATIO: f64 = 1.0;
 
-/// Standard deviation of a logarithmic ratio. Larger residuals get less weight (Cauchy weight).
+/// Standard deviation of a logarithmic ratio. Larger residuals get a lower weight (Cauchy weight).
 const DEVIATION: f64 = 0.1;
 
-/// Weight of the prior that a gain is 1, in ratios: about ten points are of one surface, and gains differ by 0.3.
+/// Weight of the prior that a gain is 1, in ratios: about ten points share a surface, and gains differ by 0.3.
 const PRIOR: f64 = 2.0;
 
 /// Iterations of weighting and solving: the fourth changes gains by less than 0.01.
@@ -33,24 +33,24 @@ const N_ITERATIONS: usize = 4;
 #[derive(Clone, Debug)]
 pub struct ExposureGains(Vec<f32>);
 
-/// The same point in two exposures.
+/// One point that is visible in two exposures.
 #[derive(Clone, Copy, Debug)]
 pub struct Overlap {
     /// Indices of the exposures.
     pub exposures: [usize; 2],
-    /// Pixel of the point in each.
+    /// Pixel of the point in each exposure.
     pub pixels: [[f32; 2]; 2],
 }
 
 impl ExposureGains {
-    /// The gains that make the exposures most alike. `images` belong to the exposures by index.
+    /// The gains that make the exposures most similar. `images[i]` belongs to exposure `i`.
     pub fn estimate(candidates: &Candidates<'_>, images: &[ColorImage<'_>]) -> Self {
         let ratio = |overlap: Overlap| BrightnessRatio::new(&overlap, images);
         let ratios: Vec<BrightnessRatio> = overlaps(candidates, THINNING, 0).into_iter().filter_map(ratio).collect();
         Self(log_gains(&ratios, candidates.exposures.len()).into_iter().map(|log| (-log).exp() as f32).collect())
     }
 
-    /// A color of an exposure, brought to the mean brightness of all exposures.
+    /// A color of an exposure, scaled to the mean brightness of all exposures.
     #[inline]
     pub fn leveled(&self, row: ColorRow, exposure: usize) -> ColorRow {
         let [r, g, b] = [row.r, row.g, row.b].map(|level| (f32::from(level) * self.0[exposure] + 0.5) as u8);
@@ -58,8 +58,8 @@ impl ExposureGains {
     }
 }
 
-/// Overlaps of static points: of every chunk, point `first` and each `every`-th after it. For each point, every exposure that
-/// sees it is paired with the next one that does.
+/// Overlaps of static points: point `first` of every chunk and each `every`-th point after it. For each point, every
+/// exposure that shows it is paired with the next one that does.
 pub fn overlaps(candidates: &Candidates<'_>, every: usize, first: usize) -> Vec<Overlap> {
     let of_chunk = |chunk: &mut Chunk, index: usize| {
         candidates.points.read_chunk(index, chunk);
@@ -82,7 +82,7 @@ pub fn overlaps(candidates: &Candidates<'_>, every: usize, first: usize) -> Vec<
     chunks.map_init(Chunk::default, of_chunk).flatten_iter().collect()
 }
 
-/// The logarithm of the brightness of a point in the first exposure, minus that in the second.
+/// Logarithm of the brightness of a point in the first exposure, minus the logarithm in the second.
 struct BrightnessRatio {
     exposures: [usize; 2],
     log_ratio: f64,
@@ -118,7 +118,8 @@ fn log_gains(ratios: &[BrightnessRatio], n: usize) -> Vec<f64> {
             normal[(a, b)] -= weight;
             normal[(b, a)] -= weight;
         }
-        // Positive definite by the prior, unless a ratio is not finite: then the previous gains stay.
+        // The prior makes the matrix positive definite unless a ratio is not finite. In this case the previous gains are
+        // kept.
         if let Some(factors) = normal.cholesky() {
             gains = factors.solve(&right);
         }

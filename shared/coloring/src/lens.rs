@@ -1,5 +1,5 @@
-//! Lenses prepared for fast projection in f32. The exact models are [`geometry::CameraModel`] in f64; both agree within
-//! 0.02 px.
+//! Lenses prepared for fast projection in f32. The exact models are [`geometry::CameraModel`] in f64; the two agree
+//! within 0.02 px.
 
 mod fisheye;
 mod pinhole;
@@ -11,7 +11,7 @@ pub use spline_warp::SplineWarpLens;
 
 use geometry::CameraModel;
 
-/// The pixel of a point that the lens cannot see. NaN is in no image, and a loop that writes it has no jumps.
+/// Pixel of a point outside the field of view of the lens. NaN is in no image, and a loop that writes it has no branches.
 const NOWHERE: [f32; 2] = [f32::NAN; 2];
 
 /// A camera model, prepared.
@@ -36,7 +36,7 @@ impl From<&CameraModel> for Lens {
 }
 
 impl Lens {
-    /// Tangent of the largest visible angle to the axis. `None` for lenses that see sideways or backward.
+    /// Tangent of the largest visible angle to the axis. `None` if the field of view reaches 90 degrees from the axis.
     pub fn widest_slope(&self) -> Option<f64> {
         match self {
             Lens::Pinhole(lens) => Some(lens.widest_slope()),
@@ -45,7 +45,7 @@ impl Lens {
         }
     }
 
-    /// Resolution on the axis.
+    /// Resolution on the axis, px/rad.
     #[inline]
     pub fn px_per_rad(&self) -> f32 {
         match self {
@@ -55,7 +55,8 @@ impl Lens {
         }
     }
 
-    /// Pixel of a point of the camera frame (x right, y down, z forward, m); NaN if the lens cannot see it.
+    /// Pixel of a point of the camera frame (x right, y down, z forward, m); NaN if the point is outside the field of
+    /// view.
     #[inline]
     pub fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2] {
         match self {
@@ -85,7 +86,7 @@ mod tests {
                 let fast = lens.pixel(p_in_camera);
                 let Some(exact) = model.pixel_from_camera(&Point3::from(p)) else { continue };
                 let error = (f64::from(fast[0]) - exact.x).hypot(f64::from(fast[1]) - exact.y);
-                // The fast lens sees every point that the exact model sees: NaN fails this comparison.
+                // The fast lens projects every point that the exact model projects: NaN fails this comparison.
                 assert!(error < 0.02, "{p:?}: {fast:?} instead of {exact}");
                 n_seen += 1;
             }
@@ -114,7 +115,7 @@ mod tests {
         CameraModel::KannalaBrandt(KannalaBrandt { width, height, fx, fy, cx, cy, distortion, max_angle })
     }
 
-    /// A lens whose splines map the image of a pinhole to that of a fisheye.
+    /// A lens whose splines map a pinhole image to a fisheye image.
     fn spline_warp() -> CameraModel {
         let width = 2448;
         let height = 2048;

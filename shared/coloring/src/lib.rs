@@ -8,9 +8,10 @@
 //! 4. [`ColorImage`] and [`CubeImage`] are sampled at the projected pixel. [`Sampler`] levels the brightness of exposures and
 //!    avoids pixels that show the sky.
 //!
-//! [`ExposureWindow`] holds the exposures that submaps may still need, [`DoubtLimits`] judges the result at the end.
+//! [`ExposureWindow`] holds the exposures that submaps may still need, [`DoubtLimits`] judges the final result.
 //!
-//! Begin at [`color_into`]: images of one submap in, one row per point out. The stage `colorize` shows the order of the calls.
+//! Start at [`color_into`]: images of one submap in, one row per point out. The stage `colorize` shows the order of the
+//! calls.
 //!
 //! Frames: poses of exposures and submaps are in odom (`odom_from_body`, `odom_from_submap`), because colors are computed before
 //! the placement. Pixels are px, with integers at pixel centers; colors are sRGB, 8 bit; reflectance is 1 for a perfect white
@@ -20,8 +21,8 @@
 //! black is a color. It decodes no images and reads no files or clocks. Results do not depend on the number of threads.
 //!
 //! # Vectorized loops
-//! As in `wide_loops::run`, but the work is a struct with its own `call`, and the arrays of a loop are those of one or two
-//! structs with constant length: only then does the compiler know that they do not overlap.
+//! As in `wide_loops::run`, but the work is a struct with its own `call`. The arrays of a loop belong to one or two
+//! structs and have constant length: only then can the compiler prove that they do not overlap.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 #![allow(clippy::needless_bitwise_bool, reason = "conditions without jumps let the loops over a chunk become vectors")]

@@ -1,11 +1,11 @@
 //! Occlusion: a depth buffer for every exposure, computed from the points of the submap.
 //!
 //! An image is divided into cells of about 0.2 degrees, and each cell keeps the range of its nearest point. LiDAR points
-//! are sparser than the cells, above all between rings. Gaps between two near cells are therefore filled if they are not
-//! wider than the sensor leaves them (a morphological closing along rows and columns). Silhouettes keep their position.
-//! A point is occluded if it is farther than the sum of the nearest range of its cell, a tolerance for noise and poses that
-//! grows with range, and the rise of the surface towards the neighboring cells. Without the rise, a road seen at grazing
-//! incidence would occlude itself.
+//! are sparser than the cells, especially between rings. Gaps between two near cells are therefore filled up to the width
+//! that the spacing of the sensor explains (a morphological closing along rows and columns). Silhouettes keep their
+//! position. A point is occluded if its range exceeds a sum of three terms: the nearest range of its cell, a tolerance
+//! for noise and poses that grows with range, and the rise of the surface towards the neighboring cells. Without the
+//! rise, a road seen at grazing incidence would occlude itself.
 
 use crate::chunk::{CHUNK, Chunk, Lanes, gap, seconds};
 use crate::exposure::PosedExposure;
@@ -18,33 +18,39 @@ use rayon::prelude::*;
 /// Rings of a spinning LiDAR cover about 40 degrees (HDL-32E: 41), so that they are `RINGS_RAD / n_rings` apart.
 const RINGS_RAD: f32 = 0.72;
 
-/// Largest gap along the rings that is filled, cells: three times the spacing of shots, because a camera may be nearer to
-/// the surface than the LiDAR was.
+/// Largest gap along the rings that is filled, cells: three times the spacing of shots, because the camera may be closer
+/// to the surface than the LiDAR was.
 const GAP_ALONG: usize = 3;
 
-/// Largest gap across the rings that is filled, cells. More would close windows and the space below cars. An HDL-32E has 7.
+/// Largest gap across the rings that is filled, cells. A larger limit would close windows and the space below cars. An
+/// HDL-32E has 7.
 const MAX_GAP_ACROSS: usize = 8;
 
-/// A point this far behind the nearest one is still visible, m: noise of ranges, and of the pose between two shots.
+/// A point this far behind the nearest one is still visible, m. The margin covers range noise and pose noise between two
+/// shots.
 const TOLERANCE_M: f32 = 0.15;
 
-/// The same per metre of range: a pose error of a quarter of a degree between exposure and shot, on a slanted surface.
+/// Part of the tolerance that grows with range, m/m: a pose error of a quarter of a degree between exposure and shot, on
+/// a slanted surface.
 const TOLERANCE_PER_M: f32 = 0.01;
 
-/// Largest rise of a surface over one cell per metre of range: at 40 = tan(88.6 degrees) a street seen from 2 m above is
+/// Largest rise of a surface over one cell per metre of range. At 40 = tan(88.6 degrees), a street seen from 2 m above is
 /// still one surface 80 m ahead.
 const MAX_RISE: f32 = CELL_RAD * 40.0;
 
-/// Largest time between an exposure and the points that occlude in it, s: a tilted LiDAR covers the whole view of a camera
-/// only over some metres of travel. For an exposure before or after the submap, its first or last points occlude.
+/// Largest time between an exposure and the points that occlude in it, s: a tilted LiDAR needs some metres of travel to
+/// cover the whole view of a camera. For an exposure before or after the submap, the first or last points of the submap
+/// occlude.
 const OCCLUDER_AGE_S: f32 = 1.0;
 
-/// The same for points on moving objects. More than one revolution, so that a car is complete. It also occludes the place
-/// that it just left: no color is better than the color of the car.
+/// Largest time between an exposure and the occluding points on moving objects, s. It exceeds one revolution, so that a
+/// car is complete. The car also occludes the place that it just left: a missing color is better than the color of the
+/// car.
 const MOVING_OCCLUDER_AGE_S: f32 = 0.3;
 
-/// Factor of the rise over one cell. A point may be at the far end of its cell, and the visible range is that of the
-/// nearest neighboring cell: twice the rise, and more, because the range to a street grows faster with distance.
+/// Factor of the rise over one cell. A point may be at the far end of its cell, and the visible range comes from the
+/// nearest neighboring cell. This gives twice the rise, and more, because the range to a street grows faster with
+/// distance.
 const MAX_RISE_SHARE: f32 = 2.5;
 
 /// The visibility map of every exposure, from points around its time (`OCCLUDER_AGE_S`; `MOVING_OCCLUDER_AGE_S` for points
@@ -69,8 +75,8 @@ pub fn visibility_maps(points: &SubmapPoints<'_>, exposures: &[PosedExposure<'_>
     exposures.par_chunks(EXPOSURES_PER_TASK).map_init(Scratch::default, of_task).flatten_iter().collect()
 }
 
-/// Exposures that are processed together: those of one time use a chunk while it is in the cache. More would leave threads
-/// idle.
+/// Exposures that are processed together: exposures of one time share a chunk while it is in the cache. A larger number
+/// would leave threads idle.
 const EXPOSURES_PER_TASK: usize = 3;
 
 /// Buffers that are reused for every chunk.
@@ -115,7 +121,7 @@ impl NullaryFnOnce for FindHits<'_> {
             let v = projected.v[i];
             let is_old = (chunk.moves[i] != 0) & ((chunk.times[i] - time).abs() > MOVING_OCCLUDER_AGE_S);
             let occludes = exposure.contains(u, v) & !is_old;
-            // A point that does not occlude is infinitely far, in any cell.
+            // A point that does not occlude is infinitely far away, in any cell.
             hits.cells[i] = if occludes { grid.cell(u, v) } else { 0 };
             hits.range_m[i] = if occludes { projected.range_m[i] } else { f32::INFINITY };
         }
@@ -155,8 +161,8 @@ impl DepthBuffer {
             near = close(&near, columns, rows, in_columns, columns);
             near = close(&near, columns, rows, in_rows, 1);
         }
-        // One more cell around silhouettes, for pose errors and the space between their points: no color is better than a
-        // wrong one.
+        // One more cell around silhouettes, for pose errors and the space between their points: a missing color is better
+        // than a wrong one.
         let max_range_m = max_range_m(&near, columns, rows);
         let max_range_m = spread(&max_range_m, columns, rows, 1, columns, least);
         let max_range_m = spread(&max_range_m, columns, rows, 1, 1, least);
@@ -261,7 +267,7 @@ impl NullaryFnOnce for AddTolerance<'_> {
 }
 
 /// Change of range over one cell on a surface that recedes from one neighbor to the other, m: the smaller of the two
-/// differences. At a silhouette there is no such surface, and the background is not taken as its slope.
+/// differences. At a silhouette there is no such surface, so the step to the background does not count as slope.
 #[inline(always)]
 fn rise(before: f32, here: f32, after: f32) -> f32 {
     let a = here - before;
@@ -290,7 +296,7 @@ mod tests {
         let near = [4.0, 4.4, 5.0, 5.0, 30.0];
         let visible = max_range_m(&near, 1, 5);
         assert!(visible[1] > 5.0 && visible[1] < 5.7, "{visible:?}");
-        assert!(visible[3] > 5.1 && visible[3] < 5.3, "the far wall is no part of the near one: {visible:?}");
+        assert!(visible[3] > 5.1 && visible[3] < 5.3, "the far wall is not part of the near one: {visible:?}");
         assert_eq!(max_range_m(&[f32::INFINITY; 3], 1, 3), [f32::INFINITY; 3]);
     }
 }

@@ -4,11 +4,11 @@ use crate::chunk::{CHUNK, Chunk, time};
 use messages::{POINT_DYNAMIC, RingCounts, SubmapPoint, SubmapSweep};
 use rayon::prelude::*;
 
-/// Only one of so many points occludes: a cell has several points, and gaps between cells are closed. The number has no
-/// common divisor with usual numbers of rings, so that all rings contribute.
+/// One point in this many occludes: a cell has several points, and gaps between cells are closed. The number shares no
+/// divisor with usual numbers of rings, so that all rings contribute.
 const THINNING: usize = 3;
 
-/// Buffers that are reused for every submap: allocating this memory anew takes as long as coloring.
+/// Buffers that are reused for every submap: allocating this memory again takes as long as coloring.
 #[derive(Default)]
 pub struct PointBuffers {
     /// One list for every [`THINNING`] chunks.
@@ -23,7 +23,7 @@ pub struct SubmapPoints<'a> {
     pub sweeps: &'a [SubmapSweep],
     /// First shot, the origin of times, ns since the Unix epoch.
     pub origin: i64,
-    /// Rings of the LiDARs.
+    /// Number of rings of each LiDAR.
     pub rings: RingCounts,
     buffers: &'a PointBuffers,
     time_span: [f32; 2],
@@ -47,7 +47,7 @@ impl<'a> SubmapPoints<'a> {
         Self { rows, sweeps, origin, rings: rings.into(), buffers, time_span }
     }
 
-    /// Rings of the LiDAR with the fewest: its points are the farthest apart.
+    /// Number of rings of the LiDAR with the fewest: its points have the largest spacing.
     pub fn fewest_rings(&self) -> u32 {
         let of_sweeps = self.sweeps.iter().map(|sweep| self.rings.of(sweep.lidar)).min();
         of_sweeps.unwrap_or_else(|| self.rings.of(0))
@@ -58,12 +58,12 @@ impl<'a> SubmapPoints<'a> {
         self.time_span
     }
 
-    /// Number of chunks: [`CHUNK`] points each, in their order.
+    /// Number of chunks. Each holds [`CHUNK`] consecutive points.
     pub fn n_chunks(&self) -> usize {
         self.rows.len().div_ceil(CHUNK)
     }
 
-    /// Reads a chunk. Keeping all chunks would save a few percent of the time, and take two thirds more memory.
+    /// Reads a chunk. Keeping all chunks would save a few percent of the time and take two thirds more memory.
     ///
     /// # Panics
     /// If there is no such chunk.
@@ -72,13 +72,13 @@ impl<'a> SubmapPoints<'a> {
         into.refill(&rows[..rows.len().min(CHUNK)], self.sweeps, self.origin);
     }
 
-    /// The points that occlude: all points on moving objects, because few sweeps hit those, and a part of the others.
+    /// The points that occlude: all points on moving objects, because few sweeps hit them, and a subset of the others.
     pub fn occluders(&self) -> impl Iterator<Item = &'a Chunk> {
         self.buffers.occluders.iter().flatten()
     }
 }
 
-/// The time span without points.
+/// The time span of an empty set of points.
 const NEVER: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 /// Replaces `thinned` by the points of `rows` that occlude. Returns the first and last shot of all.

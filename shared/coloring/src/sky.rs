@@ -1,14 +1,15 @@
-//! Whether the pixel of a point shows the sky: leaves, poles and roof edges often share theirs with the sky behind them.
+//! Detection of pixels that show the sky: leaves, poles and roof edges often share their pixel with the sky behind them.
 //!
-//! Only pixels at the rim of what the LiDAR hits are tested: elsewhere there is another surface behind.
+//! Only pixels at the rim of the LiDAR hits are tested: everywhere else there is another surface behind the point.
 //!
-//! The sky returns no pulse. Its colors are therefore frequent where no points are, and rare on points: a likelihood ratio of
-//! two color histograms, as for skin (Jones and Rehg, "Statistical Color Models with Application to Skin Detection", IJCV
-//! 2002). White walls and cars are hit, and keep their color even below white clouds. The sky is also brighter than most of a
-//! street, which tells it from roofs and facades above the highest ring.
+//! The sky returns no pulse. Its colors are therefore frequent where there are no points, and rare on points. The test is
+//! a likelihood ratio of two color histograms, as in skin detection (Jones and Rehg, "Statistical Color Models with
+//! Application to Skin Detection", IJCV 2002). White walls and cars return pulses, and keep their color even below white
+//! clouds. The sky is also brighter than most of a street, which distinguishes it from roofs and facades above the
+//! highest ring.
 //!
-//! Where the sky shines through leaves, the color lies between both. Such pixels are brighter and bluer than the darkest ones
-//! around them. Leaves in the sun are brighter, but not bluer.
+//! Where the sky shines through leaves, the color is a mixture of both. Such pixels are brighter and bluer than the
+//! darkest pixels around them. Leaves in the sun are brighter, but not bluer.
 
 mod background;
 mod histogram;
@@ -25,31 +26,33 @@ use rayon::prelude::*;
 use rim::RimMap;
 use tint::Tint;
 
-/// Share of a color, which lies between four pixels, that may be that of the sky, of 65536: a fifth.
+/// Largest share of the sky in a color interpolated between four pixels, in 1/65536: a fifth.
 const MAX_SHARE: u64 = (1 << 16) / 5;
 
-/// Pixels beside a point that may show it, cells: the beam of a LiDAR is as wide as a cell.
+/// Neighboring cells that may also show a point: a LiDAR beam is as wide as a cell.
 const REACH: usize = 1;
 
-/// Share of the way in brightness from the reference to the sky from which the sky is seen to shine through.
+/// The sky shines through if the brightness exceeds the reference by this share of the difference between sky and
+/// reference.
 const MIN_RISE: f32 = 0.15;
 
-/// The same in the share of blue, where the brighter part of a mixture dominates.
+/// Limit for the share of blue, analogous to `MIN_RISE`: the brighter part of a mixture dominates it.
 const MIN_BLUEING: f32 = 0.4;
 
-/// Least difference in the share of blue between sky and reference. Gray poles differ by less: that they are bright tells nothing.
+/// Least difference in the share of blue between sky and reference. Gray poles differ by less, and their brightness alone
+/// is not evidence of sky.
 const MIN_CONTRAST: f32 = 0.03;
 
 /// The sky in the exposures of a submap.
 #[derive(Debug)]
 pub struct Sky {
     colors: ColorSet,
-    /// By exposure.
+    /// The background of each exposure, by index.
     backgrounds: Vec<Background>,
 }
 
 impl Sky {
-    /// Learns the colors from all exposures. `visibility` and `images` belong to the exposures by index.
+    /// Learns the colors from all exposures. `visibility[i]` and `images[i]` belong to exposure `i`.
     pub fn learn(exposures: &[PosedExposure<'_>], visibility: &[VisibilityMap], images: &[ColorImage<'_>]) -> Self {
         let of_exposure = |((exposure, visibility), image)| {
             let rim = RimMap::new(visibility);
@@ -64,8 +67,8 @@ impl Sky {
         Self { colors: sum.sky(), backgrounds }
     }
 
-    /// A pixel of exposure `exposure`, whose image is `image`, if neither the sky is seen there nor shines through; or else the
-    /// nearest pixel in reach of which this is true.
+    /// The given pixel of exposure `exposure`, or the nearest pixel in reach, that neither shows the sky nor lets it
+    /// shine through. `image` is the image of the exposure.
     pub fn clear_pixel(&self, exposure: usize, image: &ColorImage<'_>, pixel: [f32; 2]) -> Option<[f32; 2]> {
         let background = &self.backgrounds[exposure];
         let (Some(sky), Some(reference)) = (self.colors.mean, background.reference(image, pixel)) else {
@@ -82,14 +85,14 @@ impl Sky {
         clear.min_by(|a, b| distance2(a).total_cmp(&distance2(b)))
     }
 
-    /// Whether more than a fifth of the color at (u, v) is that of the sky.
+    /// Whether the sky contributes more than a fifth of the color at (u, v).
     pub fn shows(&self, image: &ColorImage<'_>, pixel: [f32; 2]) -> bool {
         let share = image.corners(pixel).map(|(at, share)| if self.colors.contains(image.at(at)) { share } else { 0 });
         share.iter().sum::<u64>() > MAX_SHARE
     }
 }
 
-/// Whether a color is brighter and bluer than the reference by a part of what the sky is.
+/// Whether a color exceeds the reference in brightness and blueness by the least shares of the difference to the sky.
 fn shines_through(color: [u8; 3], reference: Tint, sky: Tint) -> bool {
     let color = Tint::of(color);
     let rise = sky.level - reference.level;

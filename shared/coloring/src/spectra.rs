@@ -48,12 +48,12 @@ struct Batch {
     cells: Vec<Vec<Cell>>,
 }
 
-/// The spectra of a submap before they are written: their number is known, so that a message of the exact size can be
+/// The spectra of a submap before they are written. Their number is known, so a message of the exact size can be
 /// allocated.
 pub struct SpectraColumn<'a> {
     bands: &'a Bands,
     cameras: &'a [CameraCubes<'a>],
-    /// In the order of the points. Chunks without spectra have no batch.
+    /// Batches in the order of the points. Chunks without spectra have no batch.
     batches: Vec<Batch>,
     n_points: usize,
     n_spectra: usize,
@@ -125,7 +125,7 @@ impl<'a> SpectraColumn<'a> {
         batches.for_each(|(batch, table)| self.write_batch(batch, table));
     }
 
-    /// The region of each point by the first camera whose cube has one there; 0 = none.
+    /// The region of each point, from the first camera whose cube has one there; 0 = no region.
     pub fn regions(&self) -> Vec<u32> {
         let mut rows = vec![0; self.n_points];
         for batch in &self.batches {
@@ -157,7 +157,7 @@ impl<'a> SpectraColumn<'a> {
                 if places.is_empty() {
                     continue;
                 }
-                // Band by band, because neighboring points are neighbors in the plane of a band.
+                // Band by band, because neighboring points are adjacent in the plane of a band.
                 for band in 0..cube.n_bands() {
                     let plane = cube.band(band);
                     for (at, cell, mask) in &places {
@@ -171,8 +171,8 @@ impl<'a> SpectraColumn<'a> {
 }
 
 impl Batch {
-    /// From the cells of each camera for the points of a chunk, [`NO_CELL`] for points that it does not see. `None` if there
-    /// is no cell at all.
+    /// Takes the cells of each camera for the points of a chunk; [`NO_CELL`] marks points outside its view. `None` if
+    /// there is no cell at all.
     fn new(first_point: usize, cells: &[Vec<Cell>]) -> Option<Self> {
         let has_cell = |i: &usize| cells.iter().any(|cells| cells.get(*i).is_some_and(|cell| cell.cube != NO_EXPOSURE));
         let indices: Vec<usize> = (0..CHUNK).filter(has_cell).collect();
@@ -184,7 +184,7 @@ impl Batch {
     }
 }
 
-/// The cells of the points of a chunk in the chosen cubes of a camera; empty if there are none.
+/// The cells of the points of a chunk in the chosen cubes of a camera. Empty if the camera sees no point of the chunk.
 fn find_cells(choices: &Choices, camera: &CameraCubes<'_>) -> Vec<Cell> {
     let mut cells = Vec::new();
     for (i, exposure, pixel) in choices.chosen() {

@@ -1,4 +1,4 @@
-//! How far an exposure sees in each direction.
+//! Visible range of an exposure in each direction.
 
 use crate::exposure::PosedExposure;
 use ndarray::Array2;
@@ -6,7 +6,7 @@ use ndarray::Array2;
 /// Side of a cell, rad: about the spacing of shots along a ring of a spinning LiDAR at 10 Hz.
 pub const CELL_RAD: f32 = 0.0035;
 
-/// An index that is in no grid.
+/// Cell index of a pixel outside every grid.
 pub const NO_CELL: u32 = u32::MAX;
 
 /// The cells into which the image of an exposure is divided.
@@ -36,10 +36,10 @@ impl CellGrid {
         (self.columns * self.rows) as usize
     }
 
-    /// The cell of a pixel of the exposure. For pixels outside of the image, any number.
+    /// The cell of a pixel of the exposure. The result is arbitrary for pixels outside the image.
     #[inline(always)]
     pub fn cell(&self, u: f32, v: f32) -> u32 {
-        // Truncation: rounding to the nearest integer would be slow, and pixels outside of the image may give any number.
+        // Truncation: rounding to the nearest integer would be slow, and the result is arbitrary outside the image.
         let column = ((u - self.min[0]) * self.cells_per_px) as i32;
         let row = ((v - self.min[1]) * self.cells_per_px) as i32;
         row.wrapping_mul(self.columns).wrapping_add(column) as u32
@@ -63,12 +63,12 @@ impl CellGrid {
 pub struct VisibilityMap {
     /// The cells.
     pub grid: CellGrid,
-    /// Per cell, row by row: the largest visible range, m.
+    /// Largest visible range of each cell, m, row by row.
     max_range_m: Vec<f32>,
 }
 
 impl VisibilityMap {
-    /// From the largest visible range of each cell, m, row by row.
+    /// Takes the largest visible range of each cell, m, row by row.
     pub fn new(grid: CellGrid, max_range_m: Vec<f32>) -> Self {
         Self { grid, max_range_m }
     }
@@ -85,7 +85,7 @@ impl VisibilityMap {
         self.max_range_m.get(cell as usize).copied().unwrap_or(f32::NEG_INFINITY)
     }
 
-    /// Rows and columns of cells: whether there is something that limits the view.
+    /// For each row and column of cells, whether a surface limits the visible range.
     pub fn is_hit(&self) -> Array2<bool> {
         let [columns, _] = self.grid.size();
         Array2::from_shape_fn((self.max_range_m.len() / columns, columns), |(row, column)| {
@@ -93,7 +93,7 @@ impl VisibilityMap {
         })
     }
 
-    /// Whether a point of the camera frame that falls on pixel (u, v) is visible: in the image and not occluded.
+    /// Whether a point of the camera frame that projects to pixel (u, v) is visible: in the image and not occluded.
     #[inline]
     pub fn sees(&self, exposure: &PosedExposure<'_>, p_in_camera: [f32; 3], [u, v]: [f32; 2]) -> bool {
         let range_m = p_in_camera.iter().map(|v| v * v).sum::<f32>().sqrt();

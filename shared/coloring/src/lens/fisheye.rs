@@ -1,17 +1,18 @@
-//! Fisheye lens by Kannala and Brandt.
+//! Fisheye lens after Kannala and Brandt.
 
 use super::NOWHERE;
 use geometry::KannalaBrandt;
 
-/// Coefficients of the radius polynomial. Its error falls as `2.6^-n` for the widest lens below, and faster for narrower
-/// lenses: 13 coefficients leave less than 0.001 px if the lens ends at 1.5 rad from the axis, 0.01 px if it ends at 2.2.
+/// Number of coefficients of the radius polynomial. Its error falls as `2.6^-n` for the widest lens below, and faster for
+/// narrower lenses: 13 coefficients leave less than 0.001 px if the field of view ends at 1.5 rad from the axis, 0.01 px
+/// if it ends at 2.2.
 const N_COEFFICIENTS: usize = 13;
 
-/// No lens sees beyond this angle from the axis (250 degrees field of view). The fitted function has its pole at pi.
+/// Largest angle from the axis, rad (250 degrees field of view). The fitted function has its pole at pi.
 const MAX_ANGLE: f64 = 2.2;
 
-/// [`KannalaBrandt`], prepared: `radius(t) / sin(t)` as a polynomial of `cos(t)`. That function is smooth, so that no angle
-/// has to be computed.
+/// [`KannalaBrandt`], prepared: `radius(t) / sin(t)` as a polynomial of `cos(t)`. This function is smooth, and no angle
+/// needs to be computed.
 #[derive(Clone, Debug)]
 pub struct FisheyeLens {
     focal: [f32; 2],
@@ -19,7 +20,7 @@ pub struct FisheyeLens {
     min_cosine: f32,
     /// Scale and offset that map the visible cosines to -1 to 1, the domain of the polynomial.
     to_unit: [f32; 2],
-    /// Starting with the constant.
+    /// Polynomial coefficients, constant term first.
     coefficients: [f32; N_COEFFICIENTS],
 }
 
@@ -31,7 +32,7 @@ impl From<&KannalaBrandt> for FisheyeLens {
             let angle = (0.5 * ((1.0 - min_cosine) * x + 1.0 + min_cosine)).clamp(-1.0, 1.0).acos();
             let t2 = angle * angle;
             let stretch = 1.0 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4)));
-            // On the axis t / sin(t) tends to 1.
+            // On the axis, t / sin(t) tends to 1.
             let slant = if angle > 1e-9 { angle / angle.sin() } else { 1.0 };
             slant * stretch
         };
@@ -45,13 +46,13 @@ impl From<&KannalaBrandt> for FisheyeLens {
     }
 }
 
-/// The polynomial that equals a function on -1 to 1 at the Chebyshev nodes; starting with the constant.
+/// The polynomial that equals a function on -1 to 1 at the Chebyshev nodes, constant term first.
 fn polynomial(function: impl Fn(f64) -> f64) -> [f64; N_COEFFICIENTS] {
     let n = N_COEFFICIENTS as f64;
     let angle_of = |node: usize| std::f64::consts::PI * (node as f64 + 0.5) / n;
     let values: [f64; N_COEFFICIENTS] = std::array::from_fn(|node| function(angle_of(node).cos()));
     let mut sum = [0.0; N_COEFFICIENTS];
-    // Chebyshev polynomials of the previous and of this order, as coefficients of powers.
+    // Chebyshev polynomials of the previous and the current order, as coefficients of powers.
     let mut before = [0.0; N_COEFFICIENTS];
     let mut here = [0.0; N_COEFFICIENTS];
     here[0] = 1.0;
@@ -91,7 +92,7 @@ impl FisheyeLens {
     pub fn pixel(&self, [x, y, z]: [f32; 3]) -> [f32; 2] {
         let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
         let cosine = z * inverse;
-        // A point in the lens has no direction: its cosine is NaN, which fails this comparison.
+        // A point at the center of the lens has no direction: its cosine is NaN, which fails this comparison.
         let is_in_view = cosine >= self.min_cosine;
         let at = cosine * self.to_unit[0] + self.to_unit[1];
         let value = self.coefficients.iter().rev().fold(0.0, |value, coefficient| value * at + coefficient);

@@ -1,4 +1,4 @@
-//! Pinhole lens with distortion by Brown and Conrady.
+//! Pinhole lens with Brown-Conrady distortion.
 
 use super::NOWHERE;
 use geometry::Pinhole;

@@ -1,4 +1,4 @@
-//! Lens given by splines: an equidistant fisheye, which is close to it, plus a table of the residuals.
+//! Lens given by splines: an equidistant fisheye approximation plus a table of residuals.
 
 use super::FisheyeLens;
 use geometry::{CameraModel, KannalaBrandt, Point3, SplineWarp, Vector2};
@@ -14,13 +14,13 @@ const MARGIN: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub struct SplineWarpLens {
     base: FisheyeLens,
-    /// Resolution on the axis.
+    /// Resolution on the axis, px/rad.
     px_per_rad: f32,
     widest_slope: f64,
     /// Position of the first node, px of the fisheye.
     first: [f32; 2],
     nodes_per_px: [f32; 2],
-    /// Residual at each node, row by row: added to the pixel of the fisheye. NaN where the lens cannot see.
+    /// Residual at each node, row by row: added to the pixel of the fisheye. NaN outside the field of view.
     residuals: Arc<[[f32; 2]]>,
 }
 
@@ -38,7 +38,8 @@ impl From<&SplineWarp> for SplineWarpLens {
             cx: center.x,
             cy: center.y,
             distortion: [0.0; 4],
-            // Beyond the end of the lens, for the nodes around it. Below a right angle, where the ideal image of the splines is infinite.
+            // Slightly beyond the field of view, for the nodes around its border. Below a right angle, where the ideal
+            // image of the splines is infinite.
             max_angle: (widest_slope.atan() + 0.1).min(1.5),
         };
         let size = [f64::from(model.width), f64::from(model.height)];
@@ -47,7 +48,7 @@ impl From<&SplineWarp> for SplineWarpLens {
         let exact_base = CameraModel::KannalaBrandt(base.clone());
         let residual = |row: usize, column: usize| {
             let at = Vector2::new(first[0] + px_per_node[0] * column as f64, first[1] + px_per_node[1] * row as f64);
-            // One node beyond the end of the lens is needed for interpolation up to the end.
+            // Interpolation up to the border of the field of view needs one node beyond it.
             let seen = exact_base.ray_from_pixel(&at).and_then(|ray| model.project(&Point3::from(ray), 0.1));
             seen.map_or([f32::NAN; 2], |seen| [(seen.x - at.x) as f32, (seen.y - at.y) as f32])
         };
@@ -79,7 +80,7 @@ impl SplineWarpLens {
     pub fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2] {
         let at = self.base.pixel(p_in_camera);
         let [x, y] = [0, 1].map(|axis| (at[axis] - self.first[axis]) * self.nodes_per_px[axis]);
-        // NaN beyond the table and where the fisheye sees nothing.
+        // NaN outside the table and outside the field of view of the fisheye.
         let last = (N_NODES - 1) as f32;
         if !((x >= 0.0) & (y >= 0.0) & (x < last) & (y < last)) {
             return super::NOWHERE;

@@ -1,33 +1,34 @@
-//! What is seen at the rim of an exposure without the sky.
+//! The surfaces at the rim of an exposure, without the sky.
 
 use super::rim::{RimMap, Surroundings};
 use super::tint::Tint;
 use crate::color_image::ColorImage;
 use crate::visibility::CellGrid;
 
-/// Side of the blocks of cells that share a reference: the pixels around that show what is there without the sky.
+/// Side of the blocks of cells that share a reference.
 const BLOCK: usize = 8;
 
-/// Pixels of a reference around the middle of its block, in steps of `REFERENCE_STEP` cells: as far as the rim is wide.
+/// Pixels of a reference around the middle of its block, in steps of `REFERENCE_STEP` cells: they cover the width of the
+/// rim.
 const REFERENCE: usize = 4;
 const REFERENCE_STEP: usize = 2;
 
-/// The darkest of them, one of so many, are the reference. At the tip of a branch most of them show the sky.
+/// One pixel in this many, the darkest ones, form the reference. At the tip of a branch most pixels show the sky.
 const REFERENCE_SHARE: usize = 8;
 
-/// Where the sky may be seen in an exposure, and the references there.
+/// The parts of an exposure that may show the sky, and the references there.
 #[derive(Debug)]
 pub struct Background {
     grid: CellGrid,
     /// Side of a cell, px.
     pub step: usize,
     rim: RimMap,
-    /// Per block with cells of the rim, row by row.
+    /// Reference of each block with rim cells, row by row.
     references: Vec<Option<Tint>>,
 }
 
 impl Background {
-    /// Of an exposure.
+    /// Computes the references of an exposure from its rim and image.
     pub fn new(grid: CellGrid, rim: RimMap, image: &ColorImage<'_>) -> Self {
         let step = (grid.cell_px() + 0.5) as usize;
         let [columns, rows] = grid.size();
@@ -44,7 +45,7 @@ impl Background {
         Self { grid, step, rim, references }
     }
 
-    /// The reference at a pixel. `None` if there is no sky, because surfaces are all around.
+    /// The reference at a pixel. `None` if there is no sky because surfaces surround the pixel.
     pub fn reference(&self, image: &ColorImage<'_>, pixel: [f32; 2]) -> Option<Tint> {
         let cell = self.grid.cell(pixel[0], pixel[1]);
         if self.rim.surroundings(cell) == Surroundings::Surface {
@@ -53,7 +54,7 @@ impl Background {
         let [columns, _] = self.grid.size();
         let [x, y] = [cell as usize % columns, cell as usize / columns].map(|index| index / BLOCK);
         let of_block = self.references.get(y * columns.div_ceil(BLOCK) + x).copied().flatten();
-        // Few points are far from all others.
+        // Computed on demand, because isolated points are rare.
         Some(of_block.unwrap_or_else(|| reference(image, pixel, self.step)))
     }
 }

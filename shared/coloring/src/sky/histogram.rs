@@ -1,4 +1,4 @@
-//! The colors of the sky: frequent where no points are, rare on points.
+//! The colors of the sky: frequent where there are no points, rare on points.
 
 use super::rim::{RimMap, Surroundings};
 use super::tint::Tint;
@@ -11,11 +11,12 @@ use messages::ColorRow;
 const BIN_BITS: u32 = 4;
 const N_BINS: usize = 1 << (3 * BIN_BITS);
 
-/// One of so many cells is counted: an exposure has 100 000, and a submap dozens of exposures.
+/// One cell in this many is counted: an exposure has 100 000, and a submap dozens of exposures.
 const CELL_STEP: usize = 31;
 
-/// How many times as frequent without points a color of the sky must be. With 2.5 and 8, a seventh less and more of the points
-/// on trees get the color of the sky, and a permille less and more of all points get a color.
+/// Least ratio between the frequency of a sky color without points and its frequency on points. With 2.5, a seventh fewer
+/// points on trees get the color of the sky, and a permille fewer of all points get a color; with 8, a seventh and a
+/// permille more.
 const MIN_RATIO: f64 = 4.0;
 
 /// Colors, by the bins of a histogram.
@@ -27,13 +28,13 @@ pub struct ColorSet {
 }
 
 impl ColorSet {
-    /// Whether a color is one of them.
+    /// Whether the set contains a color.
     pub fn contains(&self, color: [u8; 3]) -> bool {
         self.contains[bin(color)]
     }
 }
 
-/// Cells by their color, with and without points.
+/// Number of cells of each color, with and without points.
 pub struct Counts {
     empty: Vec<u32>,
     hit: Vec<u32>,
@@ -46,7 +47,7 @@ impl Default for Counts {
 }
 
 impl Counts {
-    /// Of an exposure.
+    /// Counts the cells of one exposure.
     pub fn new(exposure: &PosedExposure<'_>, visibility: &VisibilityMap, rim: &RimMap, image: &ColorImage<'_>) -> Self {
         let mut counts = Self::default();
         for cell in (0..visibility.grid.n_cells()).step_by(CELL_STEP) {
@@ -76,7 +77,7 @@ impl Counts {
         let [n_empty, n_hit] = [&self.empty, &self.hit].map(|counts| f64::from(counts.iter().sum::<u32>().max(1)));
         let least = median_brightness(&self.hit);
         let is_sky = |bin: usize| {
-            // One more hit: a color that is seen once is not known.
+            // One more hit, because a color that is seen once is not significant.
             let ratio = f64::from(self.empty[bin]) / n_empty * n_hit / f64::from(self.hit[bin] + 1);
             ratio >= MIN_RATIO && brightness(bin) > least
         };
@@ -109,7 +110,7 @@ fn brightness(bin: usize) -> usize {
     r + 2 * g + b
 }
 
-/// The brightness below which half of the cells are.
+/// The median brightness of the cells.
 fn median_brightness(counts: &[u32]) -> usize {
     let mut by_brightness = vec![0; 4 << BIN_BITS];
     counts.iter().enumerate().for_each(|(bin, n)| by_brightness[brightness(bin)] += n);

@@ -1,32 +1,32 @@
-//! The rim of what the LiDAR hits in an exposure, where something else may be seen behind it.
+//! The rim of the LiDAR hits in an exposure, where the background may be visible behind a point.
 
 use crate::visibility::VisibilityMap;
 use morphology::{dilate, erode};
 
-/// Width of the rim on both sides, cells: 0.3 m at a range of 10 m. The sky is seen through foliage that is less than half a
-/// metre thick, which the outer part of a round crown is.
+/// Width of the rim on both sides, cells: 0.3 m at a range of 10 m. The sky is visible through foliage less than half a
+/// metre thick, such as the outer part of a round crown.
 const WIDTH: usize = 9;
 
-/// What the LiDAR hits in a cell of an exposure and up to `WIDTH` cells around it.
+/// The LiDAR hits in a cell of an exposure and up to `WIDTH` cells around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surroundings {
-    /// Surfaces.
+    /// Only cells with hits.
     Surface,
-    /// Surfaces and nothing.
+    /// Cells with and without hits.
     Rim,
-    /// Nothing.
+    /// No hits.
     Nothing,
 }
 
 /// The surroundings of every cell of an exposure.
 #[derive(Debug)]
 pub struct RimMap {
-    /// Per cell, row by row.
+    /// Surroundings of each cell, row by row.
     surroundings: Vec<Surroundings>,
 }
 
 impl RimMap {
-    /// Of the cells of a visibility map.
+    /// Classifies the cells of a visibility map.
     pub fn new(visibility: &VisibilityMap) -> Self {
         let is_hit = visibility.is_hit();
         let all = erode(&is_hit, WIDTH);
@@ -39,7 +39,7 @@ impl RimMap {
         Self { surroundings: all.iter().zip(&some).map(of_cell).collect() }
     }
 
-    /// The surroundings of a cell. Nothing if there is no such cell.
+    /// The surroundings of a cell; [`Surroundings::Nothing`] if there is no such cell.
     pub fn surroundings(&self, cell: u32) -> Surroundings {
         self.surroundings.get(cell as usize).copied().unwrap_or(Surroundings::Nothing)
     }

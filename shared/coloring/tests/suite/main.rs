@@ -1,4 +1,4 @@
-//! Coloring against the truth of a simulated town, and of painted images.
+//! Coloring compared with the ground truth of a simulated town and of painted images.
 
 mod occlusion;
 mod sky;

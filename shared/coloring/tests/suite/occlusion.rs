@@ -1,4 +1,4 @@
-//! Occlusion against the truth of a simulated town: rays from the cameras through the scene.
+//! Occlusion compared with the ground truth of a simulated town: rays from the cameras through the scene.
 
 use coloring::{
     AgeLimits, CHUNK, Candidates, Choices, Chunk, PointBuffers, PosedExposure, ProjectionCamera, SubmapPoints,
@@ -15,14 +15,14 @@ use town::Snapshot;
 /// Two seconds at 10 Hz: a submap at 36 km/h.
 const N_SWEEPS: usize = 20;
 const SWEEP_NANOS: i64 = 100_000_000;
-/// As of an HDL-32E.
+/// Columns per revolution of an HDL-32E.
 const N_COLUMNS: u32 = 2160;
 const N_RINGS: u32 = 32;
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
-/// One of so many points is compared with all cameras; coprime to the number of rings.
+/// One point in this many is compared with all cameras; coprime to the number of rings.
 const STRIDE: usize = 23;
-/// Largest share of the colored points that a solid object occludes. The rest are cars that pass the camera while the LiDAR
-/// looks elsewhere, poles, and objects beyond the ends of the submap.
+/// Largest share of the colored points that a solid object occludes. The remaining errors are cars that pass the camera
+/// between two LiDAR revolutions, poles, and objects beyond the ends of the submap.
 const MAX_WRONG: f64 = 0.01;
 /// Upper ends of the ranges of the table, m.
 const RANGES_M: [f64; 4] = [5.0, 10.0, 20.0, 80.0];
@@ -81,8 +81,8 @@ impl Town {
         ((0..N_SWEEPS).map(sweep).collect(), points)
     }
 
-    /// Class of the object that occludes `p` (world frame) from the camera, with the tolerances of `truth/visibility`. Leaves
-    /// are hit by chance: a hit beyond the point means that it is visible.
+    /// Class of the object that occludes `p` (world frame) from the camera, with the tolerances of `truth/visibility`.
+    /// Rays hit leaves at random: a hit beyond the point means that it is visible.
     fn occluder(&self, snapshot: &Snapshot, eye: &Point3<f64>, p: &Point3<f64>) -> Option<ClassId> {
         let toward = p - eye;
         let distance = toward.norm();
@@ -107,7 +107,7 @@ struct TrueExposure {
 /// Counts of points in a span of ranges.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
-    /// Points that some exposure sees, by truth.
+    /// Points that are visible in some exposure, by ground truth.
     visible: usize,
     /// Visible points with a color.
     visible_colored: usize,
@@ -132,7 +132,7 @@ impl Score {
     fn colored_of_visible(&self) -> f64 {
         self.visible_colored as f64 / self.visible.max(1) as f64
     }
-    /// Without those behind leaves.
+    /// Share of the colored points that are wrong, without points behind leaves.
     fn wrong_of_colored(&self) -> f64 {
         (self.wrong - self.behind_leaves) as f64 / self.colored.max(1) as f64
     }

@@ -13,7 +13,7 @@ const HEIGHT: u32 = 300;
 /// Two pixels are a cell.
 const PX_PER_RAD: f64 = 570.0;
 const RANGE_M: f64 = 10.0;
-/// Height of the points and of what the image shows, m above the camera: the pose is wrong by 0.1 m.
+/// Height of the points and of the image content, m above the camera: the pose is wrong by 0.1 m.
 const POINTS_M: f64 = 1.0;
 const SHOWN_M: f64 = 0.9;
 
@@ -24,10 +24,11 @@ const WALL: [u8; 3] = [236, 236, 236];
 const BLUE_SKY: [u8; 3] = [140, 170, 215];
 const CLOUD: [u8; 3] = [238, 239, 241];
 
-/// Left of it is the tree, right of it the wall, m to the left. The tree is larger: most of a street is darker than the sky.
+/// The tree is left of this edge, the wall right of it, m to the left. The tree is larger: most of a street is darker
+/// than the sky.
 const EDGE_M: f64 = -1.0;
 
-/// What a ray shows at `y` to the left and `z` above, m at `RANGE_M`.
+/// The color that a ray shows at `y` to the left and `z` above, m at `RANGE_M`.
 fn shown(y: f64, z: f64) -> [u8; 3] {
     let is_sunlit = ((y / 0.06).floor() + (z / 0.06).floor()).rem_euclid(3.0) == 0.0;
     match (z < SHOWN_M, y > EDGE_M) {
@@ -90,7 +91,7 @@ fn rim_of_tree_gets_neither_color_of_sky_nor_of_sky_through_leaves() {
     assert!(n_bluish > 200, "only {n_bluish} points of the plain colors show the sky");
     let bluish = || tested.iter().filter(|(_, row)| is_bluish(*row));
     assert_eq!(bluish().count(), 0, "{:?}", bluish().next());
-    // More than a cell above what the image shows, there is no other color.
+    // More than a cell above the image content, there is no other color.
     let unseen = |rows: &[(SubmapPoint, ColorRow)]| rows.iter().filter(|(_, row)| row.camera == UNSEEN).count();
     assert!(unseen(&tested) > unseen(&plain) && unseen(&tested) < unseen(&plain) + n_bluish, "{}", unseen(&tested));
     let below = || plain.iter().zip(&tested).filter(|((point, _), _)| f64::from(point.z) < SHOWN_M - 0.1);
