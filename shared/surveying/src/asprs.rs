@@ -2,12 +2,12 @@
 
 use messages::ClassId;
 
-/// Never classified.
+/// Class of points that were never classified.
 pub(crate) const NEVER_CLASSIFIED: u8 = 0;
-/// The first number for classes of the user. Classes without a number of the ASPRS have this plus their id.
+/// First user-defined number. Classes without an ASPRS number get this plus their id.
 const FIRST_OF_USER: u8 = 64;
 
-/// Number of the ASPRS, or a number of the user, 64 + id, where the ASPRS has none.
+/// Number of the ASPRS, or the user-defined number 64 + id for classes that the ASPRS does not define.
 pub fn asprs_class(class: ClassId) -> u8 {
     match class {
         ClassId::Unlabeled | ClassId::Other => 1,
@@ -37,7 +37,7 @@ pub(crate) fn asprs_table() -> [u8; 256] {
     std::array::from_fn(|id| asprs_class(ClassId::from_id(id as u8).unwrap_or(ClassId::Unlabeled)))
 }
 
-/// Names of the numbers of the user: number and name of up to 15 characters.
+/// Names of the user-defined numbers: number and name of up to 15 characters.
 pub(crate) fn user_classes() -> impl Iterator<Item = (u8, &'static str)> {
     let all = ClassId::ALL.iter().map(|class| (asprs_class(*class), class.name()));
     all.filter(|(number, _)| *number >= FIRST_OF_USER)

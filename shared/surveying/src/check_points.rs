@@ -18,11 +18,11 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Horizontal distance within which points of the cloud give the surface at a check point, m.
+/// Points of the cloud within this horizontal distance of a check point give its surface, m.
 const RADIUS_M: f64 = 0.5;
-/// Height difference within which they do, m: a car or a tree over the check point is not its surface.
+/// Largest height difference of these points, m: a car or a tree over the check point is not its surface.
 const MAX_HEIGHT_M: f64 = 0.5;
-/// Points of the cloud that are needed for a surface.
+/// Least number of points of the cloud for a surface.
 const MIN_POINTS: u64 = 10;
 /// Points that are converted with one converter.
 const PART_POINTS: usize = 1 << 14;
@@ -32,18 +32,18 @@ const PART_POINTS: usize = 1 << 14;
 pub struct Residual {
     /// The check point.
     pub point: CheckPoint,
-    /// East and north; `None` unless the file says where the point is in the cloud.
+    /// East and north; `None` unless the file gives the position of the point in the cloud.
     pub horizontal_m: Option<[f64; 2]>,
     /// Up; `None` with too few points of the cloud.
     pub up_m: Option<f64>,
-    /// Points of the cloud that gave the surface.
+    /// Number of points of the cloud that gave the surface.
     pub n_points: u64,
     /// Standard deviation of these points from their plane, m.
     pub roughness_m: Option<f64>,
 }
 
-/// Compares the cloud with check points, and writes `check_points.csv`, `check_points_summary.csv` and the map `check_points.svg` into the
-/// existing folder `out`.
+/// Compares the cloud with check points. Writes `check_points.csv`, `check_points_summary.csv` and the map
+/// `check_points.svg` into the existing folder `out`.
 pub fn write_check_points(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
@@ -83,7 +83,7 @@ fn residual(point: CheckPoint, sums: &PlaneSums) -> Residual {
 /// The points of the cloud around each check point, relative to it. Points on moving objects are left out.
 fn surfaces(run: &RunFolder, frame: &TargetFrame<'_>, points: &[CheckPoint]) -> Result<Vec<PlaneSums>, DeliverError> {
     let cell = |value: f64| (value / RADIUS_M).floor() as i64;
-    // Each check point is entered in the cells around its own.
+    // Each check point is entered in its own cell and the cells around it.
     let mut near: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
     for (k, CheckPoint { xyz: [x, y, _], .. }) in points.iter().enumerate() {
         for (i, j) in (-1..=1).flat_map(|i| (-1..=1).map(move |j| (i, j))) {

@@ -1,4 +1,4 @@
-//! The points of the clouds of a run, block by block.
+//! The points of the clouds of a run, read in blocks.
 
 mod columns;
 mod spectra;
@@ -19,23 +19,23 @@ pub(crate) const BLOCK_POINTS: usize = 1 << 18;
 /// One point of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudPoint {
-    /// Frame of the clouds, m.
+    /// Coordinates in the frame of the clouds, m.
     pub xyz: [f64; 3],
-    /// The LiDAR at the shot, m.
+    /// Position of the LiDAR at the shot, m.
     pub lidar_xyz: [f64; 3],
     /// Seconds since the Unix epoch.
     pub time_s: f64,
     /// Number of the sweep.
     pub frame: u32,
-    /// As the device reports it.
+    /// Intensity as the device reports it.
     pub intensity: u8,
     /// Number of the laser.
     pub ring: u8,
-    /// Whether it is on a moving object.
+    /// Whether the point is on a moving object.
     pub is_moving: bool,
     /// Index of the LiDAR.
     pub lidar: u8,
-    /// 0 = none.
+    /// Instance number; 0 = no instance.
     pub instance: u32,
     /// Class id; 0 without classes.
     pub class: u8,
@@ -55,12 +55,12 @@ impl Present {
         Self { table, names: names.into_iter().collect() }
     }
 
-    /// All columns that there may be.
+    /// All columns that may be present.
     pub(crate) fn table(&self) -> &'static [Column] {
         self.table
     }
 
-    /// Whether there is the column of this name.
+    /// Whether a column of this name is present.
     pub(crate) fn has(&self, column: &str) -> bool {
         self.names.contains(column)
     }
@@ -75,7 +75,8 @@ pub(crate) struct Cloud<'a> {
 }
 
 impl<'a> Cloud<'a> {
-    /// Opens a cloud. `None` if it is not in the frame of the run: live, a cloud without place stays in the frame of the odometry.
+    /// Opens a cloud. `None` if it is not in the frame of the run: in a live run, a cloud that was not placed stays in
+    /// the odometry frame.
     pub(crate) fn open(run: &RunFolder, entry: &'a CloudEntry) -> Result<Option<Self>, DeliverError> {
         if run.georeference.is_some() && !entry.is_placed() {
             return Ok(None);
@@ -106,7 +107,7 @@ impl<'a> Cloud<'a> {
     }
 }
 
-/// All clouds that are in the frame of the run, and the number of points of the others.
+/// All clouds that are in the frame of the run, and the number of points of the other clouds.
 pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), DeliverError> {
     let mut clouds = Vec::new();
     let mut n_left_out = 0;
@@ -119,7 +120,7 @@ pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), Deliver
     Ok((clouds, n_left_out))
 }
 
-/// What at least one of the clouds has.
+/// The columns that at least one of the clouds has.
 pub(crate) fn present(run: &RunFolder, clouds: &[Cloud<'_>]) -> Present {
     Present::of(run.columns, clouds.iter().flat_map(|cloud| cloud.columns.present().names))
 }

@@ -11,7 +11,7 @@ use crate::target_frame::TargetFrame;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Points that a thread encodes at a time. Their indices fit 16 bits.
+/// Points that a thread encodes at a time. Their indices fit in 16 bits.
 const PART_POINTS: usize = 1 << 16;
 /// The offset of the coordinates is a multiple of this, m.
 const OFFSET_STEP_M: f64 = 1000.0;
@@ -19,17 +19,17 @@ const OFFSET_STEP_M: f64 = 1000.0;
 /// What the files of the points contain.
 #[derive(Clone, Debug)]
 pub struct CloudOptions {
-    /// Whether records have the reflectances of bands.
+    /// Whether records include the reflectances of bands.
     pub has_bands: bool,
-    /// `system identifier` of the headers: what recorded the points, up to 32 characters.
+    /// `system identifier` of the headers: the system that recorded the points, up to 32 characters.
     pub system: String,
     /// `generating software` of the headers, up to 32 characters.
     pub software: String,
-    /// What a reader of the file should know, such as that the coordinates are not those of the Earth. Empty = nothing.
+    /// Note for readers of the file, such as a warning that the coordinates are not georeferenced. Empty = no note.
     pub note: String,
 }
 
-/// Points that the files lack.
+/// Points that are missing in the files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// Points of clouds that stayed in the frame of the odometry.
@@ -103,7 +103,7 @@ impl<'a> CloudDelivery<'a> {
     }
 }
 
-/// Corner of the coordinates: near the first cloud with points, so that stored coordinates are small.
+/// Offset of the coordinates: near the first cloud with points, so that stored coordinates are small.
 fn offset(clouds: &[Cloud<'_>], frame: &TargetFrame<'_>) -> Result<[f64; 3], CrsError> {
     let Some([low, high]) = clouds.iter().find_map(|cloud| cloud.entry.bounds) else { return Ok([0.0; 3]) };
     let middle = std::array::from_fn(|axis| f64::midpoint(low[axis], high[axis]));
@@ -142,7 +142,7 @@ impl Encoder<'_> {
         let Self { delivery, cloud, .. } = self;
         let row_size = cloud.columns.row_size();
         let n_bytes = delivery.layout.n_bytes();
-        // 0 is no source.
+        // 0 means that the source is unknown.
         let submap = u16::try_from(cloud.entry.seq + 1).unwrap_or(u16::MAX);
         let n = rows.len() / row_size;
         let mut records = vec![0; n * n_bytes];
@@ -169,8 +169,8 @@ impl Encoder<'_> {
     }
 }
 
-/// Row numbers of a part by sweep, LiDAR and laser, then as they are. Neighbors on a scan line differ little, which halves the size of LAZ:
-/// shots of all lasers in turn differ by meters.
+/// Row numbers of a part, sorted by sweep, LiDAR and laser, otherwise in their original order. Neighbors on a scan line
+/// differ little, which halves the size of LAZ: consecutive shots of different lasers differ by metres.
 fn scan_line_order(columns: &Columns, rows: &[u8]) -> impl Iterator<Item = usize> {
     let line = |row: &[u8]| {
         let (frame, lidar, ring) = columns.scan_line(row);
@@ -182,7 +182,7 @@ fn scan_line_order(columns: &Columns, rows: &[u8]) -> impl Iterator<Item = usize
     order.into_iter().map(|place| (place & 0xffff) as usize)
 }
 
-/// Coordinates in m of stored ones.
+/// Stored coordinates converted to m.
 pub(crate) fn metres(stored: [i32; 3], offset_m: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|axis| f64::from(stored[axis]) * SCALE_M + offset_m[axis])
 }

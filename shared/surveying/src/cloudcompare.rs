@@ -1,5 +1,5 @@
-//! PLY as CloudCompare reads it: it keeps fields named `scalar_…` of type float. Times are relative, because a float resolves two minutes
-//! at today's Unix times.
+//! PLY for CloudCompare, which reads fields named `scalar_…` of type float. Times are relative, because at current Unix
+//! times a float resolves only two minutes.
 
 use crate::cloud::{self, Cloud, Present, Spectra, extra_fields};
 use crate::error::DeliverError;
@@ -90,8 +90,8 @@ fn write_cloud(
     Ok(name)
 }
 
-/// The fields of the columns on topics of their own and of several LiDARs, in the order of the clouds of the run: their places in
-/// [`extra_fields`] and their entries in the table.
+/// The fields of the columns that have their own topic, and of several LiDARs, in the order of the clouds of the run:
+/// their index in [`extra_fields`] and their entry in the table.
 fn scalar_fields(present: &Present) -> Vec<(usize, &'static ColumnField)> {
     let fields = extra_fields(present.table()).into_iter().enumerate();
     let is_scalar = |column: &Column| column.presence != Presence::Always && present.has(column.name);
@@ -101,7 +101,7 @@ fn scalar_fields(present: &Present) -> Vec<(usize, &'static ColumnField)> {
     fields.into_iter().map(|(place, (_, field))| (place, field)).collect()
 }
 
-/// Coordinates of the delivery. Points without finite coordinates keep them.
+/// Coordinates in the system of the delivery. Points without finite coordinates are not converted.
 fn converted(frame: &TargetFrame<'_>, cloud: &Cloud<'_>, rows: &[u8]) -> Result<Vec<[f64; 3]>, DeliverError> {
     let row_size = cloud.columns.row_size();
     let parts: Result<Vec<Vec<[f64; 3]>>, DeliverError> = rows

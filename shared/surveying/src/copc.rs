@@ -1,10 +1,12 @@
-//! Cloud-Optimized Point Clouds (COPC 1.0, <https://copc.io>): LAZ whose chunks are the nodes of an octree, so that a viewer loads what it
-//! shows.
+//! Cloud-Optimized Point Clouds (COPC 1.0, <https://copc.io>): LAZ whose chunks are the nodes of an octree, so that a
+//! viewer loads only the visible part.
 //!
-//! `copc_converter` does the same from LAZ files. It needs 86 crates, among them an older laz and an allocator in C.
+//! `copc_converter` creates the same format from LAZ files. It needs 86 crates, including an older laz and an allocator
+//! in C.
 //!
-//! A point belongs to the first node from the root down whose voxel at its place is free; a node has 128 voxels a side. Blocks of the drive
-//! are placed one after the other, so the voxels of few nodes are in memory. Two temporary files hold the points: by block, then by node.
+//! A point belongs to the first node, counted from the root, whose voxel at the point is free. A node has 128 voxels per
+//! side. Blocks of the drive are processed one after the other, so the voxels of only a few nodes are in memory. Two
+//! temporary files hold the points: first by block, then by node.
 
 mod file;
 mod octree;
@@ -19,13 +21,14 @@ use octree::{Node, NodeKey, Octree, block_of};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Points that are placed at a time.
+/// Number of points assigned to nodes at a time.
 const POINTS_AT_A_TIME: usize = 1 << 18;
-/// A node whose points and those below it are not more than these takes them all. More nodes cost more requests of a viewer.
+/// A node that has at most this many points, including the points of its descendants, takes all of them. More nodes would
+/// cost a viewer more requests.
 const MERGED_POINTS: u64 = 20_000;
 
-/// Writes all points of a run as `name` into the existing folder `out`. `progress` receives numbers of points: each point is read, placed
-/// and written.
+/// Writes all points of a run as `name` into the existing folder `out`. `progress` receives numbers of points: each point
+/// is read, assigned to a node and written.
 pub fn write_copc(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
@@ -45,7 +48,7 @@ pub fn write_copc(
     Ok((PointFile { file: name.to_owned(), n_points: extent.n_points, bounds }, delivery.left_out))
 }
 
-/// Gives each point its node.
+/// Assigns each point to a node.
 fn place(
     octree: &Octree,
     (blocks, order): (&Spool<[i16; 3]>, Vec<[i16; 3]>),
@@ -65,7 +68,7 @@ fn place(
     Ok(nodes)
 }
 
-/// Nodes, each with those whose points it takes.
+/// Nodes, each with the nodes whose points it takes.
 fn merged(nodes: &[(NodeKey, u64)]) -> BTreeMap<NodeKey, Vec<NodeKey>> {
     let mut totals: BTreeMap<NodeKey, u64> = BTreeMap::new();
     for (key, n_points) in nodes {

@@ -1,4 +1,4 @@
-//! Coordinate reference systems: those of the EPSG registry that are written, and their descriptions in WKT.
+//! Coordinate reference systems: the supported systems of the EPSG registry and their WKT.
 
 mod vertical;
 
@@ -16,8 +16,8 @@ use geometry::{Geodetic, Projection, ProjectionError, Utm, UtmError};
 /// | 3942 to 3950 | RGF93 v1 / CC42 to CC50 |
 /// | 3812 | ETRS89 / Belgian Lambert 2008 |
 ///
-/// Coordinates keep the datum of the receiver. ETRS89 and RGF93 need corrections of a network in that datum; else they are off by the motion
-/// of the continent since 1989, 0.9 m in 2026.
+/// Coordinates keep the datum of the receiver. ETRS89 and RGF93 require corrections from a network in that datum. Without
+/// them, coordinates are off by the motion of the continent since 1989, 0.9 m in 2026.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crs {
     epsg: u32,
@@ -26,10 +26,10 @@ pub struct Crs {
     method: Method,
 }
 
-/// Why a system cannot be used.
+/// Reason why a system cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CrsError {
-    /// Another number.
+    /// The number is not supported.
     #[error(
         "EPSG:{0} is not supported; use WGS 84 / UTM (32601 to 32660, 32701 to 32760), ETRS89 / UTM (25828 to 25838), Lambert-93 (2154), \
          CC42 to CC50 (3942 to 3950) or Belgian Lambert 2008 (3812)"
@@ -38,12 +38,12 @@ pub enum CrsError {
     /// The projection failed.
     #[error(transparent)]
     Projection(#[from] ProjectionError),
-    /// The place has no UTM zone.
+    /// The position has no UTM zone.
     #[error(transparent)]
     Utm(#[from] UtmError),
-    /// The geoid grid does not cover a place.
+    /// The geoid grid does not cover a position.
     #[error(
-        "latitude {latitude_deg:.6} longitude {longitude_deg:.6} is outside of the geoid grid, or beside nodes without value"
+        "latitude {latitude_deg:.6} longitude {longitude_deg:.6} is outside of the geoid grid, or next to nodes without value"
     )]
     OutsideGeoid {
         /// Degrees, north positive.
@@ -126,7 +126,7 @@ impl Crs {
         })
     }
 
-    /// WGS 84 / UTM in the zone of a place.
+    /// WGS 84 / UTM in the zone of a position.
     pub fn utm_of(place: &Geodetic) -> Result<Self, CrsError> {
         Self::from_epsg(Utm::of(place)?.epsg())
     }
@@ -153,7 +153,7 @@ impl Crs {
         Projection::new(&definition, self.datum.ellipsoid)
     }
 
-    /// WKT 1 of this system with a height (OGC 01-009), as LAS 1.4 wants it.
+    /// WKT 1 of this system with a height (OGC 01-009), as LAS 1.4 requires.
     pub fn wkt(&self, vertical: &VerticalDatum) -> String {
         let name = &self.name;
         let epsg = self.epsg;
@@ -199,7 +199,7 @@ const METRE: &str = r#"UNIT["metre",1,AUTHORITY["EPSG","9001"]]"#;
 mod tests {
     use super::*;
 
-    /// Reference coordinates by pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, EPSG)`.
+    /// Reference coordinates from pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, EPSG)`.
     #[test]
     fn coordinates_of_each_family_equal_proj() {
         for (epsg, lat, lon, expected) in REFERENCE {

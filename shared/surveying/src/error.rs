@@ -1,14 +1,14 @@
-//! Why files of a delivery cannot be written.
+//! Errors of writing a delivery.
 
 use crate::crs::CrsError;
 use formats::ply::PlyError;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why files of a delivery cannot be written.
+/// Reason why files of a delivery cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum DeliverError {
-    /// A file or a folder.
+    /// A file or a folder cannot be accessed.
     #[error("{}: cannot {action}: {source}", path.display())]
     File {
         /// The file or folder.
@@ -18,7 +18,7 @@ pub enum DeliverError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// A file of the run whose content breaks a rule.
+    /// The content of a file of the run violates a rule.
     #[error("{}: {rule}", path.display())]
     Content {
         /// The file.
@@ -39,7 +39,7 @@ impl DeliverError {
     pub(crate) fn file(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::File { path: path.to_owned(), action, source }
     }
-    /// A rule that the content of `path` breaks.
+    /// A rule that the content of `path` violates.
     pub(crate) fn content(path: &Path, rule: impl Into<String>) -> Self {
         Self::Content { path: path.to_owned(), rule: rule.into() }
     }

@@ -8,7 +8,7 @@ pub(crate) fn position(place: &Geodetic) -> Value {
     json!([rounded(place.longitude_deg, 1e8), rounded(place.latitude_deg, 1e8), rounded(place.altitude_m, 1e2)])
 }
 
-/// Rounded to a multiple of `1 / unit`.
+/// A value rounded to a multiple of `1 / unit`.
 pub(crate) fn rounded(value: f64, unit: f64) -> f64 {
     (value * unit).round() / unit
 }

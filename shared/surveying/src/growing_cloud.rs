@@ -1,4 +1,4 @@
-//! The points of a run that is not finished: a LAS file to which a part is appended for each cloud that the run has written.
+//! The points of an unfinished run: a LAS file that grows by one part for each cloud that the run writes.
 
 use crate::cloud::Columns;
 use crate::error::DeliverError;
@@ -11,12 +11,14 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Points of a cloud that are taken, evenly spread. A page that shows hundreds of clouds cannot draw more of each.
+/// Largest number of points taken from a cloud, evenly spread. A page with hundreds of clouds cannot draw more points of
+/// each.
 const MAX_POINTS: usize = 200_000;
-/// The points of a part are written in this many passes, so that its first points are a thinner cloud of the same place.
+/// The points of a part are written in this many passes, so that its first points are a thinned version of the whole
+/// part.
 const PASSES: [usize; 8] = [0, 4, 2, 6, 1, 5, 3, 7];
 
-/// The file.
+/// The growing file.
 pub struct GrowingCloud {
     path: PathBuf,
     file: File,
@@ -24,20 +26,20 @@ pub struct GrowingCloud {
     facts: HeaderFacts,
     header: LasHeader,
     extent: Extent,
-    /// Where the next part begins.
+    /// Offset of the next part.
     end: u64,
 }
 
-/// The points of one cloud in the file, and what they span.
+/// The points of one cloud in the file, and their extent.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
     /// Number of the submap.
     pub seq: u64,
     /// First byte in the file.
     pub begin: u64,
-    /// Points in the file.
+    /// Number of points in the file.
     pub n_points: u64,
-    /// Points of the cloud.
+    /// Number of points of the cloud.
     pub n_all: u64,
     /// Smallest and largest coordinates, m.
     pub bounds: [[f64; 3]; 2],
@@ -51,7 +53,7 @@ impl GrowingCloud {
     /// Creates the file with the columns of the first cloud.
     pub fn create(path: &Path, first: &PlyRows, (system, software): (&str, &str)) -> Result<Self, DeliverError> {
         let columns = Columns::of(first.header(), COLUMNS).map_err(|rule| DeliverError::content(path, rule))?;
-        // The frame of the odometry begins at 0.
+        // The frame of the odometry starts at 0.
         let layout = RecordLayout::new(&columns.present(), &[], [0.0; 3]);
         let facts = HeaderFacts {
             system: system.to_owned(),
@@ -79,8 +81,8 @@ impl GrowingCloud {
         Ok(this)
     }
 
-    /// Appends up to 200 000 points of the cloud of a submap. `None` if it is in its final frame, which is not that of the other parts, or
-    /// has no points.
+    /// Appends up to 200 000 points of the cloud of a submap. `None` if the cloud is already in its final frame, which
+    /// differs from the frame of the other parts, or has no points.
     pub fn add(&mut self, seq: u64, cloud: &PlyRows) -> Result<Option<Part>, DeliverError> {
         if !is_in_odometry(cloud.header()) {
             return Ok(None);
@@ -156,7 +158,7 @@ fn sampled_rows(cloud: &PlyRows, columns: &Columns) -> Result<(Vec<u8>, Vec<[f64
     Ok((rows, path))
 }
 
-/// Horizontal direction from the first to the last position; along x without one.
+/// Horizontal direction from the first to the last position; the x axis if there is no direction.
 fn direction(path: &[[f64; 3]]) -> [f64; 2] {
     let (Some([x0, y0, _]), Some([x1, y1, _])) = (path.first(), path.last()) else { return [1.0, 0.0] };
     let x = x1 - x0;
@@ -173,7 +175,7 @@ mod tests {
 
     const NAMES: [&str; 6] = ["x", "y", "z", "x_lidar_position", "y_lidar_position", "z_lidar_position"];
 
-    /// `n` points along x, 1 mm apart from `from` m on.
+    /// `n` points along x, 1 mm apart, starting at `from` m.
     fn cloud(path: &Path, info: &str, (from, n): (f64, usize)) -> PlyRows {
         let header = Header::new(NAMES.map(|name| (name, Kind::Float)).into_iter().chain([
             ("timestamp", Kind::Double),

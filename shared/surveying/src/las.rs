@@ -1,7 +1,7 @@
 //! LAS and LAZ 1.4 files (ASPRS, LAS Specification 1.4 R15), point format 7.
 //!
-//! Compression is that of the crate laz. The crate las would bring chrono and uuid for a header of a page, and keeps points in a form of its
-//! own; records here are encoded once and copied from then on.
+//! The crate laz provides the compression. The crate las would add chrono and uuid for a header of one page, and keeps
+//! points in its own form; records here are encoded once and then copied.
 
 mod extra_bytes;
 mod file;

@@ -1,7 +1,7 @@
 //! Surveying: a finished run in the formats that surveyors and other programs read (`docs/reference/deliverables.md`).
 //!
-//! `replica deliver` is a thin command over this crate. It reads what the crate `delivery` has written while the run was running: clouds,
-//! their index, the trajectory and the frame.
+//! `replica deliver` is a thin command over this crate. It reads the files that the crate `delivery` wrote during the
+//! run: clouds, their index, the trajectory and the frame.
 //!
 //! | idea | module |
 //! |---|---|
@@ -17,13 +17,15 @@
 //! | accuracy at points that were measured independently | [`check_points`] |
 //! | clouds for CloudCompare, sweeps for training | `cloudcompare`, `semantic_kitti` |
 //!
-//! This crate must never change the run that it reads, estimate or filter anything, or shift a datum: coordinates are converted, values are
-//! copied. It knows no column by name unless a format gives it a meaning: the class of a LAS record, the camera of a raster.
+//! This crate must never change the run that it reads, estimate or filter anything, or shift a datum: coordinates are
+//! converted, values are copied. It refers to no column by name unless a format gives it a meaning: the class of a LAS
+//! record, the camera of a raster.
 //!
-//! Begin reading with `tiles.rs` and `cloud_delivery.rs` (how points become records), then `target_frame.rs` (in which coordinates).
+//! Start reading with `tiles.rs` and `cloud_delivery.rs` (how points become records), then `target_frame.rs` (in which
+//! coordinates).
 //!
-//! The same run and options give the same bytes, for any number of threads. Memory does not grow with the length of the drive: records
-//! wait in a temporary file in the folder of the delivery.
+//! The same run and options give the same bytes, for any number of threads. Memory does not grow with the length of the
+//! drive: records are buffered in a temporary file in the folder of the delivery.
 
 mod asprs;
 pub mod check_points;

@@ -20,8 +20,9 @@ use std::path::Path;
 /// Side of the cells from which footprints are computed, m.
 const CELL_M: f64 = 0.05;
 
-/// Writes `objects.csv` in coordinates of the delivery into the existing folder `out`, and if these are placed on the Earth
-/// `objects.geojson`. Returns the number of objects. `None` if the clouds have no instances.
+/// Writes `objects.csv` in coordinates of the delivery into the existing folder `out`. If the coordinates are
+/// georeferenced, it also writes `objects.geojson`. Returns the number of objects. `None` if the clouds have no
+/// instances.
 pub fn write_objects(run: &RunFolder, frame: &TargetFrame<'_>, out: &Path) -> Result<Option<usize>, DeliverError> {
     let Some(summaries) = objects_of(run)? else { return Ok(None) };
     let mut files = vec![("objects.csv", table_in_frame(&summaries, frame)?)];
@@ -52,11 +53,11 @@ pub fn objects_of(run: &RunFolder) -> Result<Option<Vec<ObjectSummary>>, Deliver
     Ok(Some(objects.summaries()))
 }
 
-/// The objects in the clouds that were added.
+/// Collects objects from the clouds that are added.
 #[derive(Default)]
 pub struct Objects(BTreeMap<i64, Object>);
 
-/// What is known about one object.
+/// Summary of one object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectSummary {
     /// Instance number.
@@ -65,11 +66,11 @@ pub struct ObjectSummary {
     pub class: &'static str,
     /// Number of points.
     pub n_points: u64,
-    /// Number of clouds that have points of it.
+    /// Number of clouds that contain points of it.
     pub n_clouds: u64,
     /// Mean score of its points. `None` if the clouds have no scores.
     pub score: Option<f64>,
-    /// In the frame of the clouds.
+    /// Footprint in the frame of the clouds.
     pub footprint: OrientedRectangle,
     /// Height of the lowest point, m.
     pub low_m: f64,
@@ -77,7 +78,7 @@ pub struct ObjectSummary {
     pub high_m: f64,
 }
 
-/// The points of one object.
+/// Statistics of the points of one object.
 #[derive(Default)]
 struct Object {
     /// Number of points by class.
@@ -119,7 +120,7 @@ impl Objects {
         Ok(())
     }
 
-    /// All objects by number.
+    /// All objects, sorted by number.
     pub fn summaries(&self) -> Vec<ObjectSummary> {
         self.0.iter().filter_map(|(id, object)| object.summary(*id)).collect()
     }

@@ -10,12 +10,12 @@ pub(crate) struct PathHeading {
 }
 
 impl PathHeading {
-    /// `turn` is the angle from the y axis of the trajectory to that of the clouds, clockwise, rad.
+    /// `turn` is the angle from the y axis of the trajectory to the y axis of the clouds, clockwise, rad.
     pub(crate) fn new(trajectory: &Trajectory, turn: f64) -> Self {
         let (sin, cos) = turn.sin_cos();
         let forward = |pose: &geometry::Pose| {
             let ahead = pose.rotation * Vector3::x();
-            // Axes that are turned clockwise see directions turned counter-clockwise.
+            // In axes rotated clockwise, directions appear rotated counter-clockwise.
             let x = ahead.x * cos - ahead.y * sin;
             let y = ahead.x * sin + ahead.y * cos;
             let length = x.hypot(y).max(f64::MIN_POSITIVE);
@@ -26,9 +26,9 @@ impl PathHeading {
         Self { times_s, forward }
     }
 
-    /// Horizontal direction at a time: that of the pose before it, or of the first. `near` is the index of a pose near that time; it is
-    /// updated, so that times in sequence cost nothing. A sweep has a pose at both ends, between which a vehicle turns by less than 5
-    /// degrees.
+    /// Horizontal direction at a time, taken from the last pose before it, or from the first pose. `near` is the index of
+    /// a pose near that time. It is updated, so that consecutive times need no search. A sweep has a pose at both ends,
+    /// between which a vehicle turns by less than 5 degrees.
     #[inline]
     pub(crate) fn at(&self, time_s: f64, near: &mut usize) -> [f64; 2] {
         let is_at = |k: usize| {

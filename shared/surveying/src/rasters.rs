@@ -1,7 +1,7 @@
 //! Rasters seen from above: terrain, height, color and class, as Cloud-Optimized GeoTIFF.
 //!
-//! A tile of the images is also the unit of the work: its points come from a temporary file, and tiles of the overviews are made of four
-//! tiles below them. So memory does not grow with the length of the drive.
+//! A tile of the images is also the unit of work: its points come from a temporary file, and each overview tile is
+//! computed from the four tiles below it. Memory therefore does not grow with the length of the drive.
 
 mod cells;
 mod directory;
@@ -19,10 +19,10 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Points that are read at a time.
+/// Number of points read at a time.
 const POINTS_AT_A_TIME: usize = 1 << 18;
 
-/// How rasters are made.
+/// Settings of the rasters.
 #[derive(Clone, Copy, Debug)]
 pub struct RasterOptions {
     /// Side of a cell, mm.
@@ -31,11 +31,11 @@ pub struct RasterOptions {
     pub class_colors: [[u8; 3]; 256],
 }
 
-/// Column and row of a tile from the origin of the coordinates, rows to the north.
+/// Column and row of a tile from the origin of the coordinates; rows increase to the north.
 type Tile = (i64, i64);
 
-/// Writes `height.tif`, and if the run has them `terrain.tif` and `class.tif` (classes), `color.tif` (colors), into the existing folder
-/// `out`. Returns the names of the files. Points on moving objects are left out.
+/// Writes `height.tif` and, if the run has classes or colors, `terrain.tif` and `class.tif` (classes) and `color.tif`
+/// (colors) into the existing folder `out`. Returns the names of the files. Points on moving objects are left out.
 pub fn write_rasters(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
@@ -79,7 +79,7 @@ pub fn write_rasters(
     Ok(images.into_iter().map(|(name, _)| name).collect())
 }
 
-/// Offsets in a record of the fields that rasters need. `None` if records lack the field.
+/// Offsets in a record of the fields that rasters need. `None` if records do not have the field.
 #[derive(Clone, Copy)]
 struct FieldOffsets {
     class: Option<usize>,
@@ -87,11 +87,11 @@ struct FieldOffsets {
     camera: Option<usize>,
 }
 
-/// Reads the points of tiles as cells.
+/// Converts the points of tiles to cells.
 struct CellReader<'a> {
     points: &'a Spool<Tile>,
     fields: FieldOffsets,
-    /// Coordinates of the stored 0, mm.
+    /// Coordinates that are stored as 0, mm.
     origin: [i64; 2],
     cell: i64,
     record_bytes: usize,
@@ -110,7 +110,7 @@ impl CellReader<'_> {
                 let [x, y, z] = position_of(record);
                 let column = (i64::from(x) + self.origin[0]).div_euclid(self.cell) - tile.0 * TILE as i64;
                 let row = (i64::from(y) + self.origin[1]).div_euclid(self.cell) - tile.1 * TILE as i64;
-                // Rows of images go to the south.
+                // Image rows increase to the south.
                 let idx = (TILE - 1 - row as usize) * TILE + column as usize;
                 let is_colored = value(record, camera, messages::UNSEEN) != messages::UNSEEN;
                 cells.add(idx, z, value(record, class, 0), is_colored.then_some(color_of(record)));
@@ -121,9 +121,9 @@ impl CellReader<'_> {
     }
 }
 
-/// Tiles of all levels: full resolution, then overviews of half the resolution of the level before.
+/// Tiles of all levels: full resolution, then overviews with half the resolution of the previous level.
 struct Pyramid {
-    /// The lowest tile of each level with points, and the number of tiles of full resolution.
+    /// The lowest tile of each level with points, and the number of tiles at full resolution.
     low: Tile,
     size: [usize; 2],
     levels: Vec<BTreeSet<Tile>>,
@@ -137,7 +137,7 @@ impl Pyramid {
         let low = (columns().min()?, rows().max()?);
         let high = (columns().max()?, rows().min()?);
         let size = [high.0 - low.0 + 1, low.1 - high.1 + 1].map(|n| n as usize);
-        // Numbers from the upper left corner.
+        // Numbers counted from the upper left corner.
         let first = tiles.iter().map(|tile| (tile.0 - low.0, low.1 - tile.1)).collect();
         let mut levels: Vec<BTreeSet<Tile>> = vec![first];
         while size.iter().any(|n| n.div_ceil(1 << (levels.len() - 1)) > 1) {
@@ -147,12 +147,12 @@ impl Pyramid {
         Some(Self { low, size, levels })
     }
 
-    /// Level and tile of the whole.
+    /// Level and tile that cover everything.
     fn top(&self) -> (usize, Tile) {
         (self.levels.len() - 1, (0, 0))
     }
 
-    /// Cells of a tile. They and those below are added to the images.
+    /// Cells of a tile. The tile and the tiles below it are added to the images.
     fn build(
         &self,
         (level, tile): (usize, Tile),

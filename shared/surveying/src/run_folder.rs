@@ -11,15 +11,15 @@ use geometry::Trajectory;
 use messages::columns::{COLUMNS, Column};
 use std::path::{Path, PathBuf};
 
-/// Files that may hold the trajectory with its times, the first that exists is read.
+/// Files that may hold the trajectory with its times; the first existing file is read.
 const TRAJECTORIES: [&str; 2] = ["trajectory.txt", "trajectory.csv"];
 
-/// What a finished run has written, without the points.
+/// The files of a finished run, without the points.
 pub struct RunFolder {
     path: PathBuf,
     /// The clouds.
     pub index: Index,
-    /// Where the clouds lie on the Earth. `None` for runs in the frame of the odometry.
+    /// Placement of the clouds on the Earth. `None` for runs in the frame of the odometry.
     pub georeference: Option<Georeference>,
     /// `world_from_body` in the local frame.
     pub trajectory: Trajectory,
@@ -53,7 +53,7 @@ impl RunFolder {
     pub fn cloud(&self, entry: &CloudEntry) -> PathBuf {
         self.path.join(&entry.file)
     }
-    /// Angle from the y axis of the trajectory to that of the clouds, clockwise, rad.
+    /// Angle from the y axis of the trajectory to the y axis of the clouds, clockwise, rad.
     pub(crate) fn convergence(&self) -> f64 {
         self.georeference.as_ref().map_or(0.0, Georeference::convergence)
     }
@@ -63,7 +63,7 @@ impl RunFolder {
     }
 }
 
-/// The trajectory of a run from the first of its files with times.
+/// The trajectory of a run, from the first existing file with times.
 pub fn load_trajectory(run: &Path) -> Result<Trajectory, DeliverError> {
     let path = TRAJECTORIES.iter().map(|name| run.join(name)).find(|path| path.exists());
     let rule = "has no trajectory.txt or trajectory.csv\nhint: run with [export] trajectory = [\"tum\"]";

@@ -1,4 +1,4 @@
-//! Sweeps in the layout of SemanticKITTI (Behley et al., ICCV 2019), which training code takes.
+//! Sweeps in the layout of SemanticKITTI (Behley et al., ICCV 2019), which training code can read.
 
 use crate::cloud::{self, CloudPoint};
 use crate::error::DeliverError;
@@ -12,14 +12,14 @@ use messages::ClassId;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Projection of a camera that is not there, and the identity from the LiDAR to it: poses are those of the LiDAR.
+/// Placeholder projection for a missing camera, and the identity from the LiDAR to it: the poses are LiDAR poses.
 const CALIB: &str = "P0: 1 0 0 0 0 1 0 0 0 0 1 0\nP1: 1 0 0 0 0 1 0 0 0 0 1 0\nP2: 1 0 0 0 0 1 0 0 0 0 1 0\n\
                      P3: 1 0 0 0 0 1 0 0 0 0 1 0\nTr: 1 0 0 0 0 1 0 0 0 0 1 0\n";
 
-/// Writes the sweeps of a run into the existing folder `out`, the folder of a sequence. Returns their number.
+/// Writes the sweeps of a run into the existing folder `out`, the folder of a sequence. Returns the number of sweeps.
 ///
-/// The frame of a sweep has its origin at the LiDAR at the first shot, and the axes of the body (forward, left, up). Sweeps have no motion
-/// distortion. Points without finite coordinates are left out.
+/// The frame of a sweep has its origin at the LiDAR at the first shot, and the axes of the body (forward, left, up).
+/// Sweeps are deskewed. Points without finite coordinates are left out.
 pub fn write_semantic_kitti(run: &RunFolder, out: &Path) -> Result<usize, DeliverError> {
     let velodyne = out.join("velodyne");
     let labels = out.join("labels");
@@ -32,7 +32,7 @@ pub fn write_semantic_kitti(run: &RunFolder, out: &Path) -> Result<usize, Delive
     let mut poses = Trajectory::default();
     let mut n_sweeps = 0;
     for cloud in &clouds {
-        // A submap has whole sweeps.
+        // A submap contains whole sweeps.
         let mut sweeps: BTreeMap<u32, Vec<CloudPoint>> = BTreeMap::new();
         cloud.each_block(|_, rows| {
             for row in rows.chunks_exact(cloud.columns.row_size()) {
@@ -67,7 +67,7 @@ pub fn write_semantic_kitti(run: &RunFolder, out: &Path) -> Result<usize, Delive
     Ok(n_sweeps)
 }
 
-/// Poses of KITTI begin with the identity.
+/// Poses relative to the first one: KITTI poses start with the identity.
 fn relative_to_first(poses: &Trajectory) -> Trajectory {
     let mut relative = Trajectory::default();
     if let Some((_, first)) = poses.poses().first() {
@@ -89,7 +89,7 @@ impl Sweep {
     fn new(points: &[CloudPoint], trajectory: &Trajectory, turn: &UnitQuaternion<f64>) -> Option<Self> {
         let first = points.iter().min_by(|a, b| a.time_s.total_cmp(&b.time_s))?;
         let stamp = Stamp::from_seconds(first.time_s);
-        // The first shot may lie before the first pose by the rounding of its time.
+        // Rounding may place the time of the first shot before the first pose.
         let begin = trajectory.poses().first()?.0;
         let end = trajectory.poses().last()?.0;
         let world_from_body = trajectory.at(stamp.clamp(begin, end))?;
@@ -109,11 +109,12 @@ impl Sweep {
 
 fn label(point: &CloudPoint) -> Label {
     let class = ClassId::from_id(point.class).unwrap_or(ClassId::Unlabeled);
-    // The data set has 16 bits for instances.
+    // The data set stores instances in 16 bits.
     Label { class: label_of_class(class, point.is_moving), instance: point.instance as u16 }
 }
 
-/// Id of SemanticKITTI's label files. Classes that it lacks are "other structure" or "other object".
+/// Id in SemanticKITTI label files. Classes that SemanticKITTI does not define become "other structure" or "other
+/// object".
 fn label_of_class(class: ClassId, is_moving: bool) -> u16 {
     match (class, is_moving) {
         (ClassId::Unlabeled | ClassId::Sky | ClassId::Water, _) => 0,

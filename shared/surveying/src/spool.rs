@@ -1,4 +1,4 @@
-//! Records that wait until their tile or node is written.
+//! Records that are buffered until their tile or node is written.
 
 use crate::error::DeliverError;
 use std::collections::BTreeMap;
@@ -6,14 +6,15 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Bytes that wait in memory before they are written: small drives need no file.
+/// Bytes buffered in memory before they are written: small drives need no file.
 const WAITING_BYTES: usize = 1 << 28;
 
-/// The records of each key, in the order in which they were added: the last ones in memory, those before in a temporary file.
+/// The records of each key, in the order in which they were added: the latest ones in memory, earlier ones in a temporary
+/// file.
 pub(crate) struct Spool<K> {
-    /// Without a name: it vanishes with the process.
+    /// Unnamed: it is deleted when the process ends.
     file: File,
-    /// The folder, for errors.
+    /// The folder, for error messages.
     folder: PathBuf,
     record_bytes: usize,
     n_file_bytes: u64,
@@ -26,11 +27,11 @@ pub(crate) struct Spool<K> {
 #[derive(Default)]
 struct OfKey {
     pieces: Vec<Piece>,
-    /// Records behind those of the pieces.
+    /// Records after the records of the pieces.
     waiting: Vec<u8>,
 }
 
-/// Records that lie together in the file.
+/// Consecutive records in the file.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     at: u64,
@@ -38,7 +39,7 @@ struct Piece {
 }
 
 impl<K: Ord + Copy> Spool<K> {
-    /// A spool in `folder`, where there must be room for all records.
+    /// Creates a spool in `folder`, which needs space for all records.
     pub(crate) fn create(folder: &Path, record_bytes: usize) -> Result<Self, DeliverError> {
         let file = tempfile::tempfile_in(folder).map_err(DeliverError::file(folder, "create a temporary file"))?;
         Ok(Self {
@@ -52,7 +53,7 @@ impl<K: Ord + Copy> Spool<K> {
         })
     }
 
-    /// Adds records, whose keys are given. It takes least time if neighbors have the same key.
+    /// Adds records with the given keys. This is fastest if neighbors have the same key.
     pub(crate) fn add(&mut self, records: &[u8], keys: &[K]) -> Result<(), DeliverError> {
         let mut at = 0;
         for run in keys.chunk_by(PartialEq::eq) {
@@ -64,8 +65,8 @@ impl<K: Ord + Copy> Spool<K> {
         if self.n_waiting_bytes > self.most_waiting_bytes { self.write_waiting() } else { Ok(()) }
     }
 
-    /// Writes the keys with most waiting records until half of the bytes are left: the fewest pieces, and the places where the vehicle is
-    /// now often need no file.
+    /// Writes the keys with most waiting records until half of the bytes are left. This gives the fewest pieces, and the
+    /// places that the vehicle is passing often need no file.
     fn write_waiting(&mut self) -> Result<(), DeliverError> {
         let mut longest: Vec<&mut OfKey> = self.keys.values_mut().filter(|of_key| !of_key.waiting.is_empty()).collect();
         longest.sort_by_key(|of_key| std::cmp::Reverse(of_key.waiting.len()));
@@ -91,7 +92,7 @@ impl<K: Ord + Copy> Spool<K> {
         self.keys.iter().map(|(key, of_key)| (*key, (n_bytes(of_key) / self.record_bytes) as u64)).collect()
     }
 
-    /// Passes the records of a key to `take`, in pieces of `most_points`, the last one of less.
+    /// Passes the records of a key to `take`, in pieces of `most_points`; the last piece may be shorter.
     pub(crate) fn each_piece(
         &self,
         key: &K,
@@ -150,7 +151,7 @@ mod tests {
             };
             spool.each_piece(&7, 3, &mut take).expect("reads");
             spool.each_piece(&5, usize::MAX, &mut take).expect("reads");
-            spool.each_piece(&1, 3, &mut take).expect("has none");
+            spool.each_piece(&1, 3, &mut take).expect("reads");
             let expected = [vec![0, 0, 2, 2, 4, 4], vec![5, 5], vec![1, 1, 3, 3]];
             assert_eq!(pieces, expected, "{most_waiting_bytes} bytes in memory");
         }

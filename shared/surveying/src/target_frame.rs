@@ -1,4 +1,4 @@
-//! Coordinates of the delivery from coordinates of the clouds.
+//! Conversion of coordinates of the clouds to coordinates of the delivery.
 
 mod quadratic;
 
@@ -8,7 +8,7 @@ use formats::gtx::GeoidGrid;
 use geometry::{Geodetic, Point3, Projection};
 use quadratic::Quadratic;
 
-/// Where the coordinates of the delivery are.
+/// The coordinate frame of the delivery.
 pub struct TargetFrame<'a> {
     /// The frame of the clouds. `None` for runs in the frame of the odometry.
     georeference: Option<&'a Georeference>,
@@ -23,7 +23,7 @@ enum Kind {
     Map(Box<MapSystem>),
 }
 
-/// A projected system, and the grid that heights count from with its name.
+/// A projected system, with the grid that heights refer to and its name.
 struct MapSystem {
     crs: Crs,
     projection: Projection,
@@ -37,7 +37,8 @@ impl<'a> TargetFrame<'a> {
         Self { georeference, kind: if is_utm { Kind::Local } else { Kind::AsIs } }
     }
 
-    /// A coordinate reference system. `geoid` is the grid that heights count from, with its name; else they count from the ellipsoid.
+    /// A coordinate reference system. `geoid` is the grid that heights refer to, with its name; without it, heights refer
+    /// to the ellipsoid.
     pub fn projected(
         georeference: &'a Georeference,
         crs: Crs,
@@ -60,7 +61,7 @@ impl<'a> TargetFrame<'a> {
         Some(crs.wkt(&vertical))
     }
 
-    /// System and heights. `None` for local coordinates.
+    /// System and vertical datum. `None` for local coordinates.
     pub fn crs(&self) -> Option<(&Crs, VerticalDatum)> {
         let map = self.map()?;
         let vertical =
@@ -68,7 +69,7 @@ impl<'a> TargetFrame<'a> {
         Some((&map.crs, vertical))
     }
 
-    /// Coordinates in words.
+    /// The coordinate system in words.
     pub fn description(&self) -> String {
         match (self.crs(), self.georeference.and_then(Georeference::local)) {
             (Some((crs, vertical)), _) => format!("{} (EPSG:{}), {}, m", crs.name(), crs.epsg(), vertical.name()),
@@ -80,14 +81,14 @@ impl<'a> TargetFrame<'a> {
         }
     }
 
-    /// Coordinates of one point, exactly.
+    /// Exact coordinates of one point.
     pub fn from_cloud(&self, xyz: [f64; 3]) -> Result<[f64; 3], CrsError> {
         let geodetic = self.georeference.map(|georeference| georeference.geodetic_from_cloud(xyz)).transpose()?;
         let (Some(Some(place)), false) = (geodetic, matches!(self.kind, Kind::AsIs)) else { return Ok(xyz) };
         self.from_geodetic(&place).map(|found| found.unwrap_or(xyz))
     }
 
-    /// Coordinates of a geographic position. `None` if the delivery is not placed on the Earth.
+    /// Coordinates of a geographic position. `None` if the delivery is not georeferenced.
     pub fn from_geodetic(&self, place: &Geodetic) -> Result<Option<[f64; 3]>, CrsError> {
         let Some(MapSystem { projection, geoid, .. }) = self.map() else {
             let local = self.georeference.and_then(Georeference::local);
@@ -102,14 +103,14 @@ impl<'a> TargetFrame<'a> {
         Ok(Some([east, north, height - undulation]))
     }
 
-    /// Coordinates of a pose's position, given in the local frame of the trajectory.
+    /// Coordinates of the position of a pose that is given in the local frame of the trajectory.
     pub fn from_local(&self, p: &Point3<f64>) -> Result<[f64; 3], CrsError> {
         let local = self.georeference.and_then(Georeference::local);
         let (Some(local), Some(_)) = (local, self.map()) else { return Ok(p.coords.into()) };
         Ok(self.from_geodetic(&local.geodetic_from_world(p))?.unwrap_or(p.coords.into()))
     }
 
-    /// Converts many points that lie near each other.
+    /// A converter for many points that are close together.
     pub fn converter(&self) -> Converter<'_> {
         Converter { frame: self, cells: Vec::new() }
     }
@@ -127,16 +128,16 @@ impl<'a> TargetFrame<'a> {
     }
 }
 
-/// Converts points that lie near each other: the projection is computed exactly at a few places of each cell of 1 km, and by the quadratic
-/// through them elsewhere. The difference from the exact projection is below 0.01 mm.
+/// Converts points that are close together. The projection is computed exactly at a few positions of each cell of 1 km,
+/// and elsewhere by a quadratic through them. The difference from the exact projection is below 0.01 mm.
 pub struct Converter<'a> {
     frame: &'a TargetFrame<'a>,
-    /// The last cell is used first.
+    /// The last cell is tried first.
     cells: Vec<Quadratic>,
 }
 
 impl Converter<'_> {
-    /// Coordinates of the delivery of finite coordinates of the clouds.
+    /// Coordinates of the delivery for finite coordinates of the clouds.
     #[inline]
     pub fn convert(&mut self, xyz: [f64; 3]) -> Result<[f64; 3], CrsError> {
         if matches!(self.frame.kind, Kind::AsIs) {

@@ -9,12 +9,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;
 
-/// Points that are compressed side by side in one file: chunks of 50 000.
+/// Points of one file that are compressed in parallel, in chunks of 50 000.
 const POINTS_AT_A_TIME: usize = 200_000;
-/// Stored coordinates of a metre.
+/// Stored coordinate steps per metre.
 const STEPS_PER_M: i64 = 1000;
 
-/// How points are divided into files.
+/// Division of points into files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tiling {
     /// Side of a tile, m. 0 = one file.
@@ -34,8 +34,9 @@ pub struct PointFile {
     pub bounds: [[f64; 3]; 2],
 }
 
-/// Writes the points of a run as tiles into the existing folder `out`. A point on the edge belongs to the tile to the right or above, so no
-/// point is in two tiles. `progress` receives numbers of points that were read, then of those that were written.
+/// Writes the points of a run as tiles into the existing folder `out`. A point on an edge belongs to the tile to the
+/// right or above, so each point is in exactly one tile. `progress` receives numbers of points read, then numbers of
+/// points written.
 pub fn write_tiles(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
@@ -60,7 +61,7 @@ pub fn write_tiles(
     };
     let tiles = spool.keys();
     let mut files = Vec::new();
-    // As many tiles at a time as there are threads, so that the progress is reported in between.
+    // As many tiles at a time as there are threads, so that progress is reported in between.
     for tiles in tiles.chunks(rayon::current_num_threads()) {
         let written: Result<Vec<PointFile>, DeliverError> = tiles
             .par_iter()

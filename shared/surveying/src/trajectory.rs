@@ -1,4 +1,4 @@
-//! The trajectory of a run in formats of others.
+//! The trajectory of a run in third-party formats.
 
 mod geojson;
 mod sbet;
@@ -11,8 +11,9 @@ use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, times_from
 use geometry::{Isometry3, Point3, Pose, Trajectory, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
-/// Writes the trajectory into the existing folder `out` as TUM, KITTI with times, and CSV in coordinates of the delivery. If the run is
-/// placed on the Earth and `frame` is no local frame, also as GeoJSON and SBET. Returns the names of the files.
+/// Writes the trajectory into the existing folder `out` as TUM, KITTI with times, and CSV in coordinates of the delivery.
+/// If the run is georeferenced and `frame` is not a local frame, also as GeoJSON and SBET. Returns the names of the
+/// files.
 pub fn write_trajectory(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
@@ -37,7 +38,7 @@ pub fn write_trajectory(
     Ok(files.into_iter().map(|(name, _)| name).collect())
 }
 
-/// Poses in coordinates of the delivery. Rotations follow its axes: north of a map is not true north.
+/// Poses in coordinates of the delivery. Rotations refer to its axes: grid north is not true north.
 fn in_frame(trajectory: &Trajectory, frame: &TargetFrame<'_>) -> Result<Trajectory, DeliverError> {
     let mut moved = Trajectory::default();
     for (stamp, pose) in trajectory.poses() {
@@ -49,12 +50,12 @@ fn in_frame(trajectory: &Trajectory, frame: &TargetFrame<'_>) -> Result<Trajecto
     Ok(moved)
 }
 
-/// Rotation of a map near a point. The map may stretch lengths a little, as projections do.
+/// Rotation of a map near a point. The map may scale lengths slightly, as projections do.
 fn rotation_at<E>(
     p: &Point3<f64>,
     map: impl Fn(&Point3<f64>) -> Result<[f64; 3], E>,
 ) -> Result<UnitQuaternion<f64>, E> {
-    // Coordinates of maps have 1e-9 m of noise, so a step of 10 m gives angles to 1e-10.
+    // Map coordinates have 1e-9 m of noise, so a step of 10 m gives angles to 1e-10.
     const STEP_M: f64 = 10.0;
     let along = |axis: Vector3<f64>| -> Result<Vector3<f64>, E> {
         let step = axis * STEP_M;
@@ -66,7 +67,8 @@ fn rotation_at<E>(
     Ok(UnitQuaternion::from_basis_unchecked(&[x, z.cross(&x), z]))
 }
 
-/// Attitude of a pose against east, north and up at its own position, where the vertical differs from that of the origin.
+/// Attitude of a pose relative to east, north and up at its own position, where the vertical differs from the vertical at
+/// the origin.
 fn level_pose(pose: &Pose, local: &geometry::LocalFrame) -> Pose {
     let p = Point3::from(pose.translation.vector);
     let here = geometry::LocalFrame::new(local.geodetic_from_world(&p));

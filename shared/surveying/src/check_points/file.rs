@@ -6,17 +6,17 @@ use std::path::Path;
 /// A point with known coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckPoint {
-    /// As in the file.
+    /// Name from the file.
     pub name: String,
-    /// Coordinates of the delivery, m.
+    /// Coordinates in the system of the delivery, m.
     pub xyz: [f64; 3],
-    /// Where somebody found it in the cloud, m.
+    /// Manually picked position in the cloud, m.
     pub in_cloud: Option<[f64; 3]>,
 }
 
 /// Columns that a file must have.
 const REQUIRED: [&str; 4] = ["name", "x", "y", "z"];
-/// Columns of the place in the cloud; a file has all or none.
+/// Columns of the position in the cloud; a file has all of them or lacks all of them.
 const IN_CLOUD: [&str; 3] = ["cloud_x", "cloud_y", "cloud_z"];
 
 /// Reads a CSV file whose first line names the columns, in any order. Other columns are ignored.
@@ -25,13 +25,13 @@ pub fn load_check_points(path: &Path) -> Result<Vec<CheckPoint>, DeliverError> {
     check_points_from_csv(&text).map_err(|rule| DeliverError::content(path, rule))
 }
 
-/// The points of such a text. The error is the rule that it breaks, with the line.
+/// The check points in the text of such a file. The error is the violated rule, with the line.
 pub fn check_points_from_csv(text: &str) -> Result<Vec<CheckPoint>, String> {
     parse(text).map_err(|(line, rule)| if line == 0 { rule } else { format!("line {line}: {rule}") })
 }
 
 fn parse(text: &str) -> Result<Vec<CheckPoint>, (usize, String)> {
-    // Spreadsheets put a mark of the byte order before the first name.
+    // Spreadsheets put a byte order mark before the first name.
     let text = text.trim_start_matches('\u{feff}');
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     let (line, names) = lines.next().ok_or((0, "has no line with names".to_owned()))?;

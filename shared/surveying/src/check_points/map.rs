@@ -1,18 +1,18 @@
-//! The check points on a map: height differences as colors, horizontal ones as enlarged lines.
+//! The check points on a map: height differences as colors, horizontal differences as enlarged lines.
 
 use super::Residual;
 use chart::{COLORS, Chart, Series};
 
-/// Height differences up to these, m, have a color each; larger ones have the last.
+/// Upper limits of the height differences of each color, m; larger differences have the last color.
 const HEIGHT_STEPS_M: [f64; 2] = [0.02, 0.05];
 /// Green, yellow and orange up to the steps and beyond, gray without height.
 const HEIGHT_COLORS: [&str; 4] = [COLORS[2], COLORS[4], COLORS[1], COLORS[7]];
 const PATH_COLOR: &str = COLORS[5];
 const HORIZONTAL_COLOR: &str = COLORS[0];
-/// Horizontal differences are drawn this many times as long.
+/// Enlargement factor of horizontal differences.
 const ENLARGED: f64 = 100.0;
 
-/// Content of an SVG file. `path` is that of the vehicle; all coordinates are those of the delivery, m.
+/// Content of an SVG file. `path` is the path of the vehicle; all coordinates are in the system of the delivery, m.
 pub(super) fn map(residuals: &[Residual], path: Vec<[f64; 2]>) -> String {
     let mut series = vec![Series::thin_line("path", PATH_COLOR, path)];
     for Residual { point, horizontal_m, .. } in residuals {
@@ -43,7 +43,7 @@ pub(super) fn map(residuals: &[Residual], path: Vec<[f64; 2]>) -> String {
     Chart::map("Check points: cloud minus check point", ["x, m", "y, m"], series).svg()
 }
 
-/// Index in [`HEIGHT_COLORS`].
+/// Index of a height difference in [`HEIGHT_COLORS`].
 fn step_of(up_m: Option<f64>) -> usize {
     let Some(up_m) = up_m else { return HEIGHT_COLORS.len() - 1 };
     HEIGHT_STEPS_M.iter().filter(|step| up_m.abs() > **step).count()

@@ -4,9 +4,9 @@
 #[derive(Clone, Debug, Default)]
 pub(super) struct PlaneSums {
     n: u64,
-    /// Of x, y, z.
+    /// Sums of x, y, z.
     first: [f64; 3],
-    /// Of xx, xy, yy, xz, yz, zz.
+    /// Sums of xx, xy, yy, xz, yz, zz.
     second: [f64; 6],
 }
 

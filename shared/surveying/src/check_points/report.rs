@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 /// Accuracy over all check points.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Accuracy {
-    /// East, north, up.
+    /// East, north and up axes.
     pub axes: [AxisAccuracy; 3],
     /// Horizontal distance that 90 % of the points do not exceed, m. `None` without horizontal residuals.
     pub ce90_m: Option<f64>,
@@ -46,7 +46,7 @@ impl Accuracy {
         }
     }
 
-    /// One measure a line.
+    /// The table of accuracy, one measure per line.
     pub(super) fn table(&self) -> String {
         let mut text = "measure,points,value_m\n".to_owned();
         for (name, AxisAccuracy { n, mean_m, rmse_m }) in ["x", "y", "z"].iter().zip(self.axes) {
@@ -63,7 +63,7 @@ impl Accuracy {
     }
 }
 
-/// The value that 90 % do not exceed, linear between the sorted values. `None` without values.
+/// The value that 90 % of the values do not exceed, linear between the sorted values. `None` without values.
 fn percentile_90(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let at = 0.9 * values.len().checked_sub(1)? as f64;
@@ -72,7 +72,7 @@ fn percentile_90(mut values: Vec<f64>) -> Option<f64> {
     Some(below + (above - below) * at.fract())
 }
 
-/// One check point a line.
+/// The table of residuals, one check point per line.
 pub(super) fn table(residuals: &[Residual]) -> String {
     let mut text = "name,x,y,z,dx_m,dy_m,dz_m,points,roughness_m\n".to_owned();
     for Residual { point, horizontal_m, up_m, n_points, roughness_m } in residuals {
@@ -85,7 +85,7 @@ pub(super) fn table(residuals: &[Residual]) -> String {
     text
 }
 
-/// Empty if unknown.
+/// A value as text; empty if unknown.
 fn metres(value: Option<f64>) -> String {
     value.map_or_else(String::new, |value| format!("{value:.4}"))
 }

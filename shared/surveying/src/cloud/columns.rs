@@ -6,7 +6,7 @@ use formats::ply::{Header, Kind};
 use messages::columns::{Column, ColumnField, FieldType, Presence};
 use std::collections::BTreeMap;
 
-/// The fields that become extra bytes of LAS records, in their order there, and the columns that they belong to.
+/// The fields that become extra bytes of LAS records, in the order of the extra bytes, and their columns.
 pub(crate) fn extra_fields(table: &'static [Column]) -> Vec<(&'static Column, &'static ColumnField)> {
     let fields = table.iter().flat_map(|column| column.fields.iter().map(move |field| (column, field)));
     let mut fields: Vec<_> = fields.filter(|(_, field)| field.extra_byte.is_some()).collect();
@@ -40,12 +40,13 @@ struct ExtraColumn {
     /// Its offset. `None` if the cloud lacks the column.
     at: Option<usize>,
     kind: FieldType,
-    /// Value of points without one.
+    /// Value of points without this field.
     none: f64,
 }
 
 impl Columns {
-    /// The columns of a cloud; else the rule that its header breaks. `table` has all columns that there may be.
+    /// The columns of a cloud. The error is the rule that its header violates. `table` has all columns that may be
+    /// present.
     pub(crate) fn of(header: &Header, table: &'static [Column]) -> Result<Self, String> {
         let find = |name: &str| {
             let mut at = 0;
@@ -65,7 +66,7 @@ impl Columns {
         };
         let required =
             |name: &str, kind: Kind| optional(name, kind)?.ok_or_else(|| format!("the cloud has no column `{name}`"));
-        // Columns that must follow one another.
+        // Columns that must be adjacent.
         let run_of = |names: &[&str], kind: Kind| {
             let first = required(names[0], kind)?;
             for (k, name) in names.iter().enumerate() {
@@ -89,7 +90,7 @@ impl Columns {
                 let at = optional(field.property, ply_kind(field.kind, coordinates))?;
                 found.extend(at.map(|at| (field.name, at)));
             }
-            // Of the points themselves, the fields that are needed here are required below.
+            // For the points themselves, the fields that are needed here are required below.
             if column.presence == Presence::Always || found.len() == column.fields.len() {
                 present.push(column.name);
                 offsets.extend(found);
@@ -199,7 +200,7 @@ fn share(row: &[u8], at: usize) -> u8 {
     (f32::from_le_bytes(field(row, at)) * 255.0).round() as u8
 }
 
-/// `N` bytes of a row. They lie inside the row by construction of [`Columns::of`].
+/// `N` bytes of a row. [`Columns::of`] guarantees that they are inside the row.
 #[inline]
 fn field<const N: usize>(row: &[u8], at: usize) -> [u8; N] {
     row[at..at + N].try_into().expect("N bytes")

@@ -1,4 +1,4 @@
-//! Reflectances of the points of a cloud that a mosaic camera saw.
+//! Reflectances of the points of a cloud that a mosaic camera recorded.
 
 use super::Cloud;
 use crate::error::DeliverError;
@@ -8,14 +8,14 @@ use std::path::PathBuf;
 
 /// The spectra of one cloud, in memory.
 pub(crate) struct Spectra {
-    /// Numbers of the points, increasing.
+    /// Numbers of the points, ascending.
     points: Vec<u32>,
     /// Reflectances, `n_bands` for each point.
     values: Vec<f32>,
     n_bands: usize,
 }
 
-/// Names of the bands of a run, from the clouds of spectra, which all have the same. Empty without spectra.
+/// Names of the bands of a run. All clouds of spectra must have the same bands. Empty without spectra.
 pub(crate) fn band_names(run: &RunFolder) -> Result<Vec<String>, DeliverError> {
     let file = run.index.clouds.iter().find_map(|cloud| cloud.spectra.as_ref());
     let Some(file) = file else { return Ok(Vec::new()) };
@@ -34,7 +34,8 @@ fn bands(rows: &PlyRows) -> impl Iterator<Item = (String, usize)> + '_ {
 }
 
 impl Spectra {
-    /// Reads the spectra of a cloud; they are those of the points of one submap. `names` are the bands of the run; without any, there are no spectra.
+    /// Reads the spectra of a cloud, which holds the points of one submap. `names` are the bands of the run; if it is
+    /// empty, there are no spectra.
     pub(crate) fn load(run: &RunFolder, cloud: &Cloud<'_>, names: &[String]) -> Result<Self, DeliverError> {
         let mut spectra = Self { points: Vec::new(), values: Vec::new(), n_bands: names.len() };
         let Some(entry) = cloud.entry.spectra.as_ref().filter(|_| !names.is_empty()) else { return Ok(spectra) };
@@ -67,7 +68,7 @@ impl Spectra {
         Ok(spectra)
     }
 
-    /// Reflectances of a point by its number; NaN = not measured. `None` if no camera saw it.
+    /// Reflectances of a point by its number; NaN = not measured. `None` if no camera recorded the point.
     #[inline]
     pub(crate) fn of(&self, point: usize) -> Option<&[f32]> {
         let k = self.points.binary_search(&(point as u32)).ok()?;

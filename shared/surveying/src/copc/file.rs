@@ -16,11 +16,11 @@ use std::collections::BTreeMap;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Points of nodes that are compressed side by side.
+/// Points of nodes that are compressed in parallel.
 const POINTS_AT_A_TIME: u64 = 1 << 19;
 /// Bytes of the description of the octree.
 const INFO_BYTES: usize = 160;
-/// The place of the table of the chunks, before the first chunk.
+/// Bytes of the offset of the chunk table, before the first chunk.
 const TABLE_PLACE_BYTES: u64 = 8;
 
 /// A node in the file.
@@ -104,7 +104,7 @@ struct CopcWriter<'a> {
     /// Records before the points, without the description of the octree, which is the first.
     vlr_bytes: Vec<u8>,
     n_vlrs: u32,
-    /// Place of the next chunk.
+    /// Offset of the next chunk.
     at: u64,
     table: ChunkTable,
     entries: Vec<Entry>,
@@ -178,7 +178,7 @@ impl<'a> CopcWriter<'a> {
 }
 
 impl Entry {
-    /// 32 bytes: level and cell, place and size of the chunk, number of points.
+    /// 32 bytes: level and cell, offset and size of the chunk, number of points.
     fn bytes(&self) -> Vec<u8> {
         let cell = self.key.cell.map(|cell| cell as i32);
         let mut bytes: Vec<u8> = [self.key.level as i32].into_iter().chain(cell).flat_map(i32::to_le_bytes).collect();
@@ -193,7 +193,7 @@ fn info_vlr(data: Vec<u8>) -> Vec<u8> {
     Vlr { user: "copc", id: 1, description: "copc info", data }.bytes()
 }
 
-/// Center and half side of the root, its spacing; place and size of the hierarchy; smallest and largest time.
+/// Center and half side of the root, its spacing; offset and size of the hierarchy; smallest and largest time.
 fn info(octree: &Octree, offset_m: [f64; 3], hierarchy: (u64, usize), times_s: [f64; 2]) -> Vec<u8> {
     let side_m = (1_u64 << octree.side_bits) as f64 * SCALE_M;
     let low = metres(octree.low, offset_m);

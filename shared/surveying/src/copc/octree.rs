@@ -9,7 +9,7 @@ const BLOCK_BITS: u32 = 16;
 const DEEPEST_BITS: u32 = 11;
 /// A node has 2^7 = 128 voxels a side.
 const VOXEL_BITS: u32 = 7;
-/// Words of the voxels of a node.
+/// Number of words of the voxels of a node.
 const N_WORDS: usize = 1 << (3 * VOXEL_BITS - 6);
 
 /// Level below the root and cell within it.
@@ -36,12 +36,12 @@ pub(super) fn block_of(stored: [i32; 3]) -> [i16; 3] {
 pub(super) struct Octree {
     /// Its lowest corner, stored coordinates.
     pub(super) low: [i32; 3],
-    /// Its side is 2 to this, stored coordinates.
+    /// Base-2 logarithm of its side, stored coordinates.
     pub(super) side_bits: u32,
 }
 
 impl Octree {
-    /// The smallest cube around blocks, a power of two of them.
+    /// The smallest cube around blocks whose side is a power of two of blocks.
     pub(super) fn of(blocks: &[[i16; 3]]) -> Self {
         let low = [0, 1, 2].map(|axis| blocks.iter().map(|block| block[axis]).min().unwrap_or(0));
         let high = [0, 1, 2].map(|axis| blocks.iter().map(|block| block[axis]).max().unwrap_or(0));
@@ -50,7 +50,7 @@ impl Octree {
         Self { low: low.map(|cell| i32::from(cell) << BLOCK_BITS), side_bits }
     }
 
-    /// Coordinates from the lowest corner.
+    /// Coordinates relative to the lowest corner.
     fn inside(&self, stored: [i32; 3]) -> [u32; 3] {
         std::array::from_fn(|axis| stored[axis].wrapping_sub(self.low[axis]) as u32)
     }
@@ -59,7 +59,7 @@ impl Octree {
         self.inside(block.map(|cell| i32::from(cell) << BLOCK_BITS))
     }
 
-    /// Blocks in the order of the octree: those of a node follow one another.
+    /// Blocks in the order of the octree: the blocks of a node are consecutive.
     pub(super) fn order(&self, mut blocks: Vec<[i16; 3]>) -> Vec<[i16; 3]> {
         blocks.sort_by_key(|block| {
             let corner = self.corner(*block);
@@ -68,7 +68,7 @@ impl Octree {
         blocks
     }
 
-    /// Nodes of records.
+    /// Assigns a node to each record.
     pub(super) fn place(&self, root: &mut Node, records: &[u8], record_bytes: usize) -> Vec<NodeKey> {
         let inside: Vec<[u32; 3]> =
             records.chunks_exact(record_bytes).map(|record| self.inside(position_of(record))).collect();
@@ -82,14 +82,14 @@ impl Octree {
     }
 }
 
-/// The half on each axis that a bit of the coordinates tells, as a number from 0 to 7.
+/// Number from 0 to 7 of the octant that a bit of the coordinates selects.
 #[inline]
 fn octant(inside: [u32; 3], bit: u32) -> usize {
     let half = |axis: usize| (inside[axis] >> bit & 1) as usize;
     half(0) | half(1) << 1 | half(2) << 2
 }
 
-/// Occupied voxels of a node and of those below it.
+/// Occupied voxels of a node and of the nodes below it.
 #[derive(Default)]
 pub(super) struct Node {
     /// A bit for each voxel; empty before the first point.
@@ -98,7 +98,7 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// Levels of points, given by their numbers. `bits` is the side of this node.
+    /// Assigns levels to points, given by their numbers. `bits` is the side of this node.
     fn place(&mut self, points: &[u32], inside: &[[u32; 3]], bits: u32, level: u32) -> Vec<(u32, u32)> {
         if bits == DEEPEST_BITS {
             return points.iter().map(|i| (*i, level)).collect();
@@ -131,7 +131,8 @@ impl Node {
         placed
     }
 
-    /// Frees the voxels of all nodes that are not around a block. Blocks come in the order of the octree, so the others get no more points.
+    /// Frees the voxels of all nodes that do not contain a block. Blocks come in the order of the octree, so the other
+    /// nodes get no more points.
     pub(super) fn forget_all_but(&mut self, octree: &Octree, block: [i16; 3]) {
         let corner = octree.corner(block);
         let mut node = self;
@@ -162,7 +163,7 @@ mod tests {
     fn root_is_a_power_of_two_of_blocks() {
         let blocks = [[-3_i16, 5, 0], [1, 5, 0]];
         let octree = Octree::of(&blocks);
-        // Five blocks in x: eight.
+        // Five blocks in x are rounded up to eight.
         assert_eq!(octree, Octree { low: [-3 << 16, 5 << 16, 0], side_bits: 19 });
         assert_eq!(Octree::of(&blocks[..1]).side_bits, 16);
         assert_eq!(block_of([-1, 65_536, 65_535]), [-1, 1, 0]);
@@ -172,7 +173,7 @@ mod tests {
     fn points_of_one_voxel_go_down_to_different_nodes() {
         let octree = Octree { low: [-(1 << 16); 3], side_bits: 17 };
         let mut root = Node::default();
-        // The last bits of all nodes are those of one place, 8 cm apart.
+        // The deepest voxels of all these points are in one node; they are 8 cm apart.
         let records: Vec<u8> = (0..8).flat_map(|i| record([i * 80, 0, 0])).collect();
         let keys = octree.place(&mut root, &records, 12);
         let levels: Vec<u32> = keys.iter().map(|key| key.level).collect();

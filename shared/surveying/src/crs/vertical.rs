@@ -1,17 +1,18 @@
-//! What heights count from.
+//! Vertical datums.
 
 use super::METRE;
 
-/// What heights count from.
+/// The reference surface of heights.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum VerticalDatum {
-    /// The ellipsoid of the horizontal datum, as GNSS receivers measure.
+    /// The ellipsoid of the horizontal datum, as in GNSS receivers.
     Ellipsoid,
-    /// A geoid, whose grid has this name.
+    /// A geoid, with the name of its grid.
     Geoid(String),
 }
 
-/// Geoids of the EPSG registry: begin of the names of their grids, name and number of the height, name and number of the datum.
+/// Geoids of the EPSG registry: prefix of the names of their grids, name and number of the height, name and number of the
+/// datum.
 const REGISTERED: [(&str, &str, u32, &str, u32); 4] = [
     ("egm96", "EGM96 height", 5773, "EGM96 geoid", 5171),
     ("egm08", "EGM2008 height", 3855, "EGM2008 geoid", 1027),
@@ -44,7 +45,7 @@ impl VerticalDatum {
     /// `VERT_CS` in WKT 1.
     pub(super) fn wkt(&self) -> String {
         match (self, self.registered()) {
-            // The type 2002 is a height above the ellipsoid, which PROJ and GDAL read and write so.
+            // The type 2002 is a height above the ellipsoid. PROJ and GDAL read and write it in this form.
             (Self::Ellipsoid, _) => {
                 format!(r#"VERT_CS["Ellipsoid (metre)",VERT_DATUM["Ellipsoid",2002],{METRE},AXIS["Up",UP]]"#)
             }

@@ -4,28 +4,28 @@ use super::vlr::{Vlr, padded};
 use crate::cloud::{Present, extra_fields};
 use messages::columns::{ColumnField, ExtraByte, FieldType};
 
-/// Reflectance of one step of a band: i16 covers -3.2767 to 3.2767.
+/// Reflectance per step of a band: i16 covers -3.2767 to 3.2767.
 pub(crate) const REFLECTANCE_STEP: f64 = 1e-4;
-/// A band that was not measured.
+/// Value of a band that was not measured.
 pub(crate) const NO_REFLECTANCE: i16 = i16::MIN;
 
-/// What an extra field contains.
+/// The content of an extra field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ExtraField {
-    /// A field of the table of columns, and its place in [`extra_fields`].
+    /// A field of the table of columns, and its index in [`extra_fields`].
     Column(usize, &'static ColumnField),
     /// Reflectance of the band of this number.
     Band(usize),
 }
 
-/// Fields behind the point format, in order.
+/// Fields after the point format, in order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ExtraBytes {
     pub(crate) fields: Vec<ExtraField>,
     bands: Vec<String>,
 }
 
-/// Type, unit and value for no data in the description of a field.
+/// Type, unit and no-data value in the description of a field.
 struct Description<'a> {
     name: &'a str,
     text: &'a str,
@@ -35,7 +35,7 @@ struct Description<'a> {
 }
 
 impl ExtraBytes {
-    /// Fields for the columns that the clouds have. `bands` are the names of the bands to write.
+    /// Fields for the columns of the clouds. `bands` are the names of the bands to write.
     pub(crate) fn new(present: &Present, bands: &[String]) -> Self {
         let columns = extra_fields(present.table()).into_iter().enumerate();
         let columns = columns.filter(|(_, (column, _))| present.has(column.name));
@@ -48,7 +48,7 @@ impl ExtraBytes {
         self.fields.iter().map(|field| field.n_bytes()).sum()
     }
 
-    /// Bytes before the field of a column. `None` if records lack it.
+    /// Bytes before the field of a column. `None` if records do not have it.
     pub(crate) fn offset(&self, name: &str) -> Option<usize> {
         let has_name = |field: &ExtraField| matches!(field, ExtraField::Column(_, column) if column.name == name);
         let k = self.fields.iter().position(has_name)?;
@@ -82,7 +82,8 @@ impl ExtraField {
                     FieldType::F32 | FieldType::Coordinate => (9, None),
                     FieldType::F64 => (10, None),
                 };
-                // Ids keep their number for none, which is a value like the others; only measured values are marked.
+                // Ids keep their number for "no id", which is an ordinary value; only measured values have a no-data
+                // value.
                 let no_data = field.none.filter(|_| data_type > 8).map(f64::to_le_bytes);
                 Description { name: field.name, text, data_type, no_data, scale }
             }
@@ -101,13 +102,13 @@ impl ExtraField {
 impl Description<'_> {
     /// The 192 bytes of the specification's table 24.
     fn bytes(self) -> Vec<u8> {
-        // Options: bit 0 = value for no data, bit 3 = scale.
+        // Options: bit 0 = no-data value, bit 3 = scale.
         let options = u8::from(self.no_data.is_some()) | u8::from(self.scale.is_some()) << 3;
         let mut bytes = vec![0, 0, self.data_type, options];
         bytes.extend(padded::<32>(self.name));
         bytes.extend([0; 4]);
         bytes.extend(self.no_data.unwrap_or_default());
-        // Two unused values of no data, then minima and maxima, which are not stated.
+        // Two unused no-data values, then minima and maxima, which are not given.
         bytes.extend([0; 16 + 24 + 24]);
         bytes.extend(self.scale.unwrap_or(0.0).to_le_bytes());
         // Unused scales, and offsets.

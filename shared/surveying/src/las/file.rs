@@ -20,7 +20,7 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
-    /// Adds the points of another extent.
+    /// Merges another extent into this one.
     pub(crate) fn join(&mut self, other: &Self) {
         if other.n_points == 0 {
             return;
@@ -55,7 +55,7 @@ impl Extent {
 pub(crate) fn compressed_chunk(records: &[u8], vlr: &LazVlr) -> Result<Vec<u8>, LasZipError> {
     let mut whole = Cursor::new(Vec::new());
     laz::compress_buffer(&mut whole, records, vlr.clone())?;
-    // The place of the table of the chunks, the chunk, the table.
+    // Offset of the chunk table, then the chunk, then the table.
     let mut bytes = whole.into_inner();
     let table_at = bytes.first_chunk().map_or(0, |place| u64::from_le_bytes(*place)) as usize;
     bytes.truncate(table_at);
@@ -63,7 +63,7 @@ pub(crate) fn compressed_chunk(records: &[u8], vlr: &LazVlr) -> Result<Vec<u8>, 
     Ok(bytes)
 }
 
-/// A file that gets its name when it is complete.
+/// A file that gets its final name when it is complete.
 pub(crate) struct LasFile<'a> {
     file: AtomicFile,
     facts: &'a HeaderFacts,
@@ -130,7 +130,8 @@ impl<'a> LasFile<'a> {
         Ok(Self { file, facts, header, extent: Extent::default(), body })
     }
 
-    /// Appends records. Chunks of one call are compressed side by side; their bytes do not depend on the calls.
+    /// Appends records. The chunks of one call are compressed in parallel; their bytes do not depend on how records are
+    /// split into calls.
     pub(crate) fn write(&mut self, records: &[u8]) -> Result<(), DeliverError> {
         self.extent.add(records, self.facts.record_bytes);
         let written = match &mut self.body {
@@ -140,7 +141,7 @@ impl<'a> LasFile<'a> {
         written.map_err(DeliverError::file(self.file.path(), "write"))
     }
 
-    /// Completes the file and gives it its name.
+    /// Completes the file and gives it its final name.
     pub(crate) fn finish(mut self) -> Result<Extent, DeliverError> {
         self.header.n_points = self.extent.n_points;
         self.header.bounds = self.extent.bounds;

@@ -17,35 +17,35 @@ use files::calendar::{DAY_NANOS, date_from_days, days_from_date};
 
 /// Bytes of the header.
 pub(crate) const HEADER_BYTES: usize = 375;
-/// Adjusted standard GPS time (bit 0) and WKT (bit 4), which point formats from 6 on need.
+/// Adjusted standard GPS time (bit 0) and WKT (bit 4), which point formats from 6 on require.
 const ENCODING: u16 = 0b1_0001;
 
-/// What all files of a delivery have in common.
+/// The header fields that all files of a delivery share.
 #[derive(Clone, Debug)]
 pub(crate) struct HeaderFacts {
-    /// What recorded the points.
+    /// The system that recorded the points.
     pub(crate) system: String,
     /// Software with its version.
     pub(crate) software: String,
-    /// Begin of the recording, ns since the Unix epoch. The date of a file is that of its points, not of its writing, so the same run gives
-    /// the same bytes.
+    /// Start of the recording, ns since the Unix epoch. A file is dated by its points and not by the time of writing, so
+    /// the same run gives the same bytes.
     pub(crate) begin_nanos: i64,
-    /// Coordinates of the stored 0, m.
+    /// Coordinates that are stored as 0, m.
     pub(crate) offset_m: [f64; 3],
     /// Bytes of a record.
     pub(crate) record_bytes: usize,
 }
 
-/// What differs between files.
+/// The header fields that differ between files.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LasHeader {
     pub(crate) points_at: u32,
     pub(crate) n_vlrs: u32,
     pub(crate) is_compressed: bool,
-    /// Place and number of extended records.
+    /// Offset and number of extended records.
     pub(crate) evlrs: (u64, u32),
     pub(crate) n_points: u64,
-    /// Smallest and largest stored coordinates; any if there are no points.
+    /// Smallest and largest stored coordinates; arbitrary if there are no points.
     pub(crate) bounds: [[i32; 3]; 2],
 }
 
@@ -80,7 +80,7 @@ impl LasHeader {
         bytes.extend([0; 8]);
         bytes.extend(self.evlrs.0.to_le_bytes());
         bytes.extend(self.evlrs.1.to_le_bytes());
-        // All are first returns.
+        // All points are first returns.
         bytes.extend(self.n_points.to_le_bytes());
         bytes.extend(self.n_points.to_le_bytes());
         bytes.resize(HEADER_BYTES, 0);

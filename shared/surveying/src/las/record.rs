@@ -17,17 +17,17 @@ use formats::gps_time::adjusted_gps_from_unix;
 
 /// Step of the coordinates, m.
 pub(crate) const SCALE_M: f64 = 0.001;
-/// Steps in a metre: exact, unlike [`SCALE_M`].
+/// Steps per metre: exact, unlike [`SCALE_M`].
 const STEPS_PER_M: f64 = 1000.0;
-/// 16 bits from 8 for intensities: 255 becomes 65535, the full scale, as the specification has it.
+/// 16 bits from 8 for intensities: 255 becomes 65535, the full scale, as the specification requires.
 const WIDE_INTENSITY: u16 = 257;
-/// 16 bits from 8 for colors: the specification multiplies by 256. Low bytes that are 0 also take less time to compress.
+/// 16 bits from 8 for colors: the specification multiplies by 256. Low bytes of 0 also compress faster.
 const WIDE_COLOR: u16 = 256;
-/// Steps of the scan angle in a radian.
+/// Steps of the scan angle per radian.
 const ANGLE_STEPS: f64 = 180.0 / std::f64::consts::PI / 0.006;
-/// The first return of one.
+/// Return number 1 of 1.
 const ONE_OF_ONE: u8 = 0b0001_0001;
-/// LiDARs that the two bits of the scanner channel distinguish.
+/// Number of LiDARs that the two bits of the scanner channel distinguish.
 const N_CHANNELS: u8 = 4;
 
 /// Encodes points as records.
@@ -35,11 +35,11 @@ pub(crate) struct RecordLayout {
     pub(crate) extra: ExtraBytes,
     has_classes: bool,
     asprs: [u8; 256],
-    /// Coordinates of the stored 0, m.
+    /// Coordinates that are stored as 0, m.
     offset_m: [f64; 3],
 }
 
-/// What becomes a record.
+/// The source of a record.
 #[derive(Clone, Copy)]
 pub(crate) struct RecordSource<'a> {
     pub(crate) point: &'a CloudPoint,
@@ -49,11 +49,11 @@ pub(crate) struct RecordSource<'a> {
     pub(crate) row: &'a [u8],
     /// Its coordinates, steps of [`SCALE_M`].
     pub(crate) stored: [i32; 3],
-    /// Number of the submap + 1: 0 is no source.
+    /// Number of the submap + 1; 0 means that the source is unknown.
     pub(crate) submap: u16,
     /// Direction of travel in the frame of the cloud.
     pub(crate) forward: [f64; 2],
-    /// A reflectance for each band. `None` if no camera saw the point.
+    /// A reflectance for each band. `None` if no camera recorded the point.
     pub(crate) spectrum: Option<&'a [f32]>,
 }
 

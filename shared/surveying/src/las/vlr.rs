@@ -20,7 +20,7 @@ impl Vlr {
         let data = [wkt.as_bytes(), b"\0"].concat();
         Self { user: "LASF_Projection", id: 2112, description: "OGC coordinate system WKT", data }
     }
-    /// A text for people.
+    /// A text for human readers.
     pub(crate) fn text(text: &str) -> Self {
         let data = [text.as_bytes(), b"\0"].concat();
         Self { user: "LASF_Spec", id: 3, description: "text area", data }
@@ -56,7 +56,7 @@ impl Vlr {
     }
 }
 
-/// An extended record: it may be longer, and lies behind the points.
+/// An extended record, which follows the points and may be longer.
 pub(crate) fn evlr_bytes(user: &str, id: u16, description: &str, data: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0; 2];
     bytes.extend(padded::<16>(user));
@@ -67,7 +67,7 @@ pub(crate) fn evlr_bytes(user: &str, id: u16, description: &str, data: &[u8]) ->
     bytes
 }
 
-/// A text in `N` bytes, cut or filled with zeros.
+/// A text in `N` bytes, truncated or padded with zeros.
 pub(super) fn padded<const N: usize>(text: &str) -> [u8; N] {
     let mut bytes = [0; N];
     let n = text.len().min(N);

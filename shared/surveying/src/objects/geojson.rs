@@ -6,8 +6,8 @@ use crate::geojson::{position, rounded};
 use crate::run_folder::Georeference;
 use serde_json::{Value, json};
 
-/// One feature per object: the footprint as a polygon, at the ellipsoidal height of the lowest point. `None` if the run is not placed on
-/// the Earth.
+/// One feature per object: the footprint as a polygon, at the ellipsoidal height of the lowest point. `None` if the run
+/// is not georeferenced.
 pub fn geojson(summaries: &[ObjectSummary], georeference: &Georeference) -> Result<Option<String>, CrsError> {
     if georeference.local().is_none() {
         return Ok(None);

@@ -2,7 +2,7 @@
 
 use messages::{ClassId, GROUND_CLASSES};
 
-/// Cells of a side of a tile.
+/// Cells along one side of a tile.
 pub(super) const TILE: usize = 256;
 const N_CELLS: usize = TILE * TILE;
 
@@ -11,11 +11,11 @@ pub(super) const NO_HEIGHT: f32 = -9999.0;
 /// Value of a class without points.
 pub(super) const NO_CLASS: u8 = 255;
 
-/// Values by cell, rows from north to south.
+/// Values of the cells, rows from north to south.
 pub(super) struct Cells {
     /// Highest point, m.
     pub(super) height: Vec<f32>,
-    /// Mean of the points of the ground, m.
+    /// Mean of the ground points, m.
     pub(super) terrain: Vec<f32>,
     /// Class of the highest point.
     pub(super) class: Vec<u8>,
@@ -23,12 +23,12 @@ pub(super) struct Cells {
     pub(super) color: Vec<[u8; 4]>,
 }
 
-/// Collects the points of a tile of full resolution.
+/// Collects the points of a tile at full resolution.
 pub(super) struct CellsBuilder {
     /// Height in mm and class of the highest point.
     highest: Vec<(i32, u8)>,
     colored: Vec<(i32, [u8; 4])>,
-    /// Sum of heights, mm, and number of points of the ground.
+    /// Sum of heights, mm, and number of ground points.
     ground: Vec<(i64, u32)>,
     is_ground: [bool; 256],
 }
@@ -115,7 +115,7 @@ fn mean(values: [f32; 4]) -> f32 {
     if n == 0 { NO_HEIGHT } else { (sum / f64::from(n)) as f32 }
 }
 
-/// The class that most cells have, of several the lowest id.
+/// The most frequent class; ties go to the lowest id.
 fn most_frequent(classes: [u8; 4]) -> u8 {
     let count = |class: u8| classes.iter().map(|other| u32::from(*other == class)).sum::<u32>();
     let known = classes.into_iter().filter(|class| *class != NO_CLASS);

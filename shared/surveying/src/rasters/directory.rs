@@ -1,23 +1,23 @@
-//! Directories of TIFF files (TIFF 6.0), and of `BigTIFF` files, whose places have 64 bits.
+//! Directories of TIFF files (TIFF 6.0) and of `BigTIFF` files, whose offsets have 64 bits.
 
-/// Which of the two a file is.
+/// TIFF variant of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Layout {
-    /// Places of 32 bits: all programs read it.
+    /// Offsets of 32 bits, readable by all programs.
     Classic,
-    /// For files of more than 4 GiB.
+    /// Offsets of 64 bits, for files of more than 4 GiB.
     Big,
 }
 
 impl Layout {
-    /// The first bytes of a file: the first directory follows.
+    /// The first bytes of a file; the first directory follows.
     pub(super) fn signature(self) -> &'static [u8] {
         match self {
             Self::Classic => b"II*\0\x08\0\0\0",
             Self::Big => b"II+\0\x08\0\0\0\x10\0\0\0\0\0\0\0",
         }
     }
-    /// Bytes of a place, of the number of values, and of a value inside an entry.
+    /// Bytes of an offset, of the number of values, and of a value inside an entry.
     const fn word_bytes(self) -> usize {
         match self {
             Self::Classic => 4,
@@ -31,7 +31,7 @@ impl Layout {
             Self::Big => 8,
         }
     }
-    /// A number in `n_bytes`. Places in classic files fit, see [`super::geotiff`].
+    /// A number in `n_bytes`. Offsets in classic files fit, see [`super::geotiff`].
     fn number(value: u64, n_bytes: usize) -> impl Iterator<Item = u8> {
         value.to_le_bytes().into_iter().take(n_bytes)
     }
@@ -67,7 +67,7 @@ impl Tags {
     pub(super) fn longs(&mut self, tag: u16, values: &[u32]) {
         self.push((tag, 4), values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
     }
-    /// Places in the file.
+    /// Adds a tag with offsets in the file.
     pub(super) fn places(&mut self, tag: u16, places: &[u64]) {
         let kind = if self.layout == Layout::Big { 16 } else { 4 };
         let values = places.iter().flat_map(|place| self.layout.word(*place)).collect();
@@ -80,7 +80,7 @@ impl Tags {
         self.push((tag, 2), text.len() + 1, [text.as_bytes(), b"\0"].concat());
     }
 
-    /// The directory at byte `at`: entries, place of the next directory, then values that do not fit into an entry.
+    /// The directory at byte `at`: entries, offset of the next directory, then values that do not fit into an entry.
     pub(super) fn bytes(self, at: u64, is_last: bool) -> Vec<u8> {
         let Self { layout, entries } = self;
         let entry_bytes = 4 + 2 * layout.word_bytes();
@@ -97,7 +97,7 @@ impl Tags {
                 head.extend(values);
             } else {
                 head.extend(layout.word(at + (head_bytes + tail.len()) as u64));
-                // Values begin at even bytes.
+                // Values start at even bytes.
                 values.resize(values.len().next_multiple_of(2), 0);
                 tail.extend(values);
             }

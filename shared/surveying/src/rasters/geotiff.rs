@@ -1,6 +1,6 @@
-//! Cloud-Optimized GeoTIFF: directories of all levels, then the tiles, those of the coarsest level first (OGC 21-026).
+//! Cloud-Optimized GeoTIFF: directories of all levels, then the tiles, coarsest level first (OGC 21-026).
 //!
-//! The crate tiff writes strips, and compresses with a feature of its own; a directory is a page of code.
+//! The crate tiff writes strips, and needs an extra feature for compression; a directory is a page of code.
 
 use super::Tile;
 use super::cells::{Cells, NO_CLASS, NO_HEIGHT, TILE};
@@ -17,30 +17,30 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Bytes of a file whose places have 32 bits.
+/// Largest size of a file with offsets of 32 bits, bytes.
 const CLASSIC_BYTES: u64 = u32::MAX as u64;
 
-/// What an image shows.
+/// The quantity that an image shows.
 #[derive(Clone, Copy)]
 pub(super) enum Content<'a> {
     Height,
     Terrain,
-    /// With sRGB by class id.
+    /// Classes with sRGB by class id.
     Class(&'a [[u8; 3]; 256]),
     Color,
 }
 
-/// Place and number of the tiles of an image.
+/// Position and number of the tiles of an image.
 pub(super) struct Grid {
     /// The tile at the upper left, from the origin of the coordinates.
     pub(super) low: Tile,
-    /// Columns and rows of tiles of full resolution.
+    /// Columns and rows of tiles at full resolution.
     pub(super) size: [usize; 2],
     pub(super) n_levels: usize,
     pub(super) cell_m: f64,
 }
 
-/// Compressed tiles of an image, in a temporary file until all are known.
+/// Compressed tiles of an image, in a temporary file until all of them exist.
 pub(super) struct ImageTiles<'a> {
     content: Content<'a>,
     file: File,
@@ -48,18 +48,18 @@ pub(super) struct ImageTiles<'a> {
     stored: Mutex<Stored>,
 }
 
-/// Place and size of a tile in the image.
+/// Offset and size of a tile in the image.
 type TilePlace = (u64, u32);
 
 #[derive(Default)]
 struct Stored {
     n_bytes: u64,
-    /// Place and size in the file, by level and tile.
+    /// Offset and size in the file, by level and tile.
     tiles: BTreeMap<(usize, Tile), (u64, usize)>,
 }
 
 impl Content<'_> {
-    /// Bytes of cells, as in the file.
+    /// Bytes of cells in the encoding of the file.
     fn encode(self, cells: &Cells) -> Vec<u8> {
         let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect();
         match self {
@@ -113,11 +113,11 @@ impl<'a> ImageTiles<'a> {
         written.map_err(DeliverError::file(path, "write"))
     }
 
-    /// As `BigTIFF` if a classic file would have more than `classic_bytes`.
+    /// Writes the image, as `BigTIFF` if a classic file would have more than `classic_bytes`.
     fn write_to(&self, file: &File, grid: &Grid, frame: &TargetFrame<'_>, classic_bytes: u64) -> io::Result<()> {
         let stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
         let empty = compressed(&self.content.empty());
-        // Sizes of the directories do not depend on the places of the tiles.
+        // The sizes of the directories do not depend on the offsets of the tiles.
         let first_tile = |layout: Layout| {
             let directory = |level| self.directory(grid, (layout, level), frame, &[], (0, false)).len() as u64;
             layout.signature().len() as u64 + (0..grid.n_levels).map(directory).sum::<u64>()
@@ -127,7 +127,8 @@ impl<'a> ImageTiles<'a> {
         let layout = if fits { Layout::Classic } else { Layout::Big };
         let mut at = first_tile(layout);
         let mut places: Vec<Vec<TilePlace>> = vec![Vec::new(); grid.n_levels];
-        // Tiles in the file: those found, and for each level an empty one, to which all places without points lead.
+        // Tiles in the file: all existing tiles, and for each level one empty tile to which all positions without points
+        // refer.
         let mut order: Vec<Option<(u64, usize)>> = Vec::new();
         for level in (0..grid.n_levels).rev() {
             let [columns, rows] = grid.tiles(level);
@@ -164,7 +165,7 @@ impl<'a> ImageTiles<'a> {
         writer.flush()
     }
 
-    /// The directory of a level, which begins at byte `at`.
+    /// The directory of a level, which starts at byte `at`.
     fn directory(
         &self,
         grid: &Grid,
@@ -235,7 +236,7 @@ impl Grid {
 
 /// Keys of the coordinate reference system (OGC 19-008): sorted, each with a number.
 fn geo_keys(frame: &TargetFrame<'_>) -> Vec<u16> {
-    // The raster has areas, not points.
+    // Pixels represent areas, not points.
     let mut keys = vec![(1025, 1)];
     if let Some((crs, vertical)) = frame.crs() {
         // A projected system by its number, in m.
@@ -254,7 +255,7 @@ fn geo_keys(frame: &TargetFrame<'_>) -> Vec<u16> {
 mod tests {
     use super::*;
 
-    /// Numbers of a directory at a byte: the values of tag `tag`, and the place of the next directory.
+    /// Numbers of a directory at a byte: the values of tag `tag`, and the offset of the next directory.
     fn values(bytes: &[u8], layout: Layout, at: u64, tag: u16) -> (Vec<u64>, u64) {
         let (count_bytes, word) = if layout == Layout::Big { (8, 8) } else { (2, 4) };
         let number =

@@ -1,4 +1,4 @@
-//! Where the clouds of a run lie on the Earth.
+//! Placement of the clouds of a run on the Earth.
 
 use crate::crs::{Crs, CrsError};
 use crate::error::DeliverError;
@@ -11,7 +11,8 @@ use std::path::Path;
 pub struct Georeference {
     /// Frame of the trajectory: east, north, up at the origin. `None` without GNSS.
     local: Option<LocalFrame>,
-    /// Projection of the clouds and the heading of its north, clockwise from true north, rad. `None` if the clouds are in the local frame.
+    /// Projection of the clouds and the heading of grid north, clockwise from true north, rad. `None` if the clouds are
+    /// in the local frame.
     utm: Option<(Projection, f64)>,
 }
 
@@ -42,7 +43,7 @@ impl Georeference {
         Ok(Self { local: origin.map(LocalFrame::new), utm })
     }
 
-    /// The local frame. `None` if the run is not placed on the Earth.
+    /// The local frame. `None` if the run is not georeferenced.
     pub fn local(&self) -> Option<&LocalFrame> {
         self.local.as_ref()
     }
@@ -54,7 +55,7 @@ impl Georeference {
     pub fn convergence(&self) -> f64 {
         self.utm.as_ref().map_or(0.0, |(_, convergence)| *convergence)
     }
-    /// Geographic position of coordinates of the clouds. `None` if the run is not placed on the Earth.
+    /// Geographic position of coordinates of the clouds. `None` if the run is not georeferenced.
     pub fn geodetic_from_cloud(&self, xyz: [f64; 3]) -> Result<Option<Geodetic>, CrsError> {
         match (&self.utm, &self.local) {
             (Some((projection, _)), _) => Ok(Some(projection.unproject(xyz)?)),

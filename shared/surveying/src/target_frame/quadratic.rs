@@ -1,11 +1,11 @@
-//! A smooth function of coordinates in a cell, as a quadratic.
+//! Quadratic approximation of a smooth function of coordinates in a cell.
 
 use crate::crs::CrsError;
 
-/// Side of a cell, m. The third derivatives of a map projection are about 1 / R², R the radius of the Earth: over half a cell they amount
-/// to less than a micrometre.
+/// Side of a cell, m. The third derivatives of a map projection are about 1 / R², with the radius R of the Earth. Over
+/// half a cell they contribute less than a micrometre.
 const CELL_M: f64 = 1024.0;
-/// Half a cell: the distance of the places where the function is evaluated, m.
+/// Half a cell: the spacing of the positions where the function is evaluated, m.
 const STEP_M: f64 = CELL_M / 2.0;
 
 /// Values of a function in a cell: easting, northing, height, latitude, longitude.
@@ -20,7 +20,8 @@ fn cell_of(xyz: [f64; 3]) -> [f64; 3] {
 }
 
 impl Quadratic {
-    /// The cell of a point. Cells lie on multiples of their side, so results do not depend on the order of the points.
+    /// The cell of a point. Cells are aligned to multiples of their side, so results do not depend on the order of the
+    /// points.
     pub(super) fn around(
         xyz: [f64; 3],
         function: impl Fn([f64; 3]) -> Result<[f64; 5], CrsError>,

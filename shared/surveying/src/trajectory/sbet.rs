@@ -11,12 +11,12 @@ use super::level_pose;
 use formats::gps_time::week_seconds_from_unix;
 use geometry::{LocalFrame, Point3, Pose, Trajectory, UnitQuaternion, Vector3};
 
-/// The file. Time goes on beyond the end of a week. Accelerations are not estimated.
+/// The content of an SBET file. Times continue to count beyond the end of a week. Accelerations are not estimated.
 pub(super) fn bytes(trajectory: &Trajectory, local: &LocalFrame) -> Vec<u8> {
     let poses = trajectory.poses();
     let mut bytes = Vec::with_capacity(poses.len() * 17 * 8);
     let unix_s = |i: usize| poses[i].0.0 as f64 * 1e-9;
-    // A week may end on the way.
+    // A week may end during the drive.
     let first_s = poses.first().map_or(0.0, |_| week_seconds_from_unix(unix_s(0)));
     for (i, (stamp, pose)) in poses.iter().enumerate() {
         let time_s = first_s + stamp.seconds_since(poses[0].0);

@@ -11,7 +11,7 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     let run = folder.path().join("run");
     let out = folder.path().join("out");
     std::fs::create_dir(&out).expect("made");
-    // A road that rises by 5 %, and a roof 3 m over it.
+    // A road with a grade of 5 %, and a roof 3 m above it.
     let road = |i: usize| {
         let x = (i % 200) as f64 * 0.1;
         let y = (i / 200) as f64 * 0.1;
@@ -20,7 +20,8 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     write_run(&run, &[((0..8000).map(road).collect(), true)]);
     let opened = RunFolder::open(&run).expect("opens");
     let frame = utm(opened.georeference.as_ref().expect("is placed"));
-    // The cloud is 7 cm above the first, 3 cm below the second check point; the third is where no points are; the fourth was found.
+    // The cloud is 7 cm above the first and 3 cm below the second check point. There are no points at the third; the
+    // fourth has a position in the cloud.
     let at = |x: f64, y: f64, off: f64| {
         let [east, north, up] = frame.from_cloud([x, y, 0.05 * x]).expect("converts");
         (east, north, up + off)

@@ -32,7 +32,7 @@ fn every_point_is_in_the_cube_of_its_node_and_those_of_the_run_are_there() {
     let hierarchy_bytes = long(477);
     assert_eq!(hierarchy_at + hierarchy_bytes, bytes.len());
     assert!(double(485) < double(493), "times");
-    // Chunks follow one another in the order of the table.
+    // Chunks are stored in the order of the table.
     let points_at = u32::from_le_bytes(bytes[96..100].try_into().expect("4 bytes")) as usize;
     let mut chunk_at = points_at + 8;
     let mut first = 0;

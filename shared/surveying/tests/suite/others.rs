@@ -111,7 +111,7 @@ fn sweeps_and_poses_give_the_points_of_the_run() {
         let labels = labels_from_bytes(&read("labels", "label")).expect("decodes");
         for (k, (point, label)) in points.iter().zip(&labels).enumerate() {
             let (xyz, class) = all[number * 50 + k];
-            // The first frame is at the LiDAR of the first shot, level and to the east as the path.
+            // The first frame is at the LiDAR at the first shot, level and facing east like the path.
             let place = pose * geometry::Point3::new(point.x, point.y, point.z).cast::<f64>();
             let expected = [xyz[0] - origin[0], xyz[1], xyz[2] - 1.5];
             assert!((place - geometry::Point3::from(expected)).norm() < 1e-4, "{number} {k}: {place}");

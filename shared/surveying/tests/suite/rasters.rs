@@ -1,4 +1,4 @@
-//! Views from above, read by the bytes of TIFF.
+//! Top views, read from the bytes of TIFF files.
 
 use crate::support::{options, utm, write_run};
 use std::path::Path;
@@ -46,7 +46,7 @@ fn cells_have_the_heights_classes_and_colors_of_their_points() {
     let run = folder.path().join("run");
     let out = folder.path().join("out");
     std::fs::create_dir(&out).expect("made");
-    // A road along 100 m, and a wall over its begin. Every fifth point moves, and is left out.
+    // A road along 100 m, and a wall over its start. Every fifth point moves and is left out.
     let mut points: Vec<([f64; 3], u8)> = (0..500).map(|i| ([f64::from(i) * 0.2, 0.0, 1.0], 7)).collect();
     points.push(([0.2, 0.0, 6.0], 2));
     points.insert(500, ([0.2, 0.0, 9.0], 10));
@@ -56,7 +56,7 @@ fn cells_have_the_heights_classes_and_colors_of_their_points() {
     let rasters = RasterOptions { cell_mm: 200, class_colors: [[1, 2, 3]; 256] };
     let names = write_rasters(&opened, &frame, &options(), rasters, &out).expect("writes");
     assert_eq!(names, ["height.tif", "terrain.tif", "class.tif", "color.tif"]);
-    // The wall and the ground at the same cell.
+    // The wall and the ground are in the same cell.
     let [x, y, z] = frame.from_cloud([0.2, 0.0, 6.0]).expect("converts");
     let column = (x / 0.2).floor() as i64;
     let row = (y / 0.2).floor() as i64;
@@ -83,7 +83,7 @@ fn cells_have_the_heights_classes_and_colors_of_their_points() {
         let left = (column.div_euclid(256) * 256) as f64 * 0.2;
         let has_double = bytes.windows(8).any(|window| window == left.to_le_bytes());
         assert!(has_double, "{name}: the tie point is at {left}");
-        // What moves is not there: 9 m over the road.
+        // Moving points, 9 m above the road, are left out.
         if name == "height.tif" {
             let highest =
                 first.tiles.iter().flat_map(|tile| tile.as_chunks::<4>().0).map(|cell| f32::from_le_bytes(*cell));

@@ -1,4 +1,4 @@
-//! Runs with known points, and readers of what was delivered.
+//! Runs with known points, and readers of the delivered files.
 
 use delivery::{CloudEntry, Index};
 use formats::ply::{Header, Kind, PlyWriter, Row};
@@ -14,7 +14,7 @@ pub const BEGIN_S: i64 = 1_622_505_600;
 /// Frame of the clouds.
 const FRAME: &str = "local east-north-up";
 
-/// A point of a cloud: coordinates and the class; all else follows from its number.
+/// A point of a cloud: coordinates and class; all other values are derived from its number.
 pub type Point = ([f64; 3], u8);
 
 /// A street of two walls and a road along x, `n` points, 20 m for each submap.
@@ -27,7 +27,7 @@ pub fn street(n: usize) -> Vec<Point> {
     (0..n).map(point).collect()
 }
 
-/// Writes a run with these clouds at the Pantheon. `is_placed` tells which of them are in the frame of the run.
+/// Writes a run with these clouds at the Pantheon. `is_placed` states which of them are in the frame of the run.
 pub fn write_run(run: &Path, clouds: &[(Vec<Point>, bool)]) {
     std::fs::create_dir_all(run.join("clouds")).expect("made");
     let entries: Vec<CloudEntry> =
@@ -43,7 +43,7 @@ pub fn write_run(run: &Path, clouds: &[(Vec<Point>, bool)]) {
     std::fs::write(run.join("georeference.json"), georeference).expect("writes");
 }
 
-/// Class, intensity and the rest of point `i` are known from its number.
+/// Writes a cloud. Class, intensity and the other values of point `i` are derived from its number.
 fn write_cloud(run: &Path, seq: usize, points: &[Point], is_placed: bool) -> CloudEntry {
     let file = format!("clouds/submap_{seq:04}.ply");
     let positions = ["x", "y", "z", "x_lidar_position", "y_lidar_position", "z_lidar_position"];
@@ -103,7 +103,7 @@ pub fn options() -> CloudOptions {
     CloudOptions { has_bands: false, system: "system".to_owned(), software: "software".to_owned(), note: String::new() }
 }
 
-/// UTM of the place.
+/// UTM at the origin of the run.
 pub fn utm(georeference: &Georeference) -> TargetFrame<'_> {
     let origin = georeference.local().expect("is placed").origin();
     TargetFrame::projected(georeference, surveying::crs::Crs::utm_of(&origin).expect("has a zone"), None)
