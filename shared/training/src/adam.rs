@@ -6,11 +6,12 @@ use std::collections::BTreeMap;
 
 /// Decay of the mean of the derivatives.
 const BETA_1: f64 = 0.9;
-/// Decay of the mean of their squares.
+/// Decay of the mean of the squared derivatives.
 const BETA_2: f64 = 0.999;
-/// Added to the root of that mean.
+/// Added to the root of the mean square.
 const EPSILON: f64 = 1e-8;
-/// Largest norm of the derivatives of all variables; larger ones are scaled down. An outlier batch then cannot undo an epoch.
+/// Largest norm of the derivatives of all variables; larger ones are scaled down. A single outlier batch then cannot undo
+/// an epoch.
 const MAX_NORM: f64 = 5.0;
 
 /// State of the optimizer.
@@ -32,7 +33,7 @@ impl Adam {
     pub fn steps(&self) -> u64 {
         self.steps
     }
-    /// Changes all variables except those with a `frozen` prefix.
+    /// Updates all variables except those with a `frozen` prefix.
     ///
     /// # Errors
     /// If candle fails.

@@ -1,5 +1,5 @@
-//! An auxiliary head that classifies the bird's-eye view, as in LiDOG (Saltori et al. 2023, "Walking your LiDOG"): features that tell what
-//! is where on a map depend less on the sensor. Only the training has it.
+//! An auxiliary head that classifies the bird's-eye view, as in LiDOG (Saltori et al. 2023, "Walking your LiDOG").
+//! Features that also determine the classes on a map depend less on the sensor. The head is used only in training.
 
 use crate::criterion::{Criterion, RowDerivatives, known_rows};
 use crate::differential::{Differential, InputDerivatives, Recording};
@@ -13,7 +13,7 @@ use segmentation::SegmentationError;
 use segmentation::network::NetworkSpec;
 use std::collections::BTreeMap;
 
-/// Channels of the head: few, so that the network itself must have what the head needs.
+/// Channels of the head. The head is small, so that the features of the network itself must carry the information.
 const WIDTH: usize = 32;
 
 /// Prefix of the names of its variables.
@@ -24,7 +24,7 @@ pub struct BevHead {
     variables: Variables,
 }
 
-/// What the loss of a batch of grids gives.
+/// Loss of a batch of grids and its derivatives.
 pub(crate) struct OfGrids {
     /// Loss, times its weight.
     pub(crate) loss: f64,
@@ -35,7 +35,7 @@ pub(crate) struct OfGrids {
 }
 
 impl BevHead {
-    /// Random variables of a seed for `inputs` features.
+    /// Random variables from a seed for `inputs` features.
     ///
     /// # Errors
     /// If candle fails.
@@ -95,7 +95,7 @@ impl BevHead {
     }
 }
 
-/// Calls `f` with the row and column of the network and the cell of each pixel that is in a cell.
+/// Calls `f` for each pixel in a cell, with the row and column of the network and the cell.
 fn each_pixel(labels: &BevLabels, columns: usize, fold: usize, mut f: impl FnMut(usize, usize, usize)) {
     for (row, cells) in labels.cells.chunks_exact(columns * fold).enumerate() {
         for (column, &cell) in cells.iter().enumerate().filter(|(_, cell)| **cell != NO_CELL) {
@@ -104,7 +104,7 @@ fn each_pixel(labels: &BevLabels, columns: usize, fold: usize, mut f: impl FnMut
     }
 }
 
-/// Reciprocals of the numbers of pixels of all cells; infinite for empty ones.
+/// Reciprocal of the number of pixels in each cell; infinite for empty cells.
 fn shares(labels: &BevLabels) -> Vec<f32> {
     let mut counts = vec![0.0_f32; labels.truth.len()];
     labels.cells.iter().filter(|cell| **cell != NO_CELL).for_each(|&cell| counts[cell as usize] += 1.0);
@@ -125,7 +125,7 @@ fn grid(features: &Planes, labels: &BevLabels, fold: usize) -> Planes {
     grid
 }
 
-/// Derivative with respect to the features from that with respect to [`grid`].
+/// Derivative with respect to the features, from the derivative with respect to [`grid`].
 fn by_features(by_grid: &Planes, features: &Planes, labels: &BevLabels, fold: usize) -> Planes {
     let side = labels.side;
     let shares = shares(labels);

@@ -1,24 +1,26 @@
-//! Priors of the classes: factors of their probabilities with which the mean IoU is largest.
+//! Priors of the classes: factors of their probabilities that maximize the mean IoU.
 //!
-//! Rare classes are decided against too often: a loss over points counts them less than the mean IoU does, and the geometric mean of two
-//! models has only what both know. A factor for each class moves the decisions without another training ("logit adjustment", Menon et
-//! al. 2021, "Long-tail learning via logit adjustment"). It is fitted to the measure itself, one class after another.
+//! A fused model predicts rare classes too seldom: a loss over points weights them less than the mean IoU does, and the
+//! geometric mean requires two models to agree. A factor for each class shifts the decisions without another training
+//! ("logit adjustment", Menon et al. 2021, "Long-tail learning via logit adjustment"). It is fitted to the mean IoU
+//! itself, one class after another.
 
 use rayon::prelude::*;
 use scores::Confusion;
 
-/// Natural logarithms of the priors that are compared, in tenths: factors of 1 to 20. Rare classes are raised, none is lowered: lowered ones
-/// gain little on the drives of the fit, and lose on motorways and real sweeps.
+/// Natural logarithms of the priors that are compared, in tenths: factors of 1 to 20. Priors only raise classes: lowering
+/// gains little on the drives of the fit, and loses on motorways and real sweeps.
 const TENTHS: std::ops::RangeInclusive<i32> = 0..=30;
 const N_STEPS: usize = 31;
-/// Rounds over all classes, at most; two or three change something.
+/// Largest number of rounds over all classes; only the first two or three change a prior.
 const ROUNDS: usize = 6;
-/// What a prior must gain in mean IoU for each unit of its logarithm: small gains do not hold in other towns.
+/// Least gain in mean IoU per unit of the logarithm of a prior: smaller gains do not transfer to other towns.
 const GAIN: f64 = 2e-3;
-/// Points that a thread takes at once.
+/// Number of points per task.
 const CHUNK: usize = 1 << 14;
 
-/// Points with the probabilities of their classes, or numbers in proportion to them, and their true classes. All are scored together.
+/// Points with the probabilities of their classes, or numbers in proportion to them, and their true classes. One score
+/// covers all points.
 #[derive(Default)]
 pub struct LabeledMeans {
     logarithms: Vec<f32>,
@@ -31,7 +33,7 @@ impl LabeledMeans {
         self.logarithms.extend(means.iter().map(|mean| mean.ln()));
         self.truth.push(truth);
     }
-    /// Mean IoU of its classes with a prior for each; `None` without points.
+    /// Mean IoU of the classes with a prior for each; `None` without points.
     pub fn mean_iou(&self, priors: &[f32]) -> Option<f64> {
         let logarithms: Vec<f32> = priors.iter().map(|prior| prior.ln()).collect();
         let mut confusion = Confusion::new(priors.len());
@@ -46,7 +48,7 @@ impl LabeledMeans {
     /// The mean IoU for each logarithm of the prior of one class, with given logarithms of the others.
     fn mean_ious(&self, logarithms: &[f32], class: usize) -> [f64; N_STEPS] {
         let n_classes = logarithms.len();
-        // By the first prior with which the class wins, the true class, and the class that wins before.
+        // Bin by the first prior with which the class wins, the true class, and the class that wins below this prior.
         let bin = |step: usize, truth: usize, other: usize| (step * n_classes + truth) * n_classes + other;
         let mut bins = vec![0_u64; (N_STEPS + 1) * n_classes * n_classes];
         let chunks = self.logarithms.par_chunks(CHUNK * n_classes).zip(self.truth.par_chunks(CHUNK));
@@ -86,7 +88,7 @@ struct Winner {
     sum: f32,
 }
 
-/// The winner at a point, without one of the classes.
+/// The winner at a point when one of the classes is excluded.
 fn best(row: &[f32], logarithms: &[f32], without: Option<usize>) -> Winner {
     let mut best = Winner { class: 0, sum: f32::NEG_INFINITY };
     for (class, (mean, prior)) in row.iter().zip(logarithms).enumerate() {
@@ -98,11 +100,12 @@ fn best(row: &[f32], logarithms: &[f32], without: Option<usize>) -> Winner {
     best
 }
 
-/// The factor of each class, 1 to 20 in two decimals, with which the mean of the scores of all groups of points is largest (each the mean
-/// IoU of its classes): one class after another, until none changes. Equal groups give equal factors, whatever the number of threads.
+/// The factor of each class, 1 to 20 in two decimals, that maximizes the mean score over all groups of points (each score
+/// is the mean IoU of the classes of the group). Classes are fitted one after another until no factor changes. Equal
+/// groups give equal factors for any number of threads.
 ///
 /// # Panics
-/// If there are fewer than two classes, or a true class is not below their number.
+/// If there are fewer than two classes, or a true class is not smaller than their number.
 pub fn fit_priors(groups: &[LabeledMeans], n_classes: usize) -> Vec<f32> {
     assert!(n_classes >= 2, "{n_classes} classes");
     let mut tenths = vec![0; n_classes];
@@ -132,7 +135,7 @@ mod tests {
     use super::*;
     use random::Random;
 
-    /// The second of three classes is rare, and its probability is a third of what it should be.
+    /// The second of three classes is rare, and its probability is a third of the correct value.
     fn group(seed: u64, n_points: usize) -> LabeledMeans {
         let mut random = Random::new(seed);
         let mut group = LabeledMeans::default();

@@ -9,7 +9,8 @@ pub struct ClassLayer<'a> {
     pub tensors: [&'a str; 2],
     /// Names of the classes in the order of the outputs.
     pub classes: &'a [String],
-    /// Columns that the network folds into one: output `column * classes + class` is that of a class at a folded column.
+    /// Columns that the network folds into one: output `column * classes + class` is the output of a class at a folded
+    /// column.
     pub fold: usize,
 }
 
@@ -20,12 +21,12 @@ impl ClassLayer<'_> {
     }
 }
 
-/// Replaces the last layer in the weights of another model, `start`, by one for the `own` classes: outputs of classes that `start`
-/// also has get its rows, those of other classes the rows of `random`, the weights of the own network before the training. Returns
-/// the number of classes that `start` has, too.
+/// Replaces the last layer in `start`, the weights of another model, by a layer for the `own` classes. Outputs of classes
+/// that `start` also has get its rows. Outputs of other classes get the rows of `random`, the weights of the own network
+/// before the training. Returns the number of classes that both models have.
 ///
-/// If no class matches, or the layers differ in their inputs, names or folded columns, `start` has no last layer afterwards. So rows
-/// of a class never become those of another one.
+/// If no class matches, or the layers differ in their inputs, names or folded columns, `start` has no last layer
+/// afterwards. A class therefore never gets the rows of another class.
 pub fn match_classes(start: &mut Weights, of_start: ClassLayer<'_>, random: &Weights, own: ClassLayer<'_>) -> usize {
     let [taken, _] = [of_start.take(start), own.take(start)];
     let source_of: Vec<Option<usize>> =

@@ -1,15 +1,15 @@
-//! Cells with classes: what networks on points learn from.
+//! Cells with classes: the training data of networks on points.
 
 use crate::UNKNOWN;
 use neighbors::{VoxelGrid, squared_distance};
 use segmentation::points::CellCloud;
 
-/// Points with the number of the class of each, [`UNKNOWN`] without one.
+/// Points with the class number of each, [`UNKNOWN`] for unlabeled points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClassifiedCells {
     /// The points.
     pub cloud: CellCloud,
-    /// As many numbers as points.
+    /// Class number of each point.
     pub truth: Vec<u8>,
 }
 
@@ -31,7 +31,8 @@ impl ClassifiedCells {
     }
 }
 
-/// The most frequent known class of the points of each cell, the smallest number of equally frequent ones; [`UNKNOWN`] without one.
+/// The most frequent known class of the points in each cell; ties go to the smallest number. [`UNKNOWN`] if the cell has
+/// no known class.
 pub fn classes_of_cells(grid: &VoxelGrid, classes: &[u8]) -> Vec<u8> {
     let of_cell = |cell: usize| {
         let mut counts = [0_u32; UNKNOWN as usize];

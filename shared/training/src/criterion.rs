@@ -1,4 +1,4 @@
-//! What a network is trained with: the loss of labeled rows of logits, pixels or points, and which of them are used.
+//! The training criterion of a network: the loss of labeled rows of logits (pixels or points), and the selection of rows.
 
 use crate::losses::{Hierarchy, Loss, consistency};
 use crate::{TrainingError, UNKNOWN};
@@ -7,9 +7,9 @@ use random::Random;
 
 /// A loss and its derivatives with respect to the logits, on a device.
 pub(crate) struct LogitDerivatives {
-    /// One number.
+    /// Loss, a scalar.
     pub(crate) loss: Tensor,
-    /// The shape of the logits.
+    /// Derivatives, in the shape of the logits.
     pub(crate) by_logits: Tensor,
 }
 
@@ -19,12 +19,12 @@ pub(crate) struct RowDerivatives {
     pub(crate) by_logits: Vec<f32>,
 }
 
-/// The loss of logits, one row for each pixel or point.
+/// The loss of logits, with one row for each pixel or point.
 pub struct Criterion {
     pub(crate) loss: Loss,
     pub(crate) tree: Option<Hierarchy>,
     pub(crate) n_classes: usize,
-    /// Labeled rows that a step uses at most; 0 for all.
+    /// Largest number of labeled rows per step; 0 for all.
     pub(crate) n_rows: usize,
     /// Weight of the consistency of two views; 0 for networks without a second view.
     pub(crate) consistency: f64,
@@ -33,20 +33,21 @@ pub struct Criterion {
 }
 
 impl Criterion {
-    /// A loss, with the nodes of a class tree if there is one, of `n_rows` labeled rows of a step; 0 for all.
+    /// A loss on at most `n_rows` labeled rows per step (0 for all), with the nodes of a class tree if one is given.
     pub fn new(loss: Loss, tree: Option<Hierarchy>, n_classes: usize, n_rows: usize) -> Self {
         Self { loss, tree, n_classes, n_rows, consistency: 0.0, bev_head: 0.0 }
     }
-    /// With terms beside the loss, by their weights: [`consistency`] of two views, and the loss of a [`BevHead`](crate::BevHead).
+    /// Adds terms to the loss, by their weights: [`consistency`] of two views, and the loss of a
+    /// [`BevHead`](crate::BevHead).
     #[must_use]
     pub fn with_terms(self, consistency: f64, bev_head: f64) -> Self {
         Self { consistency, bev_head, ..self }
     }
-    /// Indices of the labeled rows, or of some of them, drawn at random.
+    /// Indices of the labeled rows, or of a random subset of them.
     pub(crate) fn known_rows(&self, truth: &[u8], random: &mut Random) -> Vec<u32> {
         self.some_of(known_rows(truth), random)
     }
-    /// As many rows as a step uses at most, drawn at random.
+    /// A random subset of rows, limited to the number of rows per step.
     pub(crate) fn some_of<T>(&self, mut rows: Vec<T>, random: &mut Random) -> Vec<T> {
         let wanted = self.n_rows;
         if wanted > 0 && wanted < rows.len() {
@@ -70,8 +71,8 @@ impl Criterion {
             None => self.loss.of_logits(logits, &y)?,
         })
     }
-    /// Loss of logits, one row per class of `classes`, and the consistency of the rows after them: the first half of them are logits of
-    /// sparse views, the second half those of the same points in the full views.
+    /// Loss of logits, one row per class of `classes`, plus the consistency of the remaining rows: their first half are
+    /// logits of sparse views, their second half are logits of the same points in the full views.
     fn of_views(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
         let n_known = classes.len();
         let n_pairs = (logits.dim(0)? - n_known) / 2;
@@ -83,14 +84,14 @@ impl Criterion {
         let loss = self.of_logits(&logits.narrow(0, 0, n_known)?, classes)?;
         Ok((loss + (consistency(&full, &sparse)? * self.consistency)?)?)
     }
-    /// The loss of [`Self::of_views`], one number, and its derivatives with respect to the logits.
+    /// The loss of [`Self::of_views`] as a scalar, and its derivatives with respect to the logits.
     pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<LogitDerivatives, TrainingError> {
         let logits = Var::from_tensor(logits)?;
         let loss = self.of_views(&logits, classes)?;
         let by_logits = loss.backward()?.remove(&logits).map_or_else(|| logits.zeros_like(), Ok)?;
         Ok(LogitDerivatives { loss, by_logits })
     }
-    /// [`Self::derive`] of rows on the CPU.
+    /// [`Self::derive`] for rows on the CPU.
     pub(crate) fn derive_rows(&self, logits: Vec<f32>, classes: &[u8]) -> Result<RowDerivatives, TrainingError> {
         let logits = Tensor::from_vec(logits, ((), self.n_classes), &Device::Cpu)?;
         let LogitDerivatives { loss, by_logits } = self.derive(&logits, classes)?;

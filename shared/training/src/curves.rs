@@ -34,7 +34,7 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// The epoch with the best validation, the first of equals.
+    /// The epoch with the best validation; the first one if several are equal.
     pub fn best(&self) -> Option<BestEpoch> {
         let epochs = self.epochs.iter().enumerate();
         let epochs = epochs.map(|(epoch, of)| BestEpoch { epoch, mean_iou: of.mean_iou });

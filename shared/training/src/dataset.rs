@@ -3,23 +3,23 @@
 use kernels::images::Planes;
 use random::Random;
 
-/// Class of a pixel or point without a label: it is ignored by losses and scores.
+/// Class of a pixel or point without a label; losses and scores ignore it.
 pub const UNKNOWN: u8 = u8::MAX;
 
 /// A labeled input of a network on images.
 pub struct Example {
-    /// The input. One of its columns holds `fold` columns of the labels.
+    /// The input. Each of its columns holds `fold` columns of the labels.
     pub input: Planes,
-    /// Class by row and column, [`UNKNOWN`] without a label; `fold` times as many columns as the input.
+    /// Class by row and column, [`UNKNOWN`] without a label; it has `fold` times as many columns as the input.
     pub truth: Vec<u8>,
-    /// For training with consistency under dropped beams.
+    /// View for training with consistency under dropped beams.
     pub sparse_view: Option<SparseView>,
-    /// For training with a head on the bird's-eye view.
+    /// Labels for training with a head on the bird's-eye view.
     pub bev: Option<BevLabels>,
 }
 
 impl Example {
-    /// An example without a sparse view and labels of cells.
+    /// An example without a sparse view or cell labels.
     pub fn new(input: Planes, truth: Vec<u8>) -> Self {
         Self { input, truth, sparse_view: None, bev: None }
     }
@@ -29,21 +29,21 @@ impl Example {
 pub struct SparseView {
     /// The input, as in [`Example::input`]; it may have fewer rows.
     pub input: Planes,
-    /// Pixels that show the same point: of this view, and of the example.
+    /// Pixel pairs that show the same point: in this view, and in the example.
     pub pixels: Vec<[u32; 2]>,
 }
 
-/// The sweep of an example seen from above: a square grid.
+/// Top view of the sweep of an example: a square grid.
 pub struct BevLabels {
-    /// Cells of a row, and rows.
+    /// Number of cells per row, and number of rows.
     pub side: usize,
-    /// Cell of each pixel of the example, [`NO_CELL`] for pixels without a point or beyond the grid.
+    /// Cell of each pixel of the example, [`NO_CELL`] for pixels without a point or outside the grid.
     pub cells: Vec<u32>,
     /// Class of each cell, row by row, [`UNKNOWN`] without a labeled point.
     pub truth: Vec<u8>,
 }
 
-/// Cell of a pixel that is in no cell of the grid.
+/// Cell of a pixel outside every cell of the grid.
 pub const NO_CELL: u32 = u32::MAX;
 
 /// A labeled input of a network on points.
@@ -64,6 +64,6 @@ pub trait Dataset<E = Example>: Sync {
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// One example, augmented with the random numbers if given.
+    /// One example, augmented if random numbers are given.
     fn example(&self, index: usize, random: Option<&mut Random>) -> E;
 }

@@ -10,7 +10,7 @@ use segmentation::network::{NetworkSpec, Weights};
 /// A network whose weights and biases are variables on a device, for training.
 pub struct DeviceNetwork {
     spec: NetworkSpec,
-    /// Weights and biases of the layers, named and ordered as by `PyTorch`.
+    /// Weights and biases of the layers, with the names and order of `PyTorch`.
     variables: Vec<[Var; 2]>,
     filters: Vec<DeviceFilter>,
     border: Border,
@@ -38,7 +38,7 @@ impl DeviceNetwork {
         }
         Ok(Self { spec: spec.clone(), variables, filters, border, device: device.clone() })
     }
-    /// Where it runs.
+    /// The device of the variables.
     pub fn device(&self) -> &Device {
         &self.device
     }
@@ -46,11 +46,11 @@ impl DeviceNetwork {
     pub fn variables(&self) -> &[[Var; 2]] {
         &self.variables
     }
-    /// Runs the network on images of [`kernels::images`] of one size; with dropout if random numbers are given. The output:
-    /// `[channels, images, rows, columns]`.
+    /// Runs the network on images of [`kernels::images`] of one size, with dropout if random numbers are given. The
+    /// output is `[channels, images, rows, columns]`.
     ///
     /// # Errors
-    /// If the images are of several sizes, or do not fit the network.
+    /// If the images differ in size or do not fit the network.
     pub fn run(&self, images: &[&Tensor], dropout: Option<&mut Random>) -> Result<Tensor, SegmentationError> {
         let batch = batch(images, self.spec.inputs(), &self.device)?;
         let mut run = Run { filters: self.filters.iter(), border: self.border, dropout };

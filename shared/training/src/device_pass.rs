@@ -1,6 +1,6 @@
-//! Logits and derivatives of a batch by the operations of candle on a device, a GPU for example, instead of the kernels.
+//! Logits and derivatives of a batch, computed by candle operations on a device such as a GPU instead of the kernels.
 //!
-//! Few waits for the device: what the host needs comes in one tensor.
+//! To reduce synchronization with the device, the host receives its data in one tensor.
 
 use crate::TrainingError;
 use crate::criterion::{Criterion, LogitDerivatives};
@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// Loss of a batch and its derivatives.
 pub(crate) struct DeviceDerivatives {
     pub(crate) loss: f64,
-    /// With respect to the filters of the layers.
+    /// Derivatives with respect to the filters of the layers.
     pub(crate) of_layers: Vec<PlainFilter>,
 }
 
@@ -25,7 +25,7 @@ pub(crate) struct DevicePass<'a> {
     network: &'a DeviceNetwork,
     images: &'a [&'a Planes],
     pixels: &'a Pixels,
-    /// Images by rows and columns: those of one size are one tensor.
+    /// Indices of images by rows and columns: images of one size form one tensor.
     of_sizes: BTreeMap<[usize; 2], Vec<usize>>,
 }
 
@@ -54,7 +54,7 @@ impl<'a> DevicePass<'a> {
         let index = Tensor::new(used_rows.as_slice(), self.network.device())?;
         let LogitDerivatives { loss, by_logits: by_used } =
             criterion.derive(&logits.detach().index_select(&index, 0)?, &views.classes)?;
-        // The other rows take the zeros after the last. Adding rows at their places would be slow on a GPU.
+        // The other rows get the zeros after the last row. Adding rows at their positions would be slow on a GPU.
         let n_rows = logits.dim(0)?;
         let mut sources = vec![used_rows.len() as u32; n_rows];
         for (source, &row) in used_rows[..views.n_derived].iter().enumerate() {
@@ -63,7 +63,7 @@ impl<'a> DevicePass<'a> {
         let zeros = Tensor::zeros((1, by_used.dim(1)?), by_used.dtype(), self.network.device())?;
         let by_rows = Tensor::cat(&[&by_used, &zeros], 0)?;
         let by_rows = by_rows.index_select(&Tensor::from_vec(sources, n_rows, self.network.device())?, 0)?;
-        // A sum with the derivatives of the loss: candle differentiates the network with it.
+        // A sum weighted with the derivatives of the loss, so that candle differentiates the network.
         let derived = (&logits * by_rows)?.sum_all()?.backward()?;
         let mut wanted = vec![loss.reshape(1)?];
         for variable in self.network.variables().iter().flatten() {
@@ -84,7 +84,8 @@ impl<'a> DevicePass<'a> {
         };
         Ok(DeviceDerivatives { loss, of_layers: self.network.variables().iter().map(of_layer).collect() })
     }
-    /// Logits of all pixels, one row for each: sizes of images outermost, then parts of a folded column, images, rows, columns.
+    /// Logits of all pixels, one row for each: sizes of images outermost, then parts of a folded column, images, rows,
+    /// columns.
     fn run(&self, mut dropout: Option<&mut Random>) -> Result<Tensor, TrainingError> {
         let fold = self.pixels.fold;
         let n_classes = self.pixels.n_classes;
@@ -98,10 +99,10 @@ impl<'a> DevicePass<'a> {
         }
         Ok(Tensor::cat(&rows, 0)?)
     }
-    /// The rows of these pixels among the logits of all.
+    /// The rows of these pixels among the logits of all pixels.
     fn rows_of(&self, known: &[u32]) -> Vec<u32> {
         let mut first_row = 0;
-        // First row of the images of its size, place among them, and number of them, by image.
+        // For each image: first row of the images of its size, index among them, and their number.
         let mut places = vec![[0; 3]; self.images.len()];
         for ([height, width], of_size) in &self.of_sizes {
             for (place, &index) in of_size.iter().enumerate() {

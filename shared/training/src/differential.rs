@@ -23,9 +23,9 @@ pub struct Recording {
 
 /// Derivatives of a run down to its input.
 pub struct InputDerivatives {
-    /// With respect to the packed filters of all layers.
+    /// Derivatives with respect to the packed filters of all layers.
     pub by_filters: Vec<Vec<Feature>>,
-    /// With respect to the input.
+    /// Derivative with respect to the input.
     pub by_input: Planes,
 }
 
@@ -41,7 +41,7 @@ impl Recording {
     pub fn output(&self) -> &Planes {
         self.images.last().expect("there is an input")
     }
-    /// The features from which the last layer makes the output: its first source.
+    /// The features that the last layer maps to the output: its first source.
     pub fn features(&self) -> &Planes {
         &self.images[self.features_at()]
     }
@@ -51,7 +51,7 @@ impl Recording {
             _ => 0,
         }
     }
-    /// A derivative for each image, none known yet but that with respect to the output.
+    /// One derivative per image; only the derivative with respect to the output is set.
     fn derivatives(&self, by_output: Planes) -> Vec<Option<Planes>> {
         let mut by_images = vec![None; self.images.len()];
         *by_images.last_mut().expect("there is an input") = Some(by_output);
@@ -79,12 +79,12 @@ impl Differential {
         self.spec.run(&mut run, 0)?;
         Ok(run.recording)
     }
-    /// Derivatives with respect to the packed filters of all layers, from that with respect to the output.
+    /// Derivatives with respect to the packed filters of all layers, from the derivative with respect to the output.
     pub fn backward(&self, recording: &Recording, by_output: Planes) -> Vec<Vec<Feature>> {
         // The derivative with respect to the input of the network is not needed.
         self.backward_through(recording, &mut recording.derivatives(by_output), 1)
     }
-    /// [`Self::backward`] of a loss that also depends on [`Recording::features`] by itself, with this derivative.
+    /// [`Self::backward`] for a loss that also depends directly on [`Recording::features`], with this derivative.
     pub fn backward_with_features(
         &self,
         recording: &Recording,
@@ -95,7 +95,7 @@ impl Differential {
         by_images[recording.features_at()] = Some(by_features);
         self.backward_through(recording, &mut by_images, 1)
     }
-    /// [`Self::backward`], and the derivative with respect to the input.
+    /// Like [`Self::backward`], but also returns the derivative with respect to the input.
     pub fn backward_to_input(&self, recording: &Recording, by_output: Planes) -> InputDerivatives {
         let mut by_images = recording.derivatives(by_output);
         let by_filters = self.backward_through(recording, &mut by_images, 0);
@@ -107,7 +107,7 @@ impl Differential {
         let layers = self.spec.layers();
         layers.iter().zip(sum_of(by_runs)).map(|(layer, packed)| layer.shape.unpacked(&packed)).collect()
     }
-    /// Completes `by_images`, the derivatives with respect to the images of a recording, from image `first` on.
+    /// Completes `by_images`, the derivatives with respect to the images of a recording, starting at image `first`.
     fn backward_through(
         &self,
         recording: &Recording,

@@ -3,7 +3,7 @@
 use segmentation::SegmentationError;
 use std::path::PathBuf;
 
-/// A training that cannot begin, continue or resume.
+/// A training cannot start, continue or resume.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
     /// The network or a file of weights cannot be used.
@@ -12,13 +12,13 @@ pub enum TrainingError {
     /// A tensor operation failed.
     #[error("tensor operation: {0}")]
     Compute(#[from] candle_core::Error),
-    /// There is no variable of this name.
+    /// No variable has this name.
     #[error("no variable `{name}`")]
     NoVariable {
         /// Name of the variable.
         name: String,
     },
-    /// The filters of a tensor do not have mean zero, so that they cannot be standardized filters.
+    /// The filters of a tensor do not have zero mean, so they cannot be standardized filters.
     #[error("tensor `{name}`: the mean of a filter is not zero; such weights can run, but cannot be trained further")]
     NotStandardized {
         /// Name of the tensor.
@@ -29,7 +29,7 @@ pub enum TrainingError {
     Example {
         /// Index in the data set.
         example: usize,
-        /// Place, value and expected values.
+        /// Position, value and expected values.
         reason: String,
     },
     /// The file is not a checkpoint of this training.
@@ -37,7 +37,7 @@ pub enum TrainingError {
     Checkpoint {
         /// Path of the file.
         path: PathBuf,
-        /// What is different, and what to do.
+        /// The difference and the action to take.
         reason: &'static str,
     },
 }

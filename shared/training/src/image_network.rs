@@ -18,12 +18,12 @@ use segmentation::SegmentationError;
 use segmentation::network::{Inference, NetworkSpec, Weights};
 use std::collections::BTreeMap;
 
-/// A network on images. One of its columns holds `fold` columns of labels.
+/// A network on images. Each of its columns holds `fold` columns of labels.
 pub struct ImageNetwork {
     variables: Variables,
     fold: usize,
     border: Border,
-    /// Where the operations of candle run the network and its derivatives; without it, the kernels do.
+    /// Device on which candle operations run the network and its derivatives; if `None`, the kernels run them.
     device: Option<Device>,
     bev_head: Option<BevHead>,
     /// The variables of the network and of the head.
@@ -31,13 +31,13 @@ pub struct ImageNetwork {
 }
 
 impl ImageNetwork {
-    /// A network with initial variables. One of its columns holds `fold` columns of labels.
+    /// A network with initial variables. Each of its columns holds `fold` columns of labels.
     pub fn new(variables: Variables, fold: usize, border: Border) -> Self {
         let by_name = variables.by_name().clone();
         Self { variables, fold, border, device: None, bev_head: None, by_name }
     }
-    /// The network on the operations of candle on a device. On a CPU they are much slower than the kernels; the
-    /// results differ by rounding. A head on the bird's-eye view is not derived there.
+    /// Runs the network with candle operations on a device. On a CPU they are much slower than the kernels; the results
+    /// differ by rounding. Derivatives of a bird's-eye view head are not supported there.
     #[must_use]
     pub fn on_device(self, device: Device) -> Self {
         Self { device: Some(device), ..self }
@@ -90,7 +90,7 @@ impl ImageNetwork {
         let by_filters = recordings.par_iter().zip(by_outputs).zip(by_features).map(backward).collect();
         let mut gradients = self.variables.gradients(network.of_layers(by_filters))?;
         gradients.extend(of_head);
-        // Without labeled cells, or the weight 0: Adam keeps a state of each variable.
+        // Also without labeled cells or with weight 0, because Adam keeps a state of each variable.
         for (name, var) in self.bev_head.iter().flat_map(BevHead::by_name) {
             gradients.entry(name).or_insert_with(|| vec![0.0; var.elem_count()]);
         }

@@ -1,8 +1,8 @@
 //! Training of the networks of the crate `segmentation`.
 //!
-//! [`Trainer`] draws batches from a [`Dataset`], computes a [`Loss`] and its derivatives, and changes the variables with [`Adam`]. After
-//! each epoch it validates, keeps the best weights, and can write a checkpoint from which training resumes exactly. A [`Network`] is
-//! what the loop needs:
+//! [`Trainer`] draws batches from a [`Dataset`], computes a [`Loss`] and its derivatives, and updates the variables with
+//! [`Adam`]. After each epoch it validates, keeps the best weights, and can write a checkpoint from which training
+//! resumes exactly. [`Network`] is the interface of the loop:
 //!
 //! | network | derivatives | variables |
 //! |---|---|---|
@@ -10,13 +10,14 @@
 //! | [`ImageNetwork`] on a GPU | candle differentiates its own operations | the same |
 //! | [`PointNetwork`] | candle differentiates the kernels on points, which have their derivatives | `segmentation::points::Parameters` |
 //!
-//! Data: [`Example`] is a labeled image, [`PointExample`] a labeled sphere of points. [`TrainingSpheres`] draws the centers of spheres,
-//! [`ClassifiedCells`] reduces a labeled submap to cells, and [`Augmentation`] changes spheres at random. [`NearestExamples`] classifies
-//! pixels by labeled examples in place of the last layer. [`fit_priors`] fits the priors of a fused model.
+//! Data: [`Example`] is a labeled image, [`PointExample`] a labeled sphere of points. [`TrainingSpheres`] draws the
+//! centers of spheres, [`ClassifiedCells`] reduces a labeled submap to cells, and [`Augmentation`] augments spheres at
+//! random. [`NearestExamples`] replaces the last layer by a comparison of pixels with labeled examples. [`fit_priors`]
+//! fits the priors of a fused model.
 //!
-//! A training is a function of its settings, data and seed: an interrupted and resumed one gives the same bytes, for every number of
-//! threads. This crate never reads a clock or a file, simulates a town or knows a recipe: a checkpoint is bytes. No stage may use it: what
-//! inference needs belongs to `segmentation` or `kernels`.
+//! A training is a function of its settings, data and seed: an interrupted and resumed training gives the same bytes, for
+//! every number of threads. This crate never reads a clock or a file, simulates a town or depends on a recipe: a
+//! checkpoint is bytes. No stage may use it: code for inference belongs to `segmentation` or `kernels`.
 //!
 //! Where to start reading: `trainer.rs` has the loop, `network.rs` its interface, `criterion.rs` the loss of a batch, and
 //! `point_network.rs` the shortest complete network.

@@ -1,7 +1,7 @@
 //! Losses for segmentation (thesis chapter 5 and section 6.4.2), on candle.
 //!
-//! All losses take logits with one row per pixel, and one-hot labels. A row of zeros is a pixel without label, which is ignored. Sums
-//! are taken over all pixels of the batch before any division.
+//! All losses take logits with one row per pixel, and one-hot labels. A row of zeros is an unlabeled pixel, which is
+//! ignored. Sums are taken over all pixels of the batch before any division.
 
 mod class_sums;
 mod consistency;
@@ -20,7 +20,7 @@ use dot::dot;
 use log_softmax::log_softmax;
 use serde::{Deserialize, Serialize};
 
-/// Added to numerator and denominator of the set losses, pixels: an absent class that is not predicted costs nothing.
+/// Added to numerator and denominator of the set losses, pixels: an absent class that is not predicted has no cost.
 const EPSILON: f64 = 1.0;
 
 /// Added to probabilities before their logarithm.
@@ -39,7 +39,7 @@ pub enum Loss {
     },
     /// Cross-entropy of each pixel times (1 - p)^gamma (Lin et al. 2017).
     Focal {
-        /// At least 0; 0 is cross-entropy.
+        /// Exponent, at least 0; 0 gives cross-entropy.
         gamma: f64,
     },
     /// 1 - 2 |A n B| / (|A| + |B|), mean over classes.
@@ -53,10 +53,10 @@ pub enum Loss {
     },
     /// 1 - |A n B| / |A u B|, mean over classes: eq. (5.1).
     Jaccard,
-    /// 1 - sum(y p) / sum(y + p^power - y p), mean over classes: eq. (5.3). Its minimum is at the labels for powers in ]1, 2]
-    /// only.
+    /// 1 - sum(y p) / sum(y + p^power - y p), mean over classes: eq. (5.3). Its minimum is at the labels only for powers
+    /// in ]1, 2].
     PowerJaccard {
-        /// 1 is Jaccard.
+        /// Power of p; 1 gives Jaccard.
         power: f64,
     },
     /// Sum of cross-entropy and Power Jaccard.
@@ -77,25 +77,25 @@ pub enum Loss {
 struct Level {
     /// Probabilities, pixels x classes.
     p: Tensor,
-    /// Their logarithms.
+    /// Logarithms of the probabilities.
     log_p: Tensor,
     /// One-hot labels, pixels x classes.
     y: Tensor,
 }
 
 impl Loss {
-    /// The loss of logits (pixels x classes) against one-hot labels of the same shape.
+    /// The loss of logits (pixels x classes) with one-hot labels of the same shape.
     ///
     /// # Errors
-    /// If the shapes do not agree.
+    /// If the shapes do not match.
     pub fn of_logits(&self, logits: &Tensor, y: &Tensor) -> Result<Tensor> {
         self.of_level(&level(logits, y)?)
     }
 
-    /// The sum of the loss on the classes and that on their nodes in the class tree: eq. (6.2), algorithm 3.
+    /// The sum of the loss on the classes and the loss on their nodes in the class tree: eq. (6.2), algorithm 3.
     ///
     /// # Errors
-    /// If the shapes do not agree.
+    /// If the shapes do not match.
     pub fn of_hierarchy(&self, logits: &Tensor, y: &Tensor, hierarchy: &Hierarchy) -> Result<Tensor> {
         let leaves = level(logits, y)?;
         let nodes_of_leaves = hierarchy.matrix(logits.device())?.to_dtype(logits.dtype())?;
@@ -147,7 +147,7 @@ fn level(logits: &Tensor, y: &Tensor) -> Result<Level> {
 /// Mean of all elements with these weights.
 fn mean_of_pixels(values: &Tensor, weights: &Tensor) -> Result<Tensor> {
     if !weights.device().is_cpu() {
-        // Without waiting for the number.
+        // Without synchronizing with the device.
         return dot(values, weights)? / weights.sum_all()?.maximum(f64::from(f32::MIN_POSITIVE))?;
     }
     let n = weights.sum_all()?.to_dtype(DType::F64)?.to_scalar::<f64>()?;

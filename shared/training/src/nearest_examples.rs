@@ -13,22 +13,22 @@ use segmentation::network::{Inference, Weights};
 use segmentation::spherical::{MAX_CLASSES, PixelClassifier, PolarImage, Settings, Vote};
 use std::ops::Range;
 
-/// Examples per filter: their similarities to a row of 512 pixels are 0.5 MB and stay in the second-level cache.
+/// Examples per filter: their similarities to a row of 512 pixels take 0.5 MB and stay in the second-level cache.
 const CHUNK: usize = 256;
 
-/// Examples of the data set that go through the network together.
+/// Number of examples of the data set that go through the network together.
 const BATCH: usize = 16;
 
 /// Features of labeled pixels by class.
 pub struct NearestExamples {
     k: usize,
-    /// By folded column, because the columns of a pixel share its features.
+    /// Bank of each folded column, because the columns of a pixel share its features.
     banks: Vec<Bank>,
 }
 
 impl NearestExamples {
-    /// Draws up to `per_class` pixels of a data set for every class and folded column. With the frequencies of a street, nearly
-    /// all neighbors would be road. The `k` nearest vote.
+    /// Draws up to `per_class` pixels of a data set for every class and folded column. With the class frequencies of a
+    /// street, nearly all neighbors would be road. The `k` nearest examples vote.
     ///
     /// # Errors
     /// If weights or data do not fit the network of the settings, or a class is neither in the settings nor [`UNKNOWN`].
@@ -146,12 +146,12 @@ struct Bank {
     filters: Vec<Filter>,
     /// Class of each example.
     classes: Vec<u8>,
-    /// Weight of a vote by class: the square root of the number of pixels that an example represents. With equal weights, rare
-    /// classes win too often; with the number of pixels, they lose.
+    /// Weight of a vote by class: the square root of the number of pixels that an example represents. With equal weights,
+    /// rare classes win too often; with the number of pixels, they win too seldom.
     weights: Vec<f32>,
 }
 
-/// An example near a pixel.
+/// An example that is similar to a pixel.
 #[derive(Clone, Copy)]
 struct Near {
     /// Cosine similarity, times a factor of the pixel.
@@ -176,7 +176,7 @@ impl Bank {
         Self { filters: features.chunks(CHUNK).map(filter).collect(), classes: classes.collect(), weights }
     }
 
-    /// The `k` nearest examples of every pixel of an image of one row, nearest first, in order of their index if equal.
+    /// The `k` nearest examples of every pixel of an image of one row, nearest first; ties are in order of their index.
     fn nearest(&self, row: &Planes, k: usize) -> Vec<Vec<Near>> {
         let mut nearest = vec![Vec::with_capacity(k + 1); row.width()];
         let mut first = 0;
@@ -211,7 +211,7 @@ impl Bank {
 fn offer(nearest: &mut Vec<Near>, k: usize, likeness: &Feature, examples: Range<usize>) {
     for (&value, example) in likeness.iter().zip(examples) {
         let least = if nearest.len() < k { f32::NEG_INFINITY } else { nearest[k - 1].likeness };
-        // NaN is similar to nothing.
+        // NaN is not similar to any value.
         if value > least {
             let place = nearest.partition_point(|near| near.likeness >= value);
             nearest.insert(place, Near { likeness: value, example });
@@ -224,7 +224,7 @@ fn offer(nearest: &mut Vec<Near>, k: usize, likeness: &Feature, examples: Range<
 mod tests {
     use super::*;
 
-    /// Features of length 2 or 4 of -1, 0 and 1: all sums of the search are exact, and many are equal.
+    /// Features of length 2 or 4 with values -1, 0 and 1: all sums of the search are exact, and many are equal.
     fn features(n: usize, n_channels: usize, seed: u64) -> Vec<Vec<f32>> {
         let mut random = Random::of_stream(seed, 0);
         let mut feature = || {
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn search_equals_brute_force() {
-        // More examples than fit into a filter, and no multiple of 16.
+        // More examples than fit into a filter, and not a multiple of 16.
         let examples = features(CHUNK + 37, 19, 1);
         let pixels = features(50, 19, 2);
         let bank = Bank::new(&[class_of(examples.clone())]);
@@ -295,7 +295,7 @@ mod tests {
             let nearest = bank.nearest(&row_of(features), 3);
             nearest.iter().filter(|near| bank.vote(near)[class] > 127).count()
         };
-        // Near the border of a sector, some neighbors are in the other one.
+        // Near the border of a sector, some neighbors are in another sector.
         assert!(right(&between, 1) >= 58 && right(&beside, 0) >= 118);
     }
 
@@ -304,7 +304,7 @@ mod tests {
         let rare = class_of(vec![vec![1.0], vec![2.0]]);
         let bank = Bank::new(&[Sample { n_seen: 18, ..rare.clone() }, rare]);
         let vote = bank.vote(&[0, 2, 3].map(|example| Near { likeness: 0.0, example }));
-        // One vote of 3 against two of 1.
+        // One vote with 3 competes with two votes of 1.
         assert_eq!((vote[0], vote[1]), (153, 102));
     }
 

@@ -1,4 +1,4 @@
-//! What the training loop needs of a network.
+//! The interface between the training loop and a network.
 
 use crate::TrainingError;
 use crate::criterion::Criterion;
@@ -38,19 +38,19 @@ pub trait Network: Sized + Sync {
     fn spec(&self) -> &Self::Spec;
     /// The variables that the optimizer changes, by name.
     fn variables(&self) -> &BTreeMap<String, Var>;
-    /// Values by name that follow the batches, but have no derivatives: running statistics.
+    /// Running statistics by name: values that batches update, without derivatives.
     fn statistics(&self) -> BTreeMap<String, Tensor> {
         BTreeMap::new()
     }
-    /// From now on, the statistics are constants, in training as in prediction.
+    /// Makes the statistics constants from now on, in training as in prediction.
     fn fix_statistics(&mut self) {}
     /// Replaces one of the statistics.
     fn set_statistic(&mut self, name: &str, value: Tensor) -> Result<(), TrainingError>;
-    /// A copy with variables of its own.
+    /// A deep copy with its own variables.
     fn copied(&self) -> Result<Self, TrainingError>;
     /// The weights for a model file.
     fn weights(&self) -> Result<Weights, TrainingError>;
-    /// The same network with these weights.
+    /// A network of the same architecture with these weights.
     fn with_weights(&self, weights: &Weights) -> Result<Self, TrainingError>;
     /// Loss of a batch and its derivatives; `None` if nothing is labeled. May change the statistics.
     fn derive(
@@ -63,7 +63,7 @@ pub trait Network: Sized + Sync {
     fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Self::Example]) -> LabeledLogitsResult, TrainingError>;
 }
 
-/// Moves all values by a share of their difference to those of another network of the same architecture.
+/// Moves all values towards the values of another network of the same architecture, by a share of their difference.
 pub(crate) fn move_to<N: Network>(network: &mut N, other: &N, share: f64) -> Result<(), TrainingError> {
     let moved = |from: &Tensor, to: &Tensor| from.affine(1.0 - share, 0.0)? + to.affine(share, 0.0)?;
     for (variable, to) in network.variables().values().zip(other.variables().values()) {

@@ -3,7 +3,7 @@
 use kernels::images::{LANES, Planes};
 use rayon::prelude::*;
 
-/// Pixels that one task gathers at least.
+/// Least number of pixels that one task gathers.
 const MIN_PIXELS: usize = 1024;
 
 /// Layout of pixels in outputs: the channels hold `fold` neighboring columns.
@@ -12,12 +12,12 @@ pub(crate) struct Pixels {
     pub(crate) n_classes: usize,
     /// Pixels per column.
     pub(crate) fold: usize,
-    /// Number of pixels up to the end of each image. Indices of pixels continue from image to image, in raster order.
+    /// Number of pixels up to the end of each image. Pixel indices continue from image to image, in raster order.
     pub(crate) ends: Vec<usize>,
 }
 
 impl Pixels {
-    /// Pixels of images with `fold` pixels per column.
+    /// Pixels of images, with `fold` pixels per column.
     pub(crate) fn of(images: &[&Planes], n_classes: usize, fold: usize) -> Self {
         let mut end = 0;
         let ends = images.iter().map(|image| {
@@ -30,7 +30,7 @@ impl Pixels {
     pub(crate) fn first_of(&self, image: usize) -> usize {
         image.checked_sub(1).map_or(0, |before| self.ends[before])
     }
-    /// Image, row, column of the network and part of this column of a pixel, from the columns of each image.
+    /// Position of a pixel, from the columns of each image: image, row, column of the network and part of this column.
     pub(crate) fn place(&self, pixel: u32, columns_of: impl Fn(usize) -> usize) -> [usize; 4] {
         let image = self.ends.partition_point(|end| *end <= pixel as usize);
         let within = pixel as usize - self.first_of(image);

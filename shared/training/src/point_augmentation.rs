@@ -1,16 +1,17 @@
-//! Random changes of training spheres (thesis 6.3.2), against memorized shapes and colors. All are functions of their random numbers.
+//! Random augmentation of training spheres (thesis 6.3.2), which prevents memorized shapes and colors. All functions
+//! depend only on their arguments.
 
 use random::Random;
 use serde::{Deserialize, Serialize};
 
-/// Nodes of the grid of an elastic distortion along each axis at most; beyond that its cells get larger.
+/// Largest number of nodes of the grid of an elastic distortion along each axis; larger spheres get larger cells.
 const MOST_NODES: usize = 128;
 
-/// What is changed at random. The default has the values of the thesis; 0 switches a change off.
+/// Settings of the augmentation. The default has the values of the thesis; 0 disables a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Augmentation {
-    /// Elastic distortions, one after the other.
+    /// Elastic distortions, applied in order.
     pub elastic: Vec<Elastic>,
     /// Probability of the elastic distortions.
     pub elastic_probability: f32,
@@ -20,11 +21,11 @@ pub struct Augmentation {
     pub rotation: bool,
     /// Each axis is scaled by 1 - `scale` to 1 + `scale`.
     pub scale: f32,
-    /// Probability to mirror x, and y.
+    /// Probability of mirroring x, and of mirroring y.
     pub symmetry: f32,
-    /// Standard deviation of the noise of each color, of its full scale.
+    /// Standard deviation of the noise of each color, as a share of full scale.
     pub chromatic: f32,
-    /// Probability that a sphere has no colors: all are 0.
+    /// Probability that a sphere has no colors: all are set to 0.
     pub color_dropout: f32,
 }
 
@@ -54,9 +55,9 @@ impl Default for Augmentation {
 }
 
 impl Augmentation {
-    /// The first violated rule, if any.
+    /// The first violated rule, or `None`.
     pub fn problem(&self) -> Option<String> {
-        // All are false for NaN.
+        // All conditions are false for NaN.
         let shares = [
             ("elastic_probability", self.elastic_probability),
             ("symmetry", self.symmetry),
@@ -77,7 +78,8 @@ impl Augmentation {
         let mut invalid = elastic.filter(|length| !(1e-3..=1e3).contains(length));
         invalid.next().and_then(|length| wrong("a length of elastic", length, "0.001 to 1000"))
     }
-    /// Changes positions, m, relative to the center of the sphere, and colors of 0 to 1. Returns the factor of the heights.
+    /// Augments positions, m, relative to the center of the sphere, and colors of 0 to 1. Returns the factor of the
+    /// heights.
     pub fn apply(&self, positions: &mut [[f32; 3]], colors: &mut [[f32; 3]], random: &mut Random) -> f32 {
         if random.chance(self.elastic_probability) {
             self.elastic.iter().for_each(|elastic| distort(positions, *elastic, random));
@@ -112,15 +114,16 @@ pub fn rotate(positions: &mut [[f32; 3]], angle: f32) {
     }
 }
 
-/// Scales each axis by a factor of its own.
+/// Scales each axis by its own factor.
 pub fn scale(positions: &mut [[f32; 3]], factors: [f32; 3]) {
     for position in positions {
         (0..3).for_each(|axis| position[axis] *= factors[axis]);
     }
 }
 
-/// Elastic distortion (Simard et al. 2003; as in `MinkowskiEngine`): random displacements at the nodes of a grid, smoothed twice by means
-/// of three nodes along each axis, and linear interpolation between them. Points with coordinates that are not finite stay.
+/// Elastic distortion (Simard et al. 2003; as in `MinkowskiEngine`): random displacements at the nodes of a grid,
+/// smoothed twice by means of three nodes along each axis, and linear interpolation between them. Points with non-finite
+/// coordinates are unchanged.
 pub fn distort(positions: &mut [[f32; 3]], elastic: Elastic, random: &mut Random) {
     let finite = || positions.iter().filter(|position| position.iter().all(|v| v.is_finite()));
     let low: [f32; 3] = std::array::from_fn(|axis| finite().fold(f32::INFINITY, |low, p| low.min(p[axis])));
@@ -159,7 +162,7 @@ pub fn distort(positions: &mut [[f32; 3]], elastic: Elastic, random: &mut Random
     }
 }
 
-/// The mean of three nodes along an axis; nodes outside have no displacement.
+/// The mean of three nodes along an axis; nodes outside the grid have no displacement.
 fn smoothed(field: &[[f32; 3]], nodes: [usize; 3], axis: usize) -> Vec<[f32; 3]> {
     let step: usize = nodes[axis + 1..].iter().product();
     let mean = |node: usize| {

@@ -10,10 +10,10 @@ use segmentation::network::Weights;
 use segmentation::points::{Parameter, Parameters, Pass, PointBatch, PointNetworkSpec, Start};
 use std::collections::BTreeMap;
 
-/// Share by which a step moves the running statistics of batch normalization, as `PyTorch` does.
+/// Share by which a step moves the running statistics of batch normalization, as in `PyTorch`.
 const MOMENTUM: f32 = 0.1;
 
-/// Factor of the distance of the transforms of `PointNet` to orthogonal ones in the loss, as published.
+/// Factor in the loss of the deviation of `PointNet` transforms from orthogonal ones, as published.
 const REGULARIZATION: f64 = 1e-3;
 
 /// A network on points.
@@ -26,7 +26,7 @@ pub struct PointNetwork {
 }
 
 impl PointNetwork {
-    /// Random parameters of a seed.
+    /// Random parameters from a seed.
     ///
     /// # Errors
     /// If candle fails.
@@ -37,7 +37,7 @@ impl PointNetwork {
         let statistics = list.into_iter().filter(is_statistic).map(|parameter| parameter.name).collect();
         Ok(Self { spec: spec.clone(), parameters, statistics, has_fixed_statistics: false })
     }
-    /// Takes the parameters whose names and shapes occur in the weights. Returns their number.
+    /// Takes the parameters whose names and shapes occur in the weights. Returns the number of parameters taken.
     ///
     /// # Errors
     /// If candle fails.
@@ -60,7 +60,7 @@ impl PointNetwork {
     }
 }
 
-/// The examples of a batch that a network can use.
+/// The examples of a batch that the network can process.
 struct Usable<'a> {
     examples: Vec<&'a PointExample>,
     /// Classes of their points.
@@ -125,7 +125,7 @@ impl Network for PointNetwork {
         let pass = if self.has_fixed_statistics { Pass::training_with_running_statistics } else { Pass::training };
         let mut pass = pass(&self.parameters, random);
         let scores = match self.run(&mut pass, &examples, seed) {
-            // Spheres of a few points are one point on a coarse level, which has no statistics.
+            // Spheres of a few points become one point on a coarse level, which has no statistics.
             Err(TrainingError::Segmentation(SegmentationError::TooFewRows { .. })) => return Ok(None),
             scores => scores?,
         };
@@ -137,7 +137,7 @@ impl Network for PointNetwork {
         for (values, &point) in by_logits.chunks_exact(n_classes).zip(&known) {
             by_scores[point as usize * n_classes..][..n_classes].copy_from_slice(values);
         }
-        // A sum with the derivatives of the loss: candle differentiates the network with it.
+        // A sum weighted with the derivatives of the loss, so that candle differentiates the network.
         let mut sum = (&scores * Tensor::from_vec(by_scores, scores.shape(), &Device::Cpu)?)?.sum_all()?;
         if let Some(term) = pass.regularization() {
             sum = (sum + (term * REGULARIZATION)?.sum_all()?)?;

@@ -24,28 +24,29 @@ use std::sync::mpsc::sync_channel;
 pub struct TrainSettings {
     /// Seed of the initial weights, the order of the examples, and augmentation.
     pub seed: u64,
-    /// Largest number of passes over the data.
+    /// Largest number of epochs.
     pub epochs: usize,
     /// Examples per step.
     pub batch: usize,
     /// Learning rate of Adam. It rises from 0 during the first hundredth of all steps and falls to 0 along half a cosine.
     pub learning_rate: f64,
-    /// Decay of the exponential mean of the variables over the steps, at least 0 and below 1. The mean is validated and kept (Polyak
-    /// and Juditsky 1992); 0 keeps the variables themselves.
+    /// Decay of the exponential mean of the variables over the steps, at least 0 and below 1. The mean is validated and
+    /// kept (Polyak and Juditsky 1992); 0 uses the variables directly.
     #[serde(default)]
     pub average: f64,
-    /// Share of the steps after which batch normalization uses its running statistics as constants, as prediction does. They never fit
-    /// batches of a few spheres well. From 0 to 1, the default: never. Without batch normalization it has no effect.
+    /// Share of the steps after which batch normalization uses its running statistics as constants, as in prediction.
+    /// Running statistics never fit batches of a few spheres well. 0 to 1; the default 1 means never. Without batch
+    /// normalization it has no effect.
     #[serde(default = "never", skip_serializing_if = "is_never")]
     pub fixed_statistics: f64,
-    /// Training ends if validation has not improved for this number of epochs.
+    /// Training ends after this number of epochs without an improved validation.
     pub patience: usize,
     /// The loss function.
     pub loss: Loss,
-    /// Whether the loss is added for the nodes of the class tree of thesis figure 6.11.
+    /// Whether the loss on the nodes of the class tree of thesis figure 6.11 is added.
     #[serde(default)]
     pub hierarchy: bool,
-    /// Labeled pixels or points per step that the loss uses, drawn at random; 0 for all.
+    /// Number of labeled pixels or points per step that the loss uses, drawn at random; 0 for all.
     #[serde(default)]
     pub pixels: usize,
     /// Weight of the consistency between a sweep and the same sweep with fewer rings and points, 0 (off) to 100: see
@@ -58,25 +59,25 @@ pub struct TrainSettings {
     pub bev_head: f64,
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature is that of serde")]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
 fn is_off(weight: &f64) -> bool {
     *weight == 0.0
 }
 
-/// Largest weight of a term beside the loss.
+/// Largest weight of an additional loss term.
 const MAX_WEIGHT: f64 = 100.0;
 
 fn never() -> f64 {
     1.0
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature is that of serde")]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde prescribes the signature")]
 fn is_never(share: &f64) -> bool {
     *share >= never()
 }
 
 impl TrainSettings {
-    /// The first violated rule, if any.
+    /// The first violated rule, or `None`.
     pub fn problem(&self) -> Option<String> {
         let rules = [
             ((1..=100_000).contains(&self.epochs), format!("epochs = {}, must be 1 to 100000", self.epochs)),
@@ -104,7 +105,7 @@ impl TrainSettings {
     }
 }
 
-/// Share of all steps in which the learning rate rises.
+/// Share of all steps during which the learning rate rises.
 const WARM_UP: f64 = 0.01;
 
 /// A training in progress.
@@ -117,16 +118,16 @@ pub struct Trainer<N = ImageNetwork> {
     adam: Adam,
     curves: Curves,
     best: Weights,
-    /// Prefixes of the names of variables that are not changed.
+    /// Name prefixes of variables that are not updated.
     frozen: Vec<String>,
 }
 
-/// Receives the number of finished batches of an epoch, and the number of all.
+/// Receives the number of finished batches of an epoch, and the total number.
 pub type Progress<'a> = &'a mut dyn FnMut(usize, usize);
 
 impl Trainer {
-    /// Begins a training on images with initial variables. One column of the network holds `fold` columns of labels. `tree` is used
-    /// with `hierarchy` in the settings.
+    /// Starts a training on images with initial variables. One column of the network holds `fold` columns of labels.
+    /// `tree` is used with `hierarchy` in the settings.
     ///
     /// # Errors
     /// If candle fails.
@@ -143,7 +144,7 @@ impl Trainer {
 }
 
 impl<N: Network> Trainer<N> {
-    /// Begins a training of a network. `tree` is used with `hierarchy` in the settings.
+    /// Starts a training of a network. `tree` is used with `hierarchy` in the settings.
     ///
     /// # Errors
     /// If candle fails.
@@ -174,7 +175,7 @@ impl<N: Network> Trainer<N> {
     pub fn best(&self) -> &Weights {
         &self.best
     }
-    /// A trainer with the best weights instead of the last, for evaluation.
+    /// A trainer with the best weights instead of the latest ones, for evaluation.
     ///
     /// # Errors
     /// If candle fails.
@@ -200,7 +201,7 @@ impl<N: Network> Trainer<N> {
     /// One pass over the training data and one over the validation data.
     ///
     /// # Errors
-    /// If the data does not fit the network.
+    /// If the data do not fit the network.
     pub fn epoch(
         &mut self,
         data: &dyn Dataset<N::Example>,
@@ -239,7 +240,7 @@ impl<N: Network> Trainer<N> {
         }
         Ok(())
     }
-    /// Fixes the statistics, if a step is one of those with fixed statistics: their means over the last steps.
+    /// Fixes the statistics at their means over the last steps, if `step` is a step with fixed statistics.
     fn fix_statistics(&mut self, step: usize, n_steps: usize) -> Result<(), TrainingError> {
         let first = (self.settings.fixed_statistics * n_steps as f64).ceil() as usize;
         if step == first {
@@ -261,14 +262,15 @@ impl<N: Network> Trainer<N> {
     fn step(&mut self, examples: &[N::Example], random: Random) -> Result<f64, TrainingError> {
         let Some(derivatives) = self.network.derive(examples, &self.criterion, random)? else { return Ok(0.0) };
         self.adam.step(self.network.variables(), derivatives.gradients, &self.frozen)?;
-        // In the first steps, the plain mean: the initial variables must not dominate.
+        // In the first steps the plain mean is used: the initial variables must not dominate.
         let n = self.adam.steps() as f64;
         move_to(&mut self.averaged, &self.network, 1.0 - self.settings.average.min((n - 1.0) / n))?;
         Ok(derivatives.loss)
     }
 }
 
-/// Calls `use_it` with the number of each batch and what `prepare` makes of it, which runs ahead: a GPU does not wait for the CPU.
+/// Calls `use_it` with the number of each batch and the result of `prepare`. `prepare` runs ahead, so that a GPU does not
+/// wait for the CPU.
 fn prepared<T: Send>(
     batches: &[&[usize]],
     prepare: impl Fn(&[usize]) -> T + Send,
@@ -278,7 +280,7 @@ fn prepared<T: Send>(
         let (sender, receiver) = sync_channel(1);
         scope.spawn(move || {
             for batch in batches {
-                // Without a receiver, a step has failed.
+                // The receiver is gone if a step has failed.
                 if sender.send(prepare(batch)).is_err() {
                     break;
                 }

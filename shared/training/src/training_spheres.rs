@@ -1,9 +1,9 @@
-//! The centers of training spheres: all classes equally often (thesis 6.3.2).
+//! The centers of training spheres, balanced over all classes (thesis 6.3.2).
 
 use random::Random;
 use std::collections::BTreeMap;
 
-/// What training spheres are drawn from, by class: points, or submaps that have points of a class.
+/// Items from which training spheres are drawn, by class: points, or submaps that contain points of a class.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrainingSpheres {
     items: BTreeMap<u8, Vec<Item>>,
@@ -13,28 +13,28 @@ pub struct TrainingSpheres {
 #[derive(Clone, Debug, PartialEq)]
 struct Item {
     number: u32,
-    /// Sum of its weight and the weights of the items of the class before it.
+    /// Cumulative weight of the items of the class up to this one.
     weight_up_to: f64,
 }
 
-/// What the center of a training sphere is drawn from.
+/// The item from which the center of a training sphere is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DrawnItem {
     /// Class of the center.
     pub class: u8,
-    /// Number of the item, as it was added.
+    /// Number that the item was added with.
     pub item: u32,
 }
 
 impl TrainingSpheres {
-    /// Adds an item of a class. An item of twice the weight is drawn twice as often as others of its class.
+    /// Adds an item of a class. An item with twice the weight is drawn twice as often within its class.
     pub fn add(&mut self, class: u8, item: u32, weight: f64) {
         let items = self.items.entry(class).or_default();
         let before = items.last().map_or(0.0, |last| last.weight_up_to);
         items.push(Item { number: item, weight_up_to: before + weight });
     }
-    /// What a sphere of an epoch, counted from 0, is drawn from. Each class is drawn equally often, but for one sphere; the item is
-    /// random. `None` without items.
+    /// Draws the item for a sphere of an epoch, counted from 0. The numbers of spheres per class differ by at most one;
+    /// the item is random. `None` without items.
     pub fn draw(&self, sphere: usize, random: &mut Random) -> Option<DrawnItem> {
         let (class, items) = self.items.iter().nth(sphere % self.items.len().max(1))?;
         let at = f64::from(random.unit()) * items.last()?.weight_up_to;

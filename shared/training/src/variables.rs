@@ -7,7 +7,8 @@ use random::Random;
 use segmentation::network::{Layer, NetworkSpec, WeightTensor, Weights};
 use std::collections::BTreeMap;
 
-/// Gain of standardized weights before a rectifier: sqrt(2 / (1 - 1 / pi)) keeps the variance from layer to layer (Brock et al. 2021).
+/// Gain of standardized weights before a rectifier: sqrt(2 / (1 - 1 / pi)) keeps the variance constant from layer to
+/// layer (Brock et al. 2021).
 const GAIN: f32 = 1.713_858;
 
 /// Added to the variance of the weights of a filter.
@@ -22,7 +23,7 @@ pub struct Variables {
 }
 
 impl Variables {
-    /// Random variables of a seed.
+    /// Random variables from a seed.
     ///
     /// # Errors
     /// If candle fails.
@@ -32,7 +33,7 @@ impl Variables {
             let mut random = Random::of_stream(seed, stream as u64);
             let [weight, bias] = layer.tensors();
             let gain = if layer.shape.rectify { GAIN } else { 1.0 };
-            // With the norm of standardized filters, so that a step of Adam rotates new and trained filters alike.
+            // They have the norm of standardized filters, so that a step of Adam rotates new and trained filters equally.
             let fan_in = weight.shape[1..].iter().product::<usize>() as f32;
             let scale = gain / fan_in.sqrt();
             let raw: Vec<f32> = (0..weight.shape.iter().product()).map(|_| scale * random.gauss()).collect();
@@ -47,21 +48,22 @@ impl Variables {
         }
         Ok(Self { spec: spec.clone(), vars })
     }
-    /// Variables whose standardized filters are these weights, for fine-tuning.
+    /// Variables whose standardized filters equal these weights, for fine-tuning.
     ///
     /// # Errors
-    /// If a tensor is missing or has another shape, or the mean of a filter is not zero, as it is in all filters trained here.
+    /// If a tensor is missing or has another shape, or the mean of a filter is not zero. All filters trained here have
+    /// zero mean.
     pub fn from_weights(spec: &NetworkSpec, weights: &Weights) -> Result<Self, TrainingError> {
         weights.filters(spec)?;
         let variables = Self::random(spec, 0)?;
         variables.begin_with(weights)?;
         Ok(variables)
     }
-    /// Initializes the layers whose names and shapes occur in the weights, which may be those of another network with the same classes;
-    /// see [`crate::match_classes`] for others. Returns the number of these layers.
+    /// Initializes the layers whose names and shapes occur in the weights. The weights may come from another network with
+    /// the same classes; for other classes see [`crate::match_classes`]. Returns the number of initialized layers.
     ///
     /// # Errors
-    /// If the mean of a filter is not zero, as it is in all filters trained here.
+    /// If the mean of a filter is not zero. All filters trained here have zero mean.
     pub fn begin_with(&self, weights: &Weights) -> Result<usize, TrainingError> {
         let mut n_taken = 0;
         for layer in self.spec.layers() {

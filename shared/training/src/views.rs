@@ -1,4 +1,4 @@
-//! The images of a batch that go through the network, and the pixels on which the loss depends.
+//! The images of a batch that go through the network, and the pixels that the loss depends on.
 
 use crate::Example;
 use crate::criterion::Criterion;
@@ -6,21 +6,22 @@ use crate::pixels::Pixels;
 use kernels::images::Planes;
 use random::Random;
 
-/// Images of a batch with the pixels of its loss.
+/// Images of a batch with the pixels of the loss.
 pub(crate) struct Views<'a> {
     /// The inputs of the examples, then their sparse views.
     pub(crate) images: Vec<&'a Planes>,
     pub(crate) pixels: Pixels,
-    /// Labeled pixels; then pixels of sparse views; then the pixels of the examples with the same points.
+    /// Labeled pixels, then pixels of sparse views, then the pixels of the full examples with the same points.
     pub(crate) used: Vec<u32>,
     /// Classes of the labeled pixels.
     pub(crate) classes: Vec<u8>,
-    /// The loss has derivatives with respect to the logits of so many used pixels. The examples do not follow their sparse views.
+    /// The loss has derivatives with respect to the logits of this number of used pixels. The full views of the
+    /// consistency term are constants.
     pub(crate) n_derived: usize,
 }
 
 impl<'a> Views<'a> {
-    /// Of a batch; `None` if nothing is labeled.
+    /// Views of a batch; `None` if nothing is labeled.
     pub(crate) fn of(batch: &'a [Example], fold: usize, criterion: &Criterion, random: &mut Random) -> Option<Self> {
         let truth = truth(batch);
         let mut used = criterion.known_rows(&truth, random);

@@ -9,11 +9,11 @@
 use kernels::images::{BORDER, Border, Feature, Filter, FilterPosition, LANES, Planes, Shape, blocks, convolve};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Derivative with respect to the packed filter: sums over all pixels of source times `gradient`, the derivative with respect to the
-/// output before the rectifier. The borders of the sources must be filled.
+/// Derivative with respect to the packed filter: sums over all pixels of the product of source and `gradient`. `gradient`
+/// is the derivative with respect to the output before the rectifier. The borders of the sources must be filled.
 ///
 /// # Panics
-/// If the sizes do not agree.
+/// If the sizes do not match.
 pub fn weight_gradient(shape: &Shape, sources: &[&Planes], gradient: &Planes) -> Vec<Feature> {
     assert_eq!(gradient.channels(), shape.out_channels);
     assert!(sources.iter().all(|source| shape.out_width(source.width()) == gradient.width()));
@@ -32,7 +32,7 @@ struct Job<'a> {
 impl WithSimd for Job<'_> {
     type Output = ();
 
-    // As many input channels at once as registers allow: 16 of 32 registers hold sums (AVX-512), 8 of 16 (AVX2).
+    // As many input channels at a time as registers allow: 16 of 32 registers hold sums (AVX-512), 8 of 16 (AVX2).
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match S::F32_LANES {
@@ -57,7 +57,8 @@ impl Job<'_> {
                             let offset = [BORDER + row - rows / 2, BORDER + column - columns / 2];
                             let part = Part { source, block, offset, stride_x: self.shape.stride_x };
                             let n_channels = (source.channels() - block * LANES).min(LANES);
-                            // The sums of padding channels are zero. Four sums take half as long as 16: they wait for each other.
+                            // The sums of padding channels are zero. Four sums take half as long as 16, because they
+                            // depend on each other.
                             if n_channels <= 4 && C > 4 {
                                 let out = &mut self.packed[at..at + 4];
                                 part.sum::<S, N, 4>(simd, self.gradient, out_block, 0, out);
@@ -94,7 +95,7 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Sums for `C` input channels from `first` and the 16 channels of an output block.
+    /// Sums for `C` input channels, starting at `first`, and the 16 channels of an output block.
     #[inline(always)]
     fn sum<S: Simd, const N: usize, const C: usize>(
         &self,
@@ -129,8 +130,8 @@ impl Part<'_> {
     }
 }
 
-/// For each source, the filter that maps the derivative with respect to the output to that with respect to the source: the
-/// filter mirrored in rows and columns, with input and output channels exchanged.
+/// For each source, the filter that maps the derivative with respect to the output to the derivative with respect to the
+/// source: the filter mirrored in rows and columns, with input and output channels exchanged.
 pub fn transposed_filters(filter: &Filter) -> Vec<Filter> {
     let shape = &filter.shape;
     let [rows, columns] = shape.kernel;
@@ -162,11 +163,12 @@ pub fn transposed_filters(filter: &Filter) -> Vec<Filter> {
     shape.in_channels.iter().map(of_source).collect()
 }
 
-/// Derivative with respect to a source of a convolution of this stride: the convolution of `gradient`, the derivative with respect
-/// to the output before the rectifier with its border filled, with the [transposed filter](transposed_filters) of the source.
+/// Derivative with respect to a source of a convolution of this stride. It is the convolution of `gradient` with the
+/// [transposed filter](transposed_filters) of the source. `gradient` is the derivative with respect to the output before
+/// the rectifier, with its border filled.
 ///
 /// # Panics
-/// If the sizes do not agree.
+/// If the sizes do not match.
 pub fn input_gradient(transposed: &Filter, stride_x: usize, gradient: &Planes, border: Border) -> Planes {
     let mut result = Planes::zeros(transposed.shape.out_channels, gradient.height(), gradient.width() * stride_x);
     if stride_x == 1 {
@@ -179,7 +181,7 @@ pub fn input_gradient(transposed: &Filter, stride_x: usize, gradient: &Planes, b
     result
 }
 
-/// Inserts zeros between the columns that a stride skipped.
+/// Inserts zeros for the columns that a stride skipped.
 fn spread_columns(gradient: &Planes, stride: usize) -> Planes {
     let mut spread = Planes::zeros(gradient.channels(), gradient.height(), gradient.width() * stride);
     for block in 0..blocks(gradient.channels()) {

@@ -2,7 +2,8 @@
 
 use kernels::images::{LANES, Planes};
 
-/// Derivative with respect to the image: that of the result, at the first maximum of each window.
+/// Derivative with respect to the image: the derivative with respect to the result, placed at the first maximum of each
+/// window.
 pub fn max_pool_gradient(image: &Planes, pooled: &Planes, gradient: &Planes, [rows, columns]: [usize; 2]) -> Planes {
     let mut out = Planes::zeros(image.channels(), image.height(), image.width());
     for block in 0..pooled.n_blocks() {
@@ -30,7 +31,7 @@ pub fn max_pool_gradient(image: &Planes, pooled: &Planes, gradient: &Planes, [ro
     out
 }
 
-/// Derivative with respect to the image: sums of that of the result over each window.
+/// Derivative with respect to the image: the derivative with respect to the result, summed over each window.
 pub fn upsample_gradient(gradient: &Planes, [rows, columns]: [usize; 2]) -> Planes {
     let mut out = Planes::zeros(gradient.channels(), gradient.height() / rows, gradient.width() / columns);
     for block in 0..out.n_blocks() {

@@ -1,29 +1,29 @@
-//! Sums of the set losses over all pixels as one operation of candle: a chain of its own operations reads the probabilities six times,
-//! column by column.
+//! Sums of the set losses over all pixels as one candle operation: a chain of candle's built-in operations reads the
+//! probabilities six times, column by column.
 
 use super::real::Real;
 use super::rows::rows;
 use candle_core::{CpuStorage, CustomOp2, CustomOp3, D, Layout, Result, Shape, Tensor, bail};
 use rayon::prelude::*;
 
-/// Rows per task: a number, so that the sums do not depend on the threads.
+/// Rows per task: fixed, so that the sums do not depend on the number of threads.
 const ROWS: usize = 256;
 
-/// Sums of a class.
+/// Number of sums per class.
 const N_SUMS: usize = 3;
 
 /// Sums over pixels, one number for each class.
 pub struct ClassSums {
-    /// Of the probabilities where the label is that class.
+    /// Sums of the probabilities of pixels that are labeled with the class.
     pub both: Tensor,
-    /// Of the powers of the probabilities of labeled pixels.
+    /// Sums of the powers of the probabilities of labeled pixels.
     pub raised: Tensor,
-    /// Of the labels: the number of pixels of that class.
+    /// Sums of the labels: the number of pixels of the class.
     pub labels: Tensor,
 }
 
 impl ClassSums {
-    /// Of probabilities and one-hot labels, pixels x classes. The derivative with respect to the labels is not defined.
+    /// Sums probabilities and one-hot labels, pixels x classes. The derivative with respect to the labels is not defined.
     pub fn new(p: &Tensor, y: &Tensor, power: f64) -> Result<Self> {
         if !p.device().is_cpu() {
             let p = p.broadcast_mul(&y.sum_keepdim(D::Minus1)?)?;
@@ -35,7 +35,7 @@ impl ClassSums {
     }
 }
 
-/// The power of a probability, and its derivative. 1 and 2 are the usual ones, and much faster without `powf`.
+/// The power of a probability, and its derivative. The usual powers 1 and 2 are much faster without `powf`.
 fn raised<T: Real>(p: T, power: f64) -> T {
     match power {
         1.0 => p,
@@ -57,7 +57,8 @@ struct Sums {
     power: f64,
 }
 
-/// Derivative with respect to the probabilities, from these, the labels and the derivative with respect to the sums.
+/// Derivative with respect to the probabilities, from the probabilities, the labels and the derivative with respect to
+/// the sums.
 struct SumsGradient {
     power: f64,
 }

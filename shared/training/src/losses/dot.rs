@@ -1,13 +1,13 @@
-//! The sum of the products of two tensors as one operation of candle, without a tensor of the products.
+//! The sum of the products of two tensors as one candle operation, without a tensor of the products.
 
 use super::real::Real;
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
 use rayon::prelude::*;
 
-/// Products that are summed before they are added to those of other tasks: a number, so that the sum does not depend on the threads.
+/// Products summed by one task: fixed, so that the sum does not depend on the number of threads.
 const PER_TASK: usize = 1 << 13;
 
-/// Sum of `values * factors`, whose derivative with respect to the factors is not defined.
+/// Sum of `values * factors`; its derivative with respect to the factors is not defined.
 pub fn dot(values: &Tensor, factors: &Tensor) -> Result<Tensor> {
     if !values.device().is_cpu() {
         return (values * factors.detach())?.sum_all();

@@ -28,7 +28,7 @@ pub struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// From the node of each class.
+    /// Takes the node of each class.
     pub fn new(node_of_class: Vec<usize>) -> Self {
         let n_nodes = node_of_class.iter().max().map_or(0, |last| last + 1);
         Self { node_of_class, n_nodes }
@@ -44,9 +44,9 @@ impl Hierarchy {
         };
         Self { node_of_class: classes.iter().map(node).collect(), n_nodes }
     }
-    /// A tree grown from confusions: as long as there are more than `n_nodes` nodes, the two that are confused most become one. The confusion
-    /// of two nodes is the mean, over their pairs of classes, of the shares of each class that are taken for the other. Equally confused
-    /// nodes are joined in the order of their classes.
+    /// A tree grown from confusions: while there are more than `n_nodes` nodes, the two nodes with the largest confusion
+    /// are joined. The confusion of two nodes is the mean, over their pairs of classes, of the share of each class that
+    /// is predicted as the other. Ties are resolved by the order of the classes.
     pub fn of_confusions(confusion: &Confusion, n_classes: usize, n_nodes: usize) -> Self {
         let share = |truth: usize, predicted: usize| {
             let n: u64 = (0..n_classes).map(|class| confusion.count(truth, class)).sum();

@@ -1,12 +1,12 @@
-//! Logarithms of class probabilities as one operation of candle: a chain of its own operations reads and writes the tensor six times,
-//! on one thread.
+//! Logarithms of class probabilities as one candle operation: a chain of candle's built-in operations reads and writes
+//! the tensor six times, on one thread.
 
 use super::real::Real;
 use super::rows::rows;
 use candle_core::{CpuStorage, CustomOp1, CustomOp2, D, Layout, Result, Shape, Tensor, bail};
 use rayon::prelude::*;
 
-/// Rows per task: a share of the first-level cache.
+/// Rows per task: they fill a part of the first-level cache.
 const ROWS: usize = 256;
 
 /// Logarithms of the probabilities (soft-max) of logits, pixels x classes.
@@ -20,7 +20,7 @@ pub fn log_softmax(logits: &Tensor) -> Result<Tensor> {
 
 struct LogSoftmax;
 
-/// Derivative with respect to the logits, from the logarithms and the derivative with respect to them.
+/// Derivative with respect to the logits, from the logarithms and the derivative with respect to the logarithms.
 struct LogSoftmaxGradient;
 
 impl CustomOp1 for LogSoftmax {

@@ -1,15 +1,15 @@
-//! Numbers of losses.
+//! Number types of losses.
 
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-/// The types of numbers that losses are computed with: `f32` in training, `f64` to check derivatives.
+/// The number types that losses are computed with: `f32` in training, `f64` to check derivatives.
 pub trait Real:
     Copy + Default + Send + Sync + Sum + AddAssign + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self>
 {
-    /// Below all numbers.
+    /// Smaller than all numbers.
     const LOWEST: Self;
-    /// The power of e.
+    /// The exponential function.
     fn exp(self) -> Self;
     fn ln(self) -> Self;
     fn max(self, other: Self) -> Self;

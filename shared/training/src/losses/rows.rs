@@ -3,7 +3,7 @@
 use candle_core::{Layout, Result, bail};
 use std::ops::Range;
 
-/// Where the numbers of a tensor are, and the length of its rows.
+/// Range of the numbers of a tensor in memory, and the length of its rows.
 pub fn rows(layout: &Layout) -> Result<(Range<usize>, usize)> {
     let (_, n_classes) = layout.shape().dims2()?;
     match layout.contiguous_offsets() {

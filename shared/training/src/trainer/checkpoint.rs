@@ -53,11 +53,11 @@ impl<N: Network> Trainer<N> {
         Ok(encode_model(ARCHITECTURE, VERSION, &state, borrowed)?)
     }
 
-    /// Continues from a checkpoint of the same network and of the same settings. Only `epochs` and `patience` may differ: a finished
-    /// training goes on with the learning rate that a training of `epochs` has at this place.
+    /// Continues from a checkpoint of the same network and the same settings. Only `epochs` and `patience` may differ: a
+    /// finished training continues with the learning rate that a training of `epochs` has at this step.
     ///
     /// # Errors
-    /// If the file is not a complete checkpoint, or one of other settings or of another network.
+    /// If the file is not a complete checkpoint, or belongs to other settings or another network.
     pub fn resume(&mut self, path: &Path) -> Result<(), TrainingError> {
         let file = ModelFile::read(path)?;
         file.expect_version(VERSION)?;

@@ -10,17 +10,17 @@ use scores::Confusion;
 /// Receives logits and classes of the labeled pixels or points of a batch.
 type OfBatch<'a> = &'a mut dyn FnMut(&Tensor, &[u8]) -> Result<(), TrainingError>;
 
-/// Rows that a task compares: a number, so that sums do not depend on the threads.
+/// Rows per task: fixed, so that sums do not depend on the number of threads.
 const ROWS_PER_TASK: usize = 4096;
 
-/// Number of temperatures that are compared: 0.5 to 3.9, each a tenth larger than the previous one.
+/// Number of candidate temperatures: 0.5 to 3.9, each 10 % larger than the previous one.
 const N_TEMPERATURES: usize = 22;
 
 impl<N: Network> Trainer<N> {
     /// Mean loss of a batch, and the confusion matrix of all examples.
     ///
     /// # Errors
-    /// If the data does not fit the network.
+    /// If the data do not fit the network.
     pub fn evaluate(&self, data: &dyn Dataset<N::Example>) -> Result<(f64, Confusion), TrainingError> {
         let mut confusion = Confusion::new(self.criterion.n_classes);
         let mut sum = 0.0;
@@ -36,11 +36,11 @@ impl<N: Network> Trainer<N> {
         Ok((sum / f64::from(n.max(1)), confusion))
     }
 
-    /// The divisor of the logits that maximizes the likelihood of the labels (temperature scaling, Guo et al. 2017): a score of 0.8 is then
-    /// correct in four of five cases.
+    /// The divisor of the logits that maximizes the likelihood of the labels (temperature scaling, Guo et al. 2017). With
+    /// it, a score of 0.8 is correct in four of five cases.
     ///
     /// # Errors
-    /// If the data does not fit the network.
+    /// If the data do not fit the network.
     pub fn temperature(&self, data: &dyn Dataset<N::Example>) -> Result<f32, TrainingError> {
         let temperatures: Vec<f32> = (0..N_TEMPERATURES as i32).map(|i| 0.5 * 1.1_f32.powi(i)).collect();
         let mut entropies = [0.0_f64; N_TEMPERATURES];

@@ -21,7 +21,7 @@ fn output(weights: &Weights, row: usize) -> (&[f32], f32) {
     (&values[row * WIDTH..(row + 1) * WIDTH], biases[row])
 }
 
-/// Weights of a start with its own biases, with which variables of `own` classes begin.
+/// Starts variables of `own` classes from the weights of a network that has its own biases.
 fn begin(of_start: &[&str], own: &[&str], folds: [usize; 2]) -> (usize, Weights, Weights, Weights) {
     let of_start = names(of_start);
     let own = names(own);

@@ -1,4 +1,4 @@
-//! Derivatives by the operations of candle are those of the kernels.
+//! Derivatives computed by candle operations equal the derivatives of the kernels.
 
 use candle_core::Device;
 use kernels::images::{Border, Planes};
@@ -9,7 +9,7 @@ use training::{Criterion, Example, Hierarchy, ImageNetwork, Loss, Network, Spars
 const CLASSES: usize = 3;
 const FOLD: usize = 2;
 
-/// Noise; one of five pixels has no class. Every second row is also in a sparse view.
+/// Noise; one in five pixels has no class. Every second row is also in a sparse view.
 fn example(size: [usize; 3], border: Border, random: &mut Random) -> Example {
     let input = Planes::from_fn(size, border, |_, _, _| random.range(-1.0, 1.0));
     let class = |_| if random.chance(0.2) { UNKNOWN } else { random.index(CLASSES) as u8 };
@@ -33,7 +33,7 @@ fn derivatives_on_a_gpu_are_those_of_kernels() {
     compare_derivatives(&Device::new_cuda(0).expect("a GPU"));
 }
 
-/// The loss is on some of the pixels, and the images are of two sizes.
+/// The loss covers a part of the pixels, and the images have two sizes.
 fn compare_derivatives(device: &Device) {
     let specs = [
         NetworkSpec::Unet { inputs: 7, outputs: CLASSES * FOLD, widths: vec![16, 20, 35], head: Some(24) },

@@ -1,4 +1,4 @@
-//! Derivatives of whole networks, against central differences of a reference in f64.
+//! Derivatives of whole networks, compared with central differences of a reference in f64.
 
 use crate::reference::{self, Image, Values, values_of};
 use kernels::images::{Border, LANES, Planes};
@@ -31,7 +31,7 @@ fn specs() -> [NetworkSpec; 3] {
     ]
 }
 
-/// Random inputs that f32 and f64 represent alike.
+/// Random inputs that f32 and f64 represent exactly.
 fn inputs() -> Vec<Image> {
     let mut random = Random::of_stream(2, 0);
     let mut input = || {
@@ -64,7 +64,7 @@ fn reference_loss(spec: &NetworkSpec, values: &Values, inputs: &[Image]) -> f64 
     inputs.iter().enumerate().map(of_example).sum()
 }
 
-/// The derivatives of the loss with respect to all variables, by the crate.
+/// The derivatives of the loss with respect to all variables, computed by the crate.
 fn gradients(variables: &Variables, inputs: &[Image]) -> Gradients {
     let weights = variables.weights().expect("weights");
     let network = Differential::new(variables.spec(), &weights, Border::Circular).expect("fits");
@@ -141,7 +141,8 @@ fn derivatives_of_all_variables_equal_central_differences_in_f64() {
     }
 }
 
-/// The check detects the errors that it exists for: a scaled derivative, and an error of some percent in one output channel.
+/// The check detects the errors that it is designed for: a scaled derivative, and an error of some percent in one output
+/// channel.
 #[test]
 fn derivative_check_detects_planted_errors_of_a_few_percent() {
     let spec = &specs()[1];
@@ -161,7 +162,7 @@ fn derivative_check_detects_planted_errors_of_a_few_percent() {
         }
         for planted in [scaled, one_channel] {
             let error = relative_error(|values| reference_loss(spec, values, &inputs), &values, name, &planted);
-            assert!(error > MAX_ERROR, "{name}: a planted error gives {error:.1e} only");
+            assert!(error > MAX_ERROR, "{name}: a planted error gives only {error:.1e}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Losses against their formulas and against central differences in f64.
+//! Losses compared with their formulas and with central differences in f64.
 
 use candle_core::{Device, Tensor, Var};
 use messages::ClassId;
@@ -22,7 +22,7 @@ fn all() -> Vec<Loss> {
     ]
 }
 
-/// Logits and one-hot labels of 40 pixels, every eighth without label.
+/// Logits and one-hot labels of 40 pixels; every eighth is unlabeled.
 fn pixels(random: &mut Random) -> (Vec<f64>, Vec<f64>) {
     let logits = (0..40 * CLASSES).map(|_| f64::from(random.range(-3.0, 3.0))).collect();
     let class: Vec<usize> = (0..40).map(|_| (random.unit() * CLASSES as f32) as usize).collect();
@@ -158,7 +158,7 @@ fn power_jaccard_has_minimum_of_thesis() {
     }
 }
 
-/// The same with the loss: for a power above 2, certainty costs more than near certainty.
+/// The loss itself has the same minimum: for a power above 2, certainty costs more than near certainty.
 #[test]
 fn power_above_two_penalizes_certainty() {
     let n = 4000;
@@ -175,7 +175,7 @@ fn power_above_two_penalizes_certainty() {
     assert!(of(1.5, nearly) > of(1.5, sure));
 }
 
-/// A power that training may change as well therefore ends at its upper limit, whatever the data.
+/// A power that training may also change therefore ends at its upper limit, whatever the data.
 #[test]
 fn power_jaccard_never_rises_with_its_power() {
     let mut random = Random::new(11);
@@ -199,7 +199,7 @@ fn class_tree_equals_figure_6_11() {
     assert_eq!(node(ClassId::Unlabeled), None);
     let n_in_tree = ClassId::ALL.iter().filter(|class| node(**class).is_some()).count();
     assert_eq!(n_in_tree, 19);
-    // Confusion of classes of one node costs less than of different nodes.
+    // Confusing classes of one node costs less than confusing classes of different nodes.
     let classes = [Road, RoadLine, Building, Vegetation, Pole, TrafficLight];
     let tree = Hierarchy::of_classes(&classes);
     let truth = matrix(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);

@@ -30,7 +30,7 @@ fn settings() -> Settings {
     }
 }
 
-/// Two sweeps of a LiDAR that moves 1 m in each.
+/// Two sweeps of a LiDAR that moves 1 m during each.
 fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     let mut random = Random::new(8);
     let mut header: Box<SubmapHeader> = Box::default();
@@ -133,7 +133,7 @@ fn nearest_examples_beat_untrained_last_layer() {
     assert!(last_layer < 0.5, "{last_layer}");
     // Every pixel is its own nearest example; errors share a cell with other points.
     assert!(own > 0.98, "{own}");
-    // The features of an untrained network depend on the ring only in part. Chance is a third.
+    // The features of an untrained network depend only partly on the ring. Chance level is a third.
     assert!(few > 0.5, "{few}");
 }
 

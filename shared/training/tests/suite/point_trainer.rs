@@ -6,7 +6,8 @@ use training::{Dataset, Hierarchy, Loss, PointExample, PointNetwork, TrainSettin
 
 const CLASSES: usize = 3;
 
-/// Spheres with ground, a wall and a pole; features are 1 and noise, so the shape of the neighborhood shows the class.
+/// Spheres with ground, a wall and a pole; features are 1 and noise, so only the shape of the neighborhood shows the
+/// class.
 struct Streets(usize);
 
 impl Dataset<PointExample> for Streets {
@@ -33,7 +34,7 @@ impl Dataset<PointExample> for Streets {
     }
 }
 
-/// One example without points, one of a single point, one without labels.
+/// One example without points, one with a single point, one without labels.
 struct Unusual;
 
 impl Dataset<PointExample> for Unusual {
@@ -95,7 +96,7 @@ fn train(trainer: &mut Trainer<PointNetwork>, epochs: usize) {
 
 #[test]
 fn point_network_of_each_kind_learns() {
-    // PointNet sees no neighborhoods, and its transforms have statistics of as many rows as a batch has clouds.
+    // PointNet has no neighborhoods, and its transforms have statistics of as many rows as a batch has clouds.
     for (network, limits) in NETWORKS.into_iter().zip([[0.7, 0.6], [0.7, 0.6], [0.85, 0.4], [0.7, 0.6]]) {
         let mut trainer = trainer(network, TrainSettings { epochs: 12, ..settings() });
         let (before, _) = trainer.evaluate(&Streets(4)).expect("evaluates");
@@ -180,7 +181,7 @@ fn examples_without_neighbors_or_labels_are_passed_over() {
     trainer.epoch(&Unusual, &Unusual, &mut |_, _| {}).expect("trains");
     assert!(trainer.best() == &before);
     assert_eq!(trainer.curves().epochs[0].loss, 0.0);
-    // PointNet normalizes over the clouds of a batch: one cloud changes nothing.
+    // PointNet normalizes over the clouds of a batch: a batch of one cloud changes nothing.
     let mut trainer = self::trainer(NETWORKS[2], TrainSettings { batch: 1, ..settings() });
     let before = trainer.best().clone();
     trainer.epoch(&Streets(1), &Streets(1), &mut |_, _| {}).expect("trains");

@@ -1,4 +1,5 @@
-//! A reference of the networks in f64: the variables, the standardization of filters, and all layers, by their definitions.
+//! A reference of the networks in f64: variables, standardization of filters, and all layers, written from their
+//! definitions.
 
 use kernels::images::Border;
 use segmentation::SegmentationError;
@@ -28,7 +29,7 @@ impl Image {
     pub fn index(&self, channel: usize, y: usize, x: usize) -> usize {
         (channel * self.height + y) * self.width + x
     }
-    /// Value with circular columns or zeros beside the image, and zeros above and below.
+    /// Value of a pixel, with circular columns or zeros left and right of the image, and zeros above and below.
     fn padded(&self, channel: usize, y: isize, x: isize, border: Border) -> f64 {
         let is_beside = !(0..self.width as isize).contains(&x);
         if !(0..self.height as isize).contains(&y) || (border == Border::Zero && is_beside) {
@@ -66,7 +67,7 @@ pub fn run(spec: &NetworkSpec, values: &Values, input: Image) -> Image {
     run_to_features(spec, values, input, Border::Circular)[1].clone()
 }
 
-/// The features from which the last layer makes the output, and the output.
+/// The features that the last layer maps to the output, and the output.
 pub fn run_to_features(spec: &NetworkSpec, values: &Values, input: Image, border: Border) -> [Image; 2] {
     let mut reference = Reference { values, border, features: None };
     let output = spec.run(&mut reference, input).expect("runs");

@@ -1,5 +1,5 @@
-//! Derivatives of the terms beside the loss, against central differences of a reference in f64: consistency of a sparse view, and the
-//! head on the bird's-eye view.
+//! Derivatives of the additional loss terms, compared with central differences of a reference in f64: consistency of a
+//! sparse view, and the head on the bird's-eye view.
 
 use crate::gradients::{MAX_ERROR, relative_error};
 use crate::reference::{Image, Values, numbers, run_to_features};
@@ -14,7 +14,7 @@ use training::{
 const CLASSES: usize = 3;
 const FOLD: usize = 2;
 const INPUTS: usize = 4;
-/// Rows and columns of the network, of the sweep and its sparse view.
+/// Rows and columns of the network, for the sweep and its sparse view.
 const FULL: [usize; 2] = [4, 8];
 const SPARSE: [usize; 2] = [2, 8];
 const SIDE: usize = 5;
@@ -98,13 +98,13 @@ fn grid(case: &Case, features: &Image) -> Image {
     grid
 }
 
-/// Variables of the network, and those of the head by their own names.
+/// Variables of the head, with their names in the head.
 fn of_head(values: &Values) -> Values {
     let of_head = values.iter().filter_map(|(name, of)| Some((name.strip_prefix("bev_head.")?.to_owned(), of.clone())));
     of_head.collect()
 }
 
-/// The loss by its definition; `full` are values of the variables with which the full view is a constant.
+/// The loss by its definition; with the values `constant`, the full view is a constant.
 fn reference_loss(case: &Case, values: &Values, constant: &Values) -> f64 {
     let run = |values: &Values, input: &Image| run_to_features(&spec(), values, input.clone(), Border::Circular);
     let [features, output] = run(values, &case.full);
@@ -122,7 +122,7 @@ fn reference_loss(case: &Case, values: &Values, constant: &Values) -> f64 {
         + BEV * cross_entropy(&of_cells, &case.of_cells, 1)
 }
 
-/// The derivatives by the crate, and the values of all variables.
+/// The derivatives computed by the crate, and the values of all variables.
 fn derived(case: &Case) -> (Derivatives, Values) {
     let sparse = SparseView { input: planes(&case.sparse), pixels: case.pixels.clone() };
     let bev = BevLabels { side: SIDE, cells: case.cells.clone(), truth: case.of_cells.clone() };

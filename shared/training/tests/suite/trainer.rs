@@ -11,8 +11,8 @@ use training::{
 const SIZE: [usize; 2] = [4, 16];
 const CLASSES: usize = 3;
 
-/// Noise with a bright bar in each row. The classes are the bar, the pixel to the right of it, and all others: a single pixel is
-/// ambiguous.
+/// Noise with a bright bar in each row. The classes are the bar, the pixel to the right of it, and all others: a single
+/// pixel is ambiguous.
 struct Bars(usize);
 
 impl Dataset for Bars {
@@ -41,7 +41,7 @@ impl Dataset for Bars {
     }
 }
 
-/// [`Bars`] with sparse views, each second row, and classes of the cells of a grid of 8 x 8.
+/// [`Bars`] with sparse views of every second row, and classes of the cells of a grid of 8 x 8.
 struct BarsTwice(Bars);
 
 impl Dataset for BarsTwice {
@@ -85,7 +85,7 @@ fn trainer(settings: TrainSettings) -> Trainer {
     Trainer::new(settings, variables, CLASSES, 1, Border::Circular, tree).expect("a trainer")
 }
 
-/// With both terms beside the loss, and a head on the bird's-eye view.
+/// A trainer with both additional loss terms, including a head on the bird's-eye view.
 fn trainer_with_terms() -> Trainer {
     trainer_with_head(0.5, 0.5)
 }
@@ -156,7 +156,7 @@ fn terms_of_weight_zero_give_bytes_of_training_without_them() {
     };
     assert_eq!(checkpoint(true), checkpoint(false));
     let has = |key: &str| checkpoint(false).windows(key.len()).any(|bytes| bytes == key.as_bytes());
-    assert!(has("average") && !has("consistency") && !has("bev_head"), "settings of checkpoints stay as they were");
+    assert!(has("average") && !has("consistency") && !has("bev_head"), "unused settings are not in checkpoints");
 }
 
 #[test]
@@ -249,6 +249,6 @@ fn temperature_is_inside_of_search_range() {
     let mut trainer = trainer(TrainSettings { epochs: 3, ..settings() });
     train(&mut trainer, 3);
     let temperature = trainer.temperature(&Bars(16)).expect("evaluates");
-    // The limits of the search range would not be a calibration.
+    // A result at the limits of the search range would not be a calibration.
     assert!((0.51..3.6).contains(&temperature), "{temperature}");
 }

@@ -27,7 +27,7 @@ fn inference_gives_the_bits_of_training() {
             let mut random = Random::of_stream(1, 0);
             for input in [input(&mut random, border), input(&mut random, border)] {
                 let recording = differential.run(input.clone(), None).expect("runs");
-                // Exactly, because both run the same kernels in the same order.
+                // Exact equality, because both run the same kernels in the same order.
                 let output = inference.run(&input.to_tensor().expect("an image")).expect("runs");
                 let output = Planes::from_tensor(&output, inference.out_channels()).expect("an image");
                 assert_eq!(&output, recording.output(), "{spec:?}");
