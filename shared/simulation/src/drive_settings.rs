@@ -1,4 +1,4 @@
-//! Settings of a drive as people write them: the table `[simulate]` of a launch file and the options of `replica simulate`.
+//! User-facing settings of a drive: the table `[simulate]` of a launch file and the options of `replica simulate`.
 
 use crate::limits;
 use crate::rig::{CalibrationError, RigSpec};
@@ -20,20 +20,20 @@ settings::settings! {
         pub seconds: f64 = 12.0 => limits::SECONDS;
         /// The vehicle. In a launch file, a path is relative to the folder of that file.
         pub rig: String = RigSpec::DEFAULT.to_owned() => NameOrFile;
-        /// Rotation of the sensors away from drive.toml, degrees (standard deviation).
+        /// Rotation error of the sensors relative to drive.toml, degrees (standard deviation).
         pub calibration_error_deg: f64 = 0.0 => limits::CALIBRATION_ERROR_DEG;
-        /// Shift of the sensors away from drive.toml, cm (standard deviation along each axis).
+        /// Position error of the sensors relative to drive.toml, cm (standard deviation along each axis).
         pub calibration_error_cm: f64 = 0.0 => limits::CALIBRATION_ERROR_CM;
-        /// Errors of the LiDAR's beams against its nominal table: elevation, range and gain of each ring. typical: up to 0.1 degrees
-        /// and 2 cm. poor: 0.1 to 0.2 degrees for all rings, up to 0.2 more for each, 3 cm.
+        /// Errors of the LiDAR beams relative to the nominal table: elevation, range and gain of each ring. typical: up
+        /// to 0.1 degrees and 2 cm. poor: 0.1 to 0.2 degrees for all rings, up to 0.2 more for each, 3 cm.
         pub lidar_errors: LidarGrade = LidarGrade::None => one_word();
         /// Seed of the LiDAR unit: drives with the same seed are recorded by the same unit with the same errors.
         pub unit_seed: u64 = LidarErrors::NONE.unit_seed => any();
-        /// Density of the traffic. dense: the vehicle drives in a queue that starts with it from rest, a bus beside it.
+        /// Density of the traffic. dense: the vehicle starts from rest in a queue, next to a bus.
         pub traffic: Traffic = Traffic::Normal => one_word();
         /// Exposure of the mosaic cameras, ms.
         pub mosaic_exposure_ms: f64 = 5.0 => limits::MOSAIC_EXPOSURE_MS;
-        /// Also write truth/visibility: which cameras see each return. Doubles the time of the simulation.
+        /// Also write truth/visibility: the cameras in which each return is visible. Doubles the time of the simulation.
         pub truth_visibility: bool = false => any();
     }
 }

@@ -3,10 +3,10 @@
 use crate::limits::OutOfLimits;
 use std::path::{Path, PathBuf};
 
-/// Why a drive was not written.
+/// Reason why a drive was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
-    /// A setting outside its range.
+    /// A setting is outside its range.
     #[error(transparent)]
     Setting(#[from] OutOfLimits),
     /// The output folder exists.
@@ -17,7 +17,7 @@ pub enum SimulationError {
     Write {
         /// The file or folder.
         path: PathBuf,
-        /// The system's reason.
+        /// The error of the operating system.
         cause: std::io::Error,
     },
     /// An image could not be encoded.
@@ -25,7 +25,7 @@ pub enum SimulationError {
     Image {
         /// The file.
         path: PathBuf,
-        /// The encoder's reason.
+        /// The error of the encoder.
         cause: image::ImageError,
     },
     /// The manifest could not be written as TOML.
@@ -34,7 +34,7 @@ pub enum SimulationError {
 }
 
 impl SimulationError {
-    /// For `map_err` of file operations.
+    /// Converts an I/O error on `path`, for `map_err`.
     pub(crate) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |cause| Self::Write { path, cause }

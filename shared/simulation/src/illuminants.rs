@@ -2,8 +2,8 @@
 
 use town::Spectrum;
 
-/// Direct sunlight at the ground: a black body of 5800 K, 1 at its strongest, without the absorption bands of oxygen and water vapor
-/// (ASTM G173 at 10 nm).
+/// Direct sunlight at the ground: a black body of 5800 K with maximum 1, attenuated by the absorption bands of oxygen and
+/// water vapor (ASTM G173 at 10 nm).
 pub fn sunlight() -> Spectrum {
     Spectrum::from_fn(|nm| planck(nm, 5800.0) / planck(500.0, 5800.0) * air(nm))
 }
@@ -13,8 +13,8 @@ pub fn skylight() -> Spectrum {
     Spectrum::from_fn(|nm| planck(nm, 5800.0) / planck(500.0, 5800.0) * air(nm) * (0.35 + 0.65 * (480.0 / nm).powi(4)))
 }
 
-/// Transmission of the air beside haze: middle (nm), half width (nm) and depth of its bands. Oxygen takes light at 690 and
-/// 760 nm, water vapor the rest; ozone a little of the yellow.
+/// Transmission of air without haze: middle (nm), half width (nm) and depth of its bands. Oxygen absorbs light at 690 and
+/// 760 nm, ozone a little yellow light, water vapor the rest.
 fn air(nm: f32) -> f32 {
     let bands = [
         (600.0, 45.0, 0.05),

@@ -1,4 +1,4 @@
-//! Simulated drives: a rig of sensors that drives through a procedural town, and the ground truth of the recording.
+//! Simulated drives: a rig of sensors on a vehicle in a procedural town, and the ground truth of the recording.
 //!
 //! | module | content |
 //! |---|---|
@@ -9,14 +9,15 @@
 //! | [`truth`] | ground truth poses and labels |
 //! | [`write_drive`] | all of it as a drive folder |
 //!
-//! Equal [`DriveSpec`]s give equal bytes for any number of threads: every random number is a hash of the seed and of the place
-//! where it is used, and parallel work never shares a sum.
+//! Equal [`DriveSpec`]s give equal bytes for any number of threads: every random number is a hash of the seed and of the
+//! place where it is used, and parallel work never shares a sum.
 //!
-//! The crate must never read a clock or the environment, or know a stage or a run: its drives are folders like recorded ones. Truth is
-//! written beside them and never used for a measurement. Scenes and their surfaces belong to `town`, rays to `raytrace`.
+//! The crate must never read a clock or the environment, or depend on a stage or a run: its drives are folders like
+//! recorded ones. Ground truth is written next to them and never used for a measurement. Scenes and their surfaces belong
+//! to `town`, rays to `raytrace`.
 //!
-//! Begin with [`DriveSettings`] (what a user chooses) and [`DriveSpec`] (the same, resolved), then [`write_drive`]; a sensor is one
-//! module below [`sensors`].
+//! Start with [`DriveSettings`] (user choices) and [`DriveSpec`] (the same, resolved), then [`write_drive`]; each sensor
+//! is one module below [`sensors`].
 //!
 //! Frames and units follow `docs/reference/conventions.md`; the world is local east-north-up around [`sensors::gnss::ORIGIN`].
 

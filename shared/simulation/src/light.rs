@@ -4,8 +4,8 @@ use raytrace::{Ray, Vec3};
 use town::noise::value_noise;
 use town::{Scene, SceneHit, Snapshot};
 
-/// Direction of the sun: elevation 48 degrees, azimuth of the early afternoon. Facades on the left are lit and shadows fall on
-/// the road, so that every image has both.
+/// Direction of the sun: elevation 48 degrees, azimuth of the early afternoon. Facades on the left are lit and shadows
+/// fall on the road, so every image contains both.
 pub fn sun_direction() -> Vec3 {
     Vec3::new(0.35, -0.57, 0.743).normalize()
 }
@@ -19,10 +19,10 @@ pub struct Light {
     pub sky: f32,
 }
 
-/// Strength of the skylight against the direct sun.
+/// Strength of the skylight relative to the direct sun.
 pub const SKY_STRENGTH: f32 = 0.35;
-/// Light reflected by the town onto a surface that sees no sky, relative to the full sun: facades and roads reflect a quarter
-/// on average, and half of them are in the sun.
+/// Light reflected by the town onto a surface without a view of the sky, relative to the full sun: facades and roads
+/// reflect a quarter on average, and half of them are in the sun.
 const REFLECTED: f32 = 0.12;
 /// Objects farther than this cast no shadow, m.
 const SHADOW_M: f32 = 60.0;
@@ -34,8 +34,8 @@ impl Light {
         Self { sun: self.sun * share, sky: self.sky * share }
     }
 
-    /// Light on a surface that receives the share `sun` of the full sun and sees the share `open` of the sky, both 0 to 1 and
-    /// weighted by the cosine.
+    /// Light on a surface that receives the share `sun` of the full sun and the share `open` of the skylight, both 0 to 1
+    /// and weighted by the cosine.
     pub fn on(sun: f32, open: f32) -> Self {
         Self { sun: REFLECTED * (1.0 - open) + sun, sky: open }
     }
@@ -47,7 +47,7 @@ impl Light {
         let to_sun = direction.dot(&sun_direction()).max(0.0);
         let cloud = clouds(direction);
         let haze = (1.0 - up).powi(4);
-        // The sun's disk and the glow that lens and air make around it.
+        // The disk of the sun and the glow around it from lens and air.
         let glow = 0.4 * to_sun.powi(24) + 3.0 * to_sun.powi(400) + 40.0 * to_sun.powi(20_000);
         let bright = cloud * (0.75 + 0.4 * to_sun.powi(4));
         Self { sun: bright + 0.28 * haze * (1.0 - cloud) + glow, sky: (1.0 - 0.8 * cloud) * (0.75 + 0.35 * haze) }
@@ -92,7 +92,8 @@ fn clouds(direction: &Vec3) -> f32 {
     edge * edge * (3.0 - 2.0 * edge)
 }
 
-/// Share of light that a smooth surface mirrors: `normal` at right angles, all at grazing incidence (Schlick, 1994).
+/// Specularly reflected share of light on a smooth surface: `normal` at normal incidence, 1 at grazing incidence
+/// (Schlick, 1994).
 pub fn mirrored(normal: f32, incidence: f32) -> f32 {
     normal + (1.0 - normal) * (1.0 - incidence.clamp(0.0, 1.0)).powi(5)
 }

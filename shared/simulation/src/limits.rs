@@ -2,7 +2,7 @@
 
 use settings::Rule;
 
-/// A range of numbers, both ends included. NaN is outside.
+/// A range of numbers, including both ends. NaN is outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     low: f64,
@@ -20,7 +20,7 @@ pub const CALIBRATION_ERROR_CM: Limits = Limits { low: 0.0, high: 100.0 };
 /// Exposure of the mosaic cameras, ms.
 pub const MOSAIC_EXPOSURE_MS: Limits = Limits { low: 0.1, high: 1000.0 };
 
-/// A value of a [`DriveSpec`](crate::DriveSpec) outside of its limits.
+/// A value of a [`DriveSpec`](crate::DriveSpec) outside its limits.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{key}: value {value} {rule}")]
 pub struct OutOfLimits {

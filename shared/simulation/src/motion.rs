@@ -17,7 +17,7 @@ pub struct Motion {
     /// Phase of the lane wander and the suspension, rad.
     phase: f64,
     body_height_m: f64,
-    /// Waves of the springs per m, of those at low speed.
+    /// Waves of the suspension per metre, relative to low speed.
     waves: f64,
 }
 
@@ -26,12 +26,13 @@ impl Motion {
     pub const fn new(begin: Stamp, path: Arc<GroundPath>, speed: Arc<SpeedProfile>, phase: f64) -> Self {
         Self { begin, path, speed, phase, body_height_m: 1.0, waves: 1.0 }
     }
-    /// The same with the body frame at another height above the road, m.
+    /// This motion with the body frame at another height above the road, m.
     #[must_use]
     pub fn with_body_height(self, body_height_m: f64) -> Self {
         Self { body_height_m, ..self }
     }
-    /// The same for another cruise speed, m/s: from [`FAST_MPS`] on, the springs rock in longer waves, 1.7 times a second.
+    /// This motion for another cruise speed, m/s: from [`FAST_MPS`] on, the suspension rocks in longer waves, 1.7 times a
+    /// second.
     #[must_use]
     pub fn with_cruise(self, cruise_mps: f64) -> Self {
         Self { waves: (FAST_MPS / cruise_mps).min(1.0), ..self }
@@ -43,7 +44,7 @@ impl Motion {
     /// `world_from_body`, `seconds` after the start.
     pub fn pose(&self, seconds: f64) -> Pose {
         let x = self.distance_m(seconds);
-        // The vehicle keeps its lane within 10 cm and rocks on its springs: 1 cm, a quarter of a degree.
+        // The vehicle stays within 10 cm of its lane center and rocks on its suspension: 1 cm, a quarter of a degree.
         let left = 0.1 * (0.09 * x + self.phase).sin();
         let along = self.waves * x;
         let bounce = 0.01 * (0.8 * along + self.phase).sin();
@@ -58,11 +59,11 @@ impl Motion {
     pub fn pose_at(&self, stamp: Stamp) -> Pose {
         self.pose(stamp.seconds_since(self.begin))
     }
-    /// Velocity of the body's origin in the world, m/s.
+    /// Velocity of the body origin in the world, m/s.
     pub fn velocity(&self, seconds: f64) -> Vector3<f64> {
         self.velocity_of(&Point3::origin(), seconds)
     }
-    /// Velocity in the world of a point of the body, m/s.
+    /// Velocity of a point of the body in the world, m/s.
     pub fn velocity_of(&self, point_in_body: &Point3<f64>, seconds: f64) -> Vector3<f64> {
         let h = 1e-4;
         (self.pose(seconds + h) * point_in_body - self.pose(seconds - h) * point_in_body) / (2.0 * h)
@@ -83,7 +84,7 @@ impl Motion {
     }
 }
 
-/// A drive of `seconds` on a round of 1 km with four turns over hills, for tests.
+/// A drive of `seconds` on a loop of 1 km with four turns over hills, for tests.
 #[cfg(test)]
 pub fn example(begin: Stamp, seconds: f64) -> Motion {
     use town::{Driver, Terrain};

@@ -30,7 +30,7 @@ const CALIBRATION_STREAM: u64 = 6;
 /// A simulated world: the town, the motion of the ego vehicle, and its rig.
 #[derive(Debug)]
 pub struct Simulation {
-    /// The settings it is built from.
+    /// The settings of the simulation.
     pub spec: DriveSpec,
     /// The town.
     pub scene: Scene,
@@ -53,7 +53,7 @@ impl Simulation {
         let rig = spec.rig.with_true_mountings(spec.calibration_error, hash(spec.seed, CALIBRATION_STREAM));
         Ok(Self { spec: spec.clone(), scene, motion, rig })
     }
-    /// A lidar of the rig after the first, and the parameters of its unit.
+    /// An additional lidar of the rig, with the parameters of its unit.
     pub fn other_lidar(&self, index: usize, spec: &LidarSpec) -> Lidar<'_> {
         let number = index as u64 + 1;
         let errors = &self.spec.lidar_errors;
@@ -72,11 +72,11 @@ impl Simulation {
     pub fn lidar_of(&self, model: LidarModel, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
         self.lidar_unit(model, &self.spec.lidar_errors, body_from_lidar, seed)
     }
-    /// A lidar of any model at any mounting, with errors of its own.
+    /// A lidar of any model at any mounting, with its own errors.
     pub fn lidar_unit(&self, model: LidarModel, errors: &LidarErrors, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
         Lidar::new(&self.scene, &self.motion, model, errors, body_from_lidar, seed, self.spec.lidar_step)
     }
-    /// A perfect lidar with a pattern that no Velodyne has.
+    /// A perfect lidar with a pattern that is not a Velodyne pattern.
     pub fn pattern_lidar(&self, pattern: Pattern, body_from_lidar: Pose, seed: u64) -> PatternLidar<'_> {
         PatternLidar::new(&self.scene, &self.motion, pattern, body_from_lidar, seed)
     }
@@ -84,14 +84,14 @@ impl Simulation {
     pub fn exposures(&self) -> Vec<Stamp> {
         trigger::exposures(&self.motion, &self.rig.trigger, self.spec.seconds)
     }
-    /// Images of the color cameras `group` (indexes) at a stamp. They fire together and share their gain.
+    /// Images of the color cameras `group` (indices) at a stamp. They fire together and share their gain.
     pub fn images(&self, camera: &ColorCamera, group: &[usize], stamp: Stamp) -> Vec<Vec<u8>> {
         let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
         let gain = camera.meter(&exposures);
         let members = exposures.iter().zip(group);
         members.map(|(exposure, index)| camera.shoot(exposure, gain, self.image_seed(*index, stamp))).collect()
     }
-    /// Image of one color camera; the same as in [`Self::images`].
+    /// Image of one color camera, identical to the image from [`Self::images`].
     pub fn image(&self, camera: &ColorCamera, index: usize, stamp: Stamp) -> Vec<u8> {
         let group = self.rig.lens_groups().into_iter().find(|group| group.contains(&index)).unwrap_or_default();
         let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
@@ -105,7 +105,7 @@ impl Simulation {
         let record = |gnss| gnss::record(&self.scene, &self.motion, gnss, end, seed);
         self.rig.gnss.as_ref().map(record).unwrap_or_default()
     }
-    /// Samples of the inertial unit; none without a unit.
+    /// Samples of the inertial unit; `None` without a unit.
     pub fn imu_samples(&self) -> Option<Vec<ImuSample>> {
         let imu = self.rig.imu.as_ref()?;
         Some(imu::record(&self.motion, imu, self.spec.recorded_seconds(), hash(self.spec.seed, IMU_STREAM)))

@@ -17,7 +17,8 @@ pub struct DriveSpec {
     pub seed: u64,
     /// Length, s ([`limits::SECONDS`]). The last revolution of the lidar is completed.
     pub seconds: f64,
-    /// The lidar fires at every n-th azimuth step; 1 is the real rate, more is faster and sparser ([`limits::LIDAR_STEP`]).
+    /// The lidar fires at every n-th azimuth step; 1 is the real rate, larger values are faster and sparser
+    /// ([`limits::LIDAR_STEP`]).
     pub lidar_step: u32,
     /// Whether the color cameras record.
     pub cameras: bool,
@@ -25,13 +26,13 @@ pub struct DriveSpec {
     pub mosaics: bool,
     /// Exposure of the mosaic cameras and of their dark reference, ns ([`limits::MOSAIC_EXPOSURE_MS`]).
     pub mosaic_exposure_nanos: u64,
-    /// Whether `truth/visibility` is written: which returns each camera sees.
+    /// Whether `truth/visibility` is written: the returns that are visible in each camera.
     pub truth_visibility: bool,
     /// The vehicle, with nominal mountings.
     pub rig: RigSpec,
-    /// Errors of the nominal mountings.
+    /// Calibration errors of the nominal mountings.
     pub calibration_error: CalibrationError,
-    /// Errors of the lidar's nominal beams.
+    /// Errors of the nominal beams of the lidar.
     pub lidar_errors: LidarErrors,
     /// Density of the traffic.
     pub traffic: Traffic,
@@ -55,16 +56,16 @@ impl DriveSpec {
             truth_visibility: false,
         }
     }
-    /// The same drive with a sparse lidar alone, for tests.
+    /// This drive with only a sparse lidar, for tests.
     #[must_use]
     pub fn sparse(self, lidar_step: u32) -> Self {
         Self { lidar_step, cameras: false, mosaics: false, ..self }
     }
-    /// Model of the rig's lidar.
+    /// Model of the lidar of the rig.
     pub const fn lidar_model(&self) -> LidarModel {
         LidarModel::of(self.rig.lidar.model)
     }
-    /// Duration that the sensors record, s: to the end of the last lidar packet.
+    /// Recorded duration, s: up to the end of the last lidar packet.
     pub fn recorded_seconds(&self) -> f64 {
         let model = self.lidar_model();
         (model.n_packets(self.seconds) as i64 * model.packet_nanos()) as f64 * 1e-9
@@ -83,19 +84,19 @@ impl DriveSpec {
 /// Contents of a written drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriveReport {
-    /// Revolutions of the lidar, the last one cut short by the end of its packet.
+    /// Number of lidar revolutions; the last one ends with its packet.
     pub n_sweeps: u32,
-    /// Lidar packets.
+    /// Number of lidar packets.
     pub n_packets: u64,
-    /// Returns.
+    /// Number of returns.
     pub n_returns: u64,
-    /// Color images, of all cameras.
+    /// Number of color images of all cameras.
     pub n_images: u32,
-    /// Mosaic images of all cameras, without references.
+    /// Number of mosaic images of all cameras, without references.
     pub n_mosaics: u32,
-    /// Returns by class id.
+    /// Number of returns by class id.
     pub returns_by_class: [u64; ClassId::ALL.len()],
-    /// Primitives in the scene.
+    /// Number of primitives in the scene.
     pub n_primitives: usize,
 }
 

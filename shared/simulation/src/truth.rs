@@ -18,7 +18,7 @@ pub fn trajectory(motion: &Motion, seconds: f64) -> Trajectory {
     trajectory
 }
 
-/// Label of a return as in SemanticKITTI: class in the lower 16 bits, instance in the upper 16.
+/// Label of a return in the encoding of SemanticKITTI: class in the lower 16 bits, instance in the upper 16.
 pub fn label(of: &LidarReturn) -> u32 {
     of.class as u32 | u32::from(of.instance) << 16
 }
@@ -31,7 +31,7 @@ pub struct Revolutions {
 }
 
 impl Revolutions {
-    /// Adds the next block; returns the labels of a revolution if the block ends one.
+    /// Adds the next block. If the block completes a revolution, returns the labels of the revolution.
     pub fn push(&mut self, block: &Block) -> Option<Vec<u32>> {
         let wraps = self.last_azimuth.is_some_and(|last| block.azimuth < last);
         self.last_azimuth = Some(block.azimuth);

@@ -1,4 +1,4 @@
-//! Color images, mosaic images with references and calibration, and the truth about materials and defective pixels.
+//! Color images, mosaic images with references and calibration, and ground truth of materials and defective pixels.
 
 use super::files::Folder;
 use super::progress::{MOSAIC_WORK, Progress, image_work};
@@ -12,7 +12,7 @@ use random::hash;
 use std::fmt::Write;
 use town::material::Material;
 
-/// Images of each reference.
+/// Number of images of each reference.
 const N_REFERENCES: u64 = 2;
 /// Writes the images of the color cameras; returns their number.
 pub fn write_images(

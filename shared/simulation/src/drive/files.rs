@@ -1,4 +1,4 @@
-//! The folder of a drive while it is written.
+//! The folder of a drive during writing.
 
 use crate::error::SimulationError;
 use image::ExtendedColorType;
@@ -7,11 +7,11 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// High enough that JPEG block edges are weaker than sensor noise.
+/// JPEG quality: block edges are weaker than sensor noise.
 const JPEG_QUALITY: u8 = 88;
 
-/// A folder `OUT.partial` beside the output. It is renamed to the output when complete and removed when dropped before, so that
-/// a failed run leaves no files and a killed run leaves no incomplete drive.
+/// A folder `OUT.partial` next to the output. It is renamed to the output when complete and removed when dropped earlier,
+/// so that a failed run leaves no files and a killed run leaves no incomplete drive.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
@@ -19,7 +19,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Creates the folder; removes what an interrupted run left there.
+    /// Creates the folder; removes the remains of an interrupted run.
     pub fn beside(out: &Path) -> Result<Self, SimulationError> {
         let mut name = out.file_name().map_or_else(|| OsString::from("drive"), OsString::from);
         name.push(".partial");
@@ -54,7 +54,7 @@ impl Folder {
             .map_err(|cause| SimulationError::Image { path: self.path.join(name), cause })?;
         self.write(name, &bytes)
     }
-    /// Syncs the complete drive and renames it to `out`: a power loss must not leave a drive of that name with empty files.
+    /// Syncs the complete drive and renames it to `out`. After a power loss, no drive of this name has empty files.
     pub fn complete(mut self, out: &Path) -> Result<(), SimulationError> {
         sync_all(&self.path)?;
         fs::rename(&self.path, out).map_err(SimulationError::write(out))?;
@@ -84,7 +84,7 @@ fn sync(path: &Path) -> Result<(), SimulationError> {
 impl Drop for Folder {
     fn drop(&mut self) {
         if !self.is_complete {
-            // The original error is reported; the next run removes what cannot be removed now.
+            // The original error is reported; the next run removes the remains.
             let _ = fs::remove_dir_all(&self.path);
         }
     }

@@ -17,10 +17,11 @@ use std::io::BufWriter;
 const BATCH: u64 = 181;
 /// Data packets for each position packet, as in a real capture of an HDL-32E.
 const POSITION_EVERY: u64 = 9;
-/// A position packet follows the data packet that it waited for, ns.
+/// Delay of a position packet after the data packet that triggers it, ns.
 const POSITION_DELAY_NANOS: i64 = 100_000;
 
-/// Writes capture and labels. Position packets carry the receiver's sentences. `done` receives the number of new packets.
+/// Writes capture and labels. Position packets carry the sentences of the receiver. `done` receives the number of new
+/// packets.
 pub fn write(
     simulation: &Simulation,
     folder: &Folder,
@@ -46,7 +47,7 @@ pub fn write(
             }
             let payload = lidar.payload(packet, blocks);
             capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
-            // The device repeats the receiver's last sentence.
+            // The device repeats the last sentence of the receiver.
             if packet % POSITION_EVERY == 0 {
                 let stamp = stamp.plus_nanos(POSITION_DELAY_NANOS);
                 // Without a receiver there is no pulse.

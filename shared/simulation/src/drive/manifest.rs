@@ -51,7 +51,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
     }
 }
 
-/// Folder of a LiDAR after the first.
+/// Folder of an additional LiDAR.
 pub fn lidar_folder(name: &str) -> String {
     format!("lidar_{name}")
 }

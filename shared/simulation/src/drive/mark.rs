@@ -1,4 +1,4 @@
-//! `simulated.toml`: the mark of a simulated drive, with what it was simulated from.
+//! `simulated.toml`: marks a drive as simulated and records its settings.
 
 use crate::drive_settings::DriveSettings;
 use crate::sensors::lidar::{LidarErrors, LidarGrade};
@@ -9,7 +9,7 @@ use settings::Word;
 use std::path::Path;
 use town::Traffic;
 
-/// Content of the file: the settings that tell one drive from another at a glance.
+/// Content of the file: the settings that distinguish drives at a glance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimulatedDrive {
     /// Kind of town.
@@ -18,7 +18,7 @@ pub struct SimulatedDrive {
     pub seed: u64,
     /// Length, s.
     pub seconds: f64,
-    /// Errors of the LiDAR and the unit that has them; absent for a perfect unit.
+    /// Errors of the LiDAR and the unit that they belong to; absent for a perfect unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lidar_unit: Option<String>,
     /// Density of the traffic; absent if normal.
@@ -30,7 +30,8 @@ impl SimulatedDrive {
     /// Name of the file in a drive folder.
     pub const FILE: &str = "simulated.toml";
 
-    /// The mark of a drive folder; `None` if the folder has none: it was recorded, or simulated by an earlier version.
+    /// The mark of a drive folder. `None` if there is no mark: the drive was recorded, or simulated by an earlier
+    /// version.
     pub fn read(folder: &Path) -> Option<Self> {
         read_toml(&folder.join(Self::FILE)).ok()
     }

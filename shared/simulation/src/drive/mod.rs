@@ -20,19 +20,19 @@ use messages::ClassId;
 use progress::{PACKET_WORK, Progress};
 use std::path::Path;
 
-/// Simulates a drive and writes it as folder `out`. It is written beside `out` and renamed when complete; a failure leaves no
-/// files. `progress` receives the finished share, 0 to 1.
+/// Simulates a drive and writes it as folder `out`. It is written next to `out` and renamed when complete; a failure
+/// leaves no files. `progress` receives the finished share, 0 to 1.
 pub fn write_drive(
     spec: &DriveSpec,
     out: &Path,
     progress: &mut dyn FnMut(f64),
 ) -> Result<DriveReport, SimulationError> {
-    // Checked before the town is built, which takes seconds.
+    // Checked before the town is built, which takes several seconds.
     refuse_existing(out)?;
     write_simulation(&Simulation::new(spec)?, out, progress)
 }
 
-/// As [`write_drive`], for an existing simulation.
+/// Like [`write_drive`], for an existing simulation.
 pub fn write_simulation(
     simulation: &Simulation,
     out: &Path,

@@ -25,7 +25,7 @@ pub struct Progress<'a> {
 }
 
 impl<'a> Progress<'a> {
-    /// Nothing is done yet. `report` receives the share that is done, 0 to 1.
+    /// Starts at zero. `report` receives the finished share, 0 to 1.
     pub fn new(simulation: &Simulation, n_exposures: usize, report: &'a mut dyn FnMut(f64)) -> Self {
         let Simulation { spec, rig, .. } = simulation;
         let models = std::iter::once(rig.lidar.model).chain(rig.other_lidars.iter().map(|other| other.lidar.model));

@@ -1,4 +1,4 @@
-//! `truth/visibility`: which cameras see each return.
+//! `truth/visibility`: the cameras in which each return is visible.
 //!
 //! One file per sweep, `<sweep, 6 digits>.visibility`, little-endian:
 //!
@@ -6,12 +6,12 @@
 //! |---|---|
 //! | 8 | `REPLVIS1` |
 //! | 4 | number of exposures e near in time |
-//! | 4 | number of returns r, those of the sweep's `.label` file in its order |
+//! | 4 | number of returns r, in the order of the sweep's `.label` file |
 //! | 8 e | stamps of the exposures, i64 |
-//! | r e b | by return, then by exposure, b bytes, one for each eight cameras or part of eight: bit k % 8 of byte k / 8 is set if camera k sees it: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the thesis' vehicle) |
+//! | r e b | by return, then by exposure, b bytes, one for each eight cameras or part of eight: bit k % 8 of byte k / 8 is set if the return is visible in camera k: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the vehicle of the thesis) |
 //!
-//! A camera sees a return if a ray from the camera, at the middle of the exposure, hits the surface there. Objects that have
-//! moved away are therefore not seen. Leaves stop each ray by chance, and it may end within half a meter.
+//! A return is visible if a ray from the camera, at the middle of the exposure, hits the surface there. Objects that have
+//! moved away are therefore not visible. Leaves stop each ray at random, and it may end within half a metre.
 
 use super::files::Folder;
 use crate::error::SimulationError;
@@ -142,14 +142,14 @@ mod tests {
                     continue;
                 }
                 let p = Point3::from(origin + direction * f64::from(hit.range_m));
-                // Returns within a hundredth of a millimetre.
+                // Positions of the return that differ by at most a hundredth of a millimetre.
                 let beside = (0..40).map(|k| p + Vector3::x() * f64::from(k) * 2.5e-7);
                 let n_seen = beside.filter(|p| is_seen(&simulation, &exposure, view, p)).count();
                 n_leaves += 1;
                 n_mixed += usize::from((1..40).contains(&n_seen));
             }
         }
-        // With one chance for all rays to a crown, such returns would be all seen or all hidden.
+        // With one random number for all rays to a crown, such returns would be all visible or all hidden.
         assert!(n_leaves > 100 && 2 * n_mixed > n_leaves, "{n_mixed} of {n_leaves}");
     }
 }

@@ -15,7 +15,7 @@ pub struct CalibrationError {
 }
 
 impl RigSpec {
-    /// The rig with true mountings, if this one has the nominal mountings.
+    /// The rig with true mountings; `self` has the nominal mountings.
     #[must_use]
     pub fn with_true_mountings(&self, error: CalibrationError, seed: u64) -> Self {
         let mut rig = self.clone();
@@ -54,7 +54,7 @@ impl RigSpec {
     }
 }
 
-/// Draws the errors sensor by sensor.
+/// Draws the mounting errors of one sensor after the other.
 struct MountingErrors {
     error: CalibrationError,
     seed: u64,

@@ -18,8 +18,8 @@ use std::path::Path;
 
 const KEYS: [&str; 8] = ["name", "body_height_m", "lidar", "trigger", "camera", "mosaic", "gnss", "imu"];
 
-/// Mounting of a sensor. Angles rotate the sensor from the body axes: first roll about x, then pitch about y (positive looks
-/// down), then yaw about z (positive looks left). A camera without angles looks forward.
+/// Mounting of a sensor. Angles rotate the sensor from the body axes: first roll about x, then pitch about y (positive is
+/// down), then yaw about z (positive is left). A camera without angles faces forward.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawMounting {
@@ -35,7 +35,7 @@ struct RawMounting {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawLidar {
-    /// Required if there are several.
+    /// Required if there are several LiDARs.
     #[serde(default)]
     name: Option<String>,
     model: String,
@@ -97,7 +97,7 @@ fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
         file.required("body_height_m", &[]).inspect(|h| within(&mut file, "body_height_m", *h, 0.0, 3.0));
     let lidars: Vec<Option<RawLidar>> = file.one_or_more("lidar", &[]);
     let lidars = lidars::lidars(&mut file, lidars);
-    // Those that cannot be read are among the problems.
+    // Cameras that cannot be read are reported as problems.
     let cameras: Vec<RawCamera> = file.list("camera", &[]).into_iter().flatten().collect();
     let mosaics: Vec<RawMosaic> = file.list("mosaic", &[]).into_iter().flatten().collect();
     let trigger: Option<RawTrigger> = file.optional("trigger", &[]);
@@ -200,7 +200,7 @@ fn pose(file: &mut TomlFile, key: &str, raw: &RawMounting) -> Pose {
     Isometry3::from_parts(Vector3::from(raw.position).into(), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
 }
 
-/// The body's axes become a camera's: x right, y down, z forward.
+/// Converts a mounting from body axes to camera axes: x right, y down, z forward.
 fn camera_pose(file: &mut TomlFile, key: &str, raw: &RawMounting) -> Pose {
     let axes = Matrix3::from_columns(&[-Vector3::y(), -Vector3::z(), Vector3::x()]);
     pose(file, key, raw) * UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))

@@ -1,7 +1,7 @@
-//! The vehicle: which sensors it carries, where they are mounted and how accurate they are.
+//! The vehicle: its sensors, their mountings and their accuracy.
 //!
-//! A rig file (`shared/simulation/rigs/README.md`) describes one rig; [`RigSpec::built_in_names`] lists those built in. The body frame has x
-//! forward, y left, z up, and its origin is `body_height_m` above the road.
+//! A rig file (`shared/simulation/rigs/README.md`) describes one rig; [`RigSpec::built_in_names`] lists the built-in
+//! rigs. The body frame has x forward, y left, z up, and its origin is `body_height_m` above the road.
 
 mod built_in;
 mod calibration;

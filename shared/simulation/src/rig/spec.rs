@@ -16,7 +16,7 @@ pub struct RigSpec {
     pub body_height_m: f64,
     /// The first LiDAR.
     pub lidar: LidarSpec,
-    /// Name of the first LiDAR, if there are others.
+    /// Name of the first LiDAR, if there are several.
     pub lidar_name: Option<String>,
     /// The other LiDARs.
     pub other_lidars: Vec<OtherLidarSpec>,
@@ -41,10 +41,10 @@ pub struct LidarSpec {
     pub body_from_lidar: Pose,
 }
 
-/// A LiDAR after the first.
+/// An additional LiDAR.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OtherLidarSpec {
-    /// Name, also of its folder in the drive.
+    /// Name, which is also its folder in the drive.
     pub name: String,
     /// Model and mounting.
     pub lidar: LidarSpec,
@@ -66,18 +66,18 @@ pub struct CameraSpec {
 /// A mosaic camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MosaicSpec {
-    /// Name, also of its folder in the drive.
+    /// Name, which is also its folder in the drive.
     pub name: String,
     /// Model.
     pub sensor: MosaicModel,
     /// Mounting.
     pub body_from_camera: Pose,
-    /// Lens; the image has the sensor's size.
+    /// Lens; the image has the size of the sensor.
     pub lens: CameraModel,
 }
 
 impl RigSpec {
-    /// Indexes of color cameras with equal lenses: they count as one instrument and share their gain.
+    /// Indices of color cameras with equal lenses: such cameras form one instrument and share their gain.
     pub fn lens_groups(&self) -> Vec<Vec<usize>> {
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (index, camera) in self.cameras.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Color cameras: wide-angle lens, motion blur, automatic gain, and sensor noise.
 //!
-//! Every pixel is sampled once in the middle of the exposure. Pixels that differ from their neighbors (edges, texture) are
-//! sampled at four more points, each in its own quarter of the exposure. Edges are therefore antialiased, and near moving
-//! objects are blurred.
+//! Every pixel is sampled once in the middle of the exposure. Pixels that differ from their neighbors (edges, texture)
+//! are sampled at four more points, each in a different quarter of the exposure. Edges are therefore antialiased, and
+//! close moving objects are blurred.
 
 mod develop;
 
@@ -49,11 +49,11 @@ impl ColorCamera {
         let (width, height) = model.size();
         let pixels = (0..height).flat_map(|v| (0..width).map(move |u| [f64::from(u), f64::from(v)]));
         let rays = lens_rays(model, pixels);
-        // As a retrofocus lens: 0.62 at 60 degrees from the axis.
+        // As in a retrofocus lens: 0.62 at 60 degrees from the axis.
         let shading =
             rays.iter().map(|ray| ray.map_or(0.0, |ray| 1.0 - 0.38 * (ray.z.acos() / 1.05).powi(2))).collect();
         let filters = FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
-        // White balance near the sun, as cameras choose it in sunny streets: shadows are cool.
+        // White balance close to sunlight, as cameras choose it in sunny streets: shadows are bluish.
         let palette = Palette::new(&filters, |sun, sky| sun + 0.4 * sky);
         Self { width, height, rays, shading, palette }
     }
@@ -129,7 +129,7 @@ impl ColorCamera {
         develop(&light, &self.shading, gain, seed)
     }
 
-    /// Share of the light of a pixel that comes from the sky, by the samples of a refined pixel: 0 to 1.
+    /// Share of the light of a pixel that comes from the sky, from the samples of a refined pixel: 0 to 1.
     pub fn sky_share(&self, exposure: &Exposure<'_>, [u, v]: [usize; 2]) -> f32 {
         let i = v * self.width as usize + u;
         let samples = std::iter::once(self.sample(exposure, i, MIDDLE, [0.0; 2], 0)).chain(self.fine(exposure, i));
@@ -144,7 +144,7 @@ impl ColorCamera {
         [self.width as usize, self.height as usize]
     }
 
-    /// Whether a pixel differs from those around it.
+    /// Whether a pixel differs from its neighbors.
     fn needs_samples(&self, levels: &[f32], i: usize) -> bool {
         let [width, height] = self.sides();
         let u = i % width;
@@ -171,7 +171,7 @@ impl ColorCamera {
         })
     }
 
-    /// One ray through a pixel, `offset` px from its center; `None` outside the lens.
+    /// One ray through a pixel, `offset` px from its center; `None` outside the field of view.
     fn sample(&self, exposure: &Exposure<'_>, i: usize, instant: usize, offset: [f32; 2], k: u64) -> Option<Sample> {
         let width = self.width as usize;
         let center = self.rays[i]?;

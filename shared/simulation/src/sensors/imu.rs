@@ -9,10 +9,10 @@ use random::{gauss, hash};
 
 /// Gravity, m/s^2.
 const GRAVITY: f64 = 9.80665;
-/// Correlation time of the bias drift, s: the flat bottom of Allan plots lies at some minutes.
+/// Correlation time of the bias drift, s: the minimum of Allan plots is at some minutes.
 const WANDER_SECONDS: f64 = 300.0;
-/// Vibration by engine and road at full speed, m/s^2. At 20 Hz and above this is less than 20 µm, below the resolution of the
-/// other sensors.
+/// Vibration by engine and road at full speed, m/s^2. At 20 Hz and above this is less than 20 µm, below the resolution of
+/// the other sensors.
 const VIBRATION: f64 = 0.1;
 /// Speed of full vibration, m/s.
 const VIBRATION_MPS: f64 = 10.0;
@@ -30,7 +30,7 @@ pub enum Grade {
     Mems,
 }
 
-/// An inertial unit whose axes are the body's.
+/// An inertial unit whose axes are the body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuSpec {
     /// Grade.
@@ -54,7 +54,7 @@ struct Errors {
 }
 
 impl Grade {
-    /// All of them.
+    /// All grades.
     pub const ALL: [Self; 2] = [Self::Tactical, Self::Mems];
 
     /// Name in rig files.
@@ -65,9 +65,9 @@ impl Grade {
         }
     }
 
-    /// Of accelerometers and gyroscopes, the figures of data sheets of the class, rounded. Tactical: offset 2 mg and 2 deg/h,
-    /// instability 0.05 mg and 0.1 deg/h, 0.12 mg per root Hz and 0.012 deg per root h, 300 and 100 ppm. MEMS: offset
-    /// 3 mg and 0.2 deg/s, instability 0.04 mg and 10 deg/h, 0.08 mg and 0.01 deg/s per root Hz, 500 ppm each.
+    /// Errors of accelerometers and gyroscopes, rounded from data sheets of the class. Tactical: offset 2 mg and 2 deg/h,
+    /// instability 0.05 mg and 0.1 deg/h, 0.12 mg per root Hz and 0.012 deg per root h, 300 and 100 ppm. MEMS: offset 3
+    /// mg and 0.2 deg/s, instability 0.04 mg and 10 deg/h, 0.08 mg and 0.01 deg/s per root Hz, 500 ppm each.
     const fn errors(self) -> [Errors; 2] {
         match self {
             Self::Tactical => [
@@ -222,7 +222,7 @@ mod tests {
     }
 
     fn true_rate(motion: &Motion, at: f64) -> Vector3<f64> {
-        // 15 degrees an hour about the axis of the Earth, which stands 48.8 degrees above the north.
+        // 15 degrees an hour about the axis of the Earth, which points 48.8 degrees above north.
         let earth = Vector3::new(0.0, 0.658, 0.753) * 7.292e-5;
         motion.angular_rate(at) + motion.pose(at).rotation.inverse() * earth
     }
@@ -244,7 +244,7 @@ mod tests {
                 biases[1] += off[1].xy().norm_squared();
                 n += 2.0;
             }
-            // The mean of 61 samples has an eighth of their noise, too.
+            // Averaging 61 samples reduces their noise to an eighth.
             for (found, errors) in biases.map(|sum| (sum / n).sqrt()).into_iter().zip([force, rate]) {
                 let expected = errors.bias.hypot(errors.noise_density * 200.0_f64.sqrt() / 61.0_f64.sqrt());
                 assert!((0.75..1.25).contains(&(found / expected)), "{grade:?}: {found}, {expected}");

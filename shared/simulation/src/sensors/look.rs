@@ -13,7 +13,7 @@ use town::{SceneHit, Spectrum};
 /// One contribution to a camera ray: a material under some light, or the sky.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Part {
-    /// Number in [`Material::ALL`]; `Material::ALL.len()` stands for the sky.
+    /// Index in [`Material::ALL`]; `Material::ALL.len()` represents the sky.
     pub material: u16,
     /// Light towards the camera, before the reflectance is applied.
     pub light: Light,
@@ -24,7 +24,7 @@ pub struct Part {
 pub struct Sample {
     /// Instant of the exposure.
     pub instant: usize,
-    /// The ray then.
+    /// The ray at this instant.
     pub ray: Ray,
     /// Image coordinates, px.
     pub at: [f32; 2],
@@ -36,11 +36,11 @@ type TimedRay = (Ray, usize);
 /// Contributions to a ray: the direct hit and its specular reflection.
 pub type Seen = [Part; 2];
 
-/// Index that stands for the sky, with reflectance 1.
+/// Index that represents the sky, with reflectance 1.
 const WHITE: u16 = Material::ALL.len() as u16;
 /// Specular reflections weaker than this are skipped.
 const FAINT: f32 = 0.02;
-/// Assumed share of the sky that reflected objects see.
+/// Assumed visible share of the sky for reflected objects.
 const OPEN_IN_MIRROR: f32 = 0.5;
 
 /// Response of the bands of a camera to each material.
@@ -49,14 +49,14 @@ pub struct Palette {
     properties: Vec<Properties>,
     /// Signal by material and band under the full sun, in units of [`Self::new`]; the sky is last.
     sun: Vec<f32>,
-    /// The same under the full sky.
+    /// Signal by material and band under the full sky, in the same units.
     sky: Vec<f32>,
     n_bands: usize,
 }
 
 impl Palette {
-    /// A palette for these filters. `unit(sun, sky)` is the signal that counts as 1 for a band in which a perfect white gives
-    /// `sun` and `sky`.
+    /// A palette for these filters. `unit(sun, sky)` is the signal that counts as 1 for a band in which a perfect white
+    /// gives `sun` and `sky`.
     pub fn new(filters: &[Filter], unit: impl Fn(f32, f32) -> f32) -> Self {
         let sunlight = sunlight();
         let skylight = skylight();
@@ -83,15 +83,15 @@ impl Palette {
         part.light.sun * self.sun[at] + part.light.sky * self.sky[at]
     }
 
-    /// Contribution of a hit that receives the share `sun` of the full sun, sees the share `open` of the sky, and scatters the
-    /// share `kept` of its light; all 0 to 1.
+    /// Contribution of a hit that receives the share `sun` of the full sun and the share `open` of the skylight, and
+    /// scatters the share `kept` of its light; all 0 to 1.
     pub fn part(&self, hit: &SceneHit, sun: f32, open: f32, kept: f32) -> Part {
         let material = hit.surface.material as u16;
         let texture = self.properties[material as usize].texture(&hit.texture_point, &hit.normal);
         Part { material, light: Light::on(sun, open).times(texture * kept) }
     }
 
-    /// Contributions along samples of an exposure. Faster if neighboring samples are coherent.
+    /// Contributions along samples of an exposure. This is faster if consecutive samples are coherent.
     pub fn look(&self, exposure: &Exposure<'_>, sky: &SkyView, samples: &[Sample]) -> Vec<Seen> {
         let share = |ray: &Ray, hit: &SceneHit| {
             let gloss = self.properties[hit.surface.material as usize].gloss;
@@ -124,15 +124,15 @@ impl Palette {
         seen
     }
 
-    /// As [`Self::look`]; samples that are `None` get no light.
+    /// Like [`Self::look`]; samples that are `None` get no light.
     pub fn look_at_some(&self, exposure: &Exposure<'_>, sky: &SkyView, samples: &[Option<Sample>]) -> Vec<Seen> {
         let some: Vec<Sample> = samples.iter().copied().flatten().collect();
         let mut seen = self.look(exposure, sky, &some).into_iter();
         samples.iter().map(|sample| sample.and_then(|_| seen.next()).unwrap_or_default()).collect()
     }
 
-    /// Contributions and hits of rays. `place(i, hit)` returns the share of the sky that the hit of ray i sees, and the share of
-    /// its light that is not mirrored.
+    /// Contributions and hits of rays. `place(i, hit)` returns the visible share of the sky at the hit of ray i, and the
+    /// share of its light that is not specularly reflected.
     fn parts(
         &self,
         exposure: &Exposure<'_>,

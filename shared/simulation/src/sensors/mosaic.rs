@@ -1,8 +1,8 @@
 //! Mosaic cameras Photonfocus HS02 and HS03: every pixel has one filter of a repeating pattern.
 //!
-//! One ray per 2 x 2 pixels samples the scene, each in its own ninth of the exposure. A pixel integrates the nine samples around
-//! it, weighted by the point spread of the lens (1.5 px), through its own filter: light x reflectance x response over the whole
-//! exposure, with motion blur.
+//! One ray per 2 x 2 pixels samples the scene, each in a different ninth of the exposure. A pixel integrates the nine
+//! samples around it, weighted by the point spread of the lens (1.5 px), through its own filter: light x reflectance x
+//! response over the whole exposure, with motion blur.
 
 mod calibration;
 mod chip;
@@ -27,20 +27,20 @@ use town::Spectrum;
 
 /// Default exposure of the scene and of the dark reference, ns (thesis 2.5.1: 5 ms).
 pub const EXPOSURE_NANOS: u64 = 5_000_000;
-/// Exposure of the white reference, ns: it fills the chip to 72 %.
+/// Exposure of the white reference, ns: it reaches 72 % of saturation.
 pub const WHITE_EXPOSURE_NANOS: u64 = 12_000_000;
 /// Reflectance of the white target (thesis 2.5.1: "close to 98 %").
 pub const WHITE_REFLECTANCE: f32 = 0.98;
-/// Level of the white reference in the most sensitive band, counts above the dark level. At 5 ms a white in the sun then is at
-/// 30 % and a gray in the shade at 3 %: the concentration at low values that the thesis reports (4.3.1).
+/// Level of the white reference in the most sensitive band, counts above the dark level. At 5 ms a white in the sun is
+/// then at 30 % and a gray in the shade at 3 %: the concentration at low values that the thesis reports (4.3.1).
 const WHITE_LEVEL: f32 = 0.72 * FULL;
-/// Side of the block of pixels that has one ray, px.
+/// Side of the block of pixels that share one ray, px.
 const BLOCK: usize = 2;
 /// Standard deviation of the lens' point spread, px.
 const SPREAD_PX: f32 = 1.5;
 /// Grid spacing of the sky view, blocks.
 const SKY_STEP: usize = 16;
-/// Strata of the exposure: one for each of the samples that a pixel sees.
+/// Strata of the exposure: one for each of the samples of a pixel.
 const STRATA: usize = 9;
 
 /// A mosaic camera with its response to each material.
@@ -53,7 +53,7 @@ pub struct MosaicCamera {
     blocks: [usize; 2],
     rays: Vec<Option<Vec3>>,
     palette: Palette,
-    /// Per band: counts per ms of a perfect white that faces the sun under the open sky, in the middle of the image.
+    /// Counts per ms, by band, of a perfect white that faces the sun under the open sky, in the middle of the image.
     counts_per_ms: Vec<f32>,
 }
 
@@ -76,7 +76,7 @@ impl MosaicCamera {
         Self { model, chip, exposure_nanos: EXPOSURE_NANOS, blocks, rays, palette, counts_per_ms }
     }
 
-    /// The same camera with another exposure of scene and dark reference, ns.
+    /// This camera with another exposure of scene and dark reference, ns.
     #[must_use]
     pub fn exposed(self, exposure_nanos: u64) -> Self {
         Self { exposure_nanos, ..self }
@@ -117,17 +117,17 @@ impl MosaicCamera {
         })
     }
 
-    /// The dark reference: the lens is closed.
+    /// The dark reference, recorded with the lens covered.
     pub fn dark(&self, seed: u64) -> Vec<u16> {
         self.expose(self.exposure_nanos, seed, |_, _| 0.0)
     }
 
-    /// The white reference: a target that faces the sun under the open sky fills the image.
+    /// The white reference: a target that faces the sun under the open sky and fills the image.
     pub fn white(&self, seed: u64) -> Vec<u16> {
         self.expose(WHITE_EXPOSURE_NANOS, seed, |_, _| WHITE_REFLECTANCE)
     }
 
-    /// A ray through a block; `None` outside the lens.
+    /// A ray through a block; `None` outside the field of view.
     fn sample(&self, exposure: &Exposure<'_>, i: usize) -> Option<Sample> {
         let center = self.rays[i]?;
         let columns = self.blocks[0];
@@ -146,7 +146,8 @@ impl MosaicCamera {
         Some(Sample { instant, ray, at: [x as f32, y as f32] })
     }
 
-    /// Samples of a sensor chip whose pixels receive `reflectance([x, y] in the active area, band)` of a white in full light.
+    /// Samples of a sensor chip whose pixels receive `reflectance([x, y] in the active area, band)` of a white in full
+    /// light.
     fn expose(
         &self,
         exposure_nanos: u64,
@@ -243,7 +244,7 @@ mod tests {
                 let reflectance =
                     WHITE_REFLECTANCE * (gray[band] - dark[band]) / ((white[band] - dark[band]) * per_exposure);
                 let truth = 0.1 + 0.01 * band as f32;
-                // The dark level at the white's exposure is 0.35 counts higher than that which is subtracted.
+                // The dark level at the exposure of the white reference is 0.35 counts higher than the subtracted one.
                 let signal = camera.counts_per_ms[band] * 12.0;
                 assert!((reflectance - truth).abs() < 0.004 + truth / signal, "{} {band}: {reflectance}", model.name);
             }

@@ -1,7 +1,7 @@
 //! Sky visibility (ambient occlusion) of the surfaces in an image.
 //!
-//! The visible share of the sky is smooth along a surface. It is therefore sampled on a coarse image grid, 16 rays per grid
-//! point, and interpolated to the pixels from grid points on the same surface.
+//! The visible share of the sky varies smoothly along a surface. It is therefore sampled on a coarse image grid, 16 rays
+//! per grid point, and interpolated to the pixels from grid points on the same surface.
 
 use super::exposure::{Exposure, MIDDLE};
 use super::lens::FAR_M;
@@ -12,9 +12,9 @@ use town::{Scene, SceneHit, Snapshot};
 
 /// Occluders beyond this distance are ignored, m.
 const REACH_M: f32 = 40.0;
-/// Rays per grid point are the square of this.
+/// Square root of the number of rays per grid point.
 const GRID_SIDE: u32 = 4;
-/// The same for pixels without a usable grid point.
+/// Square root of the number of rays for pixels without a usable grid point.
 const ALONE_SIDE: u32 = 2;
 
 /// The coarse grid of one image.
@@ -49,7 +49,7 @@ impl SkyView {
         let place = |i: usize| {
             let u = (i % columns * step).min(width - 1);
             let v = (i / columns * step).min(height - 1);
-            // A seed that differs from those of the pixels: rays in leaves end elsewhere.
+            // The seed differs from the seeds of the pixels, so that rays end at different places in leaves.
             let ray = exposure.ray(MIDDLE, &direction(u, v)?, i as u64 ^ 0x51c7_0000_0000);
             let hit = exposure.scene.cast(snapshot, &ray, FAR_M)?;
             let point = ray.at(hit.range_m);
@@ -75,7 +75,7 @@ impl SkyView {
             [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)]
         {
             let Some(place) = self.places[(row + dy) * self.columns + column + dx] else { continue };
-            // Uneven facades swing a few cm and degrees around their plane.
+            // Uneven facades deviate by some cm and degrees from their plane.
             let off = (point - place.point).dot(&place.normal).abs();
             let same = place.normal.dot(&hit.normal) > 0.8 && off < 0.04 + 0.01 * place.range_m;
             if same {
@@ -91,7 +91,7 @@ impl SkyView {
     }
 }
 
-/// The share by `side` times `side` rays, stratified over the hemisphere around the normal.
+/// The visible share from `side` times `side` rays, stratified over the hemisphere around the normal.
 fn open_share(scene: &Scene, snapshot: &Snapshot, ray: &Ray, hit: &SceneHit, side: u32) -> f32 {
     let origin = ray.at(hit.range_m) + hit.normal * 0.01;
     let across = if hit.normal.z.abs() < 0.9 { Vec3::z() } else { Vec3::x() }.cross(&hit.normal).normalize();
@@ -104,7 +104,7 @@ fn open_share(scene: &Scene, snapshot: &Snapshot, ray: &Ray, hit: &SceneHit, sid
         let radius = radius2.sqrt();
         let direction =
             across * (radius * angle.cos()) + along * (radius * angle.sin()) + hit.normal * (1.0 - radius2).sqrt();
-        // What lies below the horizon is no sky.
+        // Directions below the horizon do not show the sky.
         if direction.z <= 0.0 {
             continue;
         }

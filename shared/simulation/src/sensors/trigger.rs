@@ -12,7 +12,7 @@ pub struct TriggerSpec {
     pub way_m: f64,
 }
 
-/// First exposure after the start, ns: it does not coincide with the first firing of the lidar.
+/// Time of the first exposure after the start, ns: it does not coincide with the first firing of the lidar.
 const FIRST_NANOS: i64 = 250_000_000;
 
 /// Stamps of the exposures before `seconds`.
@@ -43,7 +43,7 @@ mod tests {
         let motion = example(Stamp(0), 110.0);
         let stamps = exposures(&motion, &TriggerSpec { rate_hz: 1.0, way_m: 1.0 }, 6.0);
         let seconds: Vec<f64> = stamps.iter().map(|s| s.0 as f64 * 1e-9).collect();
-        // At the begin the vehicle stands, at the end it drives.
+        // The vehicle is stationary at the start and moving at the end.
         assert_eq!((seconds[0], seconds[seconds.len() - 1]), (0.25, 5.25));
         let distance =
             |from: f64, to: f64| (motion.pose(to).translation.vector - motion.pose(from).translation.vector).norm();

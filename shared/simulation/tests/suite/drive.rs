@@ -26,7 +26,7 @@ fn drive_bytes_do_not_depend_on_thread_count() {
     let two = drive(&spec, 2);
     assert!(one.contains_key("drive.toml") && one.keys().any(|name| name.starts_with("hs02/")));
     assert!(one == two, "a file differs");
-    // Images of a sixteenth of the size, so that the test stays short.
+    // Images have a sixteenth of the size, which keeps the test short.
     let CameraModel::KannalaBrandt(lens) = RigSpec::l3d2().cameras[0].lens.clone() else { panic!("another lens") };
     let fx = lens.fx / 4.0;
     let fy = lens.fy / 4.0;
@@ -74,7 +74,7 @@ fn every_return_has_a_label_in_firing_order() {
             let class = label & 0xffff;
             let instance = label >> 16;
             assert!(class <= 22);
-            assert_eq!(instance > 0, class == 4 || class == 10, "pedestrians and vehicles have instances, others none");
+            assert_eq!(instance > 0, class == 4 || class == 10, "only pedestrians and vehicles have instances");
         }
     }
     assert!(sweeps[..5].iter().all(|sweep| sweep.len() > 10_000));
@@ -182,7 +182,7 @@ fn decoder_returns_equal_simulated_returns() {
         for (found, expected) in returns.iter().zip(expected) {
             let [x, y, z] = expected.direction.map(|d| d * expected.range_m);
             let off = (f64::from(found.x) - x).hypot(f64::from(found.y) - y).hypot(f64::from(found.z) - z);
-            // The decoder knows the angles to 0.01 degrees.
+            // The decoder resolves angles to 0.01 degrees.
             assert!(off < 0.0005 + 2e-4 * expected.range_m, "{found:?} {expected:?}");
             assert_eq!(found.intensity, expected.intensity);
             let seconds = info.stamp.seconds_since(begin) + f64::from(found.offset_nanos) * 1e-9;
@@ -223,7 +223,7 @@ fn built_in_rigs_of_other_data_sets_produce_drives() {
         };
         assert_eq!((drive.model(), report.n_images), (model.into(), n_cameras));
         assert_eq!((drive.camera_frames().len(), drive.mosaic_frames().len()), (n_cameras as usize, 0));
-        // Most near returns are road, and the body frame is at the height of the rig above it.
+        // Most close returns are road, and the body frame is at the height of the rig above it.
         let heights = heights_around(&drive);
         assert!(heights.len() > 500, "{}", heights.len());
         let road = heights[heights.len() / 3] + spec.rig.body_height_m;

@@ -1,4 +1,5 @@
-//! Recordings against the scene: points lie on surfaces, images show objects where the lens model projects them.
+//! Recordings compared with the scene: points lie on surfaces, and images show objects where the lens model projects
+//! them.
 
 use crate::support::{Shot, files, revolutions};
 use geometry::{Point3, Pose, Stamp, Vector3};
@@ -12,14 +13,14 @@ use town::{Scene, SceneHit, Snapshot};
 /// Range of a camera or LiDAR, m.
 const FAR_M: f32 = 150.0;
 
-/// The scene along a ray without noise.
+/// The hit of a ray in the scene, without noise.
 fn look(scene: &Scene, snapshot: &Snapshot, from: &Point3<f64>, direction: &Vector3<f64>) -> Option<SceneHit> {
     let ray = Ray { origin: from.coords.cast(), direction: direction.cast(), seed: 0 };
     scene.cast(snapshot, &ray, FAR_M)
 }
 
-/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and mesh,
-/// which end rays at random, aside.
+/// Share of the returns within 10 cm (five sigmas) of the hit of a ray from the given pose. Leaves and mesh, which end
+/// rays at random, are excluded.
 fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64) -> Pose) -> f64 {
     let mut on = 0;
     let mut all = 0;
@@ -61,10 +62,10 @@ fn decoded_points_lie_on_scene_at_true_poses_only() {
     let begin = simulation.motion.begin;
     let at = |seconds: f64| truth.at(Stamp(begin.0 + (seconds * 1e9) as i64)).expect("the truth covers the drive");
     let sweeps = revolutions(&files["lidar/000000.pcap"]);
-    // Near the end the vehicle drives at full speed; a sweep lasts 0.8 m of way.
+    // Near the end the vehicle drives at full speed; it moves 0.8 m during a sweep.
     let sweep = &sweeps[38];
     let right = share_on_surfaces(&simulation, sweep, at);
-    // Measured 0.982. The others lie at edges, where the beam is wider than a ray: 3 % of the returns are mixed (below).
+    // Measured 0.982. The others are at edges, where the beam is wider than a ray: 3 % of the returns are mixed (below).
     assert!(right > 0.97, "{right}");
     // Without deskewing, and shifted by half a meter.
     let middle = sweep[sweep.len() / 2].seconds;
@@ -74,7 +75,8 @@ fn decoded_points_lie_on_scene_at_true_poses_only() {
     assert!(frozen < right - 0.05 && beside < right - 0.2, "{right} {frozen} {beside}");
 }
 
-/// Error of each sent range, and the range that a ray along the middle of the beam meets, of one revolution at rest.
+/// Error of each sent range, and the range of a ray along the middle of the beam, for one revolution of a stationary
+/// vehicle.
 fn ranges(simulation: &Simulation, model: LidarModel) -> Vec<(f64, LidarReturn, Option<SceneHit>)> {
     let lidar = simulation.lidar_of(model, simulation.rig.lidar.body_from_lidar, 3);
     let lasers = model.model.lasers();
@@ -143,7 +145,7 @@ fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp
     let snapshot = simulation.scene.at(seconds);
     let (width, height) = lens.size();
     let mut sums = [([0.0; 3], 0_u32); 2];
-    // A regular fan of rays stands for any sensor's points.
+    // A regular fan of rays represents the points of any sensor.
     for v in (4..height).step_by(3) {
         for u in (4..width).step_by(3) {
             let pixel = geometry::Vector2::new(f64::from(u), f64::from(v));
@@ -172,7 +174,7 @@ fn image_shows_points_where_lens_model_projects_them() {
     let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
     let camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
     let mut seen = [0; 2];
-    // The last three: at the start the vehicle stands.
+    // The last three: at the start the vehicle is stationary.
     for stamp in simulation.exposures().into_iter().rev().take(3) {
         for index in [0, 3] {
             let image = simulation.image(&camera, index, stamp);
@@ -186,7 +188,7 @@ fn image_shows_points_where_lens_model_projects_them() {
             if let Some([_, bright, _]) = paint {
                 let [_, Some([_, dark, _])] = mean_colors(&simulation, &image, index, stamp, 0.5) else { continue };
                 // Measured minimum 1.52.
-                assert!(bright > 1.35 * dark, "paint is brighter than the road beside it: {bright} {dark}");
+                assert!(bright > 1.35 * dark, "paint is brighter than the road around it: {bright} {dark}");
                 seen[1] += 1;
             }
         }

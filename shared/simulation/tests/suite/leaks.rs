@@ -1,4 +1,4 @@
-//! Ground truth stays in `truth/`: sensor files contain nothing that only the simulator knows.
+//! Ground truth stays in `truth/`: sensor files contain no information that is only available in the simulator.
 
 use crate::support::{files, udp_payloads};
 use drive::manifest::Manifest;
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// A vehicle with one sensor of every kind and small images, so that simulation is fast.
+/// A vehicle with one sensor of each kind and small images, for a fast simulation.
 fn small_rig() -> RigSpec {
     let text = r#"
 name = "small"
@@ -53,14 +53,14 @@ fn write(simulation: &Simulation) -> (Files, Files) {
     files(&out).into_iter().partition(|(name, _)| !name.starts_with("truth/"))
 }
 
-/// Files of the drive with seed 4 and nominal mountings: those of the sensors, and the truth.
+/// Sensor files and truth files of the drive with seed 4 and nominal mountings.
 static DRIVE: LazyLock<(Simulation, Files, Files)> = LazyLock::new(|| {
     let simulation = Simulation::new(&spec(4, CalibrationError::default())).expect("a town");
     let (sensors, truth) = write(&simulation);
     (simulation, sensors, truth)
 });
 
-/// Every class becomes another one, and every instance, too.
+/// Replaces every class and every instance by another one.
 fn shuffled(class: ClassId, instance: u16) -> (ClassId, u16) {
     let next = (class as usize + 7) % ClassId::ALL.len();
     (ClassId::ALL[next], if instance == 0 { 500 } else { instance - 1 })
@@ -77,13 +77,13 @@ fn relabeled_town_gives_identical_sensor_files() {
     };
     let (sensors_renamed, truth_renamed) = write(&renamed);
     for (name, bytes) in sensors {
-        assert!(sensors_renamed[name] == *bytes, "{name} knows classes or instances");
+        assert!(sensors_renamed[name] == *bytes, "{name} depends on classes or instances");
     }
     assert_eq!(sensors.len(), sensors_renamed.len());
     for part in ["lidar/", "camera/0/", "right/", "right/dark/", "gnss.nmea", "imu.csv", "drive.toml"] {
         assert!(sensors.keys().any(|name| name.starts_with(part)), "{part} was not written");
     }
-    // The relabeling must show in the truth, or the test is void.
+    // The relabeling must change the ground truth; otherwise the test is void.
     let (labels, others): (Vec<&String>, Vec<&String>) =
         truth.keys().partition(|name| name.starts_with("truth/labels/"));
     assert!(labels.len() >= 6 && labels.iter().all(|name| truth[*name] != truth_renamed[*name]));
@@ -102,8 +102,8 @@ fn manifest_does_not_depend_on_true_mountings() {
     };
     let (one, true_one) = of(1);
     let (other, true_other) = of(2);
-    assert_eq!(one, other, "mountings are those of the maker");
-    assert!(true_one != true_other, "and each drive has its own true ones");
+    assert_eq!(one, other, "mountings in drive.toml are the nominal ones");
+    assert!(true_one != true_other, "each drive has its own true mountings");
 }
 
 #[test]
@@ -133,13 +133,13 @@ fn images_and_packets_contain_no_spare_bytes() {
                 let blocks = payload[..1200].chunks_exact(100);
                 assert!(blocks.clone().all(|block| block[..2] == [0xff, 0xee]));
                 for block in blocks {
-                    // Angles go on as the motor turns, 0.17 deg from round to round, read with the encoder's noise.
+                    // Angles advance with the motor, 0.17 deg from round to round, with the noise of the encoder.
                     let azimuth = i32::from(u16::from_le_bytes([block[2], block[3]]));
                     let step = last.map_or(17, |last: i32| (azimuth - last).rem_euclid(36_000));
                     assert!((12..=21).contains(&step), "{step}");
                     last = Some(azimuth);
                     for part in block[4..].chunks_exact(3) {
-                        assert!(part[..2] != [0, 0] || part[2] == 0, "no return has no intensity");
+                        assert!(part[..2] != [0, 0] || part[2] == 0, "a missing return has no intensity");
                     }
                 }
             }

@@ -1,4 +1,4 @@
-//! Decoded packets of every lidar model against the scene.
+//! Decoded packets of every lidar model compared with the scene.
 
 use geometry::{Isometry3, Point3};
 use lidar::pcap::Writer;
@@ -19,7 +19,7 @@ fn decoded_points_of_every_lidar_model_match_hits() {
         let path = folder.path().join(model.name());
         let mut capture = Writer::new(std::fs::File::create(&path).expect("a file")).expect("writes");
         let mut expected = Vec::new();
-        // A few hundredths of a second, while the vehicle stands.
+        // Some hundredths of a second, during which the vehicle is stationary.
         for (packet, blocks) in (0..40).zip(lidar.packets(0..40)) {
             let stamp = lidar.packet_stamp(packet);
             capture.write_udp(stamp, DATA_PORT, &lidar.payload(packet, &blocks)).expect("writes");
@@ -43,12 +43,12 @@ fn decoded_points_of_every_lidar_model_match_hits() {
         for (found, (point, nanos, intensity, noise)) in decoded.iter().zip(&expected) {
             let at = world_from_lidar * Point3::new(found.x, found.y, found.z).cast::<f64>();
             let range_m = f64::from(found.x).hypot(f64::from(found.y)).hypot(f64::from(found.z));
-            // The encoder's error: three sigmas and the count that it cuts.
+            // Encoder error: three sigmas and the truncated count.
             let off = (at.coords - point.cast::<f64>()).norm();
             assert!(off < 0.006 + 5e-4 * range_m, "{model:?} {off} m at {range_m} m");
             assert!(*noise < 4.0 * LidarModel::of(model).optics.range_sigma_m, "{noise}");
             assert_eq!(found.intensity, *intensity);
-            // Halves of an HDL-64E fire at once; packets tell microseconds.
+            // Both halves of an HDL-64E fire simultaneously; packets resolve microseconds.
             let late = info.stamp.0 + i64::from(found.offset_nanos) - nanos;
             let slack = if model == Model::Hdl64e { 28_800 } else { 0 };
             assert!((-slack - 2000..2000).contains(&late), "{model:?} {late} ns");

@@ -1,4 +1,4 @@
-//! Statistics of a simulated HDL-32E against a real one.
+//! Statistics of a simulated HDL-32E compared with a real one.
 
 use geometry::Isometry3;
 use lidar::pcap::{PacketReader, Writer};
@@ -9,8 +9,9 @@ use simulation::sensors::lidar::LidarModel;
 use simulation::{DriveSpec, Simulation};
 use std::path::Path;
 
-/// The capture was taken this high above the road (its lowest ring meets the ground 9.3 m away) at this speed.
+/// Height of the sensor above the road in the capture, m: its lowest ring meets the ground 9.3 m away.
 const HEIGHT_M: f64 = 4.76;
+/// Rotation rate of the sensor in the capture.
 const TURNS_PER_SECOND: f64 = 10.93;
 
 struct Revolution {
@@ -65,12 +66,12 @@ fn simulated_revolution_matches_statistics_of_real_one() {
     let simulated = read(&path);
 
     println!("returns {}, share {:.4} (real {:.4})", simulated.returns.len(), simulated.share, real.share);
-    // The real sensor stood in the open, where a quarter of the firings see the sky; a street has houses.
+    // The real sensor was in the open, where a quarter of the firings hit the sky; a street has houses.
     assert!((0.74..0.77).contains(&real.share), "{}", real.share);
     assert!((real.share - 0.1..0.97).contains(&simulated.share), "{}", simulated.share);
     let n = simulated.returns.len();
     assert!((42_000..62_000).contains(&n), "{n}");
-    // The ground is seen by all lower rings.
+    // All lower rings hit the ground.
     let lower = |sweep: &Revolution| sweep.returns.iter().filter(|found| found.ring < 8).count() as f64;
     assert!(lower(&simulated) > 0.9 * lower(&real));
     let range = |found: &SweepPoint| found.x.hypot(found.y).hypot(found.z);

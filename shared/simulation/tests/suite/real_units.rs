@@ -1,4 +1,4 @@
-//! Drives as real vehicles record them: LiDAR units with errors, and dense traffic.
+//! Drives like recordings of real vehicles: LiDAR units with errors, and dense traffic.
 
 use lidar::velodyne::Model;
 use messages::ClassId;
@@ -63,7 +63,7 @@ fn ranges_and_intensities_of_imperfect_unit_err_by_ring_and_truth_does_not() {
         let real = real.packet(packet);
         for (a, b) in nominal.iter().zip(&real) {
             for (laser, (a, b)) in a.returns.iter().zip(&b.returns).enumerate() {
-                // With equal beams, both see the same.
+                // With equal beams, both hit the same surface.
                 let (Some(a), Some(b)) = (a, b) else { continue };
                 assert_eq!((a.class, a.instance, a.range_m), (b.class, b.instance, b.range_m));
                 let sum = &mut sums[usize::from(rings[laser])];
@@ -77,7 +77,7 @@ fn ranges_and_intensities_of_imperfect_unit_err_by_ring_and_truth_does_not() {
     for (ring, ([_, range_m, gain], [n, range_sum, before, after])) in table.into_iter().zip(sums).enumerate() {
         assert!(n > 100.0, "ring {ring}: {n} returns");
         assert!((range_sum / n - range_m).abs() < 3e-4, "ring {ring}: {} m, not {range_m} m", range_sum / n);
-        // Dark surfaces stay at one count, bright ones at their limit.
+        // Dark surfaces stay at one count, bright surfaces at their limit.
         assert!((after / before - gain).abs() < 0.2, "ring {ring}: {}, not {gain}", after / before);
     }
 }
@@ -114,7 +114,7 @@ fn share_of_movers(simulation: &Simulation, seconds: f64) -> f64 {
     n_moving.count() as f64 / near.len() as f64
 }
 
-/// Instances of vehicles that move: rays from all sides tell the instance of each mover.
+/// Instances of vehicles that move: rays from all sides give the instance of each mover.
 fn moving_instances(simulation: &Simulation) -> std::collections::BTreeSet<u16> {
     let snapshot = simulation.scene.at(0.0);
     let mut found = std::collections::BTreeSet::new();
@@ -149,7 +149,7 @@ fn queues_of_dense_traffic_stand_in_the_lanes_of_the_street() {
         let spec = DriveSpec { town, traffic: Traffic::Dense, ..DriveSpec::urban(2, 5.0) };
         let simulation = Simulation::new(&spec).expect("a town");
         let from_ego = simulation.motion.pose(0.0).inverse();
-        // Farther away, bends of the street move the lanes.
+        // At larger distances, bends of the street move the lanes.
         let near = simulation.scene.movers().iter().filter_map(|mover| {
             let place = from_ego * Point3::from(mover.pose(0.0).cast::<f64>().translation.vector);
             (place.x.abs() < 12.0 && (0.0..5.0).contains(&place.y)).then_some(place.y)
@@ -171,14 +171,14 @@ fn queue_of_dense_traffic_stands_at_first_and_starts_with_the_vehicle() {
         let relative = |seconds: f64| ego(seconds).inverse() * Point3::from(at(seconds));
         if relative(0.0).coords.xy().norm() < 45.0 && (at(6.0) - at(0.0)).norm() > 12.0 {
             n_along += 1;
-            assert!((at(0.2) - at(0.0)).norm() < 1.0, "it rolls at the begin: {}", (at(0.2) - at(0.0)).norm());
+            assert!((at(0.2) - at(0.0)).norm() < 1.0, "it rolls at the start: {}", (at(0.2) - at(0.0)).norm());
             let gap_m = relative(0.0).coords.norm();
             let off_m = (relative(6.0).coords.norm() - gap_m).abs();
-            // A gap grows by a sixth when the queue starts. Behind a corner it is measured across the block.
+            // Gaps grow by a sixth when the queue starts. Around a corner, a gap is measured across the block.
             let is_same_street = relative(0.0).y.abs() < 2.3;
             let limit_m = if is_same_street { 0.2 * gap_m } else { 12.0 };
             assert!(off_m < limit_m, "it leaves the queue: {off_m} m of {gap_m} m");
         }
     }
-    assert!((25..=35).contains(&n_along), "{n_along} vehicles move along");
+    assert!((25..=35).contains(&n_along), "{n_along} vehicles drive in the queue");
 }

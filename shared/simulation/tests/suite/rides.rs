@@ -10,7 +10,7 @@ fn town(town: Town, seed: u64, seconds: f64) -> Simulation {
     Simulation::new(&DriveSpec { town, ..DriveSpec::urban(seed, seconds) }.sparse(50)).expect("a town")
 }
 
-/// What a ray meets.
+/// The surface that a ray hits.
 fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &Vector3<f64>) -> Option<(f32, ClassId)> {
     let ray = Ray { origin: from.coords.cast(), direction: direction.normalize().cast(), seed: 3 };
     let hit = simulation.scene.cast(&simulation.scene.at(seconds), &ray, 120.0)?;
@@ -116,7 +116,7 @@ fn integrated_motion_gives_pose_after_turns_and_stops() {
     assert!(turned > 1.0, "there are turns: {turned} rad");
 }
 
-/// Classes that rays from the vehicle's roof meet, with how many.
+/// Number of hits of each class by rays from the roof of the vehicle.
 fn classes_seen(simulation: &Simulation, step_seconds: f64) -> BTreeMap<ClassId, usize> {
     let mut seen = BTreeMap::new();
     for i in 0..(simulation.spec.seconds / step_seconds) as usize {
@@ -157,7 +157,7 @@ fn all_classes_except_sky_occur_in_towns() {
 
 #[test]
 fn urban_class_shares_match_real_recordings() {
-    // In the order of magnitude of the thesis' tables 2.1 and 2.2.
+    // These have the order of magnitude of tables 2.1 and 2.2 of the thesis.
     let simulation = town(Town::Urban, 1, 30.0);
     let lidar = simulation.lidar();
     let mut counts = BTreeMap::new();

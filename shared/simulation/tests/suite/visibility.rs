@@ -1,4 +1,4 @@
-//! `truth/visibility` against ray casts from the cameras.
+//! `truth/visibility` compared with ray casts from the cameras.
 
 use geometry::{Point3, Stamp};
 use lidar::SweepReader;
@@ -70,7 +70,7 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
                     let before = (toward.norm() - 1.0) as f32;
                     let hit = simulation.scene.cast(snapshot, &ray, before.max(0.1));
                     if hit.is_some_and(|hit| hit.surface.class == ClassId::Vegetation) {
-                        // Rays pass leaves at random.
+                        // Leaves let rays pass at random.
                         continue;
                     }
                     if hit.is_some() {
@@ -83,10 +83,10 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
             }
         }
     }
-    // Measured 34 000 and 1260 of 230 000: the cameras are near the lidar, so few returns are occluded.
+    // Measured 34 000 and 1260 of 230 000: the cameras are close to the lidar, so few returns are occluded.
     assert!(seen > 10_000 && hidden > 400 && all > 4 * seen, "{seen} {hidden} {all}");
-    // Measured 0 of 1260. The test casts to one meter before the return and the file to the return itself, so both may be right
-    // at an edge.
+    // Measured 0 of 1260. The test casts to one metre before the return, the file to the return itself, so both may be
+    // right at an edge.
     assert!(wrong * 500 < hidden, "{wrong} of {hidden} behind something are seen");
 }
 

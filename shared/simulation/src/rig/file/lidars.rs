@@ -7,7 +7,7 @@ use lidar::velodyne::Model;
 use messages::MAX_LIDARS;
 use std::collections::BTreeSet;
 
-/// The first LiDAR, its name, and the others; `None` if one has problems.
+/// The first LiDAR, its name, and the other LiDARs; `None` if one of them has problems.
 pub(super) fn lidars(
     file: &mut TomlFile,
     raws: Vec<Option<RawLidar>>,

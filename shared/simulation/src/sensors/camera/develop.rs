@@ -3,21 +3,21 @@
 use random::{gauss, hash};
 use rayon::prelude::*;
 
-/// Light by color: 1 fills the sensor at gain 1.
+/// Light by color: 1 saturates the sensor at gain 1.
 pub type Rgb = [f32; 3];
 
-/// Electrons of a pixel that is full at gain 1.
+/// Electrons of a saturated pixel at gain 1.
 const FULL_WELL: f32 = 7000.0;
-/// Standard deviation of the read-out, electrons.
+/// Standard deviation of the read-out noise, electrons.
 const READ_NOISE: f32 = 9.0;
 /// Share of all light that lens and housing scatter over the whole image.
 const GLARE: f32 = 0.012;
-/// From the sensor's filters, which overlap, to the colors of sRGB. Rows sum to 1: white stays white.
+/// Matrix from the overlapping filters of the sensor to the colors of sRGB. Rows sum to 1: white stays white.
 const COLOR_MATRIX: [[f32; 3]; 3] = [[1.30, -0.24, -0.06], [-0.17, 1.32, -0.15], [0.0, -0.22, 1.22]];
 /// Pixels per piece of parallel work.
 const PIECE: usize = 4096;
 
-/// The image: sRGB, three bytes per pixel. Pixels outside the lens are black.
+/// The image: sRGB, three bytes per pixel. Pixels outside the field of view are black.
 pub fn develop(light: &[Rgb], shading: &[f32], gain: f32, seed: u64) -> Vec<u8> {
     // Saturated pixels are clipped, so that the sun does not dominate the mean.
     let mean = |c: usize| light.iter().map(|rgb| f64::from(rgb[c].min(4.0 / gain))).sum::<f64>() / light.len() as f64;
@@ -52,7 +52,7 @@ pub fn tone(linear: f32) -> f32 {
     let shoulder = 1.22 * held / (1.0 + 0.22 * held);
     let coded = if shoulder <= 0.003_130_8 { 12.92 * shoulder } else { 1.055 * shoulder.powf(1.0 / 2.4) - 0.055 };
     let clipped = coded.clamp(0.0, 1.0);
-    // A gentle S around the middle.
+    // A weak S curve around the middle.
     clipped + 0.25 * clipped * (1.0 - clipped) * (2.0 * clipped - 0.9)
 }
 

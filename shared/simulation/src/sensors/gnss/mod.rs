@@ -29,21 +29,21 @@ use sky::{Satellite, Sky};
 use std::fmt::Write;
 use town::Scene;
 
-/// Below this speed there is no course, m/s.
+/// Least speed with a valid course, m/s.
 const LEAST_SPEED_MPS: f64 = 0.3;
 
-/// Output of one second, with its truth.
+/// Output of one second, with its ground truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Epoch {
     /// Stamp.
     pub stamp: Stamp,
     /// The fix; `None` without a position.
     pub fix: Option<Fix>,
-    /// Truth: satellites with a direct signal.
+    /// Ground truth: number of satellites with a direct signal.
     pub n_in_sight: u32,
-    /// Truth: satellites in the solution that were received by reflection only.
+    /// Ground truth: number of satellites in the solution that were received only by reflection.
     pub n_reflected: u32,
-    /// Truth: error of the position in the world frame, m.
+    /// Ground truth: error of the position in the world frame, m.
     pub error: Option<Vector3<f64>>,
 }
 
@@ -82,7 +82,7 @@ fn record_in<S: Surroundings>(
         let received = |satellite| Some((satellite, antenna.receive(&satellite)?));
         sky.above(at).into_iter().filter_map(received).collect()
     };
-    // Signals depend on the position only and are computed in parallel; the receiver has state.
+    // Signals depend only on the position and are computed in parallel; the receiver has state.
     let received: Vec<Vec<(Satellite, Signal)>> = (0..n).into_par_iter().map(receive).collect();
     let mut tracking = Tracking::new(spec.receiver, hash(seed, 2));
     received.iter().enumerate().map(|(i, signals)| epoch(motion, spec, &mut tracking, i as i64, signals)).collect()
@@ -97,7 +97,8 @@ fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, sign
     };
     let antenna_in_body = Point3::from(spec.antenna_in_body);
     let antenna = motion.pose(at) * antenna_in_body;
-    // Doppler shifts give the velocity of the antenna, not of the body origin: in a turn, 1.2 m behind it, they differ by 0.4 m/s.
+    // Doppler shifts give the velocity of the antenna, not of the body origin. In a turn, 1.2 m behind it, the two differ
+    // by 0.4 m/s.
     let velocity = motion.velocity_of(&antenna_in_body, at) + position.speed_error;
     let speed_mps = velocity.xy().norm();
     let Geodetic { latitude_deg, longitude_deg, altitude_m } = world().geodetic_from_world(&(antenna + position.error));
@@ -121,7 +122,7 @@ pub fn nmea(epochs: &[Epoch]) -> String {
     sentences.flat_map(|sentence| [sentence, "\r\n".to_owned()]).collect()
 }
 
-/// Truth of all epochs, for `truth/gnss.csv`. Errors are empty without a position.
+/// Ground truth of all epochs, for `truth/gnss.csv`. Errors are empty without a position.
 pub fn truth_csv(epochs: &[Epoch]) -> String {
     let mut text = "stamp,in_sight,reflected,east_m,north_m,up_m\n".to_owned();
     for epoch in epochs {
@@ -138,7 +139,7 @@ mod tests {
     use crate::motion::example;
     use raytrace::{Ray, Vec3};
 
-    /// Endless walls along the street, so many metres from its middle line and so high; none if they have no height.
+    /// Endless walls along the street: distance from its center line and height, m. With height 0 there are no walls.
     #[derive(Clone, Copy)]
     struct Canyon {
         half_width: f32,
@@ -286,7 +287,7 @@ mod tests {
             assert!(((fix.position_deg[1] - longitude_deg) * 73_361.0 - error.x).abs() < 0.01);
             assert!((altitude(&fix) - altitude_m - error.z).abs() < 0.01);
         }
-        // A standing vehicle has no course.
+        // A stationary vehicle has no course.
         let has_course = |i: usize| epochs[i].fix.is_some_and(|fix| fix.course_deg.is_some());
         assert!(!has_course(0) && has_course(10));
     }

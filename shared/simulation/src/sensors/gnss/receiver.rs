@@ -1,4 +1,4 @@
-//! Receiver: code ranges with errors, a position, and a Kalman filter that is aided by velocity.
+//! Receiver: code ranges with errors, a position, and a Kalman filter aided by velocity.
 
 use super::signal::Signal;
 use super::sky::{N_SATELLITES, Satellite};
@@ -9,9 +9,10 @@ use random::{gauss, hash};
 /// Class of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Receiver {
-    /// L1 and E1 alone, broadcast orbits and ionosphere: 1 to 2 m under the open sky.
+    /// L1 and E1 only, broadcast orbits and ionosphere: 1 to 2 m under the open sky.
     SingleFrequency,
-    /// With corrections of a network for orbits, clocks and ionosphere: 0.3 m under the open sky. Houses disturb it as well.
+    /// With network corrections for orbits, clocks and ionosphere: 0.3 m under the open sky. Buildings degrade it as
+    /// well.
     Differential,
 }
 
@@ -38,7 +39,7 @@ struct Errors {
 
 /// Time scale of the slow errors, s: the ionosphere changes within tens of minutes, orbit and clock within hours.
 const SLOW_SECONDS: f64 = 900.0;
-/// No satellite lower than this is used, as a sine: 10 degrees.
+/// Elevation mask: sine of 10 degrees.
 const MASK: f64 = 0.174;
 /// Tracking threshold, dB-Hz.
 const WEAKEST_DBHZ: f64 = 27.0;
@@ -48,7 +49,7 @@ const TRUST_M: f64 = 0.15;
 const FORGET_SECONDS: u32 = 5;
 
 impl Receiver {
-    /// All of them.
+    /// All classes.
     pub const ALL: [Self; 2] = [Self::SingleFrequency, Self::Differential];
 
     /// Name in rig files.
@@ -58,15 +59,15 @@ impl Receiver {
             Self::Differential => "differential",
         }
     }
-    /// GGA's quality of its fixes.
+    /// GGA quality indicator of its fixes.
     pub const fn quality(self) -> u32 {
         match self {
             Self::SingleFrequency => 1,
             Self::Differential => 2,
         }
     }
-    /// User range errors as in the GPS SPS performance standard (2020, table 3.8-1 and appendix B): 0.5 to 1 m of orbit and clock, some metres of
-    /// ionosphere after the broadcast model.
+    /// User range errors as in the GPS SPS performance standard (2020, table 3.8-1 and appendix B): 0.5 to 1 m of orbit
+    /// and clock, some metres of ionosphere after the broadcast model.
     const fn errors(self) -> Errors {
         match self {
             Self::SingleFrequency => Errors { slow_m: 1.0, zenith_m: 1.5, noise_m: 0.3, speed_mps: 0.05 },
@@ -78,13 +79,13 @@ impl Receiver {
 /// Position and velocity errors of a fix.
 #[derive(Clone, Debug)]
 pub struct Position {
-    /// World frame, m.
+    /// Position error in the world frame, m.
     pub error: Vector3<f64>,
-    /// World frame, m/s.
+    /// Velocity error in the world frame, m/s.
     pub speed_error: Vector3<f64>,
     /// Horizontal dilution of precision.
     pub hdop: f64,
-    /// Ranges in the solution.
+    /// Code ranges in the solution.
     pub used: Vec<CodeRange>,
 }
 
@@ -111,7 +112,7 @@ impl Tracking {
         Self { receiver, seed, second: 0, slow, zenith, filtered: None, seconds_without: 0 }
     }
 
-    /// The position of the next second; `None` without a solution.
+    /// The position one second later; `None` without a solution.
     pub fn next(&mut self, signals: &[(Satellite, Signal)]) -> Option<Position> {
         let ranges = signals.iter().filter_map(|(satellite, signal)| self.range(satellite, signal)).collect();
         let solution = solve(ranges);
@@ -132,7 +133,7 @@ impl Tracking {
         let noise_m = errors.noise_m * 10_f64.powf((45.0 - signal.strength_dbhz) / 20.0);
         let slow_m = slant * (self.slow[satellite.index] + self.zenith);
         let error_m = slow_m + noise_m * self.draw(satellite.index as u64) + signal.detour_m;
-        // Receivers allow for multipath of one meter at the zenith, and more below.
+        // Receivers assume a multipath error of one metre at the zenith, and more at lower elevations.
         let sigma_m = noise_m.hypot(slant * errors.slow_m.hypot(1.0));
         let system = satellite.system;
         let direction = satellite.direction;
@@ -173,7 +174,7 @@ impl Tracking {
         self.zenith = memory * self.zenith + fresh * errors.zenith_m * self.draw(300);
     }
 
-    /// A normal random number, by second and use.
+    /// A normal random number for a second and a purpose.
     fn draw(&self, kind: u64) -> f64 {
         f64::from(gauss(hash(self.seed ^ 0x6e55, self.second << 10 | kind)))
     }

@@ -1,9 +1,9 @@
 //! Signal of a satellite at the antenna: strength and multipath error.
 //!
-//! A signal arrives directly if the line of sight is free, attenuated if leaves or edges cover part of the first Fresnel zone,
-//! and by specular reflection at walls. A reflection beside the direct signal shifts the correlation peak (Braasch, "Multipath effects",
-//! in: Global Positioning System: Theory and Applications, 1996); a reflection without direct signal is tracked
-//! instead and is late by the whole detour.
+//! A signal arrives directly if the line of sight is free, attenuated if leaves or edges cover a part of the first
+//! Fresnel zone, and by specular reflection at walls. A reflection in addition to the direct signal shifts the
+//! correlation peak (Braasch, "Multipath effects", in: Global Positioning System: Theory and Applications, 1996). A
+//! reflection without a direct signal is tracked instead and is delayed by the whole detour.
 
 use super::sky::Satellite;
 use geometry::Vector3;
@@ -16,22 +16,22 @@ use town::{Scene, Snapshot};
 const WAVE_M: f64 = 0.190_293_67;
 /// Maximum distance of obstacles, m.
 const REACH_M: f32 = 250.0;
-/// Half the opening of the cone around the line of sight that stands for the first Fresnel zone, rad: 1 m at 20 m, where its
-/// radius is 2 m.
+/// Half the opening angle of the cone around the line of sight that approximates the first Fresnel zone, rad: 1 m at 20
+/// m, where its radius is 2 m.
 const CONE: f64 = 0.05;
-/// Rays on the cone beside the one along its axis.
+/// Number of rays on the cone, in addition to the ray along its axis.
 const N_CONE: usize = 6;
-/// Strength of a free signal at the zenith and what an antenna loses of it at the horizon, dB-Hz and dB.
+/// Strength of an unobstructed signal at the zenith, dB-Hz.
 const ZENITH_DBHZ: f64 = 47.0;
-/// See [`ZENITH_DBHZ`].
+/// Loss of antenna gain from the zenith to the horizon, dB.
 const HORIZON_LOSS_DB: f64 = 9.0;
-/// Amplitude of a reflection by masonry and glass, of which the antenna takes the turned polarization weakly: -9 dB.
+/// Amplitude of a reflection by masonry and glass: -9 dB, because the antenna receives the reversed polarization weakly.
 const REFLECTED: f64 = 0.35;
 /// Half the distance of the correlators, a tenth of a chip of the C/A code, m.
 const HALF_CORRELATOR_M: f64 = 14.65;
 /// The code is smoothed by the carrier over this time, s.
 const SMOOTHING_SECONDS: f64 = 1.0;
-/// Two walls are one if their normals differ by less than 8 degrees and their distances by less than this, m.
+/// Two walls are the same if their normals differ by less than 8 degrees and their distances by less than this, m.
 const SAME_WALL_M: f64 = 0.5;
 
 /// Surroundings of an antenna, for ray casts.
@@ -85,7 +85,7 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
     /// An antenna at a position (m) with a velocity (m/s). Searches for walls around it.
     pub fn new(around: &'a S, position: Vector3<f64>, velocity: Vector3<f64>, seed: u64) -> Self {
         let mut antenna = Self { around, position, velocity, walls: Vec::new(), seed };
-        // 36 directions at each of three heights find every facade of a street that is nearer than it is high.
+        // 36 directions at each of three elevations find every facade that is closer than it is high.
         for (tier, elevation) in [0.05_f64, 0.35, 0.7].into_iter().enumerate() {
             for step in 0..36 {
                 let azimuth = f64::from(step) * TAU / 36.0;
@@ -102,7 +102,7 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         let Some((range, normal)) = self.around.nearest(ray, REACH_M) else { return };
         let normal: Vector3<f64> = normal.cast();
         let distance_m = -f64::from(range) * normal.dot(&ray.direction.cast());
-        // Upright, and far enough away not to be part of the own vehicle.
+        // Vertical, and far enough away not to be part of the ego vehicle.
         if normal.z.abs() > 0.2 || distance_m < 0.5 {
             return;
         }
@@ -112,7 +112,7 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         }
     }
 
-    /// The signal of a satellite; `None` if none arrives.
+    /// The signal of a satellite; `None` if no signal arrives.
     pub fn receive(&self, satellite: &Satellite) -> Option<Signal> {
         let to = satellite.direction;
         let free_dbhz = ZENITH_DBHZ - HORIZON_LOSS_DB * (1.0 - to.z);
@@ -145,15 +145,15 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         (0..=N_CONE).filter(|i| free(*i)).count() as f64 / (N_CONE + 1) as f64
     }
 
-    /// Detour (m) by a wall and the mean of its carrier's phase over the smoothing time, -1 to 1; `None` if the wall does
-    /// not reflect the satellite.
+    /// Detour (m) by a wall and the mean of the cosine of its carrier phase over the smoothing time, -1 to 1; `None` if
+    /// the wall does not reflect the signal of the satellite.
     fn reflection(&self, satellite: &Satellite, wall: &Wall) -> Option<(f64, f64)> {
         let to = satellite.direction;
         let facing = to.dot(&wall.normal);
         if facing < 0.02 {
             return None;
         }
-        // The image stands behind the wall; the ray towards it meets the wall where the signal is reflected.
+        // The image of the satellite is behind the wall; the ray towards it meets the wall at the reflection point.
         let image = to - wall.normal * (2.0 * facing);
         let expected = wall.distance_m / facing;
         let number = 2000 + 2 * satellite.index as u64;
@@ -164,7 +164,7 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
             return None;
         }
         let late_m = 2.0 * wall.distance_m * facing;
-        // The detour of a moving antenna changes, so its phase averages out.
+        // The detour of a moving antenna changes, so the phase averages out.
         let turns = 2.0 * facing * self.velocity.dot(&wall.normal) * SMOOTHING_SECONDS / WAVE_M;
         let half = 0.5 * TAU * turns;
         let kept = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
@@ -176,8 +176,9 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
     }
 }
 
-/// Error of the code range by a reflection that is `late_m` late, with `share` of the direct signal's amplitude and the given
-/// cosine of its phase: the envelope of a narrow correlator, which grows with the detour until the correlators' distance.
+/// Code range error from a reflection that is `late_m` late, with `share` of the amplitude of the direct signal and the
+/// given cosine of its phase. It follows the envelope of a narrow correlator, which grows with the detour up to the
+/// correlator spacing.
 fn peak_shift(late_m: f64, share: f64, cosine: f64) -> f64 {
     let part = share * cosine;
     if late_m < (1.0 + part) * HALF_CORRELATOR_M { part * late_m / (1.0 + part) } else { part * HALF_CORRELATOR_M }
@@ -188,7 +189,7 @@ mod tests {
     use super::*;
     use crate::sensors::gnss::sky::System;
 
-    /// An endless wall of a height at x = `at`, seen from the east, with the antenna between it and the sun.
+    /// An endless wall of a height at x = `at`, viewed from the east, with the antenna between it and the sun.
     struct OneWall {
         at: f32,
         height: f32,
@@ -233,7 +234,7 @@ mod tests {
         let satellite = from(1.0, 0.0, 1.0);
         let (late_m, _) = still.reflection(&satellite, &still.walls[0]).expect("an image");
         assert!((late_m - 20.0 * 0.5_f64.sqrt()).abs() < 1e-6, "{late_m}");
-        // By geometry: the antenna's image in the wall is 20 m behind it.
+        // By geometry, the image of the antenna in the wall is 20 m behind it.
         let by_geometry = Vector3::new(20.0, 0.0, 0.0).dot(&satellite.direction);
         assert!((late_m - by_geometry).abs() < 1e-6);
         let signal = still.receive(&satellite).expect("free");
@@ -248,7 +249,7 @@ mod tests {
 
     #[test]
     fn non_line_of_sight_signal_is_late_by_the_full_detour() {
-        /// A second wall that hides the satellite and not its image.
+        /// A second wall that hides the satellite but not its image.
         struct Canyon;
         impl Surroundings for Canyon {
             fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool {

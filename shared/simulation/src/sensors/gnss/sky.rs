@@ -19,12 +19,12 @@ pub enum System {
     Galileo,
 }
 
-/// Walker constellation: inclination (deg), satellites, planes, phase shift from plane to plane in units of a full turn by the
-/// number of satellites, radius of the orbit (m).
+/// Walker constellation: inclination (deg), satellites, planes, phase shift from plane to plane in units of a full turn
+/// divided by the number of satellites, radius of the orbit (m).
 struct Walker(f64, u32, u32, u32, f64);
 
 impl System {
-    /// GPS flies five and more satellites in each of its six planes; Galileo is Walker 24/3/1 (its OS SIS ICD).
+    /// GPS has five or more satellites in each of its six planes; Galileo is Walker 24/3/1 (its OS SIS ICD).
     const fn walker(self) -> Walker {
         match self {
             Self::Gps => Walker(55.0, 30, 6, 1, 26_560e3),
@@ -39,7 +39,7 @@ pub const N_SATELLITES: usize = 54;
 /// One satellite above the horizon.
 #[derive(Clone, Copy, Debug)]
 pub struct Satellite {
-    /// 0 to [`N_SATELLITES`] - 1.
+    /// Index, 0 to [`N_SATELLITES`] - 1.
     pub index: usize,
     /// System.
     pub system: System,
@@ -50,18 +50,18 @@ pub struct Satellite {
 /// Both constellations, rotated by the seed.
 #[derive(Clone, Copy, Debug)]
 pub struct Sky {
-    /// Of the first orbit's node and of its first satellite, rad, by system.
+    /// Angles of the node of the first orbit and of its first satellite, rad, by system.
     turns: [[f64; 2]; 2],
 }
 
 impl Sky {
-    /// The sky of a seed.
+    /// The constellations rotated by a seed.
     pub fn new(seed: u64) -> Self {
         let turn = |i: u64| f64::from(unit(hash(seed, i))) * TAU;
         Self { turns: [[turn(0), turn(1)], [turn(2), turn(3)]] }
     }
 
-    /// The satellites above the horizon of the world's origin, by index.
+    /// The satellites above the horizon at the origin of the world, by index.
     pub fn above(&self, seconds: f64) -> Vec<Satellite> {
         let mut index = 0;
         let mut satellites = Vec::new();
@@ -71,7 +71,7 @@ impl Sky {
             let rate = (EARTH_GM / radius.powi(3)).sqrt();
             let (sin_i, cos_i) = inclination_deg.to_radians().sin_cos();
             for plane in 0..planes {
-                // The Earth turns below the orbits.
+                // The Earth rotates below the orbits.
                 let node = node + TAU * f64::from(plane) / f64::from(planes) - EARTH_RATE * seconds;
                 for slot in 0..n / planes {
                     let along = f64::from(slot * planes) + f64::from(plane * shift);
@@ -109,7 +109,7 @@ mod tests {
             for later in sky.above(60.0) {
                 assert!(later.index < N_SATELLITES);
                 if let Some(before) = high.iter().find(|s| s.index == later.index) {
-                    // Twelve hours a turn is half a degree a minute, seen from the Earth somewhat more.
+                    // A period of twelve hours is half a degree per minute, and slightly more relative to the Earth.
                     let angle = before.direction.angle(&later.direction).to_degrees();
                     assert!(angle > 0.05 && angle < 0.8, "{angle}");
                 }
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn no_satellite_is_in_the_northern_sky() {
-        // Orbits of 55 degrees of inclination leave a hole around the pole, whose far side is just above the horizon.
+        // Orbits with an inclination of 55 degrees leave a hole around the pole. Its far side is just above the horizon.
         let mut n_south = 0;
         for seed in 0..200 {
             for satellite in Sky::new(seed).above(0.0) {

@@ -1,7 +1,7 @@
 //! Position from code ranges: weighted least squares with outlier rejection.
 //!
-//! The unknowns are the position's error in the world frame, the receiver's clock and the offset of Galileo's time, all in m.
-//! Satellites are 20 000 km away, so that the equations are linear within a millimetre over the errors met here.
+//! The unknowns are the position error in the world frame, the receiver clock and the offset of Galileo time, all in m.
+//! Satellites are 20 000 km away, so the equations are linear within a millimetre for the errors that occur here.
 
 use super::sky::System;
 use geometry::Vector3;
@@ -17,13 +17,13 @@ const MAX_RESIDUAL: f64 = 3.5;
 pub struct CodeRange {
     /// System, which selects the clock.
     pub system: System,
-    /// Towards the satellite, unit, world frame.
+    /// Unit vector towards the satellite, world frame.
     pub direction: Vector3<f64>,
     /// Measured minus true range, m.
     pub error_m: f64,
     /// Standard deviation assumed by the receiver, m.
     pub sigma_m: f64,
-    /// Truth: whether only a reflection was received.
+    /// Ground truth: whether only a reflection was received.
     pub is_reflected: bool,
 }
 
@@ -46,7 +46,7 @@ pub fn solve(mut ranges: Vec<CodeRange>) -> Option<Solution> {
         let (solution, residuals) = least_squares(&ranges)?;
         let worst = residuals.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
-            // One range more than unknowns must remain; otherwise no residual is left.
+            // At least one range more than unknowns must remain; otherwise there are no residuals.
             Some((index, residual)) if residual > MAX_RESIDUAL && ranges.len() > n_unknowns(&ranges) + 1 => {
                 ranges.remove(index);
             }
@@ -60,7 +60,7 @@ fn n_unknowns(ranges: &[CodeRange]) -> usize {
     3 + has(System::Gps) + has(System::Galileo)
 }
 
-/// The solution, without its ranges, and each residual in its standard deviations.
+/// The solution without its ranges, and each residual in its standard deviations.
 fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
     if ranges.len() < n_unknowns(ranges) {
         return None;
@@ -75,7 +75,7 @@ fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
         plain += row * row.transpose();
         right += row * (weight * range.error_m);
     }
-    // Clocks without ranges.
+    // Clocks of systems without ranges.
     for system in [System::Gps, System::Galileo] {
         if !ranges.iter().any(|range| range.system == system) {
             weighted[(clock(system), clock(system))] = 1.0;
@@ -107,7 +107,7 @@ const fn clock(system: System) -> usize {
     }
 }
 
-/// Derivative of a range by the unknowns.
+/// Derivative of a range with respect to the unknowns.
 fn row(range: &CodeRange) -> Vector5<f64> {
     let d = range.direction;
     let mut row = Vector5::new(-d.x, -d.y, -d.z, 0.0, 0.0);

@@ -11,7 +11,7 @@ use raytrace::{Ray, Vec3};
 pub struct Beams {
     /// The slots.
     pub slots: Vec<Slot>,
-    /// The slots in the order of tracing: ring by ring in alternating direction, so that neighbors are coherent.
+    /// The slots in the order of tracing: ring by ring in alternating direction, so that consecutive rays are coherent.
     pub order: Vec<usize>,
     lasers: Vec<Laser>,
     turns_per_nano: f64,
@@ -76,12 +76,12 @@ impl Beams {
         nanos as f64 * self.turns_per_nano
     }
 
-    /// The beam of a slot of a packet that begins `packet_nanos` after the begin.
+    /// The beam of a slot of a packet whose first firing is `packet_nanos` after the start.
     pub fn beam(&self, slot: usize, packet_nanos: i64, world_from_lidar: &Isometry3<f32>, seed: u64) -> Beam {
         debug_assert!(slot < N_SLOTS);
         let Slot { laser, block_nanos, firing_nanos, .. } = self.slots[slot];
         let laser = &self.lasers[laser];
-        // An HDL-64E's corrections hold for the angle at the block's begin.
+        // The corrections of an HDL-64E refer to the angle at the start of the block.
         let nanos = packet_nanos + i64::from(if self.carries_angle { firing_nanos } else { block_nanos });
         let azimuth = self.turns(nanos).fract() * std::f64::consts::TAU - laser.left;
         let sin = azimuth.sin() as f32;

@@ -1,15 +1,17 @@
-//! Errors of a real unit: what its beams do, and what its factory table says they do.
+//! Errors of a real unit: deviations of its beams from its factory table.
 
 use lidar::velodyne::Model;
 use random::{gauss, hash, unit};
 use std::fmt::Write;
 
-/// Sizes of a unit's errors. `drive.toml` and the packets keep the nominal beams; the truth keeps the true geometry.
+/// Magnitudes of the errors of a unit. `drive.toml` and the packets keep the nominal beams; the ground truth keeps the
+/// true geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LidarErrors {
-    /// The unit: the same seed has the same errors in every drive.
+    /// Seed of the unit: units with the same seed have the same errors in every drive.
     pub unit_seed: u64,
-    /// Elevation error common to all rings, degrees: its size lies between half of this and this, its sign is random.
+    /// Elevation error common to all rings, degrees: its absolute value is between half of this and this, its sign is
+    /// random.
     pub common_elevation_deg: f64,
     /// Elevation error of a ring, degrees (standard deviation).
     pub ring_elevation_deg: f64,
@@ -22,13 +24,13 @@ pub struct LidarErrors {
 }
 
 settings::words! {
-    /// Grades of units.
+    /// Quality grades of LiDAR units.
     pub enum LidarGrade {
         /// A perfect unit.
         None = "none",
         /// A good unit: rings are off by up to 0.1 degrees and 2 cm.
         Typical = "typical",
-        /// All rings are off by 0.1 to 0.2 degrees, each by up to 0.2 degrees more and 3 cm.
+        /// All rings are off by 0.1 to 0.2 degrees, each ring by up to 0.2 degrees more and 3 cm.
         Poor = "poor",
     }
 }
@@ -44,7 +46,7 @@ impl LidarGrade {
     }
 }
 
-/// Errors lie within this number of standard deviations.
+/// Errors are limited to this number of standard deviations.
 const LARGEST_SIGMAS: f32 = 2.0;
 
 impl LidarErrors {
@@ -57,7 +59,7 @@ impl LidarErrors {
         ring_gain: 0.0,
         common_gain: 0.0,
     };
-    /// A good unit, in the manner of an HDL-32E: its rings are off by up to 0.1 degrees.
+    /// A good unit, similar to an HDL-32E: its rings are off by up to 0.1 degrees.
     pub const TYPICAL: Self = Self {
         common_elevation_deg: 0.04,
         ring_elevation_deg: 0.03,
@@ -66,7 +68,7 @@ impl LidarErrors {
         common_gain: 0.1,
         ..Self::NONE
     };
-    /// A unit in the manner of KITTI's HDL-64E, whose rings are all off by 0.2 degrees (`CT-ICP`, Dellenbach et al., ICRA 2022,
+    /// A unit similar to KITTI's HDL-64E, whose rings are all off by 0.2 degrees (`CT-ICP`, Dellenbach et al., ICRA 2022,
     /// and `KISS-ICP` correct this), and each by up to 0.2 degrees more.
     pub const POOR: Self = Self {
         common_elevation_deg: 0.2,
@@ -77,7 +79,7 @@ impl LidarErrors {
         ..Self::NONE
     };
 
-    /// Errors of a unit's lasers, by their number in [`Model::lasers`].
+    /// Errors of the lasers of a unit, by their number in [`Model::lasers`].
     pub(super) fn of_lasers(&self, model: Model) -> Vec<LaserError> {
         let random = |kind: u64, sigma: f64| {
             let sigmas = gauss(hash(self.unit_seed ^ 0x0011_da12, kind)).clamp(-LARGEST_SIGMAS, LARGEST_SIGMAS);

@@ -1,18 +1,18 @@
 //! Rotating multi-beam lidars such as the HDL-32E. [`LidarModel`] holds the parameters.
 //!
-//! Timing and layout of packets are those that [`lidar::velodyne`] decodes. The vehicle moves while the head rotates: every
-//! block is cast from the current pose (it moves less than 0.6 mm within a block of an HDL-32E), movers
-//! are static during a packet (0.55 ms; 4 mm at 15 m/s between its ends and its middle).
+//! Timing and layout of packets follow [`lidar::velodyne`]. The vehicle moves while the head rotates: every block is cast
+//! from the current pose (it moves less than 0.6 mm within a block of an HDL-32E), movers are static during a packet
+//! (0.55 ms; 4 mm at 15 m/s between its ends and its middle).
 //!
-//! A beam is some centimeters wide. Its center ray is always traced. Where a neighboring beam hits a surface other than the
-//! plane of the center hit, the side of the beam towards it is traced too. The light of both surfaces returns: as one echo if
-//! they are closer than the pulse length, else the strongest echo counts. About half of the beams in a street need only the
-//! center ray.
+//! A beam is some centimetres wide. Its center ray is always traced. If a neighboring beam hits a surface other than the
+//! plane of the center hit, the side of the beam towards this neighbor is also traced. The light of both surfaces
+//! returns: as one echo if they are closer than the pulse length, otherwise the strongest echo counts. About half of the
+//! beams in a street need only the center ray.
 //!
-//! A real unit's beams differ from its factory table: [`LidarErrors`]. Only what the unit reports is wrong then, never the truth.
+//! The beams of a real unit differ from its factory table: [`LidarErrors`]. They affect only the output of the unit,
+//! never the ground truth.
 //!
-//! The ego vehicle itself is not modeled: the rig stands clear of the roof, and surfaces below the minimum range are not
-//! measured.
+//! The ego vehicle is not modeled: the rig is above the roof, and surfaces below the minimum range are not measured.
 
 mod beams;
 mod errors;
@@ -40,13 +40,13 @@ use receiver::{N_PARTS, Part, Receiver};
 use std::ops::Range;
 use town::{Scene, SceneHit};
 
-/// Offset of the side rays from the center, as a share of the beam's width and height: five rays of equal weight then
-/// approximate a beam of uniform brightness.
+/// Offset of the side rays from the center, as a share of the width and height of the beam: five rays of equal weight
+/// then approximate a beam of uniform brightness.
 const OFF_MIDDLE: f32 = 0.35;
-/// Share of the beam of each part.
+/// Share of the beam per part.
 const PART_WEIGHT: f32 = 1.0 / N_PARTS as f32;
-/// A neighboring beam hits another surface if it is off the plane of this hit by more than this distance, m, plus a share of
-/// the range: sideways, where beams touch, and upwards, where they are ten widths apart.
+/// A neighboring beam hits another surface if its hit is off the plane of this hit by more than this distance, m, plus a
+/// share of the range: sideways, where beams touch, and upwards, where they are ten widths apart.
 const JUMP_M: f32 = 0.1;
 const JUMP_SHARES: [f32; 2] = [0.02, 0.15];
 /// Upper bound of the speed of movers, m/s.
@@ -76,7 +76,7 @@ struct Shot {
 const SIDES: [[f32; 2]; N_PARTS - 1] = [[-OFF_MIDDLE, 0.0], [OFF_MIDDLE, 0.0], [0.0, -OFF_MIDDLE], [0.0, OFF_MIDDLE]];
 
 impl<'a> Lidar<'a> {
-    /// `step` of 3 leaves two of three blocks (pairs of an HDL-64E) without returns.
+    /// A `step` of 3 leaves two of three blocks (pairs of an HDL-64E) without returns.
     pub fn new(
         scene: &'a Scene,
         motion: &'a Motion,
@@ -123,7 +123,7 @@ impl<'a> Lidar<'a> {
         self.aim(packet).into_iter().flatten().map(|beam| beam.ray).collect()
     }
 
-    /// The firings of a packet in the order of tracing: neighbors are coherent.
+    /// The firings of a packet in the order of tracing, in which consecutive rays are coherent.
     pub fn order(&self) -> &[usize] {
         &self.beams.order
     }
@@ -137,7 +137,7 @@ impl<'a> Lidar<'a> {
         packet as i64 * self.model.packet_nanos()
     }
 
-    /// Movers within range during some packets.
+    /// Indices of the movers within range during some packets.
     fn movers_in_reach(&self, packets: Range<u64>) -> Vec<usize> {
         let [begin, end] = [packets.start, packets.end].map(|packet| self.packet_nanos(packet) as f64 * 1e-9);
         let middle = 0.5 * (begin + end);
@@ -159,7 +159,7 @@ impl<'a> Lidar<'a> {
                 let middle = begin + i64::from(nanos + self.model.model.packet_nanos() / (2 * N_BLOCKS as u32));
                 world_from_lidar = (self.motion.pose(middle as f64 * 1e-9) * self.body_from_lidar).cast();
             }
-            // Blocks that fire at once count as one.
+            // Blocks that fire simultaneously count as one.
             let number = packet * N_BLOCKS as u64 + (slot / N_LASERS) as u64;
             let number = number / self.model.model.n_rings().div_ceil(N_LASERS) as u64;
             if number.is_multiple_of(u64::from(self.step)) {
@@ -211,17 +211,17 @@ impl<'a> Lidar<'a> {
     fn azimuth(&self, packet: u64, slot: usize) -> u16 {
         let nanos = self.packet_nanos(packet) + i64::from(self.beams.slots[slot].block_nanos);
         let noise = gauss(hash(self.seed ^ 0xe2c0_de12, nanos as u64)) * self.model.encoder_sigma;
-        // The encoder truncates to 0.01 deg. A recording begins at azimuth 0.
+        // The encoder truncates to 0.01 deg. A recording starts at azimuth 0.
         let count = (self.beams.turns(nanos) * 36_000.0 + f64::from(noise)).max(0.0);
         (count % 36_000.0) as u16
     }
 
-    /// Sides of a beam that need side rays.
+    /// For each side of a beam, whether it needs a side ray.
     fn edges(&self, shots: &[Option<Shot>], number: usize) -> [bool; 4] {
         let Some(shot) = &shots[number] else { return [false; 4] };
         let slot = &self.beams.slots[number];
         let neighbor = |other: Option<usize>| other.and_then(|other| shots[other].as_ref());
-        // The neighbor in another packet is unknown: the side is traced.
+        // If the neighbor is in another packet, its hit is unknown and the side is traced.
         let beside = slot.beside.map(|other| neighbor(other).is_none_or(|other| shot.jumps_to(other, JUMP_SHARES[0])));
         let above = slot.above.map(|other| neighbor(other).is_some_and(|other| shot.jumps_to(other, JUMP_SHARES[1])));
         [beside[0], beside[1], above[0], above[1]]
@@ -269,7 +269,7 @@ impl Shot {
             (Some(hit), Some(there)) => {
                 let ahead = hit.normal.dot(&self.beam.ray.direction) / hit.normal.dot(&other.beam.ray.direction);
                 let off = (hit.range_m * ahead - there.range_m).abs();
-                // True also if the other beam does not meet the plane.
+                // Also true if the other beam does not meet the plane.
                 ahead <= 0.0 || off.is_nan() || off >= JUMP_M + share * hit.range_m
             }
             _ => true,

@@ -1,9 +1,9 @@
-//! Parameters of the lidar models. Beams, firing times and packets are those of [`lidar::velodyne`].
+//! Parameters of the lidar models. [`lidar::velodyne`] defines beams, firing times and packets.
 
 use super::optics::Optics;
 use lidar::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, Model};
 
-/// Returns in a packet, by slot: 32 for each of 12 blocks.
+/// Number of slots (returns) in a packet: 32 for each of 12 blocks.
 pub const N_SLOTS: usize = BLOCKS_PER_PACKET * LASERS_PER_BLOCK;
 
 /// Parameters of a rotating lidar.
@@ -20,15 +20,15 @@ pub struct LidarModel {
 }
 
 impl LidarModel {
-    /// The HDL-32E at 600 turns a minute, with [`Optics::HDL32E`]. The encoder is fitted to a real recording: its steps scatter by half a
-    /// count.
+    /// The HDL-32E at 600 turns per minute, with [`Optics::HDL32E`]. The encoder noise is fitted to a real recording: its
+    /// steps scatter by half a count.
     pub const HDL32E: Self =
         Self { model: Model::Hdl32e, turns_per_second: 10.0, encoder_sigma: 0.35, optics: Optics::HDL32E };
-    /// The VLP-16 at 600 turns a minute.
+    /// The VLP-16 at 600 turns per minute.
     pub const VLP16: Self = Self { model: Model::Vlp16, optics: Optics::VLP16, ..Self::HDL32E };
-    /// The VLP-32C at 600 turns a minute.
+    /// The VLP-32C at 600 turns per minute.
     pub const VLP32C: Self = Self { model: Model::Vlp32c, optics: Optics::VLP32C, ..Self::HDL32E };
-    /// The HDL-64E at 600 turns a minute. Its encoder reads steady.
+    /// The HDL-64E at 600 turns per minute. Its encoder has no noise.
     pub const HDL64E: Self = Self { model: Model::Hdl64e, encoder_sigma: 0.0, optics: Optics::HDL64E, ..Self::HDL32E };
 
     /// Parameters of a model.
@@ -41,12 +41,12 @@ impl LidarModel {
         }
     }
 
-    /// From one packet to the next, ns.
+    /// Time from one packet to the next, ns.
     pub fn packet_nanos(&self) -> i64 {
         i64::from(self.model.packet_nanos())
     }
 
-    /// Packets that cover `seconds` to the end of the revolution.
+    /// Number of packets that cover `seconds`, up to the end of the revolution.
     pub fn n_packets(&self, seconds: f64) -> u64 {
         let turns = (seconds * self.turns_per_second).ceil();
         (turns / self.turns_per_second * 1e9 / self.packet_nanos() as f64).ceil() as u64
@@ -58,13 +58,13 @@ impl LidarModel {
 pub struct Slot {
     /// Number of the laser in [`Model::lasers`].
     pub laser: usize,
-    /// Its block's first firing, ns after the packet's stamp.
+    /// Time of the first firing of its block, ns after the stamp of the packet.
     pub block_nanos: u32,
-    /// Its firing, ns after the packet's stamp.
+    /// Time of its firing, ns after the stamp of the packet.
     pub firing_nanos: u32,
-    /// The same laser's slots a round earlier and later; `None` where that is in another packet.
+    /// Slots of the same laser one round earlier and later; `None` if that round is in another packet.
     pub beside: [Option<usize>; 2],
-    /// The slots of the same round one ring lower and higher; `None` at the edge of the fan.
+    /// Slots of the same round one ring lower and higher; `None` at the edge of the fan.
     pub above: [Option<usize>; 2],
 }
 
@@ -72,7 +72,7 @@ pub struct Slot {
 pub fn slots(model: Model) -> Vec<Slot> {
     let n_lasers = model.n_rings();
     let rings = model.rings();
-    // Blocks of an HDL-64E come in pairs that fire at once: lasers 0 to 31 and 32 to 63.
+    // Blocks of an HDL-64E come in pairs that fire simultaneously: lasers 0 to 31 and 32 to 63.
     let blocks_at_once = n_lasers.div_ceil(LASERS_PER_BLOCK);
     let round = n_lasers.min(LASERS_PER_BLOCK);
     let place = |slot: usize| {
@@ -88,7 +88,7 @@ pub fn slots(model: Model) -> Vec<Slot> {
     (0..N_SLOTS)
         .map(|slot| {
             let (block, nth, laser) = place(slot);
-            // Rounds count through the packet.
+            // Rounds are numbered throughout the packet.
             let number = block / blocks_at_once * rounds_per_block + nth;
             let n_rounds = BLOCKS_PER_PACKET / blocks_at_once * rounds_per_block;
             let at_round = |number: usize| {
@@ -144,7 +144,7 @@ mod tests {
                     }
                 }
             }
-            // All but the packet's first and last round have two.
+            // All rounds except the first and last of the packet have two neighbors.
             assert_eq!(n_beside, 2 * (N_SLOTS - model.n_rings()), "{model:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! Lidars whose firings are not those of a Velodyne's packets: a fan of 128 rings, and a pattern that does not repeat.
+//! Lidars with firing patterns other than Velodyne packets: a fan of 128 rings, and a non-repetitive pattern.
 
 use super::optics::Optics;
 use super::receiver::{N_PARTS, Part, Receiver};
@@ -13,26 +13,26 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use town::Scene;
 
-/// Where the beams of a lidar point over time.
+/// Beam directions of a lidar over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// 128 rings, equally spaced from -22.5 to 22.5 degrees, which fire at once in 1024 columns of a turn of 0.1 s. 865 nm, 90 m for 10 %, as
-    /// the data sheet of Ouster's OS1-128 states.
+    /// 128 rings, equally spaced from -22.5 to 22.5 degrees, which fire simultaneously in 1024 columns per turn of 0.1 s.
+    /// 865 nm, 90 m for 10 %, from the data sheet of Ouster's OS1-128.
     Rings128,
-    /// One beam through two prisms, 240 000 shots a second, field of 70.4 by 77.2 degrees around the x axis, 905 nm, as the data sheet of
-    /// Livox' Avia states. The prisms turn as those of the Mid-40, 7294 and -4664 times a minute (Liu, Wu, Zhang, IEEE/ASME
-    /// Transactions on Mechatronics 2021), so no sweep repeats another.
+    /// One beam through two prisms, 240 000 shots a second, field of view of 70.4 by 77.2 degrees around the x axis, 905
+    /// nm, from the data sheet of Livox' Avia. The prisms rotate as in the Mid-40, 7294 and -4664 times a minute (Liu,
+    /// Wu, Zhang, IEEE/ASME Transactions on Mechatronics 2021), so no sweep repeats another.
     Rosette,
 }
 
 /// One shot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Firing {
-    /// ns since the begin of the drive.
+    /// Time since the start of the drive, ns.
     pub nanos: i64,
-    /// Clockwise from ahead, degrees, 0 to 360.
+    /// Azimuth, clockwise from forward, degrees, 0 to 360.
     pub azimuth_deg: f64,
-    /// Degrees, up positive.
+    /// Elevation, degrees, up positive.
     pub elevation_deg: f64,
     /// Ring, 0 = lowest.
     pub ring: u8,
@@ -42,13 +42,13 @@ const N_RINGS: i64 = 128;
 const N_COLUMNS: i64 = 1024;
 const TURN_NANOS: i64 = 100_000_000;
 const SHOTS_PER_SECOND: f64 = 240_000.0;
-/// Turns of the prisms per second.
+/// Rotations of the prisms per second.
 const PRISMS_HZ: [f64; 2] = [7294.0 / 60.0, -4664.0 / 60.0];
-/// Width and height of the field, degrees.
+/// Width and height of the field of view, degrees.
 const FIELD_DEG: [f64; 2] = [70.4, 77.2];
 
 impl Pattern {
-    /// Number of rings; 0 if it has none.
+    /// Number of rings; 0 for a pattern without rings.
     pub const fn n_rings(self) -> usize {
         match self {
             Self::Rings128 => N_RINGS as usize,
@@ -64,9 +64,9 @@ impl Pattern {
         }
     }
 
-    /// Shots of a time, ns since the begin of the drive, in order.
+    /// Shots in a time range, ns since the start of the drive, in order.
     pub fn firings(self, nanos: Range<i64>) -> Vec<Firing> {
-        // Shots that fire at once, and how often.
+        // Number of simultaneous shots, and number of shots per ns.
         let (at_once, per_nano) = match self {
             Self::Rings128 => (N_RINGS, N_COLUMNS as f64 / TURN_NANOS as f64),
             Self::Rosette => (1, SHOTS_PER_SECOND * 1e-9),
@@ -103,8 +103,8 @@ impl Pattern {
 
 /// A perfect unit with such a pattern that moves through a scene.
 ///
-/// Each beam is traced by its center and its four sides (see [`super`]). Pose and movers are those of the middle of a
-/// step of 0.1 ms.
+/// Each beam is traced by its center and its four sides (see [`super`]). Pose and movers are constant during steps of 0.1
+/// ms, evaluated at the middle of the step.
 #[derive(Debug)]
 pub struct PatternLidar<'a> {
     scene: &'a Scene,
@@ -119,7 +119,7 @@ pub struct PatternLidar<'a> {
 const STEP_NANOS: i64 = 100_000;
 
 impl<'a> PatternLidar<'a> {
-    /// The lidar at `body_from_lidar`. Noise is that of `seed`.
+    /// The lidar at `body_from_lidar`, with noise from `seed`.
     pub fn new(scene: &'a Scene, motion: &'a Motion, pattern: Pattern, body_from_lidar: Pose, seed: u64) -> Self {
         let receiver = Receiver::perfect(pattern.optics(), pattern.n_rings().max(1));
         Self { scene, motion, pattern, receiver, body_from_lidar, seed }
@@ -135,7 +135,7 @@ impl<'a> PatternLidar<'a> {
         self.motion.begin
     }
 
-    /// The shots of a time, ns since the begin of the drive, and what returned of them.
+    /// The shots in a time range, ns since the start of the drive, and their returns.
     pub fn sweep(&self, nanos: Range<i64>) -> Vec<(Firing, LidarReturn)> {
         let firings = self.pattern.firings(nanos);
         let steps: Vec<&[Firing]> =
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(firings.len(), 128 * 1024);
         assert_eq!((firings[127].ring, firings[127].elevation_deg, firings[128].ring), (127, 22.5, 0));
         assert!(firings[..128].iter().all(|firing| firing.azimuth_deg == 0.0 && firing.nanos == 0));
-        // The next turn begins where this one ends.
+        // The next turn starts where this one ends.
         let next = Pattern::Rings128.firings(TURN_NANOS..TURN_NANOS + 1);
         assert_eq!((next.len(), next[0].azimuth_deg, next[0].nanos), (128, 0.0, TURN_NANOS));
     }

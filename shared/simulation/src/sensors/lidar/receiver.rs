@@ -21,7 +21,8 @@ const MIRROR_GAIN: f32 = 100.0;
 const RANGE_SHORTFALL: f32 = 0.25;
 /// Intensity noise, standard deviation: counts, and share of the level.
 const INTENSITY_SIGMA: [f32; 2] = [0.4, 0.04];
-/// Standard deviation of the laser gains after factory calibration. Rings of a real HDL-32E measure the same road as 3 to 7.
+/// Standard deviation of the laser gains after factory calibration. Rings of a real HDL-32E measure the same road as 3 to
+/// 7.
 const GAIN_SIGMA: f32 = 0.15;
 /// Range unit of the packets, m.
 const RANGE_UNIT_M: f32 = 0.002;
@@ -49,9 +50,9 @@ impl Part {
 /// Receiver of one laser.
 #[derive(Clone, Copy, Debug)]
 struct LaserReceiver {
-    /// Range correction of the maker's table, m: true minus sent range.
+    /// Range correction of the factory table, m: true minus sent range.
     correction_m: f32,
-    /// Error of that table, m: reported minus true range.
+    /// Error of this table, m: reported minus true range.
     range_error_m: f32,
     gain: f32,
 }
@@ -74,13 +75,13 @@ fn materials(optics: &Optics) -> Vec<(Properties, f32)> {
 #[derive(Clone, Debug)]
 pub struct Receiver {
     optics: Optics,
-    /// Properties and reflectance at the laser's wavelength, by material.
+    /// Properties, and reflectance at the wavelength of the laser, by material.
     materials: Vec<(Properties, f32)>,
     lasers: Vec<LaserReceiver>,
 }
 
 impl Receiver {
-    /// Of a model, with the errors of its lasers.
+    /// A receiver of a model, with the errors of its lasers.
     pub(super) fn new(model: &LidarModel, errors: &[LaserError]) -> Self {
         let lasers = model.model.lasers().iter().zip(errors).enumerate().map(|(i, (laser, error))| LaserReceiver {
             correction_m: laser.range_m as f32,
@@ -90,13 +91,13 @@ impl Receiver {
         Self { optics: model.optics, materials: materials(&model.optics), lasers: lasers.collect() }
     }
 
-    /// Of a perfect unit with so many lasers.
+    /// A receiver of a perfect unit with `n_lasers` lasers.
     pub(super) fn perfect(optics: Optics, n_lasers: usize) -> Self {
         let laser = |laser| LaserReceiver { correction_m: 0.0, range_error_m: 0.0, gain: calibrated_gain(laser) };
         Self { optics, materials: materials(&optics), lasers: (0..n_lasers).map(laser).collect() }
     }
 
-    /// Light returned by a hit; `None` if it is mirrored away or transmitted.
+    /// Light returned by a hit; `None` if it is reflected away or transmitted.
     pub fn part(&self, weight: f32, ray: &Ray, hit: &SceneHit) -> Option<Part> {
         let (properties, reflectance) = &self.materials[hit.surface.material as usize];
         let incidence = -hit.normal.dot(&ray.direction);
@@ -180,12 +181,12 @@ mod tests {
         let receiver = receiver();
         let found = |parts: &mut [Part]| receiver.strongest(parts, 0, 5).expect("an echo");
         let close = found(&mut [part(0.6, 10.0, 0.5, ClassId::Pole), part(0.4, 10.5, 0.5, ClassId::Building)]);
-        // The nearer one is brighter by the square of the ranges as well.
+        // The nearer one is also brighter by the square of the ranges.
         assert!((10.15..10.21).contains(&close.range_m), "{close:?}");
         assert_eq!(close.class, ClassId::Pole);
         let apart = found(&mut [part(0.4, 10.0, 0.2, ClassId::Pole), part(0.6, 12.0, 0.7, ClassId::Building)]);
         assert_eq!((apart.range_2mm, apart.class), (6000, ClassId::Building));
-        // A strong one behind the weak one's pulse does not lend it its light.
+        // A strong surface beyond the pulse of a weak one does not add light to it.
         assert!(apart.intensity < 60, "{apart:?}");
     }
 
@@ -199,7 +200,8 @@ mod tests {
                 })
                 .count()
         };
-        // A tenth at 90 m is the limit, half kept by chance; a dark road seen at a low angle is lost long before.
+        // 10 % at 90 m is the limit, where half of the returns are kept at random; a dark road at grazing incidence is
+        // lost long before.
         assert!((60..140).contains(&is_seen(90.0, 0.1)));
         assert_eq!((is_seen(80.0, 0.1), is_seen(105.0, 0.1), is_seen(45.0, 0.02)), (200, 0, 0));
         assert_eq!((is_seen(0.9, 0.5), is_seen(1.1, 0.5), is_seen(121.0, 0.9)), (0, 200, 0));

@@ -8,19 +8,19 @@ pub const N_BLOCKS: usize = BLOCKS_PER_PACKET;
 /// Returns of a block.
 pub const N_LASERS: usize = LASERS_PER_BLOCK;
 
-/// A block of a packet: one round of firings, two of a VLP-16, half a one of an HDL-64E.
+/// A block of a packet: one round of firings; two rounds of a VLP-16, half a round of an HDL-64E.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
-    /// Encoder angle at its first firing, 0.01 deg, 0 to 35999.
+    /// Encoder angle at the first firing of the block, 0.01 deg, 0 to 35999.
     pub azimuth: u16,
-    /// Whether it is of lasers 32 to 63.
+    /// Whether the block is from lasers 32 to 63.
     pub is_lower: bool,
     /// Returns in firing order.
     pub returns: [Option<LidarReturn>; N_LASERS],
 }
 
 impl Block {
-    /// The block as the device sends it.
+    /// The block in the encoding of the device.
     pub fn raw(&self) -> RawBlock {
         let raw_return = |found: &LidarReturn| RawReturn { range_2mm: found.range_2mm, intensity: found.intensity };
         RawBlock {
@@ -38,10 +38,10 @@ pub struct LidarReturn {
     pub range_2mm: u16,
     /// Intensity: 0 to 100 for diffuse targets, above for retroreflectors.
     pub intensity: u8,
-    /// Truth: class of the surface with most of the light.
+    /// Ground truth: class of the surface that returned most of the light.
     pub class: ClassId,
-    /// Truth: its instance.
+    /// Ground truth: instance of this surface.
     pub instance: u16,
-    /// Truth: the echo's range, m, before noise and correction.
+    /// Ground truth: range of the echo, m, before noise and correction.
     pub range_m: f32,
 }

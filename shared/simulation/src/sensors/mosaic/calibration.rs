@@ -11,10 +11,11 @@ use nalgebra::{DMatrix, DVector};
 const FIRST_NM: i32 = 400;
 /// See [`FIRST_NM`].
 const LAST_NM: i32 = 1000;
-/// Weight of small coefficients against right bands: with less, the correction makes noise stronger than three times.
+/// Weight of small coefficients relative to accurate bands: with a smaller weight, the correction amplifies noise more
+/// than three times.
 const RIDGE: f64 = 4e-4;
 
-/// Content of the camera's `sensor.xml`.
+/// Content of the file `sensor.xml` of the camera.
 pub fn sensor_calibration(model: &MosaicModel) -> SensorCalibration {
     let bands = model
         .bands()
@@ -109,7 +110,7 @@ fn rounded(value: f64, steps: f64) -> f64 {
     (value * steps).round() / steps
 }
 
-/// A number of the tables without the digits that f32 adds.
+/// A number of the tables without the extra digits of f32.
 fn decimal(value: f32) -> f64 {
     rounded(f64::from(value), 1e4)
 }
@@ -140,8 +141,8 @@ mod tests {
                         .sum()
                 });
                 let off = (combined.peak_nm() - row.wavelength_nm).abs();
-                assert!(off < 2.5, "{} nm: peaks {off} nm beside", row.wavelength_nm);
-                // The second passbands are gone: most of the light is from around the peak.
+                assert!(off < 2.5, "{} nm: its peak is off by {off} nm", row.wavelength_nm);
+                // The second passbands are removed: most of the light is from around the peak.
                 let near = Curve::from_samples(
                     combined.samples().filter(|(nm, _)| (nm - row.wavelength_nm).abs() < 2.0 * row.fwhm_nm).collect(),
                 );

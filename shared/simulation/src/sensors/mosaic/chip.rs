@@ -10,7 +10,7 @@ pub const BIT_DEPTH: u32 = 10;
 pub const FULL: f32 = 1023.0;
 /// Full well capacity, electrons.
 pub const FULL_WELL: f32 = 11_000.0;
-/// Level without light, counts.
+/// Level without light (bias), counts.
 const BIAS: f32 = 16.0;
 /// Mean dark current of a warm chip, counts per ms.
 const DARK_PER_MS: f32 = 0.05;
@@ -68,7 +68,7 @@ impl Chip {
         let around_zero = |random: u64| 2.0 * unit(random) - 1.0;
         let column = hash(self.0 ^ 0xc0_1000, u as u64);
         let bias = BIAS + FIXED_PATTERN[0] * around_zero(pixel << 8) + FIXED_PATTERN[1] * around_zero(column);
-        // A few pixels have a much larger dark current than the mean.
+        // A few pixels have a dark current far above the mean.
         let dark = DARK_PER_MS * exposure_ms * -unit(pixel << 16).max(1e-6).ln();
         let light = light * (1.0 + FIXED_PATTERN[2] * around_zero(pixel << 24));
         let random = hash(seed, (v * SIZE[0] + u) as u64);
@@ -102,7 +102,7 @@ mod tests {
         let (long, _) = statistics(0.0, 100.0);
         assert!((long - dark - 4.75).abs() < 0.15, "{long}");
         let (lit, spread) = statistics(400.0, 5.0);
-        // Shot noise of 4300 electrons is 6.1 counts, the uneven gain 2.8.
+        // The shot noise of 4300 electrons is 6.1 counts, the gain non-uniformity 2.8.
         assert!((lit - dark - 400.0).abs() < 0.5 && (6.0..8.0).contains(&spread), "{lit} {spread}");
         assert_eq!(statistics(3000.0, 5.0), (1023.0, 0.0));
     }

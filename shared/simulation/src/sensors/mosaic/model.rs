@@ -1,11 +1,11 @@
 //! The two camera models: layout and response of their filters.
 //!
-//! The filters are interference filters on the pixels (Fabry-Pérot): each has a second, weaker passband, which the rejection
-//! filters before the sensor and the spectral correction remove. Numbers are in the range of those that the maker
-//! measured on such sensors; the centers spread over the ranges of the thesis (2.5.1), from which 16 bands of HS03 give 13
-//! and 25 of HS02 give 23.
+//! The filters are interference filters on the pixels (Fabry-Pérot). Each has a second, weaker passband, which the
+//! rejection filters in front of the sensor and the spectral correction remove. Values are in the range that the
+//! manufacturer measured on such sensors; the centers are spread over the ranges of the thesis (2.5.1), from which 16
+//! bands of HS03 give 13 and 25 of HS02 give 23.
 
-/// A model of camera.
+/// A camera model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MosaicModel {
     /// `hs02` or `hs03`.
@@ -20,7 +20,7 @@ pub struct MosaicModel {
     pub range_nm: [f64; 2],
     /// Half-transmission wavelengths of the long-pass and short-pass filters, nm.
     pub rejection_nm: [f64; 2],
-    /// Bands without a virtual band of their own: too weak or too similar to others.
+    /// Bands without a virtual band: too weak or too similar to other bands.
     pub left_out: &'static [usize],
     filters: &'static [InterferenceFilter],
 }
@@ -32,7 +32,7 @@ pub struct InterferenceFilter {
     pub center_nm: f32,
     /// Full width at half maximum, nm.
     pub fwhm_nm: f32,
-    /// Quantum efficiency there, 0 to 1.
+    /// Quantum efficiency at the center, 0 to 1.
     pub efficiency: f32,
     /// The second passband: middle and width in nm, efficiency.
     pub second: [f32; 3],
@@ -42,7 +42,7 @@ const fn filter(center_nm: f32, fwhm_nm: f32, efficiency: f32, second: [f32; 3])
     InterferenceFilter { center_nm, fwhm_nm, efficiency, second }
 }
 
-/// Row-major in the pattern, which does not follow the wavelengths.
+/// Filters of the HS03, row-major in the pattern, which is not sorted by wavelength.
 const HS03: [InterferenceFilter; 16] = [
     filter(478.6, 8.2, 0.118, [633.1, 6.4, 0.021]),
     filter(486.3, 13.1, 0.165, [633.4, 6.4, 0.018]),
@@ -62,7 +62,7 @@ const HS03: [InterferenceFilter; 16] = [
     filter(500.6, 11.9, 0.181, [631.4, 7.2, 0.020]),
 ];
 
-/// See [`HS03`].
+/// Filters of the HS02, row-major in the pattern; see [`HS03`].
 const HS02: [InterferenceFilter; 25] = [
     filter(907.4, 17.2, 0.043, [846.0, 23.0, 0.010]),
     filter(918.8, 18.6, 0.046, [860.1, 21.0, 0.011]),

@@ -1,4 +1,4 @@
-//! A shared drive, and readers of recordings that follow the manufacturers' documents and not the code under test.
+//! A shared drive, and readers of recordings that follow the documents of the manufacturers and not the code under test.
 
 use simulation::{DriveSpec, Simulation, write_drive};
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ pub struct SharedDrive {
 /// An urban drive of 2.2 s with a sparse lidar and without cameras, simulated once per test run.
 pub static SHARED_DRIVE: LazyLock<SharedDrive> = LazyLock::new(|| {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("simulation-shared-drive");
-    // Left by an earlier run.
+    // Remains of an earlier run.
     let _ = std::fs::remove_dir_all(&path);
     let spec = DriveSpec::urban(4, 2.2).sparse(3);
     write_drive(&spec, &path, &mut |_| ()).expect("a drive");
@@ -58,7 +58,7 @@ pub fn udp_payloads(capture: &[u8]) -> Vec<(u16, &[u8])> {
 /// One return of an HDL-32E, in the lidar frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot {
-    /// After the first firing of the recording, s.
+    /// Time after the first firing of the recording, s.
     pub seconds: f64,
     pub direction: [f64; 3],
     pub range_m: f64,
