@@ -1,4 +1,4 @@
-//! Every model alone on an empty square, for pictures of the models.
+//! Each model on its own empty square, for pictures of the models.
 
 use crate::material::Material;
 use crate::models::catalogue::{ENTRIES, Entry};
@@ -16,15 +16,15 @@ pub struct Exhibit {
     pub name: &'static str,
     /// The model and the square.
     pub scene: Scene,
-    /// Its lowest and highest coordinates, m.
+    /// Lowest and highest coordinates of the model, m.
     pub bounds: [Vec3; 2],
-    /// How many primitives it is made of.
+    /// Number of primitives of the model.
     pub n_primitives: usize,
     /// The classes of its parts.
     pub classes: &'static [ClassId],
-    /// No variant is larger than this along x, y, z, m.
+    /// Largest size of any variant along x, y, z, m.
     pub largest: [f32; 3],
-    /// The top of no variant is lower than this, m.
+    /// Least height of the top of any variant, m.
     pub least_height: f32,
 }
 
@@ -42,7 +42,7 @@ fn exhibit(entry: &Entry, seed: u64) -> Exhibit {
         let [a, b] = p.shape.bounds();
         [low.inf(&a), high.sup(&b)]
     });
-    // What digs into the ground, as a canal, would lie under the square.
+    // Models below ground level, such as a canal, would be hidden under the square.
     let level = if bounds[0].z < -1.2 { bounds[0].z } else { 0.0 };
     let ground = builder.surface(ClassId::Ground, 0, Material::BeigeCloth);
     let corner = Vec3::new(-200.0, -200.0, level);
@@ -59,7 +59,7 @@ fn exhibit(entry: &Entry, seed: u64) -> Exhibit {
     }
 }
 
-/// A scene in which nothing moves.
+/// A scene without movers.
 fn still(statics: Bvh, surfaces: Vec<Surface>) -> Scene {
     Scene::new(statics, Vec::new(), surfaces)
 }

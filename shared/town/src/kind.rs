@@ -1,4 +1,4 @@
-//! The kinds of towns and of their traffic.
+//! Kinds of towns, and densities of their traffic.
 
 settings::words! {
     /// The kind of town.
@@ -11,7 +11,7 @@ settings::words! {
         Rural = "rural",
         /// A country road through open fields: degenerate geometry for odometry.
         Field = "field",
-        /// A country road through tunnels of 110 m and more; the drive begins before the first one.
+        /// A country road through tunnels of 110 m or more; the drive starts before the first one.
         Tunnel = "tunnel",
         /// A motorway with two or three lanes each way: guard rails, verges, noise walls, gantries.
         Motorway = "motorway",
@@ -19,7 +19,7 @@ settings::words! {
 }
 
 impl Town {
-    /// Speed of the ego vehicle where nothing keeps it from it, m/s.
+    /// Speed of the ego vehicle without obstacles, m/s.
     pub const fn cruise_mps(self) -> f64 {
         match self {
             Self::Urban | Self::Suburban => 9.0,
@@ -33,10 +33,10 @@ settings::words! {
     /// Density of the traffic.
     #[derive(Default)]
     pub enum Traffic {
-        /// A leading vehicle, a few that follow, and oncoming ones.
+        /// A leading vehicle, a few following vehicles, and oncoming traffic.
         #[default]
         Normal = "normal",
-        /// A one-way street full of vehicles that stand, start and stop with the ego vehicle, a bus beside it.
+        /// A one-way street full of vehicles that stop and start with the ego vehicle, which has a bus next to it.
         Dense = "dense",
     }
 }

@@ -3,19 +3,19 @@
 //! | module | content |
 //! |---|---|
 //! | [`terrain`](Terrain), `streets` | terrain, street map and lanes |
-//! | `construction` | what is built where, and in which order |
+//! | `construction` | placement and order of all objects |
 //! | `models` | geometry of each kind of object |
-//! | `movers`, `path`, `speed_profile` | what moves, where and when |
+//! | `movers`, `path`, `speed_profile` | moving objects, their paths and speeds |
 //! | [`material`], [`spectrum`] | reflectance and texture of surfaces |
 //! | `scene` | the finished town, for ray casts |
 //!
-//! Start reading at [`build()`] in `construction/build.rs`: it builds a town step by step. [`Scene`] is its result.
+//! Start reading at [`build()`] in `construction/build.rs`: it builds a town step by step. [`Scene`] is the result.
 //!
 //! Frame: z up, metres, the drive starts near the origin. Times are seconds of the drive, wavelengths nm, reflectances 0 to 1.
 //!
-//! A town is determined by its [`Town`] kind, its seed, the length of the drive and the density of its [`Traffic`]: the same four give
-//! the same town, bit by bit. The crate must never use a clock or an unseeded random number, never build an object without class and
-//! material, and never know sensors: `simulation` measures the town.
+//! A town is determined by its [`Town`] kind, its seed, the length of the drive and the density of its [`Traffic`]: the
+//! same four values give the same town, bit by bit. The crate must never use a clock or an unseeded random number, build
+//! an object without class and material, or depend on sensors: `simulation` measures the town.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

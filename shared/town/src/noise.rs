@@ -1,4 +1,4 @@
-//! Smooth noise for uneven surfaces and stained walls: random values at the integers, smoothly joined.
+//! Smooth noise for uneven surfaces and stained walls: random values at integer positions, smoothly interpolated.
 
 use random::{hash, unit};
 
@@ -20,7 +20,8 @@ pub fn value_noise(seed: u64, x: f32, y: f32, z: f32) -> f32 {
     lerp(face(0), face(1), fz)
 }
 
-/// Two octaves of [`value_noise`] over a plane, within -1 to 1: swells of `coarse_m` and half as strong ones of `fine_m`.
+/// Two octaves of [`value_noise`] over a plane, within -1 to 1: undulations of `coarse_m`, and of `fine_m` with half the
+/// amplitude.
 pub fn rough(seed: u64, u: f32, v: f32, coarse_m: f32, fine_m: f32) -> f32 {
     let coarse = value_noise(seed, u / coarse_m, v / coarse_m, 0.5);
     let fine = value_noise(seed ^ 0x5eed, u / fine_m, v / fine_m, 0.5);

@@ -41,7 +41,7 @@ impl GroundPath {
     pub fn point(&self, s: f64) -> Vector3<f64> {
         self.line.at(s / self.spacing_m)
     }
-    /// Derivative of the point by `s`; nearly of unit length.
+    /// Derivative of the point with respect to `s`; nearly of unit length.
     pub fn direction(&self, s: f64) -> Vector3<f64> {
         self.line.slope(s / self.spacing_m) / self.spacing_m
     }
@@ -52,7 +52,8 @@ impl GroundPath {
         let after = self.direction(s + h).xy();
         before.perp(&after).atan2(before.dot(&after)) / (2.0 * h)
     }
-    /// Frame of a vehicle `left_m` to the left of the path: x along the path, tilted with the ground, rotated by `yaw` (rad).
+    /// Frame of a vehicle `left_m` to the left of the path: x along the path, tilted with the ground, rotated by `yaw`
+    /// (rad).
     pub fn frame(&self, s: f64, left_m: f64, yaw: f64) -> Isometry3<f64> {
         let (direction, left, at) = self.beside(s, left_m);
         let pitch = -direction.z.atan2(direction.xy().norm());
@@ -63,13 +64,13 @@ impl GroundPath {
             * Rotation3::from_axis_angle(&Vector3::z_axis(), yaw);
         Isometry3::from_parts(Translation3::from(at), UnitQuaternion::from_rotation_matrix(&rotation))
     }
-    /// As [`GroundPath::frame`], but upright, for people.
+    /// Frame as in [`GroundPath::frame`], but upright, for people.
     pub fn upright(&self, s: f64, left_m: f64, yaw: f64) -> Isometry3<f64> {
         let (direction, _, at) = self.beside(s, left_m);
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), direction.y.atan2(direction.x) + yaw);
         Isometry3::from_parts(Translation3::from(at), rotation)
     }
-    /// Direction, the unit vector to the left, and the place.
+    /// Direction, the unit vector to the left, and the position.
     fn beside(&self, s: f64, left_m: f64) -> (Vector3<f64>, Vector2<f64>, Vector3<f64>) {
         let direction = self.direction(s);
         let left = Vector2::new(-direction.y, direction.x) / direction.xy().norm().max(1e-9);

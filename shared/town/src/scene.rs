@@ -1,4 +1,4 @@
-//! A town as rays meet it: static primitives, moving objects, and the surface of each.
+//! A town for ray casts: static primitives, moving objects, and the surface of each.
 
 use crate::movers::mover::Mover;
 use crate::surface::Surface;
@@ -19,7 +19,8 @@ pub struct Scene {
 pub struct Snapshot(ObjectTree);
 
 impl Snapshot {
-    /// Whether each ray may hit a moving object. Rays of different times are not tested: true unless their limit is negative.
+    /// Whether each ray may hit a moving object. Rays at different times are not tested: the result is true unless their
+    /// limit is negative.
     fn may_meet<'s>(snapshot: impl Fn(usize) -> &'s Self, rays: &[Ray], limit: impl Fn(usize) -> f32) -> Vec<bool> {
         if (1..rays.len()).any(|i| !std::ptr::eq(snapshot(i), snapshot(0))) {
             return (0..rays.len()).map(|i| limit(i) >= 0.0).collect();
@@ -33,16 +34,16 @@ impl Snapshot {
 pub struct SceneHit {
     /// Length of the ray, m.
     pub range_m: f32,
-    /// Unit, against the ray.
+    /// Unit normal, opposite to the ray.
     pub normal: Vec3,
     /// Surface that was hit.
     pub surface: Surface,
-    /// The point in the frame of the object that was hit, m: texture coordinates.
+    /// The point in the frame of the hit object, m: texture coordinates.
     pub texture_point: Vec3,
 }
 
 impl Scene {
-    /// A scene of static primitives and movers, whose primitives name `surfaces` by index.
+    /// A scene of static primitives and movers. Primitives refer to `surfaces` by index.
     pub(crate) const fn new(statics: Bvh, movers: Vec<Mover>, surfaces: Vec<Surface>) -> Self {
         Self { statics, movers, surfaces }
     }
@@ -54,12 +55,12 @@ impl Scene {
         ))
     }
 
-    /// Poses of some movers by index; the others are absent.
+    /// Poses of the movers with these indices; the others are absent.
     pub fn some_at(&self, movers: &[usize], seconds: f64) -> Snapshot {
         Snapshot(ObjectTree::new(&movers.iter().map(|number| self.placed(*number, seconds)).collect::<Vec<_>>()))
     }
 
-    /// Indexes of the movers within `reach_m` of a point.
+    /// Indices of the movers within `reach_m` of a point.
     pub fn movers_near(&self, point: &Vec3, reach_m: f32, seconds: f64) -> Vec<usize> {
         let is_near = |number: &usize| {
             let placed = self.placed(*number, seconds);
@@ -73,7 +74,8 @@ impl Scene {
         self.cast_on(snapshot, ray, max_m, self.statics.nearest(ray, max_m))
     }
 
-    /// [`Scene::cast`] of many rays, ray i at the time of `snapshot(i)`. Several times as fast if neighboring rays are coherent.
+    /// [`Scene::cast`] of many rays, ray i at the time of `snapshot(i)`. Several times as fast if consecutive rays are
+    /// coherent.
     pub fn cast_all<'s>(
         &self,
         rays: &[Ray],
@@ -92,7 +94,7 @@ impl Scene {
         rays.iter().enumerate().map(hit).collect()
     }
 
-    /// The nearest hit among movers and the hit of the static scene.
+    /// The nearest of the mover hits and the hit in the static scene.
     fn cast_on(
         &self,
         snapshot: &Snapshot,
@@ -128,7 +130,7 @@ impl Scene {
         is_blocked
     }
 
-    /// [`Scene::is_blocked`] of many rays, as in [`Scene::cast_all`].
+    /// [`Scene::is_blocked`] for many rays, as in [`Scene::cast_all`].
     pub fn are_blocked<'s>(&self, rays: &[Ray], max_m: f32, snapshot: impl Fn(usize) -> &'s Snapshot) -> Vec<bool> {
         let mut blocked = self.statics.any_of(rays, max_m);
         let may_hit_mover = Snapshot::may_meet(&snapshot, rays, |i| if blocked[i] { -1.0 } else { max_m });
@@ -143,7 +145,7 @@ impl Scene {
         &self.statics
     }
 
-    /// The same scene with other classes and instances: `label` maps the old ones to the new ones.
+    /// A copy of the scene with other classes and instances: `label` maps the old ones to the new ones.
     #[must_use]
     pub fn relabeled(mut self, label: impl Fn(ClassId, u16) -> (ClassId, u16)) -> Self {
         for surface in &mut self.surfaces {
@@ -157,7 +159,7 @@ impl Scene {
         &self.movers
     }
 
-    /// Number of primitives, standing and moving.
+    /// Number of primitives, static and moving.
     pub fn n_primitives(&self) -> usize {
         self.statics.len() + self.movers.iter().flat_map(|mover| &mover.models).map(Bvh::len).sum::<usize>()
     }

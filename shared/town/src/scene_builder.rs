@@ -9,7 +9,7 @@ use raytrace::{Primitive, Shape, Vec3};
 /// Index of a surface in the scene.
 pub type SurfaceId = u32;
 
-/// Quads whose corners deviate by less from a parallelogram are stored as one, m.
+/// Quads whose corners deviate by less than this from a parallelogram are stored as one panel, m.
 const FLAT_M: f32 = 2e-4;
 
 /// The primitives and surfaces so far.
@@ -23,7 +23,7 @@ impl SceneBuilder {
     /// Index of a surface; a new surface is appended.
     pub fn surface(&mut self, class: ClassId, instance: u16, material: Material) -> SurfaceId {
         let surface = Surface { class, instance, material };
-        // The newest are asked for most often, and there are a few hundred at most.
+        // The latest surfaces are requested most often, and there are at most a few hundred.
         let known = self.surfaces.iter().rposition(|s| *s == surface);
         known.unwrap_or_else(|| {
             self.surfaces.push(surface);
@@ -33,8 +33,8 @@ impl SceneBuilder {
     pub fn add(&mut self, shape: Shape, surface: SurfaceId) {
         self.primitives.push(Primitive { shape, surface });
     }
-    /// The corners go around. One panel if they are those of a parallelogram, else two triangles; nothing without area, as
-    /// where a wall ends at a window's edge.
+    /// Adds a quad with its corners in order around it. It is one panel if the corners form a parallelogram, otherwise
+    /// two triangles. A quad without area is skipped, for example where a wall ends at the edge of a window.
     pub fn quad(&mut self, [a, b, c, d]: [Vec3; 4], surface: SurfaceId) {
         let edge1 = b - a;
         let edge2 = d - a;
@@ -48,7 +48,7 @@ impl SceneBuilder {
             self.triangle([a, c, d], surface);
         }
     }
-    /// Nothing if the corners lie on a line.
+    /// Adds a triangle; skipped if the corners are on a line.
     pub fn triangle(&mut self, [a, b, c]: [Vec3; 3], surface: SurfaceId) {
         if (b - a).cross(&(c - a)).norm_squared() > 0.0 {
             self.add(Shape::triangle(a, b, c), surface);
@@ -61,7 +61,7 @@ impl SceneBuilder {
         let center = (pose * Point3::from((low + high) * 0.5)).coords;
         self.add(Shape::Cuboid { center, half: (high - low) * 0.5, rotation: pose.rotation }, surface);
     }
-    /// A copy of a model's primitives at a pose. Its surfaces are this builder's.
+    /// Adds a copy of a model's primitives at a pose. Its surfaces belong to this builder.
     pub fn place(&mut self, model: &[Primitive], pose: &Isometry3<f32>) {
         self.primitives.extend(model.iter().map(|p| Primitive { shape: p.shape.moved(pose), surface: p.surface }));
     }

@@ -2,12 +2,12 @@
 
 /// First wavelength, nm.
 pub const FIRST_NM: f32 = 400.0;
-/// Distance of the samples, nm. Red edge and filters are 20 nm wide and more.
+/// Spacing of the samples, nm. Red edge and filters are at least 20 nm wide.
 pub const STEP_NM: f32 = 10.0;
 /// Samples of a [`Spectrum`].
 pub const SAMPLES: usize = 61;
 
-/// Values from 400 to 1000 nm in steps of 10 nm, linear between. Reflectances are 0 to 1.
+/// Values from 400 to 1000 nm in steps of 10 nm, linear in between. Reflectances are 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum([f32; SAMPLES]);
 
@@ -15,7 +15,7 @@ pub struct Spectrum([f32; SAMPLES]);
 pub const ANCHORS_NM: [f32; 11] = [400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0, 750.0, 800.0, 900.0, 1000.0];
 
 impl Spectrum {
-    /// From values at [`ANCHORS_NM`].
+    /// Spectrum from values at [`ANCHORS_NM`].
     pub fn from_anchors(values: [f32; 11]) -> Self {
         Self::from_fn(|nm| {
             let after = ANCHORS_NM.partition_point(|&a| a <= nm).clamp(1, 10);
@@ -25,7 +25,7 @@ impl Spectrum {
             values[after - 1] * (1.0 - share) + values[after] * share
         })
     }
-    /// A paint by what it reflects in blue, green, red and infrared.
+    /// Spectrum of a paint from its reflectance in red, green, blue and infrared.
     pub fn paint([red, green, blue]: [f32; 3], infrared: f32) -> Self {
         let edge = 0.5 * (red + infrared);
         Self::from_anchors([
@@ -42,7 +42,7 @@ impl Spectrum {
             infrared,
         ])
     }
-    /// Sampled from a function of the wavelength in nm.
+    /// Spectrum sampled from a function of the wavelength in nm.
     pub fn from_fn(value: impl Fn(f32) -> f32) -> Self {
         Self(std::array::from_fn(|i| value(FIRST_NM + STEP_NM * i as f32)))
     }
@@ -54,7 +54,7 @@ impl Spectrum {
     pub fn samples(&self) -> impl Iterator<Item = (f32, f32)> {
         self.0.iter().enumerate().map(|(i, value)| (FIRST_NM + STEP_NM * i as f32, *value))
     }
-    /// The value at a wavelength in nm; the end values outside.
+    /// The value at a wavelength in nm; outside the range, the value at its end.
     pub fn at(&self, nm: f32) -> f32 {
         let position = ((nm - FIRST_NM) / STEP_NM).clamp(0.0, (SAMPLES - 1) as f32);
         let i = (position as usize).min(SAMPLES - 2);

@@ -1,4 +1,4 @@
-//! Distance along a path over time: slow in turns, standing at red lights.
+//! Distance along a path over time: slow in turns, stationary at red lights.
 
 use crate::path::GroundPath;
 use crate::spline::Spline;
@@ -12,10 +12,11 @@ const LATERAL: f64 = 1.9;
 const KNOT_SECONDS: f64 = 0.4;
 /// Steps of the simulation between two knots.
 const STEPS: usize = 8;
-/// Variation of the cruise speed: share, and wavelength in m up to [`FAST_MPS`], then growing with the square of the speed.
+/// Variation of the cruise speed: share, and wavelength in m up to [`FAST_MPS`], which then grows with the square of the
+/// speed.
 const VARIATION_SHARE: f64 = 0.1;
 const VARIATION_M: f64 = 90.0;
-/// Cruise speed from which on waves along the path are longer, so that accelerations do not grow, m/s.
+/// Cruise speed above which waves along the path are longer, so that accelerations do not grow, m/s.
 pub const FAST_MPS: f64 = 13.0;
 
 /// Target speed and stops of a driver.
@@ -53,11 +54,11 @@ impl SpeedProfile {
     pub fn rolling(path: &GroundPath, driver: &Driver, start_m: f64, seconds: f64) -> Self {
         Self::simulate(path, driver, start_m, driver.cruise_mps, seconds)
     }
-    /// Distance along the path, `seconds` after the start, m. It is constant before.
+    /// Distance along the path, `seconds` after the start, m. It is constant before the start.
     pub fn distance_m(&self, seconds: f64) -> f64 {
         self.lengths.at(seconds / KNOT_SECONDS).x
     }
-    /// When `distance_m` is reached first, s; the end of the drive if it is not reached.
+    /// Time at which `distance_m` is first reached, s; the end of the drive if it is not reached.
     pub fn seconds_at(&self, distance_m: f64) -> f64 {
         let n = self.lengths.len();
         let after = (0..n).find(|i| self.lengths.at(*i as f64).x >= distance_m).unwrap_or(n);
@@ -73,7 +74,7 @@ impl SpeedProfile {
         // The first three knots are equal, so that the vehicle starts at rest.
         let mut lengths = vec![SVector::from([s]); if start_mps > 0.0 { 1 } else { 3 }];
         let step = KNOT_SECONDS / STEPS as f64;
-        // Past the end by more than the curve's reach.
+        // Beyond the end by more than the support of the curve.
         for _ in 0..(seconds / KNOT_SECONDS).ceil() as usize + 8 {
             for _ in 0..STEPS {
                 if wait > 0.0 {
@@ -102,7 +103,7 @@ impl SpeedProfile {
     }
 }
 
-/// Speed limits per m of the path that keep both accelerations.
+/// Speed limits per metre of the path that respect both accelerations.
 struct Limits {
     mps: Vec<f64>,
 }

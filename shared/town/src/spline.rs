@@ -1,8 +1,8 @@
 //! Smooth curves near evenly spaced points: uniform B-splines of degree five (de Boor, "A practical guide to splines", 1978).
 //!
-//! Their first four derivatives are continuous, so that an IMU on them feels no kinks. They pass near their points, not
-//! through them: corners are rounded, which makes turns of streets and starts of vehicles as gentle as real ones. Evenly
-//! spaced points of a line are followed exactly.
+//! The first four derivatives are continuous, so that an IMU on such a curve measures no steps. Curves pass near their
+//! points, not through them: corners are rounded, which makes turns of streets and starts of vehicles as smooth as real
+//! ones. Evenly spaced points on a line are followed exactly.
 
 use nalgebra::SVector;
 
@@ -14,11 +14,11 @@ pub struct Spline<const D: usize> {
 }
 
 impl<const D: usize> Spline<D> {
-    /// A curve with ends: it rests before the first point and after the last one. `None` without points.
+    /// A curve with ends: it is constant before the first point and after the last one. `None` without points.
     pub fn open(points: Vec<SVector<f64, D>>) -> Option<Self> {
         (!points.is_empty()).then_some(Self { points, is_closed: false })
     }
-    /// A curve that returns to its begin. `None` without points.
+    /// A curve that returns to its start. `None` without points.
     pub fn closed(points: Vec<SVector<f64, D>>) -> Option<Self> {
         (!points.is_empty()).then_some(Self { points, is_closed: true })
     }
@@ -26,7 +26,7 @@ impl<const D: usize> Spline<D> {
     pub const fn len(&self) -> usize {
         self.points.len()
     }
-    /// Place at `u`, counted in points.
+    /// Position at `u`, counted in points.
     pub fn at(&self, u: f64) -> SVector<f64, D> {
         let t = u - u.floor();
         let t2 = t * t;
@@ -45,7 +45,7 @@ impl<const D: usize> Spline<D> {
             ],
         )
     }
-    /// Derivative by `u`.
+    /// Derivative with respect to `u`.
     pub fn slope(&self, u: f64) -> SVector<f64, D> {
         let t = u - u.floor();
         let t2 = t * t;

@@ -1,15 +1,15 @@
-//! What a primitive is: its class, its instance and its material.
+//! Surface attributes of a primitive: class, instance and material.
 
 use crate::material::Material;
 use messages::ClassId;
 
-/// What a primitive belongs to.
+/// Surface attributes of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Surface {
-    /// Meaning.
+    /// Semantic class.
     pub class: ClassId,
-    /// 0 = none; vehicles and pedestrians have one each.
+    /// Instance; 0 = no instance. Each vehicle and pedestrian has one.
     pub instance: u16,
-    /// Looks.
+    /// Optical material.
     pub material: Material,
 }

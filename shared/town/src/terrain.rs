@@ -1,4 +1,4 @@
-//! Terrain: a height for every place, with bounded slopes.
+//! Terrain: a height at every position, with bounded slopes.
 
 use crate::noise::rough;
 use nalgebra::Vector2;
@@ -10,7 +10,7 @@ pub const MAX_SLOPE: f64 = 0.06;
 /// Half of the unevenness of paved ground, m.
 const UNEVEN_M: f32 = 0.018;
 
-/// Gentle hills: a sum of sines, so that every derivative exists.
+/// Gentle hills: a sum of sines, so that all derivatives exist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terrain {
     swells: [Swell; 4],
@@ -19,18 +19,18 @@ pub struct Terrain {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Swell {
-    /// Direction and rad/m.
+    /// Direction and wave number, rad/m.
     wave: Vector2<f64>,
     phase: f64,
     height_m: f64,
 }
 
 impl Terrain {
-    /// Hills of a seed: from nearly flat to slopes of [`MAX_SLOPE`].
+    /// Hills for a seed: from nearly flat to slopes of [`MAX_SLOPE`].
     pub fn new(seed: u64) -> Self {
         let mut random = Random::of_hash(seed, 0x07e2_2a14);
         let steepness = MAX_SLOPE * f64::from(random.range(0.25, 1.0));
-        // Shares of the slope that sum to 1; the shorter swells get less.
+        // Shares of the slope that add up to 1; the shorter waves get smaller shares.
         let swells = [(0.4, 420.0), (0.3, 310.0), (0.2, 240.0), (0.1, 170.0)].map(|(share, length_m)| {
             let angle = f64::from(random.range(0.0, TAU as f32));
             let rate = TAU / (length_m * f64::from(random.range(0.9, 1.15)));
@@ -50,7 +50,7 @@ impl Terrain {
     pub fn gradient(&self, p: &Vector2<f64>) -> Vector2<f64> {
         self.swells.iter().map(|s| s.wave * (s.height_m * (s.wave.dot(p) + s.phase).cos())).sum()
     }
-    /// How far paved ground is off its smooth shape, m: 3.6 cm from the deepest rut to the highest swell.
+    /// Deviation of paved ground from its smooth shape, m: 3.6 cm from the deepest rut to the highest point.
     pub fn uneven(&self, p: &Vector2<f64>) -> f64 {
         f64::from(UNEVEN_M * rough(self.seed, p.x as f32, p.y as f32, 3.1, 0.9))
     }

@@ -1,10 +1,10 @@
-//! What the blocks between streets are used for.
+//! Uses of the blocks between streets.
 
 use crate::kind::Town;
 use crate::streets::network::Network;
 use random::Random;
 
-/// What is between four streets.
+/// Use of the block between four streets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockUse {
     /// Houses around a yard.
@@ -18,7 +18,7 @@ pub enum BlockUse {
 }
 
 impl BlockUse {
-    /// The uses of a town's blocks: one in seven is a square, one in seven a park.
+    /// The uses of the blocks of a town: one in seven is a square, one in seven a park.
     pub fn of_blocks(network: &Network, kind: Town, random: &mut Random) -> Vec<Self> {
         let usual = if kind == Town::Urban { Self::Houses } else { Self::Gardens };
         let draw = |random: &mut Random| match random.index(7) {

@@ -1,4 +1,4 @@
-//! Builds a town: street map and route first, then the ground, then everything on it.
+//! Builds a town: street map and route first, then the ground, then all objects on it.
 
 use crate::construction::block_use::BlockUse;
 use crate::construction::reach::{DETAIL_RADIUS_M, Reach};
@@ -29,7 +29,7 @@ const RED_EVERY: usize = 4;
 /// Distance of the waiting ego vehicle to the stop line, m.
 const STOP_BEFORE_M: f64 = 3.5;
 
-/// A town with the drive of the ego vehicle through it.
+/// A town and the drive of the ego vehicle through it.
 #[derive(Debug)]
 pub struct Drive {
     /// The town.
@@ -40,7 +40,8 @@ pub struct Drive {
     pub speed: Arc<SpeedProfile>,
 }
 
-/// Builds the town of a kind and seed, and a drive of `seconds` through it. Only what lies near the driven path is built.
+/// Builds the town of a kind and seed, and a drive of `seconds` through it. Only the surroundings of the driven path are
+/// built.
 pub fn build(kind: Town, seed: u64, seconds: f64, traffic: Traffic) -> Drive {
     let mut random = Random::of_hash(seed, 0x00c1_7100);
     let (mut town, tour) = plan(kind, seed, seconds, &mut random);
@@ -53,7 +54,7 @@ pub fn build(kind: Town, seed: u64, seconds: f64, traffic: Traffic) -> Drive {
     Drive { scene, path: tour.path, speed: tour.speed }
 }
 
-/// The street map and the tour; nothing is built yet.
+/// The street map and the route; nothing is built yet.
 fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilder, Tour) {
     let stretches = country::stretches(match kind {
         Town::Field => Some(Stretch::Field),
@@ -77,7 +78,7 @@ fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilde
         stops: stops(&network, &legs, path.length_m(), random),
     };
     let speed = Arc::new(SpeedProfile::from_rest(&path, &driver, legs[0][0] + START_M, seconds));
-    // The recording may last a little longer than the drive.
+    // The recording may last slightly longer than the drive.
     let reach = Reach::new(&path, speed.distance_m(0.0), speed.distance_m(seconds + 0.2));
     let mut builder = SceneBuilder::default();
     let pavings = Pavings::new(&mut builder);
@@ -97,7 +98,7 @@ fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilde
     (town, Tour { path, legs, driver, speed, seconds })
 }
 
-/// Rotates the round so that field and tunnel drives begin at their stretch and rural drives at the end of the village.
+/// Rotates the round so that field and tunnel drives start at their stretch and rural drives at the end of the village.
 fn start_at_stretch(network: &mut Network, kind: Town, stretches: &[Stretch]) {
     let wanted = match kind {
         Town::Urban | Town::Suburban | Town::Motorway => return,
@@ -114,7 +115,7 @@ fn start_at_stretch(network: &mut Network, kind: Town, stretches: &[Stretch]) {
     network.round.rotate_left(first);
 }
 
-/// Red lights as (distance along the path, waiting time), for as many rounds as the longest drive makes.
+/// Red lights as (distance along the path, waiting time), for the number of rounds of the longest drive.
 fn stops(network: &Network, legs: &[[f64; 2]], round_m: f64, random: &mut Random) -> Vec<Stop> {
     const MAX_ROUNDS: usize = 6;
     let mut stops = Vec::new();
@@ -144,7 +145,7 @@ impl TownBuilder {
     }
 
     fn fill(&mut self, random: &mut Random) {
-        // One street of an urban town passes under a bridge between houses.
+        // One street of an urban town passes under a footbridge between houses.
         let bridged = self.network.round[BRIDGED_LEG % self.network.round.len()].street;
         for street in self.built_streets() {
             match self.kind {
@@ -194,7 +195,7 @@ mod tests {
         (town, Bvh::new(primitives))
     }
 
-    /// Class of the ground below a place, and its height over the terrain, m.
+    /// Class of the ground below a position, and its height above the terrain, m.
     fn below(town: &TownBuilder, ground: &Bvh, p: &Vector2<f64>) -> Option<(ClassId, f64)> {
         let height = town.network.terrain.height(p);
         let origin = Vec3::new(p.x as f32, p.y as f32, (height + 2.0) as f32);

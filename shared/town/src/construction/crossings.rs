@@ -1,4 +1,4 @@
-//! Crossings of roads over land: canal, level crossing, tunnel, bridge; and the footbridge of a town.
+//! Crossings of country roads: canal, level crossing, tunnel, bridge; and the footbridge of a town.
 
 use crate::construction::ground;
 use crate::construction::town_builder::TownBuilder;
@@ -14,35 +14,35 @@ use std::f64::consts::PI;
 
 /// Half the width of a tunnel, m.
 const TUNNEL_HALF_M: f64 = 5.2;
-/// Its crown, m above the road; the hill over it begins a metre higher.
+/// Height of the tunnel crown above the road, m; the hill over it starts a metre higher.
 const TUNNEL_TOP_M: f64 = 6.1;
 /// Longest tunnel, m.
 const TUNNEL_M: f64 = 130.0;
-/// From a tunnel's portals to the mouths of its street, m.
+/// Distance from the portals of a tunnel to the mouths of its street, m.
 const PORTAL_M: f64 = 28.0;
-/// Where canals pass under their streets, as a share of the length.
+/// Position of canals under their streets, as a share of the length.
 const CANAL_AT: f64 = 0.52;
 /// Width of the canal, m.
 const CANAL_M: f64 = 9.0;
-/// How far canals and railways lead away from the road, m.
+/// Distance from the road to the end of canals and railways, m.
 const AWAY_M: f64 = 75.0;
 
-/// A canal: no meadow lies over its water.
+/// A canal, which keeps meadows off its water.
 #[derive(Clone, Copy, Debug)]
 pub struct Canal {
-    /// Where it passes under the road.
+    /// Position where it passes under the road.
     at: Vector2<f64>,
-    /// Along it, unit.
+    /// Its direction, unit.
     along: Vector2<f64>,
 }
 
 impl Canal {
-    /// Distance of a place from its middle line, m.
+    /// Distance of a position from its center line, m.
     pub fn distance(&self, p: &Vector2<f64>) -> f64 {
         let to = p - self.at;
         if to.dot(&self.along).abs() < AWAY_M - 6.0 { to.perp(&self.along).abs() } else { f64::INFINITY }
     }
-    /// Whether a cell of the meadows there would lie over the water.
+    /// Whether a meadow cell at this position would cover the water.
     pub fn covers(&self, p: &Vector2<f64>) -> bool {
         self.distance(p) < 0.5 * CANAL_M + 3.2
     }
@@ -55,14 +55,14 @@ impl TownBuilder {
         let crossed = (0..self.stretches.len()).filter(|k| is_rural && self.stretches[*k] == Stretch::Crossings);
         crossed.map(|street| self.canal_of(street, CANAL_AT)).collect()
     }
-    /// The canal of a street, `share` of its length from its begin.
+    /// The canal of a street, at `share` of the length from its start.
     fn canal_of(&self, street: usize, share: f64) -> Canal {
         let line = &self.network.streets[street];
         let (at, direction) = line.center(share * line.length_m);
         Canal { at, along: Vector2::new(-direction.y, direction.x) }
     }
 
-    /// A canal that the road crosses on a bridge with parapets.
+    /// Builds a canal that the road crosses on a bridge with parapets.
     pub fn canal(&mut self, street: usize, random: &mut Random) {
         let line = self.network.streets[street].clone();
         let s = CANAL_AT * line.length_m;
@@ -74,7 +74,7 @@ impl TownBuilder {
         let place = |t: f64, off: f64| canal.at + canal.along * t + Vector2::new(canal.along.y, -canal.along.x) * off;
         let middle = [-AWAY_M, 0.0, AWAY_M].map(|t| Vec3::new(place(t, 0.0).x as f32, place(t, 0.0).y as f32, level));
         water::canal(&mut self.builder, &middle, CANAL_M as f32, random);
-        // Banks from the coping stones down below the meadows.
+        // Banks from the coping stones down to below the meadows.
         let grass = self.pavings.id(Paving::Grass);
         let edge = 0.5 * CANAL_M + 0.4;
         let terrain = self.network.terrain;
@@ -109,7 +109,7 @@ impl TownBuilder {
                     line.vertex(s, t, line.profile.height(t))
                 })
                 .collect();
-            // Over the one the water is seen through bars, over the other not at all.
+            // The water is visible through the bars of one parapet and hidden by the other.
             if side > 0.0 {
                 fence::railing(&mut self.builder, &feet);
             } else {
@@ -118,7 +118,7 @@ impl TownBuilder {
         }
     }
 
-    /// A railway that crosses the road on its level, with lights.
+    /// Builds a level crossing of a railway, with lights.
     pub fn level_crossing(&mut self, street: usize, share: f64, random: &mut Random) {
         let line = self.network.streets[street].clone();
         let s = share * line.length_m;
@@ -140,7 +140,7 @@ impl TownBuilder {
             let pose = self.stand(street, s + side * 4.5, side * (line.profile.kerb_t + 0.6), yaw);
             pole::traffic_light(&mut self.builder, &pose);
         }
-        // Over the road the rails lie between its stones.
+        // On the road the rails lie between its stones.
         let n = 12;
         let feet: Vec<Vec3> = (0..=n)
             .map(|i| {
@@ -151,7 +151,7 @@ impl TownBuilder {
         track::tramway(&mut self.builder, &feet);
     }
 
-    /// A tunnel through a hill: at most 130 m, in the middle of the street.
+    /// Builds a tunnel through a hill: at most 130 m, in the middle of the street.
     pub fn tunnel(&mut self, street: usize, random: &mut Random) {
         let line = self.network.streets[street].clone();
         let [from, to] = self.tunnel_ends(street);
@@ -194,7 +194,7 @@ impl TownBuilder {
         }
     }
 
-    /// A bridge for people between the houses on both sides.
+    /// Builds a footbridge between the houses on both sides.
     pub fn footbridge(&mut self, street: usize, random: &mut Random) {
         let line = self.network.streets[street].clone();
         let s = 0.5 * line.length_m;
@@ -205,7 +205,7 @@ impl TownBuilder {
         }
     }
 
-    /// Where the tunnel of a street begins and ends, as `s`.
+    /// Start and end of the tunnel of a street, as `s`.
     pub fn tunnel_ends(&self, street: usize) -> [f64; 2] {
         let [begin, end] = self.network.mouths(street);
         let half = (0.5 * (end - begin) - PORTAL_M).min(0.5 * TUNNEL_M);
@@ -213,7 +213,7 @@ impl TownBuilder {
         [middle - half, middle + half]
     }
 
-    /// A bridge over the road, its ramps on both sides.
+    /// Builds a bridge over the road, with ramps on both sides.
     pub fn overpass(&mut self, street: usize, share: f64, random: &mut Random) {
         let line = self.network.streets[street].clone();
         let s = share * line.length_m;

@@ -8,15 +8,15 @@ use random::Random;
 use raytrace::Vec3;
 use std::f64::consts::PI;
 
-/// From the garden fence to the house's front, m.
+/// Distance from the garden fence to the front of the house, m.
 const SETBACK_M: [f32; 2] = [4.0, 7.5];
-/// How deep plots are, m: rows on both sides of a corner end where they would meet.
+/// Depth of plots, m: rows on both sides of a corner end where they would meet.
 const PLOT_M: f64 = 18.0;
-/// How far the meadows lie below the terrain, m (see `ground`).
+/// Height of the meadows relative to the terrain, m (see `ground`).
 const LAWN_H: f64 = -0.16;
 
 impl TownBuilder {
-    /// Plots with houses along a side of a street, unless a park lies there.
+    /// Builds plots with houses along a side of a street, unless there is a park.
     pub fn gardens(&mut self, street: usize, side: f64, random: &mut Random) {
         if self.block_beside(street, side).is_some_and(|block| self.uses[block] == BlockUse::Park) {
             return;
@@ -32,7 +32,7 @@ impl TownBuilder {
             }
             s += width;
         }
-        // The corners between two rows are gardens too.
+        // The corners between two rows are also gardens.
         for corner in [[first, begin], [end, last]] {
             let middle = 0.5 * (corner[0] + corner[1]);
             if corner[1] - corner[0] > 3.0 && self.is_built(street, middle, side * outer) {
@@ -50,12 +50,12 @@ impl TownBuilder {
         let setback = f64::from(random.range(SETBACK_M[0], SETBACK_M[1]));
         let line = self.network.streets[street].clone();
         let at = |s: f64, back: f64| line.plan(s, side * (outer + back));
-        // A gap of 3.2 m for the driveway, on the one or the other side of the front.
+        // A gap of 3.2 m for the driveway, on either side of the front.
         let is_drive_first = random.chance(0.5);
         let (drive, front) = if is_drive_first { (from + 1.9, [from + 3.5, to]) } else { (to - 1.9, [from, to - 3.5]) };
         self.front(street, side, front, random);
         let middle = 0.5 * (from + to) + if is_drive_first { 1.2 } else { -1.2 };
-        // The house looks to the street along its -y.
+        // The front of the house, its -y side, faces the street.
         let yaw = line.heading(middle) + if side > 0.0 { 0.0 } else { PI };
         let house_width = (width - 6.5).clamp(7.0, 13.0) as f32;
         let depth = random.range(7.5, 9.5);
@@ -94,7 +94,7 @@ impl TownBuilder {
             let pose = self.stand_at(&at(drive, 2.5), LAWN_H, yaw);
             structure::skip(&mut self.builder, &pose, random);
         }
-        // Between neighbors.
+        // The border between neighbors.
         let feet = [2.0, 9.0, PLOT_M].map(|back| self.lawn_foot(street, to, side * (outer + back)));
         fence::mesh_fence(&mut self.builder, &feet);
     }
@@ -115,7 +115,7 @@ impl TownBuilder {
         }
     }
 
-    /// A place on the ground beside a street's own pavement.
+    /// A position on the ground next to the street's own pavement.
     pub fn lawn_foot(&self, street: usize, s: f64, t: f64) -> Vec3 {
         self.network.streets[street].vertex(s, t, LAWN_H)
     }

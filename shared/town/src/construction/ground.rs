@@ -9,15 +9,15 @@ use crate::streets::street::Street;
 use nalgebra::{Vector2, Vector3};
 use raytrace::Vec3;
 
-/// Crosswalks begin this far behind the mouth of a street and are so long, m.
+/// Distance of crosswalks behind the mouth of a street, and their length, m.
 const CROSSWALK: [f64; 2] = [0.5, 3.0];
-/// Stop lines before crosswalks.
+/// Start and end of stop lines before crosswalks, m from the mouth.
 pub const STOP_LINE: [f64; 2] = [4.0, 4.5];
-/// Stop lines of lanes without lights.
+/// Start and end of stop lines of lanes without lights, m from the mouth.
 pub const YIELD_LINE: [f64; 2] = [0.5, 1.0];
-/// Length of the cells along streets, m: where it matters, and elsewhere.
+/// Length of the cells along streets, m: at markings and curves, and elsewhere.
 const CELL_M: [f64; 2] = [0.5, 1.5];
-/// Depth of the meadows below the terrain, m: below every road.
+/// Depth of the meadows below the terrain, m: lower than every road.
 const BED_M: f64 = 0.16;
 /// Cell size of the meadows, m. The terrain deviates from a plane by less than a centimeter within a cell.
 const BED_CELL_M: f64 = 4.0;
@@ -28,7 +28,7 @@ pub fn vertex(town: &TownBuilder, p: &Vector2<f64>, h: f64) -> Vec3 {
     Vector3::new(p.x, p.y, terrain.height(p) + terrain.uneven(p) + h).cast()
 }
 
-/// The pavement of a street between its mouths.
+/// Builds the pavement of a street between its mouths.
 pub fn street(town: &mut TownBuilder, number: usize) {
     let [begin, end] = town.network.mouths(number);
     let is_driven = town.is_on_round(number);
@@ -36,7 +36,7 @@ pub fn street(town: &mut TownBuilder, number: usize) {
     while s < end - 1e-6 {
         let is_fine = is_driven || s - begin < 6.0 || end - s < 6.0;
         let cell = if is_fine { CELL_M[0] } else { CELL_M[1] };
-        // The last cell covers the rest.
+        // The last cell covers the remainder.
         let next = if end - s < 1.6 * cell { end } else { s + cell };
         let middle = town.network.streets[number].plan(0.5 * (s + next), 0.0);
         if town.reach.is_near(&middle, DETAIL_RADIUS_M) {
@@ -85,7 +85,7 @@ fn row(town: &mut TownBuilder, number: usize, [s0, s1]: [f64; 2]) {
 
 /// The strip from the outer edge of a street to the meadows or facades.
 pub struct Skirt {
-    /// m.
+    /// Width, m.
     pub width_m: f64,
     /// Height of its far edge above the terrain, m.
     pub far_height_m: f64,
@@ -93,7 +93,7 @@ pub struct Skirt {
     pub paving: Paving,
 }
 
-/// The strip beside a street; `None` if the meadows begin at its edge.
+/// The strip next to a street; `None` if the meadows start at its edge.
 pub fn skirt(street: &Street) -> Option<Skirt> {
     let profile = street.profile;
     match profile.kind {
@@ -103,12 +103,12 @@ pub fn skirt(street: &Street) -> Option<Skirt> {
         StreetKind::Residential | StreetKind::Village => {
             Some(Skirt { width_m: 1.4, far_height_m: -0.3, paving: Paving::Grass })
         }
-        // Their ditches end below the meadows.
+        // The ditches of these streets end below the meadows.
         StreetKind::Country | StreetKind::Motorway { .. } => None,
     }
 }
 
-/// Cover of the road, crosswalks and stop lines included.
+/// Cover of the road, including crosswalks and stop lines.
 fn road_paving(network: &Network, number: usize, s: f64, t: f64) -> Paving {
     let street = &network.streets[number];
     let [begin, end] = network.mouths(number);
@@ -118,7 +118,7 @@ fn road_paving(network: &Network, number: usize, s: f64, t: f64) -> Paving {
             continue;
         }
         let inside = |span: [f64; 2]| (span[0]..span[1]).contains(&from_mouth);
-        // Seen from the node, traffic towards the node is on the left.
+        // Relative to the direction away from the node, traffic towards the node is on the left.
         let t_from_node = if node_end == 0 { t } else { -t };
         let is_incoming = (0.0..street.profile.kerb_t.min(3.1)).contains(&t_from_node);
         if node.has_lights {
@@ -137,7 +137,7 @@ fn road_paving(network: &Network, number: usize, s: f64, t: f64) -> Paving {
     street.profile.road_paving(s, t)
 }
 
-/// Meadows around and below everything, so that the ground has no holes. Far cells are coarser and deeper.
+/// Builds meadows around and below everything, so that the ground has no holes. Far cells are coarser and deeper.
 pub fn bed(town: &mut TownBuilder) {
     let grass = town.pavings.id(Paving::Grass);
     let canals = town.canals();

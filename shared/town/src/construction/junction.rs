@@ -7,19 +7,19 @@ use crate::streets::paving::Paving;
 use crate::streets::street::Street;
 use nalgebra::Vector2;
 
-/// Cells around a corner; even, so that the corner itself is between two.
+/// Number of cells around a corner; even, so that the corner itself is on a cell boundary.
 const AROUND: usize = 12;
-/// Cells from the middle of the junction to its edge.
+/// Number of cells from the middle of the junction to its edge.
 const OUTWARD: usize = 6;
-/// Height of the middle over the terrain, m: what a lane has at its middle.
+/// Height of the middle of the junction above the terrain, m: equal to the middle of a lane.
 const MIDDLE_H: f64 = -0.03;
-/// Cells across the corner's sidewalk, as shares of its width; the first is the kerb's stone.
+/// Cell boundaries across the corner sidewalk, as shares of its width; the first cell is the kerb stone.
 const ACROSS: [f64; 5] = [0.0, 0.06, 0.35, 0.68, 1.0];
 
-/// A place and its height over the terrain.
+/// A position and its height above the terrain.
 type Spot = (Vector2<f64>, f64);
 
-/// Builds the surface of a junction; dead ends and streets that go on have none.
+/// Builds the surface of a junction. Dead ends and nodes where a street continues have no surface.
 pub fn pave(town: &mut TownBuilder, node: usize) {
     if !town.network.nodes[node].is_junction() {
         return;
@@ -53,7 +53,7 @@ pub fn pave(town: &mut TownBuilder, node: usize) {
     }
 }
 
-/// The edge of the road where an arm begins, from its right to its left kerb: the vertices of the arm's own cells.
+/// The edge of the road at the start of an arm, from its right to its left kerb: the vertices of the arm's own cells.
 fn mouth(town: &TownBuilder, arm: &Arm) -> Vec<Spot> {
     let street = &town.network.streets[arm.street];
     let kerb = street.profile.kerb_t;
@@ -68,11 +68,11 @@ fn mouth(town: &TownBuilder, arm: &Arm) -> Vec<Spot> {
 
 /// The lines around the corner between an arm and the next one counterclockwise.
 struct CornerLine {
-    /// The two streets.
+    /// The two neighboring streets.
     streets: [Street; 2],
-    /// Kerb: at the mouth of the one, where the lines meet, at the mouth of the other.
+    /// Kerb line: at the mouth of the first street, at the intersection, at the mouth of the second street.
     kerb: [Vector2<f64>; 3],
-    /// The same of the facades.
+    /// Facade line, with the same three points.
     outer: [Vector2<f64>; 3],
 }
 
@@ -91,13 +91,13 @@ impl CornerLine {
         let outer = line(a.profile.outer_t, b.profile.outer_t, arm.left.outer_m, next.right.outer_m);
         Self { streets: [a, b], kerb, outer }
     }
-    /// Point `i` of [`AROUND`] on the kerb: rounded (a quadratic Bezier curve).
+    /// Point `i` of [`AROUND`] on the kerb, rounded by a quadratic Bezier curve.
     fn kerb_place(&self, i: usize) -> Vector2<f64> {
         let u = i as f64 / AROUND as f64;
         let [a, b, c] = self.kerb;
         a.lerp(&b, u).lerp(&b.lerp(&c, u), u)
     }
-    /// The same on the facades' line: with its corner.
+    /// Point `i` of [`AROUND`] on the facade line, with a sharp corner.
     fn outer_place(&self, i: usize) -> Vector2<f64> {
         let u = 2.0 * i as f64 / AROUND as f64;
         let [a, b, c] = self.outer;

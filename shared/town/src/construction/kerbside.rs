@@ -9,16 +9,16 @@ use std::f64::consts::PI;
 
 /// Spacing of objects at the kerb, m.
 const BEAT_M: [f32; 2] = [3.6, 6.0];
-/// Distance to junctions that stays free of objects, m.
+/// Distance to junctions without objects, m.
 const CLEAR_M: f64 = 5.5;
-/// Sidewalks narrower than this have no objects at the walls, m.
+/// Least width of sidewalks with objects at the walls, m.
 const WALL_OBJECTS_M: f64 = 3.3;
 
 impl TownBuilder {
-    /// Trees, lamps, signs, furniture and clutter on a sidewalk between houses.
+    /// Builds trees, lamps, signs, furniture and clutter on a sidewalk between houses.
     pub fn kerbside(&mut self, street: usize, side: f64, random: &mut Random) {
         let [begin, end] = self.network.mouths(street);
-        // Rows of trees have one kind.
+        // All trees of a row are of one kind.
         let tree_kind = random.index(3);
         let tree_every = 2 + random.index(2);
         let mut slot = random.index(12);
@@ -45,7 +45,7 @@ impl TownBuilder {
         self.corner_railings(street, side, random);
     }
 
-    /// Lamps, a few signs and bins on a sidewalk between gardens or in a village.
+    /// Builds lamps, a few signs and bins on a sidewalk between gardens or in a village.
     pub fn quiet_kerbside(&mut self, street: usize, side: f64, random: &mut Random) {
         let [begin, end] = self.network.mouths(street);
         let mut s = begin + 3.0 + f64::from(random.range(0.0, 6.0));
@@ -75,7 +75,7 @@ impl TownBuilder {
         }
     }
 
-    /// Traffic lights at both ends of a street, on the right and sometimes on the left of approaching traffic.
+    /// Builds traffic lights at both ends of a street, on the right and sometimes on the left of approaching traffic.
     pub fn lights(&mut self, street: usize, random: &mut Random) {
         for end in [0, 1] {
             let node = self.network.streets[street].nodes[end];
@@ -102,7 +102,7 @@ impl TownBuilder {
         }
     }
 
-    /// A sign that faces the traffic on its side.
+    /// Builds a sign that faces the traffic on its side.
     pub fn sign(&mut self, street: usize, s: f64, side: f64, random: &mut Random) {
         let yaw = if side < 0.0 { 0.0 } else { PI };
         let pose = self.stand(street, s, side * (self.network.streets[street].profile.kerb_t + 0.45), yaw);
@@ -114,7 +114,7 @@ impl TownBuilder {
         let t = side * (self.network.streets[street].profile.kerb_t + off_m);
         self.stand(street, s, t, self.facing_road(side))
     }
-    /// The yaw with which y looks to the road.
+    /// The yaw at which y points to the road.
     #[allow(clippy::unused_self, reason = "reads as a property of the town's streets")]
     pub fn facing_road(&self, side: f64) -> f64 {
         if side > 0.0 { PI } else { 0.0 }
@@ -126,7 +126,7 @@ impl TownBuilder {
     fn object_at_kerb(&mut self, slot: usize, street: usize, s: f64, side: f64, random: &mut Random) {
         let pose = self.by_kerb(street, s, side, 0.5);
         let is_wide = self.outer_t(street) > 9.3;
-        // Furniture opens towards -y: to the sidewalk if y looks to the road.
+        // Furniture opens towards -y: to the sidewalk if y points to the road.
         let b = &mut self.builder;
         match slot % 11 {
             0 | 5 => pole::lamp_post(b, &pose, random),
@@ -165,7 +165,7 @@ impl TownBuilder {
         }
     }
 
-    /// Objects in front of shops and groups of people, where the sidewalk is wide enough.
+    /// Builds objects in front of shops and groups of people where the sidewalk is wide enough.
     fn object_at_wall(&mut self, street: usize, s: f64, side: f64, random: &mut Random) {
         let profile = self.network.streets[street].profile;
         if profile.outer_t - profile.kerb_t < WALL_OBJECTS_M {
@@ -187,14 +187,14 @@ impl TownBuilder {
         }
     }
 
-    /// Two to four people in conversation, `h` m above the terrain.
+    /// Builds a group of two to four people in conversation, `h` m above the terrain.
     pub fn group(&mut self, p: &nalgebra::Vector2<f64>, h: f64, random: &mut Random) {
         let pose = self.stand_at(p, h, 0.0);
         let Self { builder, instances, .. } = self;
         person::group(builder, &pose, &mut || instances.next(), random);
     }
 
-    /// Railings at street corners beside the crosswalk.
+    /// Builds railings at street corners next to the crosswalk.
     fn corner_railings(&mut self, street: usize, side: f64, random: &mut Random) {
         for end in [0, 1] {
             let line = self.network.streets[street].clone();

@@ -1,4 +1,4 @@
-//! Construction of a town: what is built where, in which order.
+//! Construction of a town: placement and order of all objects.
 
 pub mod block_use;
 pub mod build;

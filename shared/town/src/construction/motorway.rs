@@ -7,23 +7,23 @@ use nalgebra::{Isometry3, Vector3};
 use random::Random;
 use raytrace::Vec3;
 
-/// From delineator to delineator, m.
+/// Spacing of delineators, m.
 const DELINEATOR_M: f64 = 50.0;
-/// Distance of guard rails beyond the edge of the road, m: behind them stand delineators and signs.
+/// Distance of guard rails beyond the edge of the road, m: delineators and signs are behind them.
 const RAIL_M: f64 = 0.8;
-/// Distance of the guard rails of the median from the center line, m.
+/// Distance of the median guard rails from the center line, m.
 const MEDIAN_RAIL_T: f64 = 1.0;
-/// A berm begins this far beyond the outer edge of the street, m; its section from there: offset and share of its height.
+/// Distance of a berm beyond the outer edge of the street, m. Its cross-section follows: offset and share of its height.
 const BERM_M: f64 = 0.5;
 const BERM: [[f64; 2]; 5] = [[0.0, 0.0], [3.0, 0.5], [6.0, 1.0], [7.5, 1.0], [13.0, 0.0]];
-/// Feet of berms lie so far below the terrain, m: below the meadows.
+/// Height of berm feet relative to the terrain, m: below the meadows.
 const BERM_FOOT_M: f64 = -0.25;
 /// Length over which a berm rises at its ends, m.
 const BERM_RISE_M: f64 = 24.0;
-/// Between rows of a berm's surface, m.
+/// Spacing of the rows of a berm's surface, m.
 const BERM_STEP_M: f64 = 3.0;
 
-/// What stands on one side of a street of the motorway.
+/// Scenery on one side of a street of the motorway.
 #[derive(Clone, Copy, Debug)]
 enum Scenery {
     Meadow,
@@ -33,12 +33,12 @@ enum Scenery {
     Bushes,
 }
 
-/// As frequent as they stand here.
+/// Sceneries to draw from; repeated entries are more frequent.
 const SCENERIES: [Scenery; 6] =
     [Scenery::Meadow, Scenery::Forest, Scenery::Forest, Scenery::Berm, Scenery::NoiseWall, Scenery::Bushes];
 
 impl TownBuilder {
-    /// One street of the motorway's round.
+    /// Builds the objects along one street of the motorway's round.
     pub fn motorway_street(&mut self, street: usize, random: &mut Random) {
         self.median(street, random);
         for side in [-1.0, 1.0] {
@@ -51,7 +51,7 @@ impl TownBuilder {
         }
     }
 
-    /// Two guard rails back to back or a concrete barrier, with bushes between the rails of some.
+    /// Builds the median: two guard rails back to back or a concrete barrier, with bushes between some of the rails.
     fn median(&mut self, street: usize, random: &mut Random) {
         let length_m = self.network.streets[street].length_m;
         let kind = random.index(4);
@@ -70,7 +70,7 @@ impl TownBuilder {
         }
     }
 
-    /// Along the paved shoulder: guard rail, delineators, signs.
+    /// Builds the edge along the paved shoulder: guard rail, delineators, signs.
     fn edge(&mut self, street: usize, side: f64, random: &mut Random) {
         let profile = self.network.streets[street].profile;
         let length_m = self.network.streets[street].length_m;
@@ -98,7 +98,7 @@ impl TownBuilder {
         }
         match kind {
             0 => {
-                // Over one carriageway, from the median on.
+                // Over one carriageway, starting at the median.
                 let [inner, outer] = [MEDIAN_RAIL_T, self.network.streets[street].profile.kerb_t + RAIL_M + 1.0];
                 let pose = self.stand(street, s, side * 0.5 * (inner + outer), self.facing_road(side));
                 sign::gantry(&mut self.builder, &pose, (outer - inner) as f32, random);
@@ -144,7 +144,7 @@ impl TownBuilder {
         }
     }
 
-    /// Tufts and bushes on the grass beside the road.
+    /// Builds tufts and bushes on the grass along the road.
     fn verge(&mut self, street: usize, side: f64, random: &mut Random) {
         let profile = self.network.streets[street].profile;
         let mut s = 0.0;
@@ -160,7 +160,7 @@ impl TownBuilder {
         }
     }
 
-    /// A ridge of earth of 2 to 4 m along a street, with bushes.
+    /// Builds a ridge of earth of 2 to 4 m along a street, with bushes.
     fn berm(&mut self, street: usize, side: f64, random: &mut Random) {
         let height_m = f64::from(random.range(2.0, 4.0));
         let line = self.network.streets[street].clone();

@@ -21,7 +21,7 @@ const EDGE_M: f64 = 2.5;
 struct Place {
     edge: Vec<Vector2<f64>>,
     middle: Vector2<f64>,
-    /// Of its ground over the terrain, m.
+    /// Height of its ground above the terrain, m.
     h: f64,
 }
 
@@ -128,7 +128,7 @@ impl TownBuilder {
     }
 
     fn park(&mut self, place: &Place, random: &mut Random) {
-        // Sides of the fence with gates between them.
+        // Sections of the fence with gates between them.
         let n_gates = 4;
         for gate in 0..n_gates {
             let feet: Vec<Vec3> = (0..=24)

@@ -7,18 +7,18 @@ use crate::streets::profile::LANE_T;
 use random::Random;
 use std::f64::consts::PI;
 
-/// From a mouth to the middle of the first parked car, m: behind crosswalk and stop line.
+/// Distance from a mouth to the middle of the first parked car, m: behind crosswalk and stop line.
 const CLEAR_M: f64 = 8.5;
-/// From middle to middle, m.
+/// Distance between the middles of parked cars, m.
 const APART_M: [f32; 2] = [5.8, 7.3];
-/// Share of the places that are taken.
+/// Share of occupied parking spaces.
 const TAKEN: f32 = 0.68;
 
-/// From a stop line to the middle of the car that waits there, and from it to the next one, m.
+/// Distance from a stop line to the middle of the waiting car, and from this car to the next one, m.
 const QUEUE_M: [f64; 2] = [2.9, 6.2];
 
 impl TownBuilder {
-    /// Cars that wait at the lines of side streets.
+    /// Places cars that wait at the stop lines of side streets.
     pub fn waiting_cars(&mut self, street: usize, random: &mut Random) {
         for end in [0, 1] {
             let node = self.network.streets[street].nodes[end];
@@ -45,7 +45,7 @@ impl TownBuilder {
         }
     }
 
-    /// Cars along the kerbs of a street, with gaps.
+    /// Parks cars along the kerbs of a street, with gaps.
     pub fn park_cars(&mut self, street: usize, random: &mut Random) {
         let [begin, end] = self.network.mouths(street);
         let profile = self.network.streets[street].profile;

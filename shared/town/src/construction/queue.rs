@@ -1,4 +1,4 @@
-//! Dense traffic: lanes full of vehicles that stand, start and stop together with the ego vehicle.
+//! Dense traffic: lanes full of vehicles that stop and start together with the ego vehicle.
 
 use crate::construction::tour::Tour;
 use crate::construction::town_builder::TownBuilder;
@@ -12,17 +12,17 @@ use random::Random;
 use raytrace::Primitive;
 use std::sync::Arc;
 
-/// Between the bumpers of two vehicles of a standing queue, m.
+/// Bumper-to-bumper distance of two vehicles in a standing queue, m.
 const GAP_M: [f32; 2] = [1.2, 2.6];
 /// Half length of the ego vehicle, m.
 const EGO_HALF_M: f64 = 2.5;
-/// The queue reaches so far ahead and behind, m: beyond, its vehicles hide each other.
+/// Length of the queue ahead and behind, m: vehicles farther away are hidden by the others.
 const REACH_M: f64 = 42.0;
-/// A vehicle starts so much earlier than one behind it, s per m between them: drivers react to the one ahead.
+/// Start delay along the queue, s per m: drivers react to the vehicle ahead.
 const WAVE_S_PER_M: f64 = 0.02;
-/// The lane beside starts so much earlier or later, s.
+/// Largest start delay or lead of the neighboring lane, s.
 const LANE_DELAY_S: f32 = 0.25;
-/// From the ego vehicle to the lane on its right, where streets with room for parked cars have one, m.
+/// Distance from the ego vehicle to the lane on its right, m, in streets with room for parked cars.
 const RIGHT_M: f64 = 2.8;
 /// Middle of the bus alongside, relative to the ego vehicle, m.
 const ALONGSIDE_M: [f32; 2] = [-1.5, 2.5];
@@ -37,7 +37,7 @@ enum Size {
 }
 
 impl Size {
-    /// The next smaller one.
+    /// The next smaller size.
     const fn smaller(self) -> Option<Self> {
         match self {
             Self::Bus => Some(Self::Truck),
@@ -51,15 +51,15 @@ impl Size {
 /// A lane of the queue.
 struct QueueLane<'a> {
     tour: &'a Tour,
-    /// Left of the lane of the ego vehicle, m.
+    /// Offset to the left of the lane of the ego vehicle, m.
     left_m: f64,
-    /// Starts earlier than the lane of the ego vehicle, s.
+    /// Lead of its start over the lane of the ego vehicle, s.
     earlier_s: f64,
 }
 
 impl TownBuilder {
-    /// Queues in the lane of the ego vehicle, in the lane to its left, with a bus alongside, and in that to its right, in place of
-    /// parked cars. The street is one-way.
+    /// Builds queues in the lane of the ego vehicle, in the lane to its left, with a bus alongside, and in the lane to
+    /// its right, which replaces parked cars. The street is one-way.
     pub fn queue(&mut self, tour: &Tour, clearance: &mut Clearance, random: &mut Random) -> Vec<Mover> {
         let own = QueueLane { tour, left_m: 0.0, earlier_s: 0.0 };
         let delay = f64::from(random.range(-LANE_DELAY_S, LANE_DELAY_S));
@@ -95,13 +95,13 @@ impl TownBuilder {
         self.network.round.iter().all(has_parking)
     }
 
-    /// Whether the queue takes the place of the cars parked on a side (1 left, -1 right) of a street.
+    /// Whether the queue replaces the cars parked on a side (1 left, -1 right) of a street.
     pub fn is_queue_lane(&self, street: usize, side: f64) -> bool {
         let is_here = |leg: &Leg| leg.street == street && own_side(*leg) == side;
         self.traffic == Traffic::Dense && self.network.round.iter().any(is_here)
     }
 
-    /// Vehicles one after another from `end_m` on, ahead (`direction` 1) or behind (-1).
+    /// Fills a lane with consecutive vehicles from `end_m` on, ahead (`direction` 1) or behind (-1).
     fn fill_lane(
         &mut self,
         lane: &QueueLane<'_>,
@@ -116,7 +116,7 @@ impl TownBuilder {
             let size = *random.pick(&[Size::Bus, Size::Truck, Size::Truck, Size::Van, Size::Van, Size::Car]);
             let place = |half_m: f64| end_m + direction * half_m;
             let Some(mover) = self.queued(lane, size, place, clearance, random) else {
-                // No room for any of them.
+                // No size fits.
                 end_m += direction * EGO_HALF_M;
                 continue;
             };
@@ -125,8 +125,8 @@ impl TownBuilder {
         }
     }
 
-    /// The largest vehicle up to `size` that does not meet the ego vehicle during the drive: long ones meet it in turns. `place`
-    /// tells the middle by the half length, m ahead of the ego vehicle.
+    /// The largest vehicle up to `size` that does not meet the ego vehicle during the drive: long ones meet it in turns.
+    /// `place` maps the half length of the vehicle to its middle, m ahead of the ego vehicle.
     fn queued(
         &mut self,
         lane: &QueueLane<'_>,

@@ -1,4 +1,4 @@
-//! The neighborhood of the driven path: only what lies in it is built.
+//! The neighborhood of the driven path, outside which nothing is built.
 
 use crate::path::GroundPath;
 use nalgebra::Vector2;
@@ -15,7 +15,7 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// The part of the path between two distances along it, m; one round at most.
+    /// The part of the path between two distances along it, m; at most one round.
     pub fn new(path: &GroundPath, from_m: f64, to_m: f64) -> Self {
         let to_m = to_m.min(from_m + path.length_m());
         let n = ((to_m - from_m) / STEP_M).ceil().max(1.0) as usize;

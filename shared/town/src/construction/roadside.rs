@@ -1,21 +1,22 @@
-//! What stands in rows beside roads over land: feet of fences and rails, trees, bushes.
+//! Rows of objects along country roads: feet of fences and rails, trees, bushes.
 
 use crate::construction::town_builder::TownBuilder;
 use crate::models::{barrier, tree};
 use random::Random;
 use raytrace::Vec3;
 
-/// How far the meadows lie below the terrain, m (see `ground`).
+/// Height of the meadows relative to the terrain, m (see `ground`).
 pub const MEADOW_H: f64 = -0.16;
 
 impl TownBuilder {
-    /// Height over the terrain at `t` m from the center line: of the street, or of the meadows beside it, m.
+    /// Height of the street, or of the meadows next to it, above the terrain at `t` m from the center line, m.
     fn beside_h(&self, street: usize, t: f64) -> f64 {
         let profile = self.network.streets[street].profile;
         if t.abs() > profile.outer_t { MEADOW_H } else { profile.height(t) }
     }
 
-    /// Places `every` m along a street between its mouths, at a distance from the center line; only those that are built.
+    /// Positions every `every` m along a street between its mouths, at a distance from the center line; only positions
+    /// that are built.
     pub fn feet(&self, street: usize, [from, to]: [f64; 2], t: f64, every: f64) -> Vec<Vec3> {
         let n = ((to - from) / every).ceil().max(1.0) as usize;
         let line = &self.network.streets[street];
@@ -26,7 +27,7 @@ impl TownBuilder {
             .collect()
     }
 
-    /// Trees scattered beside a street, from `t[0]` to `t[1]` m off the center line.
+    /// Scatters trees along a street, from `t[0]` to `t[1]` m off the center line.
     pub fn trees(&mut self, street: usize, side: f64, t: [f32; 2], every: f32, random: &mut Random) {
         let [begin, end] = self.network.mouths(street);
         let mut s = begin;
@@ -46,7 +47,7 @@ impl TownBuilder {
         }
     }
 
-    /// Bushes along a street from one place to another, `t[0]` to `t[1]` m from the center line, `apart` m from each other.
+    /// Builds bushes along a span of a street, `t[0]` to `t[1]` m from the center line, `apart` m from each other.
     pub fn bushes(&mut self, street: usize, span: [f64; 2], t: [f32; 2], apart: [f32; 2], random: &mut Random) {
         let mut s = span[0];
         while s < span[1] {
@@ -59,10 +60,10 @@ impl TownBuilder {
         }
     }
 
-    /// A guard rail at `t` m from the center line, from one place on the street to another; its road side is on its left or right.
+    /// Builds a guard rail along a span of a street, `t` m from the center line; its road side is on its left or right.
     pub fn guard_rail(&mut self, street: usize, t: f64, faces_left: bool, span: [f64; 2]) {
         let mut feet = self.feet(street, span, t, 4.0);
-        // The model's road side is on the left of its foot line.
+        // The road side of the model is on the left of its foot line.
         if !faces_left {
             feet.reverse();
         }

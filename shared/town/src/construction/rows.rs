@@ -14,19 +14,19 @@ use random::Random;
 use raytrace::Vec3;
 use std::f32::consts::TAU;
 
-/// How deep houses are, m.
+/// Depth of houses, m.
 const DEPTH_M: f64 = 10.0;
-/// How deep courtyards behind gateways are, m.
+/// Depth of courtyards behind gateways, m.
 const YARD_M: f64 = 16.0;
 
-/// A house's place: its front from `front[0]` to `front[1]` along the street, its back likewise.
+/// The plot of a house: its front from `front[0]` to `front[1]` along the street, its back likewise.
 #[derive(Clone, Copy, Debug)]
 struct Plot {
     street: usize,
     side: f64,
     front: [f64; 2],
     back: [f64; 2],
-    /// From the center line to the facade, m.
+    /// Distance from the center line to the facade, m.
     t: f64,
 }
 
@@ -41,7 +41,7 @@ impl Plot {
 }
 
 impl TownBuilder {
-    /// Houses from corner to corner, where the block beside the street has houses.
+    /// Builds houses from corner to corner, if the adjacent block has houses.
     pub fn row_of_houses(&mut self, street: usize, side: f64, random: &mut Random) {
         if self.block_beside(street, side).is_some_and(|block| self.uses[block] != BlockUse::Houses) {
             return;
@@ -105,7 +105,8 @@ impl TownBuilder {
         house::row_house(&mut self.builder, &plan, &lot, &style, random);
     }
 
-    /// A gap between two houses: closed by a fence at the sidewalk, or open to a paved yard with a wall at its end.
+    /// Builds a gap between two houses: closed by a fence at the sidewalk, or open to a paved yard with a wall at its
+    /// end.
     fn courtyard(&mut self, gate: &Plot, random: &mut Random) {
         let street = self.network.streets[gate.street].clone();
         let h = street.profile.side_height(street.profile.outer_t);
@@ -151,7 +152,7 @@ impl TownBuilder {
         self.heap(&yard(DEPTH_M + 7.0, 0.0), h, random);
     }
 
-    /// A heap of rubble: class unlabeled, because no class covers it.
+    /// Builds a heap of rubble: class unlabeled, because no class covers it.
     pub fn heap(&mut self, p: &nalgebra::Vector2<f64>, h: f64, random: &mut Random) {
         let pose = self.stand_at(p, h, 0.0);
         let rubble = self.builder.surface(ClassId::Unlabeled, 0, Material::Fieldstone);
@@ -165,7 +166,7 @@ impl TownBuilder {
         }
     }
 
-    /// Houses across the far ends of side streets, beyond which nothing is built.
+    /// Builds houses across the far ends of side streets, beyond which nothing is built.
     pub fn closures(&mut self, street: usize, random: &mut Random) {
         for end in [0, 1] {
             let node = self.network.streets[street].nodes[end];

@@ -12,7 +12,7 @@ use raytrace::Shape;
 use std::f64::consts::PI;
 
 impl TownBuilder {
-    /// One street of a rural town: a stretch of its round, or a lane.
+    /// Builds the objects of one street of a rural town: a stretch of its round, or a lane.
     pub fn rural_street(&mut self, street: usize, random: &mut Random) {
         let is_lane = !self.is_on_round(street);
         if is_lane {
@@ -66,7 +66,7 @@ impl TownBuilder {
                 _ => {}
             }
         }
-        // A barn or the village's church at its end.
+        // A barn, or the church of the village, at its end.
         let line = self.network.streets[street].clone();
         if self.is_built(street, end, 0.0) {
             if line.profile.has_kerb() {
@@ -120,7 +120,7 @@ impl TownBuilder {
                         house::detached(&mut self.builder, &pose, 11.0, 8.0, random);
                     }
                 }
-                // Bales of hay on the meadow: class unlabeled.
+                // Hay bales on the meadow: class unlabeled.
                 let p = self.network.streets[street].plan(s + 14.0, side * f64::from(random.range(12.0, 22.0)));
                 if self.reach.is_near(&p, DETAIL_RADIUS_M) {
                     let hay = self.builder.surface(ClassId::Unlabeled, 0, Material::DryGrass);

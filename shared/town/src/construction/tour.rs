@@ -9,7 +9,8 @@ use std::sync::Arc;
 pub struct Tour {
     /// The path.
     pub path: Arc<GroundPath>,
-    /// For each leg of the round, where the path enters and leaves the street's own pavement, m along the path.
+    /// For each leg of the round, the positions where the path enters and leaves the street's own pavement, m along the
+    /// path.
     pub legs: Vec<[f64; 2]>,
     /// Target speed and stops.
     pub driver: Driver,

@@ -1,4 +1,4 @@
-//! A town under construction: its street map, what is built so far, and queries about places in it.
+//! A town under construction: its street map, the objects built so far, and queries about positions.
 
 use crate::construction::block_use::BlockUse;
 use crate::construction::reach::{DETAIL_RADIUS_M, Reach};
@@ -9,7 +9,7 @@ use crate::streets::network::{Leg, Network};
 use crate::streets::paving::Pavings;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 
-/// A town under construction. The other modules add objects in `impl` blocks of their own.
+/// A town under construction. The other modules add objects in their own `impl` blocks.
 pub struct TownBuilder {
     pub kind: Town,
     pub traffic: Traffic,
@@ -17,9 +17,9 @@ pub struct TownBuilder {
     pub network: Network,
     pub reach: Reach,
     pub pavings: Pavings,
-    /// What lies along the streets of a rural town's round.
+    /// Land use along the streets of a rural town's round.
     pub stretches: [Stretch; 7],
-    /// What the blocks are used for, by their number.
+    /// Uses of the blocks, by block number.
     pub uses: Vec<BlockUse>,
     pub instances: Instances,
 }
@@ -51,7 +51,7 @@ impl TownBuilder {
         let wanted = Leg { street, is_forward: side > 0.0 };
         self.network.blocks.iter().position(|legs| legs.contains(&wanted))
     }
-    /// Streets to build: those of the round and their neighbors within the detail radius.
+    /// Streets to build: the streets of the round and their neighbors within the detail radius.
     pub fn built_streets(&self) -> Vec<usize> {
         let is_near = |number: &usize| {
             let street = &self.network.streets[*number];
@@ -61,17 +61,17 @@ impl TownBuilder {
         let is_visible = |number: &usize| self.network.streets[*number].nodes.iter().any(|n| self.is_node_on_round(*n));
         (0..self.network.streets.len()).filter(is_visible).filter(is_near).collect()
     }
-    /// Whether a place in street coordinates is within the detail radius.
+    /// Whether a position in street coordinates is within the detail radius.
     pub fn is_built(&self, street: usize, s: f64, t: f64) -> bool {
         self.reach.is_near(&self.network.streets[street].plan(s, t), DETAIL_RADIUS_M)
     }
-    /// The frame of something upright on a street's uneven ground, turned by `yaw` (rad).
+    /// The frame of an upright object on the uneven ground of a street, rotated by `yaw` (rad).
     pub fn stand(&self, street: usize, s: f64, t: f64, yaw: f64) -> Isometry3<f32> {
         let street = &self.network.streets[street];
         let h = street.profile.height(t) + self.network.terrain.uneven(&street.plan(s, t));
         street.upright(s, t, h, yaw)
     }
-    /// The frame of something upright `h` above the terrain.
+    /// The frame of an upright object `h` above the terrain.
     pub fn stand_at(&self, p: &Vector2<f64>, h: f64, yaw: f64) -> Isometry3<f32> {
         let at = Vector3::new(p.x, p.y, self.network.terrain.height(p) + h);
         Isometry3::from_parts(Translation3::from(at), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw)).cast()

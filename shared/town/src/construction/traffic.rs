@@ -17,25 +17,25 @@ use nalgebra::Vector3;
 use random::Random;
 use std::sync::Arc;
 
-/// Start of the leading vehicle and of two following ones relative to the ego vehicle, m.
+/// Start of the leading vehicle and of two following vehicles relative to the ego vehicle, m.
 const CONVOY_M: [f64; 3] = [17.0, -14.0, -30.0];
-/// The same on motorways.
+/// Start of the leading and following vehicles on motorways, m.
 const FAST_CONVOY_M: [f64; 3] = [45.0, -40.0, -85.0];
-/// In each lane of a motorway, vehicles are faster than in the lane to its right, by this share.
+/// Share by which vehicles in each lane of a motorway are faster than in the lane to its right.
 const FASTER: f64 = 0.2;
 /// Time between two oncoming vehicles, s: at least a bus length, even in turns.
 const SLOT_SECONDS: [f32; 2] = [4.2, 11.0];
-/// Lanes of pedestrians: distance behind the kerb, m, and speed, m/s.
+/// Walking lanes: distance behind the kerb, m, and speed, m/s.
 const WALKS: [(f64, f64); 2] = [(1.45, 1.32), (2.05, 1.18)];
-/// Distance between two people in the same lane, m.
+/// Distance between two people in one walking lane, m.
 const WALKERS_M: [f32; 2] = [4.0, 26.0];
-/// Models of a walker per stride of two steps.
+/// Number of walker models per stride of two steps.
 const PHASES: u8 = 8;
 /// Speed of people on crosswalks, m/s.
 const CROSSING_MPS: f64 = 1.45;
 
 impl TownBuilder {
-    /// All movers that come near the ego vehicle.
+    /// All movers that come close to the ego vehicle.
     pub fn traffic(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let mut clearance = Clearance::new(&tour.path, &tour.speed, tour.seconds);
         if self.traffic == Traffic::Dense {
@@ -78,7 +78,7 @@ impl TownBuilder {
         (0..self.network.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
     }
 
-    /// Faster vehicles in the lanes to the left of the ego vehicle's.
+    /// Faster vehicles in the lanes to the left of the ego vehicle.
     fn overtaking(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let legs = self.network.round.clone();
         (1..self.network.lanes_t().len()).flat_map(|lane| self.stream(&legs, lane, tour, random)).collect()
@@ -90,7 +90,7 @@ impl TownBuilder {
         let Some(lane) = lane::around(&self.network, legs, -self.network.lanes_t()[lane]) else { return Vec::new() };
         let path = Arc::new(lane.path);
         let driver = Driver { stops: Vec::new(), cruise_mps, ..tour.driver.clone() };
-        // Long enough for vehicles that start a round ahead.
+        // Long enough for vehicles that start one round ahead.
         let slowest_round = path.length_m() / 4.0;
         let speed = Arc::new(SpeedProfile::rolling(&path, &driver, 0.0, tour.seconds + slowest_round));
         let round_seconds = speed.seconds_at(path.length_m());
@@ -224,7 +224,7 @@ impl TownBuilder {
         movers
     }
 
-    /// A person on the crosswalk at an end of a street, from second `from` on, on one of three tracks.
+    /// A person on the crosswalk at an end of a street, starting at second `from`, on one of three tracks.
     fn person_across(
         &mut self,
         street: usize,

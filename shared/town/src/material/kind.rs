@@ -1,11 +1,11 @@
-//! What a spectral camera can tell about a material of the town.
+//! Materials of the town as a spectral camera can distinguish them.
 
 use super::Material;
 use messages::MaterialId;
 
 impl Material {
-    /// What its surface is made of, as light shows it: painted wood or metal is paint. `None` for lights, skin and hair, which no
-    /// [`MaterialId`] has.
+    /// Optical material of the surface: painted wood or metal is paint. `None` for lights, skin and hair, which have no
+    /// [`MaterialId`].
     pub const fn id(self) -> Option<MaterialId> {
         use Material::{
             Asphalt, AsphaltNew, Ballast, Bark, BarkPlane, BeigeCloth, Bitumen, BlackCloth, BlackPlastic, Blossom,

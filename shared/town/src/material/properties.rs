@@ -9,7 +9,7 @@ use raytrace::Vec3;
 pub struct Properties {
     /// Diffuse reflectance, 0 to 1.
     pub spectrum: Spectrum,
-    /// Share of the light that is neither absorbed nor scattered: mirrored away or transmitted.
+    /// Share of the light that is neither absorbed nor scattered, but specularly reflected or transmitted.
     pub specular_loss: f32,
     /// Strength of retroreflection, 0 (none) to 1 (sign foil).
     pub retroreflection: f32,
@@ -35,19 +35,19 @@ impl Properties {
         self.gloss = gloss;
         self
     }
-    /// Factor on the reflectance at a point of the surface (m, in the frame of the object it belongs to), about 0.5 to 1.5.
+    /// Factor of the reflectance at a point of the surface (m, in the frame of its object), about 0.5 to 1.5.
     pub fn texture(&self, p: &Vec3, normal: &Vec3) -> f32 {
         self.pattern.factor(p, normal)
     }
 }
 
-/// Percent at the anchors of [`Spectrum::from_anchors`].
+/// Spectrum from percent values at the anchors of [`Spectrum::from_anchors`].
 pub(super) fn curve(percent: [f32; 11]) -> Spectrum {
     Spectrum::from_anchors(percent.map(|p| 0.01 * p))
 }
 
-/// As [`curve`], with the red edge of green leaves: chlorophyll absorbs up to 676 nm, then the reflectance rises by a
-/// straight line to 750 nm (measured on all lawns and crowns of the Berlin library). The value at 700 nm is not used.
+/// Spectrum like [`curve`], with the red edge of green leaves: chlorophyll absorbs up to 676 nm, then the reflectance
+/// rises linearly to 750 nm (measured on all lawns and crowns of the Berlin library). The value at 700 nm is not used.
 pub(super) fn plant(percent: [f32; 11]) -> Spectrum {
     let anchors = curve(percent);
     let low = anchors.at(650.0);
@@ -57,7 +57,7 @@ pub(super) fn plant(percent: [f32; 11]) -> Spectrum {
     })
 }
 
-/// Percent in red, green and blue and in the infrared.
+/// Spectrum of a paint from percent values in red, green, blue and infrared.
 pub(super) fn paint(percent: [f32; 3], infrared: f32) -> Spectrum {
     Spectrum::paint(percent.map(|p| 0.01 * p), 0.01 * infrared)
 }

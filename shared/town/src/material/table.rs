@@ -1,11 +1,11 @@
-//! The list of materials. One line is all that a new one needs.
+//! The list of materials. A new material needs one line.
 //!
-//! Curves are percent at the anchors of `Spectrum::from_anchors`. Some are measured: means over the samples of a kind in the
-//! Berlin Urban Gradient library (Okujeni et al., 2016, doi:10.5880/enmap.2016.008); `tests/suite/materials.rs` lists which.
-//! Values below 460 nm, where it begins, are extended by hand. The others are drawn by hand after the families of the USGS
-//! and ECOSTRESS libraries and a color chart: brick steps at 550 nm, leaves have the red edge at 700 nm, dyes that are
-//! dark to the eye are bright in the infrared. Leaves are brighter than the measured crowns, which look down into their own
-//! shadows.
+//! Curves are percent at the anchors of `Spectrum::from_anchors`. Some are measured: means over the samples of a kind in
+//! the Berlin Urban Gradient library (Okujeni et al., 2016, doi:10.5880/enmap.2016.008); `tests/suite/materials.rs` lists
+//! them. Values below 460 nm, where the library starts, are extended by hand. The others are drawn by hand after the
+//! families of the USGS and ECOSTRESS libraries and a color chart: brick steps at 550 nm, leaves have the red edge at 700
+//! nm, dyes that are dark to the eye are bright in the infrared. Leaves are brighter than the measured crowns, which
+//! include their own shadows.
 
 use crate::material::properties::{Properties as P, curve, paint, plant};
 use crate::material::texture::Pattern::{Blocks, Grain, Leafy, Plain, Rubble, Stains};
@@ -16,11 +16,11 @@ macro_rules! materials {
         /// A material by name.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[repr(u8)]
-        #[allow(missing_docs, reason = "the names say all that there is to say")]
+        #[allow(missing_docs, reason = "the names are self-explanatory")]
         pub enum Material { $($name),* }
 
         impl Material {
-            /// All materials by their number.
+            /// All materials, in the order of their numbers.
             pub const ALL: &'static [Self] = &[$(Self::$name),*];
 
             /// Optical properties.

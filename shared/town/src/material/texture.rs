@@ -1,4 +1,4 @@
-//! Patterns: how the reflectance of a material varies from place to place.
+//! Patterns: spatial variation of the reflectance of a material.
 
 use crate::noise::value_noise;
 use random::{hash, unit};
@@ -10,7 +10,7 @@ pub(super) enum Pattern {
     Plain,
     /// Grain and repaired patches.
     Grain,
-    /// Rain stains over swells of a metre and more.
+    /// Rain stains over undulations of a metre and more.
     Stains,
     /// Courses of blocks: width and height in m, strength of the joints (negative = darker).
     Blocks {
@@ -18,7 +18,7 @@ pub(super) enum Pattern {
         height: f32,
         joint: f32,
     },
-    /// Pieces of any shape, of that size in m.
+    /// Pieces of irregular shape, with this size in m.
     Rubble {
         size: f32,
     },
@@ -27,7 +27,7 @@ pub(super) enum Pattern {
 }
 
 impl Pattern {
-    /// Factor on the reflectance at a point of the surface (m, in the frame of the object it belongs to), about 0.5 to 1.5.
+    /// Factor of the reflectance at a point of the surface (m, in the frame of its object), about 0.5 to 1.5.
     pub fn factor(&self, p: &Vec3, normal: &Vec3) -> f32 {
         match *self {
             Pattern::Plain => 1.0,
@@ -51,8 +51,8 @@ impl Pattern {
 
 /// Every other course is shifted by half a block; joints are 8 % of a block's height.
 fn blocks(p: &Vec3, normal: &Vec3, width: f32, height: f32, joint: f32) -> f32 {
-    // On walls along the nearer axis and up, on the ground along the two axes. Not along the wall itself: the normal of an
-    // uneven wall turns from cell to cell, and the blocks would jump with it.
+    // On walls along the nearer axis and up, on the ground along the two axes. The direction of the wall itself is not
+    // used: the normal of an uneven wall varies from cell to cell, and the blocks would jump with it.
     let (along, up) = if normal.z.abs() > 0.7 {
         (p.x, p.y)
     } else if normal.y.abs() > normal.x.abs() {

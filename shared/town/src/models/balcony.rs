@@ -8,7 +8,7 @@ use raytrace::Shape;
 
 /// Height of railings, m.
 const RAIL_M: f32 = 1.0;
-/// Distance of bars, m.
+/// Spacing of bars, m.
 const GAP_M: f32 = 0.15;
 
 /// The balcony of one window, if the style has one there; `place` counts windows along and up.
@@ -64,7 +64,7 @@ fn balcony(
     }
 }
 
-/// One straight piece of a railing between two places (u and out) at a floor.
+/// One straight section of a railing between two positions (u and out) at a floor.
 fn railing(
     b: &mut SceneBuilder,
     plan: WallFrame<'_>,

@@ -27,7 +27,7 @@ pub fn parapet(b: &mut SceneBuilder, feet: &[Vec3], class: ClassId, random: &mut
     wall_of(b, feet, 1.0, class, Material::LimestoneDressed, 0.015, random);
 }
 
-/// A wall 0.36 m thick whose faces are out by up to `uneven_m`.
+/// A wall 0.36 m thick whose faces are uneven by up to `uneven_m`.
 fn wall_of(
     b: &mut SceneBuilder,
     feet: &[Vec3],
@@ -95,7 +95,7 @@ pub fn guard_rail(b: &mut SceneBuilder, feet: &[Vec3]) {
     }
 }
 
-/// A wall against noise of concrete or wood, 2.5 to 4.5 m high, between steel posts every 4 m.
+/// A noise barrier of concrete or wood, 2.5 to 4.5 m high, between steel posts every 4 m.
 pub fn noise_wall(b: &mut SceneBuilder, feet: &[Vec3], random: &mut Random) {
     let (material, uneven_m) =
         *random.pick(&[(Material::Concrete, 0.03), (Material::Wood, 0.03), (Material::WoodGray, 0.03)]);

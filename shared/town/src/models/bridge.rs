@@ -14,11 +14,11 @@ use raytrace::Vec3;
 /// A bridge across the street at the pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Overpass {
-    /// Between its abutments, across the street (the frame's y), m.
+    /// Distance between its abutments, across the street (the frame's y), m.
     pub span_m: f32,
-    /// Of its deck, along the street (the frame's x), m.
+    /// Width of its deck, along the street (the frame's x), m.
     pub width_m: f32,
-    /// From the street to the deck's underside, m.
+    /// Clearance from the street to the underside of the deck, m.
     pub clearance_m: f32,
 }
 
@@ -26,7 +26,7 @@ impl Overpass {
     /// Thickness of the deck, m.
     pub const DECK_M: f32 = 0.9;
 
-    /// Deck on girders, abutments that hold it, two pillars where the span is long, parapets. Class bridge.
+    /// Builds a deck on girders with supporting abutments and parapets; a long span has two pillars. Class bridge.
     pub fn build(&self, b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
         let mut f = Frame::new(b, pose);
         let concrete = *random.pick(&[Material::Concrete, Material::ConcreteNew, Material::Limestone, Material::Brick]);

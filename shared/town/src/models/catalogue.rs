@@ -1,4 +1,5 @@
-//! Every model once, with what it should be: the tests check them by this list, and the catalogue's pictures show them.
+//! Every model once, with its expected properties: the tests check the models against this list, and the catalogue
+//! pictures show them.
 
 use super::style::Style;
 use super::{
@@ -19,9 +20,9 @@ pub struct Entry {
     pub name: &'static str,
     /// Its classes; all of them occur.
     pub classes: &'static [ClassId],
-    /// It is no larger than this along x, y and z, m.
+    /// Its largest size along x, y and z, m.
     pub largest: [f32; 3],
-    /// It is no lower than this, m: the least height of its top over the ground.
+    /// Least height of its top above the ground, m.
     pub least_height: f32,
     /// Builds it at the origin, on the ground.
     pub build: fn(&mut SceneBuilder, &mut Random),
@@ -56,7 +57,7 @@ macro_rules! mover {
     };
 }
 
-/// A model along a foot line: a bent one of 12 m.
+/// A model along a foot line: a bent line of 12 m.
 macro_rules! line {
     ($name:expr, $classes:expr, $largest:expr, $least_height:expr, $build:expr) => {
         Entry { name: $name, classes: &$classes, largest: $largest, least_height: $least_height, build: $build }
@@ -226,7 +227,7 @@ mod tests {
     use super::*;
     use raytrace::Shape;
 
-    /// How far foundations may reach into the ground, m; a canal lies below it.
+    /// Largest depth of foundations in the ground, m; a canal is deeper.
     const DEEPEST_M: f32 = -1.7;
 
     fn built(entry: &Entry, seed: u64) -> SceneBuilder {
@@ -322,7 +323,7 @@ mod tests {
             assert_eq!(described(&built(entry, 1)), described(&built(entry, 1)), "{}", entry.name);
             n_varied += usize::from(described(&built(entry, 1)) != described(&built(entry, 2)));
         }
-        // A few (traffic lights, cones, fences of bars) are made in one size only.
+        // A few (traffic lights, cones, fences of bars) have only one size.
         assert!(2 * n_varied > ENTRIES.len(), "{n_varied} of {}", ENTRIES.len());
     }
 }

@@ -1,4 +1,4 @@
-//! What may stand elsewhere tomorrow: bins, bags, cones, cafe tables, crates, buggies. Class dynamic.
+//! Objects that may be moved from day to day: bins, bags, cones, cafe tables, crates, buggies. Class dynamic.
 
 use super::frame::Frame;
 use crate::material::Material;
@@ -8,12 +8,12 @@ use nalgebra::Isometry3;
 use random::Random;
 use std::f32::consts::TAU;
 
-/// A wheeled bin of 1.1 m, its front towards -x.
+/// A wheeled bin of 1.1 m with its front towards -x.
 pub fn bin(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let mut f = Frame::new(b, pose);
     let lid = *random.pick(&[Material::GreenPlastic, Material::YellowPlastic, Material::BluePlastic]);
     let [body, lid, rubber] = [Material::GreenPlastic, lid, Material::Rubber].map(|m| f.surface(Dynamic, m));
-    // Wider above than below: four slanted walls.
+    // Wider at the top than at the bottom: four slanted walls.
     let ring = |z: f32, grow: f32| {
         let [x, y] = [0.26 + grow, 0.24 + grow];
         [[-x, -y, z], [x, -y, z], [x, y, z], [-x, y, z]]
@@ -91,7 +91,7 @@ pub fn cafe_table(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Rand
     }
 }
 
-/// A chair whose back is on the frame's +x.
+/// A chair with its back on the frame's +x.
 fn chair(f: &mut Frame<'_>, material: Material) {
     let [wood, iron] = [f.surface(Dynamic, material), f.surface(Dynamic, Material::DarkMetal)];
     f.cuboid([-0.2, -0.2, 0.43], [0.2, 0.2, 0.46], wood);
@@ -101,7 +101,7 @@ fn chair(f: &mut Frame<'_>, material: Material) {
     f.cuboid([0.17, -0.19, 0.62], [0.2, 0.19, 0.84], wood);
 }
 
-/// Crates and cartons before a shop, some with fruit.
+/// Crates and cartons in front of a shop, some with fruit.
 pub fn crates(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let mut f = Frame::new(b, pose);
     for i in 0..3 {
@@ -126,7 +126,7 @@ pub fn crates(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) 
     }
 }
 
-/// A shop's board on the sidewalk, 1 m high.
+/// A sandwich board of a shop on the sidewalk, 1 m high.
 pub fn sandwich_board(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let mut f = Frame::new(b, pose);
     let face = *random.pick(&[Material::BlackCloth, Material::WhitePlastic, Material::WoodRed]);

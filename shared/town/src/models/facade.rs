@@ -1,7 +1,7 @@
 //! Walls of houses: uneven, with recessed windows, doors, shops, mouldings and balconies.
 //!
-//! A wall is a grid over `u` (along) and `z` (up) whose corners are moved in and out by noise of several wavelengths, so
-//! that no wall is a plane; plastered and stone walls of old streets are out by centimetres.
+//! A wall is a grid over `u` (along) and `z` (up) whose corners are displaced by noise of several wavelengths, so that no
+//! wall is a plane. Plastered and stone walls of old streets deviate by centimetres.
 
 use super::balcony;
 use super::opening::{self, Opening, OpeningKind};
@@ -13,46 +13,46 @@ use crate::scene_builder::{SceneBuilder, SurfaceId};
 use messages::ClassId::Building;
 use random::Random;
 
-/// The measures of a wall in a style of its own.
+/// Measures of a wall with its own style.
 #[derive(Clone, Copy, Debug)]
 pub struct Wall {
     /// Length, m.
     pub length: f32,
     /// Storeys.
     pub floors: usize,
-    /// Of the wall.
+    /// Material of the wall.
     pub material: Material,
     /// Whether it has balconies.
     pub balconies: bool,
-    /// Of its unevenness.
+    /// Seed of its unevenness.
     pub seed: u64,
 }
 
 /// One front of a house.
 #[derive(Clone, Copy, Debug)]
 pub struct Front<'a> {
-    /// Its looks.
+    /// Its style.
     pub style: &'a Style,
     /// Length, m.
     pub length: f32,
     /// Storeys.
     pub floors: usize,
-    /// Where its door is, if it has one, m along it: in the bay that holds this place.
+    /// Position of its door, m along it: in the bay that contains this position. `None` without a door.
     pub door: Option<f32>,
-    /// Where a passage through the ground floor begins and ends, m.
+    /// Start and end of a passage through the ground floor, m.
     pub gate: Option<[f32; 2]>,
-    /// Of its unevenness.
+    /// Seed of its unevenness.
     pub seed: u64,
 }
 
-/// Half of the unevenness of a [`Wall`], m: 6 cm in all.
+/// Half of the unevenness of a [`Wall`], m: 6 cm in total.
 pub const UNEVEN_M: f32 = 0.03;
-/// Wall between a passage and the next window, m.
+/// Width of the wall between a passage and the next window, m.
 const GATE_PIER_M: f32 = 0.35;
-/// Cells of the wall's grid are no larger, m: half of the shortest swell.
+/// Largest cell size of the wall's grid, m: half of the shortest undulation.
 const CELL_M: f32 = 0.9;
 
-/// A wall with windows, its ornament left to chance.
+/// Builds a wall with windows; its ornament is random.
 pub fn build(b: &mut SceneBuilder, plan: WallFrame<'_>, wall: &Wall, random: &mut Random) {
     let base = Style::faubourg(random).even_storeys();
     let balconies = if wall.balconies && random.chance(0.6) { Balconies::Alternate } else { Balconies::None };
@@ -70,7 +70,7 @@ pub fn build(b: &mut SceneBuilder, plan: WallFrame<'_>, wall: &Wall, random: &mu
 }
 
 impl Front<'_> {
-    /// Wall, openings and what stands out of it.
+    /// Builds the wall, its openings and its protruding parts.
     pub fn build(&self, b: &mut SceneBuilder, plan: WallFrame<'_>, random: &mut Random) {
         let style = self.style;
         let looks = FacadeSurfaces {
@@ -117,7 +117,7 @@ impl Front<'_> {
         self.foot(b, plan, looks.base);
     }
 
-    /// Edges of the bays from 0 to the length; one of them holds the passage.
+    /// Edges of the bays from 0 to the length; one bay contains the passage.
     fn bays(&self) -> Vec<f32> {
         let evenly = |[from, to]: [f32; 2]| {
             let n = ((to - from) / self.style.bay_m).round().max(1.0) as usize;
@@ -133,7 +133,7 @@ impl Front<'_> {
         }
     }
 
-    /// How far the wall stands out at a place, m: swells of 4 m, 1.3 m and 0.5 m.
+    /// Displacement of the wall at a position, m: undulations of 4 m, 1.3 m and 0.5 m.
     pub fn uneven(&self, u: f32, z: f32) -> f32 {
         let large = rough(self.seed, u, z, 4.1, 1.3);
         let small = rough(self.seed ^ 0x51, u, z, 0.9, 0.5);
@@ -189,7 +189,7 @@ impl Front<'_> {
         b.add(raytrace::Shape::cylinder(plan(u, 0.1, 0.12), plan(u, top - 0.3, 0.12), 0.05), looks.iron);
     }
 
-    /// The wall below its ground floor, where the street falls away from it, with a plinth.
+    /// The wall with a plinth below its ground floor, where the street slopes down.
     fn foot(&self, b: &mut SceneBuilder, plan: WallFrame<'_>, surface: SurfaceId) {
         let out = 0.02 + self.style.uneven_m;
         let parts = self.gate.map_or(vec![[0.0, self.length]], |gate| vec![[0.0, gate[0]], [gate[1], self.length]]);
@@ -206,7 +206,7 @@ impl Front<'_> {
     }
 }
 
-/// Edges of cells: the given ones, and more between them where they are far apart. Equal ones count once.
+/// Edges of cells: the given ones, and additional ones where they are far apart. Duplicates are removed.
 fn cuts(edges: [f32; 4]) -> Vec<f32> {
     let mut cuts = vec![edges[0]];
     for pair in edges.windows(2) {

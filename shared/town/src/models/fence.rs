@@ -1,4 +1,4 @@
-//! Fences along a foot line: bars, mesh, planks. Rays pass bars and mesh in part.
+//! Fences along a foot line: bars, mesh, planks. Bars and mesh let a part of the rays through.
 
 use super::frame::beam;
 use super::line::Line;
@@ -53,7 +53,7 @@ pub fn mesh_fence(b: &mut SceneBuilder, feet: &[Vec3]) {
     }
 }
 
-/// Upright planks of 1.5 m with gaps of a few cm, on posts and two rails.
+/// Vertical planks of 1.5 m with gaps of a few cm, on posts and two rails.
 pub fn wooden_fence(b: &mut SceneBuilder, feet: &[Vec3], random: &mut Random) {
     let wood = *random.pick(&[Material::Wood, Material::WoodGray, Material::WoodWhite]);
     let wood = b.surface(Fence, 0, wood);
@@ -101,7 +101,7 @@ fn plank(b: &mut SceneBuilder, [low, high]: [Vec3; 2], along: &Vec3, surface: u3
     b.add(Shape::Cuboid { center: (low + high) * 0.5, half, rotation }, surface);
 }
 
-/// The measures of a row of bars, m: heights over the foot line, distance and radius of the bars, heights of the rails.
+/// Measures of a row of bars, m: heights above the foot line, spacing and radius of the bars, heights of the rails.
 struct Bars {
     foot: f32,
     top: f32,
@@ -110,7 +110,7 @@ struct Bars {
     rails: &'static [f32],
 }
 
-/// Draws bars and rails; gives the bars' tops.
+/// Draws bars and rails; returns the tops of the bars.
 fn bars(b: &mut SceneBuilder, feet: &[Vec3], surface: u32, form: &Bars) -> Vec<Vec3> {
     let mut tips = Vec::new();
     for pair in feet.windows(2) {
@@ -133,7 +133,7 @@ fn bars(b: &mut SceneBuilder, feet: &[Vec3], surface: u32, form: &Bars) -> Vec<V
     tips
 }
 
-/// Places of posts: both ends of every piece, and between them at most `apart_m`.
+/// Positions of posts: both ends of every section, and between them at most `apart_m`.
 fn posts(feet: &[Vec3], apart_m: f32) -> Vec<Vec3> {
     let line = Line::new(feet, apart_m);
     (0..line.len()).map(|foot| line.point(foot, [0.0, 0.0])).collect()
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use raytrace::{Bvh, Ray};
 
-    /// Share of level rays across a straight fence of 20 m that pass between two heights.
+    /// Share of horizontal rays across a straight fence of 20 m that pass between two heights.
     fn passing(build: impl Fn(&mut SceneBuilder, &[Vec3]), heights: [f32; 2]) -> f32 {
         let mut b = SceneBuilder::default();
         build(&mut b, &[Vec3::new(-10.0, 0.0, 0.0), Vec3::new(10.0, 0.0, 0.0)]);

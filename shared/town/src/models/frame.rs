@@ -6,7 +6,7 @@ use messages::ClassId;
 use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion};
 use raytrace::{Primitive, Shape, Vec3};
 
-/// A place or a corner in the frame, m.
+/// A position or a corner in the frame, m.
 pub type At = [f32; 3];
 
 /// Frame of one object under construction.
@@ -32,7 +32,7 @@ impl<'a> Frame<'a> {
     pub fn model(self) -> Vec<Primitive> {
         self.builder.take_since(self.first)
     }
-    /// A part with a frame of its own, turned to the left by `yaw` (rad).
+    /// A part with its own frame, rotated to the left by `yaw` (rad).
     pub fn part(&mut self, at: At, yaw: f32) -> Frame<'_> {
         let pose = self.pose * Isometry3::new(Vec3::from(at), Vec3::z() * yaw);
         let first = self.builder.primitives.len();
@@ -61,14 +61,14 @@ impl<'a> Frame<'a> {
     pub fn ball(&mut self, center: At, radius: f32, surface: SurfaceId) {
         self.add(Shape::Sphere { center: self.at(center), radius }, surface);
     }
-    /// A cluster of leaves; `free_path` is how deep rays reach into it on average.
+    /// A cluster of leaves; `free_path` is the mean penetration depth of rays.
     pub fn leaves(&mut self, center: At, radius: f32, free_path: f32, surface: SurfaceId) {
         self.add(Shape::Porous { center: self.at(center), radius, free_path }, surface);
     }
     pub fn cuboid(&mut self, low: At, high: At, surface: SurfaceId) {
         self.builder.cuboid(&self.pose, low, high, surface);
     }
-    /// A squared timber between two distinct points, `width` across and `height` at right angles to that.
+    /// A squared timber between two distinct points, `width` across and `height` at right angles to it.
     pub fn beam(&mut self, from: At, to: At, [width, height]: [f32; 2], surface: SurfaceId) {
         let from = self.at(from);
         let to = self.at(to);
@@ -80,18 +80,18 @@ impl<'a> Frame<'a> {
     pub fn triangle(&mut self, corners: [At; 3], surface: SurfaceId) {
         self.builder.triangle(corners.map(|corner| self.at(corner)), surface);
     }
-    /// A flat piece in the plane of three corners that lets `1 - fill` of the rays through.
+    /// A flat mesh in the plane of three corners that lets `1 - fill` of the rays through.
     pub fn mesh(&mut self, [corner, second, fourth]: [At; 3], fill: f32, surface: SurfaceId) {
         let [corner, second, fourth] = [corner, second, fourth].map(|at| self.at(at));
         self.add(Shape::Panel { corner, edge1: second - corner, edge2: fourth - corner, fill }, surface);
     }
 }
 
-/// A squared timber between two distinct points; a level one has its `width` level.
+/// A squared timber between two distinct points; the `width` of a horizontal one is horizontal.
 pub fn beam(from: &Vec3, to: &Vec3, [width, height]: [f32; 2]) -> Shape {
     let along = to - from;
     let up = if along.xy().norm_squared() > 1e-6 * along.norm_squared() { Vec3::z() } else { Vec3::x() };
-    // `face_towards` puts z along the timber and y as near as can be to `up`.
+    // `face_towards` puts z along the timber and y as close as possible to `up`.
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::face_towards(&along, &up));
     let half = Vec3::new(width, height, along.norm()) * 0.5;
     Shape::Cuboid { center: (from + to) * 0.5, half, rotation }

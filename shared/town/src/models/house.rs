@@ -11,16 +11,16 @@ use nalgebra::{Isometry3, Point3};
 use random::Random;
 use raytrace::{Shape, Vec3};
 
-/// A place between other houses. Its plan maps u from 0 to `width` and out from 0 (the front) to `-depth` (the back).
+/// A plot between other houses. Its plan maps u from 0 to `width` and out from 0 (the front) to `-depth` (the back).
 #[derive(Clone, Copy, Debug)]
 pub struct Lot {
-    /// Along the street, at least 4 m.
+    /// Width along the street, at least 4 m.
     pub width: f32,
-    /// Away from it, at least 5 m.
+    /// Depth away from the street, at least 5 m.
     pub depth: f32,
     /// Storeys, at least 1.
     pub floors: usize,
-    /// Whether the sides at u = 0 and at u = `width` stand free: they have windows then.
+    /// Whether the sides at u = 0 and at u = `width` are free-standing: they then have windows.
     pub open: [bool; 2],
     /// Whether a passage of 3 m leads through the ground floor to the back; for lots of at least 9 m.
     pub gate: bool,
@@ -65,7 +65,7 @@ pub fn row_house(b: &mut SceneBuilder, plan: WallFrame<'_>, lot: &Lot, style: &S
     roof::build(b, plan, &body, style, random);
 }
 
-/// A wall without windows. It stands as far out as the fronts go, so that no sky shows between two houses.
+/// A wall without windows. It extends up to the fronts, so that no sky is visible between two houses.
 fn party_wall(b: &mut SceneBuilder, plan: WallFrame<'_>, style: &Style, depth: f32, top: f32) {
     let wall = b.surface(Building, 0, style.wall);
     let out = 0.0;
@@ -110,7 +110,7 @@ pub fn detached(b: &mut SceneBuilder, pose: &Isometry3<f32>, width: f32, depth: 
     }
 }
 
-/// An apartment house that stands alone, all sides with windows.
+/// A free-standing apartment house with windows on all sides.
 pub fn apartments(
     b: &mut SceneBuilder,
     pose: &Isometry3<f32>,
@@ -125,7 +125,7 @@ pub fn apartments(
     free_standing(b, &around(pose, width, depth), &lot, &style, door, random);
 }
 
-/// Four fronts and a roof; a door in the front only.
+/// Four fronts and a roof, with a door only in the front.
 fn free_standing(
     b: &mut SceneBuilder,
     plan: WallFrame<'_>,
@@ -154,7 +154,7 @@ fn free_standing(
     roof::build(b, plan, &body, style, random);
 }
 
-/// A little roof on two posts over the door, with steps.
+/// A small roof on two posts over the door, with steps.
 fn porch(b: &mut SceneBuilder, plan: WallFrame<'_>, style: &Style, door: f32, random: &mut Random) {
     let tiles = *random.pick(&[Material::ClayTile, Material::Slate]);
     let [tiles, post, stone] = [tiles, style.frame, Material::Granite].map(|material| b.surface(Building, 0, material));
@@ -173,7 +173,7 @@ fn porch(b: &mut SceneBuilder, plan: WallFrame<'_>, style: &Style, door: f32, ra
     }
 }
 
-/// A garage beside the right side, flush with the front.
+/// A garage next to the right side, flush with the front.
 fn garage(b: &mut SceneBuilder, plan: WallFrame<'_>, style: &Style, [width, depth]: [f32; 2], random: &mut Random) {
     let length = (depth - 1.0).min(6.0);
     let [wall, door, roof] = [style.wall, style.frame, Material::Bitumen].map(|m| b.surface(Building, 0, m));
@@ -204,7 +204,7 @@ pub fn barn(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
         block(b, &plan, [u[0] + 0.1, u[1] - 0.1], [2.7, 2.85], [0.1, 0.14], iron);
     }
     if wall == Material::Wood || wall == Material::WoodGray {
-        // Boards stand out where they overlap.
+        // Boards protrude where they overlap.
         let wood = b.surface(Building, 0, wall);
         for i in 0..(width / 0.5) as usize {
             let u = 0.25 + 0.5 * i as f32;
@@ -315,7 +315,7 @@ mod tests {
                 for (y, toward) in [(-20.0, 1.0), (DEPTH + 20.0, -1.0)] {
                     let ray = Ray { origin: Vec3::new(u, y, z), direction: Vec3::y() * toward, seed: 0 };
                     let (range, _) = tree.nearest(&ray, 60.0).expect("a wall");
-                    // Awnings and balconies stand out by up to 1.3 m, panes lie up to 0.28 m behind an uneven wall.
+                    // Awnings and balconies protrude by up to 1.3 m, panes lie up to 0.28 m behind an uneven wall.
                     assert!((18.6..20.4).contains(&range), "{range} at u = {u}, z = {z}");
                 }
                 let above = Vec3::new(u, random.range(0.05, DEPTH - 0.05), 60.0);

@@ -3,17 +3,18 @@
 use crate::scene_builder::{SceneBuilder, SurfaceId};
 use raytrace::Vec3;
 
-/// A place in the cross section: m to the left of the line (seen along it) and m up from its foot.
+/// A position in the cross section: m to the left of the line (in its direction) and m up from its foot.
 pub type Section = [f32; 2];
 
-/// A foot line with its direction to the left at every foot. Up is the world's.
+/// A foot line with the direction to the left at every foot. Up is the up axis of the world.
 pub struct Line {
     feet: Vec<Vec3>,
     left: Vec<Vec3>,
 }
 
 impl Line {
-    /// Of the given feet, at most `step_m` apart: longer pieces are cut evenly. Equal neighbours count once.
+    /// A line through the given feet, at most `step_m` apart: longer sections are divided evenly. Equal neighbors count
+    /// once.
     pub fn new(corners: &[Vec3], step_m: f32) -> Self {
         let mut feet: Vec<Vec3> = corners.first().copied().into_iter().collect();
         for pair in corners.windows(2) {
@@ -56,7 +57,7 @@ impl Line {
     pub fn extrude(&self, b: &mut SceneBuilder, profile: &[Section], surface: SurfaceId) {
         self.extrude_uneven(b, profile, surface, &|_, _| 0.0);
     }
-    /// As [`Line::extrude`], with corners moved left and up by `uneven(foot, corner)` in m.
+    /// Draws a profile as in [`Line::extrude`], with corners displaced left and up by `uneven(foot, corner)` in m.
     pub fn extrude_uneven(
         &self,
         b: &mut SceneBuilder,
@@ -67,7 +68,7 @@ impl Line {
         let point = |foot: usize, corner: usize| {
             let [left, up] = profile[corner];
             let off = uneven(foot, corner);
-            // Foot and head of a profile stay at their heights, or gaps to the ground would show.
+            // Foot and head of a profile keep their heights; otherwise there would be visible gaps to the ground.
             let is_end = corner == 0 || corner + 1 == profile.len();
             self.point(foot, [left + off, if is_end { up } else { up + 0.5 * off }])
         };

@@ -8,7 +8,7 @@ use messages::ClassId::Building;
 use random::Random;
 use raytrace::{Shape, Vec3};
 
-/// What an opening is.
+/// Kind of an opening.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OpeningKind {
     /// With panes, a sill and perhaps shutters.
@@ -21,24 +21,24 @@ pub enum OpeningKind {
     Gate,
 }
 
-/// An opening's edges along the wall and over the house's foot, m.
+/// The edges of an opening along the wall and above the foot of the house, m.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening {
-    /// Left and right.
+    /// Left and right edge.
     pub u: [f32; 2],
-    /// Below and above.
+    /// Lower and upper edge.
     pub z: [f32; 2],
     kind: OpeningKind,
 }
 
-/// What the shops of a house look like.
+/// Appearance of the shops of a house.
 pub struct Shop {
     board: Material,
     awning: Option<Material>,
 }
 
 impl Shop {
-    /// Four in ten have awnings.
+    /// A random appearance; four in ten shops have awnings.
     pub fn random(random: &mut Random) -> Self {
         let cloth = [Material::RedCloth, Material::GreenCloth, Material::BlueCloth, Material::BeigeCloth];
         Self {
@@ -56,7 +56,7 @@ impl Shop {
 }
 
 impl Opening {
-    /// In the middle of a bay whose storey begins at `z`.
+    /// An opening in the middle of a bay whose storey starts at `z`.
     pub fn new(style: &Style, kind: OpeningKind, bay: [f32; 2], z: f32, storey: f32, gate: Option<[f32; 2]>) -> Self {
         let middle = 0.5 * (bay[0] + bay[1]);
         let width = bay[1] - bay[0];
@@ -74,12 +74,12 @@ impl Opening {
         Self { u, z: heights.map(|h| z + h), kind }
     }
 
-    /// Whether a place of the wall is in the opening.
+    /// Whether a position on the wall is in the opening.
     pub fn holds(&self, u: f32, z: f32) -> bool {
         (self.u[0]..self.u[1]).contains(&u) && (self.z[0]..self.z[1]).contains(&z)
     }
 
-    /// Reveals and what fills the opening; `uneven` is that of the wall.
+    /// Draws the reveals and the filling of the opening; `uneven` is the unevenness of the wall.
     #[allow(clippy::too_many_arguments, reason = "a place, its looks and its chance; a struct would be used once")]
     pub fn build(
         &self,
@@ -97,7 +97,7 @@ impl Opening {
         }
         let point = |u: f32, z: f32, out: f32| plan(u, z, out + uneven(u, z));
         let rim = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| (self.u[i], self.z[j]));
-        // A gateway's reveals are those of the passage behind it.
+        // The reveals of a gateway belong to the passage behind it.
         let recess = if self.kind == OpeningKind::Shop { 0.12 } else { style.recess_m };
         for i in 0..4 {
             let (ua, za) = rim[i];
@@ -180,7 +180,7 @@ impl Opening {
         let [u0, u1] = self.u;
         let [z0, z1] = self.z;
         let back = -style.recess_m;
-        // Panels stand out of the leaf, a window above it.
+        // Panels protrude from the leaf, with a window above it.
         for z in [[z0 + 0.2, z0 + 0.75], [z0 + 0.9, z0 + 1.85]] {
             block(b, plan, [u0 + 0.14, u1 - 0.14], z, [back, back + 0.03], looks.door);
         }

@@ -1,4 +1,4 @@
-//! People: a skeleton of cones and spheres in walking or resting posture. The frame stands on the ground, x forward, m.
+//! People: a skeleton of cones and spheres in walking or resting posture. The frame is on the ground, x forward, m.
 
 use super::frame::{At, Frame};
 use crate::material::Material;
@@ -12,9 +12,9 @@ use std::f32::consts::TAU;
 /// Size, clothes and luggage of a person.
 #[derive(Clone, Copy, Debug)]
 pub struct PersonAppearance {
-    /// From sole to crown, 1.05 (a child) to 1.95 m.
+    /// Height from sole to crown, 1.05 (a child) to 1.95 m.
     pub height_m: f32,
-    /// Girth against a slim adult of the same height, 0.9 to 1.4.
+    /// Girth relative to a slim adult of the same height, 0.9 to 1.4.
     pub girth: f32,
     coat: Material,
     legs: Material,
@@ -35,7 +35,7 @@ enum Bag {
 }
 
 impl PersonAppearance {
-    /// One in seven is a child, one in three carries something.
+    /// A random appearance; one in seven is a child, one in three carries something.
     pub fn random(random: &mut Random) -> Self {
         let child = random.chance(0.14);
         let height_m = if child { random.range(1.05, 1.5) } else { random.range(1.54, 1.93) };
@@ -70,46 +70,46 @@ impl PersonAppearance {
             hat: random.chance(0.12),
         }
     }
-    /// The same clothes at another height, without luggage, skirt and hat.
+    /// A person with these clothes and another height, without luggage, skirt and hat.
     #[must_use]
     pub const fn without_luggage(self, height_m: f32) -> Self {
         Self { height_m, bag: Bag::None, skirt: false, hat: false, ..self }
     }
-    /// Distance of two steps, m: a walker that is drawn at phase p has gone p of it.
+    /// Length of two steps, m: a walker drawn at phase p has covered the share p of it.
     pub fn stride_m(&self) -> f32 {
         // A step spreads the feet by twice the reach of a leg, whose length is two halves.
         8.0 * LEG * self.height_m * SWING.sin()
     }
 }
 
-/// Shares of the height: each half of a leg, shoulders over hips, each half of an arm.
+/// Shares of the height: each half of a leg, shoulders above hips, each half of an arm.
 const LEG: f32 = 0.245;
 const TORSO: f32 = 0.29;
 const ARM: f32 = 0.165;
-/// Of the thighs at the ends of a step, rad.
+/// Angle of the thighs at the ends of a step, rad.
 const SWING: f32 = 0.42;
 
-/// Angles of the joints, rad, left then right. Limbs hang straight down at 0; forward is positive, and knees bend back.
+/// Joint angles, rad, left then right. Limbs hang straight down at 0; forward is positive, and knees bend backward.
 #[derive(Clone, Copy, Debug)]
 pub struct Posture {
-    /// Height of the hips over the ground, m; `None` = the lower foot stands on the ground.
+    /// Height of the hips above the ground, m; `None` = the lower foot is on the ground.
     pub hips_m: Option<f32>,
-    /// Of the trunk, forward.
+    /// Forward lean of the trunk.
     pub lean: f32,
-    /// Of the thighs.
+    /// Angles of the thighs.
     pub thighs: [f32; 2],
-    /// Of the knees.
+    /// Angles of the knees.
     pub knees: [f32; 2],
-    /// Of the upper arms.
+    /// Angles of the upper arms.
     pub shoulders: [f32; 2],
-    /// Of the elbows, forward.
+    /// Angles of the elbows, forward.
     pub elbows: [f32; 2],
-    /// How much farther apart the knees are than in a walk, m.
+    /// Additional distance of the knees compared with walking, m.
     pub straddle: f32,
 }
 
 impl Posture {
-    /// At a phase of two steps, 0 to 1: the left leg swings forward around 0 and 1.
+    /// Posture at a phase of two steps, 0 to 1: the left leg swings forward around 0 and 1.
     pub fn walking(phase: f32) -> Self {
         let (sin, cos) = (TAU * phase).sin_cos();
         Self {
@@ -123,7 +123,7 @@ impl Posture {
             straddle: 0.0,
         }
     }
-    /// Standing, the arms as chance has it: hanging, folded, with a telephone.
+    /// Standing posture with random arms: hanging, folded, or with a telephone.
     pub fn standing(random: &mut Random) -> Self {
         let (shoulder, elbow) = *random.pick(&[(0.05, 0.15), (0.05, 0.15), (0.35, 1.9), (0.7, 1.7)]);
         let (other, other_elbow) = if random.chance(0.5) { (shoulder, elbow) } else { (0.02, 0.2) };
@@ -138,7 +138,7 @@ impl Posture {
             straddle: 0.0,
         }
     }
-    /// On a seat of the given height, hands on the knees.
+    /// Posture on a seat of the given height, hands on the knees.
     pub fn sitting(seat_m: f32) -> Self {
         Self {
             hips_m: Some(seat_m + 0.1),
@@ -233,7 +233,7 @@ struct Clothes {
     hair: SurfaceId,
 }
 
-/// Adds a person in a posture. The hips are over the frame's origin.
+/// Adds a person in a posture. The hips are above the origin of the frame.
 pub fn figure(f: &mut Frame<'_>, appearance: &PersonAppearance, posture: &Posture) {
     let clothes = Clothes {
         coat: f.surface(Pedestrian, appearance.coat),
@@ -276,7 +276,7 @@ pub fn figure(f: &mut Frame<'_>, appearance: &PersonAppearance, posture: &Postur
     }
 }
 
-/// A point at a length and an angle from another, in the plane of the walk.
+/// A point at a distance and an angle from another point, in the walking plane.
 fn swing([x, y, z]: At, length: f32, angle: f32) -> At {
     [x + length * angle.sin(), y, z - length * angle.cos()]
 }
@@ -347,7 +347,7 @@ fn arm(
     hand
 }
 
-/// A wheeled suitcase that the hand draws behind it; the person's, as all that is carried.
+/// A wheeled suitcase pulled by the hand; it belongs to the person, like all luggage.
 fn trolley(f: &mut Frame<'_>, [x, y, z]: At) {
     let [case, metal] = [f.surface(Pedestrian, Material::BluePlastic), f.surface(Pedestrian, Material::Steel)];
     let foot = [x - 0.45, y, 0.06];
@@ -369,7 +369,7 @@ mod tests {
     #[test]
     fn standing_foot_moves_back_by_half_a_stride() {
         let appearance = PersonAppearance::random(&mut Random::of_hash(3, 0));
-        // From its foremost place at a quarter to its hindmost at three quarters the left foot stands.
+        // The left foot stands between its foremost position at a quarter and its rearmost position at three quarters.
         let back = ankle(&appearance, 0.25) - ankle(&appearance, 0.75);
         assert!(
             (back - 0.5 * appearance.stride_m()).abs() < 0.06 * appearance.stride_m(),
@@ -388,7 +388,7 @@ mod tests {
             let low = model.iter().map(|p| p.shape.bounds()[0].z).fold(f32::INFINITY, f32::min);
             let high = model.iter().map(|p| p.shape.bounds()[1].z).fold(f32::NEG_INFINITY, f32::max);
             assert!(low > -0.04 && low < 0.03, "{low}");
-            // A step lowers the head by up to 5 cm, a hat adds up to 12.
+            // A step lowers the head by up to 5 cm, a hat adds up to 12 cm.
             assert!(
                 high > appearance.height_m - 0.1 && high < appearance.height_m + 0.2,
                 "{high} of {}",

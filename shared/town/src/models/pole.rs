@@ -1,4 +1,4 @@
-//! Posts: street lamps, traffic lights, bollards, utility poles. What hangs on a post has its own class.
+//! Posts: street lamps, traffic lights, bollards, utility poles. Objects mounted on a post have their own class.
 
 use super::frame::Frame;
 use crate::material::Material;
@@ -8,7 +8,7 @@ use nalgebra::Isometry3;
 use random::Random;
 use raytrace::{Shape, Vec3};
 
-/// How far posts reach into the ground, m.
+/// Depth of posts in the ground, m.
 const ROOT_M: f32 = 0.3;
 
 /// A street lamp of any kind; an arm reaches along the frame's y, over the road.
@@ -59,7 +59,7 @@ fn lantern(b: &mut SceneBuilder, pose: &Isometry3<f32>, _: &mut Random) {
     f.ball([0.0, 0.0, 3.63], 0.05, iron);
 }
 
-/// A traffic light on a post, its lamps towards the frame's -x, with a small one at the height of the eyes.
+/// A traffic light on a post, its lamps towards the frame's -x, with a small one at eye level.
 pub fn traffic_light(b: &mut SceneBuilder, pose: &Isometry3<f32>) {
     let mut f = Frame::new(b, pose);
     let post = f.surface(Pole, Material::DarkMetal);
@@ -126,7 +126,7 @@ pub fn delineator(b: &mut SceneBuilder, pose: &Isometry3<f32>) {
 
 /// Height of the wires on a utility pole, m.
 const WIRE_M: f32 = 7.2;
-/// How far the two wires are from the pole, m.
+/// Distance of the two wires from the pole, m.
 const WIRE_Y_M: f32 = 0.55;
 
 /// Wooden poles at the feet, and the sagging wires between them.
@@ -160,7 +160,7 @@ fn side_of(from: &Vec3, to: &Vec3) -> Vec3 {
     Vec3::z().cross(&(to - from)).try_normalize(1e-6).unwrap_or_else(Vec3::y)
 }
 
-/// A parabola that hangs 1.5 % of its span.
+/// A parabola with a sag of 1.5 % of its span.
 fn sagging_wire(b: &mut SceneBuilder, pair: &[Vec3], off: &Vec3, surface: SurfaceId) {
     const PIECES: usize = 8;
     let span = (pair[1] - pair[0]).norm();

@@ -9,23 +9,23 @@ use messages::ClassId::Building;
 use random::Random;
 use raytrace::Shape;
 
-/// A house's body under its roof: `width` along the plan, `depth` behind it, and the wall's `top`, m.
+/// The body of a house under its roof: `width` along the plan, `depth` behind it, and the `top` of the wall, m.
 #[derive(Clone, Copy, Debug)]
 pub struct Body {
-    /// Along u.
+    /// Width along u.
     pub width: f32,
-    /// From out = 0 to out = -depth.
+    /// Depth, from out = 0 to out = -depth.
     pub depth: f32,
     /// Height of the wall.
     pub top: f32,
-    /// Whether the left and the right side are free: the roof then hangs over them.
+    /// Whether the left and the right side are free: the roof then overhangs them.
     pub open: [bool; 2],
 }
 
-/// A roof's outline from front to back: places outward and up from the wall's top, m.
+/// Outline of a roof from front to back: positions outward and up from the top of the wall, m.
 type Outline = Vec<[f32; 2]>;
 
-/// The roof of a house; it closes the party walls' gables too.
+/// Builds the roof of a house and closes the gables of the party walls.
 pub fn build(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, style: &Style, random: &mut Random) {
     let cover = match style.roof {
         Roof::Mansard => *random.pick(&[Material::Zinc, Material::Zinc, Material::Slate]),
@@ -100,7 +100,7 @@ fn gable(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, outline: &Outli
     }
 }
 
-/// One over every bay of the front.
+/// One dormer over every bay of the front.
 fn dormers(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, style: &Style, cover: SurfaceId) {
     let [wall, glass, frame] =
         [style.trim, Material::Glass, style.frame].map(|material| b.surface(Building, 0, material));
@@ -133,7 +133,7 @@ fn chimneys(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, foot: f32, r
     }
 }
 
-/// A parapet around a flat roof, and what stands behind it.
+/// A parapet around a flat roof, and the objects behind it.
 fn parapet(b: &mut SceneBuilder, plan: WallFrame<'_>, body: &Body, style: &Style, random: &mut Random) {
     let wall = b.surface(Building, 0, style.wall);
     let z = [body.top - 0.05, body.top + 0.8];

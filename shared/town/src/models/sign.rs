@@ -1,4 +1,5 @@
-//! Traffic signs: plates of retroreflecting foil on thin posts. The plate faces the frame's -x; only it is a sign.
+//! Traffic signs: plates of retroreflecting foil on thin posts. The plate faces the frame's -x; only the plate has class
+//! sign.
 
 use super::frame::{At, Frame};
 use crate::material::Material;
@@ -8,7 +9,7 @@ use nalgebra::Isometry3;
 use random::Random;
 use std::f32::consts::{FRAC_PI_8, TAU};
 
-/// x of the plates' faces, m; marks lie a little before them.
+/// x of the plate faces, m; marks are slightly in front of them.
 const FACE_X: f32 = -0.06;
 /// Offset between layers of foil, m: above f32 rounding, below any visible thickness.
 const LAYER_M: f32 = 0.003;
@@ -28,7 +29,7 @@ pub fn sign(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     }
 }
 
-/// A board of 2 to 3 m with the names of places, on two posts.
+/// A board of 2 to 3 m with place names, on two posts.
 pub fn direction_sign(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let mut f = Frame::new(b, pose);
     let post = f.surface(Pole, Material::Steel);
@@ -53,7 +54,7 @@ pub fn direction_sign(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut 
     );
 }
 
-/// A line of words of different lengths on a board of `half` its width; room for an arrow at its end.
+/// A line of words of different lengths on a board with half width `half`, with space for an arrow at its end.
 fn words(f: &mut Frame<'_>, half: f32, z: f32, ink: SurfaceId, random: &mut Random) {
     let mut y = 0.85 * half;
     while y > -0.6 * half {
@@ -97,7 +98,7 @@ fn plate(f: &mut Frame<'_>, kind: fn(&mut Frame<'_>, f32, &mut Random), z: f32, 
     kind(f, z, random);
 }
 
-/// A disc of the given radius, `layer` sheets of foil before the plate's face.
+/// A disc of the given radius, `layer` sheets of foil in front of the plate face.
 fn disc(f: &mut Frame<'_>, z: f32, radius: f32, layer: usize, surface: SurfaceId) {
     let front = FACE_X - LAYER_M * layer as f32;
     f.tube([front, 0.0, z], [FACE_X + 0.01, 0.0, z], radius, surface);
@@ -131,7 +132,7 @@ fn speed_limit(f: &mut Frame<'_>, z: f32, random: &mut Random) {
     round(f, z, Material::SignRed);
     let [white, black] = [f.surface(TrafficSign, Material::SignWhite), f.surface(TrafficSign, Material::BlackPlastic)];
     disc(f, z, 0.24, 1, white);
-    // "30" or "50" from afar: a 0 beside a figure of bars.
+    // "30" or "50" at a distance: a 0 next to a figure of bars.
     let front = FACE_X - 2.0 * LAYER_M;
     f.tube([front, -0.1, z], [FACE_X, -0.1, z], 0.085, black);
     f.tube([front - LAYER_M, -0.1, z], [FACE_X, -0.1, z], 0.05, white);
@@ -174,7 +175,7 @@ fn give_way(f: &mut Frame<'_>, z: f32, _: &mut Random) {
     triangle_plate(f, z, 0.5 * TAU);
 }
 
-/// A red triangle with a white middle, turned from its tip upward.
+/// A red triangle with a white middle, rotated from tip-up by `turn`.
 fn triangle_plate(f: &mut Frame<'_>, z: f32, turn: f32) {
     let [red, white, back] =
         [f.surface(TrafficSign, Material::SignRed), f.surface(TrafficSign, Material::SignWhite), back(f)];

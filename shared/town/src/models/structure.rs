@@ -1,4 +1,4 @@
-//! What is neither house nor furniture: scaffolding, market stalls, tents. Class other.
+//! Objects other than houses and furniture: scaffolding, market stalls, tents. Class other.
 
 use super::frame::Frame;
 use crate::material::Material;
@@ -7,7 +7,7 @@ use messages::ClassId::Other;
 use nalgebra::Isometry3;
 use random::Random;
 
-/// A scaffold before a facade: `length_m` along x from the origin, three storeys, the wall on +y.
+/// A scaffold in front of a facade: `length_m` along x from the origin, three storeys, the wall on +y.
 pub fn scaffolding(b: &mut SceneBuilder, pose: &Isometry3<f32>, length_m: f32) {
     let mut f = Frame::new(b, pose);
     let [steel, planks, net] =

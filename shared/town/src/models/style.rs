@@ -4,25 +4,25 @@ use super::wall::FLOOR_M;
 use crate::material::Material;
 use random::Random;
 
-/// The looks and measures of a house's fronts, m.
+/// Appearance and measures of the fronts of a house, m.
 #[derive(Clone, Copy, Debug)]
-#[allow(clippy::struct_excessive_bools, reason = "each is an ornament that a house has or has not")]
+#[allow(clippy::struct_excessive_bools, reason = "each is an optional ornament of a house")]
 pub struct Style {
-    /// Of the wall above the ground floor.
+    /// Material of the wall above the ground floor.
     pub wall: Material,
-    /// Of the wall of the ground floor.
+    /// Material of the wall of the ground floor.
     pub base: Material,
-    /// Of mouldings, sills, surrounds and balcony slabs.
+    /// Material of mouldings, sills, surrounds and balcony slabs.
     pub trim: Material,
-    /// Of window frames.
+    /// Material of window frames.
     pub frame: Material,
-    /// Of doors.
+    /// Material of doors.
     pub door: Material,
-    /// Of open shutters beside the windows.
+    /// Material of open shutters at the windows.
     pub shutters: Option<Material>,
-    /// About the distance of two windows' middles.
+    /// Approximate spacing of windows.
     pub bay_m: f32,
-    /// Width and height of windows and their height over the floor; width 0 = none.
+    /// Width and height of windows and their height above the floor; width 0 = no windows.
     pub window: [f32; 3],
     /// Height of the ground floor.
     pub ground_m: f32,
@@ -30,32 +30,32 @@ pub struct Style {
     pub storey_m: f32,
     /// Whether the ground floor has shops.
     pub shops: bool,
-    /// Where balconies are.
+    /// Position of the balconies.
     pub balconies: Balconies,
     /// Railing of the balconies.
     pub rail: Rail,
-    /// Whether windows have a frame of stone.
+    /// Whether windows have a stone frame.
     pub surrounds: bool,
     /// Whether a moulding runs above each floor.
     pub courses: bool,
-    /// Whether the corners are set with stones that stand out.
+    /// Whether the corners have protruding stones.
     pub quoins: bool,
-    /// How far the cornice under the roof stands out; 0 = none.
+    /// Protrusion of the cornice under the roof; 0 = no cornice.
     pub cornice_m: f32,
-    /// How deep windows lie in the wall.
+    /// Depth of windows in the wall.
     pub recess_m: f32,
-    /// Largest distance of the wall from its plane.
+    /// Largest deviation of the wall from its plane.
     pub uneven_m: f32,
     /// The roof.
     pub roof: Roof,
-    /// Whether chimneys stand on it.
+    /// Whether it has chimneys.
     pub chimneys: bool,
 }
 
-/// Where a house has balconies.
+/// Position of the balconies of a house.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Balconies {
-    /// Nowhere.
+    /// No balconies.
     None,
     /// At every other window above the ground floor.
     Alternate,
@@ -88,7 +88,7 @@ pub enum Roof {
 }
 
 impl Style {
-    /// Of a house between others in a town.
+    /// Style of a house between others in a town.
     pub fn urban(random: &mut Random) -> Self {
         let style = *random.pick(&[
             Self::haussmann,
@@ -130,7 +130,7 @@ impl Style {
         }
     }
 
-    /// Old plastered houses, each of another height and out of plumb by centimetres.
+    /// Old plastered houses of different heights, out of plumb by centimetres.
     pub fn faubourg(random: &mut Random) -> Self {
         let wall = *random.pick(&[
             Material::PlasterCream,
@@ -255,7 +255,7 @@ impl Style {
         }
     }
 
-    /// A house with a garden.
+    /// Style of a house with a garden.
     pub fn cottage(random: &mut Random) -> Self {
         let plaster = *random.pick(&[
             Material::PlasterCream,
@@ -282,7 +282,7 @@ impl Style {
         }
     }
 
-    /// Plain, as behind and beside the front: no shops, balconies or ornament.
+    /// The plain style of backs and sides: no shops, balconies or ornament.
     #[must_use]
     pub const fn back(self) -> Self {
         Self { shops: false, balconies: Balconies::None, surrounds: false, quoins: false, shutters: None, ..self }
@@ -299,7 +299,7 @@ impl Style {
         self.floor_z(floors)
     }
 
-    /// Height of a floor over the house's foot, m.
+    /// Height of a floor above the foot of the house, m.
     pub fn floor_z(&self, floor: usize) -> f32 {
         if floor == 0 { 0.0 } else { self.ground_m + (floor - 1) as f32 * self.storey_m }
     }

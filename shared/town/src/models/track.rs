@@ -9,7 +9,7 @@ use messages::ClassId::RailTrack;
 use random::Random;
 use raytrace::Vec3;
 
-/// Half the distance of the rails' middles, m: standard gauge 1.435 m and a rail head of 7 cm.
+/// Half the distance between the rail centers, m: standard gauge 1.435 m and a rail head of 7 cm.
 const HALF_GAUGE_M: f32 = 0.7525;
 
 /// A track in a bed of ballast 3.6 m wide and 0.35 m high; all of it is class rail-track.
@@ -42,7 +42,7 @@ pub fn railway(b: &mut SceneBuilder, feet: &[Vec3], random: &mut Random) {
     }
 }
 
-/// Tram rails level with the street, 3 mm proud of it so that they are seen: heads and grooves between strips of cobbles.
+/// Tram rails in the street, raised by 3 mm so that rays hit them: heads and grooves between strips of cobbles.
 pub fn tramway(b: &mut SceneBuilder, feet: &[Vec3]) {
     let [rail, groove, stones] =
         [Material::RailHead, Material::Rust, Material::Cobble].map(|material| b.surface(RailTrack, 0, material));

@@ -1,4 +1,4 @@
-//! Trees and lower plants: trunks, branches, and clusters of leaves that rays pass in part.
+//! Trees and lower plants: trunks, branches, and clusters of leaves that let a part of the rays through.
 
 use super::frame::{At, Frame};
 use crate::material::Material;
@@ -9,9 +9,9 @@ use random::Random;
 use raytrace::Vec3;
 use std::f32::consts::TAU;
 
-/// How far trunks reach into the ground, m.
+/// Depth of trunks in the ground, m.
 const ROOT_M: f32 = 0.4;
-/// The golden angle, rad: successive rotations by it are spread evenly.
+/// The golden angle, rad: successive rotations by it are evenly spread.
 const GOLDEN: f32 = 2.399_963;
 
 /// A tree of any kind that stands along streets.
@@ -57,11 +57,11 @@ pub fn sapling(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random)
     f.beam([-0.35, 0.0, 1.5], [0.35, 0.0, 1.5], [0.03, 0.06], wood);
 }
 
-/// The measures of a round crown, m.
+/// Measures of a round crown, m.
 struct Crown {
     /// Height of the first fork.
     trunk: f32,
-    /// Of the whole tree.
+    /// Height of the whole tree.
     height: f32,
     /// Radius of the crown.
     spread: f32,
@@ -96,7 +96,7 @@ impl Crown {
         for i in 0..self.clusters {
             let share = (i as f32 + 0.5) / self.clusters as f32;
             let up = 2.0 * share - 1.0;
-            // More clusters outside than inside: leaves grow where light is.
+            // More clusters on the outside than inside: leaves grow towards the light.
             let ring = (1.0 - up * up).sqrt() * random.range(0.0, 1.0_f32).powf(0.35);
             let angle = i as f32 * GOLDEN + random.range(-0.4, 0.4);
             let radius = self.spread * random.range(0.14, 0.27);
@@ -143,7 +143,7 @@ pub fn poplar(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) 
     }
 }
 
-/// A spruce of 7 to 13 m: whorls of drooping branches that grow shorter upward.
+/// A spruce of 7 to 13 m: whorls of drooping branches that get shorter towards the top.
 pub fn conifer(b: &mut SceneBuilder, pose: &Isometry3<f32>, random: &mut Random) {
     let mut f = Frame::new(b, pose);
     let bark = f.surface(Vegetation, Material::Bark);

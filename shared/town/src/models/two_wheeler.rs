@@ -1,6 +1,6 @@
 //! Bicycles, scooters and motorcycles, parked or ridden.
 //!
-//! The frame stands on the ground below the middle, x forward, m. The machine is class vehicles and its rider class
+//! The frame is on the ground below the middle, x forward, m. The machine is class vehicles and its rider class
 //! pedestrian; they move together and have the same instance.
 
 use super::frame::{At, Frame};

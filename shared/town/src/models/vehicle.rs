@@ -1,6 +1,6 @@
 //! Cars, vans, taxis, buses and trucks: a lofted body, glass, wheels in their arches, lamps and plates.
 //!
-//! The frame stands on the ground below the middle, x forward, m. All parts have class vehicles and one instance.
+//! The frame is on the ground below the middle, x forward, m. All parts have class vehicles and one instance.
 
 mod bodywork;
 mod outline;

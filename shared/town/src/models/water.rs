@@ -10,11 +10,11 @@ use random::Random;
 use raytrace::{Shape, Vec3};
 use std::f32::consts::TAU;
 
-/// How far a canal's water lies below its banks, m.
+/// Depth of a canal's water below its banks, m.
 const DROP_M: f32 = 1.3;
 
-/// A canal `width_m` wide along its middle line on the level of the banks: water between quay walls with coping stones.
-/// The ground above it must be left out.
+/// A canal `width_m` wide along its center line, level with the banks: water between quay walls with coping stones. The
+/// ground above it must be omitted.
 pub fn canal(b: &mut SceneBuilder, middle: &[Vec3], width_m: f32, random: &mut Random) {
     let [water, stone, coping] = [
         b.surface(Water, 0, Material::Water),
@@ -28,7 +28,7 @@ pub fn canal(b: &mut SceneBuilder, middle: &[Vec3], width_m: f32, random: &mut R
     let columns = (width_m / 2.0).ceil() as usize;
     let surface: Vec<[f32; 2]> =
         (0..=columns).map(|i| [-half - 0.2 + (width_m + 0.4) * i as f32 / columns as f32, -DROP_M]).collect();
-    // Ripples of 1 cm, so that the mirrored sky is not that of a pane.
+    // Ripples of 1 cm, so that the reflection of the sky differs from a plane mirror.
     line.extrude_uneven(b, &surface, water, &|foot, i| 0.02 * rough(seed, lengths[foot], surface[i][0], 1.7, 0.6));
     for side in [-1.0, 1.0] {
         let profile = [[side * half, -DROP_M - 0.3], [side * half, -0.6], [side * (half + 0.05), 0.02]];
@@ -42,7 +42,7 @@ pub fn canal(b: &mut SceneBuilder, middle: &[Vec3], width_m: f32, random: &mut R
     }
 }
 
-/// A pond of `radius_m` in a lawn: water a little above the ground, held by a bank of stones.
+/// A pond of `radius_m` in a lawn: water slightly above the ground, enclosed by a bank of stones.
 pub fn pond(b: &mut SceneBuilder, pose: &Isometry3<f32>, radius_m: f32, random: &mut Random) {
     let mut f = super::frame::Frame::new(b, pose);
     let [water, stone, bank] =

@@ -11,7 +11,7 @@ const STEP_SECONDS: f64 = 0.2;
 const MARGIN_M: f64 = 0.25;
 /// Half length and half width of the ego vehicle, m.
 const VEHICLE_HALF: [f64; 2] = [2.5, 1.0];
-/// Movers that never come this near to the ego vehicle are dropped, m.
+/// Movers that never come closer to the ego vehicle than this are dropped, m.
 const NEAR_M: f64 = 100.0;
 
 /// A rectangle on the ground.
@@ -23,7 +23,7 @@ struct Footprint {
 }
 
 impl Footprint {
-    /// Separating axes of two rectangles.
+    /// Whether two rectangles intersect, by separating axes.
     fn meets(&self, other: &Self) -> bool {
         let to = other.center - self.center;
         let reach = self.half[0] + self.half[1] + other.half[0] + other.half[1];
@@ -49,7 +49,7 @@ pub struct Clearance {
 }
 
 impl Clearance {
-    /// With the ego vehicle alone.
+    /// Starts with only the ego vehicle.
     pub fn new(path: &GroundPath, speed: &SpeedProfile, seconds: f64) -> Self {
         let at = |t: f64| {
             let frame = path.frame(speed.distance_m(t), 0.0, 0.0);
@@ -58,7 +58,8 @@ impl Clearance {
         };
         Self { seconds, vehicle: times(seconds).map(at).collect(), others: Vec::new() }
     }
-    /// Admits a mover if it comes near the ego vehicle and intersects no other mover; returns whether it was admitted.
+    /// Admits a mover if it comes close to the ego vehicle and intersects no other mover; returns whether it was
+    /// admitted.
     pub fn admit(&mut self, mover: &Mover) -> bool {
         let prints = self.prints(mover, MARGIN_M);
         let is_near = prints.iter().zip(&self.vehicle).any(|(a, b)| (a.center - b.center).norm() < NEAR_M);
@@ -69,7 +70,8 @@ impl Clearance {
         self.others.push(prints);
         true
     }
-    /// Admits a vehicle of a queue if it does not intersect the ego vehicle; in turns it may touch those of the next lane.
+    /// Admits a vehicle of a queue if it does not intersect the ego vehicle; in turns it may touch vehicles of the next
+    /// lane.
     pub fn admit_queued(&mut self, mover: &Mover) -> bool {
         let prints = self.prints(mover, 0.0);
         let is_free = !prints.iter().zip(&self.vehicle).any(|(a, b)| a.meets(b));

@@ -28,7 +28,7 @@ pub struct Route {
     pub path: Arc<GroundPath>,
     /// Offset to the left of the path, m.
     pub left_m: f64,
-    /// Whether it tilts with the ground, as vehicles do and people do not.
+    /// Whether it tilts with the ground, as vehicles do; people stay upright.
     pub leans: bool,
     /// Position over time.
     pub timing: Timing,
@@ -39,28 +39,28 @@ pub struct Route {
 pub enum Timing {
     /// Constant speed, at `from_m` when the drive starts.
     Steady {
-        /// Start on the path, m.
+        /// Position on the path at the start of the drive, m.
         from_m: f64,
-        /// m/s.
+        /// Speed, m/s.
         speed_mps: f64,
     },
-    /// A constant distance ahead of a shared speed profile (negative = behind): a queue that stops and goes together.
+    /// A constant distance ahead of a shared speed profile (negative = behind): a queue that stops and starts together.
     Ahead {
         /// The speed profile.
         speed: Arc<SpeedProfile>,
         /// Distance ahead at rest, m.
         ahead_m: f64,
-        /// Time shift, s: a queue starts from its front.
+        /// Time shift, s: a queue starts at its front.
         earlier_s: f64,
     },
-    /// A shared speed profile, shifted in time: every vehicle has the same speed at the same place.
+    /// A shared speed profile, shifted in time: every vehicle has the same speed at the same position.
     Earlier {
         /// The speed profile.
         speed: Arc<SpeedProfile>,
         /// Time shift, s.
         seconds: f64,
     },
-    /// Waits at the start of the path, moves to its end from second `from` on, and waits there.
+    /// Waits at the start of the path, moves to its end starting at second `from`, and waits there.
     Once {
         /// Start, s after the start of the drive.
         from: f64,
@@ -74,7 +74,8 @@ impl Mover {
     pub fn new(model: Vec<Primitive>, route: Route) -> Option<Self> {
         Self::striding(vec![model], 1.0, route)
     }
-    /// An object that shows its models in turn, the whole sequence once per `stride_m` of path; `None` without primitives.
+    /// An object that shows its models in turn, the whole sequence once per `stride_m` of path; `None` without
+    /// primitives.
     pub fn striding(models: Vec<Vec<Primitive>>, stride_m: f64, route: Route) -> Option<Self> {
         let models: Vec<Bvh> = models.into_iter().map(Bvh::new).collect();
         let [low, high] = hull(&models)?;
@@ -86,7 +87,7 @@ impl Mover {
     pub fn pose(&self, seconds: f64) -> Isometry3<f32> {
         self.route.pose(seconds).cast()
     }
-    /// Index of the model it shows.
+    /// Index of the model that it shows.
     pub fn phase(&self, seconds: f64) -> usize {
         let strides = self.route.distance_m(seconds) / self.stride_m;
         let phase = (strides - strides.floor()) * self.models.len() as f64;

@@ -14,9 +14,9 @@ use std::f64::consts::TAU;
 pub enum Stretch {
     /// Houses, walls and fences close to the road.
     Village,
-    /// Meadows; nothing stands within the detail radius.
+    /// Meadows without objects within the detail radius.
     Field,
-    /// Trees on one side, a guard rail before the slope on the other.
+    /// Trees on one side, a guard rail along the slope on the other.
     Forest,
     /// A tunnel.
     Tunnel,
@@ -26,19 +26,19 @@ pub enum Stretch {
     Farms,
 }
 
-/// Stretches between the lanes.
+/// Number of stretches between the lanes.
 const N: usize = 7;
 /// The nodes of the round.
 const RING: Ring = Ring { radius_m: 255.0, along: 0.12, radii: [0.88, 1.12], heading: 0.2 };
 
-/// The stretches of a rural town, by the number of their street. `all` makes every stretch outside the village that one.
+/// The stretches of a rural town, by the number of their street. `all` is used for every stretch outside the village.
 pub fn stretches(all: Option<Stretch>) -> [Stretch; N] {
     use Stretch::{Crossings, Farms, Field, Forest, Tunnel, Village};
     let mixed = [Village, Field, Forest, Tunnel, Crossings, Farms, Village];
     mixed.map(|stretch| if stretch == Village { stretch } else { all.unwrap_or(stretch) })
 }
 
-/// The map of a seed: streets 0 to 6 are the round of about 1.6 km, the others lanes that end after 90 to 130 m.
+/// The map for a seed: streets 0 to 6 form the round of about 1.6 km, the others are lanes that end after 90 to 130 m.
 pub fn build(seed: u64, stretches: [Stretch; N]) -> Network {
     let mut random = Random::of_hash(seed, 0x000c_0a27);
     let terrain = Terrain::new(seed);
@@ -56,7 +56,7 @@ pub fn build(seed: u64, stretches: [Stretch; N]) -> Network {
         ));
     }
     for k in 0..N {
-        // Lanes leave to either side, at right angles.
+        // Lanes branch off to either side, at right angles.
         let side = if random.chance(0.5) { 1.0 } else { -1.0 };
         let direction = Rotation2::new(side * TAU / 4.0) * headings[k];
         let end = places[k]

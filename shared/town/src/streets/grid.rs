@@ -7,37 +7,37 @@ use crate::terrain::Terrain;
 use nalgebra::{Rotation2, Vector2};
 use random::Random;
 
-/// What makes one grid unlike another.
+/// Parameters of a grid.
 #[derive(Clone, Copy, Debug)]
 pub struct GridStyle {
     /// Smallest and largest distance between streets, m.
     pub block_m: [f32; 2],
-    /// How far nodes are off the grid, m.
+    /// Largest deviation of nodes from the grid, m.
     pub jitter_m: f32,
-    /// How far streets turn at a node, rad.
+    /// Angle by which streets turn at a node, rad.
     pub bend: f32,
     /// Whether streets are between houses, with crosswalks and lights, or between gardens.
     pub is_urban: bool,
 }
 
 impl GridStyle {
-    /// Blocks of houses.
+    /// Grid of blocks of houses.
     pub const URBAN: Self = Self { block_m: [76.0, 112.0], jitter_m: 5.0, bend: 0.06, is_urban: true };
-    /// Gardens along curved roads.
+    /// Grid of gardens along curved roads.
     pub const SUBURBAN: Self = Self { block_m: [84.0, 116.0], jitter_m: 11.0, bend: 0.26, is_urban: false };
 }
 
-/// Blocks along both axes: one around the round on every side.
+/// Number of blocks along both axes: one around the round on every side.
 const N: usize = 6;
-/// Nodes along both axes.
+/// Number of nodes along both axes.
 const NODES: usize = N + 1;
 
-/// The map of a seed. Its round is about 1.5 km long, turns both ways and passes 16 junctions.
+/// The map for a seed. Its round is about 1.5 km long, turns both ways and passes 16 junctions.
 pub fn build(seed: u64, style: &GridStyle) -> Network {
     let mut random = Random::of_hash(seed, 0x0006_71d0);
     let terrain = Terrain::new(seed);
     let places = places(style, &mut random);
-    // Streets that go on across a node keep their direction there.
+    // Streets that continue across a node keep their direction there.
     let mut turns =
         || -> Vec<f64> { (0..NODES * NODES).map(|_| f64::from(random.range(-style.bend, style.bend))).collect() };
     let east_turns = turns();
@@ -49,7 +49,7 @@ pub fn build(seed: u64, style: &GridStyle) -> Network {
         let directions = [from, to].map(|n| Rotation2::new(turns[n]) * along);
         Street::new(profile, [from, to], [places[from], places[to]], directions, terrain)
     };
-    // A street keeps its width from end to end of the town.
+    // A street keeps its width through the whole town.
     let mut widths = || [(); NODES].map(|()| f64::from(random.range(2.9, 4.6)));
     let rows = widths();
     let columns = widths();
@@ -91,7 +91,7 @@ const fn northward(i: usize, j: usize) -> usize {
     NODES * N + i * N + j
 }
 
-/// Jittered, turned as a whole, and around the world's origin.
+/// Positions of the nodes: jittered, rotated as a whole, and centered on the origin of the world.
 fn places(style: &GridStyle, random: &mut Random) -> Vec<Vector2<f64>> {
     let mut lines = || {
         let mut at = 0.0;
@@ -115,7 +115,7 @@ fn places(style: &GridStyle, random: &mut Random) -> Vec<Vector2<f64>> {
     places
 }
 
-/// Around a square of 4 by 4 blocks with a corner cut out: turns both ways.
+/// The round around a square of 4 by 4 blocks with a corner cut out: it turns both ways.
 fn round(random: &mut Random) -> Vec<Leg> {
     let cut_x = 1 + random.index(2);
     let cut_y = 1 + random.index(2);

@@ -5,11 +5,11 @@ use crate::streets::network::{Leg, Network};
 use crate::streets::street::resample;
 use nalgebra::{Vector2, Vector3};
 
-/// Between the points of a lane's curve, m. Its turns become gentle over six of them.
+/// Spacing of the points of a lane's curve, m. Turns are smoothed over six points.
 const SPACING_M: f64 = 3.0;
-/// A cubic Bezier curve with handles of this share of the chord is close to an arc of a quarter circle: vehicles.
+/// Handle share for vehicles: a cubic Bezier curve with this share of the chord is close to an arc of a quarter circle.
 const HANDLE: f64 = 0.39;
-/// Handle share for sharp turns: people, who must not walk through the corner house.
+/// Handle share for sharp turns: people must not walk through the corner house.
 const SHARP_HANDLE: f64 = 0.62;
 
 /// A path along streets.
@@ -17,7 +17,7 @@ const SHARP_HANDLE: f64 = 0.62;
 pub struct Lane {
     /// The closed path.
     pub path: GroundPath,
-    /// For each leg, where the path enters and leaves the street's own pavement, m along the path.
+    /// For each leg, the positions where the path enters and leaves the street's own pavement, m along the path.
     pub legs: Vec<[f64; 2]>,
 }
 
@@ -39,7 +39,7 @@ pub fn around(network: &Network, legs: &[Leg], t: f64) -> Option<Lane> {
         if network.nodes[network.node_after(*leg)].is_junction() {
             line.extend(turn(network, *leg, next, t));
         } else {
-            // The next leg begins where this one ends.
+            // The next leg starts where this one ends.
             line.pop();
         }
     }
@@ -52,21 +52,21 @@ pub fn around(network: &Network, legs: &[Leg], t: f64) -> Option<Lane> {
     let n = (total / SPACING_M).round().max(8.0) as usize;
     let mut even = resample(&line, n);
     even.pop();
-    // Every lane is crowned like the streets' own.
+    // Every lane has the crown of the streets.
     let height = network.streets[legs[0].street].profile.height(t);
     let points = even.iter().map(|p| Vector3::new(p.x, p.y, network.terrain.height(p) + height)).collect();
     let path = GroundPath::closed(points, total / n as f64, network.terrain)?;
     Some(Lane { path, legs: begins.iter().map(|ends| ends.map(|i| lengths[i])).collect() })
 }
 
-/// Where a leg's own pavement begins and ends, m from where the leg begins.
+/// Start and end of a leg's own pavement, m from the start of the leg.
 pub fn between_mouths(network: &Network, leg: Leg) -> (f64, f64) {
     let [begin, end] = network.mouths(leg.street);
     let length = network.streets[leg.street].length_m;
     if leg.is_forward { (begin, end) } else { (length - end, length - begin) }
 }
 
-/// Points through the junction between two legs, the ends left out.
+/// Points through the junction between two legs, without the ends.
 fn turn(network: &Network, leg: Leg, next: Leg, t: f64) -> Vec<Vector2<f64>> {
     let street = &network.streets[leg.street];
     let next_street = &network.streets[next.street];

@@ -7,12 +7,12 @@ use crate::streets::street::Street;
 use crate::terrain::Terrain;
 use random::Random;
 
-/// Streets of the round.
+/// Number of streets of the round.
 const N: usize = 14;
-/// Wide bends: the radius of the road is 350 m at least.
+/// Wide bends: the radius of the road is at least 350 m.
 const RING: Ring = Ring { radius_m: 900.0, along: 0.1, radii: [0.98, 1.02], heading: 0.04 };
 
-/// The map of a seed: a round of about 5.7 km with two or three lanes each way.
+/// The map for a seed: a round of about 5.7 km with two or three lanes each way.
 pub fn build(seed: u64) -> Network {
     let mut random = Random::of_hash(seed, 0x0307_042a);
     let terrain = Terrain::new(seed);

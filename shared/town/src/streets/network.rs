@@ -1,45 +1,45 @@
 //! Streets and the nodes where they meet.
 //!
-//! Around a node the streets are cut at their mouths; what lies between the mouths is the junction's own. Two neighboring
-//! streets share a corner: the kerb lines that face each other meet there, and so do the lines of the facades.
+//! Around a node the streets are cut at their mouths; the area between the mouths belongs to the junction. Two
+//! neighboring streets share a corner: their facing kerb lines meet there, and so do their facade lines.
 
 use crate::streets::street::Street;
 use crate::terrain::Terrain;
 use nalgebra::Vector2;
 
-/// Between a corner of facades and the mouth, m: room for the kerb to go around the corner.
+/// Distance between a corner of facades and the mouth, m: space for the kerb around the corner.
 const ROUNDING_M: f64 = 4.0;
-/// Corners are sought this far from the node, m; streets meet at more than 45 degrees.
+/// Search radius for corners around the node, m; streets meet at more than 45 degrees.
 const CORNER_REACH_M: f64 = 45.0;
 
 /// The street map of a town.
 #[derive(Clone, Debug)]
 pub struct Network {
-    /// Hills.
+    /// Terrain of the town.
     pub terrain: Terrain,
-    /// By number.
+    /// Streets, by number.
     pub streets: Vec<Street>,
-    /// By number.
+    /// Nodes, by number.
     pub nodes: Vec<Node>,
     /// Closed round of the ego vehicle.
     pub round: Vec<Leg>,
-    /// What lies between four streets, counterclockwise.
+    /// Blocks, each bounded by four streets, counterclockwise.
     pub blocks: Vec<[Leg; 4]>,
 }
 
-/// A street in a direction.
+/// A street in one direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Leg {
     /// Number of the street.
     pub street: usize,
-    /// From its first node to its second.
+    /// Whether the direction is from its first node to its second.
     pub is_forward: bool,
 }
 
-/// Where streets meet or end.
+/// A node where streets meet or end.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// Its place.
+    /// Its position.
     pub at: Vector2<f64>,
     /// Its streets, counterclockwise.
     pub arms: Vec<Arm>,
@@ -52,17 +52,17 @@ pub struct Node {
 pub struct Arm {
     /// Number of the street.
     pub street: usize,
-    /// 0: the street begins here. 1: it ends here.
+    /// 0: the street starts here. 1: it ends here.
     pub end: usize,
-    /// Where its own pavement begins, m from the node; 0 at dead ends and where the street goes on.
+    /// Start of its own pavement, m from the node; 0 at dead ends and where the street continues.
     pub mouth_m: f64,
-    /// Towards the next arm counterclockwise.
+    /// Corner towards the next arm counterclockwise.
     pub left: Corner,
-    /// Towards the next arm clockwise.
+    /// Corner towards the next arm clockwise.
     pub right: Corner,
 }
 
-/// Where lines of a street meet those of its neighbor, m from the node along this street.
+/// Intersections of the lines of a street with the lines of its neighbor, m from the node along this street.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Corner {
     /// The kerbs.
@@ -72,7 +72,7 @@ pub struct Corner {
 }
 
 impl Network {
-    /// Joins streets at their nodes; `lit` says which have crosswalks and lights.
+    /// Joins streets at their nodes; `lit` returns whether a node has crosswalks and lights.
     pub fn new(terrain: Terrain, places: &[Vector2<f64>], streets: Vec<Street>, lit: impl Fn(usize) -> bool) -> Self {
         let nodes = places
             .iter()
@@ -86,19 +86,19 @@ impl Network {
         let node = &self.nodes[self.streets[street].nodes[end]];
         node.arms.iter().find(|arm| arm.street == street && arm.end == end).unwrap_or(&node.arms[0])
     }
-    /// Where a street's own pavement begins and ends, as `s`.
+    /// Start and end of a street's own pavement, as `s`.
     pub fn mouths(&self, street: usize) -> [f64; 2] {
         [self.arm(street, 0).mouth_m, self.streets[street].length_m - self.arm(street, 1).mouth_m]
     }
-    /// Where the facades along a side (1 left, -1 right) begin and end, as `s`.
+    /// Start and end of the facades along a side (1 left, -1 right), as `s`.
     pub fn facade_ends(&self, street: usize, side: f64) -> [f64; 2] {
         let begin = self.arm(street, 0);
         let end = self.arm(street, 1);
         let (first, last) = if side > 0.0 { (begin.left, end.right) } else { (begin.right, end.left) };
         [first.outer_m, self.streets[street].length_m - last.outer_m]
     }
-    /// Where a line beside a street (at distance `t` on a side) meets that of its neighbors, as `s`: the corners of a row of
-    /// houses' backs.
+    /// Intersections, as `s`, of a line along a street (at distance `t` on a side) with the same lines of its neighbors:
+    /// the back corners of a row of houses.
     pub fn line_ends(&self, street: usize, side: f64, t: f64) -> [f64; 2] {
         let along = |end: usize| {
             let node = &self.nodes[self.streets[street].nodes[end]];
@@ -118,7 +118,8 @@ impl Network {
     pub fn lanes_t(&self) -> Vec<f64> {
         self.streets[self.round[0].street].profile.lanes_t()
     }
-    /// Distance from the rightmost lane of the round to the next one on its left, which may be that of the other direction, m.
+    /// Distance from the rightmost lane of the round to the next lane on its left, which may have the opposite direction,
+    /// m.
     pub fn left_lane_m(&self) -> f64 {
         let lanes = self.lanes_t();
         lanes.get(1).map_or(2.0 * lanes[0], |left| lanes[0] - left)
@@ -130,19 +131,19 @@ impl Network {
 }
 
 impl Node {
-    /// Whether there is pavement between the streets' own: not at dead ends, and not where a street goes on.
+    /// Whether there is pavement that belongs to no street: false at dead ends and where a street continues.
     pub fn is_junction(&self) -> bool {
         self.arms.iter().any(|arm| arm.mouth_m > 0.0)
     }
 }
 
 impl Leg {
-    /// The same street in the opposite direction.
+    /// The street of this leg in the opposite direction.
     #[must_use]
     pub const fn reversed(self) -> Self {
         Self { street: self.street, is_forward: !self.is_forward }
     }
-    /// Street coordinates of the place `s` m from where the leg begins, `t` to the left of its direction.
+    /// Street coordinates of the position `s` m from the start of the leg, `t` to the left of its direction.
     pub const fn on(self, street: &Street, s: f64, t: f64) -> (f64, f64) {
         street.at_node(if self.is_forward { 0 } else { 1 }, s, t)
     }
@@ -190,9 +191,9 @@ fn arms(streets: &[Street], node: usize) -> Vec<Arm> {
     arms
 }
 
-/// Whether a street only goes on in another one, without a junction.
+/// Whether a street only continues in another one, without a junction.
 fn goes_on(streets: &[Street], arms: &[Arm]) -> bool {
-    /// Rad; streets meet at a mitre.
+    /// Largest bend, rad; streets meet at a mitre.
     const MOST_BEND: f64 = 0.02;
     let [a, b] = arms else { return false };
     let heading = |arm: &Arm| {
@@ -203,7 +204,7 @@ fn goes_on(streets: &[Street], arms: &[Arm]) -> bool {
     bend.abs() < MOST_BEND && streets[a.street].profile == streets[b.street].profile
 }
 
-/// How far from the node the line at `t` along `street` comes within `reach` of the center line of `other`.
+/// Distance from the node at which the line at `t` along `street` comes within `reach` of the center line of `other`.
 fn meeting(street: &Street, end: usize, t: f64, other: &Street, reach: f64) -> f64 {
     let is_near = |s: f64| {
         let (s, t) = street.at_node(end, s, t);
@@ -262,7 +263,7 @@ mod tests {
             assert!((arms[0].left.outer_m - expected(profile.outer_t, angle)).abs() < 1e-3);
             assert!((arms[0].left.kerb_m - expected(profile.kerb_t, angle)).abs() < 1e-3);
             assert!((arms[1].left.outer_m - expected(profile.outer_t, std::f64::consts::PI - angle)).abs() < 1e-3);
-            // Neighbors agree on the place.
+            // Neighbors agree on the position.
             for k in 0..4 {
                 let this = arms[k];
                 let next = arms[(k + 1) % 4];

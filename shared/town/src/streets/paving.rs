@@ -7,19 +7,19 @@ use messages::ClassId;
 /// A cover of the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Paving {
-    /// Of roads.
+    /// Cover of roads.
     Asphalt,
     /// Lines and bars on the road.
     Paint,
     /// Stones along the road.
     Kerb,
-    /// Of sidewalks.
+    /// Cover of sidewalks.
     Slab,
-    /// Of shoulders and yards.
+    /// Cover of shoulders and yards.
     Gravel,
     /// Stones of squares and courtyards.
     Cobble,
-    /// Of meadows and lawns.
+    /// Cover of meadows and lawns.
     Grass,
 }
 

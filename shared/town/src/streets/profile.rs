@@ -2,11 +2,11 @@
 
 use crate::streets::paving::Paving;
 
-/// Middle of the lanes, m from the center line: drive on the right, that is at `-LANE_T`.
+/// Center of the lanes, m from the center line: traffic drives on the right, at `-LANE_T`.
 pub const LANE_T: f64 = 1.6;
 /// Height of a kerb, m.
 pub const KERB_H: f64 = 0.14;
-/// The road falls to its edges by this slope.
+/// Cross slope of the road towards its edges.
 const CROWN: f64 = 0.018;
 /// Half the width of painted lines, m.
 const LINE_HALF: f64 = 0.06;
@@ -23,7 +23,7 @@ const SHOULDER_M: f64 = 2.5;
 const WIDE_LINE_HALF: f64 = 0.1;
 /// Period and length of the dashes between its lanes, m.
 const DASH_M: [f64; 2] = [18.0, 6.0];
-/// Height of its center line over the terrain, m: its edges lie above the meadows.
+/// Height of its center line above the terrain, m: its edges are above the meadows.
 const RAISED_M: f64 = 0.3;
 
 /// Kind of street.
@@ -35,11 +35,11 @@ pub enum StreetKind {
     Residential,
     /// Through a village: no parking, narrow sidewalks.
     Village,
-    /// Over land: edge lines, gravel shoulders, grass.
+    /// Country road: edge lines, gravel shoulders, grass.
     Country,
     /// Two carriageways with a median, lanes of one direction each, and paved shoulders; grass.
     Motorway {
-        /// Lanes of one direction.
+        /// Number of lanes in each direction.
         n_lanes: usize,
     },
 }
@@ -49,30 +49,30 @@ pub enum StreetKind {
 pub struct Profile {
     /// Kind of street.
     pub kind: StreetKind,
-    /// From the center line to the edge of the road, m.
+    /// Distance from the center line to the edge of the road, m.
     pub kerb_t: f64,
-    /// To what stands beside the street (facades, gardens, fields), m.
+    /// Distance from the center line to the objects along the street (facades, gardens, fields), m.
     pub outer_t: f64,
 }
 
 impl Profile {
-    /// With sidewalks of the given width (m) between houses.
+    /// Street between houses, with sidewalks of the given width (m).
     pub const fn urban(walk_m: f64) -> Self {
         Self { kind: StreetKind::Urban, kerb_t: 5.2, outer_t: 5.2 + walk_m }
     }
-    /// Between gardens.
+    /// Street between gardens.
     pub const fn residential() -> Self {
         Self { kind: StreetKind::Residential, kerb_t: 4.6, outer_t: 6.8 }
     }
-    /// Through a village.
+    /// Street through a village.
     pub const fn village() -> Self {
         Self { kind: StreetKind::Village, kerb_t: 3.8, outer_t: 5.6 }
     }
-    /// Over land: its grass strips end at `outer_t`.
+    /// Country road; its grass strips end at `outer_t`.
     pub const fn country() -> Self {
         Self { kind: StreetKind::Country, kerb_t: 3.6, outer_t: 8.0 }
     }
-    /// Two carriageways with lanes each; grass to `outer_t`.
+    /// Motorway with two carriageways of `n_lanes` each; grass up to `outer_t`.
     pub const fn motorway(n_lanes: usize) -> Self {
         let kerb_t = FIRST_LANE_T + LANE_M * n_lanes as f64 + SHOULDER_M;
         Self { kind: StreetKind::Motorway { n_lanes }, kerb_t, outer_t: kerb_t + 5.5 }
@@ -88,7 +88,7 @@ impl Profile {
     pub fn is_road(&self, t: f64) -> bool {
         t.abs() < self.kerb_t && (!self.is_motorway() || t.abs() > MEDIAN_T)
     }
-    /// Middle of the lanes of one direction, the rightmost first, m from the center line.
+    /// Centers of the lanes of one direction, the rightmost first, m from the center line.
     pub fn lanes_t(&self) -> Vec<f64> {
         let lines = self.lane_lines_t();
         if lines.is_empty() {
@@ -101,7 +101,7 @@ impl Profile {
         let StreetKind::Motorway { n_lanes } = self.kind else { return Vec::new() };
         (0..=n_lanes).map(|i| FIRST_LANE_T + LANE_M * i as f64).collect()
     }
-    /// Middle of the cars parked on a side (1 left, -1 right), m from the center line; `None` where parking is forbidden.
+    /// Center of the cars parked on a side (1 left, -1 right), m from the center line; `None` where parking is forbidden.
     pub fn parking_t(&self, side: f64) -> Option<f64> {
         match self.kind {
             StreetKind::Urban => Some(4.15),
@@ -114,7 +114,7 @@ impl Profile {
         let raised_m = if self.is_motorway() { RAISED_M } else { 0.0 };
         raised_m - CROWN * t.abs().min(self.kerb_t)
     }
-    /// Height of what lies beside the road over the terrain, m.
+    /// Height above the terrain of the ground next to the road, m.
     pub fn side_height(&self, t: f64) -> f64 {
         let beyond = t.abs() - self.kerb_t;
         match self.kind {
@@ -130,7 +130,7 @@ impl Profile {
     pub fn height(&self, t: f64) -> f64 {
         if t.abs() < self.kerb_t { self.road_height(t) } else { self.side_height(t) }
     }
-    /// What covers the ground beside the road.
+    /// Cover of the ground next to the road.
     pub fn side_paving(&self, t: f64) -> Paving {
         let beyond = t.abs() - self.kerb_t;
         match self.kind {
@@ -140,7 +140,7 @@ impl Profile {
             _ => Paving::Slab,
         }
     }
-    /// What covers the road at `t`, `s` m along the street, away from crossings.
+    /// Cover of the road at `t`, `s` m along the street, away from crossings.
     pub fn road_paving(&self, s: f64, t: f64) -> Paving {
         if self.is_motorway() {
             return self.motorway_paving(s, t);
@@ -187,7 +187,7 @@ impl Profile {
         half.push(self.outer_t);
         mirrored(half)
     }
-    /// Those of one side of a motorway; lanes in thirds.
+    /// Edges of the cells on one side of a motorway; each lane has three cells.
     fn motorway_columns(&self) -> Vec<f64> {
         let lines = self.lane_lines_t();
         let thirds = lines.windows(2).flat_map(|pair| [1.0, 2.0].map(|i| pair[0] + i / 3.0 * LANE_M));

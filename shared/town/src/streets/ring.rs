@@ -1,10 +1,10 @@
-//! Nodes in a ring: the rounds of roads over land.
+//! Nodes in a ring: the rounds of country roads and motorways.
 
 use nalgebra::{Rotation2, Vector2};
 use random::Random;
 use std::f64::consts::TAU;
 
-/// How the nodes of a ring deviate from a regular polygon.
+/// Deviation of the nodes of a ring from a regular polygon.
 #[derive(Clone, Copy, Debug)]
 pub struct Ring {
     /// Mean radius, m.
@@ -18,7 +18,7 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// Places of `n` nodes, counterclockwise, and the directions in which a street passes them.
+    /// Positions of `n` nodes, counterclockwise, and the directions in which a street passes them.
     pub fn nodes(&self, n: usize, random: &mut Random) -> (Vec<Vector2<f64>>, Vec<Vector2<f64>>) {
         let turn = f64::from(random.range(0.0, TAU as f32));
         let polar = |angle: f64, radius: f64| Vector2::new(angle.cos(), angle.sin()) * radius;

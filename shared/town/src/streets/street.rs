@@ -8,23 +8,23 @@ use crate::terrain::Terrain;
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 use raytrace::Vec3;
 
-/// The street, as long as its center line.
+/// A street, as long as its center line.
 #[derive(Clone, Debug)]
 pub struct Street {
     /// Its cross-section.
     pub profile: Profile,
-    /// The nodes where it begins and ends.
+    /// The nodes where it starts and ends.
     pub nodes: [usize; 2],
     /// Length between the nodes, m.
     pub length_m: f64,
     terrain: Terrain,
-    /// Evenly spaced from node to node.
+    /// Points of the center line, evenly spaced from node to node.
     line: Vec<Vector2<f64>>,
-    /// Unit directions there.
+    /// Unit directions at these points.
     directions: Vec<Vector2<f64>>,
 }
 
-/// About the distance between the points of a center line, m.
+/// Approximate spacing of the points of a center line, m.
 const STEP_M: f64 = 1.0;
 
 impl Street {
@@ -62,7 +62,7 @@ impl Street {
         let over = s - s.clamp(0.0, self.length_m);
         (self.line[i].lerp(&self.line[i + 1], share) + direction * over, direction)
     }
-    /// A place in the plane.
+    /// A position in the plane.
     pub fn plan(&self, s: f64, t: f64) -> Vector2<f64> {
         let (center, direction) = self.center(s);
         center + Vector2::new(-direction.y, direction.x) * t
@@ -72,7 +72,7 @@ impl Street {
         let p = self.plan(s, t);
         Vector3::new(p.x, p.y, self.terrain.height(&p) + h)
     }
-    /// The same for the tracer.
+    /// Coordinates of a point `h` above the terrain, in f32 for the ray tracer.
     pub fn vertex(&self, s: f64, t: f64, h: f64) -> Vec3 {
         self.point(s, t, h).cast()
     }
@@ -81,13 +81,12 @@ impl Street {
         let (_, direction) = self.center(s);
         direction.y.atan2(direction.x)
     }
-    /// The frame of something that stands upright on the ground `h` above the terrain: x along the street, turned by `yaw`
-    /// (rad).
+    /// The frame of an upright object on the ground `h` above the terrain: x along the street, rotated by `yaw` (rad).
     pub fn upright(&self, s: f64, t: f64, h: f64, yaw: f64) -> Isometry3<f32> {
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), self.heading(s) + yaw);
         Isometry3::from_parts(Translation3::from(self.point(s, t, h)), rotation).cast()
     }
-    /// As [`Street::upright`], but leaning with the ground: vehicles.
+    /// The frame of a vehicle: as in [`Street::upright`], but tilted with the ground.
     pub fn leaning(&self, s: f64, t: f64, h: f64, yaw: f64) -> Isometry3<f32> {
         let gradient = self.terrain.gradient(&self.plan(s, t));
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.heading(s) + yaw);
@@ -96,11 +95,12 @@ impl Street {
         let rotation = lean * UnitQuaternion::from_rotation_matrix(&turn);
         Isometry3::from_parts(Translation3::from(self.point(s, t, h)), rotation).cast()
     }
-    /// Street coordinates of the place `s` m from the node at an end (0 or 1), `t` to the left of a look away from it.
+    /// Street coordinates of the position `s` m from the node at an end (0 or 1), `t` to the left when facing away from
+    /// it.
     pub const fn at_node(&self, end: usize, s: f64, t: f64) -> (f64, f64) {
         if end == 0 { (s, t) } else { (self.length_m - s, -t) }
     }
-    /// Distance of a place from the center line between the nodes, m.
+    /// Distance of a position from the center line between the nodes, m.
     pub fn distance(&self, p: &Vector2<f64>) -> f64 {
         let nearest = (0..self.line.len())
             .min_by(|a, b| (self.line[*a] - p).norm_squared().total_cmp(&(self.line[*b] - p).norm_squared()));
@@ -112,13 +112,13 @@ impl Street {
     }
 }
 
-/// A point of the cubic Bezier curve of four controls, `u` from 0 to 1.
+/// A point of the cubic Bezier curve with four control points, `u` from 0 to 1.
 pub fn bezier(c: &[Vector2<f64>; 4], u: f64) -> Vector2<f64> {
     let v = 1.0 - u;
     c[0] * (v * v * v) + c[1] * (3.0 * v * v * u) + c[2] * (3.0 * v * u * u) + c[3] * (u * u * u)
 }
 
-/// `n` + 1 evenly spaced points on a polygon line of two points or more, its ends included.
+/// `n` + 1 evenly spaced points on a polyline of at least two points, including its ends.
 pub fn resample(line: &[Vector2<f64>], n: usize) -> Vec<Vector2<f64>> {
     let total: f64 = line.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
     let n = n.max(1);
@@ -171,7 +171,7 @@ mod tests {
         let (end, direction) = street.center(street.length_m);
         let away = p - end;
         assert!(direction.dot(&away) < -6.0, "seven metres back");
-        assert!((-direction).perp(&away) > 1.5, "left of a look away from the node");
+        assert!((-direction).perp(&away) > 1.5, "left when facing away from the node");
     }
 
     #[test]

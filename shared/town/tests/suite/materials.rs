@@ -22,7 +22,7 @@ fn reflectances_are_physical_and_textures_bounded() {
     }
 }
 
-/// Means of the Berlin library's samples by kind: names and reflectances at its wavelengths (nm).
+/// Means of the samples of the Berlin library by kind: names and reflectances at its wavelengths (nm).
 fn library(folder: &Path) -> (Vec<f32>, BTreeMap<String, Vec<f32>>) {
     let header = std::fs::read_to_string(folder.join("library_berlin.hdr")).expect("header");
     let list = |key: &str| -> Vec<String> {

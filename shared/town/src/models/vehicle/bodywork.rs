@@ -49,13 +49,13 @@ fn shell(f: &mut Frame<'_>, body: &Body, [a, b]: [&Section; 2], [paint, glass]: 
     f.quad([corner(a, -1.0, 3), corner(b, -1.0, 3), corner(b, 1.0, 3), corner(a, 1.0, 3)], surface);
 }
 
-/// What is seen below and through the wheel arches.
+/// The visible parts below the body and in the wheel arches.
 fn underbody(f: &mut Frame<'_>, body: &Body, dark: SurfaceId) {
     let [rear, front] = body.ends();
     let lowest_shoulder = body.at(rear)[0].min(body.at(front)[0]);
     let half = body.at(0.5 * (rear + front))[1] - 0.28;
     f.cuboid([rear + 0.12, -half, body.clearance], [front - 0.12, half, lowest_shoulder - 0.05], dark);
-    // Between the axles it closes the body to its sides.
+    // Between the axles it closes the body up to its sides.
     let arch = body.wheel + 0.08;
     let edges: Vec<f32> = body.axles.iter().flat_map(|axle| [axle - arch, axle + arch]).collect();
     for gap in std::iter::once(rear + 0.12).chain(edges).chain([front - 0.12]).collect::<Vec<_>>().chunks_exact(2) {
@@ -66,7 +66,7 @@ fn underbody(f: &mut Frame<'_>, body: &Body, dark: SurfaceId) {
     }
 }
 
-/// Posts beside the windows and edges of the screens, a cm outside the glass.
+/// Window posts and edges of the screens, a cm outside the glass.
 fn frames(f: &mut Frame<'_>, body: &Body, paint: SurfaceId) {
     let post = |f: &mut Frame<'_>, from: At, to: At, width: f32| f.beam(from, to, [width, 0.03], paint);
     let [rear, rear_head, front_head, front] = body.cabin;

@@ -1,20 +1,20 @@
-//! Outlines of bodies as numbers: how long, wide and high a kind of vehicle is where, with its windows, posts and axles.
+//! Numeric outlines of bodies: length, width and height profile of each kind of vehicle, with windows, posts and axles.
 
-/// The measures of a kind of car, m. Lists go from back to front.
+/// Measures of a kind of car, m. Lists go from back to front.
 pub struct Body {
     /// x, height of the shoulder under the windows, half width.
     pub outline: &'static [[f32; 3]],
-    /// x of the rear window's foot and head, then of the windscreen's head and foot.
+    /// x of foot and head of the rear window, then of head and foot of the windscreen.
     pub cabin: [f32; 4],
     /// Height and half width of the roof.
     pub roof: [f32; 2],
-    /// Between these x the sides have windows.
+    /// Range of x in which the sides have windows.
     pub glazed: [f32; 2],
     /// x of the window posts.
     pub posts: &'static [f32],
     pub axles: &'static [f32],
     pub wheel: f32,
-    /// Height of the body over the ground.
+    /// Height of the body above the ground.
     pub clearance: f32,
 }
 
@@ -155,7 +155,8 @@ pub const TRAM: Body = Body {
     clearance: 0.16,
 };
 
-/// One cross section of a body: from the sill over the widest place and the shoulder to the roof's edge, y and z.
+/// One cross section of a body, as y and z: from the sill over the widest position and the shoulder to the edge of the
+/// roof.
 pub struct Section {
     pub x: f32,
     pub ring: [[f32; 2]; 4],
@@ -173,7 +174,7 @@ impl Body {
         let share = ((x - x0) / (x1 - x0)).clamp(0.0, 1.0);
         [z0 + share * (z1 - z0), w0 + share * (w1 - w0)]
     }
-    /// Height of the body's lower edge: the clearance, and round over the wheels.
+    /// Height of the lower edge of the body: the clearance, rounded over the wheels.
     pub fn sill(&self, x: f32) -> f32 {
         let arch = self.wheel + 0.06;
         self.axles.iter().fold(self.clearance, |sill, axle| {
@@ -192,7 +193,7 @@ impl Body {
         let widest = sill + 0.55 * (shoulder - sill);
         Section { x, ring: [[half - 0.07, sill], [half, widest], [base, shoulder], top] }
     }
-    /// x of all places where the body bends.
+    /// x of all positions where the outline changes.
     pub fn stations(&self) -> Vec<f32> {
         let arch = self.wheel + 0.06;
         let arches =
