@@ -6,42 +6,43 @@ use crate::exponential::exponential;
 use crate::gaussian::Normalized;
 use crate::space::Points;
 
-/// Points of a block: the densities of a few dozen Gaussians fit into the first-level cache.
+/// Points per block: the densities of a few dozen Gaussians fit into the first-level cache.
 const BLOCK: usize = 128;
-/// Partial sums, so that loops over them are vectorized; their number does not depend on the machine.
+/// Number of partial sums, so that loops over them are vectorized; it does not depend on the machine.
 const LANES: usize = 8;
-/// Density below the largest one of a point, as a logarithm, that changes no sum of 53 bits: ln 2^-53 = -36.7.
+/// Logarithmic density, relative to the largest one of a point, that changes no sum of 53 bits: ln 2^-53 = -36.7.
 const NEGLIGIBLE: f64 = -37.0;
 
-/// Values by point of a block.
+/// Values of each point of a block.
 type Lane = [f64; BLOCK];
 
-/// What the points of a mixture give a Gaussian.
+/// Contribution of the points of a mixture to a Gaussian.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Share {
-    /// Sum of responsibilities, of responsibilities times the difference d to the Gaussian's mean, and times dx dx, dx dy, dx dz,
-    /// dy dy, dy dz, dz dz. Differences, because squares of coordinates would cancel.
+    /// Sums over the points, in this order: responsibility r, r dx, r dy, r dz, r dx dx, r dx dy, r dx dz, r dy dy, r dy
+    /// dz, r dz dz. Here d is the difference to the mean of the Gaussian. Differences are used because squares of
+    /// coordinates would cancel.
     pub sums: [f64; 10],
 }
 
-/// The points of one block; unused places repeat the last point.
+/// The points of one block; unused slots repeat the last point.
 struct Block {
     points: [Lane; 3],
     n: usize,
-    /// Middle and half of the sides of the bounding box.
+    /// Center and half sides of the bounding box.
     middle: [f64; 3],
     half: [f64; 3],
 }
 
 /// Densities of a block.
 struct Densities {
-    /// Gaussians that can matter for a point of the block.
+    /// Indices of the Gaussians that can be relevant for a point of the block.
     near: Vec<usize>,
-    /// By Gaussian; current for those of `near`.
+    /// Densities of each Gaussian; only the entries listed in `near` are current.
     values: Vec<Lane>,
-    /// By point: the largest one.
+    /// Largest density of each point.
     largest: Lane,
-    /// By Gaussian: the largest density that a point of the bounding box can have.
+    /// Largest density of each Gaussian at any point of the bounding box.
     bounds: Vec<f64>,
 }
 
@@ -104,7 +105,7 @@ impl Densities {
         }
     }
 
-    /// Finds the Gaussians whose density can come within `reach` (at most 0) of the largest one at a point of the block.
+    /// Finds the Gaussians whose density can be within `reach` (at most 0) of the largest one at a point of the block.
     #[inline(always)]
     fn find_near(&mut self, block: &Block, gaussians: &[Normalized], reach: f64) {
         let mut sure = f64::NEG_INFINITY;
@@ -119,7 +120,7 @@ impl Densities {
         self.near.extend(bounds.filter(|(_, bound)| **bound >= sure + reach - 1e-6).map(|(index, _)| index));
     }
 
-    /// Fills the densities of the near Gaussians, and the largest of each point.
+    /// Computes the densities of the near Gaussians, and the largest one of each point.
     #[inline(always)]
     fn fill(&mut self, block: &Block, gaussians: &[Normalized]) {
         let [x, y, z] = &block.points;
@@ -136,14 +137,16 @@ impl Densities {
                 let c = f[3] * dx + f[4] * dy + f[5] * dz;
                 let density = constant - (a * a + b * b + c * c);
                 out[i] = density;
-                // `max`, not a comparison: that becomes a masked store, for which the next load of the value would wait.
+                // `max` instead of a comparison: a comparison becomes a masked store, and the next load of the value
+                // would wait for it.
                 self.largest[i] = self.largest[i].max(density);
             }
         }
     }
 }
 
-/// Adds the points to the shares of the Gaussians. Returns the sum of the logarithmic densities of the mixture at the points.
+/// Adds the points to the shares of the Gaussians. Returns the sum of the logarithmic densities of the mixture at the
+/// points.
 pub(crate) fn expectation(points: &Points, gaussians: &[Normalized], shares: &mut [Share]) -> f64 {
     let mut block = Block::new();
     let mut densities = Densities::new(gaussians.len());
@@ -187,7 +190,7 @@ pub(crate) fn expectation(points: &Points, gaussians: &[Normalized], shares: &mu
     log_likelihood
 }
 
-/// The largest difference of a density to the largest one of its point.
+/// Largest difference between a density and the largest density of its point.
 #[inline(always)]
 fn nearest_approach(densities: &Lane, largest: &Lane) -> f64 {
     let mut lanes = [f64::NEG_INFINITY; LANES];
@@ -224,7 +227,7 @@ fn add(block: &Block, mean: &[f64; 3], densities: &Lane, factors: &Lane, share: 
     share.sums.iter_mut().zip(&sums).for_each(|(sum, lanes)| *sum += lanes.iter().sum::<f64>());
 }
 
-/// The Gaussian of the highest density of each point; the first of equal ones.
+/// The Gaussian of the highest density at each point; the first one of several equal ones.
 pub(crate) fn classify(points: &Points, gaussians: &[Normalized]) -> Vec<u32> {
     let mut block = Block::new();
     let mut densities = Densities::new(gaussians.len());

@@ -1,18 +1,18 @@
-//! Regions of the cells of cubes, frame after frame.
+//! Regions of the cells of cubes, for consecutive frames.
 
 use crate::{ColorLinesError, Fit, Image, Model, Settings};
 use messages::CubeHeader;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Models of the cubes of several cameras. A model serves some frames of its camera in a row; regions of different models have different
-/// numbers.
+/// Models of the cubes of several cameras. A model serves several consecutive frames of its camera; regions of different
+/// models have different numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CubeRegions {
-    /// By camera.
+    /// Model of each camera, by camera index.
     models: BTreeMap<u32, SharedModel>,
-    /// Regions of all models so far.
+    /// Number of regions of all models so far.
     n_regions: u32,
 }
 
@@ -21,25 +21,25 @@ pub struct CubeRegions {
 #[serde(deny_unknown_fields)]
 struct SharedModel {
     model: Model,
-    /// Regions of the models before it.
+    /// Number of regions of the models before it.
     n_before: u32,
-    /// Frames that used it.
+    /// Number of frames that used it.
     n_frames: u32,
 }
 
-/// How cubes are divided.
+/// Settings of the division of cubes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CubeSettings {
-    /// Of a model.
+    /// Settings of a model.
     pub model: Settings,
-    /// Frames that share a model, made of the first of them.
+    /// Number of frames that share a model, which is fitted to the first of them.
     pub frames_per_model: u32,
     /// Whether cells get the mean spectrum of their region.
     pub simplifies: bool,
 }
 
 impl CubeRegions {
-    /// With a model for each of these cameras. They serve all frames if `frames_per_model` is `u32::MAX`.
+    /// Uses the given models of cameras. They serve all frames if `frames_per_model` is `u32::MAX`.
     pub fn of_models(models: impl IntoIterator<Item = (u32, Model)>) -> Self {
         let mut regions = Self::default();
         for (camera, model) in models {
@@ -48,8 +48,8 @@ impl CubeRegions {
         regions
     }
 
-    /// Writes the number of the region of each cell, 0 = none: cells without a valid value in all usable bands. Reflectances change only
-    /// if the settings ask for simplified cubes.
+    /// Writes the number of the region of each cell, 0 = no region: cells without a valid value in all usable bands.
+    /// Reflectances change only if the settings request simplified cubes.
     pub fn divide(
         &mut self,
         cube: &CubeHeader,
@@ -95,7 +95,7 @@ impl CubeRegions {
         Ok((&self.models[&camera], labels))
     }
 
-    /// The next frames of the camera use this model. Its regions get the next numbers.
+    /// Assigns this model to the next frames of the camera. Its regions get the next numbers.
     fn insert(&mut self, camera: u32, model: Model, n_frames: u32) {
         let n_before = self.n_regions;
         self.n_regions += model.regions.len() as u32;
@@ -103,7 +103,7 @@ impl CubeRegions {
     }
 }
 
-/// The bands of a cube that are usable at all.
+/// The bands of a cube that have valid values.
 struct UsableBands {
     numbers: Vec<usize>,
     n_cells: usize,
@@ -117,7 +117,7 @@ impl UsableBands {
         Self { numbers, n_cells: cube.width as usize * cube.height as usize, valid }
     }
 
-    /// Their reflectances, band-sequential: not a number in cells where one of them was not measured.
+    /// Reflectances of these bands, band-sequential: NaN in cells with a band that was not measured.
     fn values(&self, reflectances: &[f32], masks: &[u32]) -> Vec<f32> {
         let of_band = |band: &usize| {
             let plane = &reflectances[band * self.n_cells..][..self.n_cells];
@@ -127,7 +127,7 @@ impl UsableBands {
         self.numbers.iter().flat_map(of_band).collect()
     }
 
-    /// Replaces the reflectances by these values, except where they are not numbers.
+    /// Replaces the reflectances by these values, except where they are NaN.
     fn replace(&self, reflectances: &mut [f32], values: &[f32]) {
         for (band, values) in self.numbers.iter().zip(values.chunks_exact(self.n_cells)) {
             let plane = &mut reflectances[band * self.n_cells..][..self.n_cells];

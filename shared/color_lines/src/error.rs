@@ -1,7 +1,7 @@
-/// Why an image or a model cannot be used.
+/// Reason why an image or a model cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ColorLinesError {
-    /// An image without pixels or bands, or too large.
+    /// The image has no pixels or bands, or is too large.
     #[error("image of {}x{} pixels with {n_bands} bands; sides must be 1 to 65535 and at least one band", .size[0], .size[1])]
     Size {
         /// Columns and rows.
@@ -9,10 +9,10 @@ pub enum ColorLinesError {
         /// Bands.
         n_bands: usize,
     },
-    /// A buffer of wrong length.
+    /// A buffer has the wrong length.
     #[error("image with {found} values; must have {expected}")]
     Length {
-        /// Values in it.
+        /// Number of values in the buffer.
         found: usize,
         /// Columns times rows times bands.
         expected: usize,
@@ -20,28 +20,28 @@ pub enum ColorLinesError {
     /// No pixel is valid, or all are zero.
     #[error("image without a valid pixel above zero; nothing to model")]
     Empty,
-    /// A setting outside of its range.
+    /// A setting is outside its range.
     #[error("{name} = {value}; must be {rule}")]
     Setting {
         /// Name of the setting.
         name: &'static str,
-        /// As given.
+        /// The given value.
         value: f64,
-        /// Range.
+        /// The allowed range.
         rule: &'static str,
     },
-    /// An image whose number of bands is not that of the model.
+    /// The image and the model differ in their number of bands.
     #[error("image with {found} bands; the model has {expected}")]
     Bands {
-        /// Of the image.
+        /// Number of bands of the image.
         found: usize,
-        /// Of the model.
+        /// Number of bands of the model.
         expected: usize,
     },
-    /// A text that is not a model.
+    /// The text is not a model.
     #[error("model: {0}")]
     Json(String),
-    /// A model file whose parts contradict each other.
+    /// The parts of a model file contradict each other.
     #[error("model: {0}")]
     Model(&'static str),
 }

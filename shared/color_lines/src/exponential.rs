@@ -1,6 +1,6 @@
-//! An exponential that loops over many values can be vectorized with: `f64::exp` is a call per value.
+//! A vectorizable exponential for loops over many values: `f64::exp` is one call per value.
 
-/// e^x for x <= 0, with a relative error below 1e-13. Below -700 it is e^-700, which is as good as 0.
+/// e^x for x <= 0, with a relative error below 1e-13. Below -700 it is e^-700, which is practically 0.
 #[inline(always)]
 pub(crate) fn exponential(x: f64) -> f64 {
     // 2^52 + 2^51: after the addition the low bits of the sum are the rounded number.
@@ -8,7 +8,7 @@ pub(crate) fn exponential(x: f64) -> f64 {
     // ln 2 in two parts, the first with trailing zeros, so that its products with small integers are exact.
     const LN2_HIGH: f64 = 0.693_147_180_369_123_8;
     const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-    // 1/k! for k = 10 down to 0: the rest of the series is below 1e-13 for |r| <= ln 2 / 2.
+    // 1/k! for k = 10 down to 0: the remainder of the series is below 1e-13 for |r| <= ln 2 / 2.
     const SERIES: [f64; 11] = [
         1.0 / 3_628_800.0,
         1.0 / 362_880.0,

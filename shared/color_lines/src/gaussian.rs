@@ -9,7 +9,7 @@ pub const REGULARIZATION: f64 = 1e-6;
 /// A Gaussian in the space, with its weight in a mixture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gaussian {
-    /// Above 0; the weights of a mixture sum to 1.
+    /// Weight, above 0; the weights of a mixture sum to 1.
     pub weight: f64,
     /// Center.
     pub mean: [f64; 3],
@@ -17,7 +17,7 @@ pub struct Gaussian {
     pub covariance: [f64; 6],
 }
 
-/// What a density needs, computed once: log density = constant - |factor (x - mean)|^2.
+/// Precomputed terms of a density: log density = constant - |factor (x - mean)|^2.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Normalized {
     pub mean: [f64; 3],
@@ -30,8 +30,8 @@ pub(crate) struct Normalized {
 const LN_2_PI: f64 = 1.837_877_066_409_345_5;
 
 impl Gaussian {
-    /// With the inverse of the Cholesky factor of the covariance, and with the logarithm of `weight` in the constant. `None` if the
-    /// covariance is not positive definite.
+    /// Precomputes the inverse of the Cholesky factor of the covariance, with the logarithm of `weight` in the constant.
+    /// `None` if the covariance is not positive definite.
     pub(crate) fn normalized(&self, weight: f64) -> Option<Normalized> {
         let [xx, xy, xz, yy, yz, zz] = self.covariance;
         let root = |value: f64| (value > 0.0 && value.is_finite()).then(|| value.sqrt());
@@ -49,7 +49,7 @@ impl Gaussian {
         let ie = -e * ic * i_f;
         let id = -(d * ia + e * ib) * i_f;
         let constant = weight.ln() - 1.5 * LN_2_PI - (a * c * f).ln();
-        // The half of the exponent is part of the factor.
+        // The factor 1/2 of the exponent is part of the factor.
         let factor = [ia, ib, ic, id, ie, i_f].map(|value| value * std::f64::consts::FRAC_1_SQRT_2);
         Some(Normalized { mean: self.mean, factor, constant })
     }

@@ -3,7 +3,7 @@
 use crate::space::Points;
 use serde::{Deserialize, Serialize};
 
-/// Shells of equal width around the origin. Colors are positive, so a shell of them is a part of a hemisphere.
+/// Shells of equal width around the origin. Colors are positive, so their shells are parts of hemispheres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hemispheres {
@@ -20,7 +20,7 @@ impl Hemispheres {
         Self { n, width: farthest / n as f64 }
     }
 
-    /// By shell: the numbers of its points.
+    /// Numbers of the points in each shell.
     pub(crate) fn sorted(&self, points: &Points) -> Vec<Vec<u32>> {
         let mut numbers = vec![Vec::new(); self.n];
         for index in 0..points.len() {

@@ -16,13 +16,13 @@ pub(crate) struct Cells {
 pub(crate) struct Maximum {
     /// Mean of the points of its cell.
     pub mean: [f64; 3],
-    /// Pixels that the maximum is above the highest pass to a higher one. Infinite for the highest maximum.
+    /// Height in pixels of the maximum above the highest pass to a higher maximum. Infinite for the highest maximum.
     pub contrast: f64,
 }
 
 /// The points of a hemisphere, sorted by cell along a Morton curve.
 pub(crate) struct Histogram {
-    /// Numbers of the points as they were given.
+    /// Numbers of the points in their original order.
     pub order: Vec<u32>,
     /// The points in this order: neighbors in memory are neighbors in space.
     pub points: Points,
@@ -38,7 +38,7 @@ struct Occupied {
 }
 
 impl Cells {
-    /// `bins` cells along the axis on which the points extend most.
+    /// Divides the axis with the largest extent of the points into `bins` cells.
     pub fn new(points: &Points, bins: usize) -> Self {
         let range = |axis: &Vec<f64>| {
             axis.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)])
@@ -61,7 +61,7 @@ impl Cells {
         (0..27).filter(|k| *k != 13).map(move |k| (k / 9 - 1) * side * side + (k / 3 % 3 - 1) * side + k % 3 - 1)
     }
 
-    /// Sorts the points with these numbers into cells. `counts` is empty or what an earlier call has left.
+    /// Sorts the points with these numbers into cells. `counts` is empty or the buffer of an earlier call.
     pub fn histogram(&self, all: &Points, numbers: &[u32], counts: &mut Vec<u32>) -> Histogram {
         counts.resize(self.side.pow(3), 0);
         let of: Vec<u32> = numbers.iter().map(|number| self.cell(all.at(*number as usize)) as u32).collect();
@@ -93,19 +93,20 @@ impl Cells {
         Histogram { points: all.selected(&order), order, cells }
     }
 
-    /// The bits of the three coordinates of a cell, in turn.
+    /// The interleaved bits of the three coordinates of a cell.
     fn morton(&self, cell: usize) -> u32 {
         let coordinates = [cell % self.side, cell / self.side % self.side, cell / self.side / self.side];
         let bit = |k: usize, bit: usize| ((coordinates[k] >> bit & 1) as u32) << (3 * bit + k);
         (0..8).flat_map(|index| [0, 1, 2].map(|k| bit(k, index))).sum()
     }
 
-    /// All local maxima of a histogram with their contrasts (dynamics), highest contrast first. Those above h are the h-maxima.
+    /// All local maxima of a histogram with their contrasts (dynamics), highest contrast first. Maxima with a contrast
+    /// above h are the h-maxima.
     ///
-    /// Cells are visited from the highest down; a cell joins the components of its visited neighbors. Where two components meet, the
-    /// maximum of the lower one ends, and its contrast is the way down to this pass.
+    /// Cells are visited in descending order of height; a cell joins the components of its visited neighbors. When two
+    /// components meet, the maximum of the lower one ends, and its contrast is the height difference to this pass.
     ///
-    /// `numbers` is what [`Cells::histogram`] has left.
+    /// `numbers` is the buffer of [`Cells::histogram`].
     pub fn maxima(&self, histogram: &Histogram, numbers: &mut [u32]) -> Vec<Maximum> {
         let cells = &histogram.cells;
         for (number, occupied) in (1..).zip(cells) {
@@ -114,7 +115,7 @@ impl Cells {
         let count = |index: usize| cells[index].points.len() as f64;
         let mut by_height: Vec<usize> = (0..cells.len()).collect();
         by_height.sort_by(|a, b| count(*b).total_cmp(&count(*a)).then(a.cmp(b)));
-        // By cell: its component, known by its peak. `None`: not yet visited.
+        // Component of each cell, identified by its peak. `None`: not yet visited.
         let mut parent: Vec<Option<usize>> = vec![None; cells.len()];
         let mut rank = vec![0; cells.len()];
         by_height.iter().zip(0..).for_each(|(index, height_rank)| rank[*index] = height_rank);
@@ -148,7 +149,7 @@ impl Cells {
             let of_cell = |axis: &Vec<f64>| axis[cells[index].points.clone()].iter().sum::<f64>() / count(index);
             histogram.points.0.each_ref().map(of_cell)
         };
-        // A cell that joined a component at its own height is no maximum.
+        // A cell that joined a component at its own height is not a maximum.
         let is_maximum = |index: &usize| contrast[*index] > 0.0;
         let mut maxima: Vec<Maximum> = (by_height.into_iter().filter(is_maximum))
             .map(|index| Maximum { mean: mean(index), contrast: contrast[index] })

@@ -10,7 +10,7 @@ pub struct Image<'a> {
     values: &'a [f32],
 }
 
-/// The values of an image with the bands of a pixel beside each other, band-sequential.
+/// Converts the values of an image from pixel-interleaved to band-sequential order.
 pub fn band_sequential(interleaved: &[u8], n_bands: usize) -> Vec<f32> {
     let band = |band: usize| interleaved.iter().skip(band).step_by(n_bands).map(|value| f32::from(*value));
     (0..n_bands).flat_map(band).collect()
@@ -20,14 +20,14 @@ pub fn band_sequential(interleaved: &[u8], n_bands: usize) -> Vec<f32> {
 pub(crate) struct Pixels {
     /// Columns and rows of the image.
     pub size: [usize; 2],
-    /// Index in the image, row by row.
+    /// Index of each pixel in the image, row by row.
     pub at: Vec<u32>,
-    /// By band: the values of the valid pixels.
+    /// Values of the valid pixels, by band.
     pub bands: Vec<Vec<f32>>,
 }
 
 impl<'a> Image<'a> {
-    /// `size`: columns, rows, each 1 to 65535. `values`: `n_bands` planes of rows of columns.
+    /// An image of `size` = columns, rows, each 1 to 65535. `values` has `n_bands` planes, each row by row.
     pub fn new(size: [usize; 2], n_bands: usize, values: &'a [f32]) -> Result<Self, ColorLinesError> {
         if size.iter().any(|side| !(1..=65_535).contains(side)) || n_bands == 0 {
             return Err(ColorLinesError::Size { size, n_bands });

@@ -4,10 +4,11 @@ use crate::mixture::nearest;
 use crate::space::Points;
 use random::Random;
 
-/// Passes after the first means; k-means is only a start here.
+/// Number of passes after the first means; k-means is only a start here.
 const PASSES: usize = 20;
 
-/// Up to `k` means of points, fewer if fewer points differ: k-means++ (Arthur and Vassilvitskii 2007), then Lloyd's iterations.
+/// Up to `k` means of points, fewer if there are fewer distinct points: k-means++ (Arthur and Vassilvitskii 2007), then
+/// Lloyd's iterations.
 pub(crate) fn k_means(points: &Points, k: usize, seed: u64) -> Vec<[f64; 3]> {
     let mut random = Random::new(seed);
     let mut means = vec![points.at(random.index(points.len()))];
@@ -23,7 +24,7 @@ pub(crate) fn k_means(points: &Points, k: usize, seed: u64) -> Vec<[f64; 3]> {
         if sum <= 0.0 {
             break;
         }
-        // Two numbers of 24 bits: one would not reach every point of a large image.
+        // Two numbers of 24 bits: one could not select every point of a large image.
         let mut left = (f64::from(random.unit()) + f64::from(random.unit()) / f64::from(1 << 24)) * sum;
         let chosen = squares.iter().position(|square| {
             left -= square;

@@ -2,7 +2,7 @@
 //! Duque-Arias et al., ICIAP 2019).
 //!
 //! 1. [`Space`]: pixels become points in three dimensions, the bands of a color image or principal components. With a spatial weight the
-//!    pixel coordinates are channels, too.
+//!    pixel coordinates are also channels.
 //! 2. The space is divided into [`Hemispheres`]; the maxima of the histogram of each one are the start of its Gaussian mixture.
 //! 3. The pixels of a Gaussian are a [`Region`] with a mean spectrum. A minimum spanning [`Tree`] joins the spectra and the origin; its
 //!    longest paths are color [`Line`]s.

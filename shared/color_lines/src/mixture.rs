@@ -1,26 +1,27 @@
 //! Gaussian mixtures fitted by expectation maximization from a given start.
 //!
-//! Written here: no crate of mixtures takes means to start at. The result equals that of scikit-learn's `GaussianMixture` with full
-//! covariances from the same start (`tests/suite/peer.rs`).
+//! This is a custom implementation, because no crate for mixtures accepts initial means. The result equals scikit-learn's
+//! `GaussianMixture` with full covariances from the same start (`tests/suite/peer.rs`).
 
 use crate::blocks::{Share, classify, expectation};
 use crate::gaussian::{Gaussian, Normalized, REGULARIZATION};
 use crate::space::Points;
 
-/// When a fit ends: the defaults of scikit-learn.
+/// Limit of the iterations: the default of scikit-learn.
 const MAX_ITERATIONS: usize = 100;
 const TOLERANCE: f64 = 1e-3;
 
 /// A fitted mixture.
 #[derive(Clone, Debug)]
 pub struct Mixture {
-    /// In the order of the start.
+    /// Gaussians, in the order of the start.
     pub gaussians: Vec<Gaussian>,
     /// Iterations until the mean logarithmic density changed by less than the tolerance.
     pub n_iterations: usize,
 }
 
-/// The start of a fit: each point belongs to the nearest mean; weights and covariances around the means are those of these points.
+/// The start of a fit: each point belongs to the nearest mean; weights and covariances around the means are computed from
+/// these points.
 pub fn start(points: &Points, means: &[[f64; 3]]) -> Vec<Gaussian> {
     let nearest = nearest(points, means);
     let mut shares = vec![Share::default(); means.len()];
@@ -59,14 +60,14 @@ pub fn fit(points: &Points, start: Vec<Gaussian>) -> Mixture {
 
 /// Gaussians with their weights in the densities.
 pub(crate) fn normalized(gaussians: &[Gaussian]) -> Vec<Normalized> {
-    // The regularization keeps covariances positive definite; one that is not takes part with no density.
+    // The regularization keeps covariances positive definite; a Gaussian whose covariance is not gets zero density.
     let none = Normalized { mean: [0.0; 3], factor: [0.0; 6], constant: f64::NEG_INFINITY };
     gaussians.iter().map(|gaussian| gaussian.normalized(gaussian.weight).unwrap_or(none)).collect()
 }
 
-/// The Gaussians of these shares, which are relative to `means`.
+/// The Gaussians computed from these shares, which are relative to `means`.
 fn maximization(means: &[[f64; 3]], shares: &[Share]) -> Vec<Gaussian> {
-    // As scikit-learn: a Gaussian without points keeps its mean.
+    // As in scikit-learn: a Gaussian without points keeps its mean.
     let count = |share: &Share| share.sums[0] + 10.0 * f64::EPSILON;
     let total: f64 = shares.iter().map(count).sum();
     let gaussian = |(mean, share): (&[f64; 3], &Share)| {

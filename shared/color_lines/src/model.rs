@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
-    /// Whether a pixel belongs to the Gaussians of its own hemisphere only.
+    /// Whether a pixel belongs only to the Gaussians of its own hemisphere.
     pub constrained: bool,
     /// The space of the Gaussians.
     pub space: Space,
@@ -35,11 +35,11 @@ pub struct Model {
 pub struct Region {
     /// Number of its hemisphere, from 0 at the origin.
     pub hemisphere: usize,
-    /// Its weight is that in the mixture of its hemisphere.
+    /// Its weight is the weight in the mixture of its hemisphere.
     pub gaussian: Gaussian,
-    /// Pixels of the modeled image.
+    /// Number of pixels of the modeled image.
     pub n_pixels: u64,
-    /// Mean of these pixels by band, in units of the image.
+    /// Mean spectrum of these pixels by band, in units of the image.
     pub spectrum: Vec<f64>,
 }
 
@@ -48,9 +48,9 @@ pub struct Region {
 pub struct Fit {
     /// The model.
     pub model: Model,
-    /// By pixel, row by row: number of its region from 1; 0 if the pixel is invalid.
+    /// Number of the region of each pixel, row by row, from 1; 0 if the pixel is invalid.
     pub labels: Vec<u32>,
-    /// Iterations of expectation maximization, by hemisphere with pixels.
+    /// Iterations of expectation maximization, for each hemisphere with pixels.
     pub n_iterations: Vec<usize>,
 }
 
@@ -91,7 +91,7 @@ impl Model {
         Ok(Fit { model, labels, n_iterations })
     }
 
-    /// The hemispheres of an image and the starts of their mixtures, as [`Model::fit`] uses them: for comparisons of fits.
+    /// The hemispheres of an image and the starts of their mixtures, as in [`Model::fit`]; used to compare fits.
     pub fn slices(image: &Image<'_>, settings: &Settings) -> Result<Vec<Slice>, ColorLinesError> {
         settings.check()?;
         let (pixels, space) = space(image, settings)?;
@@ -99,7 +99,8 @@ impl Model {
         Ok(slices(&points, &Hemispheres::new(&points, settings.hemispheres), settings))
     }
 
-    /// The regions of another image: by pixel, row by row, the number of its region from 1; 0 if the pixel is invalid.
+    /// The regions of another image: the number of the region of each pixel, row by row, from 1; 0 if the pixel is
+    /// invalid.
     pub fn labels(&self, image: &Image<'_>) -> Result<Vec<u32>, ColorLinesError> {
         self.check_bands(image)?;
         let pixels = image.pixels();
@@ -139,7 +140,7 @@ impl Model {
         self.regions.first().map_or(0, |region| region.spectrum.len())
     }
 
-    /// From the text of a `model.json` of `replica-lab spectrum lines`.
+    /// Reads the text of a `model.json` of `replica-lab spectrum lines`.
     ///
     /// # Errors
     /// If it is not a model, or its parts contradict each other.
@@ -149,7 +150,7 @@ impl Model {
         Ok(model)
     }
 
-    /// Checks a model from a file: parts that contradict each other would be a panic or silent nonsense later.
+    /// Checks a model from a file: parts that contradict each other would later cause a panic or wrong results.
     pub fn check(&self) -> Result<(), ColorLinesError> {
         let n_bands = self.n_bands();
         let n_channels = n_bands + if self.space.spatial_weight > 0.0 { 2 } else { 0 };
@@ -166,7 +167,7 @@ impl Model {
             "has a space of other channels",
         )?;
         rule(self.space.scale > 0.0 && self.hemispheres.width >= 0.0, "has a scale or a width that is not positive")?;
-        // Far above what any fit gives; differences and squares of such numbers stay finite.
+        // Far above the result of any fit; differences and squares of such numbers stay finite.
         let is_bounded = |value: &f64| value.abs() <= 1e6;
         let mut axes = self.space.axes.iter().flatten().chain(&self.space.mean);
         rule(axes.all(is_bounded), "has a space with numbers above 1e6")?;
@@ -184,7 +185,7 @@ impl Model {
         let is_tree = |tree: &Tree| {
             tree.toward_origin.len() == self.regions.len() && tree.toward_origin.iter().all(|(node, _)| is_node(node))
         };
-        rule(self.tree.as_ref().is_none_or(is_tree), "has a tree that is not that of its regions")
+        rule(self.tree.as_ref().is_none_or(is_tree), "has a tree that does not match its regions")
     }
 
     /// Whether an image has the bands of the model.
@@ -198,7 +199,7 @@ impl Model {
     fn classify(&self, points: &Points, hemisphere: usize) -> Vec<u32> {
         let first = self.regions.partition_point(|region| region.hemisphere < hemisphere);
         let end = self.regions.partition_point(|region| region.hemisphere <= hemisphere);
-        // A hemisphere without Gaussians, in another image than the modeled one, uses those of all.
+        // In another image than the modeled one, a hemisphere without Gaussians uses the Gaussians of all hemispheres.
         let (first, end, constrained) =
             if self.constrained && first < end { (first, end, true) } else { (0, self.regions.len(), false) };
         let weighted = |region: &Region| Gaussian {
@@ -213,7 +214,7 @@ impl Model {
         found
     }
 
-    /// Fills the pixels and spectra of the regions, and removes regions without pixels.
+    /// Computes the pixel counts and spectra of the regions, and removes regions without pixels.
     fn take_spectra(&mut self, pixels: &Pixels, region_of: &mut [u32]) {
         let mut n_pixels = vec![0_u64; self.regions.len()];
         for region in &*region_of {

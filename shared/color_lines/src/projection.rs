@@ -8,18 +8,18 @@ use crate::{ColorLinesError, Model};
 pub struct Projection {
     /// The spectrum of the nearest point on the lines, band-sequential. NaN where a pixel is invalid.
     pub values: Vec<f32>,
-    /// By pixel: the number of its line from 1; 0 if the pixel is invalid.
+    /// Number of the line of each pixel, from 1; 0 if the pixel is invalid.
     pub lines: Vec<u32>,
 }
 
 impl Projection {
-    /// All pixels invalid.
+    /// A projection with only invalid pixels.
     pub(crate) fn empty(image: &Image<'_>) -> Self {
         Self { values: vec![f32::NAN; image.n_pixels() * image.n_bands()], lines: vec![0; image.n_pixels()] }
     }
 }
 
-/// A piece of a line: its begin, its direction to the end, and the squared length.
+/// A segment of a line: its start, its direction to the end, and the squared length.
 struct Segment {
     line: u32,
     begin: Vec<f32>,
@@ -27,12 +27,12 @@ struct Segment {
     square: f32,
 }
 
-/// Pixels of a block: their bands and distances fit into the first-level cache.
+/// Pixels per block: their bands and distances fit into the first-level cache.
 const BLOCK: usize = 256;
 
 impl Model {
-    /// Replaces each pixel by the nearest point on the `n_lines` longest lines (thesis, section 3.4.2): the means of a line are joined
-    /// by straight pieces.
+    /// Replaces each pixel by the nearest point on the `n_lines` longest lines (thesis, section 3.4.2): the means of a
+    /// line are joined by straight segments.
     pub fn projected(&self, image: &Image<'_>, n_lines: usize) -> Result<Projection, ColorLinesError> {
         self.check_bands(image)?;
         let segments = self.segments(n_lines)?;
@@ -95,14 +95,14 @@ fn project(image: &Image<'_>, segments: &[Segment]) -> Projection {
 struct Best {
     square: [f32; BLOCK],
     segment: [u32; BLOCK],
-    /// Position on the segment, 0 at the begin, 1 at the end.
+    /// Position on the segment, 0 at the start, 1 at the end.
     share: [f32; BLOCK],
 }
 
 impl Best {
     #[inline(always)]
     fn compare(&mut self, pixels: &Pixels, range: std::ops::Range<usize>, index: u32, segment: &Segment) {
-        // Of the difference to the begin: its square, and its product with the direction.
+        // Square of the difference to the start, and its product with the direction.
         let mut squares = [0.0_f32; BLOCK];
         let mut products = [0.0_f32; BLOCK];
         for (band, values) in pixels.bands.iter().enumerate() {

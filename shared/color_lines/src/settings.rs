@@ -1,30 +1,32 @@
-//! How an image is modeled.
+//! Settings of a model.
 
 use crate::ColorLinesError;
 
-/// How an image is modeled.
+/// Settings of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Number of hemispheres (shells of equal width around the origin), 1 to 64. One: a single mixture of all pixels.
+    /// Number of hemispheres (shells of equal width around the origin), 1 to 64. With 1, a single mixture models all
+    /// pixels.
     pub hemispheres: usize,
-    /// Cells of the histogram along the axis of the largest extent, 2 to 128.
+    /// Number of histogram cells along the axis of the largest extent, 2 to 128.
     pub bins: usize,
-    /// Where the Gaussians start.
+    /// Start of the Gaussians.
     pub start: Start,
-    /// Weight s of the pixel coordinates against the bands, 0 to 10. 0: spectral information only.
+    /// Weight s of the pixel coordinates relative to the bands, 0 to 10. 0: spectral information only.
     pub spatial_weight: f64,
-    /// A pixel belongs to the Gaussians of its own hemisphere only (thesis: C). Otherwise all Gaussians have equal weight (NO-C).
+    /// A pixel belongs only to the Gaussians of its own hemisphere (thesis: C). Otherwise all Gaussians have equal weight
+    /// (NO-C).
     pub constrained: bool,
 }
 
-/// Where the Gaussians of a mixture start.
+/// Start of the Gaussians of a mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Start {
-    /// At the maxima of the histogram whose contrast is above this number of pixels (h-maxima), at least one per hemisphere.
+    /// At the histogram maxima whose contrast is above this number of pixels (h-maxima), at least one per hemisphere.
     Contrast(f64),
-    /// At this number of maxima: those of the highest contrast, at least one per hemisphere.
+    /// At this number of maxima, in descending order of contrast, at least one per hemisphere.
     Count(usize),
-    /// At this number of means of k-means (k-means++ with this seed) of all pixels; needs one hemisphere.
+    /// At this number of k-means centers (k-means++ with this seed) of all pixels; requires one hemisphere.
     KMeans(usize, u64),
 }
 
@@ -34,7 +36,7 @@ impl Default for Settings {
     }
 }
 
-/// Most Gaussians of a model.
+/// Largest number of Gaussians of a model.
 pub const MAX_GAUSSIANS: usize = 4096;
 
 impl Settings {

@@ -1,7 +1,7 @@
-//! SLIC superpixels (Achanta et al., TPAMI 2012): the baseline of regions. Labels equal those of scikit-image's `slic`
-//! (`lab/peers/color_lines.py`).
+//! SLIC superpixels (Achanta et al., TPAMI 2012): the baseline of regions. Labels equal the output of scikit-image's
+//! `slic` (`lab/peers/color_lines.py`).
 
-/// Passes over the image.
+/// Largest number of passes over the image.
 const MAX_PASSES: usize = 10;
 /// Superpixels smaller than this share of the mean size join a neighbor; none becomes larger than this multiple of it.
 const SIZE_FACTORS: [f64; 2] = [0.5, 3.0];
@@ -9,8 +9,9 @@ const SIZE_FACTORS: [f64; 2] = [0.5, 3.0];
 /// A superpixel: row, column and Lab color divided by the compactness.
 type Center = [f64; 5];
 
-/// Superpixels of a color image, red, green, blue by pixel: by pixel, row by row, a label from 1. `size`: columns, rows.
-/// `n_segments`: about how many. `compactness`: weight of the distance in the image against that in Lab, usually 10.
+/// Superpixels of a color image, given as red, green, blue by pixel. Returns a label from 1 for each pixel, row by row.
+/// `size` is columns, rows. `n_segments` is the approximate number of superpixels. `compactness` is the weight of the
+/// distance in the image relative to the distance in Lab, usually 10.
 pub fn slic(size: [usize; 2], rgb: &[[u8; 3]], n_segments: usize, compactness: f64) -> Vec<u32> {
     let [columns, rows] = size;
     let (low, high) = rgb.iter().flatten().fold((u8::MAX, 0), |(low, high), value| (low.min(*value), high.max(*value)));
@@ -20,13 +21,13 @@ pub fn slic(size: [usize; 2], rgb: &[[u8; 3]], n_segments: usize, compactness: f
     let step_for = |n: usize| ((columns * rows) as f64 / n.max(1) as f64).sqrt();
     let begin = (step_for(n_segments) / 2.0).floor() as usize;
     let step = step_for(n_segments).round().max(1.0);
-    // The first pass has no colors: each pixel joins the nearest center of the grid.
+    // The first pass uses no colors: each pixel joins the nearest center of the grid.
     let along = |side: usize| (begin..side).step_by(step as usize);
     let grid = along(rows).flat_map(|y| along(columns).map(move |x| (y, x)));
     let mut centers: Vec<Center> = grid.map(|(y, x)| [y as f64, x as f64, 0.0, 0.0, 0.0]).collect();
     let mut nearest = vec![0_usize; rgb.len()];
     for _ in 0..MAX_PASSES {
-        // Rounding gives another number of centers than asked for, and windows of another size.
+        // Rounding gives another number of centers than requested, and windows of another size.
         let reach = 2.0 * step_for(centers.len()).round();
         if !assign(size, &colors, &centers, [1.0 / (step * step), reach], &mut nearest) {
             break;
@@ -36,8 +37,8 @@ pub fn slic(size: [usize; 2], rgb: &[[u8; 3]], n_segments: usize, compactness: f
     connected(size, &nearest, centers.len())
 }
 
-/// Assigns each pixel to the nearest of the centers whose window it is in: at most `reach` px away in x and in y. `weight` is that of
-/// squared pixels. Returns whether any distance was found.
+/// Assigns each pixel to the nearest of the centers whose window contains it: at most `reach` px away in x and in y.
+/// `weight` is the weight of squared pixel distances. Returns whether any distance was found.
 fn assign(
     [columns, rows]: [usize; 2],
     colors: &[[f64; 3]],
@@ -68,7 +69,7 @@ fn assign(
     has_changed
 }
 
-/// The means of the pixels of each center. A center without pixels becomes NaN, and no pixel is near it any more.
+/// The mean of the pixels of each center. A center without pixels becomes NaN, and no pixel is assigned to it any more.
 fn means(columns: usize, colors: &[[f64; 3]], nearest: &[usize], n_centers: usize) -> Vec<Center> {
     let mut sums = vec![([0.0; 5], 0.0); n_centers];
     for (at, (number, [l, a, b])) in nearest.iter().zip(colors).enumerate() {
@@ -80,7 +81,8 @@ fn means(columns: usize, colors: &[[f64; 3]], nearest: &[usize], n_centers: usiz
     sums.into_iter().map(|(sum, n)| sum.map(|value| value / n)).collect()
 }
 
-/// Numbers the connected parts of superpixels in raster order. Small parts join the superpixel seen last beside them.
+/// Numbers the connected parts of superpixels in raster order. Small parts join the adjacent superpixel that was visited
+/// last.
 fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -> Vec<u32> {
     let mean_size = (columns * rows) as f64 / n_centers.max(1) as f64;
     let [min_size, max_size] = SIZE_FACTORS.map(|factor| (factor * mean_size) as usize);
@@ -116,7 +118,7 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
             visited += 1;
         }
         if part.len() < min_size {
-            // With nothing beside it yet, the part is found again from its next pixel.
+            // Without an adjacent superpixel so far, the part is found again from its next pixel.
             for at in part {
                 labels[at] = beside;
             }
@@ -124,7 +126,7 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
             next += 1;
         }
     }
-    // What never found a neighbor joins the first superpixel.
+    // Parts that never found a neighbor join the first superpixel.
     labels.iter_mut().filter(|label| **label == 0).for_each(|label| *label = 1);
     labels
 }

@@ -1,4 +1,4 @@
-//! The pixels of each hemisphere, and where its Gaussians start.
+//! The pixels of each hemisphere, and the starts of its Gaussians.
 
 use crate::histogram::{Cells, Histogram, Maximum};
 use crate::k_means::k_means;
@@ -13,11 +13,11 @@ pub struct Slice {
     pub order: Vec<u32>,
     /// The points in this order: neighbors in memory are neighbors in space.
     pub points: Points,
-    /// Where its Gaussians start.
+    /// Starts of its Gaussians.
     pub means: Vec<[f64; 3]>,
 }
 
-/// Divides points.
+/// Divides points into hemispheres.
 pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Settings) -> Vec<Slice> {
     let cells = Cells::new(points, settings.bins);
     let mut counts = Vec::new();
@@ -49,8 +49,8 @@ pub(crate) fn slices(points: &Points, hemispheres: &Hemispheres, settings: &Sett
     slices
 }
 
-/// Starts at `n` maxima of the highest contrast over all slices, and at the highest maximum of each slice. Of equal contrasts those of
-/// inner slices come first.
+/// Starts at the `n` maxima of the highest contrast over all slices, and at the highest maximum of each slice. For equal
+/// contrasts, inner slices come first.
 fn take_highest(slices: &mut [Slice], maxima: &[Vec<Maximum>], n: usize) {
     let mut all: Vec<(usize, &Maximum)> = maxima
         .iter()

@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 /// The axes of the space, from the channels of a pixel: its bands, and its coordinates times the spatial weight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Space {
-    /// The value of a band that counts as 1.
+    /// Band value that counts as 1.
     pub scale: f64,
-    /// Weight of the coordinates; 0: they are no channels. Coordinates are divided by the longer side of the image.
+    /// Weight of the coordinates; with 0 they are not channels. Coordinates are divided by the longer side of the image.
     pub spatial_weight: f64,
     /// Origin of the space, by channel.
     pub mean: Vec<f64>,
-    /// Three axes of unit length, by channel. With up to three bands alone: the bands.
+    /// Three axes of unit length, by channel. For up to three bands without coordinates, the axes are the bands.
     pub axes: [Vec<f64>; 3],
 }
 
@@ -77,7 +77,7 @@ impl Space {
     }
 }
 
-/// The channels of the pixels: the scaled bands, and x and y if they have a weight.
+/// The channels of the pixels: the scaled bands, and x and y if their weight is not 0.
 fn channels(pixels: &Pixels, scale: f64, spatial_weight: f64) -> Vec<Vec<f32>> {
     let per_unit = 1.0 / scale as f32;
     let scaled = |band: &Vec<f32>| band.iter().map(|value| value * per_unit).collect();
@@ -100,7 +100,7 @@ fn moments(channels: &[Vec<f32>]) -> (DVector<f64>, DMatrix<f64>) {
         channels.iter().map(|values| values.iter().map(|value| f64::from(*value)).sum::<f64>() / n),
     );
     let mut covariance = DMatrix::zeros(channels.len(), channels.len());
-    // Blocks of a few thousand pixels of all channels fit into the cache.
+    // Blocks of some thousand pixels of all channels fit into the cache.
     let mut centered: Vec<Vec<f64>> = vec![Vec::new(); channels.len()];
     for start in (0..channels[0].len()).step_by(2048) {
         let end = (start + 2048).min(channels[0].len());

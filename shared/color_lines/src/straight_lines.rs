@@ -1,7 +1,8 @@
 //! Straight lines through the origin: the baseline of Graph-based Color Lines.
 //!
-//! Dynamic Color Lines takes the directions that are frequent in the image. Refined lines are the best that alternating assignment and
-//! refitting finds from there: each pixel belongs to the nearest line, each line is the principal axis of its pixels through the origin.
+//! Dynamic Color Lines uses the directions that are frequent in the image. Refined lines are the best result of
+//! alternating assignment and refitting from this start: each pixel belongs to the nearest line, each line is the
+//! principal axis of its pixels through the origin.
 
 use crate::ColorLinesError;
 use crate::histogram::Cells;
@@ -10,17 +11,17 @@ use crate::projection::Projection;
 use crate::space::Points;
 use nalgebra::{Matrix3, SymmetricEigen};
 
-/// Cells of the histogram of directions along its longest axis.
+/// Number of cells of the histogram of directions along its longest axis.
 const BINS: usize = 32;
-/// Passes of refinement until no pixel changes its line, at most.
+/// Largest number of refinement passes; refinement ends when no pixel changes its line.
 const MAX_PASSES: usize = 50;
 
-/// How straight lines are found.
+/// Method of finding straight lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StraightLines {
     /// The maxima of highest contrast of the histogram of directions.
     Frequent,
-    /// The same, refined.
+    /// The maxima of highest contrast, refined.
     Refined,
 }
 
@@ -93,13 +94,13 @@ fn project(image: &Image<'_>, pixels: &Pixels, colors: &[[f64; 3]], lines: &[[f6
     projection
 }
 
-/// The line of the smallest angle.
+/// The line with the smallest angle to a color.
 fn nearest(color: &[f64; 3], lines: &[[f64; 3]]) -> usize {
     let along = |line: &[f64; 3]| dot(color, line).abs();
     (1..lines.len()).fold(0, |best, line| if along(&lines[line]) > along(&lines[best]) { line } else { best })
 }
 
-/// `None` for black.
+/// Direction of a color; `None` for black.
 fn unit(color: [f64; 3]) -> Option<[f64; 3]> {
     let norm = dot(&color, &color).sqrt();
     (norm > 0.0).then(|| color.map(|value| value / norm))

@@ -5,22 +5,23 @@ use serde::{Deserialize, Serialize};
 /// A tree over nodes: node 0 is the origin, node i + 1 the spectrum of region i.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tree {
-    /// By node except the origin, from node 1 on: the next node on the way to the origin, and the distance to it.
+    /// For each node from node 1 on: the next node towards the origin, and the distance to it.
     pub toward_origin: Vec<(usize, f64)>,
 }
 
-/// A color line: a path of the tree from its origin outwards.
+/// A color line: a path of the tree outwards from its origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Line {
-    /// Nodes in order. The first line starts at the origin. A further line starts after the node where it leaves an earlier one.
+    /// Nodes in order. The first line starts at the origin. Every other line starts after the node where it branches off
+    /// an earlier one.
     pub nodes: Vec<usize>,
-    /// Sum of the distances along the line, with the distance to the node where it leaves an earlier line.
+    /// Sum of the distances along the line, including the distance to the node where it branches off an earlier line.
     pub length: f64,
 }
 
 impl Tree {
-    /// The minimum spanning tree of the origin and these spectra by Euclidean distance (Prim 1957). Of equal distances the one to the
-    /// node that joined first counts.
+    /// The minimum spanning tree of the origin and these spectra by Euclidean distance (Prim 1957). For equal distances,
+    /// the node that joined first is preferred.
     pub fn new(spectra: &[Vec<f64>]) -> Self {
         let distance = |node: usize, other: usize| -> f64 {
             let a = &spectra[node - 1];
@@ -44,10 +45,11 @@ impl Tree {
         Self { toward_origin: nearest }
     }
 
-    /// All lines, longest first (thesis, algorithm 2): the longest path from the origin; then again, with visited edges of length zero.
+    /// All lines, longest first (thesis, algorithm 2): the longest path from the origin, then repeatedly the longest path
+    /// when visited edges have length zero.
     ///
-    /// A path that starts over visited edges is the longest below the node where it leaves them. So at each node the longest way on
-    /// continues the line, and each other way on starts a line of its own.
+    /// A path that starts over visited edges is the longest one below the node where it leaves them. At each node, the
+    /// longest branch therefore continues the line, and every other branch starts a new line.
     pub fn lines(&self) -> Vec<Line> {
         let n_nodes = self.toward_origin.len() + 1;
         let mut children = vec![Vec::new(); n_nodes];
@@ -59,12 +61,12 @@ impl Tree {
             order.extend(&children[order[next]]);
             next += 1;
         }
-        // The longest way outwards from each node, and its first node.
+        // The length of the longest path outwards from each node, and its first node.
         let mut onward = vec![(0.0_f64, None); n_nodes];
         for node in order.iter().rev().copied().filter(|node| *node > 0) {
             let (parent, step) = self.toward_origin[node - 1];
             let length = step + onward[node].0;
-            // Of equal ways the one to the smaller node; nodes of a parent come in descending order.
+            // Ties go to the smaller node; the children of a parent come in descending order.
             if onward[parent].1.is_none() || length >= onward[parent].0 {
                 onward[parent] = (length, Some(node));
             }
@@ -110,7 +112,7 @@ mod tests {
         assert_eq!(lines.iter().map(|line| line.nodes.len()).sum::<usize>(), 12, "every node is on one line");
     }
 
-    /// Algorithm 2 word by word.
+    /// Literal implementation of algorithm 2.
     fn by_the_algorithm(tree: &Tree, k: usize) -> Vec<Vec<usize>> {
         let n = tree.toward_origin.len();
         let mut is_visited = vec![false; n + 1];

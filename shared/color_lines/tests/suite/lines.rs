@@ -57,7 +57,7 @@ fn model_survives_its_file_and_projects_another_image() {
     let other = Image::new([50, 50], 3, &darker).expect("an image");
     let projection = |model: &Model| psnr(&other, &darker, &model.projected(&other, 2).expect("three bands"));
     assert!((projection(&read) - projection(&model)).abs() < 1e-6);
-    // The lines are bent, so half of a color is near the lines only, not on them.
+    // The lines are bent, so half of a color is only near the lines, not on them.
     assert!((20.0..40.0).contains(&projection(&model)), "{}", projection(&model));
     let gray = Image::new([50, 50], 1, &values[..2500]).expect("an image");
     assert_eq!(model.projected(&gray, 2), Err(ColorLinesError::Bands { found: 1, expected: 3 }));

@@ -9,7 +9,7 @@ struct Reference {
     iterations: usize,
 }
 
-/// Three groups of points by fractional parts, as in the script.
+/// Three groups of points from fractional parts, as in the script.
 fn points() -> Points {
     let axis = |(k, factor): (usize, f64)| {
         (0..600).map(|i| (f64::from(i) * factor).fract() * 0.2 + if i as usize % 3 == k { 0.3 } else { 0.0 }).collect()
@@ -29,5 +29,5 @@ fn fit_from_the_same_start_equals_scikit_learn() {
         }
     }
     let moved = reference.start.iter().zip(&found.gaussians).map(|(start, end)| (start.mean[0] - end.mean[0]).abs());
-    assert!(moved.fold(0.0, f64::max) > 0.05, "the start is no solution");
+    assert!(moved.fold(0.0, f64::max) > 0.05, "the start is not a solution");
 }
