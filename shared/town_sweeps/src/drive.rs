@@ -37,7 +37,7 @@ impl TownDrive {
         self.submaps_in(&self.simulation()?, n, n_sweeps, stride, mount)
     }
 
-    /// As [`Self::submaps`], in the result of [`Self::simulation`].
+    /// Submaps as from [`Self::submaps`], in the result of [`Self::simulation`].
     pub fn submaps_in(
         &self,
         simulation: &Simulation,
@@ -73,7 +73,7 @@ impl TownDrive {
         let pose_at =
             |nanos: i64| submap_from_world * simulation.motion.pose_at(begin.plus_nanos(nanos)) * body_from_lidar;
         let mut submap = TownSubmap { header: Box::default(), points: Vec::new(), truth: Vec::new() };
-        // The number of a lidar without rings.
+        // A lidar without rings reports 0.
         submap.header.n_rings = if mounted.has_rings { source.n_rings() as u32 } else { 0 };
         for sweep in 0..n_sweeps.min(MAX_SWEEPS_PER_SUBMAP) {
             let turn = first_turn + sweep as u64 * stride;

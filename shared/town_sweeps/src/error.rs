@@ -2,7 +2,7 @@
 
 use simulation::{SimulationError, Town};
 
-/// Why there are no sweeps.
+/// Reason why there are no sweeps.
 #[derive(Debug, thiserror::Error)]
 pub enum TownSweepsError {
     /// The drive cannot be simulated.
@@ -16,7 +16,7 @@ pub enum TownSweepsError {
     /// The drive is shorter than a submap.
     #[error("{n_sweeps} sweeps, {stride} revolutions apart, are longer than the drive of {seconds} s")]
     TooShort {
-        /// Sweeps of a submap.
+        /// Number of sweeps of a submap.
         n_sweeps: usize,
         /// Revolutions from one sweep to the next.
         stride: u64,

@@ -1,5 +1,5 @@
-//! What an ideal camera at the LiDAR would see at the points of a submap: reflectance and texture of the surface in sun and sky
-//! light, with cast shadows; without noise, automatic gain, parallax or registration errors.
+//! Measurements of an ideal camera at the LiDAR, for the points of a submap: reflectance and texture of the surface in
+//! sunlight and skylight, with cast shadows; without noise, automatic gain, parallax or registration errors.
 
 use crate::surface_rays::{N_RAYS, trace_points};
 use messages::{SubmapHeader, SubmapPoint};
@@ -8,35 +8,36 @@ use simulation::sensors::filter::Filter;
 use simulation::sensors::look::Palette;
 use std::ops::RangeInclusive;
 
-/// Wavelengths of the bands that an ideal camera can have, nm: those of the spectra of materials.
+/// Wavelengths of the bands that an ideal camera can have, nm: the range of the material spectra.
 pub const BANDS_NM: RangeInclusive<u16> = 400..=1000;
 
 /// Center and standard deviation of the filters of a color camera, nm.
 const COLOR_FILTERS: [(f32, f32); 3] = [(616.0, 28.0), (541.0, 28.0), (462.0, 25.0)];
-/// Standard deviation of the filter of a band, nm: about 20 nm wide at half of its height, as the bands of the mosaic cameras.
+/// Standard deviation of the filter of a band, nm: about 20 nm full width at half maximum, as in the bands of the mosaic
+/// cameras.
 const BAND_SIGMA_NM: f32 = 8.0;
 /// Share of the sky that is visible in a street.
 const SKY_VIEW: f32 = 0.6;
 
-/// A camera at the LiDAR that sees every point when the LiDAR does.
+/// A camera at the LiDAR that captures every point at the time of its shot.
 pub struct IdealCamera {
     palette: Palette,
     n_bands: usize,
     /// Value of a signal; a white target in the sun has the signal 1.
     value: fn(f32) -> f32,
-    /// Rays of a point at most.
+    /// Largest number of rays per point.
     n_rays: u64,
 }
 
 impl IdealCamera {
-    /// Red, green and blue of 0 to 1.
+    /// A color camera with red, green and blue values of 0 to 1.
     pub fn of_color() -> Self {
         let filters = COLOR_FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
         // The square root approximates the sRGB curve.
         Self::new(&filters, |signal| signal.clamp(0.0, 1.0).sqrt())
     }
-    /// Reflectances of 0 to 2 in bands at one or more wavelengths in [`BANDS_NM`]. As `calibrate` measures them, they are
-    /// relative to a white target in the sun: a surface in the shade has lower ones.
+    /// A camera with reflectances of 0 to 2 in bands at one or more wavelengths in [`BANDS_NM`]. They are relative to a
+    /// white target in the sun, as `calibrate` measures them: a surface in the shade has lower values.
     pub fn of_bands(wavelengths_nm: &[u16]) -> Self {
         let filters: Vec<Filter> =
             wavelengths_nm.iter().map(|nm| Filter::gauss(f32::from(*nm), BAND_SIGMA_NM)).collect();
@@ -47,8 +48,9 @@ impl IdealCamera {
         let palette = Palette::new(filters, |sun, sky| sun + 0.4 * sky);
         Self { palette, n_bands: filters.len(), value, n_rays: N_RAYS }
     }
-    /// Up to `n_rays` rays for a point, until one meets its surface; 32 by default. Rays go through leaves and fences at random: with
-    /// one ray, most points of vegetation have no value and all others have one, which would tell the class.
+    /// Limits the rays per point; tracing stops at the first ray that hits the surface of the point. The default is 32.
+    /// Rays pass through leaves and fences at random: with one ray, most points of vegetation have no value and all
+    /// others have one, which would reveal the class.
     #[must_use]
     pub fn with_rays(self, n_rays: u64) -> Self {
         Self { n_rays, ..self }
@@ -57,8 +59,8 @@ impl IdealCamera {
     pub fn n_bands(&self) -> usize {
         self.n_bands
     }
-    /// The values of some points of a submap of a simulation, one point after the other; NaN where no ray meets the surface of the
-    /// point. `shown` has the index of each point.
+    /// The values of some points of a submap of a simulation, one point after the other; NaN if no ray hits the surface
+    /// of the point. `shown` contains the index of each point.
     pub fn values(
         &self,
         simulation: &Simulation,

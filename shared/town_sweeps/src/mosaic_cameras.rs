@@ -1,5 +1,5 @@
-//! What the mosaic cameras of the vehicle measure at the points of a submap: raw frames with noise, motion blur and defective pixels,
-//! calibrated by dark and white references, and sampled at the points as the stage `colorize` does.
+//! Measurements of the mosaic cameras at the points of a submap: raw frames with noise, motion blur and defective pixels,
+//! calibrated by dark and white references, and sampled at the points like in the stage `colorize`.
 
 use crate::error::TownSweepsError;
 use color_lines::{CubeRegions, CubeSettings};
@@ -13,10 +13,10 @@ use simulation::sensors::mosaic::{
 };
 use spectral::{Calibration, Camera, Mosaic, Reference, SpectralError, WhiteTarget, median_3x3};
 
-/// The default of `colorize`.
+/// Default limits of `colorize`.
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
 
-/// What the mosaic cameras measure at the points of a submap.
+/// Measurements of the mosaic cameras at the points of a submap.
 pub struct PointSpectra {
     /// Header of the topic `spectra`.
     pub header: Box<SpectraHeader>,
@@ -40,7 +40,8 @@ struct CalibratedCamera {
 }
 
 impl MosaicCameras {
-    /// Those of a simulation, with their references. `median`: cubes are smoothed, as by the setting of `calibrate`.
+    /// The cameras of a simulation, with their references. With `median`, cubes are smoothed as by the setting of
+    /// `calibrate`.
     pub fn new(simulation: &Simulation, median: bool) -> Result<Self, TownSweepsError> {
         let cameras: Result<Vec<CalibratedCamera>, SpectralError> = (simulation.rig.mosaics.iter())
             .map(|spec| {

@@ -13,9 +13,10 @@ pub enum Mount {
     Rig,
     /// A lidar of any model on any vehicle:
     ///
-    /// - in three of ten cases that of [`Mount::Rig`], with random errors of up to 3 degrees and 20 cm; else a lidar on a roof, 1 to 3 m
-    ///   above the road, upright within 3 degrees: an HDL-64E (three of eight), HDL-32E, VLP-32C, VLP-16, or one of each [`Pattern`];
-    /// - its unit is perfect, typical or poor ([`LidarErrors`]); those of patterns are perfect;
+    /// - in three of ten cases the lidar of [`Mount::Rig`], with random errors of up to 3 degrees and 20 cm; otherwise a
+    ///   lidar on a roof, 1 to 3 m above the road, upright within 3 degrees: an HDL-64E (three of eight), HDL-32E,
+    ///   VLP-32C, VLP-16, or one of each [`Pattern`];
+    /// - its unit is perfect, typical or poor ([`LidarErrors`]); units with patterns are perfect;
     /// - one of four has no rings.
     Random,
     /// A perfect unit, upright on a roof.
@@ -27,11 +28,11 @@ pub enum Mount {
         /// Whether its driver numbers the rings.
         has_rings: bool,
     },
-    /// A perfect unit that is no Velodyne, upright on a roof 1.73 m above the road.
+    /// A perfect unit with a pattern, not a Velodyne, upright on a roof 1.73 m above the road.
     Pattern(Pattern),
 }
 
-/// A lidar by itself.
+/// A lidar without its mounting.
 pub(crate) enum Unit {
     Rotating { model: Model, errors: LidarErrors },
     Pattern(Pattern),
@@ -54,9 +55,9 @@ impl Mount {
     /// The HDL-64E of KITTI, 1.73 m above the road.
     pub const KITTI: Self = Self::Roof { model: Model::Hdl64e, height_m: KITTI_M, has_rings: true };
 
-    /// The lidar, which may be random.
+    /// The lidar of this mount, which may be random.
     pub(crate) fn lidar(self, random: &mut Random) -> MountedLidar {
-        // Drawn for every mount: the numbers after it, those of the noise, must stay the same.
+        // Drawn for every mount, so that the following random numbers, which give the noise, stay the same.
         let mut near = |degrees: f32| f64::from(random.range(-degrees, degrees)).to_radians();
         let jitter = UnitQuaternion::from_euler_angles(near(3.0), near(3.0), near(3.0));
         let rig = RigSpec::l3d2().lidar.body_from_lidar;
@@ -77,7 +78,7 @@ impl Mount {
     }
 }
 
-/// Kinds of lidar that a random vehicle has.
+/// Kinds of lidar of a random vehicle.
 #[derive(Clone, Copy)]
 enum Kind {
     Rotating(Model),

@@ -19,7 +19,7 @@ impl Mount {
         ("rosette", Self::Pattern(Pattern::Rosette)),
     ];
 
-    /// The mount of a name; `None` if there is no such name.
+    /// The mount with this name; `None` if there is no such name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, mount)| *mount)
     }

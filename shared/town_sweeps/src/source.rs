@@ -7,7 +7,7 @@ use messages::ClassId;
 use simulation::Simulation;
 use simulation::sensors::lidar::{Block, Firing, Lidar, LidarModel, LidarReturn, PatternLidar};
 
-/// Duration of a revolution, s; of a pattern without revolutions, of a sweep.
+/// Duration of a revolution, s, or of a sweep for a pattern without revolutions.
 const TURN_SECONDS: f64 = 0.1;
 const TURN_NANOS: i64 = 100_000_000;
 
@@ -19,14 +19,14 @@ pub(crate) enum Source<'a> {
 
 /// One return.
 pub(crate) struct Return {
-    /// Time of its pose, ns since the begin of the turn.
+    /// Time of its pose, ns since the start of the turn.
     pub nanos: i64,
     /// Scan angle, degrees, 0 to 360.
     pub azimuth_deg: f64,
     /// Vertical angle of the beam, degrees.
     pub elevation_deg: f64,
     pub ring: u8,
-    /// Without noise, m.
+    /// Range without noise, m.
     pub range_m: f32,
     pub intensity: u8,
     pub class: ClassId,

@@ -10,16 +10,16 @@ const RANGE_SIGMA_M: f32 = 0.02;
 
 /// A submap with the class of every point.
 pub struct TownSubmap {
-    /// As from `slam_aggregate`, with true poses.
+    /// Header as from `slam_aggregate`, with true poses.
     pub header: Box<SubmapHeader>,
-    /// In the body frame at the first firing.
+    /// Points in the body frame at the first firing.
     pub points: Vec<SubmapPoint>,
     /// True class id of each point.
     pub truth: Vec<u8>,
 }
 
 impl TownSubmap {
-    /// Appends the returns of one turn. `submap_from_lidar` takes ns since its begin.
+    /// Appends the returns of one turn. `submap_from_lidar` takes the time since its start, ns.
     pub(crate) fn push_turn(
         &mut self,
         returns: &[Return],

@@ -1,4 +1,4 @@
-//! The surfaces that the points of a submap lie on.
+//! The surfaces at the points of a submap.
 
 use geometry::{Point3, Pose, Stamp};
 use messages::{SubmapHeader, SubmapPoint, SubmapSweep};
@@ -8,26 +8,26 @@ use simulation::Simulation;
 use simulation::light::sun_on;
 use town::{Material, SceneHit};
 
-/// Points are traced in groups of this duration, ns; moving objects stand still within a group.
+/// Points are traced in groups of this duration, ns; moving objects are static within a group.
 const GROUP_NANOS: u32 = 2_000_000;
 /// Largest distance between the hit of the ray and the point, m: the edge of a LiDAR beam may hit another surface than its center.
 const NEAR_M: f32 = 0.3;
 /// Range of the rays, m: the range of the LiDAR.
 const REACH_M: f32 = 120.0;
-/// Rays of a point at most: nearly all leaves are then found, as all other surfaces.
+/// Largest number of rays per point: with it, nearly all leaves are found, like all other surfaces.
 pub(crate) const N_RAYS: u64 = 32;
 
 /// The surface of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueSurface {
-    /// What it is made of.
+    /// Material of the surface.
     pub material: Material,
-    /// Whether the sun shines on it.
+    /// Whether the surface is in direct sunlight.
     pub is_sunlit: bool,
 }
 
-/// The surfaces of some points of a submap of a simulation; `None` where no ray meets the surface of the point. `shown` has the index
-/// of each point.
+/// The surfaces of some points of a submap of a simulation; `None` if no ray hits the surface of the point. `shown`
+/// contains the index of each point.
 pub fn true_surfaces(
     simulation: &Simulation,
     header: &SubmapHeader,
@@ -41,8 +41,8 @@ pub fn true_surfaces(
     surfaces
 }
 
-/// Calls `visit` once for each place of `shown` whose surface a ray meets: with the hit, and the share of the full sun on it. Rays go
-/// through leaves and fences at random; `n_rays` are tried.
+/// Calls `visit` once for each entry of `shown` whose surface a ray hits, with the hit and the share of the full sun on
+/// it. Rays pass through leaves and fences at random; `n_rays` are tried.
 pub(crate) fn trace_points(
     simulation: &Simulation,
     submap: (&SubmapHeader, &[SubmapPoint]),
@@ -61,7 +61,7 @@ pub(crate) fn trace_points(
     }
 }
 
-/// Traces the ray of this number to each place of `shown`.
+/// Traces the ray of this number to each entry of `shown`.
 fn trace(
     simulation: &Simulation,
     (header, points): (&SubmapHeader, &[SubmapPoint]),
@@ -109,13 +109,14 @@ fn trace(
     }
 }
 
-/// Position of the LiDAR when it saw a point, and the point, in the submap frame.
+/// Position of the LiDAR at the shot of a point, and the point, in the submap frame.
 fn eye_and_point(sweep: &SubmapSweep, point: &SubmapPoint) -> ([f32; 3], [f32; 3]) {
     let share = (point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32).min(1.0);
     let begin = &sweep.submap_from_lidar_begin;
     let end = &sweep.submap_from_lidar_end;
     let at = [point.x, point.y, point.z];
-    // The point minus the ray of the range image, with the rounding of that subtraction: published experiments depend on it.
+    // The point minus the ray of the range image, with the rounding of this subtraction: published experiments depend on
+    // it.
     let eye = std::array::from_fn(|axis| at[axis] - (at[axis] - (begin[axis] + share * (end[axis] - begin[axis]))));
     (eye, at)
 }

@@ -43,7 +43,7 @@ fn vegetation_is_green_and_bright_in_infrared() {
     assert!(n_seen * 10 > shown.len() * 9, "{n_seen} of {} points", shown.len());
     let known = colors.iter().filter(|value| !value.is_nan());
     assert!(known.clone().all(|value| (0.0..=1.0).contains(value)));
-    // Both cameras see the same points of both sweeps.
+    // Both cameras capture the same points of both sweeps.
     assert_eq!(colors.len() / 3, bands.len() / 2);
     assert!(colors.chunks_exact(3).zip(bands.chunks_exact(2)).all(|(a, b)| a[0].is_nan() == b[0].is_nan()));
     for sweep in 0..2 {
