@@ -1,15 +1,16 @@
-//! Raw frames into reflectance (thesis 2.5.1):
+//! Conversion of raw frames to reflectance (thesis 2.5.1):
 //!
 //! `R = rho_white (raw - dark) / (white - dark) * t_white / t_raw`, per pixel of the raw mosaic.
 //!
-//! The dark signal is bias plus dark current. Dark frames of two or more exposure times determine both (a line for each pixel), and
-//! dark(t) is evaluated at the exposure time of the frame. Dark frames of one exposure time are subtracted as they are: at a few ms
-//! they are the bias of the read-out, which does not grow with time. R is linear in the light and not clamped: 1 is a perfect
-//! diffuser and a mirror gives more. Noise around black gives small negative values; clamping them would bias every mean.
+//! The dark signal is bias plus dark current. Dark frames of at least two exposure times determine both (a line for each
+//! pixel), and dark(t) is evaluated at the exposure time of the frame. Dark frames of one exposure time are subtracted
+//! unchanged: at a few ms they contain the bias of the read-out, which does not grow with time. R is linear in the light
+//! and not clamped: 1 is a perfect diffuser, and a mirror has larger values. Noise around black gives small negative
+//! values; clamping them would bias every mean.
 //!
 //! An invalid sample is masked and its reflectance is 0, never NaN:
 //! - dead: `white - dark` is below one count, or one of the references is saturated there;
-//! - saturated: the largest value of the sample's depth;
+//! - saturated: the largest value of the sample depth;
 //! - clipped: 0 where the dark reference is above 0, so that the light is unknown.
 
 mod pixels;
@@ -24,7 +25,7 @@ use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
 use row::Row;
 
-/// A white reference of one reflectance that fills the image; see [`WhitePanel`] for others.
+/// A white reference with one reflectance that fills the image; see [`WhitePanel`] for other references.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WhiteTarget {
     /// Reflectance of the target, above 0 and at most 1; 0.98 for the usual panel.
@@ -33,14 +34,14 @@ pub struct WhiteTarget {
     pub exposure_nanos: u64,
 }
 
-/// Counts of invalid samples of one frame. Each sample is counted under the first reason that applies.
+/// Numbers of invalid samples in one frame. Each sample is counted under the first reason that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {
-    /// Without valid references.
+    /// Samples without valid references.
     pub dead: u64,
-    /// At the largest value.
+    /// Samples at the largest value.
     pub saturated: u64,
-    /// At zero, below the dark reference.
+    /// Samples at zero, below the dark reference.
     pub clipped: u64,
 }
 
@@ -82,9 +83,9 @@ struct Exposure {
 #[derive(Clone, Debug)]
 pub struct Calibration {
     mosaic: Mosaic,
-    /// At no exposure time.
+    /// Dark signal at exposure time 0.
     darks: Vec<f32>,
-    /// Counts per ns; empty if no pixel has a dark current.
+    /// Dark current, counts per ns; empty if no pixel has a dark current.
     dark_rates: Vec<f32>,
     /// `rho_white t_white / (white - dark)` in ns per count; 0 = dead.
     gains: Vec<f32>,
@@ -92,7 +93,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Computes the gains. Both references must have `mosaic`'s size and at least one frame.
+    /// Computes the gains. Both references must have the size of `mosaic` and at least one frame.
     pub fn new(
         mosaic: &Mosaic,
         dark: &Reference,
@@ -104,7 +105,7 @@ impl Calibration {
         Self::with_panel(mosaic, &[(target.exposure_nanos, dark)], white, &panel)
     }
 
-    /// The same with dark frames of several exposure times (ns), and a white panel of any kind.
+    /// Like [`Self::new`], with dark frames of several exposure times (ns) and any white panel.
     pub fn with_panel(
         mosaic: &Mosaic,
         darks: &[(u64, &Reference)],
@@ -180,8 +181,8 @@ impl Calibration {
         Ok((reflectances, valid, counts))
     }
 
-    /// One frame into a cube: `reflectances` is band-sequential (`n_bands` planes of `n_cells`, row-major), bit b of a
-    /// cell's mask is 1 if its band b is valid. Both are overwritten; invalid values are 0.
+    /// Converts one frame into a cube: `reflectances` is band-sequential (`n_bands` planes of `n_cells`, row-major), bit
+    /// b of a cell's mask is 1 if its band b is valid. Both are overwritten; invalid values are 0.
     pub fn cube_into(
         &self,
         raw: &[u16],
@@ -206,8 +207,8 @@ impl Calibration {
         Ok(scratch.counts)
     }
 
-    /// As [`Calibration::cube_into`], with each row of cells corrected while it is in the cache: `values` has a plane for each
-    /// virtual band, and the masks are those of the virtual bands.
+    /// Like [`Calibration::cube_into`], with each row of cells corrected while it is in the cache: `values` has a plane
+    /// for each virtual band, and the masks refer to the virtual bands.
     pub fn corrected_cube_into(
         &self,
         raw: &[u16],
@@ -238,7 +239,7 @@ impl Calibration {
         Ok(scratch.counts)
     }
 
-    /// One row of cells: `planes` and `masks` are overwritten there.
+    /// Converts one row of cells: `planes` and `masks` are overwritten there.
     #[inline(always)]
     fn cells_into(
         &self,
@@ -258,7 +259,7 @@ impl Calibration {
         }
     }
 
-    /// As [`Self::cells_into`] for a pattern of `P` px.
+    /// Implementation of [`Self::cells_into`] for a pattern of `P` px.
     #[inline(always)]
     fn cells_of<const P: usize>(
         &self,

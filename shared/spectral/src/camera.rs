@@ -7,26 +7,26 @@ use formats::raw_mosaic::{RawMosaic, RawMosaicError};
 use formats::sensor_calibration::{SensorCalibration, VirtualBand};
 use std::path::{Path, PathBuf};
 
-/// Why a camera gives no reflectance.
+/// Reason why a camera gives no reflectance.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraError {
-    /// Its entry in the manifest, its references or its correction.
+    /// The manifest entry, a reference or the correction is invalid.
     #[error("{camera}: {source}")]
     Calibration {
         /// Name of the camera.
         camera: String,
-        /// What is wrong.
+        /// The cause.
         source: SpectralError,
     },
-    /// A reference frame that cannot be read.
+    /// A reference frame cannot be read.
     #[error("{camera}: {source}")]
     Read {
         /// Name of the camera.
         camera: String,
-        /// What is wrong.
+        /// The cause.
         source: RawMosaicError,
     },
-    /// A reference frame that does not fit the camera.
+    /// A reference frame does not fit the camera.
     #[error("{camera}: {}: {width}x{height} px; must be {}x{}", path.display(), expected[0], expected[1])]
     Size {
         /// Name of the camera.
@@ -40,24 +40,24 @@ pub enum CameraError {
         /// Columns and rows of the camera.
         expected: [u32; 2],
     },
-    /// More reference frames than their sum can hold.
+    /// There are more reference frames than their sum can hold.
     #[error("{camera}: {}: {source}", path.display())]
     Frame {
         /// Name of the camera.
         camera: String,
         /// The frame.
         path: PathBuf,
-        /// What is wrong.
+        /// The cause.
         source: SpectralError,
     },
-    /// A folder without reference frames.
+    /// A folder contains no reference frames.
     #[error("{camera}: no {what} reference in {}: no reflectance", folder.display())]
     NoReference {
         /// Name of the camera.
         camera: String,
         /// Dark or white.
         what: &'static str,
-        /// Where it was searched.
+        /// The searched folder.
         folder: PathBuf,
     },
 }
@@ -94,8 +94,8 @@ impl Camera {
         Self::new(calibration, &entry.wavelengths_nm, sensor).map_err(named)
     }
 
-    /// A camera with filters at the center wavelengths `filters_nm`, in the pattern's order. With a `sensor`, cubes are corrected by
-    /// the sensor's reflectance matrix.
+    /// A camera with filters at the center wavelengths `filters_nm`, in the order of the pattern. With a `sensor`, cubes
+    /// are corrected by the reflectance matrix of the sensor.
     pub fn new(
         calibration: Calibration,
         filters_nm: &[f64],
@@ -130,7 +130,7 @@ impl Camera {
         self.calibration.mosaic()
     }
 
-    /// Center wavelength of each band of the cubes, nm: of the virtual bands with a correction, else of the filters.
+    /// Center wavelength of each band of the cubes, nm: of the virtual bands with a correction, otherwise of the filters.
     pub fn wavelengths_nm(&self) -> &[f32] {
         &self.wavelengths_nm
     }
@@ -140,9 +140,9 @@ impl Camera {
         self.valid_bands
     }
 
-    /// One raw frame into a cube, binned and corrected: `values` is band-sequential (one plane of cells for each of
-    /// [`Camera::wavelengths_nm`]), bit b of a cell's mask is 1 if its band b is valid. Both are overwritten. The counts are those of
-    /// the raw samples.
+    /// Converts one raw frame into a cube, binned and corrected: `values` is band-sequential (one plane of cells for each
+    /// of [`Camera::wavelengths_nm`]), bit b of a cell's mask is 1 if its band b is valid. Both are overwritten. The
+    /// returned counts refer to the raw samples.
     pub fn cube_into(
         &self,
         raw: &[u16],
@@ -157,8 +157,8 @@ impl Camera {
     }
 }
 
-/// The dark references with their exposure times: from `folder` itself, and from its subfolders that are named by an exposure time in
-/// ns.
+/// The dark references with their exposure times: from `folder` itself, and from its subfolders, which are named by an
+/// exposure time in ns.
 #[allow(clippy::disallowed_methods, reason = "a stage reads its calibration before its first step")]
 fn read_darks(
     name: &str,
@@ -200,7 +200,7 @@ fn read_reference(name: &str, what: &'static str, folder: &Path, mosaic: &Mosaic
     Ok(reference)
 }
 
-/// The images of a folder, sorted by name; none without the folder.
+/// The images of a folder, sorted by name; empty if there is no folder.
 #[allow(clippy::disallowed_methods, reason = "a stage reads its calibration before its first step")]
 fn frames(folder: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };

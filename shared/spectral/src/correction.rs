@@ -1,8 +1,8 @@
-//! Spectral correction: turns the bands of the filters into virtual bands with one peak each.
+//! Spectral correction: converts the bands of the filters to virtual bands with one peak each.
 //!
-//! The filters of a mosaic camera have second-order peaks and crosstalk. The manufacturer delivers a matrix C whose row j combines
-//! the reflectances of all P x P filters into that of virtual band j: `r_j = sum_k C_jk r_k` (k in the pattern's order). Rows sum
-//! to 1, so a white reference stays flat.
+//! The filters of a mosaic camera have second-order peaks and crosstalk. The manufacturer delivers a matrix C. Its row j
+//! combines the reflectances of all P x P filters to the reflectance of virtual band j: `r_j = sum_k C_jk r_k` (k in the
+//! order of the pattern). Rows sum to 1, so a white reference stays flat.
 //!
 //! A virtual band is valid if all bands with a weight in its row are valid. Invalid values are 0.
 
@@ -11,29 +11,29 @@ use crate::limits::MAX_PATTERN;
 use crate::mosaic::check_length;
 use crate::planes::Planes;
 
-/// Cells of a block: its bands stay in the L1 cache.
+/// Cells per block: its bands stay in the L1 cache.
 const BLOCK: usize = 64;
-/// Rows and cells whose sums are in registers together: 5 x 16 are ten of AVX2's sixteen registers, and each loaded value is used for
-/// five rows. Five divides the rows of the usual matrices, 15 and 25. This register blocking is why it is not a matrix product of
-/// `ndarray`.
+/// Number of rows whose sums are in registers together. 5 rows x 16 cells are ten of the sixteen AVX2 registers, and each
+/// loaded value is used for five rows. Five divides the row counts of the usual matrices, 15 and 25. Because of this
+/// register blocking, the product is not a matrix product of `ndarray`.
 const ROWS: usize = 5;
-/// See [`ROWS`].
+/// Number of cells whose sums are in registers together; see [`ROWS`].
 const LANES: usize = 16;
-/// A mask has a bit for each band.
+/// Largest number of bands: a mask has a bit for each band.
 const MAX_BANDS: usize = (MAX_PATTERN * MAX_PATTERN) as usize;
 
 /// One correction matrix, ready for cubes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correction {
     n_bands: usize,
-    /// By row, bit k: band k has a weight.
+    /// Mask of each row: bit k is set if band k has a weight.
     needs: Vec<u32>,
     /// Groups of [`ROWS`] rows, band by band; missing rows are zero.
     groups: Vec<Vec<[f32; ROWS]>>,
 }
 
 impl Correction {
-    /// `rows`: of each virtual band the coefficients of all `n_bands` bands, 1 to 25 of each, finite.
+    /// Takes `rows`: for each virtual band, the finite coefficients of all `n_bands` bands. Both numbers are 1 to 25.
     pub fn new<'a>(n_bands: usize, rows: impl IntoIterator<Item = &'a [f64]>) -> Result<Self, SpectralError> {
         let is_size = |n: usize| (1..=MAX_BANDS).contains(&n);
         if !is_size(n_bands) {
@@ -59,24 +59,24 @@ impl Correction {
         Ok(Self { n_bands, needs, groups })
     }
 
-    /// Bands of the filters.
+    /// Number of bands of the filters.
     pub fn n_bands(&self) -> usize {
         self.n_bands
     }
 
-    /// Virtual bands.
+    /// Number of virtual bands.
     pub fn n_virtual_bands(&self) -> usize {
         self.needs.len()
     }
 
-    /// Which virtual bands are valid where the bands in `mask` are: for one cell, or for a whole camera.
+    /// Mask of the virtual bands that are valid if the bands in `mask` are: for one cell, or for a whole camera.
     pub fn valid(&self, mask: u32) -> u32 {
         let valid = |(j, needs): (usize, &u32)| u32::from(mask & needs == *needs) << j;
         self.needs.iter().enumerate().map(valid).fold(0, |bits, bit| bits | bit)
     }
 
-    /// One cube into another. `bands` and `virtual_bands` are band-sequential with one value per cell; bit k of a cell's mask
-    /// says that its band k was measured. `virtual_bands` and `virtual_masks` are overwritten.
+    /// Corrects a cube. `bands` and `virtual_bands` are band-sequential with one value per cell; bit k of a cell's mask
+    /// is set if its band k was measured. `virtual_bands` and `virtual_masks` are overwritten.
     pub fn correct_into(
         &self,
         bands: &[f32],
@@ -93,7 +93,7 @@ impl Correction {
         Ok(())
     }
 
-    /// Some cells of a cube; `bands` and `masks` contain only these, and their lengths fit.
+    /// Corrects some cells of a cube; `bands` and `masks` contain only these cells, and their lengths match.
     pub(crate) fn cells_into(&self, bands: &[f32], masks: &[u32], planes: &mut Planes<'_>, virtual_masks: &mut [u32]) {
         let n_cells = masks.len();
         let all = u32::MAX >> (32 - self.n_bands);

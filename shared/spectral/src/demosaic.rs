@@ -4,11 +4,11 @@
 //! |---|---|---|
 //! | WB | bilinear interpolation of each band between its own samples | Brauers and Aach, 2006 |
 //! | ID | bilinear interpolation of the differences to a pseudo-panchromatic image (PPI, the mean of all bands); the PPI is a blurred mosaic | Mihoubi et al., 2015 |
-//! | IID | as ID, with the PPI estimated again from the previous result | Mihoubi et al., 2015 |
-//! | PPID | as ID, with a sharp PPI: the sample of each pixel, corrected by its band's difference to the PPI, weighted along edges | Mihoubi et al., IEEE TCI 2017 |
+//! | IID | like ID, with the PPI estimated again from the previous result | Mihoubi et al., 2015 |
+//! | PPID | like ID, with a sharp PPI: the sample of each pixel, corrected by its band's difference to the PPI, weighted along edges | Mihoubi et al., IEEE TCI 2017 |
 //!
-//! All methods keep the measured samples bit by bit and reproduce a mosaic that is constant per band (WB bit by bit, the others
-//! within 1e-6). At the rims each band continues as in its last pattern cell.
+//! All methods keep the measured samples bit by bit and reproduce a mosaic that is constant per band (WB bit by bit, the
+//! others within 1e-6). At the image border each band continues as in its last pattern cell.
 
 mod filter;
 mod gaps;
@@ -37,7 +37,7 @@ pub enum Demosaicing {
 }
 
 settings::words! {
-    /// Resolution of cubes, as settings and commands name it.
+    /// Resolution of cubes, with the names used in settings and commands.
     pub enum Resolution {
         /// One cell per pattern cell.
         Bin = "bin",
@@ -53,7 +53,7 @@ settings::words! {
 }
 
 impl Resolution {
-    /// The method that gives a cell per pixel; `None` for a cell per pattern cell.
+    /// The method for one cell per pixel; `None` for one cell per pattern cell.
     pub fn demosaicing(self) -> Option<Demosaicing> {
         match self {
             Self::Bin => None,
@@ -65,7 +65,7 @@ impl Resolution {
     }
 }
 
-/// Demosaics images of one size and keeps the buffers for it.
+/// Demosaics images of one size and keeps its buffers.
 #[derive(Debug)]
 pub struct Demosaicer {
     lattice: Lattice,
@@ -75,7 +75,8 @@ pub struct Demosaicer {
 }
 
 impl Demosaicer {
-    /// For mosaics of `width` times `height` px, whole cells of `pattern` px from the top left (4 rows of 4 bands: 4).
+    /// A demosaicer for mosaics of `width` times `height` px that consist of whole cells of `pattern` px from the top
+    /// left (4 rows of 4 bands: 4).
     pub fn new(width: usize, height: usize, pattern: usize) -> Result<Self, SpectralError> {
         if !(1..=MAX_PATTERN as usize).contains(&pattern) {
             return Err(SpectralError::Pattern(u32::try_from(pattern).unwrap_or(u32::MAX)));
@@ -88,13 +89,13 @@ impl Demosaicer {
         Ok(Self { lattice, ppi: Vec::new(), difference: Vec::new(), scratch: Vec::new() })
     }
 
-    /// Bands of a mosaic.
+    /// Number of bands of a mosaic.
     pub fn n_bands(&self) -> usize {
         self.lattice.n_bands()
     }
 
-    /// `samples`: row by row, reflectances (PPID weighs edges against a step of 1/255 of full reflectance). `bands` is
-    /// overwritten: band `k = (y mod P) P + (x mod P)` after band, each of the mosaic's size.
+    /// Demosaics `samples`, reflectances row by row (PPID weights edges relative to a step of 1/255 of full reflectance).
+    /// `bands` is overwritten: band `k = (y mod P) P + (x mod P)` after band, each of the size of the mosaic.
     pub fn demosaic_into(
         &mut self,
         samples: &[f32],
@@ -111,7 +112,7 @@ impl Demosaicer {
         Ok(())
     }
 
-    /// As [`Demosaicer::demosaic_into`], row by row: `each` receives the bands of each row, band-sequential.
+    /// Like [`Demosaicer::demosaic_into`], row by row: `each` receives the bands of each row, band-sequential.
     pub fn demosaic_rows(
         &mut self,
         samples: &[f32],
@@ -159,8 +160,8 @@ impl Demosaicer {
         Ok(Rows::new(Parts { lattice: &self.lattice, mosaic, shared, measured: samples }))
     }
 
-    /// Replaces samples that are not `valid` by an estimate from the nearest ones of their band, so that filters do not treat them as
-    /// black. [`Demosaicer::masks_into`] still marks the values that depend on them as invalid.
+    /// Replaces samples that are not `valid` by an estimate from the nearest samples of their band, so that filters do
+    /// not treat them as black. [`Demosaicer::masks_into`] still marks the values that depend on them as invalid.
     pub fn bridge_gaps(&self, samples: &mut [f32], valid: &[bool]) -> Result<(), SpectralError> {
         let n_pixels = self.lattice.width * self.lattice.height;
         check_length("mosaic", samples.len(), n_pixels)?;
@@ -169,8 +170,8 @@ impl Demosaicer {
         Ok(())
     }
 
-    /// Validity of the bands: bit k of a pixel's mask is 1 if all samples between which band k is interpolated are `valid`. The blur of
-    /// the PPI is ignored. `masks` is overwritten.
+    /// Validity of the bands: bit k of a pixel's mask is 1 if all samples used to interpolate band k are `valid`. The
+    /// blur of the PPI is ignored. `masks` is overwritten.
     pub fn masks_into(&self, valid: &[bool], masks: &mut [u32]) -> Result<(), SpectralError> {
         let n_pixels = self.lattice.width * self.lattice.height;
         check_length("mask", valid.len(), n_pixels)?;

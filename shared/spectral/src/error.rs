@@ -1,10 +1,10 @@
-/// Why a frame or a calibration cannot be used.
+/// Reason why a frame or a calibration cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpectralError {
-    /// Filter pattern outside what a cell's mask can hold.
+    /// The filter pattern exceeds the mask of a cell.
     #[error("pattern of {0} px; must be 1 to {max}", max = crate::limits::MAX_PATTERN)]
     Pattern(u32),
-    /// Sample depth outside what a u16 can hold.
+    /// The sample depth does not fit in a u16.
     #[error("bit depth {0}; must be 1 to 16")]
     BitDepth(u32),
     /// The active area is not inside the image, or has no complete cell.
@@ -28,7 +28,7 @@ pub enum SpectralError {
         /// Side of the pattern.
         pattern: u32,
     },
-    /// A mosaic with partial cells.
+    /// The mosaic has partial cells.
     #[error("mosaic of {width}x{height} px; must have complete cells of {pattern}x{pattern} px")]
     PartialCells {
         /// Columns.
@@ -38,67 +38,67 @@ pub enum SpectralError {
         /// Side of the pattern.
         pattern: usize,
     },
-    /// A buffer of wrong length.
+    /// A buffer has the wrong length.
     #[error("{what} of {got} values; must have {expected}")]
     Length {
-        /// Which buffer.
+        /// Name of the buffer.
         what: &'static str,
-        /// Values in it.
+        /// Number of values in the buffer.
         got: usize,
-        /// Values that it must have.
+        /// Expected number of values.
         expected: usize,
     },
-    /// A reference without frames, or with more than its sums can hold.
+    /// A reference has no frames, or more than its sums can hold.
     #[error("{what} reference of {n_frames} frames; must have 1 to {max}", max = crate::limits::MAX_FRAMES)]
     Frames {
         /// Dark or white.
         what: &'static str,
-        /// Frames in it.
+        /// Number of frames.
         n_frames: u32,
     },
-    /// An exposure time of zero.
+    /// An exposure time is zero.
     #[error("{what} exposure of {nanos} ns; must be above zero")]
     Exposure {
-        /// Of which frame.
+        /// The frame with this exposure time.
         what: &'static str,
-        /// As given.
+        /// The given exposure time, ns.
         nanos: u64,
     },
-    /// A reflectance that no white reference has.
+    /// The reflectance is impossible for a white reference.
     #[error("white target with reflectance {0}; must be above 0 and at most 1")]
     WhiteReflectance(f64),
-    /// A number of reflectances that does not fit the bands.
+    /// The number of reflectances does not match the bands.
     #[error("{n} reflectances of the white panel; must be 1, or one for each of the {n_bands} bands")]
     PanelBands {
-        /// As given.
+        /// The given number of reflectances.
         n: usize,
-        /// Of the mosaic.
+        /// Number of bands of the mosaic.
         n_bands: usize,
     },
-    /// A white panel outside of the active area.
+    /// The white panel is outside the active area.
     #[error(
         "white panel at {region:?} (left, top, width, height); must lie in the active area {area:?} and hold a pattern"
     )]
     Region {
-        /// As given.
+        /// The given region.
         region: [u32; 4],
         /// Whole cells of the active area.
         area: [u64; 4],
     },
-    /// A correction matrix of invalid size.
+    /// The correction matrix has an invalid size.
     #[error("correction with {n} {what}; must have 1 to {max}", max = crate::limits::MAX_PATTERN * crate::limits::MAX_PATTERN)]
     CorrectionSize {
         /// Bands or virtual bands.
         what: &'static str,
-        /// As given.
+        /// The given number.
         n: usize,
     },
-    /// A coefficient that is not finite.
+    /// A coefficient is not finite.
     #[error("row {row} of the correction has the coefficient {value}; must be finite")]
     Coefficient {
-        /// From 0.
+        /// Index of the row, from 0.
         row: usize,
-        /// As given.
+        /// The given coefficient.
         value: f64,
     },
 }

@@ -1,13 +1,14 @@
 //! Cubes at full resolution: reflectance per pixel, demosaicing, correction.
 //!
-//! Images are processed row by row, so that in addition to the cube only four single-channel images are in memory: 22 bytes per pixel
-//! of the active area, 49 MB for 2045 x 1085. The cube has `n_bands` f32 and a mask for each pixel: 231 MB with 25 bands.
+//! Images are processed row by row, so that only four single-channel images are in memory in addition to the cube: 22
+//! bytes per pixel of the active area, 49 MB for 2045 x 1085. The cube has `n_bands` f32 and a mask for each pixel: 231
+//! MB with 25 bands.
 
 use crate::mosaic::check_length;
 use crate::planes::Planes;
 use crate::{Camera, Demosaicer, Demosaicing, FrameCounts, SpectralError};
 
-/// Makes cubes of one camera and keeps the buffers for it.
+/// Computes cubes of one camera and keeps its buffers.
 #[derive(Debug)]
 pub struct FullResolution {
     demosaicer: Demosaicer,
@@ -16,14 +17,14 @@ pub struct FullResolution {
 }
 
 impl FullResolution {
-    /// For frames of `camera`.
+    /// Prepares for frames of `camera`.
     pub fn new(camera: &Camera, method: Demosaicing) -> Result<Self, SpectralError> {
         let [width, height] = camera.mosaic().area();
         let demosaicer = Demosaicer::new(width, height, camera.mosaic().pattern() as usize)?;
         Ok(Self { demosaicer, method, measured: vec![0; width * height] })
     }
 
-    /// As [`Camera::cube_into`], with a value for each pixel in the complete cells of the active area.
+    /// Like [`Camera::cube_into`], with a value for each pixel in the complete cells of the active area.
     pub fn cube_into(
         &mut self,
         camera: &Camera,

@@ -1,7 +1,7 @@
-//! Limits of what the types of this crate can hold.
+//! Limits of the types of this crate.
 
 /// Largest pattern: the 25 bands of 5 x 5 fit the 32-bit mask of a cell.
 pub const MAX_PATTERN: u32 = 5;
 
-/// Frames that a sum of u16 samples in a u32 can hold without overflow.
+/// Largest number of frames whose u16 samples can be summed in a u32 without overflow.
 pub(crate) const MAX_FRAMES: u32 = 65_536;

@@ -1,10 +1,11 @@
-//! A 3x3 median filter of every band, against noise that the spectral correction amplifies.
+//! A 3x3 median filter for each band, which reduces the noise amplified by the spectral correction.
 
 use crate::SpectralError;
 use crate::mosaic::check_length;
 
-/// Replaces each valid value of a band-sequential cube by the median of the valid values in its 3x3 neighborhood (smaller at the
-/// rims; for an even number the mean of the middle two). `size` = columns, rows of cells. Masks do not change.
+/// Replaces each valid value of a band-sequential cube by the median of the valid values in its 3x3 neighborhood (smaller
+/// at the image border; for an even number of values, the mean of the middle two). `size` = columns, rows of cells. Masks
+/// do not change.
 pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(), SpectralError> {
     let [columns, rows] = size.map(|side| side as usize);
     let n_cells = columns * rows;
@@ -17,7 +18,7 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
     for (band, plane) in cube.chunks_exact_mut(n_cells.max(1)).enumerate() {
         before.clear();
         before.extend_from_slice(plane);
-        // First all cells as if all values were valid, then again those with invalid neighbors.
+        // First all cells as if all values were valid, then cells with invalid neighbors again.
         for y in 1..rows.saturating_sub(1) {
             let three = &before[(y - 1) * columns..(y + 2) * columns];
             let out = &mut plane[y * columns..(y + 1) * columns];
@@ -38,7 +39,7 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
     Ok(())
 }
 
-/// Cells with an invalid neighbor, and its bands as bits. Cells at the rim have all bits.
+/// Cells with an invalid neighbor, and its bands as bits. Cells at the image border have all bits.
 fn gaps(columns: usize, rows: usize, masks: &[u32], bands: u32) -> Vec<(usize, u32)> {
     let lacking = |cell: usize| {
         let x = cell % columns;
@@ -72,8 +73,8 @@ fn of_valid(cell: usize, columns: usize, before: &[f32], is_valid: impl Fn(usize
     0.5 * (around[(n - 1) / 2] + around[n / 2])
 }
 
-/// The medians of a row without its ends. The median of nine values is the median of three: the largest of the columns' minima, the
-/// median of their medians, and the smallest of their maxima.
+/// The medians of a row without its ends. The median of nine values is the median of three: the largest column minimum,
+/// the median of the column medians, and the smallest column maximum.
 struct Row<'a> {
     /// The row above, this one and the one below.
     three: &'a [f32],

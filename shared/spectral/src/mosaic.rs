@@ -51,7 +51,7 @@ impl Mosaic {
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
-    /// Samples of a raw frame.
+    /// Number of samples of a raw frame.
     pub fn n_samples(&self) -> usize {
         self.width as usize * self.height as usize
     }
@@ -67,15 +67,15 @@ impl Mosaic {
     pub fn cells(&self) -> [u32; 2] {
         [self.columns, self.rows]
     }
-    /// Cells of the cube.
+    /// Number of cells of the cube.
     pub fn n_cells(&self) -> usize {
         self.columns as usize * self.rows as usize
     }
-    /// Bands of the cube.
+    /// Number of bands of the cube.
     pub fn n_bands(&self) -> usize {
         (self.pattern * self.pattern) as usize
     }
-    /// Significant bits of a sample.
+    /// Number of significant bits of a sample.
     pub fn bit_depth(&self) -> u32 {
         self.bit_depth
     }
@@ -83,7 +83,7 @@ impl Mosaic {
     pub fn saturation(&self) -> u16 {
         u16::MAX >> (16 - self.bit_depth)
     }
-    /// The band of a sample of the raw image, by its index; the pattern continues outside of the active area.
+    /// The band of a sample of the raw image, by its index; the pattern continues outside the active area.
     pub(crate) fn band_of(&self, at: usize) -> usize {
         let phase = |v: usize, origin: u32| (v as i64 - i64::from(origin)).rem_euclid(i64::from(self.pattern)) as usize;
         let x = at % self.width as usize;

@@ -6,7 +6,7 @@ use crate::{Mosaic, SpectralError};
 /// Marks a pixel with a saturated sample. The sum of [`MAX_FRAMES`] samples is smaller.
 const SATURATED: u32 = u32::MAX;
 
-/// The sum of the frames of one reference. Integer sums: the order of the frames does not matter.
+/// The sum of the frames of one reference. Sums are integers, so the order of the frames does not matter.
 #[derive(Clone, Debug)]
 pub struct Reference {
     what: &'static str,
@@ -16,7 +16,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Without frames. `what` names the reference in errors: dark or white.
+    /// A reference without frames. `what` names it in errors: dark or white.
     pub fn new(what: &'static str, mosaic: &Mosaic) -> Self {
         Self { what, mosaic: mosaic.clone(), sums: vec![0; mosaic.n_samples()], n_frames: 0 }
     }
@@ -34,14 +34,14 @@ impl Reference {
         self.n_frames += 1;
         Ok(())
     }
-    /// Frames added so far.
+    /// Number of frames added so far.
     pub fn n_frames(&self) -> u32 {
         self.n_frames
     }
     pub(crate) fn mosaic(&self) -> &Mosaic {
         &self.mosaic
     }
-    /// Fails without frames.
+    /// Fails if there are no frames.
     pub(crate) fn check(&self) -> Result<(), SpectralError> {
         match self.n_frames {
             0 => Err(SpectralError::Frames { what: self.what, n_frames: 0 }),

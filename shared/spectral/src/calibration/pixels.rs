@@ -3,7 +3,7 @@
 use crate::mosaic::check_length;
 use crate::{Mosaic, Reference, SpectralError};
 
-/// Least `white - dark`, counts.
+/// Smallest valid `white - dark`, counts.
 const MIN_SIGNAL: f64 = 1.0;
 
 /// The white reference and its recording.
@@ -11,11 +11,11 @@ const MIN_SIGNAL: f64 = 1.0;
 pub struct WhitePanel {
     /// Exposure time of the white frames, ns.
     pub exposure_nanos: u64,
-    /// Reflectance, above 0 and at most 1: one for all bands, or one for each in the pattern's order.
+    /// Reflectance, above 0 and at most 1: one value for all bands, or one for each in the order of the pattern.
     pub reflectances: Vec<f64>,
-    /// Left column, top row, width and height of the panel in the raw image, px. The mean signal of each band there
-    /// is used for all its pixels, so the vignetting of the lens stays in the reflectance. `None`: the panel fills the image, and each
-    /// pixel has its own signal.
+    /// Left column, top row, width and height of the panel in the raw image, px. The mean signal of each band in this
+    /// region is used for all pixels of the band, so the vignetting of the lens stays in the reflectance. `None`: the
+    /// panel fills the image, and each pixel has its own signal.
     pub region: Option<[u32; 4]>,
 }
 
@@ -36,12 +36,12 @@ pub struct Pixels<'a> {
     darks: DarkLines<'a>,
     white: &'a Reference,
     panel: &'a WhitePanel,
-    /// Mean signal of each band in the panel's region, if it has one.
+    /// Mean signal of each band in the region of the panel, if there is one.
     band_signals: Option<Vec<Option<f64>>>,
 }
 
 impl<'a> Pixels<'a> {
-    /// `darks`: frames with their exposure time, ns. All references must hold frames.
+    /// Takes `darks`, frames with their exposure time, ns. All references must hold frames.
     pub fn new(
         mosaic: &'a Mosaic,
         darks: &[(u64, &'a Reference)],
@@ -90,7 +90,7 @@ impl<'a> Pixels<'a> {
         Some(f64::from(self.white.mean(at)?) - dark).filter(|signal| *signal >= MIN_SIGNAL)
     }
 
-    /// The mean signal of each band in the region; `None` if all its pixels there are dead.
+    /// The mean signal of each band in the region; `None` if all its pixels in the region are dead.
     fn band_means(&self, [x, y, width, height]: [u32; 4]) -> Vec<Option<f64>> {
         let mut sums = vec![(0.0, 0_u32); self.mosaic.n_bands()];
         let pixels = (y..y + height).flat_map(|y| (x..x + width).map(move |x| (x, y)));
@@ -145,11 +145,11 @@ fn check(
 /// Bias and dark current of each pixel by linear least squares over its means at all exposure times. With one exposure time the dark
 /// current is zero.
 struct DarkLines<'a> {
-    /// By exposure time, ns from the mean of all.
+    /// Dark references by exposure time, ns from the mean of all.
     darks: Vec<(f64, &'a Reference)>,
     /// Mean exposure time, ns.
     middle: f64,
-    /// Sum of the squares of the exposure times from their mean, ns^2.
+    /// Sum of the squared deviations of the exposure times from their mean, ns^2.
     spread: f64,
 }
 

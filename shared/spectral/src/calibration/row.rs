@@ -7,7 +7,7 @@ use crate::planes::Planes;
 pub struct Row<'a> {
     pub samples: &'a [u16],
     pub darks: &'a [f32],
-    /// Per count and ns; 0 = dead.
+    /// Gain per count and ns; 0 = dead.
     pub gains: &'a [f32],
     /// The inverse of the exposure time, 1/ns.
     pub scale: f32,
@@ -45,7 +45,7 @@ impl Row<'_> {
         }
     }
 
-    /// Dead, saturated, clipped: one of them at most is 1.
+    /// Flags for dead, saturated, clipped; at most one of them is 1.
     #[inline(always)]
     fn faults(&self, sample: u16, dark: f32, gain: f32) -> [u32; 3] {
         let live = u32::from(gain != 0.0);
@@ -55,7 +55,7 @@ impl Row<'_> {
     }
 }
 
-/// Distributes the values of raw row `dy` of a row of cells to the planes of the bands; `P` is the pattern's side.
+/// Distributes the values of raw row `dy` of a row of cells to the planes of the bands; `P` is the side of the pattern.
 #[inline(always)]
 pub fn distribute<const P: usize>(values: &[f32], dy: usize, planes: &mut Planes<'_>) {
     let cells = values.as_chunks::<P>().0;

@@ -2,7 +2,8 @@
 
 use super::lattice::Lattice;
 
-/// Box filter of the pattern's size. An even pattern has no middle: the outermost samples have half the weight.
+/// Box filter of the size of the pattern. An even pattern has no center pixel: the outermost samples have half the
+/// weight.
 pub fn box_into(lattice: &Lattice, samples: &[f32], out: &mut Vec<f32>, scratch: &mut Vec<f32>) {
     let pattern = lattice.pattern;
     let n_taps = pattern + 1 - pattern % 2;

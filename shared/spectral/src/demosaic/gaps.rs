@@ -2,8 +2,9 @@
 
 use super::lattice::Lattice;
 
-/// Replaces every sample that is not `valid` by the mean of the nearest ones of its band: left and above after their own
-/// replacement, right and below if they are valid; 0 without any. Filters then do not treat it as black.
+/// Replaces every sample that is not `valid` by the mean of the nearest samples of its band: left and above after their
+/// own replacement, right and below if they are valid; 0 if there are no such samples. Filters then do not treat it as
+/// black.
 pub fn bridge(lattice: &Lattice, samples: &mut [f32], valid: &[bool]) {
     let Lattice { width, height, pattern } = *lattice;
     for at in (0..samples.len()).filter(|at| !valid[*at]) {
@@ -19,7 +20,7 @@ pub fn bridge(lattice: &Lattice, samples: &mut [f32], valid: &[bool]) {
     }
 }
 
-/// Validity of the bands: bit k of a pixel's mask is 1 if all samples between which band k is interpolated there are `valid`.
+/// Validity of the bands: bit k of a pixel's mask is 1 if all samples used to interpolate band k there are `valid`.
 /// `masks` is overwritten.
 pub fn masks_into(lattice: &Lattice, valid: &[bool], masks: &mut [u32]) {
     let Lattice { width, height, pattern } = *lattice;
@@ -27,7 +28,7 @@ pub fn masks_into(lattice: &Lattice, valid: &[bool], masks: &mut [u32]) {
     let mut along = vec![0_u32; width * height];
     for (valid, bits) in valid.chunks_exact(width).zip(along.chunks_exact_mut(width)) {
         for kx in 0..pattern {
-            // Interpolation along columns is that along rows of the transposed image.
+            // Interpolation along columns equals interpolation along rows of the transposed image.
             let columns = Lattice { width: height, height: width, pattern };
             for (x, bits) in bits.iter_mut().enumerate() {
                 let (left, right, _) = columns.between(x, kx);

@@ -1,4 +1,4 @@
-//! The lattice of each band's samples, between which bands are interpolated bilinearly.
+//! The lattice of the samples of each band, between which bands are interpolated bilinearly.
 
 /// Size of the mosaic and side of its pattern, px; complete cells only.
 #[derive(Clone, Debug)]
@@ -9,7 +9,7 @@ pub struct Lattice {
 }
 
 impl Lattice {
-    /// Bands.
+    /// Number of bands.
     pub fn n_bands(&self) -> usize {
         self.pattern * self.pattern
     }
@@ -27,7 +27,7 @@ impl Lattice {
         padded
     }
 
-    /// For the positions from `-margin` to `length + margin`: the position inside with the same place in its cell.
+    /// For the positions from `-margin` to `length + margin`: the position inside with the same offset in its cell.
     pub fn folded(&self, length: usize, margin: usize) -> Vec<usize> {
         let pattern = self.pattern as isize;
         let fold = |at: isize| match at {
@@ -38,8 +38,8 @@ impl Lattice {
         (-(margin as isize)..(length + margin) as isize).map(|at| fold(at) as usize).collect()
     }
 
-    /// The two rows of samples around row `y` of the bands in row `ky` of the pattern, and the distance of `y` from the first one, in
-    /// pixels. Beyond the outermost rows these are used.
+    /// The two rows of samples around row `y` of the bands in row `ky` of the pattern, and the distance of `y` from the
+    /// first one, in pixels. Beyond the outermost rows, these rows are used.
     pub fn between(&self, y: usize, ky: usize) -> (usize, usize, usize) {
         if y < ky {
             return (ky, ky, 0);

@@ -5,14 +5,14 @@ use super::lattice::Lattice;
 /// Added to every difference along a direction, so that weights stay finite: 1/255, as in the paper.
 const FLAT: f32 = 1.0 / 255.0;
 
-/// A position relative to the pixel, and its weight in a direction's dissimilarity.
+/// A position relative to the pixel, and its weight in the dissimilarity of a direction.
 type Term = ([isize; 2], f32);
 
 /// Unit step (x, y) to the next sample of the same band, and the positions where the two neighborhoods are compared.
 fn directions() -> [([isize; 2], Vec<Term>); 8] {
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]].map(|[dx, dy]| {
         let terms = if dx == 0 || dy == 0 {
-            // The pixel, the next one in the direction, and both their neighbors across: (2 - i)(2 - |j|).
+            // The pixel, the next one in the direction, and the neighbors of both across: (2 - i)(2 - |j|).
             let weights = [(0, -1, 2.0), (0, 0, 4.0), (0, 1, 2.0), (1, -1, 1.0), (1, 0, 2.0), (1, 1, 1.0)];
             weights.map(|(i, j, weight)| ([i * dx - j * dy, i * dy + j * dx], weight)).to_vec()
         } else {

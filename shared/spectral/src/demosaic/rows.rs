@@ -9,23 +9,23 @@ pub struct Parts<'a> {
     pub lattice: &'a Lattice,
     /// A mosaic; its bands are interpolated.
     pub mosaic: &'a [f32],
-    /// Added to all bands, if there is such an image.
+    /// Image that is added to all bands, if there is one.
     pub shared: Option<&'a [f32]>,
-    /// The measured samples; they are kept in the image.
+    /// The measured samples, which are kept in the image.
     pub measured: &'a [f32],
 }
 
-/// Rows of an image, from the top down.
+/// Rows of an image, from top to bottom.
 pub struct Rows<'a> {
     parts: Parts<'a>,
-    /// By band: the rows of samples above and below, at all columns.
+    /// Row of samples above the current row at all columns, for each band; `below` holds the row below.
     above: Vec<f32>,
     below: Vec<f32>,
     next: usize,
 }
 
 impl<'a> Rows<'a> {
-    /// Begins at the top.
+    /// Starts at the top.
     pub fn new(parts: Parts<'a>) -> Self {
         let n = parts.lattice.n_bands() * parts.lattice.width;
         let mut rows = Self { parts, above: vec![0.0; n], below: vec![0.0; n], next: 0 };
@@ -36,7 +36,7 @@ impl<'a> Rows<'a> {
         rows
     }
 
-    /// The next row of all bands into `planes`.
+    /// Writes the next row of all bands into `planes`.
     pub fn next_into(&mut self, planes: &mut Planes<'_>) {
         let Lattice { width, height, pattern } = *self.parts.lattice;
         let y = self.next;
@@ -53,7 +53,7 @@ impl<'a> Rows<'a> {
             let ky = band / pattern;
             let kx = band % pattern;
             let out = &mut planes.values[band * planes.stride + planes.start..][..width];
-            // Before its first samples a band has only a row below.
+            // Before its first samples, a band has only a row below.
             let above = if y < ky { &self.below } else { &self.above };
             let above = &above[band * width..][..width];
             let below = &self.below[band * width..][..width];
@@ -104,7 +104,7 @@ fn between_into(above: &[f32], below: &[f32], share: f32, out: &mut [f32]) {
     }
 }
 
-/// A row of samples of the bands `kx`, `kx + P`, …: the one in column `kx` of each cell at all columns.
+/// Interpolates a row of samples of the bands `kx`, `kx + P`, … to all columns; each cell has one sample, in column `kx`.
 fn interpolate_row<const P: usize>(samples: &[f32], kx: usize, out: &mut [f32]) {
     let last = samples.len() - P + kx;
     out[..kx].fill(samples[kx]);

@@ -1,4 +1,4 @@
-//! Demosaicing of images whose true bands are known.
+//! Demosaicing of images with known bands.
 
 use spectral::{Demosaicer, Demosaicing, SpectralError};
 
@@ -47,7 +47,7 @@ fn measured_samples_are_kept_bit_by_bit() {
     for pattern in [4, 5] {
         let width = pattern * 6;
         let height = pattern * 5;
-        // Without any structure that a method could use.
+        // Without any structure that a method could exploit.
         let samples = mosaic(width, height, pattern, &|band, x, y| ((x * 37 + y * 101 + band * 11) % 89) as f32 / 89.0);
         for method in METHODS {
             let bands = demosaiced(width, height, pattern, &samples, method);
@@ -91,7 +91,7 @@ fn bands_are_valid_only_between_valid_samples() {
     let mut masks = vec![u32::MAX; width * height];
     demosaicer.masks_into(&valid, &mut masks).expect("fits");
     let unknown = |band: usize| masks.iter().filter(|mask| *mask >> band & 1 == 0).count();
-    // Columns 3 to 9 and rows 2 to 8 lie nearer to it than to the samples around.
+    // Columns 3 to 9 and rows 2 to 8 are nearer to it than to the samples around it.
     assert_eq!((unknown(6), (0..16).map(unknown).sum::<usize>()), (49, 49));
     assert_eq!((masks[5 * 12 + 2], masks[5 * 12 + 3]), (0xffff, 0xffbf));
 }
@@ -177,7 +177,8 @@ fn errors_on_a_real_scene_are_as_small_as_published() {
     let truth: Vec<_> = (9..25).map(cave_band).collect();
     let scene = |band: usize, x: usize, y: usize| f32::from(truth[band][(x as u32, y as u32)].0[0]) / 65535.0;
     let samples = mosaic(side, side, pattern, &scene);
-    // Mean over the bands of the peak signal-to-noise ratio, dB: published values on this scene, and ours.
+    // Mean over the bands of the peak signal-to-noise ratio, dB: published values on this scene, and the results of this
+    // crate.
     let published = [27.30, 29.22, 30.33, 33.76];
     for (method, published) in METHODS.into_iter().zip(published) {
         let bands = demosaiced(side, side, pattern, &samples, method);

@@ -19,7 +19,7 @@ fn cube(raw: &[u16], pattern: u32) -> (Mosaic, Vec<f32>, Vec<u32>) {
     (mosaic, cube, masks)
 }
 
-/// Standard deviation of the planes' means, in counts.
+/// Standard deviation of the means of the planes, in counts.
 fn spread_of_means(pattern: u32, raw: &[u16]) -> f64 {
     let (mosaic, cube, _) = cube(raw, pattern);
     let planes = cube.chunks_exact(mosaic.n_cells());
@@ -45,8 +45,8 @@ fn bands_of_a_real_mosaic_have_distinct_means() {
         let expected = if measured { f32::from(*sample) / 250.0 } else { 0.0 };
         assert!((cube[band * mosaic.n_cells() + cell] - expected).abs() < 1e-6);
     }
-    // The camera's filters repeat every 4 pixels, so its bands differ. Any other pattern mixes them (1.30 counts for 4, 0.025 for 3
-    // and 0.023 for 5).
+    // The filters of the camera repeat every 4 pixels, so its bands differ. Any other pattern mixes them (1.30 counts for
+    // 4, 0.025 for 3 and 0.023 for 5).
     let right = spread_of_means(4, &raw);
     assert!((right - 1.30).abs() < 0.05, "{right}");
     for wrong in [3, 5] {

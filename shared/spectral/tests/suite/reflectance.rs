@@ -1,4 +1,4 @@
-//! Reflectance of synthetic scenes with known truth. The sensor model here is independent of the library's.
+//! Reflectance of synthetic scenes with known ground truth. The sensor model here is independent of the library.
 
 use spectral::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhitePanel, WhiteTarget};
 
@@ -6,7 +6,7 @@ const RHO_WHITE: f64 = 0.98;
 const T_WHITE: u64 = 4_000_000;
 const T_RAW: u64 = 5_000_000;
 
-/// A camera with an own bias and sensitivity (counts per ms at reflectance 1) of each pixel.
+/// A camera whose pixels each have a bias and a sensitivity (counts per ms at reflectance 1).
 struct Camera {
     mosaic: Mosaic,
     bias: Vec<u16>,
@@ -81,7 +81,7 @@ fn scene_constant_per_band_has_its_reflectance_in_each_plane() {
         let all_bands = u32::MAX >> (32 - camera.mosaic.n_bands());
         assert!(masks.iter().all(|mask| *mask == all_bands));
         for (band, plane) in cube.chunks_exact(camera.mosaic.n_cells()).enumerate() {
-            // Half a count of rounding in raw and in white, out of 1200 counts at least: 0.001.
+            // Half a count of rounding in raw and in white, out of at least 1200 counts: 0.001.
             let worst = plane.iter().map(|r| (f64::from(*r) - band_reflectance(band)).abs()).fold(0.0, f64::max);
             assert!(worst < 0.001, "band {band} is off by {worst}");
         }
@@ -124,7 +124,7 @@ fn binned_reflectances_equal_those_per_pixel() {
         let (pixels, valid, pixel_counts) = camera.calibration().reflectance(&raw, T_RAW).expect("fits");
         let (cube, masks, counts) = camera.cube(&raw);
         assert_eq!(pixel_counts, counts);
-        assert!(counts.saturated > 0, "the scene is meant to saturate here and there");
+        assert!(counts.saturated > 0, "the scene must saturate at some pixels");
         let pattern = camera.mosaic.pattern() as usize;
         let columns = camera.mosaic.cells()[0] as usize;
         for ((y, x), r) in pixels.indexed_iter() {
@@ -149,7 +149,7 @@ fn saturated_clipped_and_dead_samples_are_masked_and_counted() {
     whites[0][at(10, 1)] = camera.bias[at(10, 1)];
     whites[1][at(10, 1)] = camera.bias[at(10, 1)];
     whites[1][at(15, 3)] = 4095;
-    // A dead pixel stays dead, whatever the raw frame shows there.
+    // A dead pixel stays dead, whatever its value in the raw frame.
     raw[at(15, 3)] = 4095;
     let dark = camera.reference("dark", std::slice::from_ref(&camera.bias));
     let white = camera.reference("white", &whites);
@@ -174,11 +174,11 @@ fn frames_without_light_are_black_or_masked() {
     let (cube, masks, counts) = camera.cube(&camera.bias.clone());
     assert_eq!(counts.masked(), 0);
     assert!(cube.iter().all(|r| *r == 0.0) && masks.iter().all(|mask| *mask == 0xffff));
-    // Nothing but zeros: the black level is gone, nothing was measured.
+    // All zeros: the black level is missing, nothing was measured.
     let (cube, masks, counts) = camera.cube(&vec![0; camera.mosaic.n_samples()]);
     assert_eq!(counts.clipped, 16 * camera.mosaic.n_cells() as u64);
     assert!(cube.iter().all(|r| *r == 0.0) && masks.iter().all(|mask| *mask == 0));
-    // A white reference taken with the cap on: everything is dead.
+    // A white reference taken with the lens cap on: all pixels are dead.
     let dark = camera.reference("dark", std::slice::from_ref(&camera.bias));
     let calibration = Calibration::new(&camera.mosaic, &dark, &dark, TARGET).expect("sound");
     assert_eq!(calibration.valid_bands(), 0);
@@ -250,7 +250,7 @@ fn frame_corrected_row_by_row_equals_the_corrected_cube() {
     let white = camera.reference("white", &[camera.expose(T_WHITE, |_, _| RHO_WHITE)]);
     let target = WhiteTarget { reflectance: RHO_WHITE, exposure_nanos: T_WHITE };
     let calibration = Calibration::new(&camera.mosaic, &dark, &white, target).expect("sound");
-    // Some of it is saturated.
+    // Some of the samples are saturated.
     let raw = camera.expose(T_RAW, |x, y| 0.1 + 0.02 * f64::from(x * y % 83));
     let rows: Vec<Vec<f64>> =
         (0..15).map(|j| (0..16).map(|k| 1.0 / 16.0 + f64::from((j * k) % 5) / 10.0 - 0.2).collect()).collect();
@@ -273,7 +273,7 @@ fn frame_corrected_row_by_row_equals_the_corrected_cube() {
 #[test]
 fn dark_frames_of_two_exposures_determine_bias_and_dark_current() {
     let [camera, _] = cameras();
-    // 2 to 9 counts per ms without light, of every pixel its own: warm, at long exposures.
+    // A different dark current for each pixel, 2 to 9 counts per ms: warm, at long exposures.
     let current = |at: usize| 2.0 + (at * 29 % 8) as f64;
     let with_current = |frame: Vec<u16>, nanos: u64| -> Vec<u16> {
         let counts = |(at, sample): (usize, u16)| f64::from(sample) + current(at) * nanos as f64 * 1e-6;
@@ -305,7 +305,7 @@ fn dark_frames_of_two_exposures_determine_bias_and_dark_current() {
 #[test]
 fn panel_region_with_reflectances_per_band_calibrates_the_frame() {
     for mut camera in cameras() {
-        // Of one band all pixels are alike; the lens shades nothing.
+        // All pixels of a band are equal; the lens has no vignetting.
         for (at, sensitivity) in camera.sensitivity.iter_mut().enumerate() {
             let [width, _] = camera.mosaic.size();
             let x = at as u32 % width;
