@@ -1,9 +1,9 @@
 //! Interpolation between the bands of a model.
 
-/// Farthest distance of a band outside of those of the model, nm.
+/// Largest distance of a band from the wavelength range of a model, nm.
 const MARGIN_NM: f32 = 5.0;
 
-/// A band of a camera among those of a model: its two neighbors there, and how near it is to the second.
+/// Position of a camera band between the bands of a model: the two neighbors, and the weight of the second.
 pub(crate) struct BandPlace {
     first: usize,
     second: usize,
@@ -12,7 +12,7 @@ pub(crate) struct BandPlace {
 }
 
 impl BandPlace {
-    /// Place of a wavelength among those of a model, which ascend; `None` beyond them.
+    /// Position of a wavelength between the ascending wavelengths of a model; `None` outside them.
     pub fn of(model_nm: &[f32], nm: f32) -> Option<Self> {
         let first = *model_nm.first()?;
         let last = *model_nm.last()?;
@@ -26,7 +26,7 @@ impl BandPlace {
         Some(Self { first, second, weight: f64::from((nm - low) / (high - low)).clamp(0.0, 1.0) })
     }
 
-    /// A value there, from the values at the bands of the model.
+    /// Interpolates a value at this position from the values at the bands of the model.
     pub fn value(&self, of_band: impl Fn(usize) -> f64) -> f64 {
         of_band(self.first) * (1.0 - self.weight) + of_band(self.second) * self.weight
     }

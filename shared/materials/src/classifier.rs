@@ -7,22 +7,22 @@ use messages::MaterialId;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Number of materials, with unknown.
+/// Number of materials, including unknown.
 pub const N_MATERIALS: usize = MaterialId::ALL.len();
 
-/// Probability of each material, by its id. Their sum is 1, or 0 for a spectrum with too few bands.
+/// Probability of each material, by its id. The sum is 1, or 0 for a spectrum with too few bands.
 pub type Probabilities = [f32; N_MATERIALS];
 
-/// Fewest measured bands of a spectrum with a material.
+/// Smallest number of measured bands of a spectrum that gets a material.
 const MIN_BANDS: u32 = 8;
 
-/// How a spectrum is compared with the references.
+/// Method of comparing a spectrum with the references.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Spectral angle (Kruse et al. 1993): the reference at the smallest angle. It does not depend on brightness.
     Angle,
-    /// Logarithms of the ratios of all bands to their geometric mean: the nearest reference. It does not depend on brightness, and dark
-    /// bands count as much as bright ones.
+    /// The nearest reference by the logarithms of the ratios of all bands to their geometric mean. It does not depend on
+    /// brightness, and dark bands count as much as bright ones.
     Ratios,
     /// Gaussians around the references with the covariance of the model.
     #[default]
@@ -30,10 +30,10 @@ pub enum Method {
 }
 
 impl Method {
-    /// All, in the order of tables.
+    /// All methods, in the order of tables.
     pub const ALL: [Self; 3] = [Self::Angle, Self::Ratios, Self::Learned];
 
-    /// In tables.
+    /// Name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Angle => "angle",
@@ -49,15 +49,15 @@ type Gaussians = BTreeMap<u64, Vec<Whitened>>;
 /// Compares spectra with the references of a model.
 pub struct Classifier {
     method: Method,
-    /// In each light.
+    /// Bands in each light.
     bands: Vec<BandModel>,
-    /// Material, logarithm of the share.
+    /// Material and logarithm of the share of each reference.
     references: Vec<(MaterialId, f64)>,
     max_distance: f64,
 }
 
 impl Classifier {
-    /// For spectra of these bands.
+    /// A classifier for spectra with these bands.
     pub fn new(model: &Model, wavelengths_nm: &[f32], method: Method) -> Self {
         let references = model.references.iter().enumerate();
         Self {
@@ -70,7 +70,8 @@ impl Classifier {
 
     /// Probabilities of the materials of each spectrum.
     pub fn classify(&self, spectra: &Spectra) -> Vec<Probabilities> {
-        // Nearly all spectra have all bands: the Gaussians of some bands are made once for each set of bands that occurs.
+        // Nearly all spectra have all bands: the Gaussians of incomplete spectra are computed once for each set of bands
+        // that occurs.
         let known = self.bands[0].known;
         let of_bands: Gaussians = if self.method == Method::Learned {
             let mut sets: Vec<u64> = spectra.valid.iter().map(|valid| valid & known).collect();
@@ -83,7 +84,7 @@ impl Classifier {
         (0..spectra.len()).into_par_iter().map(|i| self.probabilities(spectra.get(i), &of_bands)).collect()
     }
 
-    /// The Gaussians of these bands in each light; `None` for too few.
+    /// The Gaussians of these bands in each light; `None` if there are too few bands.
     fn whitened(&self, bands: u64) -> Option<Vec<Whitened>> {
         (bands.count_ones() >= MIN_BANDS).then(|| self.bands.iter().map(|light| light.of_bands(bands)).collect())
     }
@@ -112,7 +113,7 @@ impl Classifier {
         }
     }
 
-    /// All on the material of the nearest reference.
+    /// Full probability for the material of the nearest reference.
     fn of_nearest(&self, distance: impl Fn(&[f64]) -> f64) -> Probabilities {
         let mut probabilities = [0.0; N_MATERIALS];
         let distances = (0..self.references.len()).map(|reference| distance(self.bands[0].mean(reference)));
@@ -148,7 +149,7 @@ impl Classifier {
     }
 }
 
-/// The places of the bits.
+/// The positions of the set bits.
 fn places(bands: u64) -> impl Iterator<Item = usize> {
     (0..64).filter(move |band| bands >> band & 1 == 1)
 }
@@ -168,7 +169,7 @@ fn angle(spectrum: Spectrum<'_>, bands: u64, mean: &[f64]) -> f64 {
     (ab / (aa * bb).sqrt().max(1e-12)).clamp(-1.0, 1.0).acos()
 }
 
-/// Squared distance of the logarithms after subtraction of their means.
+/// Squared distance of the logarithms after subtracting their means.
 fn ratio_distance(spectrum: Spectrum<'_>, bands: u64, mean: &[f64]) -> f64 {
     let difference = |band: usize| f64::from(log_reflectance(spectrum.values[band])) - mean[band];
     let n = f64::from(bands.count_ones());

@@ -6,19 +6,19 @@ use crate::smoothing::{Smoothing, mean_spectra, neighborhoods, region_means, vot
 use crate::spectra::Spectra;
 use messages::{MATERIAL_TABLE_VERSION, MaterialHeader, MaterialId, MaterialRow, SpectraHeader, SubmapPoint};
 
-/// Where the points of spectra are.
+/// Positions and regions of the points of spectra.
 #[derive(Clone, Copy)]
 pub struct Places<'a> {
     /// Positions, m.
     pub positions: &'a [[f32; 3]],
-    /// Region of each point in a cube; 0 = none. `None` if regions are not known.
+    /// Region of each point in a cube; 0 = no region. `None` if regions are not known.
     pub regions: Option<&'a [u32]>,
 }
 
 /// Probabilities of the materials of points with these spectra.
 ///
 /// # Panics
-/// If there is not one position, and one region if they are known, for each spectrum.
+/// If the numbers of positions and spectra differ, or the number of regions if they are known.
 pub fn materials_of(
     classifier: &Classifier,
     spectra: &Spectra,
@@ -45,7 +45,7 @@ pub fn materials_of(
     }
 }
 
-/// The most probable material and its probability. Unknown with score 0 without any.
+/// The most probable material and its probability. Without probabilities: unknown with score 0.
 pub fn best_row(probabilities: &Probabilities) -> MaterialRow {
     let mut material = 0;
     let mut most = 0.0;
@@ -58,21 +58,21 @@ pub fn best_row(probabilities: &Probabilities) -> MaterialRow {
     MaterialRow { material_id: material, score: (most * 255.0).round() as u8 }
 }
 
-/// Finds the materials of one submap after the other.
+/// Computes the material column of consecutive submaps.
 pub struct PointMaterials {
     model: Model,
-    /// For spectra of these bands, nm. The bands of a drive do not change, so that it is made once.
+    /// Classifier for spectra with these bands, nm. The bands of a drive do not change, so it is computed once.
     classifier: Option<(Vec<f32>, Classifier)>,
 }
 
 impl PointMaterials {
-    /// With the references of a model.
+    /// Uses the references of a model.
     pub fn new(model: Model) -> Self {
         Self { model, classifier: None }
     }
 
-    /// Header and rows of the topic `material`, by the rows of the topic `spectra`; smoothed over `regions`, too, if each
-    /// point has one. All unknown if those do not fit their header.
+    /// Header and rows of the topic `material`, from the rows of the topic `spectra`. They are also smoothed over
+    /// `regions` if each point has one. All points are unknown if the spectra do not fit their header.
     pub fn column(
         &mut self,
         points: &[SubmapPoint],

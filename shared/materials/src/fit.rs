@@ -1,4 +1,4 @@
-//! Makes a model from labeled spectra.
+//! Fits a model to labeled spectra.
 
 use crate::classifier::{Classifier, Method};
 use crate::gaussian::log_reflectance;
@@ -7,45 +7,46 @@ use crate::spectra::{Spectra, Spectrum};
 use messages::MaterialId;
 use std::collections::BTreeMap;
 
-/// Fewest spectra of a surface in a light whose mean is used. Others get their true spectrum as it would be measured.
+/// Least number of spectra of a surface in a light whose mean is used. Other surfaces get their true spectrum as it would
+/// be measured.
 const MIN_SPECTRA: usize = 20;
 /// Share of the training spectra that fit a reference.
 const FITTING_SHARE: f64 = 0.995;
-/// Levels of brightness in the sun and in the shade: noise and color depend on the light, not only on whether the sun shines. Chosen on
-/// towns of their own (docs/experiments/materials.md).
+/// Number of brightness levels in the sun and in the shade: noise and color depend on the amount of light, not only on
+/// direct sunlight. Chosen on separate towns (docs/experiments/materials.md).
 const LEVELS: [usize; 2] = [2, 4];
-/// Most spectra of a surface in the sun or in the shade that choose the largest distance.
+/// Largest number of spectra of a surface in the sun or in the shade that determine the largest distance.
 const N_CHOOSING: usize = 200;
 
-/// Labeled spectra of the same bands, ascending.
+/// Labeled spectra with the same bands, ascending.
 #[derive(Clone, Debug, Default)]
 pub struct Fit {
     wavelengths_nm: Vec<f32>,
     surfaces: BTreeMap<String, Surface>,
 }
 
-/// What is known of a surface. All spectra are logarithms.
+/// Spectra of a surface. All are logarithms.
 #[derive(Clone, Debug)]
 struct Surface {
     material: MaterialId,
     true_logs: Vec<f32>,
-    /// Measured in the sun, in the shade.
+    /// Measured spectra in the sun, and in the shade.
     measured: [Vec<Vec<f32>>; 2],
 }
 
 impl Fit {
-    /// For spectra of these bands, nm, ascending.
+    /// A fit for spectra with these bands, nm, ascending.
     pub fn new(wavelengths_nm: &[f32]) -> Self {
         Self { wavelengths_nm: wavelengths_nm.to_vec(), surfaces: BTreeMap::new() }
     }
 
-    /// Adds a surface with its true reflectances. Spectra of libraries are surfaces without measurements.
+    /// Adds a surface with its true reflectances. Library spectra are surfaces without measurements.
     pub fn add_surface(&mut self, name: &str, material: MaterialId, reflectances: &[f32]) {
         let true_logs = reflectances.iter().map(|value| log_reflectance(*value)).collect();
         self.surfaces.insert(name.to_owned(), Surface { material, true_logs, measured: [Vec::new(), Vec::new()] });
     }
 
-    /// Adds a measured spectrum of a surface that was added. Those that lack a band are ignored.
+    /// Adds a measured spectrum of a surface that was added before. Spectra without one of the bands are ignored.
     pub fn add(&mut self, name: &str, is_sunlit: bool, spectrum: Spectrum<'_>) {
         let is_whole = spectrum.measured().count() == self.wavelengths_nm.len();
         if let Some(surface) = self.surfaces.get_mut(name).filter(|_| is_whole) {
@@ -54,8 +55,8 @@ impl Fit {
         }
     }
 
-    /// The model. Materials are as frequent as the square root of their spectra; references of a material are equally frequent. `None`
-    /// unless a surface was measured in the sun and one in the shade.
+    /// The model. The frequency of a material is the square root of its number of spectra; references of a material are
+    /// equally frequent. `None` unless at least one surface was measured in the sun and one in the shade.
     pub fn model(&self, about: String) -> Option<Model> {
         let counts = |light: usize| self.surfaces.values().map(move |surface| surface.measured[light].len());
         let [n_sun, n_shade] = [0, 1].map(|light| counts(light).sum::<usize>() as f64);
@@ -87,7 +88,8 @@ impl Fit {
         (!measured.is_empty()).then(|| (0..self.wavelengths_nm.len()).map(|band| of(band).sum::<f64>() / n).collect())
     }
 
-    /// The levels of brightness in the sun or in the shade. All surfaces have the same weight: the most frequent wall must not decide alone.
+    /// The brightness levels in the sun or in the shade. All surfaces have the same weight: the most frequent wall must
+    /// not dominate.
     fn levels(&self, light: usize, share: f64, references: &[Reference]) -> Vec<Light> {
         let known =
             self.surfaces.values().zip(references).map(|(surface, reference)| (&surface.measured[light], reference));
@@ -128,7 +130,7 @@ impl Fit {
         counts.into_iter().map(|(material, counts)| (material, rounded(share(counts), 1e6).max(1e-6))).collect()
     }
 
-    /// Squared distance per band within which nearly all spectra of the training have a reference.
+    /// Squared distance per band within which nearly all training spectra have a reference.
     fn max_distance(&self, model: &Model) -> f64 {
         let mut spectra = Spectra::new(&self.wavelengths_nm);
         for measured in self.surfaces.values().flat_map(|surface| &surface.measured) {
@@ -145,7 +147,7 @@ impl Fit {
 }
 
 impl Surface {
-    /// Mean of the measured logarithms in a light, if they are enough.
+    /// Mean of the measured logarithms in a light; `None` if there are too few.
     fn measured_mean(&self, light: usize) -> Option<Vec<f64>> {
         let spectra = &self.measured[light];
         let sum = |band: usize| spectra.iter().map(|spectrum| f64::from(spectrum[band])).sum::<f64>();
@@ -153,14 +155,14 @@ impl Surface {
         (spectra.len() >= MIN_SPECTRA).then(|| (0..self.true_logs.len()).map(mean).collect())
     }
 
-    /// As it is measured in the sun, or would be.
+    /// The spectrum in the sun, measured or predicted.
     fn reference(&self, offset: &[f64]) -> Vec<f64> {
         let expected = || self.true_logs.iter().zip(offset).map(|(log, offset)| f64::from(*log) + offset).collect();
         self.measured_mean(0).unwrap_or_else(expected)
     }
 }
 
-/// A measured spectrum beside its reference.
+/// A measured spectrum and its reference.
 struct WeightedSpectrum<'a> {
     logs: &'a [f32],
     reference: &'a [f32],
@@ -202,7 +204,7 @@ fn moments(spectra: &[WeightedSpectrum<'_>], n_bands: usize) -> (Vec<f32>, Vec<f
     (offset, covariance.into_iter().map(|value| rounded(value, 1e5)).collect())
 }
 
-/// To a multiple of 1 / `parts`: the file stays small.
+/// A value rounded to a multiple of 1 / `parts`, which keeps the file small.
 fn rounded(value: f64, parts: f64) -> f64 {
     (value * parts).round() / parts
 }

@@ -1,14 +1,14 @@
-//! Distances to the references on the bands that were measured.
+//! Distances to the references in the measured bands.
 
 use crate::band_place::BandPlace;
 use crate::model::Model;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Variance that is added to every band, so that bands that were nearly equal in training do not decide alone: 2 % of the
+/// Variance added to every band, so that bands that were nearly equal in training do not dominate: 2 % of the
 /// reflectance.
 const FLOOR: f64 = 4e-4;
 
-/// Smallest reflectance: darker values are noise. The logarithm of it is finite.
+/// Smallest reflectance: darker values are noise. Its logarithm is finite.
 const DARKEST: f32 = 0.002;
 
 /// Logarithm of a reflectance.
@@ -16,7 +16,8 @@ pub fn log_reflectance(value: f32) -> f32 {
     value.max(DARKEST).ln()
 }
 
-/// References and covariance at the bands of a camera, in one light. Bands between those of the model are interpolated.
+/// References and covariance at the bands of a camera, in one light. They are interpolated between the bands of the
+/// model.
 pub struct BandModel {
     /// Bands within the wavelengths of the model, one bit each.
     pub known: u64,
@@ -30,7 +31,7 @@ pub struct BandModel {
 }
 
 impl BandModel {
-    /// For the light of this number.
+    /// The bands in the light with this number.
     pub fn new(model: &Model, light: usize, wavelengths_nm: &[f32]) -> Self {
         let place = |nm: &f32| BandPlace::of(&model.wavelengths_nm, *nm);
         let places: Vec<Option<BandPlace>> = wavelengths_nm.iter().map(place).collect();
@@ -62,12 +63,12 @@ impl BandModel {
         &self.means[reference * n..][..n]
     }
 
-    /// The Gaussians of these bands alone.
+    /// The Gaussians of only these bands.
     pub fn of_bands(&self, bands: u64) -> Whitened {
         let bands: Vec<usize> = (0..self.covariance.nrows()).filter(|band| bands >> band & 1 == 1).collect();
         let part = self.covariance.select_rows(&bands).select_columns(&bands);
         let n = bands.len();
-        // The floor on the diagonal keeps it positive. With a damaged model, distances are Euclidean.
+        // The floor on the diagonal keeps the matrix positive definite. With a damaged model, distances are Euclidean.
         let root = Cholesky::new(part).map_or_else(|| DMatrix::identity(n, n), |cholesky| cholesky.l());
         let log_root_determinant: f64 = root.diagonal().iter().map(|value| value.ln()).sum();
         let n_references = self.means.len() / self.covariance.nrows().max(1);
@@ -82,7 +83,7 @@ impl BandModel {
 /// Bands, root of the covariance, and references in the space in which the covariance is the identity.
 pub struct Whitened {
     pub bands: Vec<usize>,
-    /// Logarithm of the density at a reference, without the factor of all Gaussians of these bands.
+    /// Logarithm of the density at a reference, without the factor that all Gaussians of these bands share.
     pub log_density: f64,
     /// Logarithm of the share of the light.
     pub log_share: f64,

@@ -1,23 +1,24 @@
-//! Reference spectra, and how far measured spectra are from them.
+//! Reference spectra, and the distribution of measured spectra around them.
 
 use crate::band_place::BandPlace;
 use messages::MaterialId;
 use serde::{Deserialize, Serialize};
 
-/// The model of the project: fitted by `replica-lab fit-materials`, which names its sources.
+/// The built-in model: fitted by `replica-lab fit-materials`, which names its sources.
 const BUILT_IN: &str = include_str!("../../../models/materials.json");
 
-/// Most bands of a model: as many as a spectrum can have.
+/// Largest number of bands of a model: the limit of a spectrum.
 const MAX_BANDS: usize = 64;
 
-/// Reference spectra of materials, and how they are measured in lights of several levels, from full sun to deep shade.
+/// Reference spectra of materials, and their measurements in lights of several levels, from full sun to deep shade.
 ///
-/// All values are natural logarithms of reflectances. An oblique surface adds the same number to all bands, so that the covariance has a
-/// large variance in this direction. The darker the light, the more noise and color of the skylight are added.
+/// All values are natural logarithms of reflectances. An oblique surface adds the same number to all bands, so the
+/// covariance has a large variance in this direction. The darker the light, the stronger the noise and the color of the
+/// skylight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
-    /// Where the spectra come from.
+    /// Source of the spectra.
     pub about: String,
     /// Bands of the references, nm, ascending.
     pub wavelengths_nm: Vec<f32>,
@@ -25,11 +26,11 @@ pub struct Model {
     pub references: Vec<Reference>,
     /// The lights.
     pub lights: Vec<Light>,
-    /// Squared distance per band above which a spectrum fits no reference.
+    /// Largest squared distance per band at which a spectrum fits a reference.
     pub max_distance: f64,
 }
 
-/// How spectra are measured in a light of one level.
+/// Distribution of measured spectra in a light of one level.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
@@ -49,22 +50,22 @@ pub struct Reference {
     pub name: String,
     /// Name of its [`MaterialId`].
     pub material: String,
-    /// How often it is expected, 0 to 1.
+    /// Expected frequency, 0 to 1.
     pub share: f64,
     /// Logarithm of the measured reflectance in each band, in the sun.
     pub log_reflectance: Vec<f32>,
 }
 
-/// Why a model cannot be used.
+/// Reason why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// Not a model.
+    /// The text is not a model.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
-    /// A value that breaks a rule.
+    /// A value violates a rule.
     #[error("{what}: value {value} {rule}")]
     Rule {
-        /// The value's place.
+        /// Position of the value.
         what: String,
         /// The value.
         value: String,
@@ -74,15 +75,15 @@ pub enum ModelError {
 }
 
 impl Model {
-    /// The model of the project.
+    /// The built-in model.
     ///
     /// # Errors
-    /// If the file that was compiled in is damaged.
+    /// If the built-in file is damaged.
     pub fn built_in() -> Result<Self, ModelError> {
         Self::from_json(BUILT_IN)
     }
 
-    /// From the text of a model file.
+    /// Reads the text of a model file.
     ///
     /// # Errors
     /// If it is not a model.
@@ -106,7 +107,8 @@ impl Model {
         MaterialId::from_name(&self.references[reference].material).unwrap_or(MaterialId::Unknown)
     }
 
-    /// Reflectance of a reference in the sun at a wavelength, interpolated in its logarithm; `None` beyond the bands of the model.
+    /// Reflectance of a reference in the sun at a wavelength, interpolated in its logarithm; `None` outside the bands of
+    /// the model.
     pub fn reflectance(&self, reference: usize, nm: f32) -> Option<f64> {
         let logs = &self.references[reference].log_reflectance;
         BandPlace::of(&self.wavelengths_nm, nm).map(|place| place.value(|band| f64::from(logs[band])).exp())

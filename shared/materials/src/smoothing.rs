@@ -5,29 +5,30 @@ use crate::spectra::Spectra;
 use neighbors::{Neighbor, Neighborhoods, SpatialIndex};
 use rayon::prelude::*;
 
-/// Which neighbors of a point, with itself, are combined.
+/// Limits of the neighbors that are combined with a point.
 #[derive(Clone, Copy)]
 struct Reach {
     n: usize,
     squared_m2: f32,
 }
 
-/// Neighbors whose probabilities are averaged. Chosen on towns of their own (docs/experiments/materials.md).
+/// Neighbors whose probabilities are averaged. Chosen on separate towns (docs/experiments/materials.md).
 const VOTERS: Reach = Reach { n: 64, squared_m2: 1.0 };
-/// Neighbors that share a mean spectrum or, with the same region, a part: 0.3 m is twice the width of a cell of the cameras at 30 m.
+/// Neighbors that share a mean spectrum or, if in the same region, a part: 0.3 m is twice the width of a camera cell at
+/// 30 m.
 const NEAR: Reach = Reach { n: 16, squared_m2: 0.09 };
 
-/// How the materials of neighboring points are combined.
+/// Method of combining the materials of neighboring points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Smoothing {
-    /// Every point on its own.
+    /// No smoothing.
     Off,
     /// The mean of the probabilities of the neighbors.
     #[default]
     Votes,
     /// The mean spectrum of the neighbors is classified.
     Mean,
-    /// Both: the mean of the probabilities of the neighbors' mean spectra.
+    /// Both methods: the mean of the probabilities of the neighbors' mean spectra.
     Both,
     /// The mean of the probabilities of the connected points of a region.
     Regions,
@@ -36,10 +37,10 @@ pub enum Smoothing {
 }
 
 impl Smoothing {
-    /// All, in the order of tables.
+    /// All methods, in the order of tables.
     pub const ALL: [Self; 6] = [Self::Off, Self::Votes, Self::Mean, Self::Both, Self::Regions, Self::VotesInRegions];
 
-    /// In tables.
+    /// Name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Off => "off",
@@ -52,7 +53,7 @@ impl Smoothing {
     }
 }
 
-/// The 64 nearest neighbors of each position, nearest first, with itself.
+/// The 64 nearest neighbors of each position, nearest first, including the position itself.
 pub fn neighborhoods(positions: &[[f32; 3]]) -> Neighborhoods<Neighbor> {
     SpatialIndex::new(positions).nearest_of_own(VOTERS.n)
 }
@@ -99,8 +100,8 @@ pub fn votes(probabilities: &[Probabilities], neighborhoods: &Neighborhoods<Neig
     (0..probabilities.len()).into_par_iter().map(mean).collect()
 }
 
-/// The mean of the probabilities of the connected points of each region: neighbors of the same region are connected. Points without a
-/// region (0) keep theirs.
+/// The mean of the probabilities of the connected points of each region: neighbors in the same region are connected.
+/// Points without a region (0) keep their probabilities.
 pub fn region_means(
     probabilities: &[Probabilities],
     regions: &[u32],
@@ -122,20 +123,21 @@ fn add(sum: &mut Probabilities, probabilities: &Probabilities) {
     sum.iter_mut().zip(probabilities).for_each(|(sum, p)| *sum += p);
 }
 
-/// With a sum of 1, or 0 without any.
+/// Probabilities scaled to a sum of 1; all 0 if the sum is 0.
 fn normalized(sum: Probabilities) -> Probabilities {
     let total: f32 = sum.iter().sum();
     sum.map(|p| if total > 0.0 { p / total } else { 0.0 })
 }
 
-/// Connected parts as a forest: a point on the way to the first of its part, which points to itself.
+/// Connected parts as a forest: each point refers to another point of its part that is nearer to the first one, which
+/// refers to itself.
 struct Parts(Vec<usize>);
 
 impl Parts {
     /// The first point of a part.
     fn first_of(&mut self, mut i: usize) -> usize {
         while self.0[i] != i {
-            // Every step halves the way of the next search.
+            // Path halving shortens the next search.
             self.0[i] = self.0[self.0[i]];
             i = self.0[i];
         }

@@ -9,11 +9,11 @@ pub struct Spectra {
     pub wavelengths_nm: Vec<f32>,
     /// Bit b of a spectrum: band b was measured.
     pub valid: Vec<u64>,
-    /// Reflectances, one spectrum after the other. Those of bands that were not measured have no meaning.
+    /// Reflectances, one spectrum after the other. Values of bands that were not measured have no meaning.
     pub values: Vec<f32>,
 }
 
-/// One of them.
+/// One spectrum.
 #[derive(Clone, Copy, Debug)]
 pub struct Spectrum<'a> {
     /// Center of each band, nm.
@@ -25,12 +25,12 @@ pub struct Spectrum<'a> {
 }
 
 impl Spectra {
-    /// No spectra of these bands yet.
+    /// An empty set of spectra with these bands.
     pub fn new(wavelengths_nm: &[f32]) -> Self {
         Self { wavelengths_nm: wavelengths_nm.to_vec(), ..Self::default() }
     }
 
-    /// The spectra of a column, and the index of the point of each. `None` if the rows do not fit the header.
+    /// The spectra of a column, and the index of the point of each spectrum. `None` if the rows do not fit the header.
     pub fn of_column(header: &SpectraHeader, rows: &[u32]) -> Option<(Vec<u32>, Self)> {
         let view = SpectraView::new(header, rows)?;
         let mut spectra = Self::new(header.wavelengths_nm.get(..header.n_bands as usize)?);
@@ -59,7 +59,7 @@ impl Spectra {
         self.valid.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no spectra.
     pub fn is_empty(&self) -> bool {
         self.valid.is_empty()
     }
@@ -90,13 +90,13 @@ impl Spectrum<'_> {
     }
 }
 
-/// Red of [`ndvi`], nm: where chlorophyll absorbs most, before the red edge.
+/// Red band of [`ndvi`], nm: the strongest absorption of chlorophyll, before the red edge.
 const RED_NM: std::ops::Range<f32> = 640.0..690.0;
-/// Near infrared of [`ndvi`], nm: behind the red edge, before the absorption of water.
+/// Near-infrared band of [`ndvi`], nm: after the red edge, before the absorption of water.
 const INFRARED_NM: std::ops::Range<f32> = 760.0..900.0;
 
-/// Normalized difference vegetation index, -1 to 1: (infrared - red) / (infrared + red). Green plants are above 0.4. `None` unless a
-/// band from 640 to 690 nm and one from 760 to 900 nm were measured and are not both 0.
+/// Normalized difference vegetation index, -1 to 1: (infrared - red) / (infrared + red). Green plants are above 0.4.
+/// `None` unless a band from 640 to 690 nm and one from 760 to 900 nm were measured and are not both 0.
 pub fn ndvi(spectrum: Spectrum<'_>) -> Option<f32> {
     let red = spectrum.mean(RED_NM)?.max(0.0);
     let infrared = spectrum.mean(INFRARED_NM)?.max(0.0);

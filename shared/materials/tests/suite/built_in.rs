@@ -1,4 +1,4 @@
-//! The model that is compiled in.
+//! The built-in model.
 
 use materials::{Classifier, Method, Model, N_MATERIALS, Places, Smoothing, Spectra, best_row, materials_of};
 use messages::MaterialId;
@@ -44,7 +44,7 @@ fn spectrum_of_one_camera_or_none_is_handled() {
     let classifier = Classifier::new(&model, &model.wavelengths_nm, Method::Learned);
     let places = Places { positions: &[[0.0; 3], [50.0, 0.0, 0.0]], regions: None };
     let found = materials_of(&classifier, &spectra, places, Smoothing::Off);
-    assert_eq!(best_row(&found[0]).material_id, MaterialId::Vegetation as u8, "the infrared alone shows leaves");
+    assert_eq!(best_row(&found[0]).material_id, MaterialId::Vegetation as u8, "infrared bands alone identify leaves");
     assert_eq!(found[1], [0.0; N_MATERIALS], "three bands are too few");
     assert_eq!((best_row(&found[1]).material_id, best_row(&found[1]).score), (MaterialId::Unknown as u8, 0));
 }

@@ -1,4 +1,4 @@
-//! Two surfaces with the same shape of noise.
+//! Two surfaces with the same noise distribution.
 
 use materials::{
     Classifier, Fit, Method, Model, Places, Smoothing, Spectra, best_row, materials_of, mean_spectra, neighborhoods,
@@ -36,7 +36,7 @@ fn model(noise: f32) -> Model {
     fit.model("test".to_owned()).expect("enough spectra")
 }
 
-/// Share of the spectra with their material, the first half is green.
+/// Share of the spectra with the correct material; the first half is green.
 fn accuracy(found: &[materials::Probabilities]) -> f64 {
     let n = found.len();
     let truth = |i: usize| if i < n / 2 { MaterialId::Vegetation } else { MaterialId::Concrete };
@@ -74,7 +74,7 @@ fn neighbors_correct_noisy_spectra_and_their_order_does_not_matter() {
         |i: usize| [(i % 300 % 20) as f32 * 0.05, (i % 300 / 20) as f32 * 0.05, if i < 300 { 0.0 } else { 9.0 }];
     let positions: Vec<[f32; 3]> = (0..600).map(position).collect();
     let classifier = Classifier::new(&model, &BANDS_NM, Method::Learned);
-    // The patches are regions, except for a point of each without one.
+    // The patches are regions; one point of each has no region.
     let regions: Vec<u32> = (0..600).map(|i| if i % 300 == 0 { 0 } else { 1 + i / 300 }).collect();
     let places = Places { positions: &positions, regions: Some(&regions) };
     let alone = accuracy(&materials_of(&classifier, &spectra, places, Smoothing::Off));
@@ -96,7 +96,7 @@ fn bands_between_those_of_the_model_are_interpolated() {
     let model = model(0.004);
     let nm: Vec<f32> = BANDS_NM.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).chain([2000.0]).collect();
     let between = |truth: &[f32; 10]| -> Vec<f32> {
-        // The model interpolates logarithms. The light is one of those of the training.
+        // The model interpolates logarithms. The light is one of the training lights.
         truth.windows(2).map(|pair| 0.75 * (pair[0] * pair[1]).sqrt()).chain([f32::NAN]).collect()
     };
     let mut spectra = Spectra::new(&nm);

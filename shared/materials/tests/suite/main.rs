@@ -1,4 +1,4 @@
-//! The model of the project and models of known spectra.
+//! The built-in model and models of known spectra.
 
 mod built_in;
 mod known_spectra;
