@@ -9,16 +9,16 @@ use messages::columns::{COLUMNS, Column, ColumnField, FieldType, Presence};
 pub struct CloudColumn<'a> {
     /// Its entry in the table.
     pub column: &'a Column,
-    /// Name of a further topic of the column's type, such as `class_b`: its properties have this name instead.
+    /// Name of an additional topic of the column's type, such as `class_b`: its properties get this name instead.
     pub renamed: Option<&'a str>,
 }
 
-/// What the points of a cloud have in addition to position, time, angles and intensity.
+/// Fields of the points of a cloud in addition to position, time, angles and intensity.
 #[derive(Clone, Debug)]
 pub struct CloudFields<'a> {
     /// Type of coordinates.
     pub coordinates: Kind,
-    /// Columns on topics of their own, in any order.
+    /// Columns with their own topics, in any order.
     pub columns: Vec<CloudColumn<'a>>,
 }
 
@@ -45,7 +45,7 @@ impl<'a> CloudColumn<'a> {
         }
     }
 
-    /// Lines `obj_info`.
+    /// The `obj_info` lines of the column.
     fn header_lines(&self) -> Vec<String> {
         if let (Some(topic), Some(first)) = (self.renamed, self.column.fields.first()) {
             return vec![format!("{topic} of the table of {}", first.property)];
@@ -56,7 +56,7 @@ impl<'a> CloudColumn<'a> {
         self.column.header_lines.iter().map(|line| (*line).to_owned()).chain(tables).collect()
     }
 
-    /// Its place in a row: renamed columns are behind the others.
+    /// Its position in a row: renamed columns come after the others.
     fn place(&self) -> (bool, u8) {
         (self.renamed.is_some(), self.column.place)
     }
@@ -69,7 +69,7 @@ pub(crate) fn point_columns<'a>(has_lidars: bool) -> impl Iterator<Item = CloudC
     COLUMNS.iter().filter(is_present).map(CloudColumn::of)
 }
 
-/// Sorts columns by their places in a row. Columns of one place keep their order.
+/// Sorts columns by their positions in a row. Columns with equal positions keep their order.
 pub(crate) fn sort_by_place<'a, T>(columns: &mut [T], column: impl Fn(&T) -> CloudColumn<'a>) {
     columns.sort_by_key(|entry| column(entry).place());
 }

@@ -20,7 +20,7 @@ pub(crate) struct Coordinates {
 }
 
 impl Coordinates {
-    /// The coordinates of a cloud. `None` if it has none, or of different types.
+    /// The coordinates of a cloud. `None` if there are no coordinates, or they have different types.
     pub(crate) fn of(cloud: &Header) -> Option<Self> {
         let mut triples = Vec::new();
         let mut offset = 0;
@@ -40,7 +40,7 @@ impl Coordinates {
         Some(Self { row_size: offset, triples, kind })
     }
 
-    /// Replaces all triples of all rows by their transforms. The error comes with the index of its row.
+    /// Replaces all triples of all rows by their transforms. The error includes the index of its row.
     pub(crate) fn replace<E>(
         &self,
         rows: &mut [u8],
@@ -97,7 +97,7 @@ impl Coordinates {
     }
 }
 
-/// Bounds that several threads extend. The result does not depend on their order.
+/// Bounds extended by several threads. The result does not depend on their order.
 #[derive(Default)]
 pub(crate) struct SharedBounds(Mutex<Bounds>);
 
@@ -116,7 +116,7 @@ fn union(a: Bounds, b: Bounds) -> Bounds {
     Some([std::array::from_fn(|k| a_min[k].min(b_min[k])), std::array::from_fn(|k| a_max[k].max(b_max[k]))])
 }
 
-/// Three fields of `N` bytes. They lie inside the row by construction of [`Coordinates::of`].
+/// Three fields of `N` bytes. [`Coordinates::of`] guarantees that they are inside the row.
 fn fields<const N: usize>(row: &[u8], at: usize) -> [[u8; N]; 3] {
     std::array::from_fn(|axis| {
         let from = at + axis * N;

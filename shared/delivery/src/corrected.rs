@@ -3,9 +3,9 @@
 use crate::world::PlacedSubmap;
 use geometry::{Pose, Trajectory, interpolate};
 
-/// `world_from_body` from `odom_from_body`. The correction of a pose is interpolated by time between the corrections of its submap and
-/// of the next one, so the trajectory has no steps. At the first shot of a submap only its own correction applies. Before the first
-/// and after the last submap, their corrections apply.
+/// Converts `odom_from_body` to `world_from_body`. The correction of a pose is interpolated in time between the
+/// corrections of its submap and the next one, so the trajectory has no steps. At the first shot of a submap only its own
+/// correction applies. The first and the last correction also apply before the first and after the last submap.
 pub fn corrected(odometry: &Trajectory, submaps: &[PlacedSubmap]) -> Trajectory {
     let mut world = Trajectory::default();
     for (stamp, odom_from_body) in odometry.poses() {

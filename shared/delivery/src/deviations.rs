@@ -17,14 +17,14 @@ pub struct Deviations {
 /// Median and largest value of all submaps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MedianAndLargest {
-    /// Half of the submaps have a smaller value.
+    /// Median: half of the submaps have a smaller value.
     pub median: f64,
-    /// No submap has a larger value.
+    /// Largest value of any submap.
     pub largest: f64,
 }
 
 impl MedianAndLargest {
-    /// `None` without values.
+    /// Median and largest of values; `None` without values.
     fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.collect();
         values.sort_by(f64::total_cmp);
@@ -33,7 +33,7 @@ impl MedianAndLargest {
 }
 
 impl Deviations {
-    /// `None` without submaps.
+    /// Standard deviations from the rows of the placement; `None` without submaps.
     pub(crate) fn of(rows: &[PlacementRow]) -> Option<Self> {
         let of = |value: fn(PoseDeviation) -> f64| MedianAndLargest::of(rows.iter().map(|row| value(row.deviation())));
         Some(Self {
@@ -43,7 +43,7 @@ impl Deviations {
         })
     }
 
-    /// Why the heading is undetermined, if a submap exceeds the limit.
+    /// Reason why the heading is undetermined, if a submap exceeds the limit.
     pub fn undetermined_heading(&self, limit: f64) -> Option<String> {
         let MedianAndLargest { median, largest } = self.heading_deg;
         (largest > limit).then(|| {

@@ -6,7 +6,7 @@ use formats::ply::PlyWriter;
 use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
 
-/// Most clouds that wait for syncing. They are open and may be in the page cache.
+/// Largest number of clouds that wait for syncing. They are open and may be in the page cache.
 const MAX_WAITING: usize = 4;
 
 /// Syncs files to the disk.
@@ -14,7 +14,8 @@ pub fn sync(files: &[PathBuf]) -> Result<(), DeliveryError> {
     sync_all(files).map_err(|(path, source)| DeliveryError::File { path, action: "sync to the disk", source })
 }
 
-/// Runs `work` while a thread syncs these files, then the clouds that `work` passes on, which get their names when they are synced.
+/// Runs `work` while a thread syncs these files, then the clouds that `work` passes to it. A cloud gets its final name
+/// when it is synced.
 pub fn sync_in_background(
     files: &[PathBuf],
     work: impl FnOnce(&(dyn Fn(PlyWriter) -> Result<(), DeliveryError> + Sync)) -> Result<(), DeliveryError>,
@@ -29,7 +30,7 @@ pub fn sync_in_background(
         let thread = thread.map_err(DeliveryError::Thread)?;
         let worked = work(&|cloud| done.send(cloud).map_err(|_| DeliveryError::SyncStopped));
         drop(done);
-        // A failure of the thread is the cause of a failure of `work`.
+        // A failure of the thread may cause a failure of `work`, so it is reported first.
         thread.join().unwrap_or_else(|_| Err(DeliveryError::SyncPanicked))?;
         worked
     })

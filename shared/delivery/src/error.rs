@@ -1,4 +1,4 @@
-//! Why the files of a result cannot be written.
+//! Errors of writing results.
 
 use formats::ply::PlyError;
 use geometry::UtmError;
@@ -6,10 +6,10 @@ use messages::{PlacementRow, SubmapError};
 use std::io;
 use std::path::PathBuf;
 
-/// Why the files of a result cannot be written.
+/// Reason why the files of a result cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum DeliveryError {
-    /// A file or a folder.
+    /// A file or a folder cannot be accessed.
     #[error("{}: cannot {action}: {source}", path.display())]
     File {
         /// The file or folder.
@@ -31,16 +31,16 @@ pub enum DeliveryError {
     /// The thread that syncs clouds has panicked; its message is on stderr.
     #[error("the thread that syncs clouds panicked")]
     SyncPanicked,
-    /// A submap with an invalid header or point.
+    /// A submap has an invalid header or point.
     #[error(transparent)]
     Submap(#[from] SubmapError),
-    /// A number that PLY readers cannot represent.
+    /// A number exceeds the range of PLY readers.
     #[error("{what} exceeds the PLY type int")]
     ExceedsInt {
         /// The submap and its number.
         what: String,
     },
-    /// A column whose rows are not one for each point.
+    /// The rows of a column do not match the points.
     #[error("{column} of submap {seq}: {n_bytes} bytes are not {n_points} rows of {row_bytes} bytes")]
     ColumnSize {
         /// The column.
@@ -54,7 +54,7 @@ pub enum DeliveryError {
         /// Points of the submap.
         n_points: usize,
     },
-    /// Sizes of a spectra column that contradict each other or the submap.
+    /// The sizes of a spectra column contradict each other or the submap.
     #[error(
         "spectra of submap {seq}: {n_words} words are not {n_indices} indices and {n_spectra} spectra of {n_bands} bands for \
          {n_points} points"
@@ -73,7 +73,7 @@ pub enum DeliveryError {
         /// Points of the submap.
         n_points: usize,
     },
-    /// A point with a spectrum that does not exist.
+    /// A point refers to a spectrum that does not exist.
     #[error("spectra of submap {seq}: point {point} refers to spectrum {index} of {n_spectra}")]
     SpectrumIndex {
         /// Number of the submap.
@@ -85,7 +85,7 @@ pub enum DeliveryError {
         /// Spectra of the column.
         n_spectra: u32,
     },
-    /// An origin that is no position.
+    /// The origin is not a valid position.
     #[error("placement: origin {} {} {altitude_m} is not a position on the Earth", position_deg[0], position_deg[1])]
     Origin {
         /// Latitude and longitude.
@@ -93,7 +93,7 @@ pub enum DeliveryError {
         /// Altitude.
         altitude_m: f64,
     },
-    /// A submap whose poses are invalid.
+    /// The poses of a submap are invalid.
     #[error("placement of submap {}: {row:?} has no valid poses", row.submap)]
     PlacementPose {
         /// The row of the placement.
@@ -102,23 +102,23 @@ pub enum DeliveryError {
     /// The origin cannot be projected.
     #[error(transparent)]
     Utm(#[from] UtmError),
-    /// A cloud that is not the one of the saved state.
+    /// A cloud differs from the cloud of the saved state.
     #[error("{}: {got} bytes, the saved state says {expected}; was the file changed after the state was saved?", path.display())]
     Changed {
         /// The cloud.
         path: PathBuf,
         /// Its size, bytes.
         got: u64,
-        /// The size by the saved state, bytes.
+        /// The size in the saved state, bytes.
         expected: u64,
     },
-    /// A cloud without usable coordinates.
+    /// A cloud has no usable coordinates.
     #[error("{}: the cloud has no coordinates x y z of one type", path.display())]
     Coordinates {
         /// The cloud.
         path: PathBuf,
     },
-    /// A cloud that another program has moved.
+    /// Another program has moved a cloud.
     #[error("{}: the cloud is neither in the frame of the odometry nor in its final frame", path.display())]
     UnknownFrame {
         /// The cloud.
@@ -127,7 +127,7 @@ pub enum DeliveryError {
 }
 
 impl DeliveryError {
-    /// Whether files or the operating system are the cause, and not the data.
+    /// Whether the cause is a file or the operating system, and not the data.
     pub fn is_of_files(&self) -> bool {
         matches!(self, Self::File { .. } | Self::Ply(_) | Self::Thread(_) | Self::SyncStopped | Self::SyncPanicked)
     }

@@ -1,6 +1,6 @@
 //! The output folder.
 
-#![allow(clippy::disallowed_methods, reason = "the files are what the crate is for")]
+#![allow(clippy::disallowed_methods, reason = "the purpose of the crate is to write files")]
 
 use crate::error::DeliveryError;
 use crate::frame::is_placed;
@@ -23,7 +23,7 @@ const FINAL_FILES: [&str; 5] = [INDEX, GEOREFERENCE, "trajectory.txt", "trajecto
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// The folder; it is created with the first cloud.
+    /// The folder, which is created with the first cloud.
     pub fn new(output: &Path) -> Self {
         Self(output.to_owned())
     }
@@ -33,7 +33,7 @@ impl Folder {
         self.0.join(name)
     }
 
-    /// Writes a whole file, or nothing. `name` is relative to the output folder.
+    /// Writes a whole file atomically. `name` is relative to the output folder.
     pub fn write_text(&self, name: &str, text: &str) -> Result<(), DeliveryError> {
         let path = self.path(name);
         write_atomic(&path, text.as_bytes()).map_err(fault(&path, "write"))
@@ -64,8 +64,8 @@ impl Folder {
         kept.iter().try_for_each(|(name, size, n_points)| self.check_cloud(name, *size, *n_points))
     }
 
-    /// Checks that a file is the cloud of the saved state, or this cloud in its final frame: the run may have crashed while it moved
-    /// clouds.
+    /// Checks that a file is the cloud of the saved state, or this cloud in its final frame: the run may have crashed
+    /// while it moved clouds.
     fn check_cloud(&self, name: &str, expected: u64, n_points: u64) -> Result<(), DeliveryError> {
         let path = self.path(name);
         let got = fs::metadata(&path).map_err(fault(&path, "get the size"))?.len();
@@ -82,7 +82,7 @@ pub fn submap_of(name: &str) -> Option<u64> {
     digits.parse().ok().filter(|_| is_cloud(name))
 }
 
-/// Whether the name of a file in `clouds/` is one that this crate writes, complete or partial.
+/// Whether this crate writes files of this name in `clouds/`, complete or partial.
 fn is_cloud(name: &str) -> bool {
     let finished = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial")).unwrap_or(name);
     let seq = finished.strip_prefix("submap_").and_then(|name| name.strip_suffix(".ply"));

@@ -1,4 +1,4 @@
-//! `georeference.json`: the frame of the results, and where it lies on the Earth.
+//! `georeference.json`: the frame of the results and its placement on the Earth.
 
 use crate::deviations::Deviations;
 use crate::error::DeliveryError;
@@ -13,13 +13,13 @@ pub struct GeoreferenceFile {
     pub version: u32,
     /// Frame of the clouds.
     pub frame: String,
-    /// Frame of the trajectory. That of the clouds, too, unless these are in UTM.
+    /// Frame of the trajectory. It is the frame of the clouds, unless these are in UTM.
     pub trajectory_frame: String,
     /// Origin of the local frame (WGS84). `None` without fixes.
     pub origin: Option<Geodetic>,
     /// UTM coordinates of the origin.
     pub utm: Option<UtmOrigin>,
-    /// Standard deviations of the poses of the submaps. In a frame without origin: against the first submap.
+    /// Standard deviations of the poses of the submaps. In a frame without origin, they are relative to the first submap.
     pub standard_deviations: Option<Deviations>,
     /// Loop closures.
     #[serde(default)]
@@ -51,12 +51,12 @@ pub struct UtmOrigin {
     pub convergence_deg: f64,
 }
 
-/// How many of the measurements of a kind were used.
+/// Numbers of used and rejected measurements of a kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Uses {
-    /// Number of those that were used.
+    /// Number of used measurements.
     pub used: u32,
-    /// Number of those that contradict the others.
+    /// Number of measurements rejected because they contradict the others.
     pub refused: u32,
 }
 

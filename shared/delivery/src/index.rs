@@ -33,8 +33,8 @@ pub struct CloudEntry {
     pub stamp_end: i64,
     /// Smallest and largest x y z, m. None without points.
     pub bounds: Option<[[f64; 3]; 2]>,
-    /// Translation of `world_from_submap`, m, in the local frame, also if coordinates are UTM. Without placement it is the one of
-    /// `odom_from_submap`.
+    /// Translation of `world_from_submap`, m, in the local frame, even if coordinates are UTM. Without placement it is
+    /// the translation of `odom_from_submap`.
     pub translation: [f64; 3],
     /// Rotation of the same pose, unit quaternion x y z w.
     pub rotation: [f64; 4],
@@ -54,7 +54,7 @@ pub struct CloudEntry {
     pub lost: Vec<String>,
 }
 
-/// The cloud of points that a mosaic camera saw.
+/// The cloud of points that a mosaic camera recorded.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpectraEntry {
     /// Path relative to the output folder.

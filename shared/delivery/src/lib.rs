@@ -1,7 +1,7 @@
-//! The files that a run writes while it runs: clouds of submaps, their index, the trajectory and the frame that they are in.
+//! The files that a run writes while it runs: clouds of submaps, their index, the trajectory and their frame.
 //!
-//! `export` is a thin stage over this crate. A finished run in the formats of surveyors (LAS, COPC, GeoTIFF) is the task of the crate
-//! `surveying`, which reads these files.
+//! `export` is a thin stage over this crate. The crate `surveying` reads these files and converts a finished run to
+//! surveying formats (LAS, COPC, GeoTIFF).
 //!
 //! | idea | module |
 //! |---|---|
@@ -15,13 +15,13 @@
 //!
 //! The caller joins submaps and columns, decides when a cloud is written and reports doubts.
 //!
-//! This crate must never wait for messages, know a stage, or name a column that the table
-//! ([`messages::columns`]) declares, except where the index counts its values. It must not change a cloud in place: a cloud is
-//! written to a copy that replaces it when complete, so that a run that is killed at any time continues. The same submaps give the
-//! same bytes for any number of threads.
+//! This crate must never wait for messages, depend on a stage, or name a column that the table ([`messages::columns`])
+//! declares, except where the index counts its values. It must not change a cloud in place: a cloud is written to a copy
+//! that replaces it when complete, so that a run killed at any time can continue. The same submaps give the same bytes
+//! for any number of threads.
 //!
-//! Begin reading with `submap_files.rs` (how a cloud is written), then `place.rs` (how it is moved to the final frame;
-//! `docs/explanation/georeferencing.md` says why).
+//! Start reading with `submap_files.rs` (how a cloud is written), then `place.rs` (how it is moved to the final frame;
+//! `docs/explanation/georeferencing.md` explains why).
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 

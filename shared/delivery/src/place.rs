@@ -1,6 +1,7 @@
-//! Moves clouds to the final frame. The placement of a submap is known at the end of the drive. Clouds that were written before are
-//! in the frame of the odometry. They are rewritten to a copy, which replaces the original when it is complete. Clouds whose header
-//! has their final pose are not moved again, so a crashed run can be restarted at any time.
+//! Moves clouds to the final frame. The placement of a submap is known only at the end of the drive. Clouds that were
+//! written before are in the frame of the odometry. They are rewritten to a copy, which replaces the original when it is
+//! complete. Clouds with their final pose in the header are not moved again, so a crashed run can be restarted at any
+//! time.
 
 use crate::coordinates::{Bounds, Coordinates, SharedBounds};
 use crate::error::DeliveryError;
@@ -20,7 +21,7 @@ pub(crate) struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// `None` if the placement does not contain the submap.
+    /// Place of a submap; `None` if the placement does not contain the submap.
     pub(crate) fn of(seq: u64, world: &'a World) -> Option<Self> {
         let submap = world.submap(seq)?;
         Some(Self { world, submap, world_from_odom: submap.world_from_odom() })
@@ -60,8 +61,8 @@ impl<'a> Place<'a> {
     }
 }
 
-/// Writes a cloud whose header and rows are given in the frame of the odometry, in the final frame if its place is known. Returns size
-/// and bounds of the file. The file is not synced.
+/// Writes a cloud whose header and rows are given in the frame of the odometry. It is written in the final frame if its
+/// place is known. Returns size and bounds of the file. The file is not synced.
 pub(crate) fn write_cloud(
     path: &Path,
     header: Header,
@@ -82,7 +83,8 @@ pub(crate) fn write_cloud(
     Ok((writer.finish_unsynced()?, bounds.all()))
 }
 
-/// Moves the files of a submap to the final frame, if its place is known. `finish` syncs them and gives them their names.
+/// Moves the files of a submap to the final frame, if its place is known. `finish` syncs them and gives them their final
+/// names.
 pub fn move_clouds(
     entry: &mut CloudEntry,
     folder: &Folder,

@@ -1,27 +1,28 @@
-//! Space that the clouds of a recorded drive will take, estimated from its first sweeps before a run.
+//! Estimates the disk space for the clouds of a recorded drive from its first sweeps, before a run.
 
 use crate::cloud_columns::{CloudFields, header_of, point_columns};
 use drive::{Drive, SweepSource};
 use lidar::SweepError;
 
-/// Sweeps from which the number of points is estimated. One sweep of a capture may be cut off; ten are read in some 50 ms.
+/// Number of sweeps from which the number of points is estimated. One sweep of a capture may be truncated; ten are read
+/// in about 50 ms.
 const SAMPLE_SWEEPS: usize = 10;
 
-/// Share of the points that a mosaic camera sees, and that are also written with their spectra: 6.4 % in the sample drive, whose two
-/// cameras look to the sides.
+/// Share of the points that a mosaic camera records, and that are also written with their spectra: 6.4 % in the sample
+/// drive, whose two cameras face the sides.
 const SHARE_WITH_SPECTRA: f64 = 0.064;
 
-/// Points and bytes of clouds.
+/// Numbers of points and bytes of clouds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SpaceNeed {
-    /// Points.
+    /// Number of points.
     pub points: u64,
-    /// Bytes of all clouds.
+    /// Number of bytes of all clouds.
     pub bytes: u64,
 }
 
-/// Clouds with these fields, and with spectra if `has_spectra` and the drive has mosaic cameras. Drives whose surroundings change, from
-/// a street to a field, differ from the estimate by up to a half.
+/// Space for clouds with these fields, and with spectra if `has_spectra` is set and the drive has mosaic cameras. In
+/// drives with changing surroundings, for example from a street to a field, the estimate is off by up to a half.
 pub fn space_need(drive: &Drive, fields: &CloudFields<'_>, has_spectra: bool) -> Result<SpaceNeed, SweepError> {
     let mut points = 0.0;
     for lidar in drive.lidars() {
@@ -37,13 +38,13 @@ pub fn space_need(drive: &Drive, fields: &CloudFields<'_>, has_spectra: bool) ->
     Ok(SpaceNeed { points: points as u64, bytes: (points * (row_bytes + spectra_bytes)) as u64 })
 }
 
-/// Points of the first sweeps, divided by the part of the drive that they are.
+/// Points of the first sweeps, divided by their share of the drive.
 fn estimated_points(sweeps: &mut SweepSource) -> Result<f64, SweepError> {
     let mut n_points = 0;
     let mut n_sweeps = 0;
     while n_sweeps < SAMPLE_SWEEPS && sweeps.next_sweep(|points| n_points += points.len())?.is_some() {
         n_sweeps += 1;
     }
-    // A reader that has just begun has progress 0, without any points.
+    // A reader that has just started has progress 0 and no points.
     Ok(n_points as f64 / sweeps.progress().max(1e-9))
 }

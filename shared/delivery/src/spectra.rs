@@ -1,4 +1,4 @@
-//! The cloud of spectra: the points of a submap that a mosaic camera saw.
+//! The cloud of spectra: the points of a submap that a mosaic camera recorded.
 
 use crate::error::DeliveryError;
 use crate::folder::Folder;
@@ -9,8 +9,8 @@ use crate::submap_cloud::SubmapColumns;
 use formats::ply::{Header, Kind, Property};
 use messages::{NO_SPECTRUM, SpectraHeader, SpectraView};
 
-/// Writes the points with a spectrum: position, index in the cloud of the submap, reflectance of each band. Bands that were not
-/// measured are NaN, so that they cannot be averaged by mistake.
+/// Writes the points with a spectrum: position, index in the cloud of the submap, reflectance of each band. Bands that
+/// were not measured are NaN, which prevents averaging them by mistake.
 pub(crate) fn write(
     columns: &SubmapColumns<'_>,
     (head, words): (&SpectraHeader, &[u32]),
@@ -46,7 +46,7 @@ pub(crate) fn write(
     Ok(SpectraEntry { file, bytes, n_spectra: seen.len() as u64, wavelengths_nm })
 }
 
-/// Indices of the points with a spectrum, increasing.
+/// Indices of the points with a spectrum, ascending.
 fn seen_points(indices: &[u32], n_spectra: u32, seq: u64) -> Result<Vec<u32>, DeliveryError> {
     if i32::try_from(indices.len()).is_err() {
         return Err(DeliveryError::ExceedsInt { what: format!("submap {seq}: number of points {}", indices.len()) });

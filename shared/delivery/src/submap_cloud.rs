@@ -17,7 +17,7 @@ pub struct ReceivedSubmap<'a> {
     pub header: &'a SubmapHeader,
     /// Points of the submap.
     pub points: &'a [SubmapPoint],
-    /// The columns that have arrived, in any order, except spectra.
+    /// The received columns, in any order, except spectra.
     pub columns: &'a [ReceivedColumn<'a>],
     /// Header and words of the spectra, if there is such a column.
     pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
@@ -42,7 +42,7 @@ impl<'a> ReceivedColumn<'a> {
 }
 
 impl<'a> ReceivedSubmap<'a> {
-    /// The rows of the column of `T`, if it has arrived.
+    /// The rows of the column of `T`, if it was received.
     pub(crate) fn rows<T: Message>(&self) -> Option<&'a [T::Row]> {
         let is_of_topic =
             |column: &&ReceivedColumn<'_>| column.column.renamed.is_none() && column.column.column.topic == T::TOPIC;
@@ -57,7 +57,7 @@ pub(crate) struct SubmapColumns<'a> {
     pub(crate) geometry: SubmapGeometry,
     /// Type of coordinates in files.
     pub(crate) coordinates: Kind,
-    /// Whether the points are those of several LiDARs.
+    /// Whether the points are from several LiDARs.
     has_lidars: bool,
     /// Received columns in the order of the rows.
     columns: Vec<CloudColumn<'a>>,
@@ -106,8 +106,8 @@ impl<'a> SubmapColumns<'a> {
         header_of(self.coordinates, columns).comment(format!("REPLICA submap {}", self.seq))
     }
 
-    /// Appends the fields of point `i`: those of the columns `points` and `lidar` of the table, which come with the submap and need its
-    /// poses, then those of the other columns.
+    /// Appends the fields of point `i`: first the fields of the columns `points` and `lidar` of the table, which come
+    /// with the submap and need its poses, then the fields of the other columns.
     #[inline]
     pub(crate) fn encode(&self, i: usize, row: &mut Row<'_>) {
         let point = &self.points[i];
@@ -168,7 +168,7 @@ impl ReceivedField<'_> {
         }
     }
 
-    /// `N` bytes of the rows, whose number [`SubmapColumns::new`] has checked.
+    /// `N` bytes of the rows; [`SubmapColumns::new`] has checked the number of rows.
     #[inline]
     fn bytes<const N: usize>(&self, at: usize) -> [u8; N] {
         self.rows[at..at + N].try_into().expect("N bytes")

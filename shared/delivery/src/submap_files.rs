@@ -12,7 +12,7 @@ use messages::{ClassRow, ClassTopic, ColorRow, ColorTopic, InstanceTopic, UNSEEN
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Writes the files of one submap, in the final frame if its place in the world is known. `coordinates` is the type of coordinates
+/// Writes the files of one submap, in the final frame if its placement is known. `coordinates` is the type of coordinates
 /// in the files. The files are not synced, see [`crate::sync`].
 pub fn write_submap(
     submap: &ReceivedSubmap<'_>,

@@ -13,7 +13,7 @@ pub(crate) struct SubmapGeometry {
 /// Path of the lidar during a sweep: a line from its first to its last shot.
 pub(crate) struct SweepPath {
     begin: Vector3<f64>,
-    /// m per ns.
+    /// Velocity, m per ns.
     velocity: Vector3<f64>,
     stamp: i64,
     /// Number of the sweep in the drive.
@@ -37,7 +37,7 @@ impl SubmapGeometry {
         Ok(Self { sweeps: sweeps.iter().map(path).collect::<Result<_, DeliveryError>>()?, odom_from_submap })
     }
 
-    /// `point` in odom, m.
+    /// Position of `point` in odom, m.
     #[inline]
     pub(crate) fn position(&self, point: &SubmapPoint) -> Point3<f64> {
         self.odom_from_submap * Point3::new(f64::from(point.x), f64::from(point.y), f64::from(point.z))
@@ -58,7 +58,7 @@ impl SweepPath {
         };
         let begin = position(&sweep.submap_from_lidar_begin);
         let moved = position(&sweep.submap_from_lidar_end) - begin;
-        // A sweep of one shot has no duration and no movement.
+        // A sweep of one shot has no duration and no motion.
         let velocity = moved / f64::from(sweep.duration_nanos.max(1));
         Self { begin, velocity, stamp: sweep.stamp, seq, lidar: sweep.lidar as u8 }
     }

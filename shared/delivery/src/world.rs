@@ -6,12 +6,12 @@ use crate::georeference::{GeoreferenceFile, Uses, UtmOrigin};
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Stamp, Utm, UtmError};
 use messages::{FRAME_EAST_NORTH_UP, PlacementHeader, PlacementRow, PoseDeviation};
 
-/// What the user wants of the frame of the clouds.
+/// Settings of the frame of the clouds.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameChoice {
     /// Coordinates in UTM instead of the local frame.
     pub wants_utm: bool,
-    /// Largest standard deviation of the heading of a submap with which coordinates in UTM are possible, degrees.
+    /// Largest standard deviation of the heading of a submap at which UTM coordinates are allowed, degrees.
     pub max_heading_deviation_deg: f64,
 }
 
@@ -30,9 +30,9 @@ pub struct World {
 pub struct PlacedSubmap {
     /// Time of its first shot.
     pub stamp: Stamp,
-    /// Before the correction.
+    /// Pose before the correction.
     pub odom_from_submap: Pose,
-    /// After the correction.
+    /// Pose after the correction.
     pub world_from_submap: Pose,
     /// Standard deviations along the axes of the submap, m.
     pub sigma_m: [f32; 3],
@@ -57,7 +57,7 @@ impl World {
         let map = origin.as_ref().map(Utm::of).transpose()?;
         let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::of(local, utm)).transpose()?;
         let deviations = Deviations::of(rows);
-        // With a wrong heading, UTM coordinates are wrong, and nothing in them shows it.
+        // With a wrong heading, UTM coordinates are wrong without any visible sign.
         let limit = choice.max_heading_deviation_deg;
         let is_turned = deviations.is_some_and(|deviations| deviations.undetermined_heading(limit).is_some());
         let utm = map.filter(|_| choice.wants_utm && !is_turned);
@@ -88,7 +88,7 @@ impl World {
     pub fn crs(&self) -> Option<String> {
         self.utm.as_ref().map(|utm| format!("crs EPSG:{}", utm.epsg()))
     }
-    /// Why coordinates are local, if the choice was UTM.
+    /// Reason why coordinates are local although UTM was chosen.
     pub fn lacks_utm(&self) -> Option<String> {
         if !self.choice.wants_utm || self.utm.is_some() {
             return None;
@@ -97,15 +97,15 @@ impl World {
         let heading = self.deviations().and_then(|deviations| deviations.undetermined_heading(limit));
         Some(heading.unwrap_or_else(|| "the drive is not georeferenced".to_owned()))
     }
-    /// Standard deviations of the poses. `None` if the result is not placed on the Earth.
+    /// Standard deviations of the poses. `None` if the result is not georeferenced.
     pub fn deviations(&self) -> Option<Deviations> {
         self.georeference.standard_deviations.filter(|_| self.local.is_some())
     }
-    /// The placed submap of a number.
+    /// The placed submap with this number.
     pub fn submap(&self, seq: u64) -> Option<&PlacedSubmap> {
         self.submaps.get(usize::try_from(seq).ok()?)
     }
-    /// Coordinates in the frame of the clouds of a point in the local frame, m.
+    /// Coordinates in the frame of the clouds, from a point in the local frame, m.
     pub fn coordinates(&self, p: &Point3<f64>) -> Result<[f64; 3], UtmError> {
         match (&self.utm, &self.local) {
             (Some(utm), Some(local)) => utm.project(&local.geodetic_from_world(p)),
