@@ -1,6 +1,7 @@
 //! Promises about the source tree: which crate may depend on which, and where unsafe code may stand.
 
 mod promises;
+mod wording;
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,19 +13,22 @@ fn read(path: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).expect("readable")
 }
 
-/// All Rust files below a folder, but for what builds have made.
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let mut files = Vec::new();
+/// All files below a folder with one of these extensions, but for what builds and runs have made.
+fn files(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {
+    const MADE: [&str; 7] = ["target", "node_modules", "dist", "out", "drives", ".git", "__pycache__"];
+    let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).expect("readable").flatten() {
         let path = entry.path();
-        if path.is_dir() && !["target", "node_modules"].map(OsString::from).contains(&entry.file_name()) {
-            files.extend(sources(&path));
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            files.push(path);
+        if path.is_dir() {
+            if !MADE.map(OsString::from).contains(&entry.file_name()) {
+                found.extend(files(&path, extensions));
+            }
+        } else if path.extension().is_some_and(|extension| extensions.iter().any(|listed| extension == *listed)) {
+            found.push(path);
         }
     }
-    files.sort();
-    files
+    found.sort();
+    found
 }
 
 /// The libraries in the order of `workspace.dependencies` in Cargo.toml: each may use only those before it.
@@ -169,9 +173,12 @@ fn targets_that_are_not_tested_contain_no_tests() {
             n_targets += 1;
             let root = Path::new(target["src_path"].as_str().expect("a path"));
             // Modules belong to the tested target of the package, if there is one.
-            let files =
-                if tested.is_empty() { sources(root.parent().expect("a folder")) } else { vec![root.to_owned()] };
-            for file in files {
+            let sources = if tested.is_empty() {
+                files(root.parent().expect("a folder"), &["rs"])
+            } else {
+                vec![root.to_owned()]
+            };
+            for file in sources {
                 let text = std::fs::read_to_string(&file).expect("text");
                 let has_tests = text.lines().any(|line| ["#[test]", "#[cfg(test)]"].contains(&line.trim()));
                 assert!(!has_tests, "{}: remove `test = false` from the target in Cargo.toml", file.display());
@@ -195,7 +202,7 @@ fn unsafe_code_stands_in_one_file_of_ipc() {
     // The lint denies unsafe code everywhere; only such a line can lift it.
     let allows =
         |path: &PathBuf| std::fs::read_to_string(path).expect("text").contains(concat!("allow(", "unsafe_code"));
-    let files = folders.iter().flat_map(|name| sources(&root.join(name))).filter(allows);
+    let files = folders.iter().flat_map(|name| files(&root.join(name), &["rs"])).filter(allows);
     let allowed: Vec<PathBuf> = files.map(|path| path.strip_prefix(root).expect("inside").to_owned()).collect();
     assert_eq!(allowed, [Path::new("shared/ipc/src/slot.rs")]);
 }
@@ -244,7 +251,7 @@ fn lines_of_code(folder: &Path) -> usize {
         let code = text.lines().map(str::trim).take_while(|line| *line != "#[cfg(test)]");
         code.filter(|line| !line.is_empty() && !line.starts_with("//")).count()
     };
-    sources(folder).iter().map(lines_of_file).sum()
+    files(folder, &["rs"]).iter().map(lines_of_file).sum()
 }
 
 /// What a stage may use beside the project's crates: its saved state, its errors, and the threads on which libraries compute.

@@ -1,5 +1,6 @@
 //! `docs/promises.md` and the tests agree. Part of the test binary `architecture`.
 
+use super::files;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -23,17 +24,6 @@ fn named_tests() -> BTreeSet<String> {
     spans.filter(is_test).map(str::to_owned).collect()
 }
 
-fn source_files(folder: &Path, files: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let path = entry.path();
-        if path.is_dir() {
-            source_files(&path, files);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            files.push(path);
-        }
-    }
-}
-
 /// The test functions of a source file.
 fn tests_of(file: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(file).expect("a source file");
@@ -52,26 +42,25 @@ fn tests_of(file: &Path) -> Vec<String> {
 }
 
 /// The files in which a test of this path may stand: a module of the suite, or files of a crate below the module's name.
-fn files_of(path: &[&str]) -> Vec<PathBuf> {
+fn files_with_module(path: &[&str]) -> Vec<PathBuf> {
     let (crate_or_module, modules) = path.split_first().expect("a path");
     let of_suite = root().join(format!("tests/suite/{crate_or_module}.rs"));
     if modules.is_empty() && of_suite.is_file() {
         return vec![of_suite];
     }
-    let mut files = Vec::new();
+    let mut found = Vec::new();
     if *crate_or_module == "architecture" {
-        files.extend(["tests/architecture.rs", "tests/promises.rs"].map(|file| root().join(file)));
+        found.extend(["tests/architecture.rs", "tests/promises.rs", "tests/wording.rs"].map(|file| root().join(file)));
     }
-    for folder in ["shared", "services", "tools", "lab", "."] {
-        source_files(&root().join(folder).join(crate_or_module), &mut files);
-    }
+    let folders = ["shared", "services", "tools", "lab", "."].map(|folder| root().join(folder).join(crate_or_module));
+    found.extend(folders.iter().filter(|folder| folder.is_dir()).flat_map(|folder| files(folder, &["rs"])));
     // A module is a file or a folder.
     let has_module = |file: &PathBuf, module: &str| {
         file.file_stem().is_some_and(|stem| stem == module)
             || file.parent().is_some_and(|folder| folder.ends_with(module))
     };
-    files.retain(|file| modules.iter().all(|module| has_module(file, module)));
-    files
+    found.retain(|file| modules.iter().all(|module| has_module(file, module)));
+    found
 }
 
 #[test]
@@ -81,7 +70,7 @@ fn named_tests_exist() {
         .filter(|name| {
             let parts: Vec<&str> = name.split("::").collect();
             let (test, path) = parts.split_last().expect("a name");
-            !files_of(path).iter().any(|file| tests_of(file).iter().any(|found| found == test))
+            !files_with_module(path).iter().any(|file| tests_of(file).iter().any(|found| found == test))
         })
         .collect();
     assert!(absent.is_empty(), "{PAGE} names tests that do not exist: {absent:#?}");
@@ -106,10 +95,8 @@ fn python_tests_are_listed() {
 #[test]
 fn process_tests_are_listed() {
     let named = named_tests();
-    let mut files = Vec::new();
-    source_files(&root().join("tests/suite"), &mut files);
     let mut unlisted = Vec::new();
-    for file in files {
+    for file in files(&root().join("tests/suite"), &["rs"]) {
         let module = file.file_stem().expect("a name").to_string_lossy().into_owned();
         let tests = tests_of(&file).into_iter().map(|test| format!("{module}::{test}"));
         // Pages, not processes.
