@@ -137,11 +137,11 @@ pub enum Doubt {
     ClockOffset {
         /// The sensor.
         sensor: String,
-        /// By how much its stamps are behind those of the LiDAR, s; negative: ahead.
+        /// Delay of its stamps relative to the stamps of the LiDAR, s; negative: ahead.
         behind_s: f64,
         /// Largest offset, s.
         limit_s: f64,
-        /// Time that the data may need to the host, s.
+        /// Longest delay of the data on its way to the host, s.
         delay_s: f64,
     },
     /// [`DoubtKind::SilentSensors`].
@@ -174,7 +174,7 @@ pub enum Doubt {
     },
     /// [`DoubtKind::ReceiverDelay`].
     ReceiverDelay {
-        /// By how much the stamps are late, s; negative: early.
+        /// Delay of the stamps, s; negative: early.
         late_s: f64,
     },
     /// [`DoubtKind::MotionContested`].
@@ -188,11 +188,11 @@ pub enum Doubt {
     },
     /// [`DoubtKind::PathLost`].
     PathLost {
-        /// By how much the deviation of position and heading grew, m.
+        /// Growth of the deviation of position and heading, m.
         growth_m: f64,
         /// Largest growth, m.
         limit_m: f64,
-        /// Distance at which an error of the heading is converted to metres, m.
+        /// Distance at which a heading error is converted to metres, m.
         lever_m: f64,
         /// Time of all stretches, s.
         seconds: f64,
@@ -201,7 +201,7 @@ pub enum Doubt {
     },
     /// [`DoubtKind::ImuNotUsed`].
     ImuNotUsed {
-        /// How it contradicts the LiDAR.
+        /// Contradiction to the LiDAR, as a text.
         reason: String,
     },
     /// [`DoubtKind::FewPointsColored`].
@@ -251,7 +251,7 @@ pub enum Doubt {
         n_submaps: u64,
         /// Largest share.
         limit: f64,
-        /// What is done with these intensities.
+        /// Use of these intensities, as a text.
         treatment: String,
     },
     /// [`DoubtKind::SubmapsCoarsened`].
@@ -326,7 +326,7 @@ pub enum Doubt {
 }
 
 impl Doubt {
-    /// Its kind.
+    /// Kind of the doubt.
     pub fn kind(&self) -> DoubtKind {
         match self {
             Self::SecondaryLidar { doubt, .. } => doubt.kind(),
@@ -380,7 +380,7 @@ impl Doubt {
         }
     }
 
-    /// The value that breaks its limit, in the unit that the text states; 0 if there is no value.
+    /// The value that exceeds its limit, in the unit that the text states; 0 if there is no value.
     pub fn size(&self) -> f64 {
         match self {
             Self::SecondaryLidar { doubt, .. } => doubt.size(),
@@ -423,7 +423,7 @@ impl Doubt {
     }
 }
 
-/// What is doubtful, its size, the limit that it exceeds and what to do.
+/// States what is doubtful, its size, the limit that it exceeds and what to do.
 impl Display for Doubt {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
@@ -431,14 +431,14 @@ impl Display for Doubt {
             Self::ForeignPackets { share, n_packets, limit } => write!(
                 f,
                 "{} of the {n_packets} packets are foreign or too short, more than max_foreign_share = {limit}; check that \
-                 the sweeps are those of the right sensor",
+                 the sweeps are from the right sensor",
                 percent(*share)
             ),
             Self::DamagedPackets { share, limit } => {
                 damaged(f, *share, "of the LiDAR's packets arrived too late or have undecodable blocks", *limit)
             }
             Self::UnreadCaptures { share, limit } => {
-                damaged(f, *share, "of the bytes of the captures lie behind damage and are not read", *limit)
+                damaged(f, *share, "of the bytes of the captures follow a damaged part and are not read", *limit)
             }
             Self::BadSweeps { share, limit } => damaged(f, *share, "of the sweep files cannot be read", *limit),
             Self::BadImages { share, limit } => {
@@ -468,14 +468,14 @@ impl Display for Doubt {
             ),
             Self::LateExposures { share, n_frames, max_late_s, limit } => write!(
                 f,
-                "{} of the {n_frames} exposures came more than max_late_s = {max_late_s} after the sweep of their time and colored \
+                "{} of the {n_frames} exposures arrived more than max_late_s = {max_late_s} after the sweep of their time and colored \
                  nothing, more than max_outside_share = {limit}; they are recorded; check the grabber and its clock",
                 percent(*share)
             ),
             Self::PpsNotLocked { share, n_states, limit } => write!(
                 f,
-                "in {} of the {n_states} packets that tell it, the clock of the LiDAR follows neither PPS nor PTP, more than \
-                 max_unlocked_share = {limit}; stamps of the other sensors may be those of another clock",
+                "in {} of the {n_states} packets that report it, the clock of the LiDAR follows neither PPS nor PTP, more than \
+                 max_unlocked_share = {limit}; stamps of the other sensors may come from another clock",
                 percent(*share)
             ),
             Self::CutCaptures { n_captures } => write!(
@@ -490,7 +490,7 @@ impl Display for Doubt {
                 write!(f, "drive.toml names sensors without any data within the sweeps: {}", sensors.join(", "))
             }
             Self::NoSweep { n_packets } => {
-                write!(f, "{n_packets} packets were received and recorded, none of them gave a sweep")
+                write!(f, "{n_packets} packets were received and recorded, but none gave a sweep")
             }
             Self::NoUsableFix { n_invalid } => write!(
                 f,
@@ -509,13 +509,13 @@ impl Display for Doubt {
             ),
             Self::MotionContested { seconds, limit_s, stretches } => write!(
                 f,
-                "own motion contested for {seconds:.1} s of the drive, more than {limit_s} s: the surroundings fit other positions along \
-                 the way about as well, as in a queue that moves along ({stretches}); the vehicle may have driven farther than the result \
+                "the ego-motion is ambiguous for {seconds:.1} s of the drive, more than {limit_s} s: the scene fits other along-track \
+                 positions about as well, as in moving traffic ({stretches}); the vehicle may have driven farther than the result \
                  says"
             ),
             Self::PathLost { growth_m, limit_m, lever_m, seconds, stretches } => write!(
                 f,
-                "the surroundings did not tell the motion for {seconds:.1} s of the drive ({stretches}): there the deviation of position and \
+                "the scene did not constrain the motion for {seconds:.1} s of the drive ({stretches}): there the deviation of position and \
                  heading grew by {growth_m:.1} m within {lever_m} m, more than {limit_m} m; the path may be shorter, longer or bent"
             ),
             Self::ImuNotUsed { reason } => write!(
@@ -543,7 +543,7 @@ impl Display for Doubt {
             ),
             Self::ForeignIntensities { n_foreign, n_submaps, limit, treatment } => write!(
                 f,
-                "the intensities of {n_foreign} of {n_submaps} submaps are on another scale than those of the training (limit {:.0} %): \
+                "the intensities of {n_foreign} of {n_submaps} submaps are on another scale than in training (limit {:.0} %): \
                  {treatment}; train with this sensor",
                 100.0 * limit
             ),
@@ -576,11 +576,11 @@ impl Display for Doubt {
                 write!(f, "{n_without} of {n_clouds} clouds have no placement: they stay in the frame of the odometry")
             }
             Self::RecordingIncomplete { fault, progress } => {
-                write!(f, "{fault}; {:.0} % of the drive were replayed", 100.0 * progress)
+                write!(f, "{fault}; {:.0} % of the drive was replayed", 100.0 * progress)
             }
             Self::TopicsNotReplayed { topics } => write!(
                 f,
-                "the replay does not give the results of its run: stages read {}, which no stage publishes here; record and \
+                "the replay does not reproduce the results of its run: stages read {}, which no stage publishes here; record and \
                  replay these topics too",
                 topics.join(", ")
             ),
@@ -598,7 +598,7 @@ fn clock_offset(f: &mut Formatter<'_>, sensor: &str, behind_s: f64, limit_s: f64
     let side = if behind_s < 0.0 { "ahead of" } else { "behind" };
     write!(
         f,
-        "stamps of {sensor} are {offset_ms:.1} ms {side} those of the LiDAR, more than max_clock_offset_ms = {limit_ms}"
+        "stamps of {sensor} are {offset_ms:.1} ms {side} the LiDAR, more than max_clock_offset_ms = {limit_ms}"
     )?;
     // Data that is ahead cannot be late.
     if behind_s >= 0.0 && delay_s > 0.0 {
@@ -631,7 +631,7 @@ fn uncertain(f: &mut Formatter<'_>, what: &str, largest_m: f64, median_m: f64, l
     )
 }
 
-/// 0 of nothing.
+/// The quotient of `part` and `whole`; 0 if `whole` is 0.
 fn share(part: u64, whole: u64) -> f64 {
     part as f64 / whole.max(1) as f64
 }
@@ -660,11 +660,11 @@ mod tests {
         };
         assert_eq!(
             offset(-0.0321),
-            "stamps of imu are 32.1 ms ahead of those of the LiDAR, more than max_clock_offset_ms = 5; synchronize the clocks by \
+            "stamps of imu are 32.1 ms ahead of the LiDAR, more than max_clock_offset_ms = 5; synchronize the clocks by \
              PTP or by GNSS with PPS"
         );
         assert!(offset(0.0321).contains(
-            "32.1 ms behind those of the LiDAR, more than max_clock_offset_ms = 5 and more than max_late_s = 0.5;"
+            "32.1 ms behind the LiDAR, more than max_clock_offset_ms = 5 and more than max_late_s = 0.5;"
         ));
     }
 }

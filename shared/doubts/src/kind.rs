@@ -42,7 +42,7 @@ pub enum Subject {
     Run,
     /// The data of the sensors.
     Input,
-    /// Trajectory, and where it lies on the Earth.
+    /// Trajectory and its position on the Earth.
     Place,
     /// Colors and spectra.
     Color,
@@ -54,7 +54,7 @@ impl Subject {
     /// All subjects, in the order of a report.
     pub const ALL: [Self; 5] = [Self::Run, Self::Input, Self::Place, Self::Color, Self::Classes];
 
-    /// The subject of a doubt without kind, by the table of its stage.
+    /// The subject of a doubt without a kind, by the table of its stage.
     pub fn from_stage(stage: &str) -> Self {
         match stage {
             "acquire" | "replay" => Self::Input,
@@ -66,12 +66,12 @@ impl Subject {
     }
 }
 
-/// What a doubt means for who uses the result.
+/// The consequence of a doubt for users of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
     /// The result is complete and needs a check.
     Check,
-    /// Coordinates on the Earth would be wrong; the result is good in its local frame.
+    /// The result is good in its local frame, but coordinates on the Earth would be wrong.
     Unplaced,
     /// There is no result.
     Empty,
@@ -116,11 +116,11 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// Packets of other senders, or too short.
-    ForeignPackets "foreign_packets" Acquire Input Check "Check that the sweeps are those of the right sensor."
+    /// Packets from other senders, or packets that are too short.
+    ForeignPackets "foreign_packets" Acquire Input Check "Check that the sweeps are from the right sensor."
     /// LiDAR packets too late or undecodable.
     DamagedPackets "damaged_packets" Acquire Input Check "Check the recorder's network."
-    /// Bytes behind damage in captures.
+    /// Bytes after damage in captures.
     UnreadCaptures "unread_captures" Acquire Input Check "Copy the captures again."
     /// Sweep files that cannot be read.
     BadSweeps "bad_sweeps" Acquire Input Check "Copy them again."
@@ -138,7 +138,7 @@ kinds! {
     FewFixes "few_fixes" Acquire Input Check "Log GGA and RMC sentences."
     /// Exposures before the first or after the last sweep.
     ExposuresOutside "exposures_outside" Acquire Input Check "Check the clocks."
-    /// Live: exposures that came after the sweep of their time.
+    /// Live: exposures that arrived after the sweep of their time.
     LateExposures "late_exposures" Acquire Input Check "Check the grabber and its clock."
     /// The clock of the LiDAR follows neither PPS nor PTP.
     PpsNotLocked "pps_not_locked" Acquire Input Check
@@ -159,7 +159,7 @@ kinds! {
         "Check the receiver's clock, drive farther, or remove `\"gnss\"` from `correct`."
     /// The stamps of the receiver are off by more than can be corrected.
     ReceiverDelay "receiver_delay" SlamAggregate Place Check "Check its clock."
-    /// The scene fits other positions along the track about as well.
+    /// The scene fits other along-track positions about as well.
     MotionContested "motion_contested" SlamAggregate Place Check "Drive again in less traffic."
     /// The scene did not determine the motion.
     PathLost "path_lost" SlamAggregate Place Check "Drive with an IMU and a GNSS receiver, or along houses."
@@ -178,7 +178,7 @@ kinds! {
 
     /// Points that the model cannot classify.
     PointsUnseen "points_unseen" Infer Classes Check "Use a model for this LiDAR and mounting."
-    /// Intensities on another scale than those of the training.
+    /// Intensities on another scale than in training.
     ForeignIntensities "foreign_intensities" Infer Classes Check
         "Look at the classes; `intensity = \"off\"` does without intensities."
     /// Submaps too wide for the grid of the model.
@@ -206,7 +206,7 @@ kinds! {
 }
 
 impl DoubtKind {
-    /// Name in `summary.json`, in snake case. A doubt about a secondary LiDAR has the name of the LiDAR behind it.
+    /// Name in `summary.json`, in snake case. The name of a secondary LiDAR follows in its doubts.
     pub const fn name(self) -> &'static str {
         self.row().name
     }
@@ -221,7 +221,7 @@ impl DoubtKind {
         self.row().subject
     }
 
-    /// What it means for who uses the result.
+    /// The consequence for users of the result.
     pub const fn severity(self) -> Severity {
         self.row().severity
     }
@@ -231,8 +231,8 @@ impl DoubtKind {
         self.row().advice
     }
 
-    /// The kind of a doubt with this name in `summary.json`. `None`: a third-party stage states it. The name of a secondary LiDAR
-    /// may follow.
+    /// The kind of a doubt with this name in `summary.json`, which the name of a secondary LiDAR may follow. `None`: a
+    /// third-party stage states the doubt.
     pub fn from_name(name: &str) -> Option<Self> {
         let exact = Self::ALL.iter().find(|kind| kind.name() == name);
         let of_secondary = || {

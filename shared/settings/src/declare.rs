@@ -29,7 +29,7 @@ macro_rules! settings {
             }
         }
 
-        // Written out: the derive would have to name the crate through which the caller knows serde.
+        // Written out: the derive would have to name the crate through which the caller reaches serde.
         impl $crate::serde::Serialize for $name {
             fn serialize<S: $crate::serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 use $crate::serde::ser::SerializeMap;

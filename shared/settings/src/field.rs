@@ -1,4 +1,4 @@
-//! What a declaration makes: the description of each setting, and the values read from a table.
+//! The results of a declaration: the description of each setting, and the values read from a table.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
@@ -10,13 +10,13 @@ use toml::de::DeValue;
 pub struct Field {
     /// Key in launch.toml.
     pub key: String,
-    /// Type, as Rust writes it. Words are a `String`.
+    /// Type in Rust. Words are a `String`.
     pub kind: String,
-    /// Value if absent, as TOML writes it.
+    /// Default value in TOML.
     pub default: String,
-    /// What values are allowed.
+    /// Rule for allowed values.
     pub rule: String,
-    /// What it is for, with its unit.
+    /// Purpose, with the unit.
     pub meaning: String,
 }
 
@@ -31,25 +31,25 @@ pub trait Settings: Sized + Default + Debug + Serialize {
 /// A value that a setting may not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SettingError {
-    /// It has another type.
+    /// The value has another type.
     #[error("{expected} (value {shown})")]
     Type {
-        /// As found.
+        /// Value found.
         shown: String,
-        /// What was expected instead.
+        /// Type expected.
         expected: String,
     },
-    /// It breaks the rule of the setting.
+    /// The value breaks the rule of the setting.
     #[error("value {shown} {rule}")]
     Rule {
-        /// As found.
+        /// Value found.
         shown: String,
         /// "must be …".
         rule: String,
     },
 }
 
-/// A value as launch.toml has it, for messages.
+/// The value as launch.toml has it, for messages.
 pub(crate) fn shown(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => format!("{text:?}"),

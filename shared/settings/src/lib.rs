@@ -1,7 +1,8 @@
 //! Settings, declared once: key, type, default, rule and meaning of each in one line.
 //!
-//! One declaration by [`settings!`] makes the struct that a program uses, the check of a table of launch.toml, and the description
-//! that `--describe`, `--help` and the reference page of settings show. So the three cannot differ.
+//! One declaration by [`settings!`] generates the struct that a program uses, the check of a table of launch.toml, and
+//! the description that `--describe`, `--help` and the reference page of settings show. Therefore the three cannot
+//! differ.
 //!
 //! A setting with a fixed set of words is an enum, declared by [`words!`]: one list gives the words in launch.toml, the rule
 //! ("must be one of ...") and the variants of a `match`. A word that a program does not handle does not compile.
@@ -11,15 +12,15 @@
 //! | `declare` | [`settings!`] |
 //! | `word` | [`words!`], [`Word`] |
 //! | `rule` | [`Rule`] and the rules: [`within`], [`one_word`] ... |
-//! | `field` | [`Field`] and [`Settings`]: what a declaration makes |
+//! | `field` | [`Field`] and [`Settings`]: the results of a declaration |
 //! | `table` | [`parse_table`]: a table with all its [`Problem`]s |
 //!
 //! The supervisor, the stages and the simulator use it, and so do the tools that ask them. The crate must never read a file, know a
 //! table by its name, or depend on another crate of the project: places in launch.toml and changes of the command line belong to
 //! `run::launch_file`.
 //!
-//! Begin with the example of [`settings!`], then read `rule`. To add a setting, add a line to the `settings!` of its stage; to add a
-//! word, add a line to its `words!`, and the compiler shows where it must be handled.
+//! Start with the example of [`settings!`], then read `rule`. To add a setting, add a line to the `settings!` of its
+//! stage; to add a word, add a line to its `words!`, and the compiler shows where it must be handled.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -34,7 +35,8 @@ pub use rule::{Rule, any, at_least, list_of_words, one_word, within, zero_or_wit
 pub use table::{Problem, nearest_key, parse_table};
 pub use word::{UnknownWord, Word, words_of};
 
-/// Rules of words that are known only when the program runs, such as those of a stage in Python. In Rust, declare [`words!`].
+/// Rules for words that are known only at run time, such as the words of a stage in Python. In Rust, declare
+/// [`words!`].
 pub mod run_time_words {
     pub use crate::rule::{each_one_of, one_of};
 }

@@ -1,4 +1,4 @@
-//! Rules: which values a setting may have, and the same in words.
+//! Rules for the values of a setting, with their texts.
 
 use crate::field::{SettingError, shown};
 use crate::word::{Word, words_of};
@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// Which values a setting may have.
+/// A rule for the values of a setting.
 pub trait Rule<T> {
     /// Whether `value` is allowed.
     fn allows(&self, value: &T) -> bool;
@@ -68,11 +68,11 @@ pub fn one_word<W: Word>() -> impl Rule<W> {
 pub fn list_of_words<W: Word>() -> impl Rule<Vec<W>> {
     ListOfWords(PhantomData)
 }
-/// One of these words.
+/// One of the given words.
 pub fn one_of(words: &'static [&'static str]) -> impl Rule<String> {
     OneOf(words)
 }
-/// A list of these words.
+/// A list of the given words.
 pub fn each_one_of(words: &'static [&'static str]) -> impl Rule<Vec<String>> {
     EachOneOf(words)
 }

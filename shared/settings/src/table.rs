@@ -1,4 +1,4 @@
-//! Tables of launch.toml: all problems at once.
+//! Tables of launch.toml, parsed with all problems reported at once.
 
 use crate::field::Settings;
 use serde::{Deserialize, Serialize};
@@ -8,9 +8,9 @@ use toml::de::DeTable;
 /// A problem of a launch file or of a file that it names.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Problem {
-    /// Key it is about, `table.key`.
+    /// Key of the problem, `table.key`.
     pub key: String,
-    /// Byte range in the launch file, if the key or value stands there.
+    /// Byte range in the launch file, if the key or value is there.
     pub span: Option<Range<usize>>,
     /// Value and rule in words.
     pub text: String,
@@ -23,7 +23,7 @@ impl Problem {
     }
 }
 
-/// Unknown keys of a table that are reported one by one; a person reads no more.
+/// Unknown keys of a table that are reported one by one; more would not be read.
 const MAX_UNKNOWN: usize = 20;
 /// Longer keys are not compared with known ones.
 const MAX_KEY_CHARS: usize = 100;

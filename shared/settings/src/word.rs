@@ -7,7 +7,7 @@ use std::fmt::Debug;
 pub trait Word: Copy + Debug + Eq + 'static {
     /// All words in the order of their declaration.
     const ALL: &'static [Self];
-    /// As launch.toml writes it.
+    /// The word in launch.toml.
     fn word(self) -> &'static str;
     /// What the word means: the documentation of its variant, without the line breaks.
     fn meaning(self) -> &'static str;
@@ -21,7 +21,7 @@ pub trait Word: Copy + Debug + Eq + 'static {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("value {found:?} must be one of {known}")]
 pub struct UnknownWord {
-    /// As found.
+    /// Word found.
     pub found: String,
     /// The words of the enum.
     pub known: String,
@@ -38,7 +38,7 @@ pub fn parse_word<W: Word>(word: &str) -> Result<W, UnknownWord> {
     W::from_word(word).ok_or_else(|| UnknownWord { found: word.to_owned(), known: words_of::<W>() })
 }
 
-/// Used by [`words!`](crate::words!).
+/// Deserializes a word. Used by [`words!`](crate::words!).
 #[doc(hidden)]
 pub fn deserialize_word<'de, W: Word, D: Deserializer<'de>>(deserializer: D) -> Result<W, D::Error> {
     parse_word(&String::deserialize(deserializer)?).map_err(D::Error::custom)
