@@ -115,7 +115,7 @@ fn unsuitable_recording_is_refused() {
     for (program, arguments, files, code, words) in [
         ("misbehaving-relay", &[][..], &[("--recording", &*classes)][..], 78, "has no topic sweep, which relay needs"),
         ("misbehaving-relay", &[], &[], 2, "--recording must name a recording with sweep"),
-        ("misbehaving-source", &[], &[("--recording", &*sweeps)], 2, "a source reads a drive, no recording"),
+        ("misbehaving-source", &[], &[("--recording", &*sweeps)], 2, "a source reads a drive, not a recording"),
         ("misbehaving-source", &[], &[], 78, "a source needs --drive"),
         ("replica-slam_aggregate", &[], &[("--recording", &*sweeps)], 1, "add --drive FOLDER"),
         ("misbehaving-sink", &["--set", "relay.fault=9"], &[("--recording", &*sweeps)], 78, "needs --output"),
@@ -126,7 +126,7 @@ fn unsuitable_recording_is_refused() {
             &[],
             &[("--recording", &*sweeps), ("--record", &*sweeps)],
             2,
-            "is the recording that is read",
+            "is also the input recording",
         ),
     ] {
         let output = alone(program, arguments, files);

@@ -141,7 +141,7 @@ pub enum Doubt {
         behind_s: f64,
         /// Largest offset, s.
         limit_s: f64,
-        /// Longest delay of the data on its way to the host, s.
+        /// Longest delay of the data in transit to the host, s.
         delay_s: f64,
     },
     /// [`DoubtKind::SilentSensors`].

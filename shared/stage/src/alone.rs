@@ -1,4 +1,5 @@
-//! A stage alone: it reads its inputs from a recording and writes its outputs into another. No supervisor, no shared memory.
+//! Runs a stage alone: it reads its inputs from a recording and writes its outputs into another. No supervisor, no
+//! shared memory.
 
 mod configuration;
 
@@ -30,9 +31,9 @@ struct Report {
     /// All steps together, s.
     steps_s: f64,
     step: Latency,
-    /// Rows of the first input topic, of a source the first output topic.
+    /// Rows of the first input topic; for a source, rows of the first output topic.
     points: u64,
-    /// By the time in steps.
+    /// Points divided by the time in steps.
     points_per_s: f64,
     inputs: BTreeMap<&'static str, Traffic>,
     outputs: BTreeMap<&'static str, Traffic>,
@@ -51,13 +52,13 @@ pub(crate) fn run(program: &dyn Program, arguments: &AloneArguments) -> u8 {
         return usage(program, &format!("run: --recording must name a recording with {}", topics.join(", ")));
     }
     if arguments.recording.is_some() && is_source {
-        return usage(program, "run: a source reads a drive, no recording");
+        return usage(program, "run: a source reads a drive, not a recording");
     }
     let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
     if let (Some(input), Some(output)) = (&arguments.recording, &arguments.record)
         && same(input, output)
     {
-        return usage(program, &format!("run: --record {} is the recording that is read", output.display()));
+        return usage(program, &format!("run: --record {} is also the input recording", output.display()));
     }
     log::start();
     let (stage, context, barrier_s) = match configure(program, arguments) {
@@ -196,7 +197,7 @@ impl<'a> Alone<'a> {
                 Ok(None) if source.ended() => return Ok(true),
                 Ok(None) => {
                     let path = source.recording().path().display();
-                    tracing::warn!("{path}: ends after {} ticks, before the run it is of", self.report.ticks);
+                    tracing::warn!("{path}: ends after {} ticks, before the end of its run", self.report.ticks);
                     return Ok(false);
                 }
                 Err(error @ RecordingError::Cut { .. }) => {
@@ -258,14 +259,15 @@ impl<'a> Alone<'a> {
         Ok(flow)
     }
 
-    /// What follows a step, as in a run: the last outputs at the end, the state at a barrier, then the tick is recorded.
+    /// The work after a step, as in a run: the last outputs at the end, the state at a barrier, then the tick is
+    /// recorded.
     fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
         if row.end != 0 {
             self.stage.finish(&mut self.outputs)?;
         }
         self.diagnostics.log_notes(&self.outputs, row.tick);
         if row.barrier != 0 {
-            // The state is not kept, but a stage that cannot save its state must fail here, too.
+            // The state is not kept, but a stage that cannot save its state must fail here as well.
             self.stage.save()?;
         }
         for (topic, output) in &mut self.outputs.by_topic {

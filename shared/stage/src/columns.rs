@@ -4,7 +4,7 @@ use crate::Port;
 use messages::Message;
 use messages::columns::{Column, ColumnVisitor, visit_columns};
 
-/// A column and the port on which it comes.
+/// A column and its port.
 #[derive(Clone, Copy, Debug)]
 pub struct ColumnPort {
     /// Its entry in the table.
@@ -14,12 +14,12 @@ pub struct ColumnPort {
 }
 
 impl ColumnPort {
-    /// The column that comes on the topic of `T`.
+    /// The column on the topic of `T`.
     pub fn of<T: Message>(column: &'static Column) -> Self {
         Self { column, port: Port::of::<T>() }
     }
 
-    /// The columns of [`COLUMNS`](messages::columns::COLUMNS) on topics of their own, in the order of the table.
+    /// The columns of [`COLUMNS`](messages::columns::COLUMNS) that have their own topics, in the order of the table.
     pub fn all() -> Vec<Self> {
         struct Ports(Vec<ColumnPort>);
         impl ColumnVisitor for Ports {
@@ -33,9 +33,9 @@ impl ColumnPort {
     }
 }
 
-/// The table of a stage that joins all columns: its parameter, so that a test can add columns.
+/// The table of a stage that joins all columns. It is a type parameter of the stage, so that a test can add columns.
 pub trait ColumnTable: 'static {
-    /// The columns on topics of their own.
+    /// The columns that have their own topics.
     fn ports() -> Vec<ColumnPort>;
 }
 

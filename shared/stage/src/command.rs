@@ -1,4 +1,4 @@
-//! What a stage's program does.
+//! The commands of a stage's program.
 
 use crate::command_line::{self, Action, CommandLine, NO_REQUEST, RunArguments, print_json, usage};
 use crate::own_table::own_table;
@@ -19,15 +19,14 @@ use std::sync::atomic::AtomicBool;
 ///
 /// - `--describe [REQUEST]` prints inputs, outputs and settings as JSON, as the launch file of the request
 ///   ([`DescribeRequest`]) sets them,
-/// - `--check REQUEST` prints the problems of a launch file's table as JSON ([`CheckRequest`]),
-/// - `run ASSIGNMENT` runs the stage as the supervisor's file says ([`Assignment`]),
+/// - `run ASSIGNMENT` runs the stage with the supervisor's file ([`Assignment`]),
 /// - `run --recording FILE …` runs it alone, on a recording of its inputs, with the feature `alone`,
-/// - `run --linked AGENT` runs it for a run on another host ([`crate::remote`]).
+/// - `run --linked AGENT` runs it as part of a run on another host ([`crate::remote`]).
 pub fn run<S: Stage>() -> ExitCode {
     ExitCode::from(run_program(&ProgramOf::<S>::new(), std::env::args_os()))
 }
 
-/// [`run()`] of a stage that is known at run time. `arguments` begin with the program's name. Returns the exit code.
+/// [`run()`] for a stage that is known at run time. `arguments` start with the program's name. Returns the exit code.
 pub fn run_program(program: &dyn Program, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match command_line::parse(program, arguments.into_iter().collect()) {
         Ok(CommandLine { describe: Some(request), .. }) if request == NO_REQUEST => print_json(&description(program)),
@@ -55,7 +54,7 @@ pub fn run_program(program: &dyn Program, arguments: impl IntoIterator<Item = Os
     }
 }
 
-/// Problems of the launch file are reported by `--check`: here the defaults apply.
+/// Ignores problems of the launch file: `--check` reports them, and the defaults apply here.
 fn describe(program: &dyn Program, request: &DescribeRequest) -> u8 {
     let file = LaunchFile::load(&request.launch_file, &request.changes).ok();
     let folder = request.launch_file.parent().unwrap_or(Path::new("/"));

@@ -1,4 +1,4 @@
-//! The command line that every stage's program has.
+//! The command line of every stage's program.
 
 use crate::program::Program;
 use crate::{Port, exit};
@@ -29,19 +29,19 @@ pub(crate) struct CommandLine {
 
 #[derive(Subcommand)]
 pub(crate) enum Action {
-    /// Run as the supervisor's assignment says; or alone, on a recording of the inputs
+    /// Run under a supervisor; or alone, on a recording of the inputs
     ///
     /// Alone, the stage reads its inputs from a recording (a source: from a drive), writes its outputs into another recording
-    /// and reports what the steps cost. It needs no supervisor and no shared memory.
+    /// and reports the time of the steps. It needs no supervisor and no shared memory.
     Run(RunArguments),
 }
 
 #[derive(Args)]
 pub(crate) struct RunArguments {
-    /// File of the supervisor
+    /// Assignment file of the supervisor
     #[cfg_attr(feature = "alone", arg(conflicts_with_all = ["recording", "record", "launch", "set", "unset", "drive", "output", "json"]))]
     pub(crate) assignment: Option<PathBuf>,
-    /// For a run on another host, whose connection is the standard input; ends with the process AGENT
+    /// Run as part of a run on another host, connected through standard input; ends with the process AGENT
     #[arg(long, value_name = "AGENT", hide = true, conflicts_with = "assignment")]
     pub(crate) linked: Option<u32>,
     #[cfg(feature = "alone")]
@@ -58,19 +58,19 @@ pub(crate) struct AloneArguments {
     /// Recording of the outputs; created
     #[arg(long, value_name = "OUT.mcap")]
     pub(crate) record: Option<PathBuf>,
-    /// Launch file with the settings; defaults without
+    /// Launch file with the settings; without it, the defaults apply
     #[arg(long, value_name = "launch.toml")]
     pub(crate) launch: Option<PathBuf>,
     /// Set a key of the launch file (may be repeated)
     #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = Change::set)]
     pub(crate) set: Vec<Change>,
-    /// Leave out a key of the launch file, so that its default holds (may be repeated); --set may set it again
+    /// Leave out a key of the launch file, so that its default applies (may be repeated); --set may set it again
     #[arg(long, value_name = "TABLE.KEY", value_parser = Change::unset)]
     pub(crate) unset: Vec<Change>,
     /// Drive that a source reads
     #[arg(long, value_name = "FOLDER")]
     pub(crate) drive: Option<PathBuf>,
-    /// Folder for results that are files
+    /// Folder for result files
     #[arg(long, value_name = "FOLDER")]
     pub(crate) output: Option<PathBuf>,
     /// Print the report as JSON
@@ -85,12 +85,12 @@ pub(crate) fn parse(program: &dyn Program, arguments: Vec<OsString>) -> Result<C
     parsed.map_err(|error| print(&error))
 }
 
-/// Prints a usage error; the exit code.
+/// Prints a usage error. Returns the exit code.
 pub(crate) fn usage(program: &dyn Program, text: &str) -> u8 {
     print(&command(program).error(ErrorKind::ValueValidation, text))
 }
 
-/// Prints an answer as one line of JSON; the exit code.
+/// Prints an answer as one line of JSON. Returns the exit code.
 pub(crate) fn print_json<T: Serialize>(value: &T) -> u8 {
     match serde_json::to_string(value) {
         Ok(text) => print_line(&text),
@@ -98,7 +98,7 @@ pub(crate) fn print_json<T: Serialize>(value: &T) -> u8 {
     }
 }
 
-/// Prints an answer; the exit code. A reader that has closed its end has seen enough.
+/// Prints an answer. Returns the exit code. A closed standard output is not an error.
 pub(crate) fn print_line(text: &str) -> u8 {
     // Not `println!`, which panics if the reader has closed its end.
     match std::io::Write::write_all(&mut std::io::stdout(), format!("{text}\n").as_bytes()) {
@@ -113,7 +113,7 @@ fn unprinted(error: &std::io::Error) -> u8 {
 }
 
 fn print(error: &clap::Error) -> u8 {
-    // Without a terminal or a pipe there is nowhere to print it.
+    // Without a terminal or a pipe, the answer cannot be printed.
     let _ = error.print();
     if error.exit_code() == 0 { exit::DONE } else { exit::USAGE }
 }

@@ -1,4 +1,4 @@
-//! What a stage must do and may rely on.
+//! The contract of a stage: its duties and guarantees.
 //!
 //! Time is cut into *ticks*: one tick is one step of the source (one LiDAR revolution). In tick n a stage gets all
 //! messages of tick n, from all its inputs, in the order they were published, and publishes its results.
@@ -18,20 +18,20 @@ pub trait Stage: Sized + 'static {
     /// See [`settings!`](crate::settings!).
     type Settings: Settings + 'static;
 
-    /// Topics that it reads.
+    /// Topics that the stage reads.
     fn inputs() -> Vec<Port>;
 
-    /// Topics that it writes.
+    /// Topics that the stage writes.
     fn outputs() -> Vec<Port>;
 
-    /// Topics that it reads with these settings: some or all of [`Stage::inputs`], where an optional one may be required here.
-    /// `launch_folder` is where relative paths start.
+    /// Topics that the stage reads with these settings: some or all of [`Stage::inputs`], where an optional one may be
+    /// required here. Relative paths start at `launch_folder`.
     fn inputs_with(_settings: &Self::Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
         Ok(Self::inputs())
     }
 
-    /// Topics that it writes with these settings: some or all of [`Stage::outputs`]. `launch_folder` is where relative
-    /// paths start.
+    /// Topics that the stage writes with these settings: some or all of [`Stage::outputs`]. Relative paths start at
+    /// `launch_folder`.
     fn outputs_with(_settings: &Self::Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
         Ok(Self::outputs())
     }
@@ -47,25 +47,25 @@ pub trait Stage: Sized + 'static {
     /// One tick. A source (no inputs) returns [`Flow::End`] with its last tick.
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError>;
 
-    /// After the last tick: publishes the results that are still held.
+    /// Publishes the results that are still held, after the last tick.
     fn finish(&mut self, _outputs: &mut Outputs) -> Result<(), StepError> {
         Ok(())
     }
 
     /// Everything that the next tick depends on. Called between ticks, at a barrier. Use [`crate::encode_state`], or
-    /// [`StateBytes::with_head`] if the stage holds messages. A stage that holds nothing between ticks returns no bytes: then
-    /// any program may replace it.
+    /// [`StateBytes::with_head`] if the stage holds messages. A stage that holds nothing between ticks returns no
+    /// bytes: then any program may replace it.
     fn save(&mut self) -> Result<StateBytes<'_>, StepError>;
 
-    /// Restores what [`Stage::save`] returned, perhaps that of the program that this one replaces. Called on a new stage
-    /// before its first tick, unless there are no bytes. The default is for stages that save none.
+    /// Restores the state that [`Stage::save`] returned, possibly in the program that this one replaces. Called on a
+    /// new stage before its first tick, unless there are no bytes. The default is for stages that save no state.
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let n_bytes = state.len();
         Err(StepError::data(format!("this program has no state and cannot load one of {n_bytes} bytes")))
     }
 }
 
-/// Whether a source has more.
+/// Whether a source has more data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
     /// There may be a next tick.

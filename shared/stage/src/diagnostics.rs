@@ -1,18 +1,18 @@
-//! What a stage reports, as `tracing` events.
+//! The reports of a stage as `tracing` events.
 //!
-//! A step has no clock and logs nothing: it adds notes and counters to its [`Outputs`]. The runner turns them into events
-//! after the step. Their time is the tick; the time stamp of the log line is that of the runner.
+//! A step has no clock and logs nothing: it adds notes and counters to its [`Outputs`]. The runner turns them into
+//! events after the step. The events have the time of the tick; the time stamp of the log line is set by the runner.
 
 use crate::Outputs;
 
-/// Remembers what has been logged.
+/// The notes that have been logged.
 #[derive(Default)]
 pub(crate) struct Diagnostics {
     n_notes: usize,
 }
 
 impl Diagnostics {
-    /// Notes of a saved state have been logged by the process before this one.
+    /// Skips the notes of a saved state, which the previous process has logged.
     pub(crate) fn skip(&mut self, outputs: &Outputs) {
         self.n_notes = outputs.notes.len();
     }

@@ -1,4 +1,4 @@
-//! Why a stage cannot go on.
+//! Errors that stop a stage.
 
 use crate::exit;
 use run::StateError;
@@ -6,16 +6,16 @@ use run::state_file::StateFileError;
 use std::error::Error;
 use std::fmt::Display;
 
-/// What an error reports as its cause.
+/// The cause of an error.
 type Source = Box<dyn Error + Send + Sync>;
 
-/// Why a stage cannot go on. The text names the file or message, the place, the value and the rule.
+/// An error that stops a stage. The text names the file or message, the place, the value and the rule.
 #[derive(Debug, thiserror::Error)]
 pub enum StepError {
-    /// Input that the stage cannot work with. See [`StepError::data`].
+    /// The stage cannot work with its input. See [`StepError::data`].
     #[error(transparent)]
     Data(Source),
-    /// A file or the operating system. See [`StepError::io`].
+    /// A file or the operating system failed. See [`StepError::io`].
     #[error(transparent)]
     Io(Source),
     /// The run is being stopped; not a failure of the stage.
@@ -24,10 +24,11 @@ pub enum StepError {
         /// The topic whose consumers had no room.
         topic: String,
     },
-    /// Shared memory.
+    /// Shared memory failed.
     #[error(transparent)]
     Ipc(#[from] ipc::IpcError),
-    /// The settings require what this drive does not give; a restart cannot help. See [`StepError::configuration`].
+    /// The settings require data that this drive does not have; a restart cannot help. See
+    /// [`StepError::configuration`].
     #[error(transparent)]
     Configuration(Source),
     /// The stage broke the contract, e.g. published a column for the wrong submap. See [`StepError::contract`].
@@ -44,19 +45,20 @@ struct At {
 }
 
 impl StepError {
-    /// An input that the stage cannot work with: an error, or a text.
+    /// Input that the stage cannot work with: an error or a text.
     pub fn data(cause: impl Into<Source>) -> Self {
         Self::Data(cause.into())
     }
-    /// A file or the operating system: an error, or a text.
+    /// A failure of a file or the operating system: an error or a text.
     pub fn io(cause: impl Into<Source>) -> Self {
         Self::Io(cause.into())
     }
-    /// Settings that this drive cannot fulfil: an error, or a text. The process ends with exit code 78 and is not restarted.
+    /// Settings that this drive cannot fulfil: an error or a text. The process ends with exit code 78 and is not
+    /// restarted.
     pub fn configuration(cause: impl Into<Source>) -> Self {
         Self::Configuration(cause.into())
     }
-    /// A broken contract: an error, or a text.
+    /// A broken contract: an error or a text.
     pub fn contract(cause: impl Into<Source>) -> Self {
         Self::Contract(cause.into())
     }
@@ -64,7 +66,7 @@ impl StepError {
     pub(crate) fn exit_code(&self) -> u8 {
         if let Self::Configuration(_) = self { exit::CONFIGURATION } else { exit::FAILED }
     }
-    /// The same error with the file, message or field in which it happened before its text.
+    /// Prepends the file, message or field in which the error happened to its text.
     #[must_use]
     pub fn at(self, place: impl Display) -> Self {
         let place = place.to_string();

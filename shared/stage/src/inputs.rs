@@ -1,4 +1,4 @@
-//! What a step reads.
+//! The inputs of a step.
 
 use crate::StepError;
 use ipc::Received;
@@ -13,11 +13,11 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// The tick's messages of `T` in the order they were published; empty if there are none left.
+    /// The tick's messages of `T` in the order they were published; empty after the first call.
     pub fn take<T: Message>(&mut self) -> Vec<Received<T>> {
         self.take_named(T::TOPIC)
     }
-    /// As [`Inputs::take`], of the port that has another name than its type: see [`Port::named`](crate::Port::named).
+    /// [`Inputs::take`] for a port whose name differs from its type: see [`Port::named`](crate::Port::named).
     pub fn take_named<T: Message>(&mut self, port: &str) -> Vec<Received<T>> {
         self.by_topic
             .get_mut(port)
@@ -31,7 +31,7 @@ impl Inputs {
             messages.push(message);
         }
     }
-    /// The first message of a port, which stays.
+    /// The first message of a port, which stays in the inputs.
     pub(crate) fn first<T: Message>(&self, port: &str) -> Option<&Received<T>> {
         self.by_topic.get(port)?.downcast_ref::<Vec<Received<T>>>()?.first()
     }

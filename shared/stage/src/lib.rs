@@ -11,13 +11,15 @@
 //! | [`StateBytes`], [`decode_state`] | the state at a barrier |
 //! | [`testing`] | a stage in a test, without processes |
 //! | `runner` | ticks, barriers, heartbeat, back-pressure: the loop around `step` |
-//! | [`untyped`], [`remote`] | stages known at run time, such as those in Python; stages on another host |
+//! | [`untyped`], [`remote`] | stages known at run time, such as stages in Python; stages on another host |
 //! | `alone` | `run --recording`, with the feature `alone` |
 //!
-//! The crate must never know a stage, a sensor or a file format of the project: a third-party stage depends on it alone, and compiles
-//! what it depends on. So heavy parts are features: `alone` (MCAP), and `messages/geometry` (poses as transforms).
+//! The crate must never depend on a stage, a sensor or a file format of the project: a third-party stage depends on it
+//! alone, and compiles its dependencies. Therefore heavy parts are features: `alone` (MCAP), and `messages/geometry`
+//! (poses as transforms).
 //!
-//! Begin with [`Stage`] in `contract.rs`, then `examples/height_segmenter`. The life of a process is in `command.rs`, then `runner.rs`.
+//! Start with [`Stage`] in `contract.rs`, then `examples/height_segmenter`. The life of a process is in `command.rs`,
+//! then `runner.rs`.
 
 #[cfg(feature = "alone")]
 mod alone;

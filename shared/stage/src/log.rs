@@ -28,15 +28,15 @@ pub fn catch_panic<T>(call: impl FnOnce() -> T) -> Result<T, String> {
 /// Environment variable that selects what is logged: a level, or levels by target (`info,stage=debug`).
 const LOG: &str = "REPLICA_LOG";
 
-/// What a text of [`LOG`] selects; `info` without a text and for one that cannot be read.
+/// The targets that a text of [`LOG`] selects; `info` without a text or with an unreadable text.
 fn selected(text: Option<&str>) -> Targets {
     let selected = text.filter(|text| !text.trim().is_empty()).and_then(|text| text.parse().ok());
     selected.unwrap_or_else(|| Targets::new().with_default(LevelFilter::INFO))
 }
 
-/// Logs what [`LOG`] selects in the format of [`LOG_FORMAT`], and panics, too.
+/// Logs the events that [`LOG`] selects in the format of [`LOG_FORMAT`], and panics.
 pub(crate) fn start() {
-    // A full disk cannot store the log, and cannot store an error about it: it must not end the stage.
+    // A full disk can store neither the log nor an error about it. This must not end the stage.
     let lines =
         tracing_subscriber::fmt::layer().log_internal_errors(false).with_writer(std::io::stderr).with_ansi(false);
     let selected = tracing_subscriber::registry().with(selected(std::env::var(LOG).ok().as_deref()));
@@ -48,7 +48,7 @@ pub(crate) fn start() {
     log_panics();
 }
 
-/// The message of a panic is the last line; the backtrace, if `RUST_BACKTRACE` asks for one, comes before it.
+/// Logs panics. The message is the last line; the backtrace, if `RUST_BACKTRACE` requests one, precedes it.
 fn log_panics() {
     std::panic::set_hook(Box::new(|panic| {
         if IS_CAUGHT.get() {

@@ -1,4 +1,4 @@
-//! An output that keeps its messages: for tests, for a stage that runs alone, and for one on another host.
+//! An output that keeps its messages: for tests, for a stage that runs alone, and for a stage on another host.
 
 use crate::StepError;
 use crate::outputs::{AnyOutput, Output, PublishedSink, TypedOutput};
@@ -10,9 +10,10 @@ use std::any::Any;
 pub(crate) struct MemoryOutput<T: Message> {
     next_seq: u64,
     published: Vec<Published<T>>,
-    /// The run is on another host. It knows how many messages fit its queues and which column is due: any are taken here.
+    /// The run is on another host, which checks the room in its queues and the order of columns. Here all messages are
+    /// accepted.
     is_remote: bool,
-    /// The submap of the column that is published next.
+    /// The submap of the next column to publish.
     column: Option<u64>,
 }
 
@@ -26,7 +27,7 @@ pub(crate) fn memory_output<T: Message>() -> Box<dyn AnyOutput> {
     new_output::<T>(false)
 }
 
-/// Of a stage whose run is on another host.
+/// The output of a stage whose run is on another host.
 pub(crate) fn remote_output<T: Message>() -> Box<dyn AnyOutput> {
     new_output::<T>(true)
 }
@@ -66,7 +67,7 @@ impl<T: Message> Output<T> for MemoryOutput<T> {
     }
 
     fn take_published(&mut self, take: &mut PublishedSink<'_>) -> Result<(), StepError> {
-        // More would not fit its consumers' queues in a run.
+        // More messages would not fit its consumers' queues in a run.
         if self.published.len() > T::QUEUE && !self.is_remote {
             return Err(StepError::contract(format!("{}: more than {} messages in one tick", T::TOPIC, T::QUEUE)));
         }

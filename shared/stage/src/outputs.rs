@@ -1,4 +1,4 @@
-//! What a step writes.
+//! The outputs of a step.
 
 use crate::StepError;
 use doubts::Doubt;
@@ -9,13 +9,13 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Notes of a stage: the heartbeat that carries them has 64 KiB, and an operator reads no more.
+/// Largest number of notes of a stage: the heartbeat that carries them has 64 KiB, and an operator reads no more.
 const MAX_NOTES: usize = 32;
 const MAX_NOTE_CHARS: usize = 300;
-/// Doubts of a stage, for the same reasons.
+/// Largest number of doubts of a stage, for the same reasons.
 const MAX_DOUBTS: usize = 16;
 
-/// Where a step's results go.
+/// The destination of a step's results.
 #[derive(Default)]
 pub struct Outputs {
     pub(crate) by_topic: BTreeMap<&'static str, Box<dyn AnyOutput>>,
@@ -24,7 +24,7 @@ pub struct Outputs {
     pub(crate) doubts: Vec<ReportedDoubt>,
     pub(crate) drive_time: Option<i64>,
     pub(crate) progress: Option<f64>,
-    /// Of the process, if there is one.
+    /// Pulse of the process, if there is one.
     pub(crate) pulse: Option<Arc<Pulse>>,
 }
 
@@ -45,13 +45,13 @@ impl Outputs {
         self.output::<T>(T::TOPIC)?.loan(capacity)
     }
 
-    /// Publishes the loan as the topic's next message. Waits while a consumer's queue is full. A number in the header, or in a
-    /// row of poses, that is not finite is an error of this stage.
+    /// Publishes the loan as the topic's next message. Waits while a consumer's queue is full. A number in the header,
+    /// or in a row of poses, that is not finite is an error of this stage.
     pub fn publish<T: Message>(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
         self.publish_on(T::TOPIC, loan, stamp, None)
     }
 
-    /// Publishes one message with these rows and an empty header; none without rows.
+    /// Publishes one message with these rows and an empty header; no message without rows.
     pub fn publish_rows<T: Message>(
         &mut self,
         rows: &[T::Row],
@@ -64,7 +64,7 @@ impl Outputs {
         self.publish(loan, stamp)
     }
 
-    /// As [`Outputs::publish_column`], with a copy of the rows.
+    /// [`Outputs::publish_column`] with a copy of the rows.
     pub fn publish_column_rows<T: Message>(
         &mut self,
         header: T::Header,
@@ -84,7 +84,7 @@ impl Outputs {
         self.publish_on(T::TOPIC, loan, stamp, Some(seq))
     }
 
-    /// Publishes on a port; `seq`: as the column of this submap.
+    /// Publishes on a port. With `seq`, the message is the column of this submap.
     pub(crate) fn publish_on<T: Message>(
         &mut self,
         port: &str,
@@ -98,28 +98,28 @@ impl Outputs {
             .map_err(|fault| StepError::from(fault).at("this stage computed a message that must not be published"))?;
         let output = self.output::<T>(port)?;
         if let Some(seq) = seq {
-            // After a restart from an older state, a stage processes submaps again that the process before it published.
+            // After a restart from an older state, a stage again processes submaps that its predecessor published.
             if !output.skip_to(seq) {
                 self.count("columns_published_before", 1);
                 return Ok(());
             }
             let next = output.next_seq();
             if seq != next {
-                let text = format!("{port} for submap {seq} published when that of {next} was due");
+                let text = format!("{port} for submap {seq} published, but submap {next} was due");
                 return Err(StepError::contract(text));
             }
         }
         output.publish(loan, stamp)
     }
 
-    /// Reports progress within a step that takes long: the time after which the step counts as stalled starts again.
+    /// Reports progress within a long step: restarts the time after which the step counts as stalled.
     pub fn mark_progress(&self) {
         if let Some(pulse) = &self.pulse {
             pulse.mark_progress();
         }
     }
 
-    /// Adds to a named counter of the run summary: what was skipped, lost, masked, unseen.
+    /// Adds to a named counter of the run summary: items skipped, lost, masked or unseen.
     pub fn count(&mut self, name: &str, n: u64) {
         match self.counters.get_mut(name) {
             Some(count) => *count += n,
@@ -127,7 +127,7 @@ impl Outputs {
         }
     }
 
-    /// Adds to several counters; those of 0 are left out.
+    /// Adds to several counters; zeros are left out.
     pub fn count_all<N: AsRef<str>>(&mut self, counters: impl IntoIterator<Item = (N, u64)>) {
         for (name, n) in counters.into_iter().filter(|(_, n)| *n > 0) {
             self.count(name.as_ref(), n);
@@ -202,26 +202,26 @@ pub(crate) trait Output<T: Message> {
     fn take_published(&mut self, _take: &mut PublishedSink<'_>) -> Result<(), StepError> {
         Ok(())
     }
-    /// The same as messages.
+    /// Hands over the published messages, typed.
     fn take_messages(&mut self) -> Vec<Received<T>> {
         Vec::new()
     }
-    /// What the runner needs of an output in shared memory.
+    /// The view of the runner, for an output in shared memory.
     fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
         None
     }
 }
 
-/// An output as the runner sees it.
+/// An output from the runner's point of view.
 pub(crate) trait TickedOutput {
     fn topic(&self) -> &str;
-    /// Whether all consumers are there.
+    /// Whether all consumers are connected.
     fn connect(&self) -> Result<bool, StepError>;
     /// Publishes that the tick is complete.
     fn publish_tick(&mut self, row: TickRow) -> Result<(), StepError>;
     /// Whether consumers have taken everything.
     fn is_drained(&mut self) -> Result<bool, StepError>;
-    /// Continues the numbers of what was published before this process began.
+    /// Continues the numbers of messages published before this process started.
     fn resume(&mut self, published: Traffic);
     fn traffic(&self) -> Traffic;
     /// Updates the number of messages that wait for a consumer in the heartbeat.
@@ -240,7 +240,7 @@ pub(crate) trait AnyOutput {
 /// Takes over a message: envelope, the submap of a column if only the run on another host can check it, header, rows.
 pub(crate) type PublishedSink<'a> = dyn FnMut(&Envelope, Option<u64>, &[u8], &[u8]) -> Result<(), StepError> + 'a;
 
-/// What an [`AnyOutput`] is.
+/// The implementation of [`AnyOutput`].
 pub(crate) struct TypedOutput<T: Message>(pub(crate) Box<dyn Output<T>>);
 
 impl<T: Message> AnyOutput for TypedOutput<T> {

@@ -42,7 +42,7 @@ pub(crate) struct PortMakers {
 }
 
 impl Port {
-    /// The topic of `T`. As an input: the run does not start unless a stage produces it.
+    /// The topic of `T`. As an input, it must have a producer: otherwise the run does not start.
     pub fn of<T: Message>() -> Self {
         Self {
             topic: T::TOPIC,
@@ -67,7 +67,7 @@ impl Port {
         }
     }
 
-    /// As [`Port::of`]; an input without a producer is always empty.
+    /// The topic of `T`, as an input that stays empty without a producer.
     pub fn optional<T: Message>() -> Self {
         Self::of::<T>().made_optional()
     }
@@ -94,13 +94,13 @@ impl Port {
         Self::all().into_iter().find(|port| port.topic() == topic)
     }
 
-    /// The same port; an input without a producer is always empty.
+    /// This port, as an input that stays empty without a producer.
     #[must_use]
     pub fn made_optional(self) -> Self {
         Self { optional: true, ..self }
     }
 
-    /// The same port under another name, for a further topic of the type: [`Inputs::take_named`] reads it,
+    /// This port under another name, for a further topic of the type: [`Inputs::take_named`] reads it,
     /// [`Outputs::publish_bytes`] writes it.
     #[must_use]
     pub fn named(self, topic: &str) -> Self {
@@ -123,7 +123,7 @@ impl Port {
         ByteTable { topic: self.topic.to_owned(), ..(self.make.byte_table)() }
     }
 
-    /// As the supervisor sees it.
+    /// The description for the supervisor.
     pub(crate) fn describe(&self) -> PortDescription {
         PortDescription {
             topic: self.topic.to_owned(),

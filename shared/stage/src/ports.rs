@@ -1,4 +1,4 @@
-//! The typed ends of a stage's topics in shared memory. The runner uses them without knowing their types.
+//! The typed ends of a stage's topics in shared memory. The runner uses them without their types.
 
 mod context;
 mod input;

@@ -1,6 +1,6 @@
 //! A stage as trait objects. With these instead of a type parameter, the runner, the command line and the run alone are
-//! compiled once, in this crate, and not again in every program. A stage that is known only at run time, as one in another
-//! language, implements them itself and uses the messages of [`crate::untyped`].
+//! compiled once, in this crate, and not in every program. A stage that is known only at run time, such as a stage in
+//! another language, implements them itself and uses the messages of [`crate::untyped`].
 
 use crate::{
     Context, Field, Flow, Inputs, Outputs, Port, Problem, Settings, Stage, StateBytes, StepError, parse_table,
@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use std::path::Path;
 use toml::de::DeTable;
 
-/// What a program knows of its stage before it has settings. See [`Stage`].
+/// A stage before it has settings. See [`Stage`].
 pub trait Program {
     /// See [`Stage::NAME`].
     fn name(&self) -> &'static str;
@@ -19,7 +19,7 @@ pub trait Program {
     fn outputs(&self) -> Vec<Port>;
     /// See [`Settings::fields`].
     fn fields(&self) -> Vec<Field>;
-    /// The stage with the settings of `table`, and the problems of those that keep their default.
+    /// The stage with the settings of `table`, and the problems of the settings that keep their default.
     fn configured(&self, table: &DeTable<'_>) -> (Box<dyn ConfiguredStage>, Vec<Problem>);
 }
 
@@ -31,7 +31,7 @@ pub trait ConfiguredStage {
     fn outputs(&self, launch_folder: &Path) -> Result<Vec<Port>, StepError>;
     /// See [`Stage::check`].
     fn check(&self, context: &Context) -> Vec<Problem>;
-    /// All settings, for the head of a recording.
+    /// All settings as JSON, for the head of a recording.
     fn settings_json(&self) -> Result<String, StepError>;
     /// See [`Stage::new`].
     fn build(&self, context: &Context) -> Result<Box<dyn RunningStage>, StepError>;

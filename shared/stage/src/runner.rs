@@ -22,7 +22,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Of an error, in the heartbeat: it has 64 KiB, which the notes of [`Outputs::note`] need too.
+/// Largest error text in the heartbeat, which has 64 KiB and also carries the notes of [`Outputs::note`].
 const MAX_ERROR_CHARS: usize = 2000;
 
 /// Ticks after which the heartbeat reports the queues again. A stage that waits reports them at each wake.
@@ -54,7 +54,7 @@ pub(crate) fn run(
         let ending = connected.and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
         runner.report();
         match (ending, runner.saving.settle()) {
-            // A state that could not be saved is an error of a stopped stage, too.
+            // A state that could not be saved is also an error of a stopped stage.
             (Ok(_) | Err(StepError::Stopped { .. }), Err(unsaved)) => Err(unsaved),
             (ending, _) => ending,
         }
@@ -90,7 +90,7 @@ struct Runner<'a> {
     drive_begin: Option<i64>,
     /// Drive time of the last barrier, or of the first tick.
     barrier_time: Option<i64>,
-    /// Of the last tick.
+    /// Row of the last tick.
     last_row: TickRow,
     /// Writes the last barrier's state to the disk.
     saving: Saving,
@@ -115,7 +115,8 @@ impl<'a> Runner<'a> {
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
         let mut inputs = Vec::new();
         for port in stage.inputs(&assignment.context.launch_folder)? {
-            // An optional topic without a producer has no channels and stays empty; several topics may be merged in one port.
+            // An optional topic without a producer has no channels and stays empty; several topics may be merged in one
+            // port.
             for channels in assignment.inputs.iter().filter(|channels| channels.port == port.topic()) {
                 inputs.push((port.make.shared_input)(&ports, channels, port.topic(), &wake_name(&assignment.stage))?);
             }
@@ -164,8 +165,8 @@ impl<'a> Runner<'a> {
         outputs.by_topic.values_mut().filter_map(|output| output.ticked())
     }
 
-    /// Waits until all producers and consumers are there; a source then waits for the start. `false` if the run is being
-    /// stopped.
+    /// Waits until all producers and consumers are connected; a source then waits for the start. `false` if the run is
+    /// being stopped.
     fn connect(&mut self) -> Result<bool, StepError> {
         let inputs = &self.inputs;
         let outputs = &mut self.outputs;
@@ -245,7 +246,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// One tick of any other stage.
+    /// One tick of a stage that is not a source.
     fn tick(&mut self) -> Result<Option<bool>, StepError> {
         let waiter = Rc::clone(&self.ports.waiter);
         let Some(row) = waiter.transporting(|| self.gather())? else { return Ok(None) };
@@ -274,7 +275,7 @@ impl<'a> Runner<'a> {
         Ok(has_input)
     }
 
-    /// A step. Its measured time excludes the time that it waited for room at its consumers.
+    /// Runs a step. Its measured time excludes the wait for room at its consumers.
     fn timed_step(&mut self, inputs: &mut Inputs) -> Result<Flow, StepError> {
         let _span = tracing::debug_span!("step").entered();
         let slept = self.ports.waiter.slept_nanos.get();
@@ -322,7 +323,7 @@ impl<'a> Runner<'a> {
         Ok(if here { agreed } else { None })
     }
 
-    /// What follows a step: the last outputs at the end, the state at a barrier, the tick on all outputs.
+    /// The work after a step: the last outputs at the end, the state at a barrier, the tick on all outputs.
     fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
         self.saving.check()?;
         if row.end != 0 {
@@ -380,7 +381,7 @@ impl<'a> Runner<'a> {
         let arrivals = self.inputs.iter().map(|i| (i.topic().to_owned(), i.arrivals())).collect();
         let outputs: BTreeMap<_, _> =
             Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect();
-        // Images have more rows than any cloud; points are what the stage's first topic carries.
+        // Images have more rows than any cloud; points are the rows of the stage's first topic.
         let (ports, channels, traffic) = if self.is_source() {
             (self.program.outputs(), &self.assignment.outputs, &outputs)
         } else {

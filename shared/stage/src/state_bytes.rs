@@ -1,4 +1,4 @@
-//! A stage's state: a part of its own, then messages as they are.
+//! A stage's state: its own part, then messages as they are.
 
 use crate::state::{decode_state, encode_state};
 use crate::{Received, StateError, StepError};
@@ -8,11 +8,11 @@ use serde::{Serialize, de::DeserializeOwned};
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// What [`crate::Stage::save`] returns: bytes in consecutive pieces. A message that the stage holds is a piece that is written
-/// from shared memory without a copy, because a window of images has hundreds of megabytes.
+/// The result of [`crate::Stage::save`]: bytes in consecutive pieces. A message that the stage holds is one piece. It
+/// is written from shared memory without a copy, because a window of images has hundreds of megabytes.
 #[derive(Debug, Default)]
 pub struct StateBytes<'a> {
-    /// Each with the bytes of a row.
+    /// Pieces, each with the bytes of a row.
     pieces: Vec<(Cow<'a, [u8]>, usize)>,
     files: Vec<PathBuf>,
 }

@@ -26,7 +26,7 @@ use crate::{Inputs, Mode, Port, Received, StateBytes, StepError};
 use messages::{Message, SubmapTopic};
 use waiting::{Waiting, WaitingColumn};
 
-/// [`waiting`] of a type.
+/// The type of [`waiting`] for one message type.
 pub(crate) type WaitingMaker = fn(&'static str, bool) -> Box<dyn WaitingColumn>;
 
 pub(crate) fn waiting<T: Message>(port: &'static str, is_expected: bool) -> Box<dyn WaitingColumn> {
@@ -55,26 +55,26 @@ impl JoinedSubmap {
         self.columns.first::<T>(T::TOPIC)
     }
 
-    /// The rows of the column of `T`, one for each point. The error reports another number of rows.
+    /// The rows of the column of `T`, one for each point. Another number of rows is an error.
     pub fn rows<T: Message>(&self) -> Result<Option<&[T::Row]>, StepError> {
         self.rows_named::<T>(T::TOPIC)
     }
 
-    /// As [`JoinedSubmap::rows`], of a [port with another name](crate::Port::named).
+    /// [`JoinedSubmap::rows`] for a [port with another name](crate::Port::named).
     pub fn rows_named<T: Message>(&self, port: &str) -> Result<Option<&[T::Row]>, StepError> {
         let Some(column) = self.columns.first::<T>(port) else { return Ok(None) };
         self.check_length(port, column.rows().len())?;
         Ok(Some(column.rows()))
     }
 
-    /// As [`JoinedSubmap::rows`], as bytes, of a port that is known at run time.
+    /// [`JoinedSubmap::rows`] as bytes, for a port that is known at run time.
     pub fn row_bytes(&self, port: &Port) -> Result<Option<&[u8]>, StepError> {
         let Some(column) = self.untyped(port) else { return Ok(None) };
         self.check_length(port.topic(), column.envelope().len as usize)?;
         Ok(Some(column.rows()))
     }
 
-    /// As [`JoinedSubmap::column`], of a port that is known at run time.
+    /// [`JoinedSubmap::column`] for a port that is known at run time.
     pub fn untyped(&self, port: &Port) -> Option<&dyn UntypedMessage> {
         (port.make.first)(&self.columns, port.topic())
     }
@@ -101,14 +101,14 @@ impl SubmapJoin {
         self.column_named::<T>(T::TOPIC, is_expected)
     }
 
-    /// As [`SubmapJoin::column`], of a [port with another name](crate::Port::named).
+    /// [`SubmapJoin::column`] for a [port with another name](crate::Port::named).
     #[must_use]
     pub fn column_named<T: Message>(mut self, port: &'static str, is_expected: bool) -> Self {
         self.columns.push(waiting::<T>(port, is_expected));
         self
     }
 
-    /// As [`SubmapJoin::column`], of a port that is known at run time.
+    /// [`SubmapJoin::column`] for a port that is known at run time.
     #[must_use]
     pub fn column_of(mut self, port: &Port, is_expected: bool) -> Self {
         self.columns.push((port.make.waiting)(port.topic(), is_expected));
@@ -121,8 +121,8 @@ impl SubmapJoin {
         self.columns.iter_mut().try_for_each(|column| column.take(inputs, self.is_live))
     }
 
-    /// The oldest submap, once none of its columns can still arrive. Live, a lost column may be the newest of its topic:
-    /// then the submap is returned as soon as more submaps wait than a stage may hold.
+    /// The oldest submap, once all its columns have arrived or can no longer arrive. Live, a lost column may be the
+    /// newest of its topic: then the submap is returned as soon as more submaps wait than a stage may hold.
     pub fn next_complete(&mut self) -> Option<JoinedSubmap> {
         let seq = self.submaps.front_seq()?;
         let is_settled = self.columns.iter().all(|column| column.is_settled(seq));
@@ -174,7 +174,7 @@ impl SubmapJoin {
         self.columns.iter().filter_map(|column| column.missing(seq)).collect()
     }
 
-    /// For the head of a saved state: first the submaps, then the columns in the order in which they were added. The
+    /// The head of a saved state: first the submaps, then the columns in the order in which they were added. The
     /// messages follow the head: [`SubmapJoin::save_messages`].
     pub fn save(&self) -> Vec<SavedColumn> {
         let columns = self.columns.iter().map(|column| column.save());

@@ -1,4 +1,4 @@
-//! Describes and checks a stage as a table of a launch file sets it, on this host or for a run on another.
+//! Describes and checks a stage with the settings of a launch file's table, on this host or for a run on another.
 
 use crate::own_table::own_table;
 use crate::program::Program;
@@ -7,7 +7,7 @@ use run::assignment::{CONTRACT_VERSION, Description};
 use run::launch_file::LaunchFile;
 use std::path::Path;
 
-/// Topics and settings of a program by default.
+/// Topics and settings of a program with default settings.
 pub(crate) fn description(program: &dyn Program) -> Description {
     Description {
         contract: CONTRACT_VERSION,
@@ -42,7 +42,7 @@ pub(crate) fn check_table(program: &dyn Program, file: &LaunchFile, name: &str, 
         Err(problem) => return vec![problem],
     };
     let (stage, mut problems) = program.configured(&table);
-    // A setting that is wrong by itself would only cause further errors.
+    // A setting that is invalid by itself would only cause further errors.
     if problems.is_empty() {
         for mut problem in stage.check(context) {
             let value = table.iter().find(|(key, _)| key.get_ref() == problem.key.as_str());

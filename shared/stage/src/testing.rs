@@ -33,7 +33,7 @@ impl<S: Stage> Bench<S> {
         let ports = S::outputs_with(settings, &context.launch_folder)?;
         Ok(Self::with_outputs(S::new(settings, context)?, ports))
     }
-    /// With a stage that is built already.
+    /// A bench with a stage that is built already.
     pub fn with_stage(stage: S) -> Self {
         Self::with_outputs(stage, S::outputs())
     }
@@ -44,19 +44,19 @@ impl<S: Stage> Bench<S> {
         }
         Self { stage, pending: Inputs::default(), outputs, next_seq: BTreeMap::new() }
     }
-    /// Puts a message into the coming tick; its seq counts up from 0 by topic.
+    /// Puts a message into the next tick; its sequence number counts up from 0 by topic.
     pub fn send<T: Message>(&mut self, stamp: i64, header: T::Header, rows: Vec<T::Row>) {
         assert!(S::inputs().iter().any(|port| port.topic() == T::TOPIC), "{} does not read {}", S::NAME, T::TOPIC);
         self.send_named::<T>(T::TOPIC, stamp, header, rows);
     }
-    /// As [`Bench::send`], to a [port with another name](Port::named).
+    /// [`Bench::send`] to a [port with another name](Port::named).
     pub fn send_named<T: Message>(&mut self, port: &'static str, stamp: i64, header: T::Header, rows: Vec<T::Row>) {
         let next = self.next_seq.entry(port).or_default();
         let envelope = Envelope { seq: *next, stamp, len: rows.len() as u32, ..Envelope::default() };
         *next += 1;
         self.pending.push::<T>(port, Received::in_own_memory(envelope, header, rows));
     }
-    /// Adds a message that the stage of another bench published, with its seq.
+    /// Adds a message that the stage of another bench published, with its sequence number.
     pub fn forward<T: Message>(&mut self, message: Received<T>) {
         self.pending.push::<T>(T::TOPIC, message);
     }
@@ -64,7 +64,7 @@ impl<S: Stage> Bench<S> {
     pub fn tick(&mut self) -> Result<Flow, StepError> {
         self.stage.step(&mut std::mem::take(&mut self.pending), &mut self.outputs)
     }
-    /// The end of the stream.
+    /// Ends the stream.
     pub fn finish(&mut self) -> Result<(), StepError> {
         self.stage.finish(&mut self.outputs)
     }
@@ -72,7 +72,7 @@ impl<S: Stage> Bench<S> {
     pub fn take<T: Message>(&mut self) -> Vec<Received<T>> {
         self.take_named(T::TOPIC)
     }
-    /// As [`Bench::take`], from a [port with another name](Port::named).
+    /// [`Bench::take`] from a [port with another name](Port::named).
     pub fn take_named<T: Message>(&mut self, port: &str) -> Vec<Received<T>> {
         self.outputs.by_topic.get_mut(port).map(|output| take_messages(&mut **output)).unwrap_or_default()
     }
@@ -88,7 +88,7 @@ impl<S: Stage> Bench<S> {
     pub fn doubt(&self, name: &str) -> Option<f64> {
         self.outputs.doubts.iter().find(|doubt| doubt.name == name).map(|doubt| doubt.size)
     }
-    /// The same stage after a save, a restart and a load, as a barrier and a crash would leave it.
+    /// The stage after a save, a restart and a load, as after a barrier and a crash.
     pub fn restarted(mut self, settings: &S::Settings, context: &Context) -> Result<Self, StepError> {
         let state = self.stage.save()?.to_vec();
         self.stage = S::new(settings, context)?;

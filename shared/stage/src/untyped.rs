@@ -1,4 +1,4 @@
-//! Messages as bytes, for stages that know their topics only at run time: those in other languages, and `replay`.
+//! Messages as bytes, for stages that get their topics only at run time: stages in other languages, and `replay`.
 //!
 //! [`Port::all`](crate::Port::all) has the topics by name; their [`ByteTable`](crate::messages::ByteTable)s describe header and rows.
 
@@ -34,7 +34,7 @@ pub trait UntypedLoan {
     fn header_mut(&mut self) -> &mut [u8];
     /// Bytes of the rows, zero at first.
     fn rows_mut(&mut self) -> &mut [u8];
-    /// [`Outputs::publish_column`] of submap `column`, without one [`Outputs::publish`].
+    /// Publishes as [`Outputs::publish_column`] of submap `column`; without `column`, as [`Outputs::publish`].
     fn publish(self: Box<Self>, outputs: &mut Outputs, stamp: i64, column: Option<u64>) -> Result<(), StepError>;
 }
 
@@ -53,14 +53,14 @@ impl<T: Message> UntypedLoan for Loan<T> {
     }
 }
 
-/// [`first`] of a type.
+/// The type of [`first`] for one message type.
 pub(crate) type FirstMaker = for<'a> fn(&'a Inputs, &str) -> Option<&'a dyn UntypedMessage>;
 
 pub(crate) fn first<'a, T: Message>(inputs: &'a Inputs, port: &str) -> Option<&'a dyn UntypedMessage> {
     inputs.first::<T>(port).map(|message| message as &dyn UntypedMessage)
 }
 
-/// [`loan`] of a type.
+/// The type of [`loan`] for one message type.
 pub(crate) type LoanMaker = fn(&mut Outputs, usize) -> Result<Box<dyn UntypedLoan>, StepError>;
 
 pub(crate) fn take<T: Message>(inputs: &mut Inputs, port: &str) -> Vec<Box<dyn UntypedMessage>> {

@@ -405,7 +405,7 @@ fn contract_and_data_errors_are_reported() {
 
     let mut early = bench(&context);
     street.forward_column(&mut early, "class", 1);
-    assert_eq!(text(early.tick()), "class of submap 1 arrived when that of 0 was due");
+    assert_eq!(text(early.tick()), "class of submap 1 arrived, but submap 0 was due");
 
     let mut stray = bench(&context);
     let mut points = street.points(0);

@@ -9,7 +9,7 @@ use run::launch_file::LaunchFile;
 use std::path::{Path, PathBuf};
 use toml::de::DeValue;
 
-/// Drive time between barriers if no launch file says otherwise, s: as `[run]` has it.
+/// Drive time between barriers if no launch file sets it, s: the default of `[run]`.
 const BARRIER_S: f64 = 20.0;
 
 /// Why a stage cannot run alone.
@@ -21,7 +21,7 @@ pub(super) enum ConfigurationError {
         #[source]
         cause: std::io::Error,
     },
-    /// Of the launch file, as [`LaunchFile::render`] shows it.
+    /// Problems of the launch file, rendered by [`LaunchFile::render`].
     #[error("{0}")]
     Launch(String),
     #[error("run: a source needs --drive, or a launch file with run.drive")]
@@ -50,7 +50,7 @@ fn missing(topics: &[String]) -> String {
     format!("{word} {} {verb}", topics.join(", "))
 }
 
-/// The stage with its settings, where it runs, drive time between barriers; or everything that is wrong.
+/// The stage with its settings, its context, and the drive time between barriers; or all problems.
 pub(super) fn configure(
     program: &dyn Program,
     arguments: &AloneArguments,
@@ -114,7 +114,7 @@ pub(super) fn configure(
         connected: recorded.into_iter().chain(own).collect(),
         missing: Vec::new(),
     };
-    // A setting that is wrong by itself would only cause further errors.
+    // A setting that is invalid by itself would only cause further errors.
     if faults.is_empty() {
         let problems = stage.check(&context);
         faults.extend(problems.into_iter().map(|problem| shown(&file.located(name, problem))));
@@ -122,8 +122,8 @@ pub(super) fn configure(
     if faults.is_empty() { Ok((stage, context, barrier_s.unwrap_or(BARRIER_S))) } else { Err(faults) }
 }
 
-/// Topics of the recording. Fails if it lacks a topic that the stage needs, has none of its topics, or has one of another
-/// layout.
+/// Topics of the recording. Fails if a topic that the stage needs is missing, if all its topics are missing, or if the
+/// layout of a topic differs.
 fn recorded_topics(stage: &'static str, inputs: &[Port], path: &Path) -> Result<Vec<String>, ConfigurationError> {
     let reader = RecordingReader::open(path)?;
     let recorded: Vec<String> =
@@ -160,7 +160,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     crate::settings! {
-        /// None.
+        /// No settings.
         pub struct NoSettings {}
     }
 
@@ -187,7 +187,7 @@ mod tests {
         }
     }
 
-    /// What a recording of one topic gives the stage.
+    /// The topics of a stage that a recording of one topic contains.
     fn of_recording(folder: &Path, table: ByteTable) -> Result<Vec<String>, ConfigurationError> {
         let path = folder.join("in.mcap");
         let topic = table.topic.clone();

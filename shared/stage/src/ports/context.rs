@@ -1,4 +1,4 @@
-//! What all ports of a stage share.
+//! State that all ports of a stage share.
 
 use super::waiter::Waiter;
 use ipc::Node;
@@ -12,7 +12,7 @@ pub(crate) struct Clock {
     pub(crate) born_nanos: Cell<u64>,
 }
 
-/// What all ports of a stage share.
+/// State that all ports of a stage share.
 #[derive(Clone)]
 pub(crate) struct PortContext {
     pub(crate) node: Rc<Node>,

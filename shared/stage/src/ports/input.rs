@@ -11,12 +11,12 @@ use run::histogram::Histogram;
 use run::process::monotonic_nanos;
 use std::sync::Arc;
 
-/// An input as the runner sees it.
+/// An input from the runner's point of view.
 pub(crate) trait TickedInput {
     fn topic(&self) -> &str;
-    /// Whether its producer is there.
+    /// Whether its producer is connected.
     fn connect(&self) -> Result<bool, StepError>;
-    /// Takes the messages that have arrived; `Some` when all of `tick` are here.
+    /// Takes the messages that have arrived; `Some` when all messages of `tick` have arrived.
     fn gather(&mut self, tick: u64) -> Result<Option<TickRow>, StepError>;
     /// Hands the gathered tick's messages over.
     fn deliver(&mut self, inputs: &mut Inputs);
@@ -24,13 +24,13 @@ pub(crate) trait TickedInput {
     fn gather_newest(&mut self) -> Result<Newest, StepError>;
     /// Live: hands over the gathered messages.
     fn deliver_all(&mut self, inputs: &mut Inputs);
-    /// Continues after the messages that were delivered before this process began.
+    /// Continues after the messages that were delivered before this process started.
     fn resume(&mut self, delivered: Traffic);
     fn traffic(&self) -> Traffic;
     fn arrivals(&self) -> Arrivals;
 }
 
-/// What a live input has.
+/// State of a live input.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Newest {
     /// The last tick received, new or not.
@@ -41,18 +41,18 @@ pub(crate) struct Newest {
     pub(crate) has_messages: bool,
 }
 
-/// An input in shared memory. Knows the type of its messages only through [`PendingMessages`], so it is compiled once, here,
-/// and not again for each type in every program.
+/// An input in shared memory. Only [`PendingMessages`] depends on the type of its messages, so this type is compiled
+/// once, here, and not for each message type in every program.
 struct SharedInput {
     topic: String,
     messages: Box<dyn PendingMessages>,
     ticks: Subscriber<TickTopic>,
-    /// [`Message::QUEUE`].
+    /// Length of the queue, [`Message::QUEUE`].
     queue: usize,
     row: Option<TickRow>,
     n_received: u64,
     traffic: Traffic,
-    /// From publication to delivery.
+    /// Time from publication to delivery.
     latency: Histogram,
     pulse: Arc<Pulse>,
 }
@@ -100,7 +100,7 @@ impl SharedInput {
         true
     }
 
-    /// Live: messages missing between two others were dropped, unless the producer was restarted between them.
+    /// Live: counts the messages missing between two others as dropped, unless the producer was restarted between them.
     fn count_dropped(&mut self, envelope: Envelope) {
         if envelope.epoch == self.traffic.epoch {
             self.traffic.dropped += envelope.seq.saturating_sub(self.n_received);
@@ -125,8 +125,8 @@ impl TickedInput for SharedInput {
         {
             self.row = message.rows().first().copied();
         }
-        // No more than a queue's length waits here; a tick has no more than that (`SharedOutput::publish` ensures it). Without
-        // the tick, take what has arrived: its producer may wait for room.
+        // At most the length of a queue waits here; a tick has no more messages (`SharedOutput::publish` ensures it).
+        // Without the tick, take the messages that have arrived: its producer may wait for room.
         let n_published = self.row.map_or(u64::MAX, |row| row.n_published);
         while self.messages.len() < self.queue && self.n_received < n_published {
             let Some(Envelope { seq, .. }) = self.messages.receive()? else { break };
@@ -135,7 +135,7 @@ impl TickedInput for SharedInput {
                 return Err(StepError::contract(text));
             }
             self.n_received += 1;
-            // A tick may take long to complete; meanwhile observers see how many messages wait for it.
+            // A tick may take long to complete; meanwhile observers can read how many messages wait for it.
             self.pulse.update().arrivals.entry(self.topic.clone()).or_default().queue = self.messages.len() as u64;
         }
         let Some(row) = self.row else { return Ok(None) };
@@ -153,7 +153,7 @@ impl TickedInput for SharedInput {
 
     fn gather_newest(&mut self) -> Result<Newest, StepError> {
         let mut newest = Newest::default();
-        // Ticks first: their messages have been sent before them.
+        // Receive the ticks first: their messages have been sent before them.
         while let Some(message) = self.ticks.receive()? {
             self.row = message.rows().first().copied().or(self.row);
             newest.barrier = newest.barrier.max(self.row.map_or(0, |row| row.barrier));

@@ -10,7 +10,7 @@ use run::assignment::TopicChannels;
 use run::health::Traffic;
 use std::rc::Rc;
 
-/// A topic's producing end.
+/// The producing end of a topic.
 struct SharedOutput<T: Message> {
     messages: Publisher<T>,
     untyped: UntypedOutput,

@@ -1,4 +1,4 @@
-//! Messages that wait for their tick to be complete: all of an input that depends on its type.
+//! Messages that wait for their tick to be complete: the part of an input that depends on its type.
 
 use crate::{Inputs, StepError};
 use ipc::{Channel, Node, Received, Subscriber};
@@ -7,9 +7,9 @@ use std::collections::VecDeque;
 
 /// The messages of an input, received and not yet delivered.
 pub(super) trait PendingMessages {
-    /// Whether the producer is there.
+    /// Whether the producer is connected.
     fn connect(&self) -> Result<bool, StepError>;
-    /// Takes the next message that has arrived, and keeps it.
+    /// Receives and keeps the next message that has arrived.
     fn receive(&mut self) -> Result<Option<Envelope>, StepError>;
     fn len(&self) -> usize;
     fn first(&self) -> Option<Envelope>;
@@ -17,7 +17,7 @@ pub(super) trait PendingMessages {
     fn deliver_first(&mut self, inputs: &mut Inputs) -> MessageSize;
 }
 
-/// Of a message's rows.
+/// Size of a message's rows.
 #[derive(Default)]
 pub(super) struct MessageSize {
     pub(super) rows: u64,

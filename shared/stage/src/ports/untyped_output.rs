@@ -1,5 +1,5 @@
-//! All of a topic's producing end that does not depend on the type of its messages: numbers, waiting for room, and the tick
-//! that follows the messages. Compiled once, here, and not again for each type in every program.
+//! The part of a topic's producing end that does not depend on the type of its messages: numbers, waiting for room, and
+//! the tick that follows the messages. Compiled once, here, and not for each type in every program.
 
 use super::context::PortContext;
 use super::numbering::next_number;
@@ -12,14 +12,15 @@ use run::health::{Activity, Pulse, Traffic};
 use run::process::monotonic_nanos;
 use std::rc::Rc;
 
-/// Offline, consumers are woken after so many ticks, or when their queue has so small a part of its messages: at once for a
-/// sweep or a submap, not for each of the poses of a whole drive. Before this stage sleeps, they are woken in any case.
+/// Offline, consumers are woken after this many ticks, or when this fraction of a queue's messages waits: at once for a
+/// sweep or a submap, not for each pose of a whole drive. Before this stage sleeps, they are woken in any case.
 const TICKS_PER_WAKE: u64 = 8;
 
-/// Longest wait until half of a queue is free. Consumers take half of any queue in less, unless they wait themselves.
+/// Longest wait until half of a queue is free. Consumers take half of any queue in less time, unless they wait
+/// themselves.
 const MAX_REFILL_WAIT_NANOS: u64 = 50_000_000;
 
-/// How much room the consumers of a publisher have.
+/// The room at the consumers of a publisher.
 pub(super) trait Room {
     /// See [`Publisher::has_room`].
     fn has_room(&mut self, n: u64) -> Result<bool, IpcError>;
@@ -39,22 +40,22 @@ impl<T: Message> Room for Publisher<T> {
 /// A topic's producing end, without the publisher of its messages.
 pub(super) struct UntypedOutput {
     topic: String,
-    /// [`Message::QUEUE`].
+    /// Length of the queue, [`Message::QUEUE`].
     queue: usize,
     ticks: Publisher<TickTopic>,
     context: PortContext,
     next_seq: u64,
     n_in_tick: usize,
-    /// Messages since the consumers were urged.
+    /// Messages since the consumers were woken.
     n_unannounced: usize,
     traffic: Traffic,
     /// The producer never waits for consumers; the newest message replaces the oldest.
     is_live: bool,
-    /// Live: seq after the last message of the process that this one replaces.
+    /// Live: the sequence number after the last message of the process that this one replaces.
     replaced: u64,
-    /// Seq of the next tick. Live, ticks may be left out or repeated.
+    /// Sequence number of the next tick. Live, ticks may be left out or repeated.
     next_tick_seq: u64,
-    /// Seq of the last tick, which may be repeated.
+    /// Sequence number of the last tick, which may be repeated.
     end_seq: Option<u64>,
 }
 
@@ -80,7 +81,7 @@ impl UntypedOutput {
         &self.context.waiter
     }
 
-    /// Waits for room for the next message, of `n_rows` with `n_bytes`, and counts it. Its envelope.
+    /// Waits for room for the next message, of `n_rows` with `n_bytes`, and counts it. Returns its envelope.
     pub(super) fn next(
         &mut self,
         messages: &mut dyn Room,
@@ -112,7 +113,7 @@ impl UntypedOutput {
         })
     }
 
-    /// What follows the sending of a message.
+    /// Completes the sending of a message.
     pub(super) fn sent(&mut self, sent: Result<(), IpcError>) -> Result<(), StepError> {
         let waiter = &self.context.waiter;
         sent.map_err(|error| waiter.failed_send(&self.topic, error))?;
@@ -138,7 +139,7 @@ impl UntypedOutput {
         &self.topic
     }
 
-    /// Whether all consumers of the ticks are there.
+    /// Whether all consumers of the ticks are connected.
     pub(super) fn connect(&self) -> Result<bool, StepError> {
         Ok(self.ticks.connect()?)
     }

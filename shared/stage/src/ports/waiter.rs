@@ -14,11 +14,11 @@ use std::time::Duration;
 /// Longest sleep before the condition is checked again: bounds the reaction to a stop, and to a lost wake.
 const POLL: Duration = Duration::from_millis(100);
 
-/// The same while a run starts: a process that has started wakes no other, and a start must not take long.
+/// Longest sleep while a run starts: a process that has started wakes no other, and a start must be quick.
 const POLL_AT_START: Duration = Duration::from_millis(10);
 
-/// When a consumer has ended, the supervisor reports it with its last log lines. It has this long to end the run, also on a busy
-/// machine, before the stage reports the lost message.
+/// When a consumer has ended, the supervisor reports it with its last log lines. It has this long to end the run, even
+/// on a busy machine, before the stage reports the lost message.
 const LOSS_GRACE: Duration = Duration::from_secs(30);
 
 /// Sleeping and stopping, shared by all ports of a stage.
@@ -27,9 +27,9 @@ pub(crate) struct Waiter {
     pub(crate) node: Rc<Node>,
     pub(crate) stop: Arc<AtomicBool>,
     pub(crate) pulse: Arc<Pulse>,
-    /// Time slept so far: a step does not work while it waits for room at a consumer.
+    /// Time slept so far. Waiting for room at a consumer does not count as work of a step.
     pub(crate) slept_nanos: Cell<u64>,
-    /// The same by what it waited for, in the words of [`Activity`].
+    /// Time slept so far by reason, named as in [`Activity`].
     waits: RefCell<BTreeMap<String, u64>>,
     /// CPU time so far for loans, sending, waiting and receiving.
     pub(crate) transport_nanos: Cell<u64>,
@@ -49,12 +49,12 @@ impl Waiter {
         result
     }
 
-    /// Counts time in which the stage's thread did no step.
+    /// Counts time in which the stage's thread ran no step.
     pub(crate) fn count_wait(&self, activity: &Activity, nanos: u64) {
         *self.waits.borrow_mut().entry(activity.to_string()).or_default() += nanos;
     }
 
-    /// Seconds so far, by what it waited for.
+    /// Seconds slept so far, by reason.
     pub(crate) fn waits(&self) -> BTreeMap<String, f64> {
         self.waits.borrow().iter().map(|(reason, nanos)| (reason.clone(), *nanos as f64 * 1e-9)).collect()
     }

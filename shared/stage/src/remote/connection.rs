@@ -12,11 +12,12 @@ use std::path::Path;
 pub struct Connection {
     /// Fails if nothing arrives for [`Remote::hang_s`].
     pub reader: Box<dyn Read>,
-    /// Fails if nothing can be sent for as long.
+    /// Fails if nothing can be sent for [`Remote::hang_s`].
     pub writer: Box<dyn Write>,
 }
 
-/// Starts the program of a table on its host and connects to it. The text names the stage of the run; `None` for a question.
+/// Starts the program of a table on its host and connects to it. The text names the stage of the run; `None` for a
+/// query.
 pub type Connect = fn(&Remote, table: &str, session: Option<&str>) -> Result<Connection, StepError>;
 
 pub(super) fn remote_of(remote: Option<&Remote>) -> Result<&Remote, StepError> {
@@ -26,7 +27,7 @@ pub(super) fn remote_of(remote: Option<&Remote>) -> Result<&Remote, StepError> {
 /// The topic of this name: only the project's topics have a type on both hosts.
 pub(super) fn port(topic: &str) -> Result<Port, StepError> {
     let unknown = || {
-        StepError::configuration(format!("{topic} is no topic of the project; a stage on another host has no others"))
+        StepError::configuration(format!("{topic} is not a topic of the project; a stage on another host supports no third-party topics"))
     };
     Port::of_name(topic).ok_or_else(unknown)
 }
@@ -107,7 +108,7 @@ impl Far {
         }
     }
 
-    /// [`Far::ask`] where the answer says no more than that it is done.
+    /// [`Far::ask`] for requests that are answered without data.
     pub(super) fn order<'a>(
         &mut self,
         request: &Request,
@@ -119,7 +120,7 @@ impl Far {
         }
     }
 
-    /// Publishes what a step there publishes, until it is done.
+    /// Publishes the messages of a step on the other host, until the step is done.
     pub(super) fn publish_answers(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         let mut progress = None;
         loop {

@@ -17,10 +17,10 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Of each direction: a Noise message.
+/// Buffer size of each direction: a Noise message.
 const BUFFER_BYTES: usize = 64 << 10;
 
-/// `run --linked AGENT`; the exit code.
+/// Serves `run --linked AGENT`. Returns the exit code.
 pub(crate) fn serve(program: &dyn Program, agent: u32) -> u8 {
     log::start();
     let _span = tracing::info_span!("stage", stage = program.name(), pid = std::process::id()).entered();
@@ -80,7 +80,7 @@ struct Far<'a> {
     /// The agent's folder.
     folder: PathBuf,
     stage: Option<Box<dyn RunningStage>>,
-    /// What it reads.
+    /// Topics that the stage reads.
     inputs: Vec<Port>,
     outputs: Outputs,
 }
@@ -123,7 +123,7 @@ impl<'a> Far<'a> {
             self.answers.is_awaited.store(true, Ordering::Relaxed);
             if let Err(error) = self.answer(request) {
                 let failed = Answer::Failed(Failure::of(&error), error.to_string());
-                // Whether or not the run receives it, the log has it.
+                // Whether or not the run receives it, the error is in the log.
                 let _ = self.answers.finish(&failed, []);
                 return Err(error);
             }
@@ -177,8 +177,8 @@ impl<'a> Far<'a> {
         })
     }
 
-    /// The program and the files that its settings name, with their digests. Those in the agent's folder have relative paths, as on
-    /// the host of the run.
+    /// The program and the files that its settings name, with their digests. Files in the agent's folder have relative
+    /// paths, as on the host of the run.
     fn files(&self, file: &LaunchFile, table: &str, settings: &[Field]) -> Result<BTreeMap<String, String>, StepError> {
         let mut paths = files_of_settings(file, table, settings, &self.folder);
         paths.insert(std::env::current_exe().map_err(StepError::io)?);
@@ -223,7 +223,7 @@ impl<'a> Far<'a> {
         Ok(inputs)
     }
 
-    /// Answers with what the step has published.
+    /// Answers with the messages that the step has published.
     fn publish(&mut self) -> Result<(), StepError> {
         self.answers.send(&Answer::Reported(Report::of(&self.outputs)), [])?;
         for (topic, output) in &mut self.outputs.by_topic {
@@ -240,7 +240,7 @@ impl<'a> Far<'a> {
     fn save(&mut self) -> Result<(), StepError> {
         let state = self.stage.as_mut().ok_or_else(not_open)?.save()?;
         if let Some(file) = state.files().first() {
-            let text = format!("its state needs {}, which the host of the run does not have", file.display());
+            let text = format!("the state needs {}, which the host of the run does not have", file.display());
             return Err(StepError::configuration(text));
         }
         let lengths = state.pieces().map(|piece| (piece.bytes.len() as u64, piece.row_bytes as u64)).collect();

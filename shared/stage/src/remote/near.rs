@@ -1,4 +1,5 @@
-//! The program that stands for a stage on another host: answers the supervisor, and runs the stage as the program there says.
+//! The proxy program of a stage on another host: answers the supervisor, and runs the stage as the program there
+//! requests.
 
 use super::connection::{Connect, Far, port, remote_of};
 use super::stand_in::RemoteProgram;
@@ -12,8 +13,8 @@ use std::ffi::OsString;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-/// The program `replica-remote`: answers `--describe REQUEST`, `--check REQUEST` and `run ASSIGNMENT` with the program on the other
-/// host. `arguments` begin with the program's name. Returns the exit code.
+/// The program `replica-remote`: answers `--describe REQUEST`, `--check REQUEST` and `run ASSIGNMENT` with the program
+/// on the other host. `arguments` start with the program's name. Returns the exit code.
 pub fn run(arguments: Vec<OsString>, connect: Connect) -> u8 {
     let texts: Vec<&str> = arguments.iter().filter_map(|argument| argument.to_str()).collect();
     let answered = match texts[..] {
@@ -60,7 +61,7 @@ fn describe(request: &DescribeRequest, connect: Connect) -> Result<Description, 
     check_description(far.describe(&launch)?, &remote.host)
 }
 
-/// Sources and sinks have files on the host of the run. Topics of others have no type here.
+/// Refuses sources and sinks, whose files are on the host of the run, and third-party topics, which have no type here.
 fn check_description(description: Description, host: &str) -> Result<Description, StepError> {
     let name = &description.name;
     if description.inputs.is_empty() || description.outputs.is_empty() {
@@ -95,7 +96,7 @@ fn check(request: &CheckRequest, connect: Connect) -> Result<Vec<Problem>, StepE
     Ok(problems)
 }
 
-/// A file that lies at the same place here with another content: the launch file means one of them.
+/// A file that has another content at the same path here: it is unclear which file the launch file means.
 fn different_file(files: &BTreeMap<String, String>, folder: &Path, host: &str) -> Option<String> {
     files.iter().find_map(|(file, digest)| {
         let here = folder.join(file);

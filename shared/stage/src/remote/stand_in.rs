@@ -1,4 +1,4 @@
-//! The stage that stands in the run for one on another host.
+//! The proxy stage in the run for a stage on another host.
 
 use super::connection::{Connect, Far, port, remote_of};
 use super::wire::{Answer, LaunchText, MessageBlock, Report, Request};
@@ -31,7 +31,7 @@ struct ConfiguredRemote {
 impl RemoteProgram {
     pub(super) fn of(assignment: &Assignment, connect: Connect) -> Result<Self, StepError> {
         let Assignment { stage, domain, launch_file, changes, .. } = assignment;
-        // In the stage's own names; several topics of the run may be merged in one of them.
+        // Keyed by the stage's own names; several topics of the run may be merged in one of them.
         let ports = |topics: &[TopicChannels]| {
             let names: BTreeSet<&str> = topics.iter().map(|topic| topic.port.as_str()).collect();
             names.into_iter().map(port).collect::<Result<Vec<_>, _>>()
@@ -49,7 +49,8 @@ impl RemoteProgram {
     }
 }
 
-/// The supervisor knows topics and settings from `--describe`; here are those of the assignment.
+/// The supervisor gets topics and settings from `--describe`; this program uses the topics and settings of the
+/// assignment.
 impl Program for RemoteProgram {
     fn name(&self) -> &'static str {
         self.name
@@ -119,7 +120,7 @@ impl RunningStage for RemoteStage {
         let request = Request::Step(Report::of(outputs), blocks.collect());
         let far = &mut self.far;
         far.send(&request, parts.into_iter().flatten())?;
-        // Their places are free for the producers while the other host works.
+        // Their slots are free for the producers while the other host works.
         drop(messages);
         far.publish_answers(outputs)?;
         Ok(Flow::Continue)

@@ -1,5 +1,6 @@
-//! Requests and answers as bytes: a head (postcard) behind its length (u32, little-endian), then the blocks whose lengths the head
-//! has. The version of the link covers them ([`link::channel::VERSION`](../../../link/channel/constant.VERSION.html)).
+//! Requests and answers as bytes: a head (postcard) behind its length (u32, little-endian), then the blocks whose
+//! lengths are in the head. The version of the link covers them
+//! ([`link::channel::VERSION`](../../../link/channel/constant.VERSION.html)).
 
 use crate::{Context, Outputs, Problem, StepError};
 use run::Change;
@@ -9,19 +10,19 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
 use std::io::{Error, ErrorKind, Read, Write};
 
-/// A head has texts of a launch file, or lengths of the messages of a tick.
+/// Largest head. A head has texts of a launch file, or lengths of the messages of a tick.
 const MAX_HEAD_BYTES: u32 = 16 << 20;
 
-/// A launch file, wherever it lies.
+/// The text of a launch file, independent of its path.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct LaunchText {
     pub(super) text: String,
     pub(super) changes: Vec<Change>,
-    /// Of the stage.
+    /// Table of the stage.
     pub(super) table: String,
 }
 
-/// What the run asks. An answer that is no error ends with the one in parentheses.
+/// The requests of the run. A successful answer ends with the message in parentheses.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Request {
     /// Topics and settings ([`Answer::Described`]).
@@ -47,10 +48,10 @@ pub(super) struct MessageBlock {
     pub(super) n_bytes: u64,
 }
 
-/// What the program answers.
+/// The answers of the program.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Answer {
-    /// It works on the request; the number rises with its progress.
+    /// The program works on the request; the number rises with its progress.
     Alive(u64),
     Described(Description),
     Problems(Vec<Problem>),
@@ -67,7 +68,7 @@ pub(super) enum Answer {
     /// Bytes of a state and of a row, for each piece; the pieces follow.
     State(Vec<(u64, u64)>),
     Done,
-    /// The stage failed, as [`StepError`].
+    /// The stage failed with a [`StepError`].
     Failed(Failure, String),
 }
 
@@ -142,7 +143,7 @@ pub(super) fn read_head<T: DeserializeOwned>(reader: &mut dyn Read) -> std::io::
     postcard::from_bytes(&bytes).map_err(|error| Error::new(ErrorKind::InvalidData, error))
 }
 
-/// Reads a block. Memory grows with the bytes that arrive, whatever length was announced.
+/// Reads a block. Memory grows with the bytes that arrive, not with the announced length.
 pub(super) fn read_block(reader: &mut dyn Read, n_bytes: u64) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let n_read = reader.take(n_bytes).read_to_end(&mut bytes)?;

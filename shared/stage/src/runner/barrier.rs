@@ -48,7 +48,7 @@ impl Runner<'_> {
                 input.resume(delivered.clone());
                 continue;
             }
-            // The program that this one replaces did not read the topic: its producer's state has the number of messages.
+            // The replaced program did not read the topic: its producer's state has the number of messages.
             if let Some(channels) = self.assignment.inputs.iter().find(|channels| channels.topic == input.topic()) {
                 let (producer, _) = load_state(&self.assignment.producers_state_file(barrier, channels))?;
                 let next_seq = producer.outputs.get(input.topic()).map_or(0, |traffic| traffic.next_seq);

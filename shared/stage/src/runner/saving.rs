@@ -6,12 +6,12 @@ use run::state_file::WrittenState;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// At most one state at a time.
+/// Saves at most one state at a time.
 #[derive(Default)]
 pub(super) struct Saving(Option<JoinHandle<Result<(), StepError>>>);
 
 impl Saving {
-    /// Begins. The thread reports `barrier` in the heartbeat once its state is on the disk.
+    /// Starts the thread, which reports `barrier` in the heartbeat once the state is on the disk.
     pub(super) fn begin(&mut self, written: WrittenState, barrier: u64, pulse: Arc<Pulse>) -> Result<(), StepError> {
         self.settle()?;
         let commit = move || {
@@ -31,7 +31,7 @@ impl Saving {
         thread.join().unwrap_or_else(|_| Err(StepError::io("the thread that saves the state panicked")))
     }
 
-    /// Whether it has failed, without waiting.
+    /// Whether saving has failed, without waiting.
     pub(super) fn check(&mut self) -> Result<(), StepError> {
         if self.0.as_ref().is_some_and(JoinHandle::is_finished) { self.settle() } else { Ok(()) }
     }

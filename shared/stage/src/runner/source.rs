@@ -1,4 +1,4 @@
-//! A source: it decides where barriers and the end are, on request of the supervisor, and publishes them to all stages.
+//! A source: it sets barriers and the end on request of the supervisor, and publishes them to all stages.
 
 use super::{Runner, read_command};
 use crate::{Flow, Inputs, Mode, StepError};
@@ -8,7 +8,7 @@ use run::process::monotonic_nanos;
 use std::sync::atomic::Ordering;
 
 impl Runner<'_> {
-    /// One tick of a source. `Some(true)`: the last one. `None`: the run is being stopped.
+    /// Runs one tick of a source. `Some(true)`: the last one. `None`: the run is being stopped.
     pub(super) fn source_tick(&mut self) -> Result<Option<bool>, StepError> {
         if self.ports.waiter.stop.load(Ordering::Relaxed) {
             return Ok(None);
@@ -30,7 +30,7 @@ impl Runner<'_> {
         }
         let drive_time = self.outputs.drive_time.unwrap_or(NO_DRIVE_TIME);
         if drive_time != NO_DRIVE_TIME && self.barrier_time.is_none_or(|since| since > drive_time) {
-            // The first data, or a sensor's clock that has jumped back.
+            // The first data, or a jump back of a sensor's clock.
             self.barrier_time = Some(drive_time);
         }
         let since = self.barrier_time.unwrap_or(drive_time);
@@ -53,7 +53,7 @@ impl Runner<'_> {
         Ok(Some(end))
     }
 
-    /// Waits behind a barrier until the supervisor lets it continue. `false` if the run is being stopped.
+    /// Waits after a barrier until the supervisor lets it continue. `false` if the run is being stopped.
     fn pause(&mut self) -> Result<bool, StepError> {
         self.saving.settle()?;
         self.pulse.announce(Activity::Paused);

@@ -70,7 +70,7 @@ fn submap_is_complete_when_last_column_arrives() {
 fn column_out_of_order_is_refused_offline() {
     let mut join = join(Mode::Offline);
     let error = take(&mut join, &[0], &[1], &[]).expect_err("class 0 is missing").to_string();
-    assert_eq!(error, "class of submap 1 arrived when that of 0 was due");
+    assert_eq!(error, "class of submap 1 arrived, but submap 0 was due");
 }
 
 #[test]

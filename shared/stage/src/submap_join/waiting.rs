@@ -1,4 +1,4 @@
-//! The messages of one topic that wait for their submap (or, of `submap` itself, for their columns).
+//! The messages of one topic that wait for their submap; for `submap` itself, for their columns.
 
 use crate::{Inputs, Received, StateBytes, StepError, next_message};
 use messages::Message;
@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 pub(super) struct Waiting<T: Message> {
     port: &'static str,
     is_expected: bool,
-    /// The submap whose message is due.
+    /// The submap of the next message.
     next_seq: u64,
     held: VecDeque<Received<T>>,
 }
@@ -21,9 +21,9 @@ pub struct SavedColumn {
     n_held: u64,
 }
 
-/// [`Waiting`] of any topic.
+/// [`Waiting`] for any topic.
 pub(crate) trait WaitingColumn {
-    /// Takes the tick's messages; those of a topic that is not expected are dropped. Live, numbers may be left out.
+    /// Takes the tick's messages and drops them if the topic is not expected. Live, numbers may be left out.
     fn take(&mut self, inputs: &mut Inputs, is_live: bool) -> Result<(), StepError>;
     /// Whether the message of submap `seq` has arrived or never will.
     fn is_settled(&self, seq: u64) -> bool;
@@ -31,12 +31,12 @@ pub(crate) trait WaitingColumn {
     fn missing(&self, seq: u64) -> Option<&'static str>;
     /// Moves the message of submap `seq`, if it has arrived, to `columns`. Older ones, whose submap was lost, are dropped.
     fn move_seq(&mut self, seq: u64, columns: &mut Inputs);
-    /// Live, the submaps of the oldest messages may never arrive: drops those beyond what a stage may hold.
+    /// Live, the submaps of the oldest messages may never arrive: drops the messages that exceed a stage's limit.
     fn trim(&mut self);
     fn check_bound(&self) -> Result<(), StepError>;
     fn save(&self) -> SavedColumn;
     fn save_messages<'a>(&'a self, state: &mut StateBytes<'a>);
-    /// Takes its messages off the front of `messages`.
+    /// Takes the topic's messages from the front of `messages`.
     fn load(&mut self, saved: &SavedColumn, messages: &mut &[u8]) -> Result<(), StepError>;
 }
 
@@ -65,7 +65,7 @@ impl<T: Message> WaitingColumn for Waiting<T> {
             let seq = message.seq();
             let due = self.next_seq;
             if seq < due || (seq > due && !is_live) {
-                let text = format!("{} of submap {seq} arrived when that of {due} was due", self.port);
+                let text = format!("{} of submap {seq} arrived, but submap {due} was due", self.port);
                 return Err(StepError::contract(text));
             }
             self.next_seq = seq + 1;
