@@ -130,7 +130,7 @@ fn failing_program_is_swapped_back() {
     ] {
         let output = swap(&launch, &["relay", "--set", fault, "--set", "salt=9"]);
         assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
-        for word in [words, "not swapped relay at barrier", "everything is as before: [relay] exit: "] {
+        for word in [words, "not swapped relay at barrier", "the swap was undone: [relay] exit: "] {
             assert!(output_text(&output).contains(word), "{word:?} is not in:\n{}", output_text(&output));
         }
         wait_for_two_barriers(&launch);

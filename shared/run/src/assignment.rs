@@ -1,4 +1,4 @@
-//! What the supervisor gives a stage at its start, and its commands while the stage runs.
+//! The assignment of a stage at its start, and the supervisor's commands while the stage runs.
 
 use crate::health::Traffic;
 use crate::{Change, Context, Remote};
@@ -9,7 +9,7 @@ use settings::Field;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Raised when the supervisor and stages of different ages could misunderstand each other.
+/// Version of the interface. Raised when supervisor and stages of different versions could misunderstand each other.
 pub const CONTRACT_VERSION: u32 = 6;
 
 /// Answer to `--describe`.
@@ -54,7 +54,7 @@ pub struct PortDescription {
 pub struct TopicChannels {
     /// Name of the topic in the run.
     pub topic: String,
-    /// The stage's own name of it. The key `remap` of its table may give a port another topic, or several.
+    /// The stage's own name of the topic. The key `remap` of its table may give a port another topic, or several.
     pub port: String,
     /// Messages.
     pub messages: Channel,
@@ -89,21 +89,21 @@ pub struct Assignment {
     pub resume: Option<u64>,
     /// Live: only this stage is restarted, in a run that continues.
     pub restart: Option<Restart>,
-    /// Its host, if it is another one.
+    /// Host of the stage, if it is another host.
     #[serde(default)]
     pub remote: Option<Remote>,
 }
 
-/// What a restarted stage must know of the process that it replaces.
+/// The state of the process that a restarted stage replaces.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Restart {
-    /// 1, 2, 3 …
+    /// Number of the restart: 1, 2, 3 …
     pub epoch: u32,
-    /// Ticks by the last heartbeat.
+    /// Ticks in the last heartbeat.
     pub ticks: u64,
-    /// Inputs by the last heartbeat.
+    /// Inputs in the last heartbeat.
     pub inputs: BTreeMap<String, Traffic>,
-    /// Outputs by the last heartbeat.
+    /// Outputs in the last heartbeat.
     pub outputs: BTreeMap<String, Traffic>,
 }
 
@@ -135,11 +135,11 @@ pub fn wake_name(stage: &str) -> String {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(clippy::struct_excessive_bools, reason = "each flag is independent of the others")]
 pub struct Command {
-    /// All stages are ready: sources may begin.
+    /// All stages are ready: sources may start.
     pub go: bool,
     /// Sources end at the next tick; in-flight data is drained.
     pub drain: bool,
-    /// Sources mark the next tick as a barrier and wait behind it until this is false again.
+    /// Sources mark the next tick as a barrier and wait after it until this is false again.
     pub pause: bool,
     /// The supervisor has received a heartbeat of this process, so it will receive the last one: the process may end.
     pub heard: bool,

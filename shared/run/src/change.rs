@@ -7,16 +7,16 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
-    /// A key has this value.
+    /// Sets a key to a value.
     Set {
         /// Its table.
         table: String,
         /// The key.
         key: String,
-        /// As TOML or as bare text: `drives/a` needs no quotes.
+        /// The value as TOML or as bare text: `drives/a` needs no quotes.
         value: String,
     },
-    /// A key that the launch file sets is left out, so that its default holds.
+    /// Removes a key that the launch file sets, so that its default applies.
     Unset {
         /// Its table.
         table: String,
@@ -25,13 +25,13 @@ pub enum Change {
     },
 }
 
-/// A text of a command line that is no change.
+/// A command-line text that is not a change.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ChangeError {
-    /// After `--set`.
+    /// Invalid text after `--set`.
     #[error("must have the form TABLE.KEY=VALUE")]
     Set,
-    /// After `--unset`.
+    /// Invalid text after `--unset`.
     #[error("must have the form TABLE.KEY")]
     Unset,
 }
@@ -71,7 +71,7 @@ impl Change {
     }
 }
 
-/// As on the command line: `--set TABLE.KEY=VALUE`.
+/// The option as on the command line: `--set TABLE.KEY=VALUE`.
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (option, value) = self.option();

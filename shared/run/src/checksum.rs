@@ -3,8 +3,8 @@
 
 use messages::pod::{FINGERPRINT_START, fingerprint};
 
-/// FNV-1a by words of 8 bytes, in four lanes: a single lane would wait five cycles for its product at every word, and a state may
-/// have hundreds of megabytes. Bytes may be added in pieces of any length.
+/// FNV-1a by words of 8 bytes, in four lanes: a single lane would wait five cycles for its product at every word, and a
+/// state may have hundreds of megabytes. Bytes may be added in pieces of any length.
 pub struct Checksum {
     lanes: [u64; 4],
     /// Up to 31 bytes of an incomplete block.
@@ -21,7 +21,7 @@ impl Default for Checksum {
 }
 
 impl Checksum {
-    /// Of no bytes.
+    /// The checksum of no bytes.
     pub fn new() -> Self {
         Self { lanes: [0, 1, 2, 3].map(|lane| FINGERPRINT_START ^ lane), rest: Vec::new(), n_bytes: 0 }
     }
@@ -42,7 +42,7 @@ impl Checksum {
         self.rest.extend_from_slice(rest);
     }
 
-    /// Of the bytes so far.
+    /// The checksum of the bytes added so far.
     pub fn sum(&self) -> u64 {
         let lanes = self.lanes.iter().fold(FINGERPRINT_START, |sum, lane| fingerprint(sum, &lane.to_le_bytes()));
         fingerprint(fingerprint(lanes, &self.rest), &self.n_bytes.to_le_bytes())
@@ -51,7 +51,7 @@ impl Checksum {
 
 fn add_block(lanes: [u64; 4], block: &Block) -> [u64; 4] {
     let words = block.as_chunks::<8>().0;
-    // The rotation moves the upper bits down; products alone would never do so.
+    // The rotation moves the upper bits down, which products alone never do.
     std::array::from_fn(|i| (lanes[i] ^ u64::from_le_bytes(words[i])).wrapping_mul(0x0100_0000_01b3).rotate_left(29))
 }
 

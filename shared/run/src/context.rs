@@ -1,29 +1,29 @@
-//! Where and how a run happens.
+//! Paths and mode of a run.
 
 use crate::process::own_folder;
 use messages::Message;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Name of the manifest in the folder of a drive. The supervisor knows no more of a drive.
+/// Name of the manifest in the folder of a drive. The supervisor depends on nothing else in a drive.
 pub const DRIVE_MANIFEST: &str = "drive.toml";
 
-/// Where and how the run happens. Paths are absolute.
+/// Paths and mode of a run. Paths are absolute.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Context {
     /// The drive's folder. Live: the manifest with the mounting of the sensors (`run.rig`), or a drive folder with one.
     pub drive: PathBuf,
-    /// Where results go.
+    /// Folder of the results.
     pub output: PathBuf,
-    /// Folder of launch.toml; relative paths in settings start here. See [`Context::resolve`].
+    /// Folder of launch.toml, where relative paths in settings start. See [`Context::resolve`].
     pub launch_folder: PathBuf,
     /// See [`Mode`].
     pub mode: Mode,
     /// Topics that have a producer in this run. An optional input that has been empty so far may still be connected:
-    /// ask [`Context::is_connected`].
+    /// check with [`Context::is_connected`].
     pub connected: Vec<String>,
-    /// Topics that stages of this run read and that have no producer, because another source replaces their stage
-    /// (`--source`).
+    /// Topics that stages of this run read but that have no producer, because another source replaces the producing
+    /// stage (`--source`).
     pub missing: Vec<String>,
 }
 
@@ -38,8 +38,8 @@ impl Context {
     }
 }
 
-/// The file that a setting names: relative to the folder of the launch file. If it is not there, the one that was installed with the
-/// programs, in `share/replica` beside their folder: so `models/street.safetensors` is found everywhere.
+/// The file that a setting names, relative to the folder of the launch file. If it is absent there, the file installed
+/// with the programs, in `share/replica` next to their folder: so `models/street.safetensors` is found everywhere.
 pub fn find_file(launch_folder: &Path, named: &Path) -> PathBuf {
     find_in(launch_folder, &own_folder(), named)
 }
@@ -54,7 +54,7 @@ fn find_in(launch_folder: &Path, programs: &Path, named: &Path) -> PathBuf {
 }
 
 settings::words! {
-    /// Lossless or newest first.
+    /// Processing mode: lossless, or newest messages first.
     pub enum Mode {
         /// Lossless and deterministic: a fast stage waits for a slow one.
         Offline = "offline",

@@ -1,7 +1,7 @@
 //! Requests to a running supervisor and its answers.
 //!
-//! They use a Unix socket, not a topic: it outlives the attempts of a run, each of which has services of its own; a request is
-//! not repeated; and the operating system reports at once when the supervisor ends.
+//! They use a Unix socket, not a topic: the socket outlives the attempts of a run, each of which has its own services;
+//! a request is not repeated; and the operating system reports at once when the supervisor ends.
 //!
 //! One request per connection, one JSON text per line. The supervisor sends [`Answer::Working`] at least once a second until
 //! its final answer. The client may disconnect; the supervisor completes the request.
@@ -15,21 +15,21 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// A supervisor that sends nothing for so long hangs: it sends every second, and stopping an attempt takes up to three.
+/// Silence after which the supervisor counts as hung: it sends every second, and stopping an attempt takes up to three.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// Bytes of a request at most.
+/// Largest request, bytes.
 pub const MAX_REQUEST: usize = 64 << 10;
 
-/// A request.
+/// A request to the supervisor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Request {
-    /// Another program or other settings for a stage, from a barrier on.
+    /// Replaces the program or the settings of a stage, from a barrier on.
     Swap(SwapRequest),
-    /// The end of the run.
+    /// Ends the run.
     Stop {
-        /// Without draining in-flight data.
+        /// Whether to end without draining in-flight data.
         now: bool,
     },
 }
@@ -50,13 +50,13 @@ pub struct SwapRequest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
-    /// The request is being processed; what the supervisor does now.
+    /// The request is being processed; the text names the current step.
     Working(String),
-    /// Nothing was changed, for these reasons.
+    /// Nothing was changed. The texts state the reasons.
     Refused(Vec<String>),
     /// The stage was replaced, or the attempt was undone ([`Swapped::undone`]).
     Swapped(Swapped),
-    /// How the run has ended.
+    /// The run has ended.
     Ended(Outcome),
 }
 
@@ -65,21 +65,21 @@ pub enum Answer {
 pub struct Swapped {
     /// Its table.
     pub stage: String,
-    /// Barrier at which it changed: the old program processed the ticks up to it, the new one all later ticks.
+    /// Barrier of the change: the old program processed the ticks up to it, the new one all later ticks.
     pub barrier: u64,
     /// Ticks up to the barrier.
     pub ticks: u64,
     /// Drive time at the barrier, ns since the Unix epoch.
     pub drive_time: i64,
-    /// The same, from the first tick on, s.
+    /// Drive time at the barrier, from the first tick on, s.
     pub drive_s: f64,
-    /// What changed, for people: `--set infer.model=…`, `--unset infer.model`.
+    /// The changes in readable form: `--set infer.model=…`, `--unset infer.model`.
     pub changes: Vec<String>,
     /// Saved state that the new program loaded, bytes; an empty state is not loaded.
     pub state_bytes: u64,
-    /// From the sink's last tick before to its first tick after, s. None if there was no tick after.
+    /// Time between the sink's last tick before the swap and its first tick after, s. None if there was no tick after.
     pub seconds_without_output: Option<f64>,
-    /// Why the swap was undone. None: it was not.
+    /// Reason for undoing the swap. None if it was not undone.
     pub undone: Option<String>,
 }
 
@@ -90,17 +90,17 @@ impl std::fmt::Display for Swapped {
         write!(f, "{verb} {stage} at barrier {barrier} ({drive_s:.1} s of drive): ")?;
         match self.seconds_without_output {
             Some(seconds) => write!(f, "{seconds:.2} s without output")?,
-            None => write!(f, "no output since")?,
+            None => write!(f, "no output since then")?,
         }
         match &self.undone {
             None => write!(f, "; state taken over: {state_bytes} bytes"),
-            Some(reason) => write!(f, "; everything is as before: {reason}"),
+            Some(reason) => write!(f, "; the swap was undone: {reason}"),
         }
     }
 }
 
-/// Where the supervisor of a domain listens: a folder of its owner alone, with the socket in it. Short, because socket paths
-/// have at most 108 bytes.
+/// Socket of the supervisor of a domain, in a folder that only its owner can access. The path is short, because socket
+/// paths have at most 108 bytes.
 pub fn socket_of(domain: &str) -> PathBuf {
     PathBuf::from(format!("/tmp/replica_{domain}_control/socket"))
 }
@@ -116,7 +116,7 @@ pub enum AskError {
     NotListening {
         /// Output folder.
         output: PathBuf,
-        /// Why the socket cannot be connected.
+        /// Reason why the socket cannot be connected.
         #[source]
         cause: std::io::Error,
     },
@@ -132,9 +132,9 @@ pub enum AskError {
     /// An answer that this program does not know.
     #[error("invalid reply of the supervisor: {cause}: {line}")]
     Reply {
-        /// As received.
+        /// The reply as received.
         line: String,
-        /// Where it does not parse.
+        /// Parse error with its position.
         #[source]
         cause: serde_json::Error,
     },

@@ -1,4 +1,5 @@
-//! Files on whose content the results of a stage depend, such as its model: which ones its settings name, and their digests.
+//! Files on whose content the results of a stage depend, such as its model: the files that its settings name, and their
+//! digests.
 
 use crate::checksum::Checksum;
 use crate::launch_file::LaunchFile;
@@ -12,31 +13,32 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use toml::de::DeValue;
 
-/// Larger files are identified by length and time of change: a recording of some GB would delay each start by seconds.
+/// Largest file with a digest. Larger files are identified by length and time of change: a digest of a recording of
+/// some GB would delay each start by seconds.
 const MAX_DIGESTED: u64 = 256 << 20;
 /// Bytes that are read at a time.
 const PIECE: usize = 256 << 10;
-/// What identifies the content of a file.
+/// Identifies the content of a file.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FileIdentity {
     digest: String,
-    /// When the digest was computed: device, inode, length and times. Only within one run.
+    /// State of the file when the digest was computed: device, inode, length and times. Only within one run.
     #[serde(skip)]
     seen: Option<[i64; 7]>,
 }
 
 impl FileIdentity {
-    /// Of a file on another host.
+    /// The identity of a file on another host.
     pub fn of_digest(digest: &str) -> Self {
         Self { digest: digest.to_owned(), seen: None }
     }
 
-    /// A checksum of the content; of a large file its length and time of change.
+    /// A checksum of the content; for a large file, its length and time of change.
     pub fn digest(&self) -> &str {
         &self.digest
     }
 
-    /// Of a file as it is now. If it is as when `known` was computed, it is not read again.
+    /// The identity of a file now. The file is not read if it has not changed since `known` was computed.
     pub fn of(path: &Path, known: Option<&Self>) -> Result<Self, Error> {
         let metadata = std::fs::metadata(path)?;
         let seen = Some(seen(&metadata));
@@ -49,7 +51,7 @@ impl FileIdentity {
         }
         let mut file = match File::open(path) {
             Ok(file) => file,
-            // A program may be started and not read.
+            // A program may be executable but not readable.
             Err(error) if error.kind() == ErrorKind::PermissionDenied => return Ok(by_time()),
             Err(error) => return Err(error),
         };
@@ -72,7 +74,7 @@ fn seen(metadata: &Metadata) -> [i64; 7] {
     [device, inode, len, metadata.mtime(), metadata.mtime_nsec(), metadata.ctime(), metadata.ctime_nsec()]
 }
 
-/// The files that texts among these values name: see [`find_file`].
+/// The files named by the texts among these values: see [`find_file`].
 fn named_files<'a>(values: impl Iterator<Item = &'a DeValue<'a>>, folder: &Path) -> BTreeSet<PathBuf> {
     let mut files = BTreeSet::new();
     let mut left: Vec<&DeValue<'_>> = values.collect();
@@ -90,7 +92,7 @@ fn named_files<'a>(values: impl Iterator<Item = &'a DeValue<'a>>, folder: &Path)
     files
 }
 
-/// The files that the settings of a stage name: those of its table, and the defaults of the others.
+/// The files that the settings of a stage name: values of its table, and defaults of the settings that the table omits.
 pub fn files_of_settings(file: &LaunchFile, table: &str, settings: &[Field], folder: &Path) -> BTreeSet<PathBuf> {
     let table = file.table(table).unwrap_or_default();
     let is_set = |key: &str| table.keys().any(|set| set.get_ref() == key);

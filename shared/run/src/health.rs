@@ -1,4 +1,4 @@
-//! The heartbeat: what a stage reports to its supervisor five times a second, from a thread of its own.
+//! The heartbeat: a stage's report to its supervisor, five times a second, from its own thread.
 
 use crate::histogram::Histogram;
 use crate::process::{Usage, monotonic_nanos, usage};
@@ -11,37 +11,38 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
-/// At most a tenth of the time after which the supervisor assumes a hang: a few lost beats raise no alarm.
+/// Interval of the heartbeat: at most a tenth of the time after which the supervisor assumes a hang, so that a few lost
+/// beats raise no alarm.
 pub const HEARTBEAT: Duration = Duration::from_millis(200);
 
-/// What a stage is doing.
+/// Activity of a stage.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
 #[serde(rename_all = "snake_case", tag = "kind", content = "on")]
 pub enum Activity {
-    /// Reading settings, calibration, models.
+    /// Reading settings, calibration and models.
     #[default]
     Starting,
-    /// Waiting for other processes; the topic that is not connected yet.
+    /// Waiting for other processes; the field is the topic that is not connected yet.
     Connecting(String),
-    /// Ready to begin.
+    /// Ready to start.
     Ready,
     /// Waiting for input on this topic.
     Waiting(String),
-    /// In a step.
+    /// Running a step.
     Working,
     /// Waiting for room at a consumer of this topic.
     Blocked(String),
-    /// A source behind a barrier that the supervisor asked for.
+    /// A source, paused after a barrier that the supervisor requested.
     Paused,
     /// Writing its state at a barrier.
     Saving,
-    /// Everything is published; waiting until it has been taken.
+    /// Everything is published; waiting until consumers have taken it.
     Draining,
     /// All ticks are processed.
     Done,
 }
 
-/// The words that every screen and log uses.
+/// Every screen and log uses these words.
 impl fmt::Display for Activity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -68,7 +69,7 @@ pub struct Traffic {
     pub rows: u64,
     /// Bytes of rows.
     pub bytes: u64,
-    /// Seq of the message that is due next.
+    /// Sequence number of the next message.
     pub next_seq: u64,
     /// [`messages::Envelope::epoch`] of the producer.
     pub epoch: u32,
@@ -76,17 +77,17 @@ pub struct Traffic {
     pub dropped: u64,
 }
 
-/// Durations of a kind.
+/// Statistics of durations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Latency {
-    /// How many.
+    /// Number of durations.
     pub count: u64,
     /// Mean, ms.
     #[serde(default)]
     pub mean_ms: f64,
     /// Median, ms.
     pub p50_ms: f64,
-    /// 99 of 100 are shorter, ms.
+    /// 99th percentile, ms.
     pub p99_ms: f64,
     /// Longest, ms.
     pub max_ms: f64,
@@ -104,28 +105,28 @@ impl From<&Histogram> for Latency {
     }
 }
 
-/// How the messages of an input topic reach the steps.
+/// Delivery of the messages of an input topic to the steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Arrivals {
     /// Messages that have arrived and wait for the step of their tick.
     pub queue: u64,
-    /// From the publication of a message to its delivery to a step.
+    /// Time from the publication of a message to its delivery to a step.
     pub latency: Latency,
 }
 
-/// A doubt as a stage reports it: why results should not be relied on as they are. A run with doubts ends with exit code 3.
+/// A doubt as a stage reports it: a reason not to rely on results as they are. A run with doubts ends with exit code 3.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReportedDoubt {
     /// Name in snake case, unique in the stage.
     pub name: String,
-    /// How large it is, in the unit that the text states: a share of points, a standard deviation.
+    /// The size of the doubt, in the unit that the text states: a share of points, a standard deviation.
     pub size: f64,
-    /// What is doubtful, its size, the limit that it exceeds and what to do.
+    /// States what is doubtful, its size, the limit that it exceeds and what to do.
     pub text: String,
 }
 
 impl ReportedDoubt {
-    /// Its kind. `None`: a third-party stage has stated it.
+    /// The kind of the doubt. `None`: a third-party stage has stated it.
     pub fn kind(&self) -> Option<DoubtKind> {
         DoubtKind::from_name(&self.name)
     }
@@ -137,11 +138,12 @@ impl ReportedDoubt {
 pub struct Health {
     /// Number of this beat.
     pub beat: u64,
-    /// Monotonic clock at this beat, ns: rates are differences of two beats divided by that of their times.
+    /// Monotonic clock at this beat, ns: a rate is the difference of a counter between two beats divided by the
+    /// difference of their times.
     pub beat_nanos: u64,
-    /// What it is doing.
+    /// Current activity.
     pub activity: Activity,
-    /// Ticks finished, since the drive's start.
+    /// Ticks finished since the drive's start.
     pub ticks: u64,
     /// Rises with all progress: ticks, published messages.
     pub progress_mark: u64,
@@ -149,37 +151,37 @@ pub struct Health {
     pub drive_begin: Option<i64>,
     /// Drive time at the last tick, ns since the Unix epoch.
     pub drive_time: Option<i64>,
-    /// When this process finished its first tick, ns of the monotonic clock, which all processes share.
+    /// Time at which this process finished its first tick, ns of the monotonic clock, which all processes share.
     pub first_tick_nanos: Option<u64>,
-    /// When it finished its last tick, ns of the monotonic clock.
+    /// Time at which this process finished its last tick, ns of the monotonic clock.
     pub last_tick_nanos: Option<u64>,
     /// Share of the drive that the source had read at the last tick.
     pub progress: f64,
-    /// A source that was drained before the end of the drive.
+    /// Whether this is a source that was drained before the end of the drive.
     pub drained: bool,
     /// Last barrier whose state is on disk.
     pub barrier: u64,
-    /// By input topic.
+    /// Traffic by input topic.
     pub inputs: BTreeMap<String, Traffic>,
-    /// By output topic.
+    /// Traffic by output topic.
     pub outputs: BTreeMap<String, Traffic>,
-    /// By input topic.
+    /// Delivery by input topic.
     pub arrivals: BTreeMap<String, Arrivals>,
-    /// By output topic: messages that the slowest consumer has not taken yet.
+    /// Messages that the slowest consumer has not taken yet, by output topic.
     pub waiting: BTreeMap<String, u64>,
-    /// Points processed: rows of the first input topic, of a source the first output topic.
+    /// Points processed: rows of the first input topic; for a source, rows of the first output topic.
     pub points: u64,
-    /// Time in one step that had input.
+    /// Duration of steps that had input.
     pub step: Latency,
-    /// From the beginning of a tick at the source to its end here.
+    /// Time from the start of a tick at the source to its end here.
     pub age: Latency,
     /// Named counters.
     pub counters: BTreeMap<String, u64>,
     /// Texts for the operator.
     pub notes: Vec<String>,
-    /// Why results should not be relied on as they are.
+    /// Reasons not to rely on results as they are.
     pub doubts: Vec<ReportedDoubt>,
-    /// Why it ended, if it failed. The log has it, too, unless the disk is full.
+    /// The error that ended the stage, if it failed. It is also in the log, unless the disk is full.
     #[serde(default)]
     pub error: Option<String>,
     /// Processor time, memory, files.
@@ -187,14 +189,14 @@ pub struct Health {
     pub usage: Usage,
     /// Largest [`Usage::private_bytes`] at a beat.
     pub peak_private_bytes: u64,
-    /// Seconds in which its own thread did no step, by reason, in the words of [`Activity`].
+    /// Seconds in which the stage's own thread ran no step, by reason, in the words of [`Activity`].
     pub waits: BTreeMap<String, f64>,
     /// The part of the processor time spent on loans, sending, waiting and receiving, s.
     #[serde(default)]
     pub transport_cpu_s: f64,
 }
 
-/// What the stage's own thread and the thread of the heartbeat share.
+/// State shared by the stage's own thread and the thread of the heartbeat.
 #[derive(Default)]
 pub struct Pulse {
     health: Mutex<Health>,
@@ -214,12 +216,12 @@ impl Pulse {
     pub fn set(&self, activity: Activity) {
         self.update().activity = activity;
     }
-    /// Sets the activity and publishes it at once: another process waits for it.
+    /// Sets the activity and publishes it at once, because another process waits for it.
     pub fn announce(&self, activity: Activity) {
         self.set(activity);
         self.beat_now();
     }
-    /// Publishes a beat at once: the supervisor waits for its content.
+    /// Publishes a beat at once, because the supervisor waits for its content.
     pub fn beat_now(&self) {
         if let Some(thread) = self.thread.get() {
             thread.unpark();
@@ -229,7 +231,7 @@ impl Pulse {
     pub fn mark_progress(&self) {
         self.progress_mark.fetch_add(1, Ordering::Relaxed);
     }
-    /// Rises with all progress.
+    /// The progress mark, which rises with all progress.
     pub fn progress(&self) -> u64 {
         self.progress_mark.load(Ordering::Relaxed)
     }
@@ -245,8 +247,9 @@ impl Pulse {
     }
 }
 
-/// The supervisor polls every 50 ms and connects when it finds the publisher. A process that fails at once and ends earlier
-/// would not be received; its log has the same error. (A process that succeeds waits until a heartbeat has been received.)
+/// Shortest life of a process. The supervisor polls every 50 ms and connects when it finds the publisher, so the report
+/// of a process that fails at once and ends earlier would be lost; its log has the same error. (A process that succeeds
+/// waits until a heartbeat has been received.)
 const MIN_LIFETIME: Duration = Duration::from_millis(250);
 
 /// Publishes beats until dropped; the last beat carries the final figures.
@@ -286,7 +289,7 @@ impl Heartbeat {
                 std::thread::park_timeout(HEARTBEAT);
             }
         })?;
-        // A pulse has one heartbeat; a second one would only be less prompt.
+        // A pulse has one heartbeat; a second one would only be published later.
         let _ = pulse.thread.set(thread.thread().clone());
         Ok(Self { pulse, thread: Some(thread) })
     }

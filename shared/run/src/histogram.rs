@@ -2,7 +2,7 @@
 
 /// Buckets per factor of two.
 const PER_OCTAVE: u32 = 8;
-/// 2^40 ns are 18 minutes: longer steps share the last bucket.
+/// Number of octaves. 2^40 ns are 18 minutes: longer steps share the last bucket.
 const OCTAVES: u32 = 40;
 
 /// Counts durations.
@@ -29,7 +29,8 @@ impl Histogram {
         self.sum_nanos = self.sum_nanos.saturating_add(nanos);
         self.max_nanos = self.max_nanos.max(nanos);
     }
-    /// The duration in ms below which the share `share` of all lies; upper edge of its bucket. 0 without durations.
+    /// The duration in ms below which the share `share` of all durations lies; upper edge of its bucket. 0 without
+    /// durations.
     pub fn percentile_ms(&self, share: f64) -> f64 {
         let rank = (share * self.count as f64).ceil() as u64;
         let mut seen = 0;
@@ -42,15 +43,15 @@ impl Histogram {
         }
         0.0
     }
-    /// Sum of all divided by their number, ms. 0 without durations.
+    /// Mean duration, ms. 0 without durations.
     pub fn mean_ms(&self) -> f64 {
         if self.count > 0 { self.sum_nanos as f64 / self.count as f64 * 1e-6 } else { 0.0 }
     }
-    /// The longest, ms.
+    /// Longest duration, ms.
     pub fn max_ms(&self) -> f64 {
         self.max_nanos as f64 * 1e-6
     }
-    /// How many.
+    /// Number of durations.
     pub fn count(&self) -> u64 {
         self.count
     }

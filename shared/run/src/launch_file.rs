@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Syntax errors that are reported; a person reads no more.
+/// Syntax errors that are reported; more would not be read.
 const MAX_ERRORS: usize = 20;
-/// Tables of a launch file: one for each stage and three of the run. The largest pipeline has a tenth.
+/// Largest number of tables of a launch file: one for each stage and three for the run. The largest pipeline has a
+/// tenth.
 const MAX_TABLES: usize = 256;
 
 /// A parsed launch.toml with the changes of the command line applied to it.
@@ -21,7 +22,7 @@ pub struct LaunchFile {
     path: PathBuf,
     text: &'static str,
     root: DeTable<'static>,
-    /// Without the changes of the command line.
+    /// Tables without the changes of the command line.
     written: DeTable<'static>,
     /// Keys that the command line changes, `table.key`.
     changed: Vec<String>,
@@ -35,13 +36,13 @@ impl LaunchFile {
         Self::parse(path, text, changes)
     }
 
-    /// [`LaunchFile::load`] of a text.
+    /// [`LaunchFile::load`] for a text.
     pub fn parse(path: &Path, text: String, changes: &[Change]) -> Result<Self, Vec<Problem>> {
         if let Err(error) = check_nesting(&text) {
             let problem = Problem { key: String::new(), span: Some(error.at..error.at + 1), text: error.to_string() };
             return Err(vec![problem]);
         }
-        // A process reads its launch file once and needs it to its end: parsed values borrow from the text.
+        // A process reads its launch file once and needs it until it ends: parsed values borrow from the text.
         let text: &'static str = text.leak();
         let (parsed, errors) = DeTable::parse_recoverable(text);
         let mut problems: Vec<Problem> = errors
@@ -72,7 +73,8 @@ impl LaunchFile {
         }
     }
 
-    /// Names of all tables and their places, in the order of the file. Tables of the command line have no place in it.
+    /// Names of all tables and their positions, in the order of the file. Tables of the command line have no position
+    /// in it.
     pub fn tables(&self) -> Vec<(String, Option<Range<usize>>)> {
         let place = |span: Range<usize>| (!span.is_empty()).then_some(span);
         let mut tables: Vec<_> = self.root.keys().map(|key| (key.get_ref().to_string(), place(key.span()))).collect();
@@ -80,7 +82,7 @@ impl LaunchFile {
         tables
     }
 
-    /// A table's content; an absent table is empty. `Err` if the key is there but no table.
+    /// A table's content; an absent table is empty. `Err` if the key exists but is not a table.
     pub fn table(&self, name: &str) -> Result<DeTable<'static>, Problem> {
         let Some((_, value)) = self.root.iter().find(|(key, _)| key.get_ref() == name) else {
             return Ok(DeTable::new());
@@ -100,7 +102,7 @@ impl LaunchFile {
         self.written.keys().any(|key| key.get_ref() == table)
     }
 
-    /// The text that the file itself, without the changes of the command line, gives a key.
+    /// The text of a key in the file itself, without the changes of the command line.
     pub fn written_text(&self, table: &str, key: &str) -> Option<&str> {
         let named = |(name, value): (&Spanned<_>, _)| (name.get_ref() == key).then_some(value);
         let (_, table) = self.written.iter().find(|(name, _)| name.get_ref() == table)?;
@@ -108,7 +110,8 @@ impl LaunchFile {
         table.iter().find_map(named)?.get_ref().as_str()
     }
 
-    /// Completes a problem of `table`: full key, and no place in the file for values of the command line.
+    /// Completes a problem of `table`: adds the full key, and removes the position in the file for values of the
+    /// command line.
     pub fn located(&self, table: &str, mut problem: Problem) -> Problem {
         problem.key = if problem.key.is_empty() { table.to_owned() } else { format!("{table}.{}", problem.key) };
         if self.changed.contains(&problem.key) {
@@ -118,13 +121,13 @@ impl LaunchFile {
         problem
     }
 
-    /// One problem for people: file, line, column, key, rule, and the line itself.
+    /// Renders one problem for people: file, line, column, key, rule, and the line itself.
     pub fn render(&self, problem: &Problem) -> String {
         render(&self.path, self.text, problem)
     }
 }
 
-/// See [`LaunchFile::render`]; for a file that did not parse.
+/// [`LaunchFile::render`] for a file that did not parse.
 pub fn render(path: &Path, text: &str, problem: &Problem) -> String {
     let key = if problem.key.is_empty() { String::new() } else { format!("{}: ", problem.key) };
     let Some(span) = problem.span.clone().filter(|span| span.start <= text.len()) else {
@@ -178,12 +181,12 @@ fn apply(root: &mut DeTable<'static>, change: &Change) -> Result<(), ApplyError>
     Ok(())
 }
 
-/// A key without a place in the file.
+/// A key without a position in the file.
 fn placeless(name: &str) -> Spanned<Cow<'static, str>> {
     Spanned::new(0..0, Cow::Owned(name.to_owned()))
 }
 
-/// The key that is set and looks most like `path`, as a hint; empty if none does.
+/// The key in the file that is most similar to `path`, as a hint; empty if no key is similar.
 fn nearest_set(root: &DeTable<'static>, path: &str) -> String {
     let keys_of = |(name, value): (&Spanned<Cow<'static, str>>, &Spanned<DeValue<'static>>)| {
         let keys = value.get_ref().as_table().into_iter().flat_map(|table| table.keys());
@@ -303,7 +306,7 @@ mod tests {
         let set_again = parse(&[removed, set("infer.modell=4")]).expect("parses");
         assert_eq!(set_again.table("infer").expect("a table").len(), 1);
         for absent in ["infer.mode", "instance.modell"] {
-            let problems = parse(&[unset(absent)]).expect_err("there is none");
+            let problems = parse(&[unset(absent)]).expect_err("no such key");
             assert_eq!(problems.len(), 1, "{absent}");
             assert!(problems[0].text.starts_with(&format!("--unset {absent}: the launch file does not set {absent}")));
         }

@@ -1,31 +1,33 @@
-//! What the supervisor, the tools and the runner of a stage agree on: files of a run, questions to programs, exit codes.
+//! Interfaces between the supervisor, the tools and the runner of a stage: files of a run, queries to programs, exit
+//! codes.
 //!
-//! A run has one supervisor (`replica-launch`), one process for each stage, and tools that look on. They are programs of their own,
-//! may be built on different days, and talk through files, pipes and shared memory. This crate has every form that two of them share,
-//! with its version ([`assignment::CONTRACT_VERSION`] for stages).
+//! A run has one supervisor (`replica-launch`), one process for each stage, and tools that observe it. They are
+//! separate programs, may be built on different days, and communicate through files, pipes and shared memory. This
+//! crate defines every format that two of them share, with its version ([`assignment::CONTRACT_VERSION`] for stages).
 //!
 //! | module | content |
 //! |---|---|
 //! | [`launch_file`], [`Change`] | launch.toml and its tables; `--set` and `--unset` |
 //! | [`program`] | command line and exit codes of every program |
-//! | [`assignment`] | what the supervisor hands to a stage, and its commands |
-//! | [`remote`] | where a stage runs that is on another host |
+//! | [`assignment`] | the assignment of a stage, and the supervisor's commands |
+//! | [`remote`] | the host of a stage that runs on another host |
 //! | [`health`] | the heartbeat of a stage |
 //! | [`state_file`] | the saved state of a stage at a barrier; `packed`: its rows |
-//! | [`checksum`] | of saved states and of the files that results depend on |
-//! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
+//! | [`checksum`] | checksum of saved states and of the files that results depend on |
+//! | [`wiring`] | `run/wiring.json`: description of a run for observers |
 //! | `file_identity` | files on which results depend, and their digests |
 //! | [`control`] | requests to a running supervisor |
 //! | [`summary`], [`Outcome`] | `summary.json`; how a run ended, and the exit code for it |
 //! | [`space`] | free space of file systems |
 //! | [`terminal`] | size and colors of a terminal |
-//! | [`process`], [`histogram`] | what the operating system reports of a process; durations |
+//! | [`process`], [`histogram`] | statistics of a process from the operating system; durations |
 //!
-//! The crate must never start a stage, decide about one, or touch a point: `launch` does the first two, the stages the third. It knows
-//! no stage by its name and no key of a stage's table. A form that only one program uses belongs to that program.
+//! The crate must never start a stage, decide about one, or touch a point: `launch` does the first two, the stages the
+//! third. It refers to no stage by its name and to no key of a stage's table. A format that only one program uses
+//! belongs to that program.
 //!
-//! Begin with [`assignment`] (what a stage gets) and [`launch_file`] (where it comes from), then [`health`] (what it sends). Authors
-//! of stages use the crate `stage`, which re-exports what they need.
+//! Start with [`assignment`] (the input of a stage) and [`launch_file`] (its origin), then [`health`] (the reports of a
+//! stage). Authors of stages use the crate `stage`, which re-exports the parts they need.
 
 pub mod assignment;
 mod change;

@@ -1,4 +1,4 @@
-//! A run as observers see it: its services in shared memory, from attempt to attempt.
+//! A run from an observer's point of view: its services in shared memory, from attempt to attempt.
 
 use crate::assignment::TopicChannels;
 use crate::wiring::{WiredTopic, Wiring, WiringError};
@@ -6,14 +6,16 @@ use ipc::{Attached, Domain, IpcError, Node};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Between two checks of a state that may have changed.
+/// Interval between two checks of a state that may have changed.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// The slot of an observer that died is free again after a second, and an attempt opens all its services a moment after the
-/// first one. A run that refuses an observer for longer has no free slot.
+/// The slot of an observer that died is free again after a second, and an attempt opens all its services a moment after
+/// the first one. A run that refuses an observer for longer has no free slot.
 const ATTACH_TIMEOUT: Duration = Duration::from_secs(10);
-/// A killed supervisor leaves its domain behind, so the supervisor itself is checked, too.
+/// Interval between checks of the supervisor. A killed supervisor leaves its domain behind, so its process is checked
+/// as well.
 const SUPERVISOR_CHECK_INTERVAL: Duration = Duration::from_millis(500);
-/// Operations on a domain that is being removed fail before the domain is gone. An error that lasts longer has another cause.
+/// Operations on a domain that is being removed fail before the domain has disappeared. An error that lasts longer has
+/// another cause.
 const REMOVAL_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A run that cannot be observed.
@@ -27,10 +29,10 @@ pub enum ObserveError {
     Output {
         /// The folder.
         output: PathBuf,
-        /// Why it cannot be used.
+        /// Reason why it cannot be used.
         cause: std::io::Error,
     },
-    /// The run is there, but refuses another observer.
+    /// The run exists, but refuses another observer.
     #[error(
         "no free observer slot: a topic has three, one of them lossless\nhint: end another observer of the topic: {0}"
     )]
@@ -46,7 +48,7 @@ pub struct ObservedRun {
     pub output: PathBuf,
     /// Its latest wiring.
     pub wiring: Wiring,
-    /// The attempt that was attached to last. Whatever was opened in it is closed before the next attempt.
+    /// The attempt that was attached to last. Everything opened in it is closed before the next attempt.
     attached_attempt: Option<u32>,
     supervisor_checked: Instant,
 }
@@ -121,7 +123,8 @@ impl ObservedRun {
         !self.is_alive()
     }
 
-    /// Waits for the attempt to end and drops `error`, which its end caused. Returns the error if the attempt goes on.
+    /// Waits for the attempt to end and drops `error`, which its end caused. Returns the error if the attempt
+    /// continues.
     pub fn ignore_if_ended<T>(&self, attached: &Attached<T>, error: IpcError) -> Result<(), IpcError> {
         let begun = Instant::now();
         while attached.is_current() && self.is_alive() {

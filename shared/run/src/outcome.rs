@@ -8,13 +8,13 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// The whole drive was processed; live: it ended on request or with the sensors.
+    /// The whole drive was processed; live: the run ended on request or with the sensors.
     Done,
     /// Ended early on request: data in flight was processed, the rest of the drive was not read.
     Drained,
     /// Ended at once on request: data in flight is lost.
     Stopped,
-    /// A fault ended it.
+    /// A fault ended the run.
     #[default]
     Failed,
 }
@@ -23,7 +23,7 @@ impl Outcome {
     /// All outcomes.
     pub const ALL: [Self; 4] = [Self::Done, Self::Drained, Self::Stopped, Self::Failed];
 
-    /// The word for it.
+    /// The word for the outcome.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Done => "done",
@@ -41,7 +41,8 @@ impl Outcome {
         }
     }
 
-    /// The exit code of the program that ran it. `is_whole`: no data was lost and no stage doubts its results.
+    /// The exit code of the program that executed the run. `is_whole`: no data was lost and no stage doubts its
+    /// results.
     pub const fn exit_code(self, is_whole: bool) -> u8 {
         match self {
             Self::Done if is_whole => exit::DONE,

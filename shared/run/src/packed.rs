@@ -1,5 +1,5 @@
-//! The stage's part of a state file, packed: blocks of rows, each with the first bytes of all rows, then the second ones, and so on,
-//! compressed by LZ4. Rows of points become less than half as long.
+//! The stage's part of a state file, packed: blocks of rows, each with the first bytes of all rows, then the second
+//! bytes, and so on, compressed by LZ4. Rows of points shrink to less than half their size.
 //!
 //! | bytes of a block | content |
 //! |---|---|
@@ -14,10 +14,10 @@ use lz4_flex::block::{compress_into, decompress_into, get_maximum_output_size};
 pub(crate) const BLOCK: usize = 256 << 10;
 /// Bytes before the rows of a block.
 const HEAD: usize = 10;
-/// Images hardly become shorter. Rows whose first block does not lose this share are written as they are.
+/// Images hardly shrink. Rows are written unpacked if their first block does not shrink by this share.
 const LEAST_GAIN: f64 = 1.0 / 16.0;
 
-/// Bytes of rows of one length, or of anything (1).
+/// Rows of one length, or arbitrary bytes (length 1).
 #[derive(Clone, Copy, Debug)]
 pub struct Piece<'a> {
     /// The rows.
@@ -58,7 +58,7 @@ pub(crate) fn pack<E>(piece: Piece<'_>, mut take: impl FnMut(&[u8]) -> Result<()
     Ok(())
 }
 
-/// All blocks, unpacked. The error says what is wrong with one.
+/// Unpacks all blocks. The error describes the first invalid block.
 pub(crate) fn unpack(mut packed: &[u8]) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     let mut columns = vec![0; BLOCK];
@@ -90,7 +90,7 @@ pub(crate) fn unpack(mut packed: &[u8]) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Rows as columns of bytes. What follows the last whole row stays behind them.
+/// Transposes rows to columns of bytes. Bytes after the last whole row stay behind them.
 fn transpose(rows: &[u8], row_bytes: usize, columns: &mut [u8]) {
     let n_rows = rows.len() / row_bytes;
     for (k, column) in columns[..n_rows * row_bytes].chunks_exact_mut(n_rows.max(1)).enumerate() {
@@ -126,7 +126,7 @@ mod tests {
         packed
     }
 
-    /// Rows of 28 bytes with values that change slowly, as those of points.
+    /// Rows of 28 bytes with slowly changing values, such as points.
     fn rows(n: u32) -> Vec<u8> {
         (0..n).flat_map(|i| (0..7).flat_map(move |k| (i * (k + 3) + i * i % 7).to_le_bytes())).collect()
     }

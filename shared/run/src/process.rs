@@ -1,11 +1,11 @@
-//! What the operating system reports about this process and its program.
+//! Statistics of this process and its program from the operating system.
 
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What a process has used so far, and the memory that it has now.
+/// Resources that a process has used so far, and its current memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Usage {
@@ -17,7 +17,7 @@ pub struct Usage {
     pub peak_rss_bytes: u64,
     /// Resident memory that no other process shares, bytes.
     pub private_bytes: u64,
-    /// Pages that it touched first, or that were not in memory.
+    /// Pages that the process touched first, or that were not in memory.
     pub page_faults: u64,
     /// Bytes read by calls, of files and sockets.
     pub read_bytes: u64,
@@ -25,7 +25,7 @@ pub struct Usage {
     pub written_bytes: u64,
 }
 
-/// From the process clock and /proc/self; zero for what cannot be read.
+/// Reads the process clock and /proc/self; values that cannot be read are zero.
 pub fn usage() -> Usage {
     let status = Fields::of("/proc/self/status");
     let io = Fields::of("/proc/self/io");
@@ -44,7 +44,7 @@ pub fn usage() -> Usage {
     }
 }
 
-/// Place in /proc/self/stat after the name of the program.
+/// Position in /proc/self/stat after the name of the program.
 const MINOR_FAULTS: usize = 7;
 const MAJOR_FAULTS: usize = 9;
 
@@ -87,7 +87,7 @@ pub fn own_folder() -> PathBuf {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("program {} does not exist", path.display())]
 pub struct ProgramMissing {
-    /// Where it should be.
+    /// Expected path.
     pub path: PathBuf,
 }
 
@@ -117,12 +117,13 @@ pub fn stage_command(program: &Path, python: &str, n_threads: usize) -> Command 
         Command::new(program)
     } else {
         let mut command = Command::new(python);
-        // Python orders sets by a seed, which it would draw anew in each process. Lines are in the log before a crash.
+        // Python orders sets by a seed, which it would draw anew in each process. Unbuffered output puts lines in the
+        // log before a crash.
         command.env("PYTHONHASHSEED", "0").env("PYTHONUNBUFFERED", "1").arg(program);
         command
     };
     if n_threads > 0 {
-        // Of Rust and, in libraries of Python, of OpenMP.
+        // Thread counts of Rust and of OpenMP in Python libraries.
         let n_threads = n_threads.to_string();
         command.env("RAYON_NUM_THREADS", &n_threads).env("OMP_NUM_THREADS", n_threads);
     }
@@ -135,7 +136,7 @@ pub enum SupervisorError {
     /// The kernel refused the death signal.
     #[error("death signal of the supervisor: {0}")]
     Signal(#[source] std::io::Error),
-    /// It is not the parent of this process, or not any more.
+    /// The supervisor is not, or no longer, the parent of this process.
     #[error("the supervisor (process {supervisor}) has ended")]
     Ended {
         /// Its process id.
@@ -147,7 +148,7 @@ pub enum SupervisorError {
 pub fn end_with(supervisor: u32) -> Result<(), SupervisorError> {
     rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
         .map_err(|errno| SupervisorError::Signal(errno.into()))?;
-    // It may have ended before the request.
+    // The supervisor may have ended before the request.
     let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
     if parent == i32::try_from(supervisor).ok() {
         return Ok(());

@@ -36,7 +36,7 @@ pub struct DescribeRequest {
     pub changes: Vec<Change>,
     /// The stage's table.
     pub table: String,
-    /// Its host, if it is another one.
+    /// Host of the stage, if it is another host.
     #[serde(default)]
     pub remote: Option<Remote>,
 }
@@ -50,9 +50,9 @@ pub struct CheckRequest {
     pub changes: Vec<Change>,
     /// The stage's table.
     pub table: String,
-    /// Where the run will happen.
+    /// Context of the run.
     pub context: Context,
-    /// Its host, if it is another one.
+    /// Host of the stage, if it is another host.
     #[serde(default)]
     pub remote: Option<Remote>,
 }
@@ -68,15 +68,15 @@ pub struct DescribeDriveRequest {
     pub drive: PathBuf,
 }
 
-/// The table `[simulate]` of a launch file, as `replica simulate` understands it.
+/// The table `[simulate]` of a launch file, as `replica simulate` interprets it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DriveDescription {
     /// All settings of the table.
     pub settings: Vec<Field>,
     /// Problems of the table, with their places.
     pub problems: Vec<Problem>,
-    /// In what the drive differs from the table. Empty if it does not exist or was not simulated.
+    /// Differences between the drive and the table. Empty if the drive does not exist or was not simulated.
     pub differences: Vec<String>,
-    /// Arguments of `replica` that simulate the drive, without the folder to make.
+    /// Arguments of `replica` that simulate the drive, without the folder to create.
     pub arguments: Vec<String>,
 }

@@ -1,10 +1,11 @@
-//! Where a stage runs that is on another host.
+//! The host of a stage that runs on another host.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// The host of a stage, from its table in launch.toml. `replica-remote` stands for it in the run and has this from the supervisor.
+/// The host of a stage, from its table in launch.toml. `replica-remote`, its proxy in the run, receives this from the
+/// supervisor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Remote {
     /// `HOST:PORT` of the agent.
@@ -19,6 +20,6 @@ pub struct Remote {
     pub threads: usize,
     /// Silence of the other host that counts as a fault, s.
     pub hang_s: f64,
-    /// Files there on which results depend, with their digests, as at the start of the run.
+    /// Files on that host on which results depend, with their digests at the start of the run.
     pub files: BTreeMap<String, String>,
 }

@@ -6,18 +6,18 @@ use std::path::Path;
 /// Folder of POSIX shared memory on Linux.
 pub const SHARED_MEMORY: &str = "/dev/shm";
 
-/// Free shared memory that a run needs, bytes: two submaps of 4 million points of 28 bytes with their columns, one in work
-/// and one waiting.
+/// Free shared memory that a run needs, bytes: two submaps of 4 million points of 28 bytes with their columns, one
+/// being processed and one waiting.
 pub const MIN_SHARED_MEMORY: u64 = 512 << 20;
 
-/// Bytes that this user may still write in a folder, or in the closest folder above it that exists. `None` if its file system
-/// cannot be examined.
+/// Bytes that this user may still write in a folder, or in its closest existing parent folder. `None` if its file
+/// system cannot be examined.
 pub fn free_bytes(folder: impl AsRef<Path>) -> Option<u64> {
     let existing = folder.as_ref().ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
     statvfs(existing).ok().map(|space| space.f_bavail * space.f_frsize)
 }
 
-/// Bytes of the files of a folder, without those of its folders; 0 if it cannot be listed.
+/// Bytes of the files directly in a folder, without its subfolders; 0 if it cannot be listed.
 pub fn bytes_of_files(folder: &Path) -> u64 {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     files.filter_map(|file| file.metadata().ok()).filter(std::fs::Metadata::is_file).map(|file| file.len()).sum()
@@ -41,7 +41,7 @@ mod tests {
     fn free_space_of_a_folder_to_be_made_is_that_of_the_folder_above() {
         let folder = tempfile::tempdir().expect("a folder");
         let free = |name: &str| free_bytes(folder.path().join(name)).expect("is examined");
-        // Others write at the same time.
+        // Other processes write at the same time.
         assert!(free("a/b/c").abs_diff(free("")) < 1 << 30);
         assert!(free_bytes("/proc").is_some_and(|bytes| bytes == 0), "has no space");
     }

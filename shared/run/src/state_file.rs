@@ -1,4 +1,4 @@
-//! The file of a saved state: the runner's part and the stage's behind one checksum, whole or absent.
+//! The file of a saved state: the parts of the runner and of the stage behind one checksum, whole or absent.
 
 use crate::checksum::Checksum;
 use crate::health::{ReportedDoubt, Traffic};
@@ -11,32 +11,32 @@ use std::io::{Read, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Why a saved state cannot be loaded.
+/// A saved state that cannot be loaded.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum StateError {
-    /// Too short or without the magic bytes.
+    /// The file is too short or lacks the magic bytes.
     #[error("not a whole saved state: {0} bytes")]
     Foreign(usize),
-    /// Written by another version of the stage.
+    /// Another version of the stage wrote the state.
     #[error("saved state has version {got}, expected {expected}")]
     Version {
-        /// In the file.
+        /// Version in the file.
         got: u32,
-        /// Of this program.
+        /// Version of this program.
         expected: u32,
     },
-    /// Torn or changed.
+    /// The content is incomplete or changed.
     #[error("saved state has checksum {got:016x}, expected {expected:016x}")]
     Checksum {
-        /// Of the bytes.
+        /// Checksum of the bytes.
         got: u64,
-        /// In the file.
+        /// Checksum in the file.
         expected: u64,
     },
     /// The content does not decode.
     #[error("saved state does not decode: {0}")]
     Content(String),
-    /// Absent or unreadable.
+    /// The file is absent or unreadable.
     #[error("cannot be read: {0}")]
     Unreadable(String),
 }
@@ -49,16 +49,16 @@ pub enum StateFileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         #[source]
         cause: std::io::Error,
     },
-    /// The content is not a state that this program knows.
+    /// The content is not a state that this program can load.
     #[error("{path}: {cause}")]
     State {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         #[source]
         cause: StateError,
     },
@@ -90,7 +90,7 @@ const RUNNER_STATE_VERSION: u32 = 5;
 /// | 24 | the runner's part, then the stage's, packed |
 const HEAD: usize = 24;
 
-/// A stage's runner at a barrier.
+/// The state of a stage's runner at a barrier.
 #[derive(Default, Serialize, Deserialize)]
 pub struct RunnerState {
     /// Next tick.
@@ -101,9 +101,9 @@ pub struct RunnerState {
     pub drive_begin: Option<i64>,
     /// Drive time at the barrier, ns since the Unix epoch.
     pub barrier_time: Option<i64>,
-    /// By topic.
+    /// Traffic by input topic.
     pub inputs: BTreeMap<String, Traffic>,
-    /// By topic.
+    /// Traffic by output topic.
     pub outputs: BTreeMap<String, Traffic>,
     /// Named counters of the stage.
     pub counters: BTreeMap<String, u64>,
@@ -120,12 +120,13 @@ pub struct WrittenState {
 }
 
 impl WrittenState {
-    /// Syncs it to the disk after the files that it relies on. Only then does it get its name.
+    /// Syncs the state to the disk after the files that it relies on. Only then does the file get its name.
     pub fn commit(self) -> Result<(), StateFileError> {
         sync_all(&self.relied_on).map_err(|(path, cause)| StateFileError::io(&path, cause))?;
         let path = self.file.path().to_owned();
         self.file.commit().map_err(|cause| StateFileError::io(&path, cause))?;
-        // The folder of the barrier is new, and with the first barrier the one around it: their names must be on the disk, too.
+        // The folder of the barrier is new and, with the first barrier, its parent folder: their names must also be on
+        // the disk.
         let around = path.ancestors().skip(2).take(2).filter(|folder| !folder.as_os_str().is_empty());
         for folder in around {
             let synced = File::open(folder).and_then(|folder| folder.sync_all());
@@ -135,8 +136,8 @@ impl WrittenState {
     }
 }
 
-/// Writes the runner's state and `stage`, the pieces of the stage's. The file is whole or absent, whatever happens
-/// meanwhile: [`WrittenState::commit`] makes it appear, once the files `relied_on` are on the disk.
+/// Writes the runner's state and `stage`, the pieces of the stage's state. The file is whole or absent in any case:
+/// [`WrittenState::commit`] makes it appear, once the files `relied_on` are on the disk.
 pub fn write_state<'a>(
     path: &Path,
     runner: &RunnerState,
@@ -153,7 +154,7 @@ fn write<'a>(path: &Path, runner: &[u8], stage: impl Iterator<Item = Piece<'a>>)
     std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
     let file = AtomicFile::create(path)?;
     let mut sum = checksum_of_len(runner.len());
-    // The head is written last: the checksum is computed of each piece while it is in the cache.
+    // The head is written last: each piece is added to the checksum while it is in the cache.
     file.file().write_all(&[0; HEAD])?;
     let mut add = |bytes: &[u8]| {
         sum.add(bytes);
@@ -172,7 +173,7 @@ fn write<'a>(path: &Path, runner: &[u8], stage: impl Iterator<Item = Piece<'a>>)
     Ok(file)
 }
 
-/// The inverse of [`write_state`]: the runner's part and the stage's.
+/// The inverse of [`write_state`]: the parts of the runner and of the stage.
 pub fn load_state(path: &Path) -> Result<(RunnerState, Vec<u8>), StateFileError> {
     let bytes = std::fs::read(path).map_err(|cause| StateFileError::io(path, cause))?;
     let (runner, stage) = split_state(&bytes).map_err(|cause| StateFileError::state(path, cause))?;
@@ -182,7 +183,7 @@ pub fn load_state(path: &Path) -> Result<(RunnerState, Vec<u8>), StateFileError>
     Ok((runner, stage))
 }
 
-/// Length of the stage's own part in a state file, bytes: packed. Reads no more than the head.
+/// Length of the stage's own part in a state file, bytes, packed. Reads only the head.
 pub fn saved_bytes(path: &Path) -> std::io::Result<u64> {
     let mut file = std::fs::File::open(path)?;
     let mut head = [0; HEAD];
@@ -200,8 +201,8 @@ fn split_state(bytes: &[u8]) -> Result<(&[u8], &[u8]), StateError> {
     Ok(content.split_at(head.runner_len))
 }
 
-/// Whether a state file is whole: magic bytes, version, length and checksum. Reads it piece by piece, so that a large file
-/// needs no memory. The stage's own part is not decoded.
+/// Checks that a state file is whole: magic bytes, version, length and checksum. Reads it piece by piece, so that a
+/// large file needs no memory. The stage's own part is not decoded.
 pub fn verify_state(path: &Path) -> Result<(), StateError> {
     let unreadable = |cause: std::io::Error| StateError::Unreadable(cause.to_string());
     let mut file = File::open(path).map_err(unreadable)?;
@@ -231,7 +232,7 @@ struct Head {
 }
 
 impl Head {
-    /// From the first bytes of a file of `file_len` bytes.
+    /// Reads the head from the first bytes of a file of `file_len` bytes.
     fn read(head: &[u8; HEAD], file_len: usize) -> Result<Self, StateError> {
         let u32_at = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
         if !head.starts_with(&MAGIC) {
@@ -255,7 +256,7 @@ impl Head {
 /// Bytes that are read at a time: few enough to stay in the cache.
 const PIECE: usize = 256 << 10;
 
-/// Starts the checksum: the length of the runner's part is content, too.
+/// Starts the checksum with the length of the runner's part, which counts as content.
 fn checksum_of_len(runner_len: usize) -> Checksum {
     let mut sum = Checksum::new();
     sum.add(&(runner_len as u64).to_le_bytes());

@@ -1,4 +1,4 @@
-//! `summary.json`: what a run did and what it cost.
+//! `summary.json`: results and costs of a run.
 
 use crate::control::Swapped;
 use crate::health::{Health, Latency, ReportedDoubt, Traffic};
@@ -20,9 +20,9 @@ pub struct Summary {
     pub faults: Vec<String>,
     /// Swaps during the run, in order.
     pub swaps: Vec<Swapped>,
-    /// From end to end.
+    /// End-to-end figures.
     pub total: Total,
-    /// By stage, in the order of the dataflow.
+    /// Figures by stage, in the order of the dataflow.
     pub stages: Vec<StageSummary>,
 }
 
@@ -32,17 +32,17 @@ pub struct Summary {
 pub struct SummaryError {
     /// The file.
     pub path: PathBuf,
-    /// Why.
+    /// Cause.
     #[source]
     pub cause: std::io::Error,
 }
 
-/// End to end.
+/// End-to-end figures.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Total {
     /// Drive time that was processed, s.
     pub drive_s: f64,
-    /// From the start of the sources to the end, restarts included, s.
+    /// Time from the start of the sources to the end, restarts included, s.
     pub wall_s: f64,
     /// `drive_s / wall_s`.
     pub times_real_time: f64,
@@ -60,7 +60,7 @@ pub struct Total {
     pub restarts: u32,
     /// Live: messages by topic that were dropped for newer ones or published while a consumer was down.
     pub dropped: BTreeMap<String, u64>,
-    /// From the source's beginning of a tick to its end at the sink.
+    /// Time from the start of a tick at the source to its end at the sink.
     pub latency: Latency,
 }
 
@@ -77,7 +77,7 @@ pub struct StageSummary {
     pub inputs: BTreeMap<String, Traffic>,
     /// Messages, rows and bytes by topic.
     pub outputs: BTreeMap<String, Traffic>,
-    /// From the publication of a message to its delivery to a step, by input topic.
+    /// Time from the publication of a message to its delivery to a step, by input topic.
     pub latencies: BTreeMap<String, Latency>,
     /// Points processed.
     pub points: u64,
@@ -85,29 +85,29 @@ pub struct StageSummary {
     pub points_per_s: f64,
     /// Ticks per second of wall time.
     pub ticks_per_s: f64,
-    /// Time in a step that had input.
+    /// Duration of steps that had input.
     pub step: Latency,
-    /// From the source's beginning of a tick to its end here.
+    /// Time from the start of a tick at the source to its end here.
     pub age: Latency,
     /// User and system time, s, of all its processes in this run.
     pub cpu_s: f64,
     /// The part of `cpu_s` spent on loans, sending, waiting and receiving in the last attempt.
     pub transport_cpu_s: f64,
-    /// Largest resident memory, bytes; shared memory that it touched counts too.
+    /// Largest resident memory, bytes; includes the shared memory that the stage touched.
     pub peak_rss_bytes: u64,
     /// Largest resident memory that no other process shares, bytes.
     #[serde(default)]
     pub peak_private_bytes: u64,
-    /// Pages that it touched first, or that were not in memory.
+    /// Pages that the stage touched first, or that were not in memory.
     #[serde(default)]
     pub page_faults: u64,
     /// Bytes read and written by calls, of files and sockets.
     #[serde(default)]
     pub read_bytes: u64,
-    /// See `read_bytes`.
+    /// Bytes written; see `read_bytes`.
     #[serde(default)]
     pub written_bytes: u64,
-    /// Seconds in which its own thread did no step, by reason: waiting for input or room at a consumer, saving.
+    /// Seconds in which its own thread ran no step, by reason: waiting for input or room at a consumer, saving.
     #[serde(default)]
     pub waits: BTreeMap<String, f64>,
     /// Faults of this stage.
@@ -116,13 +116,14 @@ pub struct StageSummary {
     pub counters: BTreeMap<String, u64>,
     /// Notes for the operator.
     pub notes: Vec<String>,
-    /// Why its results should not be relied on as they are.
+    /// Reasons not to rely on its results as they are.
     #[serde(default)]
     pub doubts: Vec<ReportedDoubt>,
 }
 
 impl StageSummary {
-    /// From the last heartbeat; `cpu_s` and `faults` are over all attempts, all else is that of the last.
+    /// The summary from the last heartbeat. `cpu_s` and `faults` cover all attempts, the other figures only the last
+    /// one.
     pub fn new(name: &str, program: &Path, health: Health, cpu_s: f64, faults: u32, wall_s: f64) -> Self {
         Self {
             name: name.to_owned(),
@@ -150,7 +151,7 @@ impl StageSummary {
             doubts: health.doubts,
         }
     }
-    /// Bytes of rows that came in; every consumer of a topic counts.
+    /// Bytes of rows received; every consumer of a topic counts.
     pub fn bytes_in(&self) -> u64 {
         self.inputs.values().map(|traffic| traffic.bytes).sum()
     }
@@ -165,7 +166,7 @@ impl StageSummary {
     }
 }
 
-/// What a stage has processed, without its costs.
+/// The data that a stage has processed, without its costs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Processed<'a> {
     /// Its table.
@@ -176,13 +177,13 @@ pub struct Processed<'a> {
     pub inputs: BTreeMap<&'a str, [u64; 3]>,
 }
 
-/// Per second; 0 if no time has passed.
+/// Rate per second; 0 if no time has passed.
 pub fn rate(n: u64, seconds: f64) -> f64 {
     if seconds > 0.0 { n as f64 / seconds } else { 0.0 }
 }
 
 impl Summary {
-    /// Where a run into `output` keeps it.
+    /// Path of the summary of a run into `output`.
     pub fn file(output: &Path) -> PathBuf {
         output.join("summary.json")
     }
@@ -198,8 +199,8 @@ impl Summary {
         let read = || -> std::io::Result<Self> { Ok(serde_json::from_slice(&std::fs::read(&path)?)?) };
         read().map_err(|cause| SummaryError { path: path.clone(), cause })
     }
-    /// The exit code of `replica-launch`, not regarding a recording. A live run is incomplete if a stage failed or missed a message;
-    /// any run is doubtful if a stage doubts its results.
+    /// The exit code of `replica-launch`, without regard to a recording. A live run is incomplete if a stage failed or
+    /// missed a message; any run is doubtful if a stage doubts its results.
     pub fn exit_code(&self, is_live: bool) -> u8 {
         let is_lossy = is_live && (!self.faults.is_empty() || !self.total.dropped.is_empty());
         self.outcome.exit_code(!is_lossy && self.doubts().next().is_none())
@@ -224,7 +225,7 @@ impl Summary {
     pub fn peak_rss_bytes(&self) -> u64 {
         self.stages.iter().map(|stage| stage.peak_rss_bytes).sum()
     }
-    /// What must be the same in every run of the same launch file.
+    /// The figures that must be equal in every run of the same launch file.
     pub fn processed(&self) -> Vec<Processed<'_>> {
         self.stages.iter().map(StageSummary::processed).collect()
     }

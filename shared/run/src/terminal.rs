@@ -1,10 +1,10 @@
-//! The terminal on which a screen is drawn over and over: its size, lines that fit, colors.
+//! The terminal on which a screen is redrawn: its size, lines that fit, colors.
 
 use rustix::termios::tcgetwinsize;
 use std::io::IsTerminal;
 use std::os::fd::AsFd;
 
-/// Size of a terminal that reports none, as the smallest that every screen fits.
+/// Size assumed for a terminal that does not report one: the smallest that every screen fits.
 const DEFAULT_SIZE: [usize; 2] = [80, 24];
 
 /// Lines and columns of a terminal, and whether it shows colors.
@@ -18,19 +18,19 @@ pub struct Screen {
     pub has_colors: bool,
 }
 
-/// How a line is emphasized.
+/// Emphasis of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// Headings.
     Bold,
-    /// Warnings, and the stage that others wait for.
+    /// Warnings, and the stage that the other stages wait for.
     Yellow,
     /// Errors.
     Red,
 }
 
 impl Screen {
-    /// The terminal behind an output as it is now, because windows change; `None` if it is a file or a pipe.
+    /// The current terminal behind an output, because windows change; `None` if it is a file or a pipe.
     pub fn of(output: &(impl AsFd + IsTerminal)) -> Option<Self> {
         if !output.is_terminal() {
             return None;
@@ -55,7 +55,7 @@ impl Screen {
     }
 }
 
-/// The first characters of a text, with `…` for the others.
+/// The first characters of a text, with `…` in place of the rest.
 pub fn clip(text: &str, columns: usize) -> String {
     if text.chars().count() <= columns {
         return text.to_owned();

@@ -1,4 +1,4 @@
-//! What observers of a run must know: `<output>/run/wiring.json`.
+//! Description of a run for observers: `<output>/run/wiring.json`.
 
 use crate::Mode;
 use crate::assignment::{PortDescription, TopicChannels};
@@ -15,7 +15,7 @@ pub struct Wiring {
     pub domain: String,
     /// Process id of the supervisor.
     pub supervisor: u32,
-    /// 0, 1, 2 …: how often the processes have been restarted. Each attempt has services of its own.
+    /// Number of restarts of the processes: 0, 1, 2 … Each attempt has its own services.
     pub attempt: u32,
     /// See [`Mode`].
     pub mode: Mode,
@@ -55,7 +55,7 @@ pub enum WiringError {
         output: PathBuf,
         /// The file.
         path: PathBuf,
-        /// Why it cannot be read.
+        /// Reason why it cannot be read.
         #[source]
         cause: std::io::Error,
     },
@@ -64,14 +64,14 @@ pub enum WiringError {
     Content {
         /// The file.
         path: PathBuf,
-        /// Where it does not parse.
+        /// Parse error with its position.
         #[source]
         cause: serde_json::Error,
     },
     /// No stage of the run publishes the topic.
     #[error("no topic {name} in this run; there are {}", known.join(", "))]
     NoTopic {
-        /// As asked for.
+        /// Name that was requested.
         name: String,
         /// Topics of the run.
         known: Vec<String>,
@@ -79,7 +79,7 @@ pub enum WiringError {
 }
 
 impl Wiring {
-    /// Where a run into `output` keeps it.
+    /// Path of the wiring of a run into `output`.
     pub fn file(output: &Path) -> PathBuf {
         output.join("run/wiring.json")
     }
@@ -95,8 +95,8 @@ impl Wiring {
         serde_json::from_slice(&bytes).map_err(|cause| WiringError::Content { path, cause })
     }
 
-    /// Whether the supervisor that wrote it is running: it has the lock of the run into `output` (absolute, without links)
-    /// open. Another process with the same id does not.
+    /// Whether the supervisor that wrote it is running: it has the lock of the run into `output` (absolute, without
+    /// links) open. Another process with the same id does not have it open.
     pub fn is_alive(&self, output: &Path) -> bool {
         let lock = output.join("run/lock");
         open_files(self.supervisor).any(|file| file == lock)
@@ -118,7 +118,7 @@ impl Wiring {
 }
 
 impl WiredTopic {
-    /// From a stage's description and the channels that its run gave it.
+    /// The wiring of a topic, from a stage's description and the channels of its run.
     pub fn new(channels: &TopicChannels, port: &PortDescription) -> Self {
         Self { channels: channels.clone(), table: port.table.clone() }
     }
