@@ -1,4 +1,4 @@
-//! How far the data of a drive can be trusted: shares of what is damaged, foreign or missing, against limits.
+//! Doubts about the data of a drive: shares of damaged, foreign or missing data, against limits.
 
 use doubts::Doubt;
 use lidar::LidarStats;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Blocks of a data packet.
 const BLOCKS: f64 = lidar::velodyne::BLOCKS_PER_PACKET as f64;
 
-/// What was published and what was not, since the begin of the drive.
+/// Data that was published or not, since the start of the drive.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Tally {
     /// Images.
@@ -41,7 +41,7 @@ impl Frames {
     }
 }
 
-/// Limits of what is damaged, foreign or missing; shares of 1. The texts of doubts name them as here.
+/// Limits of damaged, foreign or missing data; shares of 1. The texts of doubts use these names.
 #[derive(Clone, Copy, Debug)]
 pub struct DoubtLimits {
     /// Largest share of damaged data.
@@ -50,7 +50,7 @@ pub struct DoubtLimits {
     pub max_foreign_share: f64,
     /// Largest share of exposures before the first or after the last sweep.
     pub max_outside_share: f64,
-    /// Largest share of packets by which the clock of the LiDAR has no reference.
+    /// Largest share of packets in which the clock of the LiDAR has no reference.
     pub max_unlocked_share: f64,
     /// Least share of GNSS epochs with position and height.
     pub min_fix_share: f64,
@@ -59,18 +59,18 @@ pub struct DoubtLimits {
 /// Collects doubts.
 pub struct Doubts {
     limits: DoubtLimits,
-    /// The secondary LiDAR that they are about; `None`: they are about the first one, or about auxiliary sensors.
+    /// The secondary LiDAR of the doubts; `None`: they are about the first one, or about auxiliary sensors.
     lidar: Option<String>,
     found: Vec<Doubt>,
 }
 
 impl Doubts {
-    /// None yet.
+    /// An empty collection.
     pub fn new(limits: DoubtLimits) -> Self {
         Self { limits, lidar: None, found: Vec::new() }
     }
 
-    /// None yet, about a secondary LiDAR.
+    /// An empty collection, about a secondary LiDAR.
     #[must_use]
     pub fn of_lidar(&self, name: &str) -> Self {
         Self { limits: self.limits, lidar: Some(name.to_owned()), found: Vec::new() }
@@ -101,7 +101,7 @@ impl Doubts {
         }
     }
 
-    /// Packets and captures. `n_bytes`: size of all captures.
+    /// Checks packets and captures. `n_bytes`: size of all captures.
     pub fn captures(&mut self, stats: &LidarStats, n_bytes: u64) {
         let n_foreign = stats.foreign_packets + stats.short_packets;
         let n_packets = n_foreign + stats.data_packets + stats.position_packets;
@@ -120,7 +120,8 @@ impl Doubts {
         }
     }
 
-    /// The clock of the LiDAR. `others`: whether measurements of other sensors were matched to sweeps by their stamps.
+    /// Checks the clock of the LiDAR. `others`: whether measurements of other sensors were matched to sweeps by their
+    /// stamps.
     pub fn clock(&mut self, stats: &LidarStats, others: bool) {
         let n_states = stats.clock_locked + stats.clock_unlocked;
         let share = share(stats.clock_unlocked, n_states);
@@ -130,7 +131,7 @@ impl Doubts {
         }
     }
 
-    /// Sentences of a GNSS receiver. `n_used` of `n_fixes` have a height.
+    /// Checks the sentences of a GNSS receiver. `n_used` of `n_fixes` have a height.
     pub fn log(&mut self, log: &LogStats, n_used: u64, n_fixes: u64) {
         let n_lines = log.sentences + log.other_sentences + log.bad_lines;
         let damaged = share(log.bad_lines, n_lines);
@@ -176,12 +177,12 @@ impl Doubts {
         }
     }
 
-    /// Live: packets of which none gave a sweep.
+    /// Live: packets that gave no sweep.
     pub fn no_sweep(&mut self, n_packets: u64) {
         self.add(Doubt::NoSweep { n_packets });
     }
 
-    /// Live: exposures that came more than `max_late_s` after the sweep of their time.
+    /// Live: exposures that arrived more than `max_late_s` after the sweep of their time.
     pub fn late(&mut self, n_late: u64, n_frames: u64, max_late_s: f64) {
         let share = share(n_late, n_frames);
         let limit = self.limits.max_outside_share;
@@ -190,12 +191,13 @@ impl Doubts {
         }
     }
 
-    /// Live: the clock of a sensor is behind the clock of the LiDAR by this time, of which `delay_s` may be the transmission.
+    /// Live: the clock of a sensor is behind the clock of the LiDAR by this time, of which `delay_s` may be
+    /// transmission.
     pub fn clock_offset(&mut self, sensor: &str, behind_s: f64, limit_s: f64, delay_s: f64) {
         self.add(Doubt::ClockOffset { sensor: sensor.to_owned(), behind_s, limit_s, delay_s });
     }
 
-    /// Sensors of the manifest that gave nothing.
+    /// Sensors of the manifest without data.
     pub fn silent(&mut self, sensors: &[String]) {
         if !sensors.is_empty() {
             self.add(Doubt::SilentSensors { sensors: sensors.to_vec() });
@@ -203,7 +205,7 @@ impl Doubts {
     }
 }
 
-/// 0 of nothing.
+/// The quotient of `part` and `whole`; 0 if `whole` is 0.
 fn share(part: u64, whole: u64) -> f64 {
     part as f64 / whole.max(1) as f64
 }

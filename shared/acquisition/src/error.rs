@@ -1,4 +1,4 @@
-//! Why a drive or a live sensor cannot be read, and what has no sweeps.
+//! Errors of drives and live sensors that cannot be read or have no sweeps.
 
 use crate::live::{LineAddress, LineAddressError};
 use files::problems::FileError;
@@ -7,13 +7,13 @@ use std::io;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
-/// Why a live sensor cannot be received, recorded or decoded.
+/// A live sensor that cannot be received, recorded or decoded.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// Text that is no address.
+    /// The text is not an address.
     #[error("value {0:?} must be an IPv4 address and a port, for example 127.0.0.1:2368")]
     Address(String),
-    /// More or fewer addresses than LiDARs.
+    /// There are more or fewer addresses than LiDARs.
     #[error(
         "{n_addresses} address(es) for {n_lidars} LiDAR(s); give one address for each LiDAR of the rig, in its order, separated by \
          commas"
@@ -24,7 +24,7 @@ pub enum LiveError {
         /// LiDARs of the rig.
         n_lidars: usize,
     },
-    /// An address that cannot be listened on.
+    /// The address cannot be bound.
     #[error("{address} cannot be bound: {source}")]
     Bind {
         /// The address.
@@ -40,7 +40,7 @@ pub enum LiveError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// A folder without free numbers for captures.
+    /// The folder has no free numbers for captures.
     #[error("{}: holds {max} captures, the maximum; use another folder", folder.display())]
     Full {
         /// The folder.
@@ -48,7 +48,7 @@ pub enum LiveError {
         /// Most captures of a folder.
         max: u32,
     },
-    /// A folder of images that cannot be watched.
+    /// The folder of images cannot be watched.
     #[error("{}: the folder cannot be watched: {source}", path.display())]
     Watch {
         /// The folder.
@@ -56,10 +56,10 @@ pub enum LiveError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// A folder of images that is none.
+    /// The image folder is not a directory.
     #[error("{} is not a folder", .0.display())]
     NoFolder(PathBuf),
-    /// A sensor that the rig does not have.
+    /// The rig does not have the sensor.
     #[error("is set, but {rig} has no {what}")]
     NotInRig {
         /// The setting.
@@ -69,15 +69,15 @@ pub enum LiveError {
         /// The rig.
         rig: String,
     },
-    /// Text that is no address of lines.
+    /// The text is not an address of lines.
     #[error("{source}")]
     Line {
         /// The setting.
         key: &'static str,
-        /// What is wrong.
+        /// Cause.
         source: LineAddressError,
     },
-    /// An address of lines that cannot be opened.
+    /// The address of lines cannot be opened.
     #[error("{address} cannot be opened: {source}")]
     Open {
         /// The setting.
@@ -87,21 +87,21 @@ pub enum LiveError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// The manifest of the recording.
+    /// The manifest of the recording cannot be written.
     #[error("{}: the manifest cannot be written: {source}", path.display())]
     Manifest {
         /// The manifest.
         path: PathBuf,
-        /// Why it cannot be encoded.
+        /// Encoding error.
         source: toml::ser::Error,
     },
     /// The receiving thread cannot be started.
     #[error(transparent)]
     Thread(io::Error),
-    /// A rig that cannot be read.
+    /// The rig cannot be read.
     #[error(transparent)]
     Rig(#[from] FileError),
-    /// A model that contradicts the rig.
+    /// The model contradicts the rig.
     #[error("value {setting:?} must be {rig:?}, the model of the rig, or empty")]
     Model {
         /// The wanted model.
@@ -109,7 +109,7 @@ pub enum LiveError {
         /// The model of the rig.
         rig: String,
     },
-    /// A model whose packets cannot be decoded without a file of the unit.
+    /// The packets of the model cannot be decoded without a file of the unit.
     #[error("packets of {model:?} need {file}; set run.rig to a drive.toml whose lidar.calibration names it")]
     Calibration {
         /// The wanted model.
@@ -117,10 +117,10 @@ pub enum LiveError {
         /// The file.
         file: &'static str,
     },
-    /// A folder elsewhere.
+    /// The folder is outside the output folder.
     #[error("value {0:?} must be a path inside the output folder")]
     Outside(String),
-    /// A folder with captures of an earlier run.
+    /// The folder has captures of an earlier run.
     #[error("{} holds {n} captures of an earlier run; use another folder", folder.display())]
     Used {
         /// The folder.
@@ -131,7 +131,7 @@ pub enum LiveError {
     /// The recording cannot be decoded.
     #[error(transparent)]
     Sweep(#[from] SweepError),
-    /// Packets without a sweep.
+    /// The packets contain no sweep.
     #[error(transparent)]
     NoSweep(#[from] NoSweepError),
 }
@@ -161,34 +161,34 @@ pub enum NoSweepError {
     Live {
         /// Time from the first to the last packet.
         seconds: f64,
-        /// Packets of any sender.
+        /// Packets from any sender.
         n_packets: u64,
-        /// The limit of the time.
+        /// Time limit.
         limit: f64,
-        /// What the packets are.
+        /// Description of the packets.
         reason: String,
     },
 }
 
-/// Why a recorded drive cannot be read.
+/// A recorded drive that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
-    /// The folder is no drive.
+    /// The folder is not a drive.
     #[error(transparent)]
     Drive(#[from] FileError),
-    /// The sweeps.
+    /// The sweeps cannot be read.
     #[error(transparent)]
     Sweeps(#[from] SweepError),
-    /// The log of the GNSS receiver or of the IMU.
+    /// The log of the GNSS receiver or of the IMU cannot be read.
     #[error(transparent)]
     Log(io::Error),
-    /// A position in another drive.
+    /// The position belongs to another drive.
     #[error("the saved state belongs to another drive")]
     OtherDrive,
 }
 
 impl LiveError {
-    /// The setting of the stage that causes it, where one does.
+    /// The setting of the stage that causes the error, if one does.
     pub fn key(&self) -> &'static str {
         match self {
             Self::Address(_) | Self::Bind { .. } | Self::Listen { .. } => "listen",
@@ -198,12 +198,12 @@ impl LiveError {
             Self::Watch { .. } | Self::NoFolder(_) => "cameras",
             Self::NotInRig { key, .. } | Self::Line { key, .. } | Self::Open { key, .. } => key,
             Self::Model { .. } | Self::Calibration { .. } => "model",
-            // `run.rig` is no setting of the stage.
+            // `run.rig` is not a setting of the stage.
             Self::Rig(_) | Self::Thread(_) | Self::Sweep(_) | Self::NoSweep(_) => "",
         }
     }
 
-    /// Whether files or the operating system are the cause, and not the settings or the data.
+    /// Whether files or the operating system, and not the settings or the data, are the cause.
     pub fn is_of_files(&self) -> bool {
         matches!(
             self,

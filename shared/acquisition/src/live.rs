@@ -1,4 +1,4 @@
-//! A live vehicle: what its sensors send is first recorded, then decoded from the recording.
+//! A live vehicle: the data of its sensors is first recorded, then decoded from the recording.
 //!
 //! | sensor | module |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | secondary LiDARs | `secondary_lidar` |
 //! | cameras: folders that fill | `images` |
 //! | GNSS receiver and IMU: lines by UDP or a serial port | `lines` |
-//! | auxiliary sensors: which of their data belongs to which sweep | `auxiliary` |
+//! | auxiliary sensors: assignment of their data to sweeps | `auxiliary` |
 //! | offset of their clocks | `clocks` |
 //!
 //! The receiving thread writes a capture. The decoder reads the growing capture with the code that reads recorded drives. So the
@@ -41,7 +41,7 @@ pub use vehicle::{LivePlan, LiveVehicle};
 use geometry::Stamp;
 use std::time::SystemTime;
 
-/// The wall clock: the stamps of captures contain the date and hour, which the packets of some sensors do not.
+/// The wall clock: the stamps of captures contain the date and hour, which the packets of some sensors lack.
 fn now() -> Stamp {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     Stamp(since.as_nanos() as i64)

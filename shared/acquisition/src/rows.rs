@@ -17,7 +17,7 @@ pub fn sweep_header(sweep: &SweepInfo, n_rings: usize) -> SweepHeader {
     }
 }
 
-/// The header of a sweep of another LiDAR than the first, from its first shot to `end`, ns since the epoch.
+/// The header of a sweep of a secondary LiDAR, from its first shot to `end`, ns since the epoch.
 pub fn slice_header(slice: &SliceInfo, stamp: Stamp, end: i64, lidar: usize, n_rings: usize) -> SweepHeader {
     SweepHeader {
         duration_nanos: (end - stamp.0).clamp(0, i64::from(u32::MAX)) as u32,

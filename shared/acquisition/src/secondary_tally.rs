@@ -1,4 +1,4 @@
-//! What was published of a secondary LiDAR.
+//! Published data of a secondary LiDAR.
 
 use crate::doubts::Doubts;
 use crate::rows::slice_header;
@@ -7,29 +7,29 @@ use lidar::{LidarStats, SliceInfo};
 use messages::SweepHeader;
 use serde::{Deserialize, Serialize};
 
-/// Counts since the begin of the drive.
+/// Counts since the start of the drive.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct SecondaryTally {
     /// Sweeps of the first LiDAR.
     pub ticks: u64,
-    /// Those with returns of this LiDAR.
+    /// Sweeps of the first LiDAR with returns of this LiDAR.
     pub sweeps: u64,
-    /// Returns between two sweeps of the first LiDAR, or too many in one.
+    /// Returns between two sweeps of the first LiDAR, or beyond the limit of one sweep.
     pub points_skipped: u64,
     /// Cloud files that cannot be read.
     pub bad_sweeps: u64,
 }
 
 impl SecondaryTally {
-    /// Counts the returns during a sweep of the first LiDAR. Header and stamp of their message; `None` without returns. `lidar`: index and
-    /// rings of the LiDAR.
+    /// Counts the returns during a sweep of the first LiDAR. Returns header and stamp of their message; `None` without
+    /// returns. `lidar`: index and rings of the LiDAR.
     pub fn add(
         &mut self,
         slice: Option<SliceInfo>,
         first: &SweepInfo,
         (lidar, n_rings): (usize, usize),
     ) -> Option<(SweepHeader, i64)> {
-        // What was recorded before the first tick is no loss.
+        // Returns recorded before the first tick are not a loss.
         self.points_skipped += slice.filter(|_| self.ticks > 0).map_or(0, |slice| slice.n_skipped);
         self.ticks += 1;
         let slice = slice.filter(|slice| slice.n_returns > 0)?;
@@ -54,7 +54,7 @@ impl SecondaryTally {
     pub fn doubt(&self, name: &str, stats: &LidarStats, n_bytes: u64, doubts: &mut Doubts) {
         let mut of_lidar = doubts.of_lidar(name);
         of_lidar.captures(stats, n_bytes);
-        // Its stamps are matched to those of the first LiDAR.
+        // Its stamps are matched to the stamps of the first LiDAR.
         of_lidar.clock(stats, true);
         let Self { ticks, sweeps, bad_sweeps, .. } = *self;
         of_lidar.sweeps(bad_sweeps, sweeps + bad_sweeps);
@@ -66,7 +66,7 @@ impl SecondaryTally {
     }
 }
 
-/// Counters with the name of their LiDAR; those of 0 are left out.
+/// Counters with the name of their LiDAR; zeros are left out.
 pub(crate) fn named(
     name: &str,
     counts: impl IntoIterator<Item = (&'static str, u64)>,

@@ -1,4 +1,4 @@
-//! Auxiliary sensors, which are cameras, GNSS receiver and IMU: received, recorded, and matched to sweeps by their stamps, as in
+//! Auxiliary sensors (cameras, GNSS receiver and IMU): received, recorded, and matched to sweeps by their stamps, as in
 //! a recorded drive.
 
 mod account;
@@ -33,14 +33,14 @@ use std::time::{Duration, Instant};
 
 /// Table of the clocks in the recording.
 const CLOCKS_FILE: &str = "clocks.csv";
-/// Interval at which it is written, for a run that is killed.
+/// Interval at which the table is written, in case the run is killed.
 const CLOCKS_INTERVAL: Duration = Duration::from_secs(10);
-/// Name of the first LiDAR among the clocks, and of the others before their names.
+/// Name of the first LiDAR among the clocks, and prefix of the names of the other LiDARs.
 const LIDAR: &str = "lidar";
 /// Damaged files that are reported one by one; the counters include all of them.
 const MAX_REPORTED: u64 = 10;
 
-/// Limits of what comes too late or by another clock.
+/// Limits of lateness and of clock offsets.
 #[derive(Clone, Copy, Debug)]
 pub struct AuxiliaryLimits {
     /// Largest time after the end of a sweep at which an image of its time is still published, s.
@@ -60,7 +60,7 @@ pub struct AuxiliarySensors {
     samples: Option<SampleLog>,
     clocks: Clocks,
     clocks_written: Instant,
-    /// Begin of the first and end of the last sweep that was published.
+    /// Start of the first and end of the last sweep that was published.
     span: Option<[i64; 2]>,
     tally: Tally,
     reported: ReportedCounts,
@@ -79,7 +79,8 @@ pub struct DueRows {
 }
 
 impl AuxiliarySensors {
-    /// Starts to receive and to record in the folder of the recording. The trigger rule thins out the images that are published.
+    /// Starts to receive, and to record in the folder of the recording. The trigger rule thins out the images that are
+    /// published.
     pub fn start(
         sources: &AuxiliarySources,
         folder: PathBuf,
@@ -118,7 +119,7 @@ impl AuxiliarySensors {
         (&self.entries.cameras, &self.entries.mosaics)
     }
 
-    /// Whether the fixes come from the receiver's own log, and those of the LiDAR's position packets are not used.
+    /// Whether the fixes come from the receiver's own log, so that the LiDAR's position packets are not used.
     pub fn has_receiver(&self) -> bool {
         self.fixes.is_some()
     }
@@ -149,7 +150,7 @@ impl AuxiliarySensors {
         }
     }
 
-    /// Reads what has arrived. Returns the rows of the time up to the end of the last sweep.
+    /// Reads the data that has arrived. Returns the rows up to the end of the last sweep.
     pub fn take_rows(&mut self) -> Result<DueRows, LiveError> {
         let mut due = DueRows::default();
         if let Some(log) = &mut self.fixes {
@@ -178,7 +179,7 @@ impl AuxiliarySensors {
         Ok(due)
     }
 
-    /// The next image of the time up to the end of the last sweep, oldest first.
+    /// The next image up to the end of the last sweep, oldest first.
     pub fn next_frame(&mut self) -> Option<DueFrame> {
         let max_late = (self.limits.max_late_s * 1e9) as i64;
         self.frames.as_mut()?.next_due(self.span?, max_late)
@@ -203,7 +204,7 @@ impl AuxiliarySensors {
         self.tally.gnss_rows += n_with_height;
     }
 
-    /// Ends the reception; what waits is recorded first.
+    /// Ends the reception. Waiting data is recorded first.
     pub fn close(&mut self) {
         if let Some(frames) = &mut self.frames {
             frames.close();
@@ -255,7 +256,7 @@ impl AuxiliarySensors {
         write().map_err(|source| LiveError::File { path: path.clone(), source })
     }
 
-    /// Counters of the sentences that are used: of the receiver's log, else of the position packets.
+    /// Counters of the sentences that are used: from the receiver's log, else from the position packets.
     fn log_stats(&self, of_packets: LogStats) -> LogStats {
         self.fixes.as_ref().map_or(of_packets, FixLog::stats)
     }

@@ -1,7 +1,7 @@
-//! Clocks of the sensors against that of the host: offset, drift and jitter of (arrival - stamp).
+//! Clocks of the sensors compared with the host clock: offset, drift and jitter of (arrival - stamp).
 //!
-//! A measurement arrives later than it was made by a delay that is never below zero and mostly near its minimum. So the minimum over a
-//! window is the offset of the clocks and the least delay, which cannot be distinguished.
+//! A measurement arrives with a delay that is never below zero and mostly near its minimum. The minimum over a window
+//! is therefore the sum of the clock offset and the least delay, which are indistinguishable.
 
 use geometry::Stamp;
 use std::collections::BTreeMap;
@@ -9,9 +9,9 @@ use std::fmt::Write;
 
 /// First length of a window, ns: a camera at 1 Hz has one image in it.
 const WINDOW_NANOS: i64 = 1_000_000_000;
-/// Windows of a sensor; when there are more, pairs are joined. A day has windows of three minutes.
+/// Largest number of windows of a sensor; beyond it, pairs are joined. A day has windows of three minutes.
 const MAX_WINDOWS: usize = 512;
-/// Over a shorter time jitter of milliseconds hides the drift of a quartz, some ten ppm.
+/// Shortest time for a drift. Over a shorter time, jitter of milliseconds hides the drift of a quartz, some ten ppm.
 const MIN_DRIFT_S: f64 = 60.0;
 
 /// Header of the table in a recording.
@@ -22,7 +22,7 @@ const HEADER: &str = "sensor,measurements,offset_s,drift_ppm,jitter_s";
 struct Arrivals {
     windows: Vec<Window>,
     window_nanos: i64,
-    /// First arrival, and its delay, to which all delays are relative.
+    /// First arrival, and its delay, the reference of all delays.
     first: Option<(i64, i64)>,
     n: u64,
 }
@@ -38,12 +38,12 @@ struct Window {
     squares: f64,
 }
 
-/// What was found about the clock of one sensor.
+/// Estimate for the clock of one sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockEstimate {
     /// Measurements that were compared.
     pub n: u64,
-    /// Arrival minus stamp at the end, s: least delay and offset of the clocks.
+    /// Arrival minus stamp at the end, s: sum of least delay and clock offset.
     pub offset_s: f64,
     /// Rate at which the offset grows, ppm; `None` for less than a minute.
     pub drift_ppm: Option<f64>,
@@ -124,7 +124,7 @@ impl Arrivals {
         }
     }
 
-    /// A line through the minima of the windows.
+    /// Fits a line through the minima of the windows.
     fn estimate(&self) -> Option<ClockEstimate> {
         let last = self.windows.last()?;
         let (_, first_delay) = self.first?;
@@ -175,7 +175,7 @@ impl Window {
 mod tests {
     use super::*;
 
-    /// A clock that is `offset_s` behind the host and `ppm` slower; delays are 2 ms and up to 10 ms more.
+    /// Estimates a clock that is `offset_s` behind the host and `ppm` slower; delays are 2 ms and up to 10 ms more.
     fn estimate(seconds: i64, offset_s: f64, ppm: f64) -> ClockEstimate {
         let mut clocks = Clocks::default();
         let begin = 1_700_000_000_000_000_000_i64;

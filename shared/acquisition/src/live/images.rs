@@ -1,8 +1,8 @@
 //! Folders that a grabber fills with images: a thread records each complete file and queues it for publication.
 //!
-//! The kernel reports a file when its writer closes it or renames it into place (inotify), so a file that is still being written is
-//! never taken, and a folder with a day of images costs nothing. Files that no event reported, because they were written before a
-//! restart or the queue of events overflowed, are found by listing the folders.
+//! The kernel reports a file when its writer closes it or renames it into place (inotify). Therefore a file that is
+//! still being written is never taken, and a folder with a day of images costs nothing. Files without an event, because
+//! they were written before a restart or the queue of events overflowed, are found by listing the folders.
 
 use super::now;
 use super::record_file::{Recorded, record_file};
@@ -25,14 +25,16 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Interval at which the thread checks whether to stop.
 const IDLE: Duration = Duration::from_millis(50);
-/// Without an event a file counts as complete if it was not changed for this long. A grabber writes an image in milliseconds.
+/// Time without changes after which a file without an event counts as complete. A grabber writes an image in
+/// milliseconds.
 const UNCHANGED: Duration = Duration::from_secs(1);
-/// Images that wait for publication; the decoder is far behind with so many, and the oldest are left out. They are recorded.
+/// Largest number of images that wait for publication. With more, the decoder is far behind, and the oldest images are
+/// left out. They are recorded.
 const MAX_WAITING: usize = 4096;
 /// Bytes of events read at once: some hundred.
 const EVENTS: usize = 16_384;
 
-/// Which of the two kinds of cameras.
+/// Kind of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CameraKind {
     /// Color camera.
@@ -47,11 +49,11 @@ pub(super) struct WatchedCamera {
     pub(super) kind: CameraKind,
     /// Index among the cameras of its kind.
     pub(super) index: usize,
-    /// How late its stamps are, ns.
+    /// Delay of its stamps, ns.
     pub(super) delay_nanos: i64,
-    /// Where the grabber writes.
+    /// Folder in which the grabber writes.
     pub(super) source: PathBuf,
-    /// Where the images are recorded.
+    /// Folder in which the images are recorded.
     pub(super) recorded: PathBuf,
 }
 
@@ -61,18 +63,18 @@ pub(super) struct ArrivedImage {
     pub(super) kind: CameraKind,
     /// The file in the recording.
     pub(super) frame: Frame,
-    /// When its file was complete, if an event reported it.
+    /// Time at which its file was complete, if an event reported it.
     pub(super) arrived: Option<Stamp>,
 }
 
-/// Numbers of files since the begin.
+/// Numbers of files since the start.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ImageCounts {
     /// Recorded images.
     pub(super) recorded: u64,
-    /// Images whose name is no stamp; not recorded.
+    /// Images whose name is not a stamp; not recorded.
     pub(super) strange: u64,
-    /// Images that could not be read, or were removed before they were recorded.
+    /// Images that could not be read or were removed before they were recorded.
     pub(super) unreadable: u64,
     /// Recorded images that waited too long for publication.
     pub(super) left_out: u64,
@@ -117,7 +119,7 @@ impl ImageWatch {
         Ok(Self { shared, thread: Some(thread.map_err(LiveError::Thread)?) })
     }
 
-    /// The error that ended the thread, if it ended by itself.
+    /// The error that ended the thread, if it failed.
     pub(super) fn take_error(&self) -> Option<LiveError> {
         let has_ended = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
         let panicked = || LiveError::Thread(std::io::Error::other("the thread of the images panicked"));
@@ -137,7 +139,7 @@ impl ImageWatch {
     pub(super) fn close(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // Its panic is on stderr.
+            // A panic of the thread is on stderr.
             let _ = thread.join();
         }
     }
@@ -151,10 +153,10 @@ impl Drop for ImageWatch {
 
 struct Watcher {
     events: OwnedFd,
-    /// With the descriptors of their watches.
+    /// Cameras with the descriptors of their watches.
     cameras: Vec<(i32, WatchedCamera)>,
     begin: Stamp,
-    /// When the folders are listed next.
+    /// Time of the next listing of the folders.
     list_at: Option<Instant>,
 }
 
@@ -213,7 +215,7 @@ impl Watcher {
         }
     }
 
-    /// Records files that no event reported. Files that may still be written are looked at again.
+    /// Records files that no event reported. Files that may still be written are examined again later.
     fn list(&mut self, shared: &Shared) -> Result<(), LiveError> {
         let now = SystemTime::now();
         let begin = self.begin.0.max(0) as u64;
@@ -280,7 +282,7 @@ fn record(camera: &WatchedCamera, path: &Path, arrived: Option<Stamp>, shared: &
             let frame = Frame { stamp, camera: camera.index, path: target };
             state.waiting.push_back(ArrivedImage { kind: camera.kind, frame, arrived });
         }
-        // A file that was opened and closed before it was written, or written again.
+        // A file that was opened and closed before it was written, or that was written again.
         Recorded::Empty | Recorded::Before => {}
         Recorded::Unreadable => state.counts.unreadable += 1,
     }
@@ -326,7 +328,7 @@ mod tests {
         }
     }
 
-    /// Images until this number has come; far longer than any wait on a busy machine.
+    /// Waits until this number of images has arrived; far longer than any wait on a busy machine.
     fn wait_for(watch: &ImageWatch, n: usize) -> Vec<ArrivedImage> {
         let mut images = Vec::new();
         let deadline = Instant::now() + Duration::from_mins(3);
@@ -341,7 +343,7 @@ mod tests {
     #[test]
     fn only_complete_files_are_taken() {
         let folders = Folders::new();
-        fs::write(folders.source("1.jpg"), "before the begin").expect("writes");
+        fs::write(folders.source("1.jpg"), "before the start").expect("writes");
         let begin = now();
         let old = SystemTime::UNIX_EPOCH + Duration::from_nanos(begin.0 as u64) - Duration::from_secs(9);
         fs::File::options()
@@ -350,7 +352,7 @@ mod tests {
             .and_then(|file| file.set_modified(old))
             .expect("sets");
         let mut watch = folders.start(begin);
-        // A file that is written in place counts when it is closed, another one when it is renamed.
+        // A file that is written in place counts when it is closed, another file when it is renamed.
         let mut written = fs::File::create(folders.source("20.jpg")).expect("creates");
         std::io::Write::write_all(&mut written, b"half").expect("writes");
         fs::write(folders.source(".30.jpg.partial"), "renamed").expect("writes");
@@ -384,7 +386,7 @@ mod tests {
             let file = fs::File::options().write(true).open(folders.source(name)).expect("opens");
             file.set_modified(changed).expect("sets");
         }
-        // As after a run that began 2.5 s ago.
+        // The state after a run that began 2.5 s ago.
         let second = folders.start(Stamp(now().0 - 2_500_000_000));
         let images = wait_for(&second, 1);
         assert_eq!((images.len(), images[0].frame.stamp, images[0].arrived), (1, Stamp(20), None));

@@ -1,4 +1,4 @@
-//! Where lines of text come from: UDP packets or a serial port.
+//! Sources of text lines: UDP packets or a serial port.
 
 use rustix::fs::{Mode, OFlags};
 use rustix::termios::{ControlModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
@@ -11,7 +11,7 @@ use std::str::FromStr;
 /// Baud rate without `?baud=`.
 const BAUD: u32 = 115_200;
 
-/// `udp://ADDRESS:PORT` or `serial:///dev/ttyUSB0?baud=115200`.
+/// Address of a source of lines: `udp://ADDRESS:PORT` or `serial:///dev/ttyUSB0?baud=115200`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LineAddress {
     /// Packets with one or more lines each, from any sender.
@@ -25,7 +25,7 @@ pub enum LineAddress {
     },
 }
 
-/// Text that is no [`LineAddress`].
+/// A text that is not a [`LineAddress`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("value {0:?} must be udp://ADDRESS:PORT with an IPv4 address, or serial:///DEVICE?baud=RATE")]
 pub struct LineAddressError(String);
@@ -58,7 +58,7 @@ pub(super) enum Link {
 }
 
 impl LineAddress {
-    /// Opens the socket or the port. An error names neither.
+    /// Opens the socket or the port. The error does not name it.
     pub(super) fn open(&self) -> io::Result<Link> {
         match self {
             Self::Udp(address) => {
@@ -70,20 +70,20 @@ impl LineAddress {
                 let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
                 let port = rustix::fs::open(device, flags, Mode::empty())?;
                 let mut termios = tcgetattr(&port)?;
-                // Neither echo nor changed line ends; modem lines are ignored.
+                // No echo and no changed line ends; modem lines are ignored.
                 termios.make_raw();
                 termios.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
                 termios.control_modes -= ControlModes::CSTOPB | ControlModes::CRTSCTS;
                 termios.set_speed(*baud)?;
                 tcsetattr(&port, OptionalActions::Now, &termios)?;
-                // What came before, perhaps at another rate, is no line.
+                // Earlier bytes, possibly at another rate, are not a line.
                 tcflush(&port, QueueSelector::IFlush)?;
                 Ok(Link::Serial(port.into()))
             }
         }
     }
 
-    /// Why the address cannot be read from now.
+    /// Checks that the address can be read now.
     pub fn check(&self) -> io::Result<()> {
         self.open().map(drop)
     }
@@ -112,7 +112,7 @@ mod tests {
         for text in
             ["", "udp://localhost:1", "udp://1.2.3.4", "serial://ttyUSB0", "serial:///dev/x?baud=0", "tcp://1.2.3.4:5"]
         {
-            let error = text.parse::<LineAddress>().expect_err("is none");
+            let error = text.parse::<LineAddress>().expect_err("is not an address");
             assert!(error.to_string().contains(&format!("value {text:?} must be udp://")), "{error}");
         }
     }

@@ -1,6 +1,8 @@
-//! Lines of a GNSS receiver or an IMU: a thread appends what arrives to a log of the recording; the decoder reads the growing log.
+//! Lines of a GNSS receiver or an IMU: a thread appends received bytes to a log of the recording; the decoder reads the
+//! growing log.
 //!
-//! So the log contains what was received even if the process is killed, and a run on the recording reads the same lines.
+//! Therefore the log contains the received lines even if the process is killed, and a run on the recording reads the
+//! same lines.
 
 use super::line_address::{LineAddress, Link};
 use super::now;
@@ -17,15 +19,16 @@ use std::time::{Duration, Instant};
 
 /// Interval at which the thread checks whether to stop.
 const IDLE: Duration = Duration::from_millis(50);
-/// Interval at which a lost port is opened again: a plug that is back takes seconds.
+/// Interval at which a lost port is opened again: plugging a cable back in takes seconds.
 const REOPEN: Duration = Duration::from_secs(1);
-/// The largest UDP packet, and the most that is read at once.
+/// The largest UDP packet, and the largest read.
 const CHUNK: usize = 65_536;
-/// Reads after the request to stop: what waits in the kernel's buffer, however fast the sender is.
+/// Largest number of reads after the request to stop: empties the kernel's buffer, however fast the sender is.
 const MAX_LAST_READS: usize = 4096;
 /// Longest line that is decoded, bytes; the rest of a longer one is skipped. NMEA sentences have 82, seven numbers less than 200.
 const MAX_LINE: usize = 1024;
-/// Arrival times that wait for the decoder. Without the oldest ones fewer lines measure the clock.
+/// Largest number of arrival times that wait for the decoder. Beyond it the oldest are dropped, and fewer lines measure
+/// the clock.
 const MAX_ARRIVALS: usize = 4096;
 
 /// The log, its thread and the position of the decoder.
@@ -43,7 +46,7 @@ struct Shared {
     error: Mutex<Option<io::Error>>,
 }
 
-/// The log up to a size had arrived at a time.
+/// A time, and the size of the log that had arrived by then.
 #[derive(Clone, Copy)]
 struct Arrival {
     size: u64,
@@ -53,12 +56,12 @@ struct Arrival {
 /// A line without its end.
 pub(super) struct Line {
     pub(super) text: Vec<u8>,
-    /// When its end arrived, if that is known.
+    /// Time at which its end arrived, if known.
     pub(super) arrived: Option<Stamp>,
 }
 
 impl LineLog {
-    /// Starts to append to the log at `path`, which may have lines of an earlier process; those are not decoded.
+    /// Starts to append to the log at `path`. Lines of an earlier process in it are not decoded.
     pub(super) fn start(address: &LineAddress, link: Link, path: &Path) -> io::Result<Self> {
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(path)?;
         let size = end_line(&mut file)?;
@@ -74,14 +77,14 @@ impl LineLog {
         Ok(Self { shared, thread: Some(thread), lines })
     }
 
-    /// The error that ended the thread, if it ended by itself.
+    /// The error that ended the thread, if it failed.
     pub(super) fn take_error(&self) -> Option<io::Error> {
         let has_ended = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
         let error = self.shared.error.lock().unwrap_or_else(PoisonError::into_inner).take();
         has_ended.then(|| error.unwrap_or_else(|| io::Error::other("the thread of the lines panicked")))
     }
 
-    /// How often the port was lost so far.
+    /// Number of times the port was lost.
     pub(super) fn n_interruptions(&self) -> u64 {
         self.shared.n_interruptions.load(Ordering::Relaxed)
     }
@@ -96,11 +99,11 @@ impl LineLog {
         Ok(Some(Line { text, arrived: arrivals.front().map(|arrival| arrival.at) }))
     }
 
-    /// Ends the thread, which first reads what waits in the kernel. Then the log is complete.
+    /// Ends the thread, which first reads the rest of the kernel's buffer. Then the log is complete.
     pub(super) fn close(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // Its panic is on stderr.
+            // A panic of the thread is on stderr.
             let _ = thread.join();
         }
     }
@@ -112,7 +115,7 @@ impl Drop for LineLog {
     }
 }
 
-/// Ends the line that a killed process left, so that the next line begins at a begin. Returns the size.
+/// Ends the line that a killed process left, so that the next line starts at the start of a line. Returns the size.
 fn end_line(file: &mut File) -> io::Result<u64> {
     let size = file.seek(SeekFrom::End(0))?;
     if size == 0 {
@@ -160,7 +163,7 @@ fn receive(
         let n = match open.read(&mut buffer[..CHUNK]) {
             Ok(Some(n)) => n,
             Ok(None) => continue,
-            // A plug was pulled, or the network is down. The LiDAR goes on.
+            // A cable was unplugged, or the network is down. The LiDAR continues.
             Err(_) => {
                 shared.n_interruptions.fetch_add(1, Ordering::Relaxed);
                 link = None;
@@ -169,7 +172,7 @@ fn receive(
             }
         };
         let arrived = now();
-        // A packet ends a line.
+        // A packet also ends a line.
         let is_packet = matches!(open, Link::Udp(_));
         let n = if is_packet && n > 0 && buffer[n - 1] != b'\n' {
             buffer[n] = b'\n';
@@ -203,7 +206,7 @@ impl Link {
         }
     }
 
-    /// Number of bytes read; `None` if there are none. The error of a lost port.
+    /// Number of bytes read; `None` if no bytes wait. Fails if the port is lost.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
         let read = match self {
             Self::Udp(socket) => socket.recv(buffer),
@@ -223,12 +226,12 @@ impl Link {
 /// Reads complete lines of a growing file in bounded memory.
 struct LineFile {
     file: File,
-    /// Bytes that were read; those before `begin` have been passed on.
+    /// Bytes that were read; the bytes before `begin` have been passed on.
     buffer: Vec<u8>,
     begin: usize,
     /// Offset of the end of the buffer.
     offset: u64,
-    /// Whether the begin of the buffer is the rest of a line that was too long.
+    /// Whether the start of the buffer is the rest of a line that was too long.
     is_rest: bool,
 }
 
@@ -277,14 +280,14 @@ mod tests {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     use std::net::UdpSocket;
 
-    /// Waits until `next` gives something; far longer than any wait on a busy machine.
+    /// Waits until `next` returns a value; far longer than any wait on a busy machine.
     fn wait_for<T>(mut next: impl FnMut() -> Option<T>) -> T {
         let deadline = Instant::now() + Duration::from_mins(3);
         loop {
             if let Some(found) = next() {
                 return found;
             }
-            assert!(Instant::now() < deadline, "it does not come");
+            assert!(Instant::now() < deadline, "nothing arrives");
             std::thread::yield_now();
         }
     }
@@ -333,7 +336,7 @@ mod tests {
         let device = ptsname(&controller, Vec::new()).expect("has a name").into_string().expect("is text");
         let mut log = start(&format!("serial://{device}?baud=460800"), &path);
         let mut controller = File::from(controller);
-        // Control characters pass unchanged, and a line may come in pieces.
+        // Control characters pass unchanged, and a line may arrive in pieces.
         controller.write_all(b"1,0,0,9.81,0,0,0\r\n2,0,\x03\x11").expect("writes");
         assert_eq!(next(&mut log), "1,0,0,9.81,0,0,0\r");
         controller.write_all(b",9\n3,half").expect("writes");

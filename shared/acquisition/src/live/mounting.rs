@@ -9,7 +9,7 @@ use lidar::{Lidar, Model, Origin};
 use settings::Rule;
 use std::path::Path;
 
-/// Rule of the model of [`Mounting::find`]: empty, or a model by its name.
+/// Rule for the model of [`Mounting::find`]: empty, or a model by its name.
 pub struct EmptyOrModel;
 
 impl Rule<String> for EmptyOrModel {
@@ -28,7 +28,7 @@ pub struct Mounting {
     pub(super) rig: LiveRig,
     /// The secondary LiDARs of the rig.
     pub(super) secondary_lidars: Vec<SecondaryMounting>,
-    /// Entries of the recording's manifest for the sensors beside the LiDARs.
+    /// Entries of the recording's manifest for the auxiliary sensors.
     pub(super) auxiliary: RecordedEntries,
 }
 
@@ -39,14 +39,15 @@ pub(super) struct SecondaryMounting {
 }
 
 impl SecondaryMounting {
-    /// Its name, which [`drive::read_manifest`] has checked.
+    /// The name, which [`drive::read_manifest`] has checked.
     pub(super) fn name(&self) -> &str {
         self.entry.name.as_deref().unwrap_or_default()
     }
 }
 
 impl Mounting {
-    /// Finds the rig of a drive folder. `model` is the name of the wanted model; empty = the model of the rig or of the packets.
+    /// Finds the rig of a drive folder. `model` is the name of the requested model; empty = the model of the rig or of
+    /// the packets.
     pub fn find(drive: &Path, model: &str) -> Result<Self, LiveError> {
         let rig = LiveRig::find(drive)?;
         let wanted = Model::from_name(model);
@@ -74,13 +75,13 @@ impl Mounting {
         Ok(Self { lidar: Some(lidar), rig, secondary_lidars, auxiliary: RecordedEntries::default() })
     }
 
-    /// With entries of other sensors, which are recorded beside the LiDARs.
+    /// Adds entries of auxiliary sensors, which are recorded together with the LiDARs.
     #[must_use]
     pub fn with_auxiliary(self, auxiliary: &RecordedEntries) -> Self {
         Self { auxiliary: auxiliary.clone(), ..self }
     }
 
-    /// Fails unless there are as many addresses as LiDARs.
+    /// Fails unless the numbers of addresses and LiDARs are equal.
     pub(super) fn check_number(&self, n_addresses: usize) -> Result<(), LiveError> {
         let n_lidars = 1 + self.secondary_lidars.len();
         if n_addresses == n_lidars { Ok(()) } else { Err(LiveError::Listen { n_addresses, n_lidars }) }
@@ -101,7 +102,7 @@ impl Mounting {
 
 /// Fails if the packets of a LiDAR cannot be decoded without a file of the unit.
 fn needs_no_file(lidar: Option<&Lidar>) -> Result<(), LiveError> {
-    // The packets of some replace the file.
+    // Some packets contain the content of the file.
     let lidar = lidar.filter(|lidar| !lidar.receives_calibration());
     let Some((lidar, file)) = lidar.and_then(|lidar| Some((lidar, lidar.missing_file()?))) else { return Ok(()) };
     Err(LiveError::Calibration { model: lidar.model().name().to_owned(), file })

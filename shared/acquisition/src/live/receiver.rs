@@ -24,7 +24,7 @@ const FLUSH: Duration = Duration::from_millis(5);
 const IDLE: Duration = Duration::from_millis(50);
 /// Packets taken from one socket before the other one is read.
 const BURST: usize = 64;
-/// Packets that a full buffer of [`BUFFER`] may hold, with a margin. It limits what is read at the end, however fast the sensor
+/// Packets that a full buffer of [`BUFFER`] may hold, with a margin. It limits the final read, however fast the sensor
 /// sends.
 const MAX_HELD: usize = 16_384;
 /// The largest UDP packet.
@@ -35,7 +35,7 @@ const MAX_PACKET: usize = 65_536;
 pub(crate) struct Sockets(Vec<(UdpSocket, SocketAddrV4)>);
 
 impl Sockets {
-    /// Binds the sockets; the first is that of data packets.
+    /// Binds the sockets; the first one is for data packets.
     pub(crate) fn bind(addresses: &[SocketAddrV4]) -> Result<Self, LiveError> {
         Ok(Self(addresses.iter().map(|address| bind(*address)).collect::<Result<_, _>>()?))
     }
@@ -56,7 +56,7 @@ pub fn bind(address: SocketAddrV4) -> Result<(UdpSocket, SocketAddrV4), LiveErro
     let bound = || -> io::Result<(UdpSocket, SocketAddrV4)> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        // The first call needs a privilege; the second is limited by net.core.rmem_max. A smaller buffer works, too.
+        // The first call needs a privilege; the second is limited by net.core.rmem_max. A smaller buffer also works.
         if set_socket_recv_buffer_size_force(&socket, BUFFER).is_err() {
             let _ = set_socket_recv_buffer_size(&socket, BUFFER);
         }
@@ -113,7 +113,7 @@ impl Receiver {
         self.sockets.as_ref().map_or(0, |sockets| sockets.buffer_bytes())
     }
 
-    /// How far the capture is written.
+    /// The written part of the capture.
     pub(crate) fn frontier(&self) -> &Frontier {
         &self.frontier
     }
@@ -123,7 +123,7 @@ impl Receiver {
         self.shared.n_packets.load(Ordering::Relaxed)
     }
 
-    /// The error that ended the thread, if it ended by itself.
+    /// The error that ended the thread, if it failed.
     pub(crate) fn take_error(&self) -> Option<io::Error> {
         let has_ended = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
         let error = self.shared.error.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -168,7 +168,7 @@ impl Receiver {
     pub(crate) fn close(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // Its panic is on stderr.
+            // A panic of the thread is on stderr.
             let _ = thread.join();
         }
         self.update_dropped();
@@ -217,7 +217,7 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
     recorder.flush()
 }
 
-/// Waits for packets. Returns which sockets have some.
+/// Waits for packets. Returns for each socket whether it has packets.
 fn wait_for_packets(sockets: &Sockets, timeout: Duration) -> io::Result<Vec<bool>> {
     let mut descriptors: Vec<PollFd<'_>> =
         sockets.0.iter().map(|(socket, _)| PollFd::new(socket, PollFlags::IN)).collect();
@@ -240,7 +240,7 @@ fn take_burst(
     for n in 0..limit {
         match socket.recv_from(packet) {
             Ok((length, SocketAddr::V4(source))) => recorder.write(now(), source, address, &packet[..length])?,
-            // An IPv4 socket has no other senders.
+            // An IPv4 socket receives only from IPv4 senders.
             Ok((_, SocketAddr::V6(_))) => {}
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(n as u64),
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}

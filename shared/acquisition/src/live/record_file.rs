@@ -5,21 +5,21 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// What became of a file.
+/// Result of recording a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Recorded {
-    /// It is in the recording now.
+    /// The file is in the recording now.
     New,
-    /// It was there before.
+    /// The file was in the recording before.
     Before,
-    /// It has no content yet.
+    /// The file has no content yet.
     Empty,
-    /// It was removed, or may not be read.
+    /// The file was removed, or may not be read.
     Unreadable,
 }
 
-/// Records a complete file: by a hard link, which costs neither time nor space; on another file system by a copy. The target is
-/// complete or absent, also after a crash. The error is one of the recording's file system.
+/// Records a complete file: by a hard link, which costs neither time nor space; on another file system by a copy. The
+/// target is complete or absent, even after a crash. The error concerns the recording's file system.
 pub(super) fn record_file(source: &Path, target: &Path) -> io::Result<Recorded> {
     let Ok(found) = fs::metadata(source) else { return Ok(Recorded::Unreadable) };
     if !found.is_file() || found.len() == 0 {
@@ -30,7 +30,7 @@ pub(super) fn record_file(source: &Path, target: &Path) -> io::Result<Recorded> 
         if is_same_file || recorded.len() == found.len() {
             return Ok(Recorded::Before);
         }
-        // Its copy was taken too early.
+        // The earlier copy was taken too soon.
         return Ok(if copy(source, target)? { Recorded::Before } else { Recorded::Unreadable });
     }
     if fs::hard_link(source, target).is_ok() || copy(source, target)? {
@@ -39,7 +39,7 @@ pub(super) fn record_file(source: &Path, target: &Path) -> io::Result<Recorded> 
     Ok(Recorded::Unreadable)
 }
 
-/// `false` if the source cannot be read.
+/// Copies a file. `false` if the source cannot be read.
 fn copy(source: &Path, target: &Path) -> io::Result<bool> {
     let Ok(mut from) = File::open(source) else { return Ok(false) };
     let partial =
@@ -50,8 +50,8 @@ fn copy(source: &Path, target: &Path) -> io::Result<bool> {
     Ok(true)
 }
 
-/// Records the files of a folder and of its subfolders, `depth` levels of them, that are not recorded yet. A folder that is absent has
-/// none.
+/// Records the files of a folder and of `depth` levels of its subfolders that are not recorded yet. An absent folder
+/// has no files.
 pub(super) fn record_folder(source: &Path, target: &Path, depth: usize) -> io::Result<()> {
     let Ok(entries) = fs::read_dir(source) else { return Ok(()) };
     fs::create_dir_all(target)?;
@@ -100,7 +100,7 @@ mod tests {
         record_folder(&at("dark"), &at("recorded"), 1).expect("records");
         assert!(at("recorded/1.pgm").is_file() && at("recorded/2000000/2.pgm").is_file());
         assert!(!at("recorded/2000000/deeper").exists());
-        record_folder(&at("absent"), &at("none"), 1).expect("has none");
+        record_folder(&at("absent"), &at("none"), 1).expect("an absent folder has no files");
         assert!(!at("none").exists());
     }
 }

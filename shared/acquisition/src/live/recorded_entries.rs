@@ -1,8 +1,8 @@
-//! What the manifest of a live recording says of the sensors beside the LiDARs.
+//! Entries of a live recording's manifest for the auxiliary sensors.
 
 use drive::manifest::{CameraEntry, GnssEntry, ImuEntry, MosaicEntry};
 
-/// Entries of the manifest for the sensors beside the LiDARs.
+/// Entries of the manifest for the auxiliary sensors.
 #[derive(Clone, Debug, Default)]
 pub struct RecordedEntries {
     /// Color cameras.

@@ -13,7 +13,7 @@ use std::{fs, io};
 
 /// Folder of the captures of the first LiDAR in the recording, as in [`LidarEntry::of_captures`].
 pub(crate) const LIDAR: &str = "lidar";
-/// Names have three digits, so that they sort by number.
+/// Largest number of captures. Names have three digits, so that they sort by number.
 const MAX_CAPTURES: u32 = 1000;
 
 /// The folder and its captures; the last one is being written.
@@ -28,7 +28,7 @@ pub(crate) fn folder_of(name: &str) -> String {
     format!("{LIDAR}_{name}")
 }
 
-/// Captures of the first LiDAR in a recording's folder, sorted by name; none without the folder.
+/// Captures of the first LiDAR in a recording's folder, sorted by name; empty without the folder.
 pub fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
     captures_in(&folder.join(LIDAR))
 }
@@ -57,7 +57,7 @@ pub fn folder_inside(output: &Path, name: &str) -> Result<PathBuf, LiveError> {
 }
 
 impl Recording {
-    /// Begins the next capture: `000.pcap`, or the number after the existing captures, which are never overwritten.
+    /// Starts the next capture: `000.pcap`, or the number after the existing captures, which are never overwritten.
     pub(crate) fn begin(folder: PathBuf, lidar: &str) -> Result<(Self, Recorder), LiveError> {
         let fault = |source: io::Error| LiveError::File { path: folder.clone(), source };
         fs::create_dir_all(folder.join(lidar)).map_err(fault)?;
@@ -79,7 +79,7 @@ impl Recording {
         &self.captures
     }
 
-    /// Whether an earlier process of the run began it.
+    /// Whether an earlier process of the run started it.
     pub(crate) fn is_continued(&self) -> bool {
         self.captures.len() > 1
     }

@@ -16,8 +16,8 @@ use std::net::SocketAddrV4;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// How long packets up to the end of a sweep of the first LiDAR are awaited. A LiDAR on the same clock sends its own within some
-/// milliseconds.
+/// Longest wait for the packets up to the end of a sweep of the first LiDAR. A LiDAR on the same clock sends its own
+/// within some milliseconds.
 const WAIT: Duration = Duration::from_millis(100);
 
 /// A secondary LiDAR, its recording, and the state of its decoder.
@@ -32,13 +32,13 @@ pub struct SecondaryLidar {
     /// Size of the capture at the last attempt to find the sensor.
     examined_bytes: u64,
     tally: SecondaryTally,
-    /// Sweeps whose packets came too late.
+    /// Sweeps whose packets arrived too late.
     n_late: u64,
     reported: (ReportedCounts, SecondaryTally, u64, u64),
 }
 
 impl SecondaryLidar {
-    /// Starts the recording in `folder`. `index` is that of the LiDAR in the rig.
+    /// Starts the recording in `folder`. `index` is the index of the LiDAR in the rig.
     pub(super) fn start(
         address: SocketAddrV4,
         folder: &Path,
@@ -62,8 +62,8 @@ impl SecondaryLidar {
         })
     }
 
-    /// Passes the returns during a sweep of the first LiDAR to `sink`. Waits for their packets up to 100 ms, while packets come. Returns header and stamp;
-    /// `None` without returns.
+    /// Passes the returns during a sweep of the first LiDAR to `sink`. Waits for their packets up to 100 ms, while
+    /// packets arrive. Returns header and stamp; `None` without returns.
     pub fn next_sweep(
         &mut self,
         first: &SweepInfo,
@@ -91,12 +91,12 @@ impl SecondaryLidar {
         Ok(self.tally.add(slice, first, (self.index, n_rings)))
     }
 
-    /// Whether it sends packets now. A LiDAR that has failed must not hold up the others.
+    /// Whether it sends packets now. A LiDAR that has failed must not delay the others.
     fn is_sending(&self) -> bool {
         self.receiver.n_packets() > 0 && self.receiver.silent_s() < WAIT.as_secs_f64()
     }
 
-    /// Finds the sensor in the begin of the recording, once it is there.
+    /// Finds the sensor in the start of the recording, once it has been recorded.
     fn open_reader(&mut self) -> Result<(), LiveError> {
         let whole_bytes = self.receiver.frontier().whole_bytes();
         if self.reader.is_some() || whole_bytes == self.examined_bytes {
@@ -106,7 +106,7 @@ impl SecondaryLidar {
         let captures = self.recording.captures().to_vec();
         match SweepReader::follow(captures, self.receiver.frontier(), Some(&self.lidar)) {
             Ok(reader) => self.reader = reader,
-            // Packets of something else: the LiDAR is silent.
+            // The packets are foreign: the LiDAR is silent.
             Err(SweepError::NoSensor { .. }) => {}
             Err(error) => return Err(error.into()),
         }
@@ -154,7 +154,7 @@ impl SecondaryLidar {
         }
     }
 
-    /// What it sent, if it gave no returns during any sweep of the first LiDAR.
+    /// Name and number of packets of a LiDAR that gave no returns during any sweep of the first LiDAR.
     pub fn silence(&self) -> Option<String> {
         let is_silent = self.tally.ticks > 0 && self.tally.sweeps == 0;
         is_silent.then(|| format!("lidar {} ({} packets, no returns)", self.name, self.receiver.n_packets()))

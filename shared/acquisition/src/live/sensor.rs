@@ -14,12 +14,12 @@ use std::time::Instant;
 
 /// Size of a packet's record in a capture without the payload: record header, Ethernet, IP and UDP.
 const HEADER_BYTES: u64 = 16 + 42;
-/// Revolution of a sensor at 10 Hz, until one has been measured.
+/// Revolution of a sensor at 10 Hz, used until one has been measured.
 const TURN_NANOS: u64 = 100_000_000;
 /// Least share of a revolution that measures the size of a revolution.
 const COMPLETE: f64 = 0.9;
 
-/// When sweeps are discarded, and when the sensor is given up.
+/// Limits for discarding sweeps and for giving up the sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct LiveLimits {
     /// Least share of a revolution, 0 to 1. Smaller sweeps are discarded.
@@ -43,7 +43,7 @@ pub struct LiveSensor {
     examined_bytes: u64,
     has_no_sensor: bool,
     current: CurrentSweep,
-    /// Where the current sweep begins in the capture.
+    /// Start of the current sweep in the capture.
     begin_bytes: u64,
     revolution_bytes: u64,
     n_sweeps: u64,
@@ -64,9 +64,9 @@ enum CurrentSweep {
 pub enum LivePoll {
     /// A sweep is complete, with the number of rings of the sensor and the fixes up to its end.
     Sweep(SweepInfo, usize, Vec<Fix>),
-    /// The sweep is discarded; so must be its points.
+    /// The sweep is discarded, and its points must be discarded.
     Discarded,
-    /// The packets are not those of the sensor. They are recorded, not decoded.
+    /// The packets do not belong to the sensor. They are recorded, not decoded.
     NoSensor(SweepError),
     /// All packets were read.
     Waiting,
@@ -84,7 +84,7 @@ pub struct Discarded {
 }
 
 impl LiveSensor {
-    /// Starts the recording in `folder`. The first address is that of data packets, the second that of position packets.
+    /// Starts the recording in `folder`. The first address is for data packets, the second for position packets.
     pub fn start(
         addresses: [SocketAddrV4; 2],
         folder: PathBuf,
@@ -126,7 +126,7 @@ impl LiveSensor {
         Ok(())
     }
 
-    /// Fails if packets have arrived for too long, all of them were read, and none gave a sweep.
+    /// Fails if packets have arrived for too long, all of them were read, and no sweep was found.
     pub fn check_decoded(&self) -> Result<(), LiveError> {
         let seconds = self.receiver.span_s();
         let limit = self.limits.max_undecoded_s;
@@ -201,11 +201,11 @@ impl LiveSensor {
         Ok(())
     }
 
-    /// Finds the sensor in the begin of the recording. `None` if it is found.
+    /// Finds the sensor in the start of the recording. `None` if it is found.
     fn open_reader(&mut self) -> Result<Option<LivePoll>, LiveError> {
         let frontier = self.receiver.frontier();
         let unchanged = if frontier.is_closed() { LivePoll::Ended } else { LivePoll::Waiting };
-        // After the close the last packets count, too.
+        // After the close, the last packets also count.
         let whole_bytes = frontier.whole_bytes() + u64::from(frontier.is_closed());
         if self.has_no_sensor || whole_bytes == self.examined_bytes {
             return Ok(Some(unchanged));

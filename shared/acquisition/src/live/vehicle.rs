@@ -1,4 +1,4 @@
-//! All sensors of a live vehicle: what their settings mean, and what is reported of them.
+//! All sensors of a live vehicle: the interpretation of their settings, and their reports.
 
 use super::auxiliary::{AuxiliaryLimits, AuxiliarySensors, AuxiliarySources};
 use super::mounting::Mounting;
@@ -13,10 +13,11 @@ use drive::SweepInfo;
 use std::net::SocketAddrV4;
 use std::path::{Path, PathBuf};
 
-/// With a smaller buffer a stall of the disk soon drops packets: an HDL-32E fills 4 MiB per second, with bookkeeping.
+/// Recommended size of the receive buffer. With a smaller one, a stall of the disk soon drops packets: an HDL-32E fills
+/// 4 MiB per second, with bookkeeping.
 const RECOMMENDED_BUFFER: usize = 4 << 20;
 
-/// Where the sensors send to, and how they are read.
+/// Addresses of the sensors, and limits for reading them.
 #[derive(Clone, Debug)]
 pub struct LivePlan<'a> {
     /// Drive folder or manifest with the rig.
@@ -29,19 +30,19 @@ pub struct LivePlan<'a> {
     pub listen: &'a str,
     /// Address of the first LiDAR's position packets.
     pub position_listen: &'a str,
-    /// Model of the first LiDAR; empty = that of the rig or of the packets.
+    /// Model of the first LiDAR; empty = the model of the rig or of the packets.
     pub model: &'a str,
     /// Folder of the grabber.
     pub cameras: Option<PathBuf>,
     /// Source of NMEA sentences; empty = the position packets.
     pub gnss: &'a str,
-    /// Source of IMU samples; empty = none.
+    /// Source of IMU samples; empty = no IMU.
     pub imu: &'a str,
     /// Limits of the LiDAR.
     pub limits: LiveLimits,
     /// Limits of the other sensors.
     pub auxiliary_limits: AuxiliaryLimits,
-    /// Which images are published.
+    /// Rule for the images that are published.
     pub trigger: Trigger,
 }
 
@@ -51,13 +52,13 @@ pub struct LiveVehicle {
     pub lidar: LiveSensor,
     /// The secondary LiDARs.
     pub secondary_lidars: Vec<SecondaryLidar>,
-    /// The sensors beside the LiDARs.
+    /// The auxiliary sensors.
     pub auxiliary: AuxiliarySensors,
     n_packets: u64,
 }
 
 impl LivePlan<'_> {
-    /// What prevents receiving or recording: settings and texts.
+    /// Problems that prevent receiving or recording: settings and texts.
     pub fn problems(&self) -> Vec<(&'static str, String)> {
         let problem = |error: &LiveError| (error.key(), error.to_string());
         let mut problems = Vec::new();
@@ -69,7 +70,7 @@ impl LivePlan<'_> {
                 Err(error) => problems.push((key, error.to_string())),
             }
         }
-        // A rig that cannot be read is one problem, not one of each sensor.
+        // A rig that cannot be read is one problem, not one problem for each sensor.
         let auxiliary = match self.mounting() {
             Err(error) => vec![error],
             Ok(_) => self.auxiliary_sources().map_or_else(|errors| errors, |sources| sources.check()),
@@ -102,7 +103,7 @@ impl LivePlan<'_> {
         Ok(LiveVehicle { lidar, secondary_lidars, auxiliary, n_packets: 0 })
     }
 
-    /// One for each LiDAR; at least one.
+    /// Addresses of the LiDARs, one for each; at least one.
     fn listens(&self) -> impl Iterator<Item = &str> {
         self.listen.split(',').map(str::trim)
     }
@@ -113,7 +114,7 @@ impl LivePlan<'_> {
         Ok(mounting)
     }
 
-    /// The error has at least one problem.
+    /// Finds the auxiliary sources. The error has at least one problem.
     fn auxiliary_sources(&self) -> Result<AuxiliarySources, Vec<LiveError>> {
         AuxiliarySources::find(self.cameras.clone(), self.gnss, self.imu, self.drive)
     }
@@ -125,7 +126,8 @@ impl LiveVehicle {
         1 + self.secondary_lidars.len()
     }
 
-    /// Adds a sweep of the first LiDAR that was published: what is measured up to its end is due. Measures the clocks of the LiDARs.
+    /// Adds a published sweep of the first LiDAR: measurements up to its end are due. Measures the clocks of the
+    /// LiDARs.
     pub fn add_sweep(&mut self, sweep: &SweepInfo) {
         self.auxiliary.add_sweep(sweep, self.lidar.take_arrival());
         for lidar in &mut self.secondary_lidars {
@@ -134,7 +136,7 @@ impl LiveVehicle {
         }
     }
 
-    /// Ends the reception; what waits is recorded first.
+    /// Ends the reception. Waiting data is recorded first.
     pub fn close(&mut self) {
         self.lidar.close();
         self.secondary_lidars.iter_mut().for_each(SecondaryLidar::close);

@@ -1,4 +1,4 @@
-//! What was published and lost of a recorded drive, for the summary of the run.
+//! Published and lost data of a recorded drive, for the summary of the run.
 
 use super::{BadLines, CameraFileError, DrivePosition, DriveReader, Due, SkippedAtBegin};
 use crate::counters::ReportedCounts;
@@ -19,10 +19,10 @@ pub struct News {
     pub notes: Vec<String>,
 }
 
-/// What was published of a drive, and what has been reported of its losses.
+/// Published data of a drive, and its losses that have been reported.
 #[derive(Default)]
 pub struct DriveAccount {
-    /// What was published.
+    /// Published data.
     pub tally: Tally,
     /// Damaged files reported so far.
     n_reported: usize,
@@ -40,7 +40,7 @@ pub struct SavedDrive {
 }
 
 impl News {
-    /// What is known before the first tick.
+    /// The account before the first tick.
     pub fn initial(reader: &DriveReader) -> Self {
         let drive = reader.drive();
         let mut news = Self { counts: named(reader.initial_counts().named()), notes: Vec::new() };
@@ -97,7 +97,8 @@ impl DriveAccount {
         }
     }
 
-    /// Adds what a tick published: fixes with a height, and damaged camera files with the names of their counters.
+    /// Adds the data that a tick published: fixes with a height, and damaged camera files with the names of their
+    /// counters.
     pub fn add_published(&mut self, due: &Due<'_>, n_gnss_rows: u64, damaged: Vec<(&'static str, CameraFileError)>) {
         self.tally.fixes += due.fixes.len() as u64;
         self.tally.gnss_rows += n_gnss_rows;
@@ -110,7 +111,7 @@ impl DriveAccount {
         self.add_bad_imu_lines(&due.bad_imu_lines);
     }
 
-    /// Adds what was skipped before the first sweep. It is reported, but causes no doubt about the drive.
+    /// Adds the data that was skipped before the first sweep. It is reported, but causes no doubt about the drive.
     pub fn add_skipped(&mut self, skipped: &SkippedAtBegin) {
         self.news.counts.push(("frames_before_sweeps".into(), skipped.frames));
         self.add_bad_imu_lines(&skipped.bad_imu_lines);
@@ -133,7 +134,7 @@ impl DriveAccount {
         self.n_reported += 1;
     }
 
-    /// Collects the doubts about what was read.
+    /// Collects the doubts about the data that was read.
     pub fn doubt(&self, reader: &DriveReader, doubts: &mut Doubts) {
         let source = reader.source();
         let initial = reader.initial_counts();

@@ -1,4 +1,4 @@
-//! Decodes camera files directly into memory of the caller.
+//! Decodes camera files directly into the caller's memory.
 
 use drive::manifest::{CameraEntry, MosaicEntry};
 use formats::jpeg::{self, JpegError};
@@ -15,7 +15,7 @@ pub struct CameraFileError {
     source: CameraFileFault,
 }
 
-/// What is wrong with a camera file.
+/// The fault of a camera file.
 #[derive(Debug, thiserror::Error)]
 enum CameraFileFault {
     #[error(transparent)]
@@ -41,8 +41,9 @@ impl CameraFileError {
     }
 }
 
-/// Decodes a color image of the camera. `pixels` has three bytes for each pixel of the camera. The decoder panics on some damaged
-/// files (`tests/fuzz_targets/corpus/jpeg`): callers must catch that, see [`CameraFileError::decoder_panicked`].
+/// Decodes a color image of the camera. `pixels` has three bytes for each pixel of the camera. The decoder panics on
+/// some damaged files (`tests/fuzz_targets/corpus/jpeg`): callers must catch the panic, see
+/// [`CameraFileError::decoder_panicked`].
 pub fn image_into(path: &Path, entry: &CameraEntry, pixels: &mut [u8]) -> Result<(), CameraFileError> {
     let mut decoded = || -> Result<(), CameraFileFault> {
         let bytes = std::fs::read(path)?;
@@ -81,7 +82,8 @@ pub fn mosaic_into(path: &Path, entry: &MosaicEntry, samples: &mut [u16]) -> Res
     decoded().map_err(|source| CameraFileError { path: path.to_owned(), source })
 }
 
-/// The manifest has the camera's size, so the header of a file cannot make the caller allocate more.
+/// Checks the size of an image. The manifest has the camera's size, so the header of a file cannot make the caller
+/// allocate more.
 fn check_size(found: (u32, u32), expected: (u32, u32)) -> Result<(), CameraFileFault> {
     if found == expected {
         return Ok(());

@@ -16,15 +16,15 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// A shorter part of a drive may lie between two fixes.
+/// Shortest part in which a sensor must have data. A shorter part of a drive may lie between two fixes.
 const MIN_SENSOR_NANOS: i64 = 2_000_000_000;
-/// Fixes per tick at most: 200 s of a receiver at 20 Hz, after a gap in the sweeps.
+/// Largest number of fixes per tick: 200 s of a receiver at 20 Hz, after a gap in the sweeps.
 const MAX_FIXES: usize = 4096;
 
 /// The part of a drive to read.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// Begin, s after the first sweep.
+    /// Start, s after the first sweep.
     pub start_s: f64,
     /// End, s after the first sweep; 0 = the end of the drive.
     pub end_s: f64,
@@ -46,7 +46,7 @@ pub struct DriveReader {
     at: Progress,
 }
 
-/// Where the next tick begins, in addition to the source's own position.
+/// Start of the next tick, in addition to the source's own position.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Progress {
     /// Stamp of the first sweep of the drive.
@@ -80,7 +80,7 @@ pub struct InitialCounts {
     pub skipped_images: u64,
     /// Mosaics that do not pass the trigger rule.
     pub skipped_mosaics: u64,
-    /// Files whose name is no stamp.
+    /// Files whose name is not a stamp.
     pub strange_files: u64,
     /// Sentences of the GNSS receiver.
     pub log: LogStats,
@@ -110,7 +110,7 @@ pub struct SkippedAtBegin {
     pub bad_imu_lines: BadLines,
 }
 
-/// What the other sensors measured up to the end of a sweep.
+/// Measurements of the other sensors up to the end of a sweep.
 pub struct Due<'a> {
     /// The manifest of the drive.
     pub manifest: &'a Manifest,
@@ -126,8 +126,8 @@ pub struct Due<'a> {
     pub bad_imu_lines: BadLines,
 }
 
-/// Why a drive cannot be read, found before the run starts. A folder that is missing may be simulated first; the supervisor checks
-/// that.
+/// Reasons why a drive cannot be read, found before the run starts. A missing folder may be simulated first; the
+/// supervisor checks this.
 pub fn drive_problems(folder: &Path) -> Vec<String> {
     if !folder.exists() {
         return Vec::new();
@@ -138,7 +138,7 @@ pub fn drive_problems(folder: &Path) -> Vec<String> {
     }
 }
 
-/// Why no sweep can be read from the captures of a drive: found from their first packets, before the run starts.
+/// Reason why no sweep can be read from the captures of a drive, found from their first packets, before the run starts.
 fn wrong_captures(lidar: &DriveLidar, index: usize) -> Option<String> {
     if lidar.format != "pcap" || lidar.files.is_empty() {
         return None;
@@ -146,7 +146,7 @@ fn wrong_captures(lidar: &DriveLidar, index: usize) -> Option<String> {
     match OtherModel::find(&lidar.files, &lidar.lidar) {
         Ok(Some(other)) => Some(other.to_string()),
         Ok(None) => match SweepSource::open(lidar) {
-            // Without another LiDAR than the first, the drive still has ticks.
+            // Without a secondary LiDAR, the drive still has ticks.
             Err(SweepError::NoSensor { .. }) if index > 0 => None,
             opened => opened.err().map(|error| error.to_string()),
         },
@@ -155,7 +155,7 @@ fn wrong_captures(lidar: &DriveLidar, index: usize) -> Option<String> {
 }
 
 impl InitialCounts {
-    /// With the names of their counters.
+    /// Counts with the names of their counters.
     pub fn named(&self) -> [(&'static str, u64); 7] {
         [
             ("images_skipped_by_trigger", self.skipped_images),
@@ -226,8 +226,8 @@ impl DriveReader {
         self.secondary_lidars.len()
     }
 
-    /// Passes the points of another LiDAR during `sweep`, which [`DriveReader::next_sweep`] returned last, to `sink`. Returns header and
-    /// stamp; `None` without points. `index` counts from the first secondary LiDAR.
+    /// Passes the points of a secondary LiDAR during `sweep`, which [`DriveReader::next_sweep`] returned last, to
+    /// `sink`. Returns header and stamp; `None` without points. `index` counts from the first secondary LiDAR.
     pub fn next_sweep_of_secondary(
         &mut self,
         index: usize,
@@ -237,12 +237,12 @@ impl DriveReader {
         self.secondary_lidars.next_sweep(index, sweep, sink)
     }
 
-    /// Counters and damaged files of the other LiDARs since the last call.
+    /// Counters and damaged files of the secondary LiDARs since the last call.
     pub(super) fn take_news_of_secondary_lidars(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
         self.secondary_lidars.take_news()
     }
 
-    /// Collects the doubts about the other LiDARs.
+    /// Collects the doubts about the secondary LiDARs.
     pub(super) fn doubt_secondary_lidars(&self, doubts: &mut Doubts) {
         self.secondary_lidars.doubt(doubts);
     }
@@ -260,7 +260,7 @@ impl DriveReader {
         self.at.begun.is_some()
     }
 
-    /// Takes what the other sensors measured before `end`, and not more than one tick may have.
+    /// Takes the measurements of the other sensors before `end`, up to the limits of one tick.
     pub fn take_before(&mut self, end: i64) -> Due<'_> {
         let manifest = self.drive.manifest();
         let of_packets = self.source.take_fixes();
@@ -280,7 +280,7 @@ impl DriveReader {
         self.images.n_left() + self.mosaics.n_left()
     }
 
-    /// Number of exposures before the first or after the last sweep, and of all. `None` without a sweep.
+    /// Numbers of exposures before the first or after the last sweep, and of all exposures. `None` without a sweep.
     pub fn frames_outside(&self) -> Option<(u64, u64)> {
         let frames = || self.drive.camera_frames().iter().chain(self.drive.mosaic_frames());
         let first = self.at.first?;
@@ -288,7 +288,8 @@ impl DriveReader {
         Some((frames().filter(is_outside).count() as u64, frames().count() as u64))
     }
 
-    /// LiDARs without points, cameras without a file, and other sensors without a message. `n_fixes` and `n_samples` were read.
+    /// LiDARs without points, cameras without a file, and other sensors without a message. `n_fixes` and `n_samples`
+    /// were read.
     pub fn silent_sensors(&self, n_fixes: u64, n_samples: u64) -> Vec<String> {
         let manifest = self.drive.manifest();
         let has_none = |frames: &[Frame], camera: usize| !frames.iter().any(|frame| frame.camera == camera);

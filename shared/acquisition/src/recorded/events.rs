@@ -9,7 +9,7 @@ pub(crate) struct Events<T> {
 }
 
 impl<T> Events<T> {
-    /// `events` must be sorted by stamp.
+    /// A list at its start. `events` must be sorted by stamp.
     pub(crate) fn new(events: Vec<T>, stamp_of: fn(&T) -> i64) -> Self {
         Self { events, stamp_of, next: 0 }
     }
@@ -40,7 +40,7 @@ impl<T> Events<T> {
         &self.events[first..self.next]
     }
 
-    /// How many are left.
+    /// Number of events left.
     pub(crate) fn n_left(&self) -> u64 {
         (self.events.len() - self.next.min(self.events.len())) as u64
     }

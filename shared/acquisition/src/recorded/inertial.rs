@@ -5,7 +5,8 @@ use messages::ImuRow;
 use std::fs::File;
 use std::io::BufReader;
 
-/// Samples per tick at most. A tick has 20 at 200 Hz; after a gap in the sweeps the rest follow in the next ticks.
+/// Largest number of samples per tick. A tick has 20 at 200 Hz; after a gap in the sweeps the rest follow in the next
+/// ticks.
 const MAX_ROWS: usize = 10_000;
 
 /// Damaged lines of the log.
@@ -21,19 +22,19 @@ pub struct BadLines {
 pub(crate) struct Inertial {
     reader: Option<ImuReader<BufReader<File>>>,
     ahead: Option<ImuSample>,
-    /// Since the last call of [`Inertial::take_errors`].
+    /// Damaged lines since the last call of [`Inertial::take_errors`].
     bad: BadLines,
 }
 
 impl Inertial {
-    /// `None`: the drive has no such sensor.
+    /// Opens the log. `None`: the drive has no such sensor.
     pub(crate) fn new(reader: Option<ImuReader<BufReader<File>>>) -> Self {
         let mut inertial = Self { reader, ahead: None, bad: BadLines::default() };
         inertial.advance();
         inertial
     }
 
-    /// Skips samples before `begin`. Returns the bad lines before them; those after the last one are of the time from `begin` on.
+    /// Skips samples before `begin`. Returns the damaged lines before them; later ones count as after `begin`.
     pub(crate) fn skip_before(&mut self, begin: i64) -> BadLines {
         let mut skipped = BadLines::default();
         while self.ahead.is_some_and(|sample| sample.stamp.0 < begin) {
@@ -57,7 +58,7 @@ impl Inertial {
         rows
     }
 
-    /// Bad lines since the last call.
+    /// Damaged lines since the last call.
     pub(crate) fn take_errors(&mut self) -> BadLines {
         std::mem::take(&mut self.bad)
     }

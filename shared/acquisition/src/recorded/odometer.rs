@@ -3,7 +3,7 @@
 use geometry::Stamp;
 use lidar::nmea::Fix;
 
-/// Over a longer gap between fixes the path length is unknown.
+/// Largest gap between fixes. Over a longer gap the path length is unknown.
 const MAX_GAP_S: f64 = 5.0;
 /// Mean radius of the earth, m; good to 0.5 % for distances.
 const EARTH_M: f64 = 6_371_000.0;
@@ -74,10 +74,10 @@ impl Mark {
     }
 }
 
-/// On a sphere, with the formula for short distances.
+/// Distance on a sphere, by the formula for short distances.
 fn distance_m(from: [f64; 2], to: [f64; 2]) -> f64 {
     let north = (to[0] - from[0]).to_radians();
-    // Also across the date line.
+    // Also valid across the date line.
     let east = ((to[1] - from[1] + 540.0).rem_euclid(360.0) - 180.0).to_radians() * from[0].to_radians().cos();
     EARTH_M * north.hypot(east)
 }

@@ -26,7 +26,7 @@ struct SecondaryLidar {
 
 enum Source {
     Sweeps(SweepSource),
-    /// Why the LiDAR has no data.
+    /// The LiDAR has no data, for this reason.
     Absent(String),
 }
 
@@ -99,7 +99,7 @@ impl SecondaryLidars {
         (counts, damage)
     }
 
-    /// Why LiDARs have no data.
+    /// LiDARs without data, with the reasons.
     pub fn silent(&self) -> impl Iterator<Item = String> {
         self.0.iter().filter_map(|lidar| match &lidar.source {
             Source::Absent(reason) => Some(format!("lidar {} ({reason})", lidar.name)),

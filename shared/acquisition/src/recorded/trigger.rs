@@ -16,19 +16,19 @@ const DISTANCE_SHARE: f64 = 0.9;
 /// Limits of the rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trigger {
-    /// Between exposures, s; 0 = any.
+    /// Time between exposures, s; 0 = any.
     period_s: f64,
-    /// Between exposures, m; 0 = any.
+    /// Distance between exposures, m; 0 = any.
     distance_m: f64,
 }
 
 impl Trigger {
-    /// Largest rate, Hz, and least distance between exposures, m; 0 = no limit.
+    /// A rule with the largest rate, Hz, and the least distance between exposures, m; 0 = no limit.
     pub fn new(hz: f64, distance_m: f64) -> Self {
         Self { period_s: if hz > 0.0 { 1.0 / hz } else { 0.0 }, distance_m }
     }
 
-    /// The exposures that pass the rule, for each camera separately, and the number of those that do not.
+    /// The exposures that pass the rule, for each camera separately, and the number of the others.
     pub(crate) fn thin_out(&self, frames: &[Frame], odometer: &Odometer) -> (Vec<Frame>, u64) {
         let mut last_of: BTreeMap<usize, Stamp> = BTreeMap::new();
         let passes = |frame: &&Frame| {
@@ -43,7 +43,7 @@ impl Trigger {
         (kept, n_skipped)
     }
 
-    /// Whether an exposure passes the rule after the last one that did.
+    /// Whether an exposure passes the rule, given the last exposure that passed.
     pub(crate) fn is_due(&self, last: Stamp, stamp: Stamp, odometer: &Odometer) -> bool {
         let in_time = stamp.seconds_since(last) >= PERIOD_SHARE * self.period_s;
         // Without a fix the vehicle may have moved.
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn free_running_cameras_are_thinned_out() {
-        // Stands for three seconds, then drives at 5 m/s.
+        // The vehicle stands for three seconds, then drives at 5 m/s.
         let speeds: Vec<f64> = (0..12).map(|s| if s < 4 { 0.0 } else { 5.0 }).collect();
         let odometer = Odometer::new(&fixes(&speeds));
         let (kept, n_skipped) = Trigger::new(1.0, 1.0).thin_out(&frames(2, 10, 10), &odometer);

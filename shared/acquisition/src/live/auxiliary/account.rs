@@ -1,4 +1,4 @@
-//! What is reported of the sensors beside the LiDAR at the end of a run.
+//! Report of the auxiliary sensors at the end of a run.
 
 use super::{AuxiliarySensors, LIDAR};
 use crate::doubts::Doubts;
@@ -11,7 +11,7 @@ use lidar::nmea::LogStats;
 const MIN_SENSOR_NANOS: i64 = 2_000_000_000;
 
 impl AuxiliarySensors {
-    /// Counts what no sweep takes.
+    /// Counts the data that no sweep takes.
     pub fn discard_rest(&mut self) {
         if let Some(frames) = &mut self.frames {
             frames.discard_rest();
@@ -67,8 +67,8 @@ impl AuxiliarySensors {
         sensors
     }
 
-    /// Sensors whose clock differs from that of the first LiDAR. Images and sentences come later than they were measured, and how much
-    /// later is not known: up to the limit of lateness that is no offset.
+    /// Sensors whose clock differs from the clock of the first LiDAR. Images and sentences arrive later than they were
+    /// measured, by an unknown delay: up to the limit of lateness it does not count as an offset.
     fn doubt_clocks(&self, doubts: &mut Doubts) {
         let estimates = self.clocks.estimates();
         let Some((_, lidar)) = estimates.iter().find(|(name, _)| *name == LIDAR) else { return };

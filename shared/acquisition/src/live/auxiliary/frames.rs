@@ -9,7 +9,8 @@ use geometry::Stamp;
 use lidar::nmea::Fix;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Images that wait for a sweep. A clock that is ahead of the LiDAR's would otherwise fill the memory.
+/// Largest number of images that wait for a sweep. A clock that is ahead of the LiDAR's would otherwise fill the
+/// memory.
 const MAX_WAITING: usize = 10_000;
 /// Fixes that the trigger rule needs: 100 s at 10 Hz.
 const MAX_FIXES: usize = 1000;
@@ -17,20 +18,20 @@ const MAX_FIXES: usize = 1000;
 /// An image to publish.
 #[derive(Clone, Debug)]
 pub enum DueFrame {
-    /// Of a color camera.
+    /// Image of a color camera.
     Color(Frame),
-    /// Of a mosaic camera.
+    /// Image of a mosaic camera.
     Mosaic(Frame),
 }
 
-/// Numbers of images by what became of them.
+/// Numbers of images by outcome.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FrameCounts {
     /// Before the first sweep.
     pub(super) before: u64,
     /// After the last sweep, or left out because too many waited for a sweep.
     pub(super) after: u64,
-    /// Came too late after the sweep of their time.
+    /// Arrived too late after the sweep of their time.
     pub(super) late: u64,
     skipped_images: u64,
     skipped_mosaics: u64,
@@ -43,7 +44,7 @@ pub(super) struct Frames {
     /// Name of each camera among the clocks.
     names: BTreeMap<(CameraKind, usize), String>,
     waiting: BTreeMap<(i64, CameraKind, usize), Frame>,
-    /// Images recorded of each camera.
+    /// Number of recorded images of each camera.
     received: BTreeMap<(CameraKind, usize), u64>,
     trigger: Trigger,
     last_of: BTreeMap<(CameraKind, usize), Stamp>,
@@ -93,8 +94,8 @@ impl Frames {
         Ok(())
     }
 
-    /// The oldest image before the end of the last sweep. Those before the first sweep, those that come more than `max_late` after the
-    /// end of the last one, and those that the trigger rule leaves out are counted and skipped.
+    /// The oldest image before the end of the last sweep. Counts and skips images before the first sweep, images that
+    /// arrive more than `max_late` after the end of the last sweep, and images that the trigger rule leaves out.
     pub(super) fn next_due(&mut self, [begin, end]: [i64; 2], max_late: i64) -> Option<DueFrame> {
         while let Some(first) = self.waiting.first_entry().filter(|first| first.key().0 < end) {
             let ((stamp, kind, camera), frame) = first.remove_entry();
@@ -116,7 +117,7 @@ impl Frames {
         None
     }
 
-    /// Whether the trigger rule passes an image. The distance is that of the fixes that have arrived.
+    /// Whether the trigger rule passes an image. The distance is computed from the fixes that have arrived.
     fn passes(&mut self, camera: (CameraKind, usize), stamp: Stamp) -> bool {
         let fixes = self.fixes.make_contiguous();
         let passes =

@@ -10,11 +10,12 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Fixes per tick at most, as in a recorded drive.
+/// Largest number of fixes per tick, as in a recorded drive.
 const MAX_FIXES: usize = 4096;
-/// Samples per tick at most, as in a recorded drive.
+/// Largest number of samples per tick, as in a recorded drive.
 const MAX_SAMPLES: usize = 10_000;
-/// Measurements that wait for the sweep of their time. A clock that is ahead of the LiDAR's would otherwise fill the memory.
+/// Largest number of measurements that wait for their sweep. A clock that is ahead of the LiDAR's would otherwise fill
+/// the memory.
 const MAX_WAITING: usize = 100_000;
 /// Names among the clocks.
 const GNSS: &str = "gnss";
@@ -25,7 +26,7 @@ pub(super) struct FixLog {
     path: PathBuf,
     log: LineLog,
     joiner: FixJoiner,
-    /// How late the stamps are.
+    /// Delay of the stamps.
     delay_nanos: i64,
     waiting: VecDeque<Fix>,
     is_closed: bool,
@@ -33,7 +34,7 @@ pub(super) struct FixLog {
     n_interruptions: u64,
 }
 
-/// Fixes that were read now, and those of the time up to the last sweep.
+/// Fixes that were just read, and fixes up to the last sweep.
 pub(super) struct TakenFixes {
     pub(super) new: Vec<Fix>,
     pub(super) due: Vec<Fix>,
@@ -49,7 +50,7 @@ impl FixLog {
     pub(super) fn take_due(&mut self, span: Option<[i64; 2]>, clocks: &mut Clocks) -> Result<TakenFixes, LiveError> {
         let mut new = Vec::new();
         while let Some(line) = next_line(&mut self.log, &self.path)? {
-            // Only this sentence has the date, so a stamp can be compared.
+            // Only this sentence has the date, so its stamp can be compared.
             let sentence = std::str::from_utf8(&line.text).ok().and_then(|text| nmea::parse(text).ok());
             if let (Some(Sentence::Rmc(rmc)), Some(arrived)) = (sentence, line.arrived)
                 && let Some(stamp) = rmc.stamp
@@ -104,7 +105,7 @@ impl SampleLog {
         Self { path, log, parser, waiting: VecDeque::new(), n_left_out: 0, n_interruptions: 0 }
     }
 
-    /// Samples of the time up to the last sweep, and errors of damaged lines.
+    /// Samples up to the last sweep, and errors of damaged lines.
     pub(super) fn take_due(
         &mut self,
         span: Option<[i64; 2]>,
@@ -147,12 +148,12 @@ impl SampleLog {
     }
 }
 
-/// How much a count has grown since the last call.
+/// Growth of a count since the last call.
 fn take_new(count: u64, before: &mut u64) -> u64 {
     count - std::mem::replace(before, count)
 }
 
-/// The next line; fails if the thread has failed.
+/// The next line. Fails if the thread has failed.
 fn next_line(log: &mut LineLog, path: &Path) -> Result<Option<Line>, LiveError> {
     let fault = |source: io::Error| LiveError::File { path: path.to_owned(), source };
     if let Some(error) = log.take_error() {
@@ -161,7 +162,7 @@ fn next_line(log: &mut LineLog, path: &Path) -> Result<Option<Line>, LiveError> 
     log.next_line().map_err(fault)
 }
 
-/// Takes what was measured from the first sweep up to the end of the last one; drops what was measured before. Stamps rise.
+/// Takes the measurements from the first sweep up to the end of the last one; drops earlier measurements. Stamps rise.
 fn take_due<T>(
     waiting: &mut VecDeque<T>,
     stamp_of: impl Fn(&T) -> i64,

@@ -1,14 +1,14 @@
-//! Dark and white frames of the mosaic cameras. They are recorded when the run starts; later ones are only reported, because cubes of a
-//! run have the references of its start.
+//! Dark and white frames of the mosaic cameras. They are recorded when the run starts; later ones are only reported,
+//! because the cubes of a run use the references of its start.
 
 use crate::live::record_file::record_folder;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{fs, io};
 
-/// Folders beside the images of a mosaic camera.
+/// Folders next to the images of a mosaic camera.
 const FOLDERS: [&str; 2] = ["dark", "white"];
-/// Between two searches for later frames.
+/// Interval of the searches for later frames.
 const INTERVAL: Duration = Duration::from_secs(10);
 
 /// The references of all mosaic cameras.
@@ -30,7 +30,7 @@ struct Folder {
 }
 
 impl References {
-    /// Records the frames of a camera: those beside its images, else those of the rig.
+    /// Records the frames of a camera: the frames next to its images, else the frames of the rig.
     pub fn record(&mut self, camera: &str, images: &Path, of_rig: &Path, recorded: &Path) -> io::Result<()> {
         for name in FOLDERS {
             let beside_images = images.join(name);
@@ -105,7 +105,7 @@ mod tests {
         let recorded = at("recording/hs03");
         references.record("hs03", &at("grabber/hs03"), &at("rig/hs03"), &recorded).expect("records");
         assert!(recorded.join("dark/1.pgm").is_file() && recorded.join("white/3.pgm").is_file());
-        assert!(!recorded.join("dark/2.pgm").exists(), "those beside the images go first");
+        assert!(!recorded.join("dark/2.pgm").exists(), "frames next to the images take precedence");
         assert_eq!(references.added(false), (0, Vec::new()));
         fs::write(at("grabber/hs03/dark/2000000/4.pgm"), "frame").expect("writes");
         assert_eq!(references.added(false), (0, Vec::new()), "not yet again");

@@ -1,4 +1,4 @@
-//! Where the sensors beside the LiDAR send to, checked against the rig.
+//! Sources of the auxiliary sensors, checked against the rig.
 
 use super::frames::Frames;
 use super::logs::{FixLog, SampleLog};
@@ -23,10 +23,10 @@ use std::{fs, io};
 /// Names of the logs in the recording.
 const GNSS_FILE: &str = "gnss.nmea";
 const IMU_FILE: &str = "imu.csv";
-/// Begin of the recording, ns: a restarted process takes images from then on.
+/// File with the start of the recording, ns: a restarted process takes images from then on.
 const BEGIN_FILE: &str = "begin.txt";
 
-/// Sources of the sensors beside the LiDAR.
+/// Sources of the auxiliary sensors.
 #[derive(Clone, Debug, Default)]
 pub struct AuxiliarySources {
     /// Folder with the folders of the cameras.
@@ -38,8 +38,8 @@ pub struct AuxiliarySources {
 }
 
 impl AuxiliarySources {
-    /// From the settings of the same names, where empty = none; a folder of cameras is absolute. `rig` is a drive folder or a manifest.
-    /// All problems are reported.
+    /// Finds the sources from the settings of the same names, where an empty text means no source; a folder of cameras
+    /// is absolute. `rig` is a drive folder or a manifest. All problems are reported.
     pub fn find(cameras: Option<PathBuf>, gnss: &str, imu: &str, rig: &Path) -> Result<Self, Vec<LiveError>> {
         let mut problems = Vec::new();
         let found = match LiveRig::find(rig) {
@@ -75,7 +75,7 @@ impl AuxiliarySources {
         if problems.is_empty() { Ok(Self { cameras, gnss, imu, rig }) } else { Err(problems) }
     }
 
-    /// Why an address cannot be opened now.
+    /// Addresses that cannot be opened now, with the reasons.
     pub fn check(&self) -> Vec<LiveError> {
         let addresses = [("gnss", &self.gnss), ("imu", &self.imu)];
         let fault = |(key, address): (&'static str, &Option<LineAddress>)| {
@@ -86,7 +86,7 @@ impl AuxiliarySources {
         addresses.into_iter().filter_map(fault).collect()
     }
 
-    /// Entries of the recording's manifest, of the sensors that are received.
+    /// Entries of the recording's manifest for the received sensors.
     pub(super) fn entries(&self) -> RecordedEntries {
         let Some((_, manifest)) = &self.rig else { return RecordedEntries::default() };
         let with_cameras = self.cameras.is_some();
@@ -100,7 +100,7 @@ impl AuxiliarySources {
         }
     }
 
-    /// Makes the folders of the cameras, records their references and starts to watch.
+    /// Creates the folders of the cameras, records their references and starts to watch.
     pub(super) fn start_frames(
         &self,
         recording: &Path,
@@ -189,7 +189,7 @@ fn start_log(key: &'static str, address: &LineAddress, path: &Path) -> Result<Li
     LineLog::start(address, link, path).map_err(|source| LiveError::File { path: path.to_owned(), source })
 }
 
-/// Begin of the recording: now, or as an earlier process of the run has noted it.
+/// Start of the recording: now, or the time noted by an earlier process of the run.
 fn begin_of(recording: &Path) -> io::Result<Stamp> {
     let path = recording.join(BEGIN_FILE);
     if let Some(begin) = fs::read_to_string(&path).ok().and_then(|text| text.trim().parse().ok()) {
