@@ -1,8 +1,8 @@
 //! Sets `REPLICA_VERSION`, which `--version` prints: the version of the package, and the commit that it was built from.
 //!
-//! The commit is that of the checkout, or else that of the variable `REPLICA_COMMIT` (for source without its history), or else
-//! left out. It changes, and the program is compiled again, only with a new commit. Uncommitted changes are not marked: finding
-//! them would mean to compile again after each edit of any file.
+//! The commit comes from the checkout, or else from the variable `REPLICA_COMMIT` (for source without its history), or
+//! else is left out. It changes, and the program is compiled again, only with a new commit. Uncommitted changes are not
+//! marked: finding them would require compiling again after each edit of any file.
 
 use std::path::Path;
 use std::process::Command;
@@ -14,7 +14,7 @@ fn main() {
     let branch = git(&["symbolic-ref", "HEAD"]).unwrap_or_default();
     for file in ["HEAD", "logs/HEAD", &branch, "packed-refs"] {
         let path = git(&["rev-parse", "--git-path", file]).filter(|path| Path::new(path).is_file());
-        // A file that does not exist would run this script each time.
+        // A missing file would run this script each time.
         if let Some(path) = path {
             println!("cargo::rerun-if-changed={path}");
         }

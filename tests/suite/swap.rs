@@ -238,7 +238,7 @@ fn swap_is_refused_while_draining_or_during_another_swap() {
     let launch = Launch::of_misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let mut child = begin_stuck_swap(&launch, &running);
-    refused(&launch, &["relay"], &["a swap of [relay] is under way"]);
+    refused(&launch, &["relay"], &["a swap of [relay] is in progress"]);
     running.signal(Signal::INT);
     assert!(!child.wait().expect("ends").success());
     assert!(swap_output(&launch).contains("the run is draining"), "{}", swap_output(&launch));

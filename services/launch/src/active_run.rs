@@ -1,4 +1,4 @@
-//! The run that this supervisor works on.
+//! The active run of this supervisor.
 
 use crate::identity::Files;
 use crate::plan::Plan;
@@ -10,9 +10,9 @@ use run::Mode;
 pub struct ActiveRun {
     /// The checked launch file.
     pub plan: Plan,
-    /// Where the run keeps its files.
+    /// The files of the run.
     pub folder: RunFolder,
-    /// The files of the plan when the last attempt started.
+    /// The files of the plan at the start of the last attempt.
     pub files: Files,
     /// Its name in shared memory.
     pub domain: Domain,

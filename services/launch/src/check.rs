@@ -17,13 +17,13 @@ use run::launch_file::{LaunchFile, render};
 use run::{Change, CheckRequest, Context, DRIVE_MANIFEST, DescribeDriveRequest, DriveDescription, Mode};
 use std::path::{Path, PathBuf};
 
-/// Reads and checks the launch file and everything that it names. Problems come rendered, in the order of the file.
+/// Reads and checks the launch file and everything that it names. Problems are rendered, in the order of the file.
 pub fn plan(path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Vec<String>> {
     let path = std::path::absolute(path).map_err(|error| vec![format!("{}: {error}", path.display())])?;
     plan_as(&path, &path, changes, selection)
 }
 
-/// As [`plan`]: reads `copy` as if it were the launch file at `path`. Both are absolute.
+/// [`plan`] from `copy` instead of the launch file at `path`. Both paths are absolute.
 pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selection) -> Result<Plan, Vec<String>> {
     let file = LaunchFile::load(copy, changes).map_err(|problems| {
         let text = read_text(copy, MAX_SETTINGS_BYTES).unwrap_or_default();
@@ -46,7 +46,7 @@ pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selecti
         problems.add(&stage, problem);
     }
     if stages.is_empty() && problems.is_empty() {
-        problems.add_without_place("names no stage: there is nothing to run");
+        problems.add_without_place("names no stage: nothing to run");
     }
     for text in limits::lacks(&stages) {
         problems.add_without_place(text);
@@ -72,7 +72,8 @@ pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selecti
     })
 }
 
-/// What the simulator says about `[simulate]`; nothing if the file has no such table. Problems of the table are added.
+/// The description of `[simulate]` by the simulator; nothing if the file has no such table. Problems of the table are
+/// added.
 fn simulated_drive(problems: &mut Problems, copy: &Path, changes: &[Change], drive: &Path) -> DriveDescription {
     if !problems.has_table("simulate") {
         return DriveDescription::default();
@@ -91,8 +92,8 @@ fn simulated_drive(problems: &mut Problems, copy: &Path, changes: &[Change], dri
     }
 }
 
-/// The folder of the drive, and whether it must be simulated first. `differences`: of a simulated drive from `[simulate]`. Live, the
-/// drive only says where the sensors are mounted, and may be left out.
+/// The folder of the drive, and whether it must be simulated first. `differences`: between a simulated drive and
+/// `[simulate]`. Live, the drive only defines the mounting of the sensors, and may be left out.
 fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
     let is_live = mode == Mode::Live;
     let drive = if is_live { folder.join(&run.drive) } else { problems.path("drive", &run.drive, folder) };
@@ -105,16 +106,16 @@ fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems:
     let may_simulate = !is_live && file.is_written("simulate");
     let text = match drive.exists() {
         false if may_simulate && is_written => return (drive, true),
-        // The town of a mistyped path would be processed as if it were the drive.
+        // Otherwise the drive of a mistyped path would be simulated and processed.
         false if may_simulate => format!(
-            "{} does not exist; [simulate] makes only the drive that the launch file itself names, {}; simulate another one \
+            "{} does not exist; [simulate] creates only the drive that the launch file itself names, {}; simulate another one \
              with `replica simulate --out {}`",
             drive.display(),
             written.unwrap_or("none"),
             drive.display()
         ),
         false if is_live => {
-            format!("{} does not exist; name the drive of the sensor's mounting, or set run.rig", drive.display())
+            format!("{} does not exist; set run.drive to a drive with the sensor's mounting, or set run.rig", drive.display())
         }
         false => {
             format!("{} does not exist, and the launch file has no [simulate] to simulate it", drive.display())
@@ -175,7 +176,7 @@ fn select(
     (remark, source_selection::missing_topics(&before, stages))
 }
 
-/// What cannot be recorded without gaps is refused.
+/// Refuses a recording that would have gaps.
 fn check_recording(mode: Mode, selection: &Selection, stages: &[PlannedStage], problems: &mut Problems) {
     for topic in &selection.recorded {
         if !stages.iter().any(|stage| stage.outputs.iter().any(|output| output.topic == *topic)) {

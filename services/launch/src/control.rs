@@ -9,20 +9,20 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Clients at a time: people at terminals.
+/// Largest number of simultaneous clients: people at terminals.
 const MAX_CLIENTS: usize = 8;
-/// From the connection to the complete request.
+/// Longest time from the connection to the complete request.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// How often a waiting client gets an answer; it gives up after ten seconds without one.
+/// Interval of the answers to a waiting client, which gives up after ten seconds without one.
 const ANSWER_EVERY: Duration = Duration::from_secs(1);
 
 /// Identifies a client.
 pub type ClientId = u64;
 
-/// Why the supervisor cannot listen.
+/// An error that prevents the supervisor from listening.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlError {
-    /// The socket cannot be made.
+    /// The socket cannot be created.
     #[error("{socket}: {source}")]
     Socket {
         /// The socket.
@@ -35,7 +35,7 @@ pub enum ControlError {
     Folder {
         /// The folder of the socket.
         folder: PathBuf,
-        /// Why it cannot be used.
+        /// Reason why it cannot be used.
         source: ipc::PrivateFolderError,
     },
 }
@@ -51,7 +51,7 @@ pub struct Control {
 struct Client {
     stream: UnixStream,
     connected: Instant,
-    /// The part of the request that was received. `None`: the request was returned by [`Control::requests`].
+    /// The received part of the request. `None`: the request was returned by [`Control::requests`].
     request: Option<Vec<u8>>,
     /// The last intermediate answer.
     working: String,
@@ -94,7 +94,7 @@ impl Control {
         requests
     }
 
-    /// Tells the client what is being done for it, now and every second.
+    /// Reports the current step to the client, now and every second.
     pub fn working(&mut self, id: ClientId, text: &str) {
         if let Some(client) = self.clients.get_mut(&id) {
             text.clone_into(&mut client.working);
@@ -111,7 +111,7 @@ impl Control {
         }
     }
 
-    /// Tells all waiting clients that the run has ended.
+    /// Reports to all waiting clients that the run has ended.
     pub fn end(&mut self, outcome: Outcome) {
         for (_, mut client) in std::mem::take(&mut self.clients) {
             client.send(&Answer::Ended(outcome));
@@ -175,7 +175,7 @@ impl Client {
         }
     }
 
-    /// `false` if the client is gone.
+    /// Answers if an answer is due. `false` if the client has disconnected.
     fn answer_if_due(&mut self) -> bool {
         self.request.is_some()
             || self.answered.elapsed() < ANSWER_EVERY

@@ -1,5 +1,5 @@
-//! `run/costs.csv`: work and cost of each stage over time, a line a second. `replica-lab evaluate trajectory RUN --out DIR` draws
-//! time per sweep and memory over the drive from it.
+//! `run/costs.csv`: work and cost of each stage over time, a line a second. `replica-lab evaluate trajectory RUN --out
+//! DIR` plots time per sweep and memory over the drive from it.
 
 use run::health::Health;
 use run::process::Usage;
@@ -24,12 +24,12 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// Nothing is written yet.
+    /// A table without lines.
     pub fn new(file: PathBuf) -> Self {
         Self { file, begun: Instant::now(), written: None, written_ticks: BTreeMap::new(), has_failed: false }
     }
 
-    /// Writes if it is time to.
+    /// Writes if the interval has passed.
     pub fn update<'a>(&mut self, stages: impl Iterator<Item = (&'a str, &'a Health)>) {
         if !self.has_failed && self.written.is_none_or(|written| written.elapsed() >= WRITE_EVERY) {
             self.write(stages);

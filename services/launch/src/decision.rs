@@ -1,10 +1,11 @@
-//! Supervision's decisions: what the supervisor does about what it observes.
+//! The decisions of the supervisor about observed faults.
 //!
-//! [`crate::supervise`] collects observations and carries decisions out. This module only decides: its functions are pure.
-//! They must never read a clock, a file or a process, and never start or kill anything; all times are arguments, counted on
-//! one monotonic clock. So each rule is one row of a table in `tests.rs`, without processes and without sleeping.
+//! [`crate::supervise`] collects observations and carries decisions out. This module only decides: its functions are
+//! pure. They must never read a clock, a file or a process, and never start or kill anything; all times are arguments
+//! on one monotonic clock. Therefore each rule is one row of a table in `tests.rs`, without processes and without
+//! sleeping.
 //!
-//! There is one function for each question, and each has a type of its own for the answer: a caller handles every answer.
+//! Each question has one function and its own answer type, so that a caller handles every answer.
 //!
 //! | question | function | file |
 //! |---|---|---|
@@ -14,8 +15,8 @@
 //! | Offline: restart the run from the last barrier, or give up? | [`restart_run`] | [`restart`] |
 //! | The limits that a launch file sets | [`Policy`] | `policy` |
 //!
-//! Begin with [`judge`]: it names the order in which faults are looked for. The callers are `supervise/attempt.rs` (during an
-//! attempt) and `supervise.rs` (between two attempts).
+//! Start with [`judge`], which defines the order of the checks for faults. The callers are `supervise/attempt.rs`
+//! (during an attempt) and `supervise.rs` (between two attempts).
 
 pub mod cause;
 pub mod fault;

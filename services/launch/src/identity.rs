@@ -1,5 +1,5 @@
-//! The files on which the results of a run depend beside the data of its drive: programs, models, rigs, the drive's manifest. A
-//! run that continued with another content would be half of one program or model, half of another.
+//! The files on which the results of a run depend in addition to the data of its drive: programs, models, rigs, the
+//! drive's manifest. A run continued with another content would mix results of two programs or models.
 
 use crate::plan::Plan;
 use run::{DRIVE_MANIFEST, FileIdentity, Remote};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::io::Error;
 use std::path::{Path, PathBuf};
 
-/// Name for the drive's own files among those of the stages.
+/// Name for the drive's own files, which stands among the names of stages.
 const DRIVE: &str = "run.drive";
 
 /// The files of a run by stage.
@@ -26,7 +26,7 @@ pub struct UnreadableFile {
 }
 
 impl Files {
-    /// The files of the plan as they are now. Those that are as in `known` are not read again.
+    /// The current files of the plan. Files unchanged since `known` are not read again.
     pub fn of(plan: &Plan, known: &Self) -> Result<Self, UnreadableFile> {
         let mut files = Self::default();
         for stage in &plan.stages {
@@ -58,7 +58,7 @@ impl Files {
         Ok(())
     }
 
-    /// Files of another host, as it described them.
+    /// Adds files of another host with the digests from its description.
     fn add_remote(&mut self, stage: &str, remote: &Remote) {
         let files = self.0.entry(stage.to_owned()).or_default();
         for (file, digest) in &remote.files {
@@ -84,7 +84,7 @@ mod tests {
 
     fn files_of(path: &Path, known: &Files) -> Files {
         let mut files = Files::default();
-        files.add("infer", std::iter::once(&path.to_owned()), known).expect("is there");
+        files.add("infer", std::iter::once(&path.to_owned()), known).expect("exists");
         files
     }
 
@@ -95,7 +95,7 @@ mod tests {
         std::fs::write(&path, "one model").expect("written");
         let before = files_of(&path, &Files::default());
         assert_eq!(files_of(&path, &before).changed_since(&before, None), None);
-        // As in run/settings.json: without what was seen of the file.
+        // The identity as in run/settings.json: without the observed state of the file.
         let text = serde_json::to_string(&before).expect("JSON");
         let stored: Files = serde_json::from_str(&text).expect("JSON");
         assert_eq!(files_of(&path, &stored).changed_since(&stored, None), None);
@@ -106,7 +106,7 @@ mod tests {
             assert_eq!(now.changed_since(before, Some("infer")), None, "this stage is replaced on purpose");
         }
         std::fs::remove_file(&path).expect("removed");
-        let error = Files::default().add("infer", std::iter::once(&path), &before).expect_err("is gone").to_string();
+        let error = Files::default().add("infer", std::iter::once(&path), &before).expect_err("is absent").to_string();
         assert!(error.contains("model.safetensors: cannot be read"), "{error}");
     }
 }

@@ -1,21 +1,23 @@
 //! The supervisor: checks a launch.toml and everything that it names, starts its stages as processes, observes them, and
 //! writes a summary.
 //!
-//! It must never touch a point or link a stage or the simulator: it knows a stage only by its answers to `--describe` and `--check`,
-//! and the table `[simulate]` only by the answer of `replica simulate --describe`. It decides nothing by the name of a stage.
+//! It must never touch a point or link a stage or the simulator: it gets all information about a stage from
+//! `--describe` and `--check`, and about the table `[simulate]` from `replica simulate --describe`. It decides nothing
+//! by the name of a stage.
 //!
-//! | module | idea |
+//! | module | content |
 //! |---|---|
 //! | `check` | launch file to `plan`: tables (`manifest`), programs, dataflow |
 //! | `remap` | names of topics in the run, for several stages of one program |
 //! | `identity` | programs, models and other files on which results depend |
 //! | `supervise` | the life of a run: attempts, processes, restarts |
-//! | `decision` | when a stage fails, hangs or stalls, and what to do about it: pure |
+//! | `decision` | pure decisions: whether a stage fails, hangs or stalls, and the reaction |
 //! | `swap` | replacing a stage of a running pipeline |
 //! | `log` | events on stderr, as text or as JSON |
 //!
-//! Begin with [`main`], a table of contents: arguments, plan, run. `check::plan` turns the launch file into a plan with all problems
-//! at once; `supervise` carries it out; what it does when a process fails is in `decision`, a pure function of what was observed.
+//! Start with [`main`], a table of contents: arguments, plan, run. `check::plan` turns the launch file into a plan with
+//! all problems at once; `supervise` carries it out; `decision` contains the reactions to faults, as pure functions of
+//! the observations.
 
 mod active_run;
 mod check;
@@ -58,7 +60,8 @@ use supervise::{Options, Start};
 #[command(
     name = "replica-launch",
     version = env!("REPLICA_VERSION"),
-    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but doubtful or not complete, 78 wrong configuration"
+    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but doubtful or incomplete, 78 invalid configuration\n\n\
+        Example:\n  replica-launch launch.toml --set run.drive=drives/monday --set run.output=out/monday"
 )]
 #[allow(clippy::struct_excessive_bools, reason = "each flag of a command line is independent of the others")]
 struct Arguments {
@@ -68,8 +71,8 @@ struct Arguments {
     /// Replace a setting, e.g. --set run.drive=drives/monday (may be repeated)
     #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = Change::set)]
     set: Vec<Change>,
-    /// Leave out a key of the launch file, so that its default holds, e.g. --unset infer.model (may be repeated); --set may set
-    /// it again
+    /// Leave out a key of the launch file, so that its default applies, e.g. --unset infer.model (may be repeated); --set may
+    /// set it again
     #[arg(long, value_name = "TABLE.KEY", value_parser = Change::unset)]
     unset: Vec<Change>,
     /// The table of the run's source, e.g. replay. It replaces the stages that produce its topics. Stages that then lack an
@@ -91,12 +94,12 @@ struct Arguments {
     /// Replace the results of an earlier run in the output; without it, they are kept and the run is refused
     #[arg(long, conflicts_with = "resume")]
     overwrite: bool,
-    /// Report all problems of the launch file and of everything that it names; start nothing
+    /// Report all problems of the launch file and of everything that it names, and start nothing
     ///
-    /// With --resume, also whether the run in the output has other settings, programs or files.
+    /// With --resume, also report whether the run in the output has other settings, programs or files.
     #[arg(long)]
     check: bool,
-    /// Print the stages and topics as a Mermaid diagram; start nothing
+    /// Print the stages and topics as a Mermaid diagram, and start nothing
     #[arg(long)]
     graph: bool,
     /// Write the run's figures into this file about once a second, in Prometheus' text format
@@ -113,7 +116,7 @@ struct Arguments {
 }
 
 impl Arguments {
-    /// What changes the launch file, in the order in which it applies.
+    /// The changes of the launch file, in the order in which they apply.
     fn changes(&self) -> Vec<Change> {
         [&self.unset[..], &self.set].concat()
     }
@@ -162,11 +165,11 @@ pub fn main() -> ExitCode {
     ExitCode::from(supervise::run(plan, Options { start, log, metrics, record }))
 }
 
-/// The answer to `--check`: what a start will do, if it has no problems.
+/// The answer to `--check` without problems: a preview of a start.
 fn checked(launch_file: &Path, plan: &Plan) -> String {
     let mut lines = vec![format!("{}: {} stages, no problems", launch_file.display(), plan.stages.len())];
     if plan.simulate.is_some() {
-        lines.push(format!("{} does not exist: a start simulates it as [simulate] says", plan.context.drive.display()));
+        lines.push(format!("{} does not exist: a start simulates it as set in [simulate]", plan.context.drive.display()));
     }
     if let Some(results) = EarlierResults::find(&plan.context.output) {
         lines.push(format!("{}: holds the results of {results}", plan.context.output.display()));
@@ -174,7 +177,7 @@ fn checked(launch_file: &Path, plan: &Plan) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Prints an answer. A reader that has closed its end has seen enough.
+/// Prints an answer. A closed standard output is not an error.
 fn print(text: &str) -> ExitCode {
     match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {

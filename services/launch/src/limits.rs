@@ -1,24 +1,25 @@
-//! The limits of this process that its stages inherit (`ulimit`), and what a run needs of them. A stage that meets a limit fails
-//! somewhere within the transport, and no restart helps.
+//! The limits of this process that its stages inherit (`ulimit`), and the needs of a run. A stage that reaches a limit
+//! fails somewhere within the transport, and no restart helps.
 
 use crate::plan::PlannedStage;
 use ipc::Channel;
 use rustix::process::{Resource, getrlimit};
 use std::collections::BTreeSet;
 
-/// Services of a stage beside those of its topics: command, heartbeat, wake.
+/// Services of a stage in addition to the services of its topics: command, heartbeat, wake.
 const OWN_SERVICES: usize = 3;
-/// Files of a process that are no services: log, node, connections to the supervisor.
+/// Files of a process that are not services: log, node, connections to the supervisor.
 const OTHER_FILES: usize = 24;
-/// Files of an opened service and of the connections through it, in halves: measured are 5.0 to 5.9 beside [`OTHER_FILES`].
+/// Files of an opened service and of the connections through it, counted in halves: 5.0 to 5.9 files were measured in addition
+/// to [`OTHER_FILES`].
 const HALF_FILES_PER_SERVICE: usize = 11;
 
 /// Address space of a stage's program, data and allocator. Stages of the sample drive use up to 0.4 GiB.
 const PRIVATE_BYTES: u64 = 1 << 30;
-/// The same for each thread: the C library reserves memory for each.
+/// Address space for each core: the C library reserves memory for each thread.
 const PRIVATE_BYTES_PER_CORE: u64 = 128 << 20;
 
-/// What a limit allows and a run needs.
+/// A limit, and the need of a run.
 struct Demand {
     limit: Option<u64>,
     need: u64,
@@ -60,7 +61,7 @@ impl Demand {
     }
 }
 
-/// The channels of a stage: those that it reads, and those that it writes.
+/// The channels of a stage: the channels that it reads, and the channels that it writes.
 fn channels(stage: &PlannedStage) -> [Vec<&Channel>; 2] {
     [&stage.inputs, &stage.outputs].map(|topics| {
         let both = topics.iter().flat_map(|topic| [&topic.messages, &topic.ticks]);
@@ -68,7 +69,8 @@ fn channels(stage: &PlannedStage) -> [Vec<&Channel>; 2] {
     })
 }
 
-/// Files that the stage has open. It inherits one for each service of the run and for each stage that was started before it.
+/// Number of files that the stage has open. It inherits one for each service of the run and for each stage that was
+/// started before it.
 fn files(stages: &[PlannedStage], index: usize, stage: &PlannedStage) -> u64 {
     let of_topics: usize = stages.iter().flat_map(|stage| channels(stage)[1].clone()).map(Channel::n_services).sum();
     let inherited = of_topics + OWN_SERVICES * (stages.len() + index + 1);

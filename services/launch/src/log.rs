@@ -1,4 +1,4 @@
-//! How the supervisor's events are shown. Events are `tracing` events; a terminal and JSON lines are two subscribers of the
+//! Output of the supervisor's events. Events are `tracing` events; a terminal and JSON lines are two subscribers of the
 //! same events.
 //!
 //! Every event has a message for people. For programs it has the field `kind` and further fields; a list or an object is
@@ -7,8 +7,8 @@
 //! | kind | fields |
 //! |---|---|
 //! | `problem` | a problem of the launch file |
-//! | `note` | `stage`, `note`: what a stage reports to the operator |
-//! | `progress` | `share` (0 to 1), `slowest` (stage that the others wait for), `stages`: figures of each stage |
+//! | `note` | `stage`, `note`: a report of a stage to the operator |
+//! | `progress` | `share` (0 to 1), `slowest` (stage that the other stages wait for), `stages`: figures of each stage |
 //! | `fault` | `stage`, `fault`, `fault_kind`, `last_log_lines`, `log` |
 //! | `restart` | `restart`, `allowed`, `barrier`, `delay_s` |
 //! | `done` | `outcome`, `total` |
@@ -45,7 +45,7 @@ impl LogFormat {
         };
     }
 
-    /// Whether progress is a table that is drawn over and over.
+    /// Whether progress is a table that is redrawn in place.
     pub fn is_live_table(self) -> bool {
         self == Self::Text && std::io::stderr().is_terminal()
     }
@@ -60,7 +60,7 @@ impl<T: Serialize> fmt::Display for Json<'_, T> {
     }
 }
 
-/// A terminal that is gone shows nothing; the run continues.
+/// Writes to stderr. A closed terminal shows nothing; the run continues.
 fn write_stderr(text: &str) {
     let mut stderr = std::io::stderr().lock();
     let _ = stderr.write_all(text.as_bytes()).and_then(|()| stderr.flush());

@@ -12,8 +12,9 @@ settings::settings! {
         pub drive: String = String::new() => any();
         /// Folder of the results.
         pub output: String = String::new() => any();
-        /// Live: drive.toml with the mounting of the sensors, or a drive folder with one. Empty: that of `drive` unless the drive is
-        /// simulated; without any, the LiDAR is taken as upright at the origin of the body frame.
+        /// Live: drive.toml with the mounting of the sensors, or a drive folder with one. Empty: the manifest of
+        /// `drive` unless the drive is simulated; without any, the LiDAR is assumed upright at the origin of the body
+        /// frame.
         pub rig: String = String::new() => any();
         /// `offline`: lossless and deterministic, from the drive. `live`: from the sensors, newest data first.
         pub mode: Mode = Mode::Offline => one_word();
@@ -24,9 +25,9 @@ settings::settings! {
         pub restarts: u32 = 3 => within(0, 1000);
         /// Pause before the first restart, s; doubled with each further restart without a new barrier, up to 30 s.
         pub restart_delay_s: f64 = 0.5 => within(0.0, 30.0);
-        /// A stage without a heartbeat for this long hangs, s; there are five heartbeats a second.
+        /// A stage hangs if it sends no heartbeat for this long, s; there are five heartbeats a second.
         pub hang_s: f64 = 5.0 => within(1.0, 3600.0);
-        /// A stage that spends this long in one step stalls, s. A stage's own table may set another limit.
+        /// A stage stalls if it spends this long in one step, s. A stage's own table may set another limit.
         pub stall_s: f64 = 60.0 => within(1.0, 86400.0);
         /// Whether `replica report` writes report.html and report.json at the end of the run.
         pub report: bool = true => any();
@@ -34,8 +35,9 @@ settings::settings! {
 }
 
 impl Run {
-    /// Drive time between barriers, s. A state has all submaps under way, some 100 MB: offline, where 20 s of drive are repeated in a
-    /// few seconds, rarer barriers cost less disk. Live, a restarted stage lacks what came since its last barrier.
+    /// Drive time between barriers, s. A state has all unfinished submaps, some 100 MB: offline, where 20 s of drive
+    /// are repeated in a few seconds, rarer barriers write less to the disk. Live, a restarted stage lacks the messages
+    /// since its last barrier.
     pub fn barrier_s(&self) -> f64 {
         match self.barrier_s {
             0.0 if self.mode == Mode::Live => 5.0,
@@ -52,13 +54,15 @@ settings::settings! {
         pub host: String = String::new() => any();
         /// Key file of `host`, which only its owner may read. A relative path is relative to the launch file.
         pub host_key: String = "agent.key".to_owned() => any();
-        /// The stage's program; default `replica-<table>` beside replica-launch. With `host`, a path in the folder of the agent.
+        /// The stage's program; default `replica-<table>` in the folder of replica-launch. With `host`, a path in the
+        /// folder of the agent.
         pub program: String = String::new() => any();
         /// Interpreter of a program `*.py`: a command, or a path relative to the launch file.
         pub python: String = "python3".to_owned() => any();
-        /// Topics of the run for topics of the program, where they differ: `{ class = "class_b" }`; for an input also several.
+        /// Topics of the run for topics of the program, where the names differ: `{ class = "class_b" }`; for an input
+        /// also several.
         pub remap: Remap = Remap::default() => PlainNames;
-        /// A stage that spends this long in one step stalls, s; 0 = the limit of `[run]`.
+        /// A stage stalls if it spends this long in one step, s; 0 = the limit of `[run]`.
         pub stall_s: f64 = 0.0 => within(0.0, 86400.0);
         /// Threads of its parallel loops; 0 = one per core.
         pub threads: usize = 0 => within(0, 1024);
@@ -66,7 +70,7 @@ settings::settings! {
 }
 
 impl StageTable {
-    /// The other host of the stage, if it has one. `folder` is that of the launch file.
+    /// The other host of the stage, if it has one. `folder` is the folder of the launch file.
     pub fn remote(&self, folder: &Path, hang_s: f64) -> Option<Remote> {
         (!self.host.is_empty()).then(|| Remote {
             host: self.host.clone(),

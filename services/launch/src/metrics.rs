@@ -10,10 +10,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Collectors read every few seconds at most.
+/// Interval of writing. Collectors read every few seconds at most.
 const WRITE_EVERY: Duration = Duration::from_secs(1);
 
-/// Why the first file cannot be written.
+/// The first file cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("--metrics {file}: cannot be written: {source}")]
 pub struct MetricsError {
@@ -35,7 +35,7 @@ pub struct Metrics {
 struct Totals {
     ticks: u64,
     points: u64,
-    /// By topic: messages, bytes.
+    /// Messages and bytes by topic.
     published: BTreeMap<String, (u64, u64)>,
     /// CPU time of the processes before this one, s.
     cpu_before_s: f64,
@@ -52,7 +52,7 @@ impl Totals {
             *messages = (*messages).max(traffic.messages);
             *bytes = (*bytes).max(traffic.bytes);
         }
-        // The CPU time of a process only rises: a lower one is that of a new process.
+        // The CPU time of a process only rises: a lower one belongs to a new process.
         if health.usage.cpu_s < self.cpu_s {
             self.cpu_before_s += self.cpu_s;
         }
@@ -61,7 +61,7 @@ impl Totals {
 }
 
 impl Metrics {
-    /// Writes a first file, so that a path that cannot be written is reported before anything starts.
+    /// Writes a first file, so that an unwritable path is reported before anything starts.
     pub fn new(file: Option<&Path>) -> Result<Self, MetricsError> {
         if let Some(file) = file {
             write(file, "").map_err(|source| MetricsError { file: file.to_owned(), source })?;
@@ -69,7 +69,7 @@ impl Metrics {
         Ok(Self { file: file.map(Path::to_owned), written: None, has_failed: false, stages: BTreeMap::new() })
     }
 
-    /// Writes the file if it is time to.
+    /// Writes the file if the interval has passed.
     pub fn update<'a>(
         &mut self,
         stages: impl Iterator<Item = (&'a str, &'a Health)>,
@@ -107,7 +107,7 @@ impl Metrics {
         let mut page = Page::default();
         page.family("replica_stage_ticks_total", "counter", "Ticks that the stage has finished.");
         self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.ticks));
-        page.family("replica_stage_points_total", "counter", "Points that passed the stage.");
+        page.family("replica_stage_points_total", "counter", "Points that the stage has processed.");
         self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.points));
         page.family("replica_stage_cpu_seconds_total", "counter", "User and system time of the stage's processes.");
         self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.cpu_before_s + totals.cpu_s));
@@ -118,12 +118,12 @@ impl Metrics {
         page.family(
             "replica_stage_step_seconds",
             "summary",
-            "Time in one step that had input, since the process began.",
+            "Duration of steps with input, since the process started.",
         );
         for (stage, health) in stages {
             page.summary(&[("stage", stage)], &health.step);
         }
-        page.family("replica_stage_age_seconds", "summary", "From the source's beginning of a tick to its end here.");
+        page.family("replica_stage_age_seconds", "summary", "Time from the start of a tick at the source to its end here.");
         for (stage, health) in stages {
             page.summary(&[("stage", stage)], &health.age);
         }
@@ -152,14 +152,14 @@ impl Metrics {
         page.family(
             "replica_topic_latency_seconds",
             "summary",
-            "From a message's publication to its delivery to a step.",
+            "Time from a message's publication to its delivery to a step.",
         );
         for (consumer, health) in stages {
             for (topic, arrivals) in &health.arrivals {
                 page.summary(&[("topic", topic), ("consumer", consumer)], &arrivals.latency);
             }
         }
-        page.family("replica_shared_memory_bytes", "gauge", "Shared memory that the run really uses.");
+        page.family("replica_shared_memory_bytes", "gauge", "Shared memory that the run uses.");
         page.sample("", &[], shared_memory_bytes);
         page.family("replica_restarts_total", "counter", "Restarts of the run from its last barrier.");
         page.sample("", &[], restarts);
@@ -183,8 +183,8 @@ impl Metrics {
     }
 }
 
-/// Collectors may read at any moment, so the file is complete at any moment. It need not reach the disk: the next one follows
-/// in a second.
+/// Replaces the file atomically, because collectors may read at any moment. It need not reach the disk: the next one
+/// follows in a second.
 fn write(file: &Path, text: &str) -> std::io::Result<()> {
     let partial = AtomicFile::create(file)?;
     partial.file().write_all(text.as_bytes())?;
@@ -220,8 +220,8 @@ mod tests {
         std::fs::read_to_string(metrics.file.as_ref().expect("a file")).expect("written")
     }
 
-    /// The rules of the format: names, one HELP and one TYPE before a family's samples, each family in one piece, no sample
-    /// twice, counters ending in `_total`.
+    /// The rules of the format: names, one HELP and one TYPE before a family's samples, all samples of a family
+    /// together, no sample twice, counters ending in `_total`.
     #[test]
     fn page_keeps_the_rules_of_the_format() {
         let folder = tempfile::tempdir().expect("a folder");

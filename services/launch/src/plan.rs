@@ -1,4 +1,4 @@
-//! A checked launch file: everything that a run needs to know.
+//! A checked launch file: all data that a run needs.
 
 use crate::manifest::{Run, StageTable};
 use ipc::Domain;
@@ -7,7 +7,7 @@ use run::wiring::{WiredStage, WiredTopic, Wiring};
 use run::{Change, Context, Remote};
 use std::path::PathBuf;
 
-/// Which of the launch file's stages run, and what is recorded.
+/// The selected stages of the launch file, and the recorded topics.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
     /// The source's table; the stages that it replaces are left out.
@@ -18,7 +18,7 @@ pub struct Selection {
     pub recorded: Vec<String>,
 }
 
-/// Everything that a run needs to know, checked.
+/// All data that a run needs, checked.
 pub struct Plan {
     /// The launch file, absolute.
     pub launch_file: PathBuf,
@@ -28,18 +28,18 @@ pub struct Plan {
     pub settings: Run,
     /// Arguments of `replica` that simulate the drive, if it must be simulated.
     pub simulate: Option<Vec<String>>,
-    /// Handed to every stage.
+    /// The context of every stage.
     pub context: Context,
     /// The stages in dataflow order.
     pub stages: Vec<PlannedStage>,
-    /// What the command line selected.
+    /// The selection of the command line.
     pub selection: Selection,
     /// A remark for the operator about the selection.
     pub remark: Option<String>,
 }
 
 impl Plan {
-    /// The plan as observers see it.
+    /// The description of the plan for observers.
     pub fn wiring(&self, domain: &Domain, attempt: u32) -> Wiring {
         let stages = self.stages.iter().map(PlannedStage::wired).collect();
         let supervisor = std::process::id();
@@ -52,13 +52,13 @@ impl Plan {
 pub struct PlannedStage {
     /// Its table.
     pub name: String,
-    /// Where the table stands in the launch file.
+    /// Position of the table in the launch file.
     pub span: Option<std::ops::Range<usize>>,
     /// Its binary.
     pub program: PathBuf,
     /// The supervisor's keys of its table.
     pub table: StageTable,
-    /// Its host, if it is another one; `program` then stands for it here.
+    /// Its host, if it is another one; `program` is then its proxy here.
     pub remote: Option<Remote>,
     /// Its topics and settings.
     pub description: Description,

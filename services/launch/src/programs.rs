@@ -1,4 +1,4 @@
-//! The stages' programs: where they are, how they describe themselves, and what is wrong with their settings.
+//! The stages' programs: their paths, their descriptions, and the problems of their settings.
 
 use run::assignment::Description;
 use run::process::{ProgramMissing, named_program, own_folder, sibling, stage_command};
@@ -12,10 +12,10 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A program that describes itself does nothing else in the meantime.
+/// Longest wait for an answer. A program that describes itself does nothing else in the meantime.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Why a program cannot be used.
+/// A program that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ProgramError {
     /// `program` names no file.
@@ -32,7 +32,7 @@ pub enum ProgramError {
         /// The program that was expected.
         absent: ProgramMissing,
     },
-    /// A program of the project is not beside this one.
+    /// A program of the project is not in the folder of this one.
     #[error(transparent)]
     NotBesideThis(#[from] ProgramMissing),
     /// The program cannot be started.
@@ -68,9 +68,9 @@ pub enum ProgramError {
         program: PathBuf,
         /// Its first argument.
         question: String,
-        /// How it ended.
+        /// Exit status.
         status: ExitStatus,
-        /// What it wrote to stderr.
+        /// Its output on stderr.
         stderr: String,
     },
     /// The answer cannot be read.
@@ -80,12 +80,13 @@ pub enum ProgramError {
         program: PathBuf,
         /// Its first argument.
         question: String,
-        /// What is wrong with it.
+        /// Parse error.
         source: serde_json::Error,
     },
 }
 
-/// The program of a table: that of the key `program` ([`named_program`]), or `replica-<table>` beside this one.
+/// The program of a table: the value of the key `program` ([`named_program`]), or `replica-<table>` in the folder of
+/// this one.
 pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, ProgramError> {
     if !program.is_empty() {
         return named_program(program, launch_folder).map_err(|absent| ProgramError::Absent { program: absent.path });
@@ -98,7 +99,7 @@ pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf,
     })
 }
 
-/// Names of the binaries beside this one that are stages.
+/// Names of the stages among the binaries in the folder of this one.
 fn known_stages() -> Vec<String> {
     let entries = std::fs::read_dir(own_folder()).into_iter().flatten().flatten();
     let mut names: Vec<String> = entries
@@ -119,7 +120,7 @@ pub fn check(program: &Path, python: &str, request: &CheckRequest) -> Result<Vec
     ask(program, stage_command(program, python, 0), "--check", request)
 }
 
-/// The table `[simulate]` of a launch file, as the `replica` beside this program understands it.
+/// The table `[simulate]` of a launch file, as interpreted by the `replica` in the folder of this program.
 pub fn describe_drive(request: &DescribeDriveRequest) -> Result<DriveDescription, ProgramError> {
     let program = sibling("replica")?;
     let mut command = Command::new(&program);
@@ -127,7 +128,8 @@ pub fn describe_drive(request: &DescribeDriveRequest) -> Result<DriveDescription
     ask(&program, command, "--describe", request)
 }
 
-/// Asks many programs at the same time, because each takes some ms to start. The answers have the order of the questions.
+/// Queries many programs at the same time, because each takes some ms to start. The answers have the order of the
+/// questions.
 pub fn ask_all<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) -> Vec<A> {
     let ask = &ask;
     std::thread::scope(|scope| {
@@ -136,7 +138,7 @@ pub fn ask_all<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) 
             questions.iter().map(|question| thread().spawn_scoped(scope, move || ask(question))).collect();
         let answers = asked.into_iter().zip(questions).map(|(thread, question)| match thread {
             Ok(thread) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-            // Where no thread can be had, one after the other.
+            // If no thread can be started, query one after the other.
             Err(_) => ask(question),
         });
         answers.collect()
@@ -170,7 +172,7 @@ fn ask<T: DeserializeOwned>(
             break status;
         }
         if begun.elapsed() > ANSWER_TIMEOUT {
-            // Whether or not it can be killed, there is no answer.
+            // Whether or not the program can be killed, there is no answer.
             let _ = child.kill().and_then(|()| child.wait());
             return Err(ProgramError::Timeout { program: program_path(), question: question_text() });
         }
@@ -190,14 +192,15 @@ fn read_in_background(pipe: Option<impl Read + Send + 'static>) -> std::io::Resu
     std::thread::Builder::new().name("answer".to_owned()).spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut pipe) = pipe {
-            // What was read before an error is shown.
+            // Data read before an error is shown.
             let _ = pipe.read_to_end(&mut bytes);
         }
         bytes
     })
 }
 
-/// Simulates the drive with the `replica` beside this program and the arguments of its description. The path of a rig file is relative to `folder`.
+/// Simulates the drive with the `replica` in the folder of this program and the arguments of its description. The path
+/// of a rig file is relative to `folder`.
 pub fn simulate(arguments: &[String], folder: &Path, drive: &Path) -> Result<(), ProgramError> {
     let program = sibling("replica")?;
     let status = Command::new(&program)

@@ -1,4 +1,4 @@
-//! Events about the progress of a run: where the stages are, and the notes that they report.
+//! Events about the progress of a run: the progress of the stages, and their notes.
 
 use crate::log::{Json, LogFormat};
 use crate::plan::Plan;
@@ -10,11 +10,11 @@ use run::health::{Activity, Health};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-/// A table that changes more often cannot be read.
+/// Interval of the table. A table that changes more often cannot be read.
 const TABLE_EVERY: Duration = Duration::from_millis(500);
-/// For a log that is read by people.
+/// Interval of lines, for a log that people read.
 const LINE_EVERY: Duration = Duration::from_secs(5);
-/// For programs.
+/// Interval of JSON events, for programs.
 const JSON_EVERY: Duration = Duration::from_secs(1);
 
 /// Width of the progress bar, characters.
@@ -32,7 +32,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// As often as the format is read.
+    /// Progress at the interval of the format.
     pub fn new(format: LogFormat, plan: &Plan) -> Self {
         let every = match format {
             LogFormat::Json => JSON_EVERY,
@@ -50,12 +50,12 @@ impl Progress {
         }
     }
 
-    /// The sources of the run start now.
+    /// Starts the clock: the sources of the run start now.
     pub fn begin(&mut self) {
         self.begun = Instant::now();
     }
 
-    /// Reports new notes, and the progress if it is time to.
+    /// Reports new notes, and the progress if the interval has passed.
     pub fn report(&mut self, processes: &[StageProcess]) {
         for process in processes {
             for note in &process.health.notes {
@@ -88,7 +88,7 @@ impl Progress {
         tracing::info!(kind = "progress", share, slowest, stages = %Json(&figures(processes)), "{line}");
     }
 
-    /// The progress of the stage that is behind most, in drive time.
+    /// The progress of the stage that lags most, in drive time.
     fn line(&self, share: f64, processes: &[StageProcess]) -> String {
         let elapsed = self.begun.elapsed().as_secs_f64();
         let left = if share > 0.0 {
@@ -103,7 +103,7 @@ impl Progress {
         format!("[{bar}{rest}] {:3.0} %  {elapsed:.0} s  {left}", share * 100.0)
     }
 
-    /// A live run has no end: rates since the last line, and how far the last stage is behind the first.
+    /// The line of a live run, which has no end: rates since the last line, and the lag of the last stage.
     fn live_line(&mut self, health: &[&Health]) -> String {
         let elapsed = self.begun.elapsed().as_secs_f64();
         let (Some(source), Some(sink)) = (health.first(), health.last()) else { return String::new() };
@@ -128,7 +128,7 @@ struct Rates {
 }
 
 impl Rates {
-    /// Both per second since the last call. Counts of a stage that was restarted begin again at its last barrier.
+    /// Both rates per second since the last call. Counts of a restarted stage start again at its last barrier.
     fn update(&mut self, elapsed_s: f64, ticks: u64, points: u64) -> [f64; 2] {
         let seconds = (elapsed_s - self.elapsed_s).max(1e-3);
         let rates = [ticks.saturating_sub(self.ticks), points.saturating_sub(self.points)];
@@ -162,7 +162,7 @@ fn figures(processes: &[StageProcess]) -> Vec<StageFigures> {
     processes.iter().map(figures).collect()
 }
 
-/// What a stage that is not ready waits for.
+/// The reason why a stage is not ready.
 fn start_state(process: &StageProcess) -> Option<String> {
     match &process.health.activity {
         Activity::Connecting(topic) => Some(format!("{} waits for {topic}", process.name)),

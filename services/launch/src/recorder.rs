@@ -1,4 +1,4 @@
-//! `replica record` beside the run.
+//! `replica record` alongside the run.
 
 use crate::plan::Plan;
 use run::process::{ProgramMissing, sibling};
@@ -12,13 +12,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// When the run ends, the recorder still writes a queue of messages and an index, which takes long on a slow disk.
+/// Longest wait at the end of the run: the recorder still writes a queue of messages and an index, which takes long on
+/// a slow disk.
 const FINISH_TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Why a recording was not begun or is not complete.
+/// A recording that was not started or is not complete.
 #[derive(Debug, thiserror::Error)]
 pub enum RecorderError {
-    /// The program is not beside this one.
+    /// The program is not in the folder of this one.
     #[error(transparent)]
     Program(#[from] ProgramMissing),
     /// The program cannot be started.
@@ -29,23 +30,23 @@ pub enum RecorderError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// It ended well, but messages are missing.
+    /// The recorder succeeded, but messages are missing.
     #[error("the recording {file} is not complete; the run is {outcome}")]
     Incomplete {
         /// The recording.
         file: PathBuf,
-        /// How the run ended.
+        /// Outcome of the run.
         outcome: Outcome,
     },
-    /// It ended with an error.
+    /// The recorder failed.
     #[error("the recording {file} failed: {status}")]
     Failed {
         /// The recording.
         file: PathBuf,
-        /// How the recorder ended.
+        /// Exit status of the recorder.
         status: ExitStatus,
     },
-    /// It did not end.
+    /// The recorder did not end.
     #[error("the recorder of {file} did not finish within {} s", FINISH_TIMEOUT.as_secs())]
     Timeout {
         /// The recording.
@@ -59,16 +60,16 @@ pub struct Recorder {
     file: PathBuf,
     topics: String,
     child: Option<Child>,
-    /// Attempts to which it has attached.
+    /// Number of attempts to which it has attached.
     ready: Arc<AtomicU64>,
-    /// Attempts that were started.
+    /// Number of started attempts.
     attempts: u64,
     ended: Option<ExitStatus>,
     is_reported: bool,
 }
 
 impl Recorder {
-    /// For the plan's run; nothing is started yet.
+    /// A recorder for the plan's run, not started yet.
     pub fn new(plan: &Plan, file: PathBuf) -> Self {
         Self {
             output: plan.context.output.clone(),
@@ -114,7 +115,7 @@ impl Recorder {
         std::thread::Builder::new().name("recorder".to_owned()).spawn(listen).map(drop).map_err(failed)
     }
 
-    /// Reads its exit status.
+    /// Reads the recorder's exit status.
     pub fn observe(&mut self) {
         if let Some(child) = &mut self.child
             && self.ended.is_none()
@@ -137,11 +138,12 @@ impl Recorder {
         }
     }
 
-    /// Waits until it has written everything.
+    /// Waits until the recorder has written everything.
     pub fn finish(mut self, outcome: Outcome) -> Result<(), RecorderError> {
         let Some(child) = &mut self.child else { return Ok(()) };
         if !outcome.is_in_order() {
-            // The last tick never comes; the recorder writes what it has, as after Ctrl-C. It may have ended already.
+            // The last tick never comes; the recorder writes the data it has, as after Ctrl-C. It may have ended
+            // already.
             let _ = kill_process(Pid::from_child(child), Signal::TERM);
         }
         let begun = Instant::now();

@@ -1,5 +1,5 @@
-//! The key `remap` of a stage's table: the topics of a run that the program's own topics stand for. So two stages run one
-//! program, each with topics of its own.
+//! The key `remap` of a stage's table: maps the program's own topics to topics of the run. With it, two stages run one
+//! program, each with its own topics.
 
 use run::Context;
 use run::assignment::{Description, PortDescription};
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 #[serde(transparent)]
 pub struct Remap(BTreeMap<String, Names>);
 
-/// One topic, or those that are merged in one input.
+/// One topic, or several topics that are merged in one input.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "must be a table of topics, each with a topic or a list of topics")]
 enum Names {
@@ -30,7 +30,8 @@ impl Names {
 }
 
 impl Remap {
-    /// The description with the names of the run. A remapped input is required: it was asked for by name. Returns what is wrong.
+    /// Applies the names of the run to the description. A remapped input is required, because it was requested by name.
+    /// Returns the problems.
     pub fn apply(&self, description: &mut Description) -> Vec<String> {
         let mut faults = Vec::new();
         let known: Vec<&str> =
@@ -40,7 +41,7 @@ impl Remap {
         }
         for output in &description.outputs {
             if self.0.get(&output.topic).is_some_and(|names| names.all().len() > 1) {
-                faults.push(format!("{} is an output: it has one name", output.topic));
+                faults.push(format!("{} is an output: it must have one name", output.topic));
             }
         }
         for ports in [&mut description.inputs, &mut description.outputs] {
@@ -82,7 +83,7 @@ impl Remap {
     }
 }
 
-/// Names of topics as those of stages; an input has at least one.
+/// Names of topics in the form of stage names; an input has at least one.
 pub struct PlainNames;
 
 impl Rule<Remap> for PlainNames {
@@ -148,7 +149,7 @@ mod tests {
     fn every_fault_is_reported() {
         let faults = |text: &str| remap(text).apply(&mut description(&["submap", "cube"], &["color"]));
         assert_eq!(faults("clas = \"x\""), ["the program has no topic clas; its topics are submap, cube, color"]);
-        assert_eq!(faults("color = [\"x\", \"y\"]"), ["color is an output: it has one name"]);
+        assert_eq!(faults("color = [\"x\", \"y\"]"), ["color is an output: it must have one name"]);
         assert_eq!(faults("cube = \"submap\""), ["topic submap stands for two topics of the program"]);
         for refused in ["cube = []", "cube = \"Cube\"", "cube = \"cube.tick\"", "cube = \"\""] {
             assert!(!PlainNames.allows(&remap(refused)), "{refused}");

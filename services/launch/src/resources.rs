@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 pub struct Resources {
     domain: Domain,
     output: PathBuf,
-    /// Files that may hold the kernel's count of kills, the closest group first.
+    /// Files that may contain the kernel's count of kills, the closest group first.
     oom_counters: Vec<PathBuf>,
     oom_kills: u64,
 }
 
 impl Resources {
-    /// For a run that begins now.
+    /// The resources of a run that starts now.
     pub fn new(domain: &Domain, output: &Path) -> Self {
         let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
         Self::with_counters(domain, output, oom_counters(&groups))
@@ -27,7 +27,7 @@ impl Resources {
         Self { domain: domain.clone(), output: output.to_owned(), oom_counters, oom_kills }
     }
 
-    /// The figures of this moment, at which a fault was observed.
+    /// The current figures, for an observed fault.
     pub fn evidence(&mut self, log_lines: &[String]) -> Evidence {
         let now = oom_kills(&self.oom_counters);
         let before = std::mem::replace(&mut self.oom_kills, now);
@@ -41,7 +41,8 @@ impl Resources {
     }
 }
 
-/// Why there is too little shared memory to start. What `left_over` holds counts as free: it is removed before the start.
+/// The reason why there is too little shared memory to start. Memory of `left_over` counts as free: it is removed
+/// before the start.
 pub fn lacks_shared_memory(left_over: Option<&Domain>) -> Option<String> {
     let Some(free) = free_bytes(SHARED_MEMORY) else {
         return Some(format!("shared memory: {SHARED_MEMORY} cannot be examined"));
@@ -60,7 +61,7 @@ fn oom_kills(counters: &[PathBuf]) -> u64 {
     counters.iter().find_map(count).unwrap_or_default()
 }
 
-/// Files that may hold the count, the closest group first, from the content of /proc/self/cgroup.
+/// Files that may contain the count, the closest group first, from the content of /proc/self/cgroup.
 fn oom_counters(groups: &str) -> Vec<PathBuf> {
     let in_group = groups.lines().filter_map(|line| {
         let mut fields = line.splitn(3, ':');

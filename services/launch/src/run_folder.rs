@@ -5,15 +5,15 @@
 //! | `domain` | the name of the run in shared memory |
 //! | `lock` | held by the supervisor of the run and by all processes that it starts |
 //! | `launch.toml`, `settings.json` | the launch file, and the settings resolved from it |
-//! | `wiring.json` | what observers need to know ([`Wiring`]) |
+//! | `wiring.json` | description of the run for observers ([`Wiring`]) |
 //! | `<stage>.json` | the assignment of the stage |
 //! | `logs/<stage>.log` | its log |
 //! | `costs.csv` | work and cost of each stage over time, a line a second; not live ([`crate::costs`]) |
 //! | `swaps.json` | the swaps of the run ([`SwapRecord`]) |
 //! | `states/<barrier>/<stage>.state` | the stage's state at the barrier |
 //!
-//! After a kill at any moment, `--resume` continues from this folder: `settings.json` is the last file that a new run writes
-//! and the first that the next one removes, and every file that is read again is complete or absent.
+//! After a kill at any moment, `--resume` continues from this folder: `settings.json` is the last file that a new run
+//! writes and the first that the next one removes, and every file that is read again is complete or absent.
 
 mod domain;
 mod lock;
@@ -46,7 +46,7 @@ const DOMAIN: &str = "domain";
 /// The swaps of the run.
 const SWAPS: &str = "swaps.json";
 
-/// Why the run folder cannot be used.
+/// An error that prevents use of the run folder.
 #[derive(Debug, thiserror::Error)]
 pub enum RunFolderError {
     /// A file or folder cannot be written.
@@ -73,7 +73,7 @@ pub enum RunFolderError {
         /// What is wrong.
         source: serde_json::Error,
     },
-    /// The lock cannot be taken for another reason than another run.
+    /// The lock cannot be taken, for another reason than another run.
     #[error("{file}: cannot be locked: {source}")]
     Lock {
         /// The lock.
@@ -94,21 +94,21 @@ pub enum RunFolderError {
     Used {
         /// Folder of the results.
         output: PathBuf,
-        /// What is there.
+        /// Description of the results.
         results: EarlierResults,
     },
-    /// `--resume` with other settings than the run had.
+    /// `--resume` was given with settings that differ from the run's.
     #[error(
-        "{output}: the run here was started with other settings or programs; resume it with those, or replace its results \
-         with --overwrite"
+        "{output}: the run here was started with other settings or programs; resume it with the original ones, or replace \
+         its results with --overwrite"
     )]
     OtherSettings {
         /// Folder of the results.
         output: PathBuf,
     },
-    /// The run cannot continue with another program, model or other file than it began with.
+    /// The content of a program, model or other file of the run has changed, so the run cannot continue.
     #[error(
-        "{file}: its content has changed since the run into {output} began with it; restore it, or replace the results \
+        "{file}: its content has changed since the run into {output} started; restore it, or replace the results \
          with --overwrite"
     )]
     ChangedFile {
@@ -117,7 +117,7 @@ pub enum RunFolderError {
         /// Folder of the results.
         output: PathBuf,
     },
-    /// A program, model or other file of the run.
+    /// A program, model or other file of the run cannot be read.
     #[error(transparent)]
     Unreadable(#[from] UnreadableFile),
     /// The run has no name in shared memory.
@@ -126,7 +126,7 @@ pub enum RunFolderError {
 }
 
 impl RunFolderError {
-    /// Whether the operator must ask for something else: a restart cannot help.
+    /// Whether the operator must change the command line or settings: a restart cannot help.
     pub fn is_of_configuration(&self) -> bool {
         matches!(self, Self::Used { .. } | Self::OtherSettings { .. } | Self::ChangedFile { .. })
     }
@@ -141,12 +141,12 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Creates and locks the folder under `output`. Every process that this one starts inherits the lock: it is free only when
-    /// the last process of a run is gone, so that none of them writes into the next run.
+    /// Creates and locks the folder under `output`. Every process that this one starts inherits the lock: it is free
+    /// only after the last process of a run has ended, so that none of them writes into the next run.
     pub fn lock(output: &Path) -> Result<Self, RunFolderError> {
         let folder = output.join("run");
         create_run_folder(&folder)?;
-        // One folder has one name from here on, whatever links lead to it.
+        // From here on one folder has one name, regardless of links.
         let output = canonical(output)?;
         let lock = lock::take(&folder.join("lock"), &output)?;
         Ok(Self { states: States::new(folder.join("states")), folder, output, _lock: lock })
@@ -162,7 +162,7 @@ impl RunFolder {
         &self.states
     }
 
-    /// Makes sure that a new run replaces no results of an earlier one.
+    /// Refuses a new run that would replace the results of an earlier one.
     pub fn refuse_earlier_results(&self) -> Result<(), RunFolderError> {
         match EarlierResults::find(&self.output) {
             Some(results) => Err(RunFolderError::Used { output: self.output.clone(), results }),
@@ -170,7 +170,7 @@ impl RunFolder {
         }
     }
 
-    /// Begins a new run: removes states and logs of an earlier one.
+    /// Starts a new run: removes states and logs of an earlier one.
     pub fn begin(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         remove_file(&self.folder.join(SETTINGS))?;
         let logs = self.folder.join("logs");
@@ -187,12 +187,12 @@ impl RunFolder {
         self.write_json(SETTINGS, &Begun { settings: settings(plan), files: files.clone() })
     }
 
-    /// Whether a run was begun here; if not, there is nothing to resume.
+    /// Whether a run was started here; if not, there is nothing to resume.
     pub fn has_begun(&self) -> bool {
         self.folder.join(SETTINGS).exists()
     }
 
-    /// Makes sure that `plan` is the plan of the run that was begun here: another one would not give the same results.
+    /// Checks that `plan` is the plan of the run that was started here: another plan would give different results.
     pub fn refuse_other_plan(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         let begun: Begun = self.read_json(SETTINGS)?;
         let same_file = std::fs::read(&plan.launch_file).ok() == std::fs::read(self.launch_copy()).ok();
@@ -202,13 +202,13 @@ impl RunFolder {
         self.refuse_changed_files(files, &begun.files, None)
     }
 
-    /// Continues the run that was begun here: [`RunFolder::refuse_other_plan`], and its results are no longer final.
+    /// Continues the run that was started here after [`RunFolder::refuse_other_plan`]. Its results are no longer final.
     pub fn resume(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         self.refuse_other_plan(plan, files)?;
         self.remove_summary()
     }
 
-    /// Makes sure that all files are as `before`; those of the stage `except` may have changed.
+    /// Checks that all files are unchanged since `before`; files of the stage `except` may have changed.
     pub fn refuse_changed_files(
         &self,
         files: &Files,
@@ -221,8 +221,8 @@ impl RunFolder {
         }
     }
 
-    /// Only a finished run has a summary and a report. They are gone for good before the clouds change: after a power loss they would
-    /// say of clouds half replaced that the run is done.
+    /// Removes summary and report, which only a finished run has. Both are removed from the disk before the clouds
+    /// change: after a power loss they would otherwise describe half-replaced clouds as done.
     fn remove_summary(&self) -> Result<(), RunFolderError> {
         let report = REPORT_FILES.map(|name| self.output.join(name));
         let of_finished_run = || report.iter().cloned().chain([Summary::file(&self.output)]);
@@ -240,7 +240,7 @@ impl RunFolder {
         self.folder.join(LAUNCH_FILE)
     }
 
-    /// See [`crate::costs`].
+    /// Path of the costs, see [`crate::costs`].
     pub fn costs(&self) -> PathBuf {
         self.folder.join("costs.csv")
     }
@@ -250,7 +250,7 @@ impl RunFolder {
         self.folder.join("logs").join(format!("{stage}.log"))
     }
 
-    /// Writes the assignment of a stage; returns the file.
+    /// Writes the assignment of a stage. Returns the file.
     pub fn assign(
         &self,
         plan: &Plan,
@@ -279,12 +279,12 @@ impl RunFolder {
         Ok(self.folder.join(name))
     }
 
-    /// Writes what observers need to know. They may read at any moment, so the file is complete or absent.
+    /// Writes the description of the run for observers. They may read at any moment, so the file is complete or absent.
     pub fn write_wiring(&self, wiring: &Wiring) -> Result<(), RunFolderError> {
         self.write_json("wiring.json", wiring)
     }
 
-    /// Writes the swaps of the run. On the disk when it returns: the stages' next steps depend on it.
+    /// Writes the swaps of the run. The file is on the disk when this returns: the stages' next steps depend on it.
     pub fn write_swaps(&self, record: &SwapRecord) -> Result<(), RunFolderError> {
         self.write_json(SWAPS, record)
     }
@@ -331,7 +331,7 @@ fn cannot_write(path: &Path, source: Error) -> RunFolderError {
     RunFolderError::Write { file: path.to_owned(), source }
 }
 
-/// Content of `settings.json`: with what the run began.
+/// Content of `settings.json`: the state of the settings and files at the start of the run.
 #[derive(Serialize, Deserialize)]
 struct Begun {
     #[serde(flatten)]
@@ -339,7 +339,7 @@ struct Begun {
     files: Files,
 }
 
-/// Launch file, command line and the settings that they resolve to.
+/// Launch file, command line and the resolved settings.
 fn settings(plan: &Plan) -> serde_json::Value {
     serde_json::json!({
         "launch_file": plan.launch_file,
@@ -357,7 +357,7 @@ pub fn last_domain(output: &Path) -> Option<Domain> {
     domain::last(&output.join("run").join(DOMAIN))
 }
 
-/// Makes the folder of a run, which only this user can enter: names and settings of a run are its owner's.
+/// Creates the folder of a run, which only this user can enter: names and settings of a run are private to its owner.
 fn create_run_folder(folder: &Path) -> Result<(), RunFolderError> {
     let failed = |source| cannot_write(folder, source);
     if let Some(output) = folder.parent() {
@@ -366,10 +366,10 @@ fn create_run_folder(folder: &Path) -> Result<(), RunFolderError> {
     match std::fs::DirBuilder::new().mode(0o700).create(folder) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
         Err(error) => return Err(failed(error)),
-        // What the run syncs in the folder is lost if the folder itself is not on the disk.
+        // Files synced in the folder would be lost if the folder itself were not on the disk.
         Ok(()) => return folder.parent().map_or(Ok(()), |output| File::open(output)?.sync_all()).map_err(failed),
     }
-    // A link that another user has put there would lead the files of the run elsewhere.
+    // A link created by another user would redirect the files of the run.
     let metadata = std::fs::symlink_metadata(folder).map_err(failed)?;
     if !metadata.is_dir() {
         return Err(cannot_write(folder, ErrorKind::NotADirectory.into()));

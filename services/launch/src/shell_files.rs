@@ -19,7 +19,7 @@ pub struct ShellFiles {
 }
 
 impl ShellFiles {
-    /// Writes what was asked for; `None` if nothing was.
+    /// Writes the requested files; `None` if none was requested.
     pub fn write(&self, mut command: Command) -> Option<ExitCode> {
         if let Some(folder) = &self.man {
             let written = std::fs::create_dir_all(folder).and_then(|()| clap_mangen::generate_to(command, folder));

@@ -1,4 +1,5 @@
-//! The stage for which the others wait. It is not the one that is behind most: stages that wait for a slow one are behind it.
+//! The slowest stage, for which the other stages wait. It is not the stage that lags most: stages that wait for a slow
+//! one lag more.
 
 use crate::plan::PlannedStage;
 use run::health::{Activity, Health};
@@ -12,7 +13,7 @@ struct Topics {
 }
 
 impl Dataflow {
-    /// That of a plan.
+    /// The dataflow of a plan.
     pub fn of(stages: &[PlannedStage]) -> Self {
         let topics = |stage: &PlannedStage| Topics {
             inputs: stage.inputs.iter().map(|topic| topic.topic.clone()).collect(),
@@ -21,14 +22,14 @@ impl Dataflow {
         Self(stages.iter().map(topics).collect())
     }
 
-    /// Index of the stage that the others wait for, by their heartbeats in the order of the dataflow. Begins with the stage that is
-    /// behind most and follows what each waits for. `None` when all have finished.
+    /// Index of the stage that the other stages wait for, from their heartbeats in the order of the dataflow. Starts at
+    /// the stage that lags most and follows what each stage waits for. `None` when all have finished.
     pub fn slowest(&self, stages: &[&Health]) -> Option<usize> {
         let is_busy = |index: &usize| !matches!(stages[*index].activity, Activity::Draining | Activity::Done);
         let all = || (0..stages.len().min(self.0.len())).filter(is_busy);
-        // Of several equally far behind, the last of the dataflow: it finishes last.
+        // Among several that lag equally, take the last of the dataflow: it finishes last.
         let mut found = all().rev().min_by_key(|index| stages[*index].drive_time)?;
-        // A stage that no other is waiting for, or that waits for nothing, ends the search; so does a circle.
+        // The search ends at a stage that no other stage waits for, at a stage that waits for nothing, or in a cycle.
         for _ in 0..stages.len() {
             let next = match &stages[found].activity {
                 Activity::Waiting(topic) => all().find(|index| self.0[*index].outputs.contains(topic)),
@@ -50,7 +51,7 @@ impl Dataflow {
 mod tests {
     use super::*;
 
-    /// source -> odometry -> network -> sink; the sink reads odometry, too.
+    /// source -> odometry -> network -> sink; the sink also reads odometry.
     fn dataflow() -> Dataflow {
         let topics = |inputs: &[&str], outputs: &[&str]| Topics {
             inputs: inputs.iter().map(|topic| (*topic).to_owned()).collect(),

@@ -9,27 +9,27 @@ use std::collections::BTreeMap;
 pub struct StageFigures {
     /// Its table.
     pub name: String,
-    /// What it does.
+    /// Its current activity.
     pub activity: Activity,
     /// Ticks finished.
     pub ticks: u64,
-    /// Points that passed.
+    /// Points processed.
     pub points: u64,
     /// Drive time behind the foremost stage, s.
     pub lag_s: Option<f64>,
     /// Last barrier whose state is on the disk.
     pub barrier: u64,
-    /// Time in a step.
+    /// Duration of a step.
     pub step: Latency,
-    /// From the source's start of a tick to its end here.
+    /// Time from the start of a tick at the source to its end here.
     pub age: Latency,
-    /// By input topic.
+    /// Traffic by input topic.
     pub inputs: BTreeMap<String, Traffic>,
-    /// By output topic.
+    /// Traffic by output topic.
     pub outputs: BTreeMap<String, Traffic>,
-    /// By input topic.
+    /// Delivery by input topic.
     pub arrivals: BTreeMap<String, Arrivals>,
-    /// By output topic: messages that its slowest consumer has not taken yet.
+    /// Messages that the slowest consumer has not taken yet, by output topic.
     pub waiting: BTreeMap<String, u64>,
     /// User and system time, s.
     pub cpu_s: f64,

@@ -17,10 +17,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus, Stdio};
 use std::time::Instant;
 
-/// Why a stage cannot be started.
+/// A stage that cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// Its program or its log.
+    /// Its program cannot be started, or its log cannot be opened.
     #[error("[{stage}] {program}: cannot be started: {source}")]
     Program {
         /// Its table.
@@ -30,7 +30,7 @@ pub enum StartError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The supervisor's ends of its services.
+    /// The supervisor's ends of its services cannot be opened.
     #[error("[{stage}]: {source}")]
     Services {
         /// Its table.
@@ -57,14 +57,14 @@ pub struct StageProcess {
     last_heartbeat: Instant,
     last_progress: Instant,
     heartbeat_error: Option<String>,
-    /// Set once it has ended.
+    /// Set once the process has ended.
     pub status: Option<ExitStatus>,
-    /// Live: it has failed, and its restart is due later.
+    /// Live: the stage has failed, and its restart is due later.
     pub awaits_restart: bool,
 }
 
 impl StageProcess {
-    /// Starts the program in a process group of its own, so that a Ctrl-C at the terminal reaches the supervisor alone.
+    /// Starts the program in its own process group, so that a Ctrl-C at the terminal reaches only the supervisor.
     pub fn start(
         stage: &PlannedStage,
         assignment: &Path,
@@ -112,7 +112,7 @@ impl StageProcess {
 
     /// Reads the exit status and the latest heartbeat.
     pub fn observe(&mut self) {
-        // The status first: the last heartbeat before an exit is then surely read.
+        // Read the status first: then the last heartbeat before an exit has certainly been read.
         if self.status.is_none() {
             self.status = self.child.try_wait().ok().flatten();
         }
@@ -129,7 +129,7 @@ impl StageProcess {
         }
     }
 
-    /// What [`StageProcess::observe`] read last, with times since `origin`.
+    /// The last observations of [`StageProcess::observe`], with times since `origin`.
     pub fn observed(&self, origin: Instant) -> ObservedStage {
         ObservedStage {
             name: self.name.clone(),
@@ -143,7 +143,7 @@ impl StageProcess {
         }
     }
 
-    /// Publishes the command again, and wakes the stage if it is a new one.
+    /// Publishes the command again, and wakes the stage if the command is new.
     pub fn command(&mut self, command: StageCommand) -> Result<(), IpcError> {
         let command = StageCommand { heard: self.health.beat > 0, ..command };
         let text = serde_json::to_vec(&command).unwrap_or_default();
@@ -160,12 +160,12 @@ impl StageProcess {
         if self.status.is_none()
             && let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw)
         {
-            // It may just have ended by itself.
+            // It may have ended in the meantime.
             let _ = kill_process_group(group, signal);
         }
     }
 
-    /// Kills it and waits for its end.
+    /// Kills the process and waits for its end.
     pub fn kill(&mut self) {
         self.signal(Signal::KILL);
         if self.status.is_none() {
@@ -173,13 +173,13 @@ impl StageProcess {
         }
     }
 
-    /// The last lines of its log, and why it failed if that could not be logged.
+    /// The last lines of its log, and its error if that could not be logged.
     pub fn last_log_lines(&self) -> Vec<String> {
         log_tail::read(&self.log, self.log_start, self.health.error.as_deref())
     }
 }
 
-/// Starts the program, which appends to its log. The length of the log before.
+/// Starts the program, which appends to its log. Returns the previous length of the log.
 fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat) -> Result<(Child, u64), StartError> {
     let failed = |source: std::io::Error| StartError::Program {
         stage: stage.name.clone(),

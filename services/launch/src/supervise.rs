@@ -1,18 +1,18 @@
 //! The life of a run: simulate the drive, start the stages, observe them, restart from the last barrier, write the summary.
 //!
-//! | file | idea |
+//! | file | content |
 //! |---|---|
 //! | `attempt` | one attempt: start, observe, decide, end all processes |
 //! | `check_resume` | whether `--resume` would continue the run in the output |
 //! | `services` | the IPC services that the stages open |
 //! | `report` | `replica report` after the run |
 //! | `processes` | the processes of an attempt |
-//! | `stage_restarts` | live: which stages are down, and how often each was restarted |
+//! | `stage_restarts` | live: stages that are down, and their restarts |
 //! | `operator` | signals and requests |
 //! | `observers` | recorder, metrics, costs, progress |
 //! | `account` | faults, CPU time and last heartbeats, for the summary |
 //!
-//! What is decided, and why, stands in [`crate::decision`].
+//! The decisions and their reasons are in [`crate::decision`].
 
 mod account;
 mod attempt;
@@ -46,23 +46,23 @@ use stage_restarts::StageRestarts;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Time between two observations: a twentieth of a second is soon enough for people.
+/// Interval between two observations: a twentieth of a second is soon enough for people.
 const POLL: Duration = Duration::from_millis(50);
 
-/// What happens to an earlier run in the output.
+/// Treatment of an earlier run in the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// Its results are kept: a new run is refused.
+    /// The results are kept: a new run is refused.
     New,
-    /// A new run replaces its results.
+    /// A new run replaces the results.
     Overwrite,
-    /// It is continued from its last barrier.
+    /// The run is continued from its last barrier.
     Resume,
 }
 
-/// Options of the command line beside the plan.
+/// Options of the command line that are not part of the plan.
 pub struct Options {
-    /// What happens to an earlier run in the output.
+    /// Treatment of an earlier run in the output.
     pub start: Start,
     /// Format of the supervisor's events and of the stages' logs.
     pub log: LogFormat,
@@ -72,7 +72,7 @@ pub struct Options {
     pub record: Option<PathBuf>,
 }
 
-/// Runs the plan to its end; the exit code.
+/// Runs the plan to its end. Returns the exit code.
 pub fn run(plan: Plan, options: Options) -> u8 {
     let _span = tracing::info_span!("run", output = %plan.context.output.display()).entered();
     match Supervisor::new(plan, options).and_then(Supervisor::run) {
@@ -94,9 +94,9 @@ struct Supervisor {
     account: Account,
     swaps: Swaps,
     stage_restarts: StageRestarts,
-    /// How often the processes were started.
+    /// Number of times the processes were started.
     attempts: u32,
-    /// All observed times count from here.
+    /// Origin of all observed times.
     origin: Instant,
 }
 
@@ -107,7 +107,7 @@ impl Supervisor {
         let metrics = observers::metrics(metrics.as_deref())?;
         let folder = RunFolder::lock(&plan.context.output)?;
         plan.context.output = canonical(&plan.context.output)?;
-        // Before the drive is simulated, which takes minutes.
+        // Checked before the drive is simulated, which takes minutes.
         if start == Start::New || (start == Start::Resume && !folder.has_begun()) {
             folder.refuse_earlier_results()?;
         }
@@ -141,7 +141,7 @@ impl Supervisor {
         let mut from = self.begin()?;
         let mut budget = RestartBudget { barrier: from, used: 0 };
         let outcome = loop {
-            // The lock is ours, so no process of this run is alive: what a killed one left in shared memory is removed.
+            // The lock is held, so no process of this run is alive: shared memory left by a killed run is removed.
             self.run.domain.wipe()?;
             self.run.folder.states().remove_after(from)?;
             self.refuse_changed_files()?;
@@ -176,7 +176,7 @@ impl Supervisor {
         self.finish(outcome)
     }
 
-    /// Begins a new run or resumes the one in the output; the barrier to start from.
+    /// Starts a new run or resumes the one in the output. Returns the barrier to start from.
     fn begin(&mut self) -> Result<Option<u64>, SuperviseError> {
         let resume = self.start == Start::Resume;
         self.run.files = self.files()?;
@@ -201,12 +201,12 @@ impl Supervisor {
         Ok(barrier)
     }
 
-    /// The files of the plan as they are now.
+    /// The current files of the plan.
     fn files(&self) -> Result<Files, RunFolderError> {
         Ok(Files::of(&self.run.plan, &self.run.files)?)
     }
 
-    /// All attempts use the same programs and models; only a swap replaces those of a stage.
+    /// All attempts use the same programs and models; only a swap replaces files of a stage.
     fn refuse_changed_files(&mut self) -> Result<(), SuperviseError> {
         let files = self.files()?;
         self.run.folder.refuse_changed_files(&files, &self.run.files, self.swaps.replaced_stage())?;
@@ -214,7 +214,8 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Waits for the restart of the run that [`restart_run`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.
+    /// Waits for the restart of the run that [`restart_run`] allows. Returns the budget after it. `Err`: the outcome of
+    /// the run if no restart is allowed.
     fn restart_run(
         &mut self,
         fault: Fault,
@@ -271,14 +272,15 @@ impl Supervisor {
         }
     }
 
-    /// An offline source that was asked to end has left out the rest of its drive; a live one ends only on request.
+    /// The outcome of a finished run. An offline source that was asked to end has left out the rest of its drive; a
+    /// live one ends only on request.
     fn outcome_of_finished_run(&self) -> Outcome {
         let source = self.run.plan.stages.first().and_then(|source| self.account.health.get(&source.name));
         let is_cut_short = source.is_some_and(|health| health.drained);
         if is_cut_short && !self.run.is_live() { Outcome::Drained } else { Outcome::Done }
     }
 
-    /// Writes the summary and ends the observers; the exit code.
+    /// Writes the summary and ends the observers. Returns the exit code.
     fn finish(mut self, outcome: Outcome) -> Result<u8, SuperviseError> {
         let wall_s = self.account.wall_s();
         self.observers.write_last(&self.account.health, &self.run.domain, self.account.restarts);
@@ -291,7 +293,7 @@ impl Supervisor {
             // Nothing is left to continue.
             self.run.folder.states().remove_before(u64::MAX);
         }
-        // The recorder learns from the summary that the run was cut short, so it ends only now.
+        // The recorder reads from the summary that the run was cut short, so it ends only now.
         let is_recorded = self.observers.finish_recording(outcome);
         self.operator.control.end(outcome);
         account::log_summary(&summary, output);
@@ -306,7 +308,7 @@ impl Supervisor {
     }
 }
 
-/// Why an attempt failed, for the answer to the client that requested a swap.
+/// The reason why an attempt failed, for the client that requested a swap.
 fn failure(ending: &Result<Ending, SuperviseError>) -> Option<String> {
     match ending {
         Ok(Ending::Failed { fault, log_lines }) => {
@@ -318,7 +320,7 @@ fn failure(ending: &Result<Ending, SuperviseError>) -> Option<String> {
     }
 }
 
-/// Where a run continues.
+/// The point from which a run continues.
 fn place(barrier: Option<u64>) -> String {
     barrier.map_or("the beginning".to_owned(), |barrier| format!("barrier {barrier}"))
 }

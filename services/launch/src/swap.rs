@@ -1,5 +1,5 @@
-//! Replacing a stage of a running pipeline: check, drain to a barrier, try, then complete or undo. The reasons stand in the
-//! documentation of swaps.
+//! Replaces a stage of a running pipeline: check, drain to a barrier, try, then complete or undo. The reasons are in
+//! the documentation of swaps.
 
 mod compatibility;
 mod refusal;
@@ -22,22 +22,22 @@ use settings::nearest_key;
 use std::collections::BTreeMap;
 use std::thread::JoinHandle;
 
-/// Why a run with swaps cannot continue.
+/// An error that ends a run with swaps.
 #[derive(Debug, thiserror::Error)]
 pub enum SwapError {
-    /// States or the record of swaps.
+    /// States or the record of swaps failed.
     #[error(transparent)]
     Folder(#[from] RunFolderError),
-    /// The states before a swap are of the old plan, so the run cannot continue from them.
+    /// The states before a swap belong to the old plan, so the run cannot continue from them.
     #[error("no complete barrier since the swap of {stage} at barrier {barrier}; start a new run")]
     NoBarrierSince {
         /// Table of the swapped stage.
         stage: String,
-        /// Where it was swapped.
+        /// Barrier of the swap.
         barrier: u64,
     },
-    /// A resumed run whose swapped programs or settings have changed since.
-    #[error("the swaps of this run are not valid any more:\n{0}")]
+    /// The swapped programs or settings of a resumed run have changed.
+    #[error("the swaps of this run are no longer valid:\n{0}")]
     NoLongerValid(String),
 }
 
@@ -57,11 +57,11 @@ struct Swap {
 enum Phase {
     /// A thread checks the new plan; the run does not wait for it.
     Checking(JoinHandle<Result<Plan, Vec<String>>>),
-    /// The source pauses behind a barrier, and all other stages come there.
+    /// The source pauses after a barrier, and all other stages reach it.
     Draining(Box<Plan>),
-    /// All stages were restarted from there, and the sink has not finished a tick yet.
+    /// All stages were restarted from the barrier, and the sink has not finished a tick yet.
     Trying {
-        /// The plan before the swap; `None` if the run is back at it.
+        /// The plan before the swap; `None` if the run uses it again.
         old: Option<Box<Plan>>,
         swapped: Box<Swapped>,
         /// Last tick of the sink before the swap.
@@ -110,30 +110,30 @@ impl Swaps {
         Ok(())
     }
 
-    /// The changes of the command line, followed by `swapped` instead of those of completed swaps.
+    /// The changes of the command line, followed by `swapped` instead of the changes of completed swaps.
     fn changes_with(&self, plan: &Plan, swapped: &[Change]) -> Vec<Change> {
         let n_of_command_line = plan.changes.len().saturating_sub(self.record.changes.len());
         [&plan.changes[..n_of_command_line], swapped].concat()
     }
 
-    /// Whether the pipeline waits for a swap, so that polling faster shortens its pause.
+    /// Whether the pipeline waits for a swap, so that faster polling shortens its pause.
     pub fn is_waited_for(&self) -> bool {
         self.under_way.as_ref().is_some_and(|swap| !matches!(swap.phase, Phase::Checking(_)))
     }
 
-    /// The stage that is being replaced by the attempt that follows: its files may change.
+    /// The stage that the next attempt replaces: its files may change.
     pub fn replaced_stage(&self) -> Option<&str> {
         let swap = self.under_way.as_ref().filter(|swap| matches!(swap.phase, Phase::Trying { .. }))?;
         Some(&swap.request.stage)
     }
 
-    /// Whether the source is to pause behind its next barrier.
+    /// Whether the source must pause after its next barrier.
     pub fn is_draining(&self) -> bool {
         self.under_way.as_ref().is_some_and(|swap| matches!(swap.phase, Phase::Draining(_)))
     }
 
-    /// Brings the swap under way one phase further, if it is time to. Returns the barrier at which all stages have arrived for
-    /// the swap.
+    /// Advances the active swap by one phase, if it is due. Returns the barrier that all stages have reached for the
+    /// swap.
     pub fn advance(
         &mut self,
         processes: &[StageProcess],
@@ -182,7 +182,8 @@ impl Swaps {
         Ok(arrived)
     }
 
-    /// All processes have reached the barrier and ended: from here on the new plan. Returns the barrier to continue from.
+    /// Applies the new plan after all processes have reached the barrier and ended. Returns the barrier to continue
+    /// from.
     pub fn exchange(
         &mut self,
         barrier: u64,
@@ -195,7 +196,7 @@ impl Swaps {
         };
         let complete = self.last_barrier(run)?;
         if complete != Some(barrier) {
-            control.answer(client, &Answer::Refused(vec![format!("a state of barrier {barrier} is damaged")]));
+            control.answer(client, &Answer::Refused(vec![format!("a state at barrier {barrier} is damaged")]));
             return Ok(complete);
         }
         let of = |name: Option<&str>| name.and_then(|name| health.get(name)).cloned().unwrap_or_default();
@@ -214,11 +215,11 @@ impl Swaps {
             seconds_without_output: None,
             undone: None,
         };
-        // Written before any process starts: a later supervisor must know that states behind the barrier are on trial.
+        // Written before any process starts: a later supervisor must find that states after the barrier are on trial.
         let files = Files::of(&plan, &run.files).map_err(RunFolderError::from)?;
         self.record.trial = Some(Trial { barrier, changes: self.record.changes_with(&request), files });
         run.folder.write_swaps(&self.record)?;
-        // States before the barrier are of the old plan: the run must not fall back to them with the new one.
+        // States before the barrier belong to the old plan: the run must not fall back to them with the new one.
         run.folder.states().remove_before(barrier);
         let old = Some(Box::new(std::mem::replace(&mut run.plan, *plan)));
         control.working(client, "starting from the barrier");
@@ -227,8 +228,8 @@ impl Swaps {
         Ok(Some(barrier))
     }
 
-    /// The attempt failed for this reason. If it was the trial of a swap, the old plan is back; returns the barrier to
-    /// continue from.
+    /// Handles the failure of an attempt, with its reason. If it was the trial of a swap, restores the old plan and
+    /// returns the barrier to continue from.
     pub fn undo(
         &mut self,
         reason: String,
@@ -248,7 +249,7 @@ impl Swaps {
         Ok(Some(swapped.barrier))
     }
 
-    /// The sink has finished a tick: the swap is completed, or the run is back at the old plan.
+    /// Handles the sink's first finished tick: the swap is completed, or the run uses the old plan again.
     fn complete(
         &mut self,
         client: ClientId,
@@ -260,7 +261,7 @@ impl Swaps {
         run.folder.write_swaps(&self.record)?;
         match (&swapped.undone, swapped.seconds_without_output) {
             (Some(_), Some(seconds)) => {
-                tracing::info!("the run is as before the swap, after {seconds:.2} s without output");
+                tracing::info!("the swap has been undone, after {seconds:.2} s without output");
             }
             (Some(_), None) => {}
             (None, _) => tracing::info!(stage = swapped.stage, "{swapped}"),
@@ -269,17 +270,17 @@ impl Swaps {
         Ok(())
     }
 
-    /// The run ends: a swap on trial is not completed. `run/swaps.json` keeps the trial, so that a resumed run goes back to its
-    /// barrier.
+    /// Ends the run: a swap on trial is not completed. `run/swaps.json` keeps the trial, so that a resumed run returns
+    /// to its barrier.
     pub fn close(&mut self, control: &mut Control) {
         if let Some(Swap { client, phase: Phase::Trying { mut swapped, .. }, .. }) = self.under_way.take() {
-            swapped.undone.get_or_insert_with(|| "the run ended before the first tick with it".to_owned());
+            swapped.undone.get_or_insert_with(|| "the run ended before its first tick".to_owned());
             self.record.swaps.push((*swapped).clone());
             control.answer(client, &Answer::Swapped(*swapped));
         }
     }
 
-    /// A resumed run: completed swaps of earlier supervisors remain, a swap on trial is undone.
+    /// Restores the swaps of a resumed run: completed swaps of earlier supervisors remain, a swap on trial is undone.
     pub fn restore(&mut self, run: &mut ActiveRun) -> Result<(), SwapError> {
         self.record = run.folder.read_swaps()?;
         if let Some(trial) = self.record.trial.take() {
@@ -301,7 +302,8 @@ impl Swaps {
         Ok(run.folder.refuse_changed_files(&files, &before, None)?)
     }
 
-    /// The last complete barrier. States before a completed swap are of the old plan, so the run cannot continue from them.
+    /// The last complete barrier. States before a completed swap belong to the old plan, so the run cannot continue
+    /// from them.
     pub fn last_barrier(&self, run: &ActiveRun) -> Result<Option<u64>, SwapError> {
         let barrier = run.folder.states().last_complete_barrier(&run.plan.stages);
         match self.record.swaps.iter().rfind(|swap| swap.undone.is_none()) {
@@ -325,7 +327,7 @@ fn compatible(mut plan: Plan, running: &Plan, stage: &str) -> Result<Plan, Vec<S
     if reasons.is_empty() { Ok(plan) } else { Err(reasons) }
 }
 
-/// The barrier behind which the source pauses, once all stages have saved their states there: no data is in flight.
+/// The barrier after which the source pauses, once all stages have saved their states there: no data is in flight.
 fn paused_at(processes: &[StageProcess]) -> Option<u64> {
     let source = processes.first().filter(|source| source.health.activity == Activity::Paused)?;
     let barrier = source.health.barrier;

@@ -16,30 +16,30 @@ pub struct SwapRecord {
     /// The files of the run after the completed swaps.
     #[serde(default)]
     pub files: Option<Files>,
-    /// All swaps in their order, undone ones too.
+    /// All swaps in their order, including undone ones.
     pub swaps: Vec<Swapped>,
 }
 
 /// A swap whose new program has not finished a tick yet.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Trial {
-    /// Where the stage is replaced.
+    /// Barrier at which the stage is replaced.
     pub barrier: u64,
-    /// [`SwapRecord::changes`] once it is completed.
+    /// The value of [`SwapRecord::changes`] once the swap is completed.
     pub changes: Vec<Change>,
-    /// [`SwapRecord::files`] once it is completed.
+    /// The value of [`SwapRecord::files`] once the swap is completed.
     pub files: Files,
 }
 
 impl SwapRecord {
-    /// [`SwapRecord::changes`] after a swap.
+    /// The value of [`SwapRecord::changes`] after a swap.
     pub fn changes_with(&self, request: &SwapRequest) -> Vec<Change> {
         let is_undone = |change: &Change| request.back && change.table() == request.stage;
         let kept = self.changes.iter().filter(|change| !is_undone(change)).cloned();
         kept.chain(request.changes.iter().cloned()).collect()
     }
 
-    /// The swap on trial is completed or undone.
+    /// Records that the swap on trial is completed or undone.
     pub fn complete(&mut self, swapped: Swapped) {
         if let Some(trial) = self.trial.take()
             && swapped.undone.is_none()

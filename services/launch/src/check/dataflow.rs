@@ -1,4 +1,4 @@
-//! The dataflow of a run: topics get their producers and consumers, stages their order.
+//! The dataflow of a run: producers and consumers of topics, and the order of stages.
 
 use crate::plan::PlannedStage;
 use ipc::Channel;
@@ -9,7 +9,7 @@ use settings::Problem;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Connects the stages by their topics and sorts them in dataflow order. Each problem is one of a stage's table.
+/// Connects the stages by their topics and sorts them in dataflow order. Each problem belongs to a stage's table.
 pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Problem)> {
     let mut problems = Vec::new();
     let mut report = |stage: &PlannedStage, text: String| {
@@ -63,7 +63,7 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
         // The source counts the ticks: two sources would have two counts.
         let earlier = stages[..index].iter().find(|earlier| earlier.description.inputs.is_empty());
         if let Some(earlier) = earlier.filter(|_| ports.is_empty()) {
-            report(stage, format!("is a second source beside [{}]: a run has one", earlier.name));
+            report(stage, format!("is a second source, after [{}]: a run has one source", earlier.name));
         }
     }
     let edges: Vec<(usize, usize)> = consumers
@@ -135,7 +135,7 @@ fn channels<'a>(
     }
 }
 
-/// Producers before consumers, otherwise in the order of the file. `Err`: the members of cycles.
+/// Sorts producers before consumers, otherwise in the order of the file. `Err`: the members of cycles.
 fn order(n: usize, edges: &[(usize, usize)]) -> Result<Vec<usize>, Vec<usize>> {
     let mut done: Vec<usize> = Vec::new();
     while done.len() < n {
@@ -242,7 +242,7 @@ mod tests {
         let mut stages =
             vec![planned("one", &[], &[port("a")]), planned("two", &[], &[]), planned("idle", &[idle], &[])];
         let expected = [
-            "two: is a second source beside [one]: a run has one",
+            "two: is a second source, after [one]: a run has one source",
             "idle: has no input: no stage of this file produces nothing",
         ];
         assert_eq!(texts(&mut stages), expected);

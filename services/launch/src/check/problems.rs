@@ -12,7 +12,7 @@ pub struct Problems<'a> {
 }
 
 impl<'a> Problems<'a> {
-    /// None yet.
+    /// An empty collection.
     pub fn new(file: &'a LaunchFile) -> Self {
         Self { file, problems: Vec::new() }
     }
@@ -22,7 +22,7 @@ impl<'a> Problems<'a> {
         self.file
     }
 
-    /// Whether there are none.
+    /// Whether there are no problems.
     pub fn is_empty(&self) -> bool {
         self.problems.is_empty()
     }
@@ -32,12 +32,12 @@ impl<'a> Problems<'a> {
         self.file.tables().iter().any(|(table, _)| table == name)
     }
 
-    /// Where a table stands in the file.
+    /// The position of a table in the file.
     pub fn place_of(&self, name: &str) -> Option<Range<usize>> {
         self.file.tables().into_iter().find(|(table, _)| table == name).and_then(|(_, span)| span)
     }
 
-    /// The table of the file that looks most like `name`, or all of them, as a hint.
+    /// The most similar table of the file, or all tables, as a hint.
     pub fn nearest_table(&self, name: &str) -> String {
         let tables = self.file.tables();
         nearest_key(name, tables.iter().map(|(table, _)| table.as_str()))
@@ -49,7 +49,7 @@ impl<'a> Problems<'a> {
         self.problems.push(self.file.located(table, problem));
     }
 
-    /// Adds a problem of a table that stands at `span`.
+    /// Adds a problem of a table at `span`.
     pub fn add_at(&mut self, table: &str, span: Option<Range<usize>>, text: String) {
         self.add(table, Problem { key: String::new(), span, text });
     }
@@ -59,7 +59,7 @@ impl<'a> Problems<'a> {
         self.add("", Problem::of_key("", text));
     }
 
-    /// Adds problems that a program has located itself.
+    /// Adds problems with positions that a program has determined.
     pub fn add_located(&mut self, problems: Vec<Problem>) {
         self.problems.extend(problems);
     }
@@ -82,7 +82,7 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// A problem at the place of a value, or at the table if the key is absent.
+    /// A problem at the position of a value, or at the table if the key is absent.
     pub fn of_value(&self, table: &str, key: &str, text: String) -> Problem {
         let span = self.file.table(table).ok().and_then(|table| {
             let (_, value) = table.iter().find(|(name, _)| name.get_ref() == key)?;
@@ -98,11 +98,11 @@ impl<'a> Problems<'a> {
             self.add("run", problem);
         }
         let path = folder.join(value);
-        // Symbolic links and `..` resolved, so that one folder has one name.
+        // Resolves symbolic links and `..`, so that one folder has one name.
         path.canonicalize().unwrap_or(path)
     }
 
-    /// In the order of the file; problems without a place come first.
+    /// The rendered problems in the order of the file; problems without a position come first.
     pub fn into_rendered(mut self) -> Vec<String> {
         self.problems.sort_by_key(|problem| problem.span.as_ref().map(|span| span.start));
         self.problems.dedup();

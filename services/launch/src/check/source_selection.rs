@@ -1,9 +1,9 @@
-//! A run with another source, such as a replay: which stages are left out.
+//! A run with another source, such as a replay: selects the stages that are left out.
 
 use crate::plan::PlannedStage;
 
-/// Leaves out the stages that `source` replaces: those that produce one of its topics, then those that lack an input, and
-/// those whose topics had a consumer and now have none. Returns their names.
+/// Leaves out the stages that `source` replaces: the producers of its topics, then stages that lack an input, and
+/// stages whose topics have lost all consumers. Returns their names.
 pub fn leave_out(stages: &mut Vec<PlannedStage>, source: &str) -> Vec<String> {
     let Some(own) = stages.iter().find(|stage| stage.name == source) else { return Vec::new() };
     let replaced: Vec<String> = own.description.outputs.iter().map(|port| port.topic.clone()).collect();
@@ -36,8 +36,8 @@ pub fn leave_out(stages: &mut Vec<PlannedStage>, source: &str) -> Vec<String> {
     }
 }
 
-/// Topics that a stage of `stages` reads and that have lost their producer: `before` are the stages of the launch file. In the
-/// order of the launch file.
+/// Topics that a stage of `stages` reads and that have lost their producer: `before` are the stages of the launch file.
+/// In the order of the launch file.
 pub fn missing_topics(before: &[PlannedStage], stages: &[PlannedStage]) -> Vec<String> {
     let produced = before.iter().flat_map(|stage| stage.description.outputs.iter().map(|port| port.topic.clone()));
     let mut missing: Vec<String> = Vec::new();
@@ -94,7 +94,7 @@ mod tests {
         }
     }
 
-    /// Stages that a replay of `topics` leaves out, and the topics that it lacks.
+    /// Stages that a replay of `topics` leaves out, and the topics that the replay lacks.
     fn replay_of(topics: &str) -> (String, String) {
         let before = vec![
             stage("acquire", "", "sweep image gnss"),

@@ -1,4 +1,4 @@
-//! The stages of a launch file: their tables, and how their programs describe themselves.
+//! The stages of a launch file: their tables, and the descriptions of their programs.
 
 use super::problems::Problems;
 use crate::manifest::{Run, StageTable};
@@ -10,7 +10,7 @@ use run::{Change, DescribeRequest, Remote, SUPERVISOR_KEYS, files_of_settings};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Tables that are no stages.
+/// Tables that are not stages.
 const OWN_TABLES: [&str; 2] = ["run", "simulate"];
 
 struct Table {
@@ -20,7 +20,7 @@ struct Table {
     remote: Option<Remote>,
 }
 
-/// All stages of the file but those that the selection leaves out, in its order.
+/// Reads all stages of the file except deselected ones, in its order.
 pub fn read(
     problems: &mut Problems,
     folder: &Path,
@@ -85,7 +85,7 @@ fn planned(
     };
     if description.contract != CONTRACT_VERSION {
         let text = format!(
-            "{} has contract version {}, this supervisor has {CONTRACT_VERSION}; build both from one state",
+            "{} has contract version {}, this supervisor has {CONTRACT_VERSION}; build both from the same commit",
             program.display(),
             description.contract
         );
@@ -101,7 +101,7 @@ fn planned(
         problems.add(&name, problem);
     }
     let remote = remote.map(|remote| Remote { files: description.files.clone(), ..remote });
-    // Those of another host have no part in the run.
+    // Files of another host are not part of the run.
     let files = match &remote {
         Some(_) => Vec::new(),
         None => files_of_settings(problems.file(), &name, &description.settings, folder).into_iter().collect(),

@@ -1,4 +1,5 @@
-//! Exhausted resources: disk, shared memory, memory, file size. The cause of a fault says whether a restart can help.
+//! Exhausted resources: disk, shared memory, memory, file size. The cause of a fault determines whether a restart can
+//! help.
 
 use std::fmt;
 
@@ -6,7 +7,7 @@ const SIGBUS: i32 = 7;
 const SIGKILL: i32 = 9;
 const SIGXFSZ: i32 = 25;
 
-/// Errors of the operating system in a stage's log that no restart removes, and what to do.
+/// Errors of the operating system in a stage's log that no restart removes, with advice.
 const OS_ERRORS: [(&str, &str); 4] = [
     ("(os error 27)", "a file reached the largest size allowed (ulimit -f): raise the limit"),
     ("(os error 28)", "a disk is full: make room"),
@@ -14,7 +15,7 @@ const OS_ERRORS: [(&str, &str); 4] = [
     ("(os error 122)", "a disk quota is exhausted: make room"),
 ];
 
-/// Figures of the moment at which a fault was observed.
+/// Figures at the time of a fault.
 #[derive(Clone, Debug, Default)]
 pub struct Evidence {
     /// Last lines of the stage's log.
@@ -32,21 +33,21 @@ pub struct Evidence {
 /// An exhausted resource.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Disk space, a quota, or the right to write.
+    /// Disk space, a quota, or write permission.
     Disk {
-        /// What is exhausted, and what to do.
+        /// The exhausted resource, with advice.
         advice: &'static str,
         /// Bytes free on the disk of the output.
         free: Option<u64>,
     },
-    /// Mapped memory was not available.
+    /// Mapped memory.
     SharedMemory {
         /// Bytes free.
         free: Option<u64>,
         /// Bytes that this run uses.
         used: u64,
     },
-    /// The kernel ended the process for lack of memory.
+    /// Memory: the kernel ended the process.
     Memory,
     /// The limit on the size of a file.
     FileSize,
@@ -69,7 +70,7 @@ impl Cause {
         }
     }
 
-    /// A restart frees memory, but neither makes room on a disk nor raises a limit.
+    /// Whether a restart can help. A restart frees memory, but neither makes room on a disk nor raises a limit.
     pub(super) fn may_restart(&self) -> bool {
         matches!(self, Self::SharedMemory { .. } | Self::Memory)
     }
@@ -90,7 +91,7 @@ impl fmt::Display for Cause {
     }
 }
 
-/// An amount of memory for people.
+/// An amount of memory as text.
 pub fn mib(bytes: Option<u64>) -> String {
     bytes
         .map_or_else(|| "an unknown amount".to_owned(), |bytes| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20)))

@@ -1,4 +1,4 @@
-//! Exit, hang and stall: which stage is at fault, if any.
+//! Exit, hang and stall: finds the faulty stage.
 
 use super::cause::Cause;
 use super::policy::Policy;
@@ -23,33 +23,33 @@ const SIGNALS: [(i32, &str); 7] = [
     (25, "SIGXFSZ: a file reached the largest size allowed (ulimit -f)"),
 ];
 
-/// What is known of a stage at one moment.
+/// The observed state of a stage.
 #[derive(Clone, Debug)]
 pub struct ObservedStage {
     /// Its table in the launch file.
     pub name: String,
-    /// How its process ended. `None`: it runs.
+    /// Exit of its process. `None`: the process runs.
     pub exit: Option<Exit>,
-    /// What it does, from its last heartbeat.
+    /// Its activity in the last heartbeat.
     pub activity: Activity,
     /// Ticks that it has finished.
     pub ticks: u64,
-    /// When its last heartbeat was received, or when the process was started.
+    /// Time at which its last heartbeat was received, or its process was started.
     pub last_heartbeat: Duration,
-    /// When its progress or its activity last changed.
+    /// Time at which its progress or its activity last changed.
     pub last_progress: Duration,
-    /// Why its last heartbeat could not be read.
+    /// Error of reading its last heartbeat.
     pub heartbeat_error: Option<String>,
     /// Live: the stage has failed, and its restart is due later.
     pub awaits_restart: bool,
 }
 
-/// How a process ended.
+/// Exit of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// By itself.
+    /// An exit with this code.
     Code(i32),
-    /// By a signal.
+    /// Killed by this signal.
     Signal(i32),
 }
 
@@ -57,14 +57,14 @@ impl From<ExitStatus> for Exit {
     fn from(status: ExitStatus) -> Self {
         match (status.code(), status.signal()) {
             (Some(code), _) => Self::Code(code),
-            // A process that was waited for has one or the other.
+            // A process that was waited for has one of the two.
             (None, signal) => Self::Signal(signal.unwrap_or_default()),
         }
     }
 }
 
 impl Exit {
-    /// Configuration and usage errors are the same after a restart.
+    /// Whether a restart can help. Configuration and usage errors recur after a restart.
     fn may_restart(self) -> bool {
         self != Self::Code(exit::CONFIGURATION.into()) && self != Self::Code(exit::USAGE.into())
     }
@@ -86,18 +86,18 @@ impl fmt::Display for Exit {
     }
 }
 
-/// What is wrong with a stage.
+/// A fault of a stage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
     /// Table of the stage.
     pub stage: String,
-    /// What happened.
+    /// Kind of the fault.
     pub kind: FaultKind,
     /// The exhausted resource that caused it.
     pub cause: Option<Cause>,
 }
 
-/// What happened to a stage.
+/// Kind of a stage's fault.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FaultKind {
     /// Its process ended with an error.
@@ -106,23 +106,23 @@ pub enum FaultKind {
     EarlyExit,
     /// No heartbeat.
     Hang {
-        /// For how long, s.
+        /// Duration, s.
         seconds: f64,
     },
     /// Heartbeats, but no progress.
     Stall {
-        /// For how long, s.
+        /// Duration, s.
         seconds: f64,
-        /// In which activity.
+        /// Activity during the stall.
         activity: Activity,
-        /// Ticks finished before.
+        /// Ticks finished before the stall.
         ticks: u64,
     },
-    /// Every stage waits for another one, and none makes progress.
+    /// Every stage waits for another one, and no stage makes progress.
     Deadlock {
-        /// For how long, s.
+        /// Duration, s.
         seconds: f64,
-        /// What each stage waits for.
+        /// Activity of each stage.
         activities: String,
     },
     /// Its heartbeat cannot be read.
@@ -130,7 +130,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// One word for programs that read the events.
+    /// One word, for programs that read the events.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Exit(_) | Self::EarlyExit => "exit",
@@ -190,19 +190,19 @@ impl fmt::Display for Fault {
     }
 }
 
-/// What the stages of an attempt need.
+/// The judgment of the stages of an attempt.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Judgment {
-    /// Nothing: keep running.
+    /// No fault: keep running.
     Continue,
     /// All stages have finished.
     Finish,
-    /// This stage is to blame: find the cause, then ask [`super::restart_stage`].
+    /// This stage is to blame: find the cause, then call [`super::restart_stage`].
     Blame(Fault),
 }
 
-/// Judges the stages of an attempt, given in dataflow order. `at`: when the supervisor began to observe them. What it does
-/// after that takes time, too; that time does not count as missed heartbeats.
+/// Judges the stages of an attempt, given in dataflow order. `at`: time at which the supervisor started to observe
+/// them. The time it spends afterwards does not count as missed heartbeats.
 pub fn judge(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Judgment {
     match first_fault(at, stages, policy) {
         Some(fault) => Judgment::Blame(fault),
@@ -221,7 +221,8 @@ fn first_fault(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Optio
     stages.iter().find_map(of_stage).or_else(|| deadlock(at, stages, policy)).or_else(|| unreadable_heartbeat(stages))
 }
 
-/// Since when the connecting stages wait only for each other. `None` while another stage still starts: its own limit counts.
+/// Time since which the connecting stages wait only for each other. `None` while another stage still starts: its own
+/// limit counts.
 fn connecting_since(stages: &[ObservedStage]) -> Option<Duration> {
     let running = || stages.iter().filter(|stage| stage.exit.is_none());
     if running().any(|stage| stage.activity == Activity::Starting) {
@@ -253,7 +254,7 @@ fn fault(
     let since = match stage.activity {
         Activity::Connecting(_) => connecting_since?,
         Activity::Working | Activity::Starting | Activity::Saving => stage.last_progress,
-        // A stage that waits for others is not to blame for their delay; see `deadlock`.
+        // A waiting stage is not to blame for the delay of other stages; see `deadlock`.
         Activity::Ready
         | Activity::Waiting(_)
         | Activity::Blocked(_)
@@ -267,8 +268,8 @@ fn fault(
     (seconds > policy.stall_limit_s(&stage.name)).then_some(FaultKind::Stall { seconds, activity, ticks })
 }
 
-/// Every stage waits for another one and none makes progress. A stage that works has its own limit (see [`fault`]); live,
-/// all stages may wait for a sensor.
+/// Every stage waits for another one and no stage makes progress. A stage that works has its own limit (see [`fault`]);
+/// live, all stages may wait for a sensor.
 fn deadlock(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Option<Fault> {
     let running: Vec<&ObservedStage> = stages.iter().filter(|stage| stage.exit.is_none()).collect();
     if policy.is_live || running.iter().any(|stage| is_active(&stage.activity)) {
@@ -289,7 +290,8 @@ fn is_active(activity: &Activity) -> bool {
     matches!(activity, Activity::Starting | Activity::Connecting(_) | Activity::Working | Activity::Saving)
 }
 
-/// A stage that is killed while it connects may leave a heartbeat that cannot be read: a fault of the stage, not of the run.
+/// An unreadable heartbeat. A stage that is killed while it connects may leave one: a fault of the stage, not of the
+/// run.
 fn unreadable_heartbeat(stages: &[ObservedStage]) -> Option<Fault> {
     stages.iter().find_map(|stage| {
         let kind = FaultKind::UnreadableHeartbeat(stage.heartbeat_error.clone()?);

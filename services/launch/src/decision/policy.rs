@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 /// The rules of a run, from its launch file.
 #[derive(Clone, Debug)]
 pub struct Policy {
-    /// Live mode: stages are restarted one by one, and waiting for a sensor is no fault.
+    /// Live mode: stages are restarted one by one, and waiting for a sensor is not a fault.
     pub is_live: bool,
-    /// A stage without a heartbeat for this long hangs, s.
+    /// A stage hangs if it sends no heartbeat for this long, s.
     pub hang_s: f64,
-    /// A stage without progress for this long stalls, s.
+    /// A stage stalls if it makes no progress for this long, s.
     pub stall_s: f64,
     /// Stall limits of single stages, s; they replace `stall_s`.
     pub stage_stall_s: BTreeMap<String, f64>,

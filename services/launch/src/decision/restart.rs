@@ -8,7 +8,7 @@ use std::time::Duration;
 /// The longest pause before a restart.
 const MAX_DELAY: Duration = Duration::from_secs(30);
 
-/// Live: a process that ran for this long was healthy, so its end does not repeat the fault before it.
+/// Live: a process that ran for this long was healthy, so its end does not count as a repeated fault.
 const HEALTHY_AFTER: Duration = Duration::from_mins(1);
 
 /// Restarts of a run without progress.
@@ -21,18 +21,18 @@ pub struct RestartBudget {
 }
 
 impl RestartBudget {
-    /// The budget when all stages have reached `barrier`: a new barrier resets it.
+    /// The budget after all stages have reached `barrier`: a new barrier resets it.
     fn at(self, barrier: Option<u64>) -> Self {
         if barrier > self.barrier { Self { barrier, used: 0 } } else { self }
     }
 }
 
-/// Why a run ends as failed.
+/// The reason why a run ends as failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GiveUp {
-    /// The operator has asked for the end, so nothing is restarted.
+    /// The operator has requested the end, so nothing is restarted.
     EndRequested,
-    /// The fault would occur again: wrong configuration, full disk.
+    /// The fault would recur: invalid configuration, full disk.
     RestartCannotHelp,
     /// This many restarts brought no progress.
     NoProgress(u32),
@@ -51,20 +51,20 @@ impl fmt::Display for GiveUp {
     }
 }
 
-/// A stage has a fault; the other stages still run.
+/// A stage with a fault, while the other stages run.
 #[derive(Clone, Copy, Debug)]
 pub struct FaultyStage<'a> {
     /// The fault and its cause.
     pub fault: &'a Fault,
-    /// The operator asked for the end of the run.
+    /// The operator requested the end of the run.
     pub is_ending: bool,
     /// Live: restarts of this stage so far without a healthy process between them.
     pub restarts: u32,
-    /// Live: how long the restarted process ran. `None`: the stage was never restarted.
+    /// Live: running time of the restarted process. `None`: the stage was never restarted.
     pub ran_for: Option<Duration>,
 }
 
-/// What the supervisor does about a faulty stage.
+/// The decision about a faulty stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum StageDecision {
     /// Live: restart the stage alone after a pause; the other stages continue.
@@ -74,13 +74,13 @@ pub enum StageDecision {
         /// Number of this restart, counted from the last healthy process.
         restart: u32,
     },
-    /// Offline: end all processes of the attempt, then ask [`restart_run`].
+    /// Offline: end all processes of the attempt, then call [`restart_run`].
     EndAttempt,
     /// Live: end the run as failed.
     GiveUp(GiveUp),
 }
 
-/// Whether a faulty stage is restarted alone: offline never.
+/// Whether a faulty stage is restarted alone; never offline.
 pub fn restart_stage(stage: &FaultyStage<'_>, policy: &Policy) -> StageDecision {
     let FaultyStage { fault, is_ending, restarts, ran_for } = *stage;
     let restarts = if ran_for.is_some_and(|ran_for| ran_for > HEALTHY_AFTER) { 0 } else { restarts };
@@ -97,12 +97,12 @@ pub fn restart_stage(stage: &FaultyStage<'_>, policy: &Policy) -> StageDecision 
     }
 }
 
-/// Offline: an attempt ended with a fault, and all its processes are gone.
+/// Offline: an attempt that ended with a fault, after all its processes have ended.
 #[derive(Clone, Copy, Debug)]
 pub struct FailedAttempt<'a> {
     /// The fault and its cause.
     pub fault: &'a Fault,
-    /// The operator asked for the end of the run.
+    /// The operator requested the end of the run.
     pub is_ending: bool,
     /// Last barrier of which all stages have a valid state.
     pub barrier: Option<u64>,
@@ -112,7 +112,7 @@ pub struct FailedAttempt<'a> {
     pub is_memory_low: bool,
 }
 
-/// What the supervisor does about a failed attempt.
+/// The decision about a failed attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RunDecision {
     /// Restart all stages from the last barrier after a pause.
@@ -143,7 +143,7 @@ pub fn restart_run(attempt: &FailedAttempt<'_>, policy: &Policy) -> RunDecision 
     }
 }
 
-/// The pause before restart number `n`, counted from 0: doubled each time.
+/// The pause before restart number `n`, counted from 0: it doubles each time.
 fn backoff(first_delay_s: f64, n: u32) -> Duration {
     let factor = 1_u32.checked_shl(n).unwrap_or(u32::MAX);
     Duration::from_millis((first_delay_s * 1000.0) as u64).saturating_mul(factor).min(MAX_DELAY)

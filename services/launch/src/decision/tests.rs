@@ -12,7 +12,7 @@ const fn s(seconds: u64) -> Duration {
     Duration::from_secs(seconds)
 }
 
-/// The moment of observation in all tables.
+/// The time of observation in all tables.
 const NOW: Duration = s(1000);
 
 const fn ago(seconds: u64) -> Duration {
@@ -48,12 +48,12 @@ fn exited(name: &str, exit: Exit, activity: Activity) -> ObservedStage {
     ObservedStage { exit: Some(exit), ..healthy(name, activity) }
 }
 
-/// Without a heartbeat for so many seconds.
+/// A stage without a heartbeat for this many seconds.
 fn silent(name: &str, seconds: u64) -> ObservedStage {
     ObservedStage { last_heartbeat: ago(seconds), last_progress: ago(seconds), ..healthy(name, Working) }
 }
 
-/// With heartbeats, but without progress for so many seconds.
+/// A stage with heartbeats, but without progress for this many seconds.
 fn without_progress(name: &str, activity: Activity, seconds: u64) -> ObservedStage {
     ObservedStage { last_progress: ago(seconds), ..healthy(name, activity) }
 }
@@ -93,7 +93,7 @@ fn exited_stage_is_judged_by_its_exit_code() {
         (Exit::Signal(9), Working, "[relay] exit: was killed by SIGKILL: ", true),
         (Exit::Signal(11), Working, "[relay] exit: was killed by SIGSEGV: invalid memory access", true),
         (Exit::Signal(15), Working, "[relay] exit: was killed by signal 15", true),
-        // Even a stage that had reported its end.
+        // This also applies to a stage that had reported its end.
         (Exit::Code(1), Done, "[relay] exit: ended with exit code 1", true),
     ] {
         let judgment = judge_now(&[exited("relay", exit, activity)], &policy());
@@ -133,8 +133,8 @@ fn first_silent_stage_in_dataflow_order_is_to_blame() {
     assert!(judged(&stages, &policy()).starts_with("[source] hang"));
 }
 
-/// The supervisor was blocked after it began to observe at `NOW`, for example by a slow disk: heartbeats that it read late are
-/// newer than `NOW`.
+/// The supervisor was blocked after it started to observe at `NOW`, for example by a slow disk: heartbeats that it read
+/// late are newer than `NOW`.
 #[test]
 fn time_the_supervisor_was_blocked_does_not_count() {
     let read_late = ObservedStage { last_heartbeat: NOW + s(30), last_progress: NOW + s(30), ..silent("relay", 0) };
@@ -180,7 +180,7 @@ fn connecting_stage_is_not_to_blame_while_another_one_starts() {
     let starting = |seconds| without_progress("relay", Starting, seconds);
     assert_eq!(judged(&[connecting.clone(), starting(50)], &policy()), "Continue");
     assert!(judged(&[connecting.clone(), starting(61)], &policy()).starts_with("[relay] stall: 61.0 s in its start"));
-    // After that the limit counts from when the last of them began to connect.
+    // After that the limit counts from the time at which the last of them started to connect.
     let late = |seconds| without_progress("relay", Connecting("class".to_owned()), seconds);
     assert_eq!(judged(&[connecting.clone(), late(10)], &policy()), "Continue");
     assert!(judged(&[connecting, late(61)], &policy()).starts_with("[source] stall: 61.0 s waiting for topic sweep"));
@@ -201,7 +201,7 @@ fn deadlocked_stages_are_reported_after_stall_s() {
     let finished = exited("acquire", Exit::Code(0), Done);
     assert!(
         judged(&[finished, source, relay], &policy()).starts_with("[source] stall"),
-        "a finished stage is no reason"
+        "a finished stage does not count"
     );
 }
 
@@ -238,7 +238,7 @@ fn exhausted_resource_decides_whether_a_restart_can_help() {
         let before = fault.text();
         fault.cause = Cause::of(fault.signal(), &evidence);
         let added = fault.text();
-        let added = added.strip_prefix(&before).expect("the cause is added behind");
+        let added = added.strip_prefix(&before).expect("the cause is appended");
         assert!(added.starts_with(expected) && (added.is_empty() == expected.is_empty()), "{exit:?}: {added}");
         assert_eq!(fault.may_restart(), may_restart, "{exit:?}: {added}");
     }
@@ -288,7 +288,7 @@ fn new_barrier_resets_the_restart_budget() {
         (None, Some(1), Some(1)),
         (Some(4), Some(5), Some(1)),
         (Some(4), Some(4), None),
-        // The newest barrier was damaged: that is no progress.
+        // The newest barrier was damaged, which is not progress.
         (Some(4), Some(3), None),
     ] {
         let decision = restart_run(&failed_attempt(&fault, reached, budget(before, 3)), &policy());
@@ -320,7 +320,7 @@ fn run_is_given_up_for_one_of_four_reasons() {
         (&by_signal, false, true, 0, GiveUp::MemoryLow),
         (&misconfigured, false, false, 0, GiveUp::RestartCannotHelp),
         (&by_signal, false, false, 3, GiveUp::NoProgress(3)),
-        // The reason that the operator must know of comes first.
+        // The reason that matters most to the operator comes first.
         (&misconfigured, true, true, 3, GiveUp::EndRequested),
         (&misconfigured, false, true, 3, GiveUp::MemoryLow),
     ] {

@@ -9,7 +9,7 @@ use tracing::field::{Field, Visit};
 pub struct Fields(pub Map<String, Value>);
 
 impl Fields {
-    /// Takes a text out.
+    /// Removes and returns a text.
     pub fn take_text(&mut self, name: &str) -> Option<String> {
         match self.0.remove(name)? {
             Value::String(text) => Some(text),
@@ -38,7 +38,7 @@ impl Visit for Fields {
     fn record_str(&mut self, field: &Field, value: &str) {
         self.add(field, value.into());
     }
-    /// Lists and objects come as [`super::Json`]; all else is text.
+    /// Lists and objects are recorded as [`super::Json`]; all other values are text.
     fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
         let text = format!("{value:?}");
         let is_structured = field.name() != "message" && text.starts_with(['[', '{']);

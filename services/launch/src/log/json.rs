@@ -1,4 +1,4 @@
-//! Events as JSON lines: `timestamp`, `level`, `kind`, `message`, the event's fields, and those of its spans.
+//! Events as JSON lines: `timestamp`, `level`, `kind`, `message`, the event's fields, and the fields of its spans.
 
 use super::fields::Fields;
 use super::write_stderr;
@@ -43,7 +43,7 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>> Layer<S> for JsonLayer {
     }
 }
 
-/// Now, as the stages' logs write it: RFC 3339 in UTC.
+/// The current time, in the format of the stages' logs: RFC 3339 in UTC.
 fn timestamp() -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.

@@ -1,4 +1,5 @@
-//! Events as lines for people. On a terminal the progress of the stages is a table below them, drawn over and over; it stays when the run has ended.
+//! Events as lines for people. On a terminal the progress of the stages is a table below them, redrawn in place; it
+//! remains after the end of the run.
 
 use super::fields::Fields;
 use super::write_stderr;
@@ -17,16 +18,16 @@ pub struct TerminalLayer {
     table: Mutex<Table>,
 }
 
-/// The table that is at the end of the screen.
+/// The table at the end of the screen.
 #[derive(Default)]
 struct Table {
     text: String,
-    /// Lines of it that are on the screen.
+    /// Number of its lines on the screen.
     n_shown: usize,
 }
 
 impl TerminalLayer {
-    /// With or without a table.
+    /// A layer with or without a table.
     pub fn new(has_table: bool) -> Self {
         Self { has_table, table: Mutex::default() }
     }
@@ -34,7 +35,7 @@ impl TerminalLayer {
     /// Writes `text` above the table, which `change` may replace or leave.
     fn write(&self, text: &str, change: impl FnOnce(&mut Table)) {
         let mut table = self.table.lock().unwrap_or_else(PoisonError::into_inner);
-        // Up by the height of the table, then clear to the end of the screen.
+        // Move up by the height of the table, then clear to the end of the screen.
         let erase = if table.n_shown > 0 { format!("\x1b[{}A\x1b[J", table.n_shown) } else { String::new() };
         change(&mut table);
         table.n_shown = table.text.lines().count();

@@ -12,7 +12,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// Begins a family of samples.
+    /// Starts a family of samples.
     pub fn family(&mut self, name: &'static str, kind: &str, help: &str) {
         self.family = name;
         // Writing to a string cannot fail.

@@ -1,5 +1,5 @@
-//! `run/domain`: the name of the run in shared memory. Nobody can predict it, so nobody can prepare files of that name. It stays
-//! the same for all runs into the output: the next one finds what a killed one has left.
+//! `run/domain`: the name of the run in shared memory. It is unpredictable, so nobody can prepare files of that name.
+//! It stays the same for all runs into the output: the next run finds the files that a killed one has left.
 
 use super::{RunFolderError, cannot_write, read};
 use files::atomic_file::AtomicFile;
@@ -10,20 +10,21 @@ use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-/// The name for the next run into `output`, absolute and without links: that of the run before, unless another user has files of
-/// that name. Removes what killed runs into this output have left under other names. The caller holds the lock of the run.
+/// The name for the next run into `output`, absolute and without links: the name of the previous run, unless another
+/// user has files of that name. Removes files that killed runs into this output have left under other names. The caller
+/// holds the lock of the run.
 pub fn take(file: &Path, output: &Path) -> Result<Domain, RunFolderError> {
     let domain = match last(file) {
         Some(domain) if !is_taken(&domain)? => domain,
         taken => {
-            // What a killed run has left is removed; the files of the other user stay.
+            // Files left by a killed run are removed; the files of the other user stay.
             taken.map_or(Ok(()), |taken| taken.wipe())?;
             let domain = Domain::random()?;
             write_private(file, domain.name()).map_err(|source| cannot_write(file, source))?;
             domain
         }
     };
-    // A folder that was removed and made again has lost its names.
+    // A folder that was removed and created again has lost its names.
     for left in Domain::of_output(output)?.into_iter().filter(|left| *left != domain) {
         left.wipe()?;
     }

@@ -9,15 +9,15 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// For a supervisor that is just ending.
+/// Longest wait for a supervisor that is just ending.
 const ENDING_TIMEOUT: Duration = Duration::from_secs(3);
-/// For the processes of a killed supervisor. The kernel ends them at once, but freeing gigabytes of memory takes seconds, and
-/// many times as long on a busy machine.
+/// Longest wait for the processes of a killed supervisor. The kernel ends them at once, but freeing gigabytes of memory
+/// takes seconds, and many times as long on a busy machine.
 const KILLED_TIMEOUT: Duration = Duration::from_mins(1);
-/// Between two attempts.
+/// Interval between two attempts to lock.
 const POLL: Duration = Duration::from_millis(10);
 
-/// Locks the file for this process and for all that it starts. `output` is absolute and without links.
+/// Locks the file for this process and all processes that it starts. `output` is absolute and without links.
 pub fn take(file: &Path, output: &Path) -> Result<File, RunFolderError> {
     let lock = open(file).map_err(|source| super::cannot_write(file, source))?;
     let failed = |error: Errno| RunFolderError::Lock { file: file.to_owned(), source: error.into() };
@@ -34,7 +34,7 @@ pub fn take(file: &Path, output: &Path) -> Result<File, RunFolderError> {
     Ok(lock)
 }
 
-/// Opens the lock. Another user who could read it could take it, too; a link could lead to a file that is not ours.
+/// Opens the lock. Another user with read access could also lock it, and a link could lead to a foreign file.
 fn open(file: &Path) -> std::io::Result<File> {
     let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
     let lock = File::options()
@@ -55,7 +55,7 @@ fn open(file: &Path) -> std::io::Result<File> {
     Ok(lock)
 }
 
-/// How long to wait for the processes that hold the lock of the run into `output`.
+/// The time to wait for the processes that hold the lock of the run into `output`.
 fn timeout(output: &Path) -> Duration {
     let is_killed = Wiring::read(output).is_ok_and(|wiring| !wiring.is_alive(output));
     if is_killed { KILLED_TIMEOUT } else { ENDING_TIMEOUT }

@@ -6,13 +6,13 @@ use run::assignment::state_file;
 use run::verify_state;
 use std::path::{Path, PathBuf};
 
-/// `<output>/run/states`.
+/// The states in `<output>/run/states`.
 pub struct States {
     folder: PathBuf,
 }
 
 impl States {
-    /// In this folder.
+    /// The states in `folder`.
     pub fn new(folder: PathBuf) -> Self {
         Self { folder }
     }
@@ -22,7 +22,7 @@ impl States {
         &self.folder
     }
 
-    /// The last barrier of which every stage has a complete state. A barrier that is skipped is logged with its first
+    /// The last barrier at which every stage has a complete state. A barrier that is skipped is logged with its first
     /// damaged file.
     pub fn last_complete_barrier(&self, stages: &[PlannedStage]) -> Option<u64> {
         let mut barriers = self.barriers();
@@ -39,7 +39,7 @@ impl States {
         })
     }
 
-    /// The last barrier of which this stage has a complete state.
+    /// The last barrier at which this stage has a complete state.
     pub fn last_barrier_of(&self, stage: &str) -> Option<u64> {
         let is_complete = |barrier: &u64| verify_state(&state_file(&self.folder, *barrier, stage)).is_ok();
         self.barriers().into_iter().filter(is_complete).max()
@@ -53,13 +53,13 @@ impl States {
     /// Removes the states of all barriers before this one.
     pub fn remove_before(&self, barrier: u64) {
         for old in self.barriers().into_iter().filter(|old| *old < barrier) {
-            // What cannot be removed now is removed with the next barrier or the next run.
+            // Files that cannot be removed now are removed with the next barrier or the next run.
             let _ = std::fs::remove_dir_all(self.folder.join(old.to_string()));
         }
     }
 
-    /// Removes the states behind `barrier` (`None`: all). They are of an attempt that did not reach its next complete barrier,
-    /// or of a swap that was undone, and must not be mixed with later states of the same numbers.
+    /// Removes the states after `barrier` (`None`: all). They belong to an attempt that did not reach its next complete
+    /// barrier, or to a swap that was undone, and must not be mixed with later states of the same numbers.
     pub fn remove_after(&self, barrier: Option<u64>) -> Result<(), RunFolderError> {
         for late in self.barriers().into_iter().filter(|late| barrier.is_none_or(|barrier| *late > barrier)) {
             let folder = self.folder.join(late.to_string());
@@ -68,7 +68,7 @@ impl States {
         Ok(())
     }
 
-    /// Those of which any state is there.
+    /// Barriers with at least one state.
     pub(super) fn barriers(&self) -> Vec<u64> {
         let entries = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();
         entries.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).collect()

@@ -1,4 +1,4 @@
-//! What an earlier run has left in an output folder. A new run would replace it.
+//! Results of an earlier run in an output folder. A new run would replace them.
 
 use super::SETTINGS;
 use super::states::States;
@@ -8,24 +8,24 @@ use run::summary::Summary;
 use std::fmt;
 use std::path::Path;
 
-/// Results of an earlier run. The next run keeps them unless its operator asks for something else.
+/// Results of an earlier run. The next run keeps them unless its operator chooses otherwise.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EarlierResults {
     n_clouds: usize,
-    /// How the earlier run ended; `None` if it has no summary.
+    /// Outcome of the earlier run; `None` if it has no summary.
     outcome: Option<Outcome>,
     /// Whether `--resume` can continue it.
     can_resume: bool,
 }
 
 impl EarlierResults {
-    /// The results in `output`. `None` if there are none: no cloud, no saved state, and no run that processed a point.
+    /// The results in `output`. `None` if there is no cloud, no saved state, and no run that processed a point.
     pub fn find(output: &Path) -> Option<Self> {
         let has_summary = Summary::file(output).exists();
         let summary = Summary::load(output).ok();
         let has_produced = match &summary {
             Some(summary) => summary.total.points > 0 || summary.outcome.is_in_order(),
-            // A file that this version cannot read may be the summary of another one.
+            // A file that this version cannot read may be the summary of another version.
             None => has_summary,
         };
         let n_clouds = entries(&output.join("clouds"));
@@ -36,8 +36,8 @@ impl EarlierResults {
     }
 }
 
-/// Whether there is a barrier to continue from. After a run that has a summary, only one that all of its stages have reached; the
-/// first stage may be ahead of one that has failed at its first tick.
+/// Whether there is a barrier to continue from. After a run that has a summary, it must be one that all of its stages
+/// have reached; the first stage may be ahead of one that has failed at its first tick.
 fn has_states(folder: &Path, summary: Option<&Summary>) -> bool {
     let stages = summary.map(|summary| summary.stages.as_slice()).unwrap_or_default();
     let has_all = |barrier: u64| stages.iter().all(|stage| state_file(folder, barrier, &stage.name).exists());

@@ -5,10 +5,10 @@ use std::path::Path;
 
 /// Lines that a report shows.
 const MAX_LINES: usize = 20;
-/// Bytes at the end of the log that are read for them.
+/// Bytes at the end of the log that are read.
 const MAX_BYTES: u64 = 16 << 10;
 
-/// The last lines from byte `start` on, without stack frames; then `error`, unless the log has it.
+/// The last lines from byte `start` on, without stack frames; then `error`, unless it is in the log.
 pub fn read(log: &Path, start: u64, error: Option<&str>) -> Vec<String> {
     let mut text = Vec::new();
     // A log that cannot be read has no lines.
@@ -18,7 +18,7 @@ pub fn read(log: &Path, start: u64, error: Option<&str>) -> Vec<String> {
         let _ = file.read_to_end(&mut text);
     }
     let text = String::from_utf8_lossy(&text).into_owned();
-    // A backtrace would displace the lines that explain it; the log has it.
+    // A backtrace would displace the lines that explain the error; it remains in the log.
     let lines: Vec<&str> = text.lines().filter(|line| !is_stack_frame(line)).collect();
     let last = &lines[lines.len().saturating_sub(MAX_LINES)..];
     let unlogged = error.filter(|error| !text.contains(*error));

@@ -1,4 +1,4 @@
-//! What a run did and what it cost: collected over all attempts, written to `summary.json` at its end.
+//! Results and costs of a run: collected over all attempts, written to `summary.json` at its end.
 
 use crate::decision::Fault;
 use crate::log::Json;
@@ -31,7 +31,7 @@ pub struct Account {
 }
 
 impl Account {
-    /// Nothing has happened yet.
+    /// An empty account.
     pub fn new() -> Self {
         Self {
             faults: Vec::new(),
@@ -44,13 +44,13 @@ impl Account {
         }
     }
 
-    /// The sources start now.
+    /// Starts the clock: the sources start now.
     pub fn begin(&mut self) {
         self.begun = Instant::now();
         self.own_cpu_s = usage().cpu_s;
     }
 
-    /// Since the sources started, s.
+    /// Time since the sources started, s.
     pub fn wall_s(&self) -> f64 {
         self.begun.elapsed().as_secs_f64()
     }
@@ -60,12 +60,12 @@ impl Account {
         self.peak_shared_memory = self.peak_shared_memory.max(domain.used_bytes());
     }
 
-    /// A process has ended.
+    /// Adds the CPU time of a process that has ended.
     pub fn add_cpu_time(&mut self, process: &StageProcess) {
         *self.cpu_s.entry(process.name.clone()).or_default() += process.health.usage.cpu_s;
     }
 
-    /// A process of an attempt has ended with the attempt.
+    /// Adds a process that has ended with its attempt.
     pub fn add_process(&mut self, process: &StageProcess) {
         self.add_cpu_time(process);
         self.health.insert(process.name.clone(), process.health.clone());

@@ -1,4 +1,4 @@
-//! One attempt of a run: services and processes are started, observed, and all ended.
+//! One attempt of a run: starts and observes services and processes, and ends all of them.
 
 use super::error::SuperviseError;
 use super::processes::Processes;
@@ -11,16 +11,16 @@ use run::assignment::Command;
 use serde_json::Value;
 use std::time::{Duration, Instant};
 
-/// Time between two observations while the pipeline waits for a swap.
+/// Interval between two observations while the pipeline waits for a swap.
 const POLL_FAST: Duration = Duration::from_millis(10);
-/// How long a killed lossless observer blocks its producer at most.
+/// Longest time for which a killed lossless observer blocks its producer.
 const CLEAN_EVERY: Duration = Duration::from_secs(1);
-/// Polls until a command is published again: a stage that has just connected needs it.
+/// Number of polls until a command is published again: a stage that has just connected needs it.
 const COMMAND_EVERY: u64 = 4;
-/// Polls until shared memory is measured again: the sizes of all its files cost more than the rest of a poll.
+/// Number of polls until shared memory is measured again: the sizes of all its files cost more than the rest of a poll.
 const MEASURE_EVERY: u64 = 20;
 
-/// How an attempt ended.
+/// The end of an attempt.
 pub(super) enum Ending {
     Done,
     Stopped,
@@ -28,7 +28,7 @@ pub(super) enum Ending {
         fault: Fault,
         log_lines: Vec<String>,
     },
-    /// All stages have arrived at this barrier, where one is to be replaced.
+    /// All stages have reached this barrier, where one is to be replaced.
     Swap(u64),
 }
 
@@ -38,7 +38,7 @@ struct Ipc {
     node: Node,
 }
 
-/// What the polls of an attempt remember.
+/// State kept between the polls of an attempt.
 #[derive(Default)]
 struct Polls {
     count: u64,
@@ -54,7 +54,8 @@ impl Supervisor {
     pub(super) fn attempt(&mut self, from: Option<u64>) -> Result<Ending, SuperviseError> {
         let _span = tracing::info_span!("attempt", attempt = self.attempts, from).entered();
         let plan = &self.run.plan;
-        // Before the services: an observer that finds the services, and then still this wiring, knows that they belong to it.
+        // Written before the services: an observer that finds the services, and then still this wiring, can rely on
+        // their belonging to it.
         self.run.folder.write_wiring(&plan.wiring(&self.run.domain, self.attempts))?;
         let node = self.run.domain.node("supervisor")?;
         self.run.domain.write_output(&plan.context.output)?;
@@ -83,7 +84,7 @@ impl Supervisor {
         }
     }
 
-    /// Observes all stages once and does what is decided.
+    /// Observes all stages once and carries out the decisions.
     fn poll(
         &mut self,
         ipc: &Ipc,
@@ -124,9 +125,10 @@ impl Supervisor {
             polls.published = Some(polls.command);
         }
         self.remove_old_states(processes, polls);
-        // A killed stage ends the attempt; a killed observer must not block its producer. To look for it costs as much as all else.
+        // A killed stage ends the attempt; a killed observer must not block its producer. Looking for one costs as much
+        // as the rest of a poll.
         if ipc.services.have_observers() && polls.cleaned.get_or_insert_with(Instant::now).elapsed() > CLEAN_EVERY {
-            // The next call removes what this one could not.
+            // The next call removes observers that this one could not.
             let _is_complete = ipc.node.remove_dead_ports();
             polls.cleaned = Some(Instant::now());
         }
@@ -201,7 +203,8 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Sources start when all stages and the recorder are ready. To drain, they start at once: no data is in flight yet.
+    /// Starts the sources when all stages and the recorder are ready. To drain, they start at once: no data is in
+    /// flight yet.
     fn start_sources_when_ready(&mut self, processes: &Processes, polls: &mut Polls) {
         if self.operator.is_ending() && !polls.command.drain {
             polls.command.drain = true;
@@ -218,7 +221,8 @@ impl Supervisor {
         }
     }
 
-    /// The barrier before the last complete one stays, too: the run falls back to it if a state of the last one is damaged.
+    /// Removes old states. The barrier before the last complete one is also kept: the run falls back to it if a state
+    /// of the last one is damaged.
     fn remove_old_states(&self, processes: &Processes, polls: &mut Polls) {
         let complete = processes.0.iter().map(|process| process.health.barrier).min().unwrap_or_default();
         if complete > polls.barrier {

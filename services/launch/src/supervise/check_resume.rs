@@ -6,7 +6,7 @@ use crate::plan::Plan;
 use crate::run_folder::{RunFolder, RunFolderError, canonical};
 use run::{Mode, exit};
 
-/// The exit code: success if the output has no run yet, or a run of this plan, be it finished.
+/// The exit code: success if the output has no run yet, or a run of this plan, even a finished one.
 pub fn check_resume(plan: Plan) -> u8 {
     match refuse_other_run(plan) {
         Ok(()) => exit::DONE,

@@ -1,4 +1,4 @@
-//! Why a run cannot be supervised.
+//! Errors of supervision.
 
 use crate::control::ControlError;
 use crate::metrics::MetricsError;
@@ -14,28 +14,28 @@ use run::summary::SummaryError;
 /// The errors that end a run at once.
 #[derive(Debug, thiserror::Error)]
 pub enum SuperviseError {
-    /// The run folder.
+    /// The run folder failed.
     #[error(transparent)]
     Folder(#[from] RunFolderError),
-    /// Shared memory.
+    /// Shared memory failed.
     #[error(transparent)]
     Ipc(#[from] IpcError),
-    /// A stage.
+    /// A stage cannot be started.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// The simulation of the drive.
+    /// The simulation of the drive failed.
     #[error(transparent)]
     Simulate(#[from] ProgramError),
-    /// The recording.
+    /// The recording failed.
     #[error(transparent)]
     Recorder(#[from] RecorderError),
-    /// The metrics.
+    /// The metrics cannot be written.
     #[error(transparent)]
     Metrics(#[from] MetricsError),
-    /// The socket of requests.
+    /// The socket of requests failed.
     #[error(transparent)]
     Control(#[from] ControlError),
-    /// A swap.
+    /// A swap failed.
     #[error(transparent)]
     Swap(#[from] SwapError),
     /// Signals cannot be received.
@@ -44,16 +44,16 @@ pub enum SuperviseError {
     /// The summary cannot be written.
     #[error(transparent)]
     Summary(#[from] SummaryError),
-    /// `--resume` in live mode.
-    #[error("a live run cannot be resumed: the sensor data of the meantime is lost; start a new run")]
+    /// `--resume` was given in live mode.
+    #[error("a live run cannot be resumed: the sensor data since it ended is lost; start a new run")]
     LiveResume,
-    /// `--resume --record`.
+    /// `--resume --record` was given.
     #[error("a recording must start with its run: leave out --record, or start a new run")]
     RecordingResume,
 }
 
 impl SuperviseError {
-    /// The exit code of the supervisor: whether the operator must ask for something else, or the start failed.
+    /// The exit code of the supervisor: either the operator must change the command, or the start failed.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Folder(error) | Self::Swap(SwapError::Folder(error)) if error.is_of_configuration() => {

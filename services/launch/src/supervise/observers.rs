@@ -1,4 +1,4 @@
-//! What follows a run without changing it: recorder, metrics, costs, progress.
+//! Observers that follow a run without changing it: recorder, metrics, costs, progress.
 
 use super::error::SuperviseError;
 use crate::costs::Costs;
@@ -15,7 +15,7 @@ use run::{Mode, Outcome};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// All of them.
+/// All observers of a run.
 pub struct Observers {
     recorder: Option<Recorder>,
     metrics: Metrics,
@@ -24,13 +24,13 @@ pub struct Observers {
     progress: Progress,
 }
 
-/// Fails if the file cannot be written.
+/// Opens the metrics. Fails if the file cannot be written.
 pub fn metrics(file: Option<&Path>) -> Result<Metrics, SuperviseError> {
     Ok(Metrics::new(file)?)
 }
 
 impl Observers {
-    /// Nothing is started yet.
+    /// The observers, not started yet.
     pub fn new(format: LogFormat, metrics: Metrics, record: Option<PathBuf>, plan: &Plan, folder: &RunFolder) -> Self {
         Self {
             recorder: record.map(|file| Recorder::new(plan, file)),
@@ -45,7 +45,7 @@ impl Observers {
         self.recorder.is_some()
     }
 
-    /// A new attempt has been wired.
+    /// Starts a new attempt, which has been wired.
     pub fn start_attempt(&mut self, attempt: u32) -> Result<(), SuperviseError> {
         if let Some(recorder) = &mut self.recorder {
             recorder.start(attempt)?;
@@ -58,17 +58,17 @@ impl Observers {
         self.recorder.as_ref().is_none_or(Recorder::is_ready)
     }
 
-    /// The sources start now.
+    /// Starts the clock of the progress: the sources start now.
     pub fn begin_progress(&mut self) {
         self.progress.begin();
     }
 
-    /// Shows the stages as they ended: what stays on the screen.
+    /// Shows the final state of the stages, which remains on the screen.
     pub fn show_last(&mut self, processes: &[StageProcess]) {
         self.progress.report_now(processes);
     }
 
-    /// Shows and writes what is due.
+    /// Shows and writes the figures that are due.
     pub fn update(&mut self, processes: &[StageProcess], domain: &Domain, restarts: u32) {
         let health = || processes.iter().map(|process| (process.name.as_str(), &process.health));
         self.progress.report(processes);

@@ -1,4 +1,4 @@
-//! What the operator asks of a run: signals to the supervisor, and requests of `replica stop` and `replica swap`.
+//! The operator's requests to a run: signals to the supervisor, and requests of `replica stop` and `replica swap`.
 
 use super::error::SuperviseError;
 use crate::active_run::ActiveRun;
@@ -23,7 +23,7 @@ pub fn signals() -> Result<Signals, SuperviseError> {
 }
 
 impl Operator {
-    /// No request yet.
+    /// An operator without requests.
     pub fn new(signals: Signals, control: Control) -> Self {
         Self { control, signals, n_end_requests: 0 }
     }
@@ -45,7 +45,7 @@ impl Operator {
         }
     }
 
-    /// Whether the end of the run was requested: the run drains.
+    /// Whether the end of the run was requested, so that the run drains.
     pub fn is_ending(&self) -> bool {
         self.n_end_requests > 0
     }

@@ -12,10 +12,10 @@ use run::health::Activity;
 use rustix::process::Signal;
 use std::time::{Duration, Instant};
 
-/// From SIGTERM to SIGKILL.
+/// Time between SIGTERM and SIGKILL.
 const STOP_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// All processes that were started.
+/// All started processes.
 #[derive(Default)]
 pub struct Processes(pub Vec<StageProcess>);
 
@@ -45,7 +45,7 @@ impl Processes {
         self.0.iter_mut().for_each(StageProcess::observe);
     }
 
-    /// What was read last, with times since `origin`.
+    /// The last observations, with times since `origin`.
     pub fn observed(&self, origin: Instant) -> Vec<ObservedStage> {
         self.0.iter().map(|process| process.observed(origin)).collect()
     }
@@ -55,13 +55,13 @@ impl Processes {
         self.0.iter().all(|process| !matches!(process.health.activity, Activity::Starting | Activity::Connecting(_)))
     }
 
-    /// Publishes a command to all that run.
+    /// Publishes a command to all running processes.
     pub fn command(&mut self, command: Command) -> Result<(), IpcError> {
         let mut running = self.0.iter_mut().filter(|process| process.status.is_none());
         running.try_for_each(|process| process.command(command))
     }
 
-    /// Asks all to stop, and kills those that do not in time.
+    /// Asks all to stop, and kills the processes that do not stop in time.
     pub fn stop(&mut self) {
         for process in &self.0 {
             process.signal(Signal::TERM);
@@ -74,7 +74,8 @@ impl Processes {
         self.kill();
     }
 
-    /// Kills all. At once, because freeing gigabytes of memory takes a process some tenths of a second.
+    /// Kills all processes. At the same time, because freeing gigabytes of memory takes a process some tenths of a
+    /// second.
     pub fn kill(&mut self) {
         for process in &self.0 {
             process.signal(Signal::KILL);

@@ -19,8 +19,8 @@ pub fn create(node: &Node, stages: &[PlannedStage]) -> Result<ServiceHandles, Ip
     Ok(services)
 }
 
-/// How many processes may wake a stage: twice for each topic, for messages and for ticks, the consumers, the producer and the
-/// lossless observer that a topic may have; and the supervisor.
+/// Number of processes that may wake a stage: twice for each topic, for messages and for ticks, the consumers, the
+/// producer and the lossless observer that a topic may have; and the supervisor.
 fn n_wakers(stage: &PlannedStage) -> usize {
     let n_consumers: usize = stage.outputs.iter().map(|topic| topic.messages.consumers.len()).sum();
     2 * (n_consumers + stage.inputs.len() + stage.outputs.len()) + 1

@@ -1,4 +1,4 @@
-//! Live mode: which stages are down, and how often each was restarted. The decision is [`crate::decision::restart`]'s.
+//! Live mode: the stages that are down, and the restarts of each stage. [`crate::decision::restart`] decides.
 
 use crate::stage_process::StageProcess;
 use run::assignment::Restart;
@@ -6,33 +6,33 @@ use run::health::Traffic;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// By stage.
+/// Restarts by stage.
 #[derive(Default)]
 pub struct StageRestarts(BTreeMap<String, StageRestart>);
 
 #[derive(Default)]
 struct StageRestart {
-    /// Of this run.
+    /// Restarts of this run.
     total: u32,
-    /// Since the last healthy process.
+    /// Restarts since the last healthy process.
     restarts: u32,
     begun: Option<Instant>,
     due: Option<Instant>,
-    /// The counts that the last process was given. If it ended before its first heartbeat, they still hold.
+    /// The counts that the last process was given. If it ended before its first heartbeat, they are still valid.
     last: Restart,
 }
 
-/// What the decision about a faulty stage depends on.
+/// The history on which the decision about a faulty stage depends.
 #[derive(Default)]
 pub struct History {
     /// Restarts since the last healthy process.
     pub restarts: u32,
-    /// How long the restarted process ran. `None`: the stage was never restarted.
+    /// Running time of the restarted process. `None`: the stage was never restarted.
     pub ran_for: Option<Duration>,
 }
 
 impl StageRestarts {
-    /// The past of a stage.
+    /// The history of a stage.
     pub fn history(&self, stage: &str) -> History {
         let stage = self.0.get(stage);
         stage.map_or_else(History::default, |stage| History {
@@ -41,7 +41,7 @@ impl StageRestarts {
         })
     }
 
-    /// The stage is to be restarted after a pause.
+    /// Schedules the restart of the stage after a pause.
     pub fn schedule(&mut self, stage: &str, delay: Duration, restart: u32) {
         let stage = self.0.entry(stage.to_owned()).or_default();
         stage.due = Some(Instant::now() + delay);
@@ -54,7 +54,7 @@ impl StageRestarts {
         self.0.get(stage).and_then(|stage| stage.due).is_some_and(|due| due <= Instant::now())
     }
 
-    /// The process is restarted now: the counts that the next process continues.
+    /// Restarts the process now. Returns the counts that the next process continues.
     pub fn begin(&mut self, process: &StageProcess) -> Restart {
         let stage = self.0.entry(process.name.clone()).or_default();
         stage.due = None;

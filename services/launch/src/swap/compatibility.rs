@@ -1,23 +1,23 @@
-//! Whether a new plan can continue a running pipeline.
+//! Checks whether a new plan can continue a running pipeline.
 
 use crate::plan::PlannedStage;
 
-/// Why `new` are not the stages of `old` with another `stage`.
+/// The reasons why `new` is not `old` with another `stage`.
 ///
-/// The stage must write the same topics with the same types, because its consumers hold messages and expect more of them. It
+/// The stage must write the same topics with the same types, because its consumers hold messages and expect more. It
 /// may read other topics of this run. All other stages must be unchanged.
 pub fn incompatibilities(old: &[PlannedStage], new: &[PlannedStage], stage: &str) -> Vec<String> {
     let mut reasons = Vec::new();
     for before in old {
         let name = &before.name;
         let Some(after) = new.iter().find(|after| after.name == *name) else {
-            reasons.push(format!("[{name}] is missing in the launch file"));
+            reasons.push(format!("[{name}] is missing from the launch file"));
             continue;
         };
         if name != stage {
             if (&before.program, &before.description) != (&after.program, &after.description) {
                 reasons.push(format!(
-                    "[{name}] describes itself differently than at the start of the run: its program was replaced"
+                    "[{name}] has another description than at the start of the run: its program was replaced"
                 ));
             }
             continue;
@@ -26,7 +26,7 @@ pub fn incompatibilities(old: &[PlannedStage], new: &[PlannedStage], stage: &str
         let is = &after.description.outputs;
         for port in was {
             match is.iter().find(|other| other.topic == port.topic) {
-                None => reasons.push(format!("[{name}] would not write topic {} any more", port.topic)),
+                None => reasons.push(format!("[{name}] would no longer write topic {}", port.topic)),
                 Some(other) if other != port => {
                     reasons.push(format!("[{name}] would write topic {} with another layout or bounds", port.topic));
                 }
@@ -89,7 +89,7 @@ mod tests {
         assert_eq!(with(&[port("b", 1)], &[port("d", 1), port("c", 1)]), Vec::<String>::new());
         let expected = [
             "[relay] would write topic c with another layout or bounds",
-            "[relay] would not write topic d any more",
+            "[relay] would no longer write topic d",
             "[relay] would write topic e, which this run does not have",
         ];
         assert_eq!(with(&[port("a", 1)], &[port("e", 1), port("c", 2)]), expected);
@@ -101,7 +101,7 @@ mod tests {
         let new = [planned("source", &[], &[port("a", 1), port("b", 1)])];
         let reasons = incompatibilities(&old, &new, "sink");
         assert_eq!(reasons.len(), 2, "{reasons:?}");
-        assert!(reasons[0].starts_with("[source] describes itself differently"), "{reasons:?}");
-        assert_eq!(reasons[1], "[sink] is missing in the launch file");
+        assert!(reasons[0].starts_with("[source] has another description"), "{reasons:?}");
+        assert_eq!(reasons[1], "[sink] is missing from the launch file");
     }
 }

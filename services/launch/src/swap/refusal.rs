@@ -1,20 +1,20 @@
-//! Why a swap is refused before anything is checked.
+//! Reasons for refusing a swap before anything is checked.
 
 use run::Change;
 
-/// The reasons. Nothing was changed.
+/// The reason for refusing a swap. Nothing was changed.
 #[derive(Debug, thiserror::Error)]
 pub enum SwapRefusal {
     /// The end of the run was requested.
     #[error("the run is draining")]
     Draining,
-    /// One swap at a time.
-    #[error("a swap of [{stage}] is under way")]
+    /// Another swap is active.
+    #[error("a swap of [{stage}] is in progress")]
     UnderWay {
         /// Table of the other stage.
         stage: String,
     },
-    /// A sensor does not wait for the swap.
+    /// A sensor cannot wait for the swap.
     #[error("a live run cannot swap a stage: sensor data would be lost")]
     Live,
     /// A recording cannot take back ticks.
@@ -28,7 +28,7 @@ pub enum SwapRefusal {
         /// The closest names.
         hint: String,
     },
-    /// A change of another table.
+    /// A change belongs to another table.
     #[error("{change}: a swap of [{stage}] changes only this table")]
     OtherTable {
         /// Table of the stage.
@@ -36,7 +36,7 @@ pub enum SwapRefusal {
         /// The change.
         change: Change,
     },
-    /// The operating system gives no thread.
+    /// The operating system cannot start a thread.
     #[error("the check cannot be started: {0}")]
     Thread(std::io::Error),
 }

@@ -1,4 +1,4 @@
-//! Wrong command lines.
+//! Invalid command lines.
 
 use std::process::{Command, Output};
 
@@ -39,7 +39,7 @@ fn rig_of_a_live_run_must_exist_and_replaces_the_drive() {
     let check = |run: &str| {
         std::fs::write(&path, format!("[run]\ndrive = 'nowhere'\noutput = 'out'\n{run}\n")).expect("written");
         let output = launch(&[path.to_str().expect("UTF-8"), "--check"]);
-        assert_eq!(output.status.code(), Some(78), "it names no stage");
+        assert_eq!(output.status.code(), Some(78), "the file names no stage");
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
     let without = check("mode = 'live'");

@@ -1,3 +1,3 @@
-//! `replica-launch` as a program. What it does with stages is tested in the workspace's tests/.
+//! `replica-launch` as a program. The tests of running stages are in the workspace's tests/.
 
 mod command_line;
