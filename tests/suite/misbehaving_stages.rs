@@ -79,7 +79,7 @@ fn program_with_another_version_than_described_is_refused() {
     let launch = Launch::new(&text);
     let output = launch.run();
     assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
-    for words in ["opening topic class: this program has version 2, layout ", "; the run version 1, layout "] {
+    for words in ["opening topic class: this program has version 2, layout ", "; the run has version 1, layout "] {
         assert!(output_text(&output).contains(words), "{words:?} is not in:\n{}", output_text(&output));
     }
     assert!(!launch.output().join("sink.txt").exists(), "no stage has connected to it");

@@ -1,10 +1,12 @@
-//! One topic against a Unix socket that copies, at 1 KB to 64 MB, between two processes:
+//! Compares a topic with a Unix socket that copies, at 1 KB to 64 MB, between two processes:
 //!
-//! - *hand-over*: from the payload being ready at the producer to its first word being read by the consumer, which sleeps on
+//! - *hand-over*: from the payload being ready at the producer to its first word being read by the consumer, which
+//! sleeps on
 //!   its wake or polls; the payload is not touched otherwise,
 //! - *written and read*: a round trip in which the producer writes every byte and the consumer reads every byte.
 //!
-//! `cargo bench -p ipc --bench transport [-- --load]`; `--load` keeps every core busy with a process of its own meanwhile.
+//! `cargo bench -p ipc --bench transport [-- --load]`; `--load` keeps every core busy with a separate process
+//! meanwhile.
 //! The consumer is this program again, started with `CONSUMER` set; it answers each message on a channel back.
 
 use ipc::{Channel, Domain, Node, Publisher, ServiceHandles, Subscriber, Wake};
@@ -18,9 +20,9 @@ use std::time::{Duration, Instant};
 
 const SIZES: [usize; 6] = [1 << 10, 64 << 10, 1 << 20, 4 << 20, 16 << 20, 64 << 20];
 const PATIENCE: Duration = Duration::from_millis(100);
-/// Hand-overs of each size and kind; they cost no more for large messages.
+/// Hand-overs of each size and kind; large messages cost no more.
 const HAND_OVERS: usize = 500;
-/// Messages before those that count: the slots' pages are touched for the first time.
+/// Messages before the measured ones: the pages of the slots are touched for the first time.
 const WARM_UP: usize = 8;
 
 /// Plain bytes.
@@ -35,7 +37,7 @@ impl Message for Bytes {
     type Row = u64;
 }
 
-/// What is measured, in this order for each size.
+/// Kind of measurement, in this order for each size.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     ByWake,
@@ -44,7 +46,7 @@ enum Kind {
 }
 const KINDS: [Kind; 3] = [Kind::ByWake, Kind::ByPoll, Kind::Touched];
 
-/// Rounds per size: for whole messages about a gigabyte, at least 30 for a median that means something.
+/// Rounds per size: for whole messages about a gigabyte, at least 30 for a meaningful median.
 fn rounds(size: usize, kind: Kind) -> usize {
     WARM_UP + if kind == Kind::Touched { ((1_usize << 30) / size).clamp(30, 2000) } else { HAND_OVERS }
 }
@@ -62,7 +64,7 @@ fn channels() -> [Channel; 2] {
     ]
 }
 
-/// The same clock in both processes.
+/// The monotonic clock, the same in both processes.
 fn now_nanos() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
@@ -101,7 +103,7 @@ impl End {
         self.out.send(loan, Envelope { sent_nanos, ..Envelope::default() }).expect("sent");
         self.node.wake_all();
     }
-    /// Nanoseconds since the message was sent, and what all its words come to.
+    /// Receives a message. Returns the nanoseconds since it was sent, and the sum of all its words.
     fn receive(&mut self, kind: Kind) -> (u64, u64) {
         loop {
             if let Some(message) = self.inward.receive().expect("received") {
@@ -127,7 +129,7 @@ fn consume(domain: &Domain, socket: &str) {
             for _ in 0..rounds(size, kind) {
                 let (late, sum) = end.receive(kind);
                 std::hint::black_box(sum);
-                // The answer is small and says how late the message was.
+                // The answer is small and contains the delay of the message.
                 end.send(late, 1, if kind == Kind::ByPoll { kind } else { Kind::ByWake });
             }
         }
@@ -140,14 +142,14 @@ fn consume(domain: &Domain, socket: &str) {
             stream.write_all(&late.to_le_bytes()).expect("writes");
         }
     }
-    // The last answers must have been taken before this end goes.
+    // The last answers must have been taken before this end closes.
     end.node.wake_all();
     while end.out.n_waiting().expect("credit") > 0 {
         end.wake.wait(PATIENCE).expect("waits");
     }
 }
 
-/// Median and 99th of 100, microseconds, without the warm-up.
+/// Median and 99th percentile, microseconds, without the warm-up.
 fn percentiles_us(mut nanos: Vec<u64>) -> (f64, f64) {
     nanos.drain(..WARM_UP);
     nanos.sort_unstable();
@@ -174,7 +176,7 @@ fn measure(size: usize, end: &mut End, stream: &mut UnixStream) -> Row {
             let begun = Instant::now();
             end.send(round as u64, size / 8, kind);
             loop {
-                // The answer's first word is what is wanted; it is never touched further.
+                // Only the answer's first word is used; the rest is never touched.
                 if let Some(answer) = end.inward.receive().expect("received") {
                     late.push(answer.rows()[0]);
                     break;
@@ -235,7 +237,7 @@ fn print_goals(rows: &[Row], loaded: bool) {
 
 fn main() {
     if std::env::var_os("LOAD").is_some() || std::env::var_os("CONSUMER").is_some() {
-        // Whatever becomes of the bench, nothing spins on.
+        // Ends the busy processes even if the bench fails.
         set_parent_process_death_signal(Some(Signal::KILL)).expect("Linux");
     }
     if std::env::var_os("LOAD").is_some() {

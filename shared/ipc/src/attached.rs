@@ -12,18 +12,19 @@ use std::path::PathBuf;
 ///
 /// The run may end at any moment, and its next attempt creates services of the same names. iceoryx2 removes a service, by
 /// its name, when the last process closes it: an observer that closes late would remove the services of the next attempt.
-/// Services of a domain that has been removed since are therefore not closed. They hold nothing outside this process: it
-/// went with the domain.
+/// Services of a domain that has been removed since are therefore not closed. They hold nothing outside this process:
+/// it was removed with the domain.
 pub struct Attached<T> {
     /// Taken out only when dropped.
     opened: Option<(T, Node)>,
     path: PathBuf,
-    /// As long as the folder is open, no other folder gets its inode number.
+    /// The open folder: while it is open, no other folder gets its inode number.
     root: File,
 }
 
 impl Domain {
-    /// Joins the domain as the node `name` and opens services there with `open`. Fails if no run has created the domain.
+    /// Joins the domain as the node `name` and opens services in it with `open`. Fails if no run has created the
+    /// domain.
     pub fn attach<T>(
         &self,
         name: &str,
@@ -34,7 +35,7 @@ impl Domain {
             File::open(&path).map_err(|cause| IpcError::Io { what: format!("no run at {}", path.display()), cause })?;
         match check_private_folder(&path) {
             Ok(()) => {}
-            // The superuser may look at the runs of others.
+            // The superuser may observe the runs of other users.
             Err(PrivateFolderError::Foreign { .. }) if geteuid().is_root() => {}
             Err(cause) => return Err(IpcError::Folder { folder: path, cause }),
         }
@@ -69,7 +70,7 @@ impl<T> DerefMut for Attached<T> {
     }
 }
 
-/// Why `Attached` always has something open.
+/// Reason why `Attached` always has something open.
 const OPEN: &str = "only `drop` takes it out";
 
 impl<T> Drop for Attached<T> {

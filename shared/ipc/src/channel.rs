@@ -13,14 +13,14 @@ use serde::{Deserialize, Serialize};
 /// A port factory of messages.
 pub(crate) type MessageService = publish_subscribe::PortFactory<Iox, [CacheLine], WireEnvelope>;
 
-/// Observers of a topic at a time ([`crate::Observer`]): three terminals.
+/// Largest number of simultaneous observers of a topic ([`crate::Observer`]): three terminals.
 pub(crate) const MAX_OBSERVERS: usize = 3;
 
-/// Loans that a stage may hold at a time: one kept open over several steps, one for a message in between.
+/// Largest number of simultaneous loans of a stage: one kept open over several steps, one for a message in between.
 pub(crate) const MAX_LOANS: usize = 2;
 
-/// What producer and consumers of a topic must agree on. Needs no types, so that the supervisor can create the services
-/// of topics that only a user's own stages know.
+/// Parameters on which producer and consumers of a topic must agree. Needs no types, so that the supervisor can create
+/// the services of third-party topics.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channel {
     /// Name of the service.
@@ -65,8 +65,8 @@ impl Channel {
         }
     }
 
-    /// Shared memory that the producer and each consumer map, bytes: slots of the largest message for all that may be in flight,
-    /// held and loaned at a time. Unwritten slots use no memory, but address space.
+    /// Shared memory that the producer and each consumer map, bytes: slots of the largest message for all messages that
+    /// may be in flight, held and loaned at a time. Unwritten slots use address space, but no memory.
     pub fn mapped_bytes(&self) -> u64 {
         let n_readers = (self.consumers.len() + MAX_OBSERVERS) as u64;
         let n_slots = n_readers * (2 * self.queue + self.borrowed) as u64 + MAX_LOANS as u64;
@@ -74,13 +74,14 @@ impl Channel {
         n_slots * (header + self.row_bytes as u64 * self.max_rows as u64)
     }
 
-    /// Services that the producer opens for it, beside the wakes of the consumers, which channels share: the messages, the
-    /// acknowledgements of the consumers, and that of an observer.
+    /// Services that the producer opens for it: the messages, the acknowledgements of the consumers, and the
+    /// acknowledgement of an observer. The wakes of the consumers, which channels share, are not included.
     pub fn services_of_producer(&self) -> usize {
         2 + self.consumers.len()
     }
 
-    /// Services that a consumer opens for it, beside the wake of the producer, which channels share: the messages, its acknowledgement.
+    /// Services that a consumer opens for it: the messages and its acknowledgement. The wake of the producer, which
+    /// channels share, is not included.
     pub const SERVICES_OF_CONSUMER: usize = 2;
 
     /// Services that the supervisor creates for it.
@@ -92,12 +93,12 @@ impl Channel {
         [("version", self.version.to_string()), ("layout", format!("{:016x}", self.layout))]
     }
 
-    /// Service on which consumer `index` acknowledges what it has taken.
+    /// Service on which consumer `index` acknowledges the messages it has taken.
     pub(crate) fn acknowledgement(&self, index: usize) -> String {
         format!("{}.taken.{index}", self.name)
     }
 
-    /// Service on which a lossless observer acknowledges what it has taken.
+    /// Service on which a lossless observer acknowledges the messages it has taken.
     pub(crate) fn observer_acknowledgement(&self) -> String {
         format!("{}.taken.observer", self.name)
     }
@@ -116,13 +117,15 @@ impl Channel {
             // Producer, consumers, observers and the supervisor, which holds the service open.
             .max_nodes(self.consumers.len() + MAX_OBSERVERS + 2)
             .subscriber_max_buffer_size(self.queue)
-            // Messages that wait for their tick to be complete count as borrowed, beside those that the stage holds.
+            // Messages that wait for their tick to be complete count as borrowed, in addition to the messages that the
+            // stage holds.
             .subscriber_max_borrowed_samples(self.queue + self.borrowed)
             .history_size(0)
             .enable_safe_overflow(self.drops_oldest))
     }
 
-    /// Fails if the run's description of the topic is not that of `message`: a program describes itself, and may be wrong.
+    /// Fails if the run's description of the topic differs from `message`: a program describes itself, and may be
+    /// wrong.
     pub(crate) fn check_type(&self, message: &MessageType) -> Result<(), IpcError> {
         if (self.version, self.layout) == (message.version, message.layout) {
             return Ok(());

@@ -11,23 +11,23 @@ use std::time::Duration;
 /// Folder of POSIX shared memory on Linux.
 const SHARED_MEMORY: &str = "/dev/shm";
 
-/// A new file gets its length within microseconds, on a busy machine within some tens of milliseconds.
+/// Longest time until a new file has its length: microseconds, on a busy machine some tens of milliseconds.
 const MAX_CREATION: Duration = Duration::from_secs(1);
 
 /// File in the folder of a domain: the output of its run.
 const OUTPUT: &str = "output";
 
-/// Attempts to remove a folder in which an observer may be creating a file at the same time.
+/// Largest number of attempts to remove a folder in which an observer may be creating a file.
 const MAX_REMOVALS: usize = 20;
 
-/// Names a run's services. Two domains never meet.
+/// The name of a run's services. Two domains never share a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Domain {
     name: String,
 }
 
 impl Domain {
-    /// `name`: lower-case letters and digits, at most 32. Every run has its own.
+    /// A domain named `name`: 1 to 32 lower-case letters and digits. Every run has its own.
     pub fn new(name: &str) -> Result<Self, IpcError> {
         let fits = (1..=32).contains(&name.len()) && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit());
         if fits {
@@ -36,7 +36,7 @@ impl Domain {
         Err(IpcError::transport(format!("domain name {name:?}"), "must be 1 to 32 lower-case letters and digits"))
     }
 
-    /// As given to [`Domain::new`].
+    /// The name given to [`Domain::new`].
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -52,7 +52,7 @@ impl Domain {
         PathBuf::from(format!("{SHARED_MEMORY}/replica_{}", self.name))
     }
 
-    /// A name that nobody can predict.
+    /// A domain with an unpredictable name.
     pub fn random() -> Result<Self, IpcError> {
         const SOURCE: &str = "/dev/urandom";
         let mut bytes = [0; 8];
@@ -66,7 +66,7 @@ impl Domain {
         Ok(is_foreign(&self.root()) || self.entries()?.iter().any(|file| is_foreign(file)))
     }
 
-    /// Writes down the output of the domain's run, for [`Domain::of_output`]. The domain must have a node.
+    /// Writes the output of the domain's run to a file, for [`Domain::of_output`]. The domain must have a node.
     pub fn write_output(&self, output: &Path) -> Result<(), IpcError> {
         let path = self.root().join(OUTPUT);
         let written = std::fs::write(&path, output.as_os_str().as_bytes());
@@ -83,8 +83,8 @@ impl Domain {
         Ok(of_output.filter_map(name).filter_map(|name| Self::new(&name).ok()).collect())
     }
 
-    /// The domains of which this user has files in shared memory, of running and of killed runs, by name; with the output of the run
-    /// if it is known.
+    /// The domains with files of this user in shared memory, of running and of killed runs, by name; with the output of
+    /// the run if it is known.
     pub fn all_own() -> Result<Vec<(Self, Option<PathBuf>)>, IpcError> {
         let own = listed("replica_")?.into_iter().filter(|path| !is_foreign(path));
         let name = |path: PathBuf| {
@@ -102,8 +102,8 @@ impl Domain {
         Ok(domains.into_iter().map(with_output).collect())
     }
 
-    /// Removes all files of this domain; those of other users are not the domain's. Call it only when none of its processes is
-    /// running.
+    /// Removes all files of this domain. Files of other users do not belong to it and stay. Call it only when none of
+    /// its processes is running.
     pub fn wipe(&self) -> Result<(), IpcError> {
         let root = self.root();
         let remove = || if is_foreign(&root) { Ok(()) } else { std::fs::remove_dir_all(&root) };
@@ -120,14 +120,14 @@ impl Domain {
         Ok(())
     }
 
-    /// Files of this domain and of this user in shared memory. One that is gone by now does not matter.
+    /// Files of this domain and of this user in shared memory. Files that have disappeared are left out.
     fn files(&self) -> Result<Vec<(PathBuf, Metadata)>, IpcError> {
         let with_metadata = |file: PathBuf| std::fs::symlink_metadata(&file).ok().map(|metadata| (file, metadata));
         let files = self.entries()?.into_iter().filter_map(with_metadata);
         Ok(files.filter(|(_, metadata)| is_own(metadata)).collect())
     }
 
-    /// Files of all users in shared memory whose names are of this domain.
+    /// Files of all users in shared memory whose names belong to this domain.
     fn entries(&self) -> Result<Vec<PathBuf>, IpcError> {
         listed(&self.prefix())
     }
@@ -152,11 +152,12 @@ impl Domain {
         Ok(unfinished)
     }
 
-    /// iceoryx2 makes its node counter readable and writable by all users; a run is private to its owner.
+    /// iceoryx2 makes its node counter readable and writable by all users; this makes it private, as a run is private
+    /// to its owner.
     pub(crate) fn close_to_others(&self) -> Result<(), IpcError> {
         for (file, _) in self.files()? {
             if file.extension().is_some_and(|extension| extension == "global_mgmt") {
-                // The file of a node that has just ended is gone.
+                // The file of a node that has just ended is absent.
                 ignore_absent("closing", &file, ownership::close_to_others(&file))?;
             }
         }

@@ -12,7 +12,7 @@ use iceoryx2::service::port_factory::publish_subscribe;
 /// A port factory of latest values.
 pub(crate) type LatestService = publish_subscribe::PortFactory<Iox, [u8], ()>;
 
-/// Bytes of a value at most. A health report has about 2 KiB and at most some tens of KiB of notes.
+/// Largest value, bytes. A health report has about 2 KiB and at most some tens of KiB of notes.
 const MAX_BYTES: usize = 64 << 10;
 
 pub(crate) fn builder(
@@ -104,7 +104,7 @@ impl LatestSubscriber {
         }
         Ok(latest)
     }
-    /// Whether the writer is there; connects to it.
+    /// Connects to the writer. Returns whether it is connected.
     pub fn connect(&self) -> Result<bool, IpcError> {
         self.subscriber
             .update_connections()

@@ -1,18 +1,19 @@
-//! Topics over iceoryx2: loan, publish, receive. The only crate that names it.
+//! Topics over iceoryx2: loan, publish, receive. The only crate that uses iceoryx2.
 //!
-//! A [`Domain`] holds the services and the shared memory of one run. The supervisor creates every service and holds it open
-//! ([`ServiceHandles`]); stages open them. No message is lost, by credits: a consumer acknowledges what it has taken, a
-//! producer sends only what fits the slowest consumer's queue, and both sleep on a [`Wake`] in between.
+//! A [`Domain`] holds the services and the shared memory of one run. The supervisor creates every service and holds it
+//! open ([`ServiceHandles`]); stages open them. Credits prevent the loss of messages: a consumer acknowledges the
+//! messages it has taken, a producer sends only messages that fit the slowest consumer's queue, and both sleep on a
+//! [`Wake`] in between.
 //!
-//! This crate knows no stage, no launch file and no content of a message: it moves bytes whose layout `messages` declares, and
-//! checks only sizes and type names. It must never drop a message of an offline run, copy a row between processes, or let an
-//! observer change what stages receive. No other crate uses iceoryx2, and only `slot.rs` may contain unsafe code.
+//! This crate depends on no stage, no launch file and no content of a message: it moves bytes whose layout `messages`
+//! declares, and checks only sizes and type names. It must never drop a message of an offline run, copy a row between
+//! processes, or let an observer change what stages receive. Only `slot.rs` may contain unsafe code.
 //!
-//! Begin with [`Publisher`] (a loan becomes a message) and [`Subscriber`] (a message is received and acknowledged); `channel`
-//! has the queue and the credits between them, `wake` the sleep, `observer` the readers that are not stages. The reasons are in
-//! `docs/explanation/transport.md`.
+//! Start with [`Publisher`] (a loan becomes a message) and [`Subscriber`] (a message is received and acknowledged);
+//! `channel` has the queue and the credits between them, `wake` the sleep, `observer` the readers that are not stages.
+//! The reasons are in `docs/explanation/transport.md`.
 //!
-//! What copying would cost: `benches/transport.rs`.
+//! The cost of copying instead: `benches/transport.rs`.
 
 mod attached;
 mod channel;
@@ -53,5 +54,5 @@ pub use wake::{Wake, Waker};
 /// The kind of service: processes on one machine, ports used by the thread that created them.
 type Iox = iceoryx2::prelude::ipc::Service;
 
-/// What a lossless observer acknowledges before its first message.
+/// The acknowledgement of a lossless observer before its first message.
 const NOTHING_TAKEN: u64 = u64::MAX;

@@ -7,7 +7,7 @@ use messages::pod::bytes_from_rows;
 use messages::{Envelope, Message};
 
 /// A message under construction, in the shared memory in which its consumers will read it; in tests and in a stage that
-/// runs alone, in memory of this process. May be kept over several steps.
+/// runs alone, in the memory of this process. May be kept over several steps.
 pub struct Loan<T: Message>(pub(crate) LoanMemory<T>);
 
 pub(crate) enum LoanMemory<T: Message> {
@@ -16,7 +16,7 @@ pub(crate) enum LoanMemory<T: Message> {
 }
 
 impl<T: Message> Loan<T> {
-    /// A loan in memory of this process, for at most `capacity` rows.
+    /// A loan in the memory of this process, for at most `capacity` rows.
     pub fn in_own_memory(capacity: usize) -> Self {
         Self(LoanMemory::Own(OwnLoan::new(capacity)))
     }
@@ -27,7 +27,7 @@ impl<T: Message> Loan<T> {
             LoanMemory::Shared(_) => None,
         }
     }
-    /// Rows that fit.
+    /// Largest number of rows.
     pub fn capacity(&self) -> usize {
         match &self.0 {
             LoanMemory::Shared(loan) => loan.capacity(),
@@ -72,8 +72,8 @@ impl<T: Message> Loan<T> {
         self.append(new_rows.len())?.copy_from_slice(new_rows);
         Ok(())
     }
-    /// Appends `n` rows that hold the bytes of an earlier message, at half the cost of [`Loan::grow`]. Write every row:
-    /// otherwise the result depends on the earlier message.
+    /// Appends `n` rows that contain the bytes of an earlier message, at half the cost of [`Loan::grow`]. Write every
+    /// row: otherwise the result depends on the earlier message.
     pub fn grow_unset(&mut self, n: usize) -> Result<&mut [T::Row], LoanFull> {
         self.append(n)
     }
@@ -92,13 +92,13 @@ impl<T: Message> Loan<T> {
 pub struct Received<T: Message>(pub(crate) ReceivedMemory<T>);
 
 pub(crate) enum ReceivedMemory<T: Message> {
-    /// In shared memory, where its producer wrote it.
+    /// A message in shared memory, where its producer wrote it.
     Shared(ReceivedSlot),
     Own(OwnMessage<T>),
 }
 
 impl<T: Message> Received<T> {
-    /// A message in memory of this process.
+    /// A message in the memory of this process.
     pub fn in_own_memory(envelope: Envelope, header: T::Header, rows: Vec<T::Row>) -> Self {
         Self(ReceivedMemory::Own(OwnMessage { envelope, header: Box::new(header), rows }))
     }
@@ -109,7 +109,7 @@ impl<T: Message> Received<T> {
             ReceivedMemory::Own(message) => &message.envelope,
         }
     }
-    /// Number of the message on its topic; of a column, the number of its submap.
+    /// Sequence number of the message on its topic; of a column, the number of its submap.
     pub fn seq(&self) -> u64 {
         self.envelope().seq
     }
@@ -155,7 +155,7 @@ impl<T: Message> Received<T> {
         let n_bytes = rest.len();
         if n_bytes == 0 { Ok(message) } else { Err(SavedMessageError::Trailing { topic: T::TOPIC, n_bytes }) }
     }
-    /// Takes the message that `bytes` begins with.
+    /// Takes the message at the start of `bytes`.
     pub fn take_from(bytes: &mut &[u8]) -> Result<Self, SavedMessageError> {
         let cut = SavedMessageError::Cut { topic: T::TOPIC, n_bytes: bytes.len() };
         take(bytes).ok_or(cut)
@@ -169,7 +169,7 @@ fn take<T: Message>(bytes: &mut &[u8]) -> Option<Received<T>> {
     Some(Received::in_own_memory(envelope, header, rows))
 }
 
-/// `n` rows, if there are so many.
+/// Takes `n` rows, if `bytes` has so many.
 fn take_rows<R: messages::Pod>(bytes: &mut &[u8], n: usize) -> Option<Vec<R>> {
     let (taken, rest) = bytes.split_at_checked(n.checked_mul(size_of::<R>())?)?;
     *bytes = rest;
@@ -179,15 +179,15 @@ fn take_rows<R: messages::Pod>(bytes: &mut &[u8], n: usize) -> Option<Vec<R>> {
 /// Bytes that are not a message of the expected topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SavedMessageError {
-    /// Too short for the header, or for the rows that the envelope states.
+    /// The bytes are too few for the header, or for the rows that the envelope states.
     #[error("saved {topic} message: the {n_bytes} bytes left do not hold it")]
     Cut {
         /// The expected topic.
         topic: &'static str,
-        /// Bytes that there are.
+        /// Number of bytes.
         n_bytes: usize,
     },
-    /// Longer than the envelope states.
+    /// The bytes are more than the envelope states.
     #[error("saved {topic} message: {n_bytes} bytes follow its rows")]
     Trailing {
         /// The expected topic.

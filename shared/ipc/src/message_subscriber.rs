@@ -1,4 +1,4 @@
-//! The receiving port of a channel, of a consumer or of an observer.
+//! The receiving port of a channel, for a consumer or an observer.
 
 use crate::channel::MessageService;
 use crate::opaque::Opaque;
@@ -15,13 +15,13 @@ pub(crate) struct MessageSubscriber {
 }
 
 impl MessageSubscriber {
-    /// `role` is named in errors.
+    /// Opens the port. `role` is the name in errors.
     pub(crate) fn open(node: &Node, channel: &Channel, role: &str) -> Result<Self, IpcError> {
         let service = channel.open(node)?;
         let port = service
             .subscriber_builder()
             .buffer_size(channel.queue)
-            // A connection that cannot be made is an error, not a warning in a log that nobody reads.
+            // A failed connection is an error, not a warning in a log that nobody reads.
             .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map(Opaque::new)
@@ -29,7 +29,7 @@ impl MessageSubscriber {
         Ok(Self { service, port })
     }
 
-    /// Connects to the producer. Returns whether it was there before, so that the connection is complete.
+    /// Connects to the producer. Returns whether it was connected before, so that the connection is complete.
     pub(crate) fn connect(&self, channel: &Channel) -> Result<bool, IpcError> {
         let is_there = self.service.dynamic_config().number_of_publishers() > 0;
         self.port

@@ -1,4 +1,5 @@
-//! What is known of a message type: its sizes. With these as values instead of a type parameter, shared memory and credits are compiled once, in this crate, and not again in every program.
+//! The sizes of a message type. With these as values instead of a type parameter, shared memory and credits are
+//! compiled once, in this crate, and not in every program.
 
 use crate::slot::{LINE, header_lines};
 use messages::Message;

@@ -1,4 +1,4 @@
-//! A process's membership in a domain: the parent of its ports, and the wakers that they share.
+//! A process's membership in a domain: the parent of its ports, and the wakers that the ports share.
 
 use crate::domain::Domain;
 use crate::opaque::Opaque;
@@ -29,7 +29,7 @@ impl Domain {
         self.node_inside(&root, name)
     }
 
-    /// A node of a domain whose folder is there. The superuser may join the runs of other users.
+    /// A node of a domain whose folder exists. The superuser may join the runs of other users.
     pub(crate) fn node_inside(&self, root: &StdPath, name: &str) -> Result<Node, IpcError> {
         let what = || format!("node {name} of domain {}", self.name());
         let mut config = Config::default();
@@ -54,8 +54,9 @@ impl Domain {
 }
 
 impl Node {
-    /// Removes the ports of processes that have ended, so that no producer waits for their acknowledgements. `false`: not yet,
-    /// because a process is creating a port or was killed while it did, or because shared memory cannot be read.
+    /// Removes the ports of processes that have ended, so that no producer waits for their acknowledgements. `false` if
+    /// this is not possible yet, because a process is creating a port or was killed while creating one, or because
+    /// shared memory cannot be read.
     pub fn remove_dead_ports(&self) -> bool {
         if self.domain.has_unfinished_files().unwrap_or(true) {
             return false;
@@ -65,7 +66,7 @@ impl Node {
         true
     }
 
-    /// What a process sleeps on. The [`crate::ServiceHandles`] created the service of this name.
+    /// The wake on which a process sleeps. The [`crate::ServiceHandles`] created the service of this name.
     pub fn open_wake(&self, name: &str) -> Result<Wake, IpcError> {
         Wake::open(&self.inner, name)
     }
@@ -91,38 +92,38 @@ impl Node {
         self.wakers.wake(Due::BeforeSleep);
     }
 
-    /// Wakes those that should not wait until this process sleeps: consumers after [`crate::Publisher::urge`], and producers for
-    /// which half of a queue has become free.
+    /// Wakes the processes that should not wait until this process sleeps: consumers after [`crate::Publisher::urge`],
+    /// and producers for which half of a queue has become free.
     pub fn wake_urged(&self) {
         self.wakers.wake(Due::Now);
     }
 }
 
-/// When a process is to be woken.
+/// Time at which a process is to be woken.
 #[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 enum Due {
     #[default]
     No,
     /// Before this process sleeps. Until then it may send more.
     BeforeSleep,
-    /// As soon as the stage can.
+    /// Once the stage can wake it.
     Now,
 }
 
-/// A waker that all ports of a node share: what they send to the same process ends in one wake. A wake costs seven system calls
-/// and the start of a core that sleeps; a message in shared memory costs neither.
+/// A waker that all ports of a node share: messages to the same process cause only one wake. A wake costs seven system
+/// calls and the start of a sleeping core; a message in shared memory costs neither.
 pub(crate) struct SharedWaker {
     waker: Waker,
     due: Cell<Due>,
 }
 
 impl SharedWaker {
-    /// The process has something to check, before this one sleeps.
+    /// Requests a wake of the process before this one sleeps.
     pub(crate) fn request(&self) {
         self.due.set(self.due.get().max(Due::BeforeSleep));
     }
 
-    /// The process has something to check now.
+    /// Requests a wake of the process now.
     pub(crate) fn urge(&self) {
         self.due.set(Due::Now);
     }

@@ -1,4 +1,4 @@
-//! Observing a topic without knowing its type and without being one of its consumers.
+//! Observes a topic without its type and without being one of its consumers.
 
 use crate::message_subscriber::MessageSubscriber;
 use crate::slot::{LINE, ReceivedSlot, bytes_of_lines};
@@ -8,9 +8,10 @@ use messages::Envelope;
 /// Whether the producer waits for the observer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObserverMode {
-    /// Never: a message that does not fit the observer's queue is dropped. Gaps in `seq` show it.
+    /// The producer never waits: a message that does not fit the observer's queue is dropped. Gaps in `seq` show it.
     Dropping,
-    /// As for a consumer: from its first message on, the observer receives every message. One such observer at a time.
+    /// The producer waits, as for a consumer: the observer receives every message from its first one on. One such
+    /// observer at a time.
     Lossless,
 }
 
@@ -21,13 +22,13 @@ pub struct Observer {
     lossless: Option<Acknowledging>,
 }
 
-/// How a lossless observer informs the producer.
+/// The acknowledgements of a lossless observer to the producer.
 struct Acknowledging {
     acknowledgement: LatestPublisher,
     producer: Waker,
     taken: u64,
-    /// Whether its queue was empty since the producer has known of it. Messages sent before may overrun the queue, so all of
-    /// them are dropped.
+    /// Whether its queue was empty after the producer had registered it. Earlier messages may overrun the queue, so all
+    /// of them are dropped.
     settled: bool,
 }
 
@@ -45,7 +46,7 @@ impl Acknowledging {
 }
 
 impl Observer {
-    /// Attaches to a topic of a run. Fails if the run is not there or has too many observers already.
+    /// Attaches to a topic of a run. Fails if the run does not exist or has too many observers already.
     pub fn open(node: &Node, channel: &Channel, mode: ObserverMode) -> Result<Self, IpcError> {
         let subscriber = MessageSubscriber::open(node, channel, "observer")?;
         let lossless = match mode {
@@ -67,12 +68,12 @@ impl Observer {
         &self.channel
     }
 
-    /// Whether the producer is there and, if the observer is lossless, knows of it. Messages sent before may be missing; a
-    /// lossless observer drops those that are not.
+    /// Whether the producer is connected and, if the observer is lossless, has registered it. Messages sent before may
+    /// be missing; a lossless observer drops the others.
     pub fn connect(&mut self) -> Result<bool, IpcError> {
         let mut is_there = self.subscriber.connect(&self.channel)?;
         if let Some(lossless) = &mut self.lossless {
-            // A latest value reaches only readers that are connected: it is published again until the producer is.
+            // A latest value reaches only connected readers: it is published again until the producer is connected.
             lossless.publish()?;
             is_there &= lossless.acknowledgement.has_reader();
             if is_there && !lossless.settled {

@@ -1,7 +1,7 @@
 //! A value of iceoryx2 whose drop code is compiled once, in this crate.
 //!
 //! Every program that drops a type compiles the drop code of its fields again; for iceoryx2 that takes many seconds.
-//! Behind a trait object it is compiled only where the object is made, and that is always here.
+//! Behind a trait object it is compiled only where the object is created, which is always here.
 
 use std::ops::{Deref, DerefMut};
 

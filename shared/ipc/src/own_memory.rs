@@ -1,4 +1,4 @@
-//! A message in memory of this process: of a test or a saved state.
+//! A message in the memory of this process, from a test or a saved state.
 
 use messages::pod::zeroed_rows;
 use messages::{Envelope, Message};

@@ -1,5 +1,5 @@
-//! Whose files are in folders that all users can write to, such as `/dev/shm` and `/tmp`. Files of other users are neither
-//! followed nor changed nor removed: they may have been put there to be mistaken for ours.
+//! Ownership of files in folders that all users can write to, such as `/dev/shm` and `/tmp`. Files of other users are
+//! neither followed nor changed nor removed: they may imitate files of this user.
 
 use rustix::fs::OFlags;
 use rustix::process::geteuid;
@@ -8,22 +8,22 @@ use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 
-/// Why a folder cannot be used for files that other users must not reach.
+/// A folder that cannot be used for files that other users must not reach.
 #[derive(Debug, thiserror::Error)]
 pub enum PrivateFolderError {
     /// The operating system refused.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// It was there before, and is a link or not a folder.
+    /// The path exists, and is a link or not a folder.
     #[error("is not a folder")]
     NoFolder,
-    /// It was there before, and another user has made it.
+    /// The folder exists, and another user has created it.
     #[error("belongs to another user (uid {uid})")]
     Foreign {
         /// The owner.
         uid: u32,
     },
-    /// It was there before, and others may enter it.
+    /// The folder exists, and other users may enter it.
     #[error("is open to other users (mode {mode:03o})")]
     Open {
         /// Its mode.
@@ -31,7 +31,7 @@ pub enum PrivateFolderError {
     },
 }
 
-/// Whether a file, not what it links to, belongs to another user. An absent file belongs to none.
+/// Whether a file, not the target of a link, belongs to another user. False for an absent file.
 pub fn is_foreign(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok_and(|metadata| !is_own(&metadata))
 }
@@ -41,7 +41,7 @@ pub(crate) fn is_own(metadata: &Metadata) -> bool {
     metadata.uid() == geteuid().as_raw()
 }
 
-/// Makes a folder that no other user can enter. One that is there must be such a folder, and belong to this user.
+/// Creates a folder that no other user can enter. An existing one must be such a folder, and belong to this user.
 pub fn create_private_folder(path: &Path) -> Result<(), PrivateFolderError> {
     match std::fs::DirBuilder::new().mode(0o700).create(path) {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => check_private_folder(path),
@@ -49,8 +49,8 @@ pub fn create_private_folder(path: &Path) -> Result<(), PrivateFolderError> {
     }
 }
 
-/// Whether a folder belongs to this user and no other user can enter it. Then nobody else can replace it: the folders above it
-/// let each user remove only own files.
+/// Checks that a folder belongs to this user and no other user can enter it. Then nobody else can replace it: the
+/// folders above it let each user remove only own files.
 pub(crate) fn check_private_folder(path: &Path) -> Result<(), PrivateFolderError> {
     let metadata = std::fs::symlink_metadata(path)?;
     if !metadata.is_dir() {
@@ -65,9 +65,9 @@ pub(crate) fn check_private_folder(path: &Path) -> Result<(), PrivateFolderError
     }
 }
 
-/// Takes the rights of other users away from a file of this user. Links, and files of others, stay as they are.
+/// Removes the permissions of other users from a file of this user. Links and foreign files stay unchanged.
 pub(crate) fn close_to_others(path: &Path) -> io::Result<()> {
-    // A pipe that nobody writes to must not block.
+    // A pipe without a writer must not block.
     let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
     let file: File = match OpenOptions::new().read(true).custom_flags(flags.bits() as i32).open(path) {
         Err(_) if std::fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_symlink() || !is_own(&metadata)) => {

@@ -21,7 +21,7 @@ impl<T: Message> Publisher<T> {
         Ok(Self { untyped, message: PhantomData })
     }
 
-    /// Whether all consumers are there and connected. Messages sent before would be lost.
+    /// Whether all consumers are connected. Earlier messages would be lost.
     pub fn connect(&self) -> Result<bool, IpcError> {
         self.untyped.connect()
     }
@@ -42,12 +42,13 @@ impl<T: Message> Publisher<T> {
         self.untyped.n_waiting()
     }
 
-    /// The consumers should see what was sent as soon as possible, at the next [`Node::wake_urged`].
+    /// Requests a wake of the consumers at the next [`Node::wake_urged`], so that they receive the messages soon.
     pub fn urge(&self) {
         self.untyped.urge();
     }
 
-    /// Sends a loan of [`Publisher::loan`]; a loan in memory of this process is refused. The caller has seen [`Publisher::has_room`] since the last message, and calls [`Node::wake_all`] before it sleeps.
+    /// Sends a loan of [`Publisher::loan`]; a loan in the memory of this process is refused. The caller has checked
+    /// [`Publisher::has_room`] since the last message, and calls [`Node::wake_all`] before it sleeps.
     pub fn send(&mut self, loan: Loan<T>, envelope: Envelope) -> Result<(), IpcError> {
         match loan.0 {
             LoanMemory::Shared(loan) => self.untyped.send(loan.finish(envelope), &envelope),

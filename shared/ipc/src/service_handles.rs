@@ -11,7 +11,7 @@ use iceoryx2::service::port_factory::event;
 /// Handles of the services of a run. As long as the supervisor holds them, the services outlive any stage.
 #[derive(Default)]
 pub struct ServiceHandles {
-    /// With the number of consumers.
+    /// The message services, with the number of consumers.
     messages: Vec<(Opaque<MessageService>, usize)>,
     latest: Vec<Opaque<LatestService>>,
     wakes: Vec<Opaque<event::PortFactory<Iox>>>,

@@ -26,13 +26,13 @@ impl SharedOutgoing {
         let publisher = service
             .publisher_builder()
             .max_loaned_samples(MAX_LOANS)
-            // All slots have the largest size. tmpfs gives memory to what is written, not to what is reserved; growing
-            // slots instead lose one of their number with each growth and run out (iceoryx2 0.10).
+            // All slots have the largest size. tmpfs allocates memory only for written bytes; growing slots instead
+            // lose one slot with each growth and run out (iceoryx2 0.10).
             .initial_max_slice_len(message.lines_for(message.max_rows))
             .allocation_strategy(AllocationStrategy::Static)
             // Credits guarantee free space in the queue. A full queue is therefore a loss: report it, do not wait.
             .backpressure_strategy(BackpressureStrategy::DiscardData)
-            // A connection that cannot be made is an error, not a warning in a log that nobody reads.
+            // A failed connection is an error, not a warning in a log that nobody reads.
             .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map(Opaque::new)
@@ -40,9 +40,9 @@ impl SharedOutgoing {
         Ok(Self { channel: channel.clone(), message, service, publisher })
     }
 
-    /// Connects to the consumers that have come; whether all are connected.
+    /// Connects to new consumers. Returns whether all are connected.
     pub(crate) fn connect(&self) -> Result<bool, IpcError> {
-        // Observers are subscribers too; the acknowledgements show whether all consumers are there.
+        // Observers are subscribers too; the acknowledgements show whether all consumers are connected.
         let all_there = self.service.dynamic_config().number_of_subscribers() >= self.channel.consumers.len();
         self.publisher
             .update_connections()
@@ -64,7 +64,7 @@ impl SharedOutgoing {
         Ok(Slot::new(sample))
     }
 
-    /// Sends to all; the number of consumers and observers that the message reached.
+    /// Sends to all. Returns the number of consumers and observers that the message reached.
     pub(crate) fn send(&self, slot: FilledSlot, envelope: &Envelope) -> Result<usize, IpcError> {
         let sent = slot.into_sample().send();
         sent.map_err(|cause| IpcError::transport(format!("publishing {} {}", self.channel.name, envelope.seq), cause))
@@ -85,7 +85,7 @@ impl SharedIncoming {
         Ok(Self { channel: channel.clone(), message, subscriber })
     }
 
-    /// Connects to the producer; whether it is there.
+    /// Connects to the producer. Returns whether it is connected.
     pub(crate) fn connect(&self) -> Result<bool, IpcError> {
         self.subscriber.connect(&self.channel)
     }

@@ -7,7 +7,7 @@
 //! | 0 .. `header_lines` | `T::Header`, rest zero |
 //! | `header_lines` .. | rows of `T::Row`, without gaps |
 
-#![allow(unsafe_code, reason = "tells iceoryx2 what may be shared; each block states why it may")]
+#![allow(unsafe_code, reason = "declares to iceoryx2 which types may be shared; each block states why")]
 
 use crate::Iox;
 use crate::opaque::Opaque;
@@ -52,7 +52,7 @@ unsafe impl ZeroCopySend for WireEnvelope {
     }
 }
 
-/// Lines that the header takes.
+/// Number of lines of the header.
 pub(crate) const fn header_lines<T: Message>() -> usize {
     const { assert!(align_of::<T::Header>() <= LINE && align_of::<T::Row>() <= LINE) };
     const { assert!(size_of::<T::Header>() > 0 && size_of::<T::Row>() > 0) };
@@ -73,7 +73,7 @@ pub(crate) fn view<T: Message>(lines: &[CacheLine], len: usize) -> Option<(&T::H
     Some((header, bytemuck::cast_slice(rows)))
 }
 
-/// The same for writing: the header and the rows `range`.
+/// The header and the rows `range` of a slot, for writing.
 fn view_mut<T: Message>(
     lines: &mut [CacheLine],
     range: std::ops::Range<usize>,
@@ -85,14 +85,14 @@ fn view_mut<T: Message>(
     Some((header, bytemuck::cast_slice_mut(rows)))
 }
 
-/// Why a loan always has its header and rows.
+/// Reason why a loan always has its header and rows.
 const LONG_ENOUGH: &str = "the slot was loaned with enough lines";
 
 /// Memory of a message under construction.
 pub(crate) trait SlotMemory {
     /// All lines.
     fn lines(&self) -> &[CacheLine];
-    /// All lines, to be written.
+    /// All lines, for writing.
     fn lines_mut(&mut self) -> &mut [CacheLine];
 }
 
@@ -101,8 +101,8 @@ pub(crate) struct Slot(Opaque<SampleMut<Iox, [CacheLine], WireEnvelope>>);
 
 impl Slot {
     pub(crate) fn new(sample: SampleMutUninit<Iox, [MaybeUninit<CacheLine>], WireEnvelope>) -> Self {
-        // SAFETY: the slot lies in mapped shared memory, whose bytes the operating system has initialised (zero, or what
-        // an earlier message left), and any bytes are a valid `CacheLine`.
+        // SAFETY: the slot lies in mapped shared memory, whose bytes the operating system has initialised (zero, or the
+        // bytes of an earlier message), and any bytes are a valid `CacheLine`.
         Self(Opaque::new(unsafe { sample.assume_init() }))
     }
     fn fill(mut self, envelope: Envelope) -> FilledSlot {
@@ -157,7 +157,7 @@ pub(crate) struct SharedLoan<T: Message, S = Slot> {
 }
 
 impl<T: Message, S: SlotMemory> SharedLoan<T, S> {
-    /// `slot` holds `capacity` rows.
+    /// A loan of `slot`, which holds `capacity` rows.
     pub(crate) fn new(slot: S, capacity: usize) -> Self {
         let mut loan = Self { slot, len: 0, capacity, message: PhantomData };
         *loan.header_mut() = T::Header::default();
@@ -175,7 +175,7 @@ impl<T: Message, S: SlotMemory> SharedLoan<T, S> {
     pub(crate) fn header_mut(&mut self) -> &mut T::Header {
         view_mut::<T>(self.slot.lines_mut(), 0..0).expect(LONG_ENOUGH).0
     }
-    /// Appends `n` rows with the bytes that an earlier message left. `None` if they do not fit.
+    /// Appends `n` rows with the bytes of an earlier message. `None` if they do not fit.
     pub(crate) fn append(&mut self, n: usize) -> Option<&mut [T::Row]> {
         if n > self.capacity - self.len {
             return None;
@@ -229,7 +229,7 @@ mod tests {
         assert!(!MessageType::of::<SubmapTopic>().fits(0, 0));
     }
 
-    /// Memory as the operating system gives it: zero, and never written by this program.
+    /// Memory as the operating system provides it: zero, and never written by this program.
     struct HeapSlot(Box<[CacheLine]>);
 
     impl HeapSlot {
@@ -254,7 +254,7 @@ mod tests {
     fn loan_is_written_in_place_and_read_back() {
         let message = MessageType::of::<SweepTopic>();
         let mut slot = HeapSlot::new(message.lines_for(5));
-        // The second message lies where the first one was.
+        // The second message is in the slot of the first one.
         for seq in 1..=2 {
             let mut loan = SharedLoan::<SweepTopic, _>::new(slot, 5);
             for index in 0..3 {

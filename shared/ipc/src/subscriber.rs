@@ -7,7 +7,7 @@ use crate::{Channel, IpcError, Node, Received};
 use messages::Message;
 use std::marker::PhantomData;
 
-/// Receives messages of `T`, all of them, in order.
+/// Receives all messages of `T`, in order.
 pub struct Subscriber<T: Message> {
     untyped: UntypedSubscriber,
     message: PhantomData<T>,
@@ -20,13 +20,13 @@ impl<T: Message> Subscriber<T> {
         Ok(Self { untyped, message: PhantomData })
     }
 
-    /// Whether the producer is there and connected. Messages sent before would be lost.
+    /// Whether the producer is connected. Earlier messages would be lost.
     pub fn connect(&self) -> Result<bool, IpcError> {
         self.untyped.connect()
     }
 
-    /// The next message, if there is one. Its slot is free again when it is dropped. The caller calls [`Node::wake_all`] before it
-    /// sleeps: the producer may wait for room.
+    /// The next message, if there is one. Its slot is free again when it is dropped. The caller calls
+    /// [`Node::wake_all`] before it sleeps: the producer may wait for room.
     pub fn receive(&mut self) -> Result<Option<Received<T>>, IpcError> {
         Ok(self.untyped.receive()?.map(|slot| Received(ReceivedMemory::Shared(slot))))
     }

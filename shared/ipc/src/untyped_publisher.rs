@@ -1,4 +1,5 @@
-//! The producing end of a channel, without its type: compiled once here, not again for each type in every program.
+//! The producing end of a channel, without its type: compiled once here, and not for each message type in every
+//! program.
 
 use crate::message_type::MessageType;
 use crate::node::SharedWaker;
@@ -16,16 +17,16 @@ pub(crate) struct UntypedPublisher {
     consumers: Vec<Consumer>,
     observer: LosslessObserver,
     sent: u64,
-    /// Seq of the next message.
+    /// Sequence number of the next message.
     next_seq: u64,
-    /// Messages that may be sent without another look at the acknowledgements: places that were free at the last look.
+    /// Messages that may be sent without checking the acknowledgements again: free places at the last check.
     n_free: u64,
-    /// `next_seq` at the last look.
+    /// `next_seq` at the last check.
     last_look: u64,
 }
 
 struct Consumer {
-    /// Seq after the last message that it took; `None` until it has taken one.
+    /// Sequence number after the last message that it took; `None` until it has taken one.
     taken: Option<u64>,
     acknowledgement: LatestSubscriber,
     waker: Rc<SharedWaker>,
@@ -33,10 +34,10 @@ struct Consumer {
 
 /// The lossless observer of the topic, if there is one.
 struct LosslessObserver {
-    /// Seq after the last message that it took or need not receive. `None` until its first acknowledgement.
+    /// Sequence number after the last message that it took or need not receive. `None` until its first acknowledgement.
     taken: Option<u64>,
-    /// How often it has repeated its acknowledgement since the last message was sent. It repeats when its queue is empty: the
-    /// second repetition was sent after that message had arrived.
+    /// Number of repetitions of its acknowledgement since the last message was sent. It repeats when its queue is
+    /// empty: the second repetition was sent after that message had arrived.
     repeats: u32,
     acknowledgement: LatestSubscriber,
 }
@@ -50,7 +51,7 @@ impl LosslessObserver {
     /// removed with its node.
     fn n_waiting(&mut self, next_seq: u64, last_look: u64) -> Result<u64, IpcError> {
         let there = self.acknowledgement.connect()?;
-        // Polls a last acknowledgement after the observer has left, too: until then the connection stays.
+        // Polls for a last acknowledgement even after the observer has left: until then the connection stays.
         let latest = self.acknowledgement.poll()?;
         if !there {
             self.taken = None;
@@ -61,15 +62,15 @@ impl LosslessObserver {
             && let Ok(taken) = bytes.try_into()
         {
             let acknowledged = match u64::from_le_bytes(taken) {
-                // A new observer need not receive messages from before it was known, but those sent since the last look may be
-                // in its queue. A later acknowledgement may have been sent before further messages.
+                // A new observer need not receive messages from before its registration, but messages sent since the
+                // last check may be in its queue. A later acknowledgement may have been sent before further messages.
                 NOTHING_TAKEN => self.taken.unwrap_or(last_look),
                 taken => taken,
             };
             self.repeats = if self.taken == Some(acknowledged) { self.repeats + 1 } else { 0 };
             self.taken = Some(acknowledged);
         }
-        // Its queue is empty: the messages that it lacks overran the queue before it was known, and will not arrive.
+        // Its queue is empty: the missing messages overran the queue before its registration, and will not arrive.
         if self.repeats >= 2 {
             return Ok(0);
         }
@@ -137,7 +138,7 @@ impl UntypedPublisher {
         let n_waiting = self.n_waiting()?;
         let last_look = std::mem::replace(&mut self.last_look, self.next_seq);
         if self.channel.drops_oldest {
-            // Polled all the same: this connects the acknowledgements of restarted consumers.
+            // Polled in any case: this connects the acknowledgements of restarted consumers.
             return Ok(true);
         }
         if n_waiting + n > queue {
@@ -146,7 +147,8 @@ impl UntypedPublisher {
         if self.observer.is_there()? {
             return Ok(self.observer.n_waiting(self.next_seq, last_look)?.saturating_add(n) <= queue);
         }
-        // A look costs as much as a message. Half of the places are used without one, so that a new observer is seen soon.
+        // A check costs as much as a message. Half of the places are used without one, so that a new observer is found
+        // soon.
         self.n_free = (queue - n_waiting).min(queue.div_ceil(2));
         Ok(true)
     }
@@ -184,7 +186,7 @@ impl UntypedPublisher {
         self.next_seq = envelope.seq + 1;
         self.observer.repeats = 0;
         let expected = self.consumers.len();
-        // Observers may be among those whom it reached.
+        // It may also have reached observers.
         if reached < expected && !self.channel.drops_oldest {
             let service = self.channel.name.clone();
             return Err(IpcError::Lost { service, seq: envelope.seq, reached, expected });

@@ -1,4 +1,5 @@
-//! The consuming end of a channel, without its type: compiled once here, not again for each type in every program.
+//! The consuming end of a channel, without its type: compiled once here, and not for each message type in every
+//! program.
 
 use crate::message_type::MessageType;
 use crate::node::SharedWaker;
@@ -14,7 +15,7 @@ pub(crate) struct UntypedSubscriber {
     producer: Rc<SharedWaker>,
     /// Messages that it takes before the producer is urged to fill their places.
     batch: usize,
-    /// Messages taken since then.
+    /// Messages taken since the producer was last urged.
     n_taken: usize,
 }
 
@@ -27,7 +28,7 @@ impl UntypedSubscriber {
             memory: SharedIncoming::open(node, channel, message)?,
             acknowledgement: LatestPublisher::open(node, &channel.acknowledgement(index))?,
             producer: node.shared_waker(&channel.producer)?,
-            // A producer that waits for room then has several messages to make, and not one for each wake.
+            // A producer that waits for room can then produce several messages per wake.
             batch: if channel.drops_oldest { 1 } else { (channel.queue / 2).max(1) },
             n_taken: 0,
         })

@@ -1,4 +1,4 @@
-//! Sleeping until another process wakes this one.
+//! Sleeps until another process wakes this one.
 
 use crate::domain::service_name;
 use crate::opaque::Opaque;
@@ -15,7 +15,8 @@ fn open(node: &Node<Iox>, name: &str) -> Result<event::PortFactory<Iox>, IpcErro
     opened.map_err(|cause| IpcError::transport(format!("opening wake {name}"), cause))
 }
 
-/// What a process sleeps on. Several calls of [`Waker::wake`] may end one sleep: check every input after waking.
+/// The wake on which a process sleeps. Several calls of [`Waker::wake`] may end one sleep: check every input after
+/// waking.
 pub struct Wake {
     name: String,
     listener: Opaque<listener::Listener<Iox>>,
@@ -30,7 +31,7 @@ impl Wake {
     /// Returns when woken (at once if that happened since the last call), on a signal, or after `timeout`.
     pub fn wait(&self, timeout: Duration) -> Result<(), IpcError> {
         match self.listener.timed_wait(|_| {}, timeout) {
-            // A signal, or the end of a SIGSTOP: a reason to check every input, too.
+            // A signal, or the end of a SIGSTOP, is also a reason to check every input.
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
             Err(cause) => Err(IpcError::transport(format!("waiting on {}", self.name), cause)),
         }
@@ -48,7 +49,7 @@ impl Waker {
         let notifier = notifier.map_err(|cause| IpcError::transport(format!("waker of {name}"), cause))?;
         Ok(Self { notifier: Opaque::new(notifier) })
     }
-    /// Wakes the process. If it has not started yet, or has ended, nothing happens: a process checks every input first.
+    /// Wakes the process. Has no effect before its start or after its end: a process checks every input first.
     pub fn wake(&self) {
         let _not_there = self.notifier.notify();
     }

@@ -1,7 +1,8 @@
-//! The agent of a host: for each connection with the right key it starts a stage's program and passes bytes between both.
+//! The agent of a host: for each connection with the correct key it starts a stage's program and passes bytes between
+//! both.
 //!
-//! The program has the connection as its standard input and output in one: a Unix socket. It ends with the connection, and with
-//! the agent.
+//! The program uses the connection, a Unix socket, as both standard input and output. It ends with the connection, and
+//! with the agent.
 
 use crate::start::{Answer, receive, send};
 use crate::{Key, LinkError, Receiver, Sender, StageProgram, accept};
@@ -20,23 +21,23 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Connections at a time: a run has a stage or two here, and a check asks for each of them.
+/// Largest number of simultaneous connections: a run has a stage or two here, and a check connects for each of them.
 const MAX_SESSIONS: usize = 64;
-/// A client that is silent for this long before its request is not served.
+/// Longest silence of a client before its request.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
-/// A silent client whose host or network is gone is given up after this long.
+/// Time after which a silent client whose host or network has failed is given up.
 const GONE_AFTER: Duration = Duration::from_secs(30);
-/// A program without a connection has nothing to finish.
+/// Interval of polling for the end of a program. A program without a connection has nothing to finish.
 const END_POLL: Duration = Duration::from_millis(10);
 const END_POLLS: u32 = 20;
-/// Bytes that are passed on at a time: those of a Noise message.
+/// Bytes that are passed on at a time: the size of a Noise message.
 const PIECE: usize = 64 << 10;
 
-/// What an agent needs to know.
+/// The configuration and sessions of an agent.
 pub struct Agent {
-    /// Of all clients.
+    /// Key of all clients.
     pub key: Key,
-    /// Where relative paths start: programs, models.
+    /// Folder of relative paths: programs, models.
     pub folder: PathBuf,
     /// `--version`; clients of another build are refused.
     pub version: String,
@@ -54,7 +55,7 @@ impl Agent {
         Self { key, folder, version, report, sessions, n_sessions, n_started }
     }
 
-    /// Serves connections, each in a thread of its own. Does not return.
+    /// Serves connections, each in its own thread. Does not return.
     pub fn serve(&self, listener: &TcpListener) {
         std::thread::scope(|scope| {
             loop {
@@ -64,7 +65,7 @@ impl Agent {
                 });
                 if let Err(error) = accepted {
                     (self.report)(&format!("a connection cannot be served: {error}"));
-                    // Too many open files, or threads: not for a moment only.
+                    // Too many open files or threads: not only for a moment.
                     std::thread::sleep(Duration::from_millis(100));
                 }
             }
@@ -122,22 +123,23 @@ impl Agent {
         self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Ends the program that was started for the same stage of the same run: that run has lost its connection to it.
+    /// Ends the program that was started for the same stage of the same run: that run has lost its connection to the
+    /// program.
     fn replace(&self, session: &str, number: usize, stream: &TcpStream) {
         let Ok(stream) = stream.try_clone() else { return };
         if let Some((_, before)) = self.sessions().insert(session.to_owned(), (number, stream)) {
-            // It may have ended by itself.
+            // It may have ended in the meantime.
             let _ = before.shutdown(Shutdown::Both);
         }
     }
 
-    /// Starts a program; the other end of its socket. The text says why it is refused.
+    /// Starts a program. Returns the other end of its socket. The text gives the reason for a refusal.
     fn start(&self, wanted: &StageProgram) -> Result<(Child, UnixStream), String> {
         if wanted.version != self.version {
             let theirs = &wanted.version;
             let ours = &self.version;
             return Err(format!(
-                "the run is of build {theirs}, this agent of {ours}; install the same build on both hosts"
+                "the run has build {theirs}, this agent has build {ours}; install the same build on both hosts"
             ));
         }
         let program = program_path(&self.folder, wanted)?;
@@ -150,7 +152,7 @@ impl Agent {
             .args(["run", "--linked", &std::process::id().to_string()])
             .current_dir(&self.folder)
             .stdin(OwnedFd::from(theirs))
-            // What a stage prints is for the log.
+            // Output of a stage belongs to the log.
             .stdout(std::io::stderr())
             .process_group(0)
             .spawn();
@@ -158,12 +160,13 @@ impl Agent {
     }
 }
 
-/// The program: `replica-<table>` beside this one, or the one that the table names, never outside of the agent's folder.
+/// The program: `replica-<table>` in the folder of this one, or the program that the table names, never outside of the
+/// agent's folder.
 fn program_path(folder: &Path, wanted: &StageProgram) -> Result<PathBuf, String> {
     if wanted.program.is_empty() {
         let is_plain = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
         if !wanted.table.bytes().all(is_plain) {
-            return Err(format!("[{}] is no name of a stage", wanted.table));
+            return Err(format!("[{}] is not a stage name", wanted.table));
         }
         return sibling(&format!("replica-{}", wanted.table)).map_err(|error| error.to_string());
     }
@@ -174,8 +177,8 @@ fn program_path(folder: &Path, wanted: &StageProgram) -> Result<PathBuf, String>
     named_program(&wanted.program, folder).map_err(|error| error.to_string())
 }
 
-/// Makes the kernel report a client whose host or network is gone, also if nothing is sent. There is no limit for what is sent and
-/// not acknowledged: a run whose queues are full reads nothing for a while.
+/// Makes the kernel report a client whose host or network has failed, even if nothing is sent. There is no limit for
+/// data that is sent and not acknowledged: a run whose queues are full reads nothing for a while.
 fn notice_lost_peer(stream: &TcpStream) -> std::io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, GONE_AFTER / 3)?;
@@ -189,13 +192,13 @@ fn pass(program: &UnixStream, mut sender: Sender, mut receiver: Receiver) -> std
         let connection = sender.stream().try_clone()?;
         let to_program = move || {
             let mut program = program;
-            // An error of the connection is its end; one of the program is noticed by the other thread.
+            // An error of the connection ends it; an error of the program is detected by the other thread.
             while let Ok(bytes) = receiver.next_bytes() {
                 if bytes.is_empty() || program.write_all(bytes).is_err() {
                     break;
                 }
             }
-            // The program reads the end, and the other thread, too.
+            // The program and the other thread both read the end.
             let _ = program.shutdown(Shutdown::Both);
         };
         std::thread::Builder::new().name("to program".to_owned()).spawn_scoped(scope, to_program)?;
@@ -212,13 +215,13 @@ fn pass(program: &UnixStream, mut sender: Sender, mut receiver: Receiver) -> std
                 Err(error) => break Err(error),
             }
         };
-        // Ends the thread above, whoever has ended.
+        // Ends the thread above, whichever side has ended.
         let _ = (connection.shutdown(Shutdown::Both), program.shutdown(Shutdown::Both));
         passed
     })
 }
 
-/// Waits for the end of a program that has lost its socket; one that is busy is killed.
+/// Waits for the end of a program that has lost its socket, and kills a busy one.
 fn end(child: &mut Child) -> String {
     for _ in 0..END_POLLS {
         match child.try_wait() {
@@ -228,7 +231,7 @@ fn end(child: &mut Child) -> String {
         }
     }
     if let Some(group) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-        // It may just have ended by itself.
+        // It may have ended in the meantime.
         let _ = kill_process_group(group, Signal::KILL);
     }
     child.wait().map_or_else(|error| error.to_string(), |status| status.to_string())

@@ -8,7 +8,7 @@
 //! | 0 .. 12 | `replica link` |
 //! | 12 .. 16 | [`VERSION`], u32, little-endian |
 //! | next 2 | length of a Noise message, u16, little-endian |
-//! | next .. | the message: of the handshake (one by each end; empty if the keys differ), then up to 65519 bytes, encrypted, and their tag |
+//! | next .. | the message: first the handshake (one by each end; empty if the keys differ), then up to 65519 encrypted bytes and their tag |
 //!
 //! A message that was changed, repeated, reordered or left out is an error of [`Receiver`].
 
@@ -19,19 +19,19 @@ use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Raised with each change of what follows on the connection: `stage::remote`, too.
+/// Version of the link. Raised with each change of the data on the connection, including `stage::remote`.
 pub const VERSION: u32 = 2;
 
-/// Keys of both ends are made for this connection; the shared key authenticates them from the first message on.
+/// The keys of both ends are created for this connection; the shared key authenticates them from the first message on.
 const PATTERN: &str = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s";
 const HELLO_BYTES: usize = 16;
-/// Instead of a message of the handshake: an empty one, because the keys differ.
+/// Replaces a message of the handshake: an empty one, because the keys differ.
 const OTHER_KEY: [u8; 2] = [0; 2];
 /// Largest message of the Noise protocol.
 const MESSAGE_BYTES: usize = 65535;
-/// Of each message.
+/// Bytes of the tag of each message.
 const TAG_BYTES: usize = 16;
-/// An end that is silent for this long during the handshake is not served.
+/// Longest silence of an end during the handshake.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Connects to the agent at `address` (`HOST:PORT`).
@@ -90,7 +90,8 @@ fn shake_hands(mut stream: TcpStream, peer: &str, key: &Key, end: End) -> Result
             let message = read_message(&mut stream, &mut buffer).map_err(ended)?;
             let message = message.ok_or_else(|| ended(ErrorKind::UnexpectedEof.into()))?;
             if let Err(error) = handshake.read_message(message, &mut []) {
-                // Whether or not the other end receives it, this one has the error. An end that is only cut off tries again.
+                // Whether or not the other end receives it, this end has the error. An end that is only cut off tries
+                // again.
                 let _ = stream.write_all(&OTHER_KEY);
                 return Err(other_key(error));
             }
@@ -128,7 +129,7 @@ fn read_message<'a>(stream: &mut TcpStream, buffer: &'a mut [u8]) -> std::io::Re
         match stream.read(&mut len) {
             Ok(0) => return Ok(None),
             Ok(n) => break n,
-            // A signal; with a timeout, the kernel does not repeat the call.
+            // Interrupted by a signal; with a timeout, the kernel does not repeat the call.
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
             Err(error) => return Err(error),
         }
@@ -139,7 +140,7 @@ fn read_message<'a>(stream: &mut TcpStream, buffer: &'a mut [u8]) -> std::io::Re
     Ok(Some(message))
 }
 
-/// The writing half of a connection. Collects bytes up to a message, or until `flush`.
+/// The writing half of a connection. Collects bytes until a message is full, or until `flush`.
 pub struct Sender {
     stream: TcpStream,
     state: Arc<StatelessTransportState>,
@@ -155,7 +156,7 @@ impl Sender {
         Self { stream, state, nonce: 0, pending, framed: vec![0; 2 + MESSAGE_BYTES] }
     }
 
-    /// Reads and writes of both halves that make no progress for this long fail.
+    /// Makes reads and writes of both halves fail after this time without progress.
     pub fn set_timeout(&self, timeout: Option<Duration>) -> std::io::Result<()> {
         set_timeout(&self.stream, timeout)
     }
@@ -220,7 +221,7 @@ impl Receiver {
         while self.unread.is_empty() {
             let Some(encrypted) = read_message(&mut self.stream, &mut self.encrypted)? else { return Ok(()) };
             let len = self.state.read_message(self.nonce, encrypted, &mut self.message);
-            let changed = |_| Error::new(ErrorKind::InvalidData, "a message was changed on its way");
+            let changed = |_| Error::new(ErrorKind::InvalidData, "a message was changed in transit");
             self.unread = 0..len.map_err(changed)?;
             self.nonce += 1;
         }
@@ -291,7 +292,7 @@ mod tests {
         assert!(matches!(ours, Err(LinkError::Key { .. })), "{:?}", ours.err());
     }
 
-    /// A run tries again after a cut, and gives up if the key is another one.
+    /// A run tries again after a cut, and gives up if the keys differ.
     #[test]
     fn connection_cut_during_the_handshake_is_no_refusal() {
         let (listener, address) = listener();
@@ -299,7 +300,7 @@ mod tests {
             scope.spawn(|| {
                 let (mut stream, _) = listener.accept().expect("a connection");
                 stream.write_all(&hello()).expect("sent");
-                // All that the other end sends before it waits.
+                // All bytes that the other end sends before it waits.
                 stream.read_exact(&mut [0; 66]).expect("received");
             });
             let error = connect(&address, &key(1)).err().expect("cut");
@@ -307,7 +308,7 @@ mod tests {
         });
     }
 
-    /// The bytes that a program without the protocol sends, and what the other end says of them.
+    /// Sends the bytes of a program without the protocol, and returns the other end's error.
     fn refused(bytes: &[u8]) -> LinkError {
         let (listener, address) = listener();
         std::thread::scope(|scope| {
@@ -328,7 +329,7 @@ mod tests {
         assert!(matches!(refused(b"GET / HTTP/1.1\r\n\r\n"), LinkError::Foreign { .. }));
     }
 
-    /// A message with one bit changed on its way is not delivered.
+    /// A message with one bit changed in transit is not delivered.
     #[test]
     fn changed_message_is_an_error() {
         let (listener, address) = listener();

@@ -1,8 +1,8 @@
-//! Why there is no connection.
+//! Errors of connections to another host.
 
 use std::path::PathBuf;
 
-/// Why there is no connection to another host.
+/// An error of a connection to another host.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The key file cannot be read or written.
@@ -30,7 +30,7 @@ pub enum LinkError {
     /// The address has no host or no port.
     #[error("{address}: {source}; must be HOST:PORT, e.g. gpu-box:7878")]
     Address {
-        /// As given.
+        /// Address as given.
         address: String,
         /// The resolver's error.
         source: std::io::Error,
@@ -52,7 +52,7 @@ pub enum LinkError {
         source: std::io::Error,
     },
     /// The other end does not speak this protocol.
-    #[error("{peer} is no `replica agent`")]
+    #[error("{peer} is not a `replica agent`")]
     Foreign {
         /// The other end.
         peer: String,
@@ -78,21 +78,21 @@ pub enum LinkError {
     TooMany {
         /// The other end.
         peer: String,
-        /// The most that there may be.
+        /// Largest number of connections.
         limit: usize,
     },
-    /// The agent does not start the program.
+    /// The agent refuses to start the program.
     #[error("{peer} refuses: {text}")]
     Refused {
         /// The agent.
         peer: String,
-        /// Why.
+        /// Reason.
         text: String,
     },
 }
 
 impl LinkError {
-    /// Whether the same call may succeed later, when the network or the agent is back.
+    /// Whether the same call may succeed later, when the network or the agent has recovered.
     pub fn is_temporary(&self) -> bool {
         matches!(self, Self::Connect { .. } | Self::Ended { .. })
     }

@@ -7,10 +7,10 @@ use std::io::{Error, Read, Write as _};
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 
-/// Bytes of a key, as the Noise protocol has them.
+/// Bytes of a key, as defined by the Noise protocol.
 const KEY_BYTES: usize = 32;
 
-/// A shared key of 256 bits. In its file: 64 hexadecimal digits.
+/// A shared key of 256 bits. Its file has 64 hexadecimal digits.
 pub struct Key(pub(crate) [u8; KEY_BYTES]);
 
 impl Key {
@@ -39,7 +39,7 @@ impl Key {
             return Err(LinkError::KeyMode { file: file.to_owned(), mode });
         }
         let mut text = String::new();
-        // Two digits for each byte, a line break, and one more, so that a longer file is recognized.
+        // Two digits for each byte, a line break, and one more byte, so that a longer file is recognized.
         let limit = 2 * KEY_BYTES as u64 + 2;
         opened.take(limit).read_to_string(&mut text).map_err(failed)?;
         Self::from_hex(text.trim_end()).ok_or_else(|| LinkError::KeyContent { file: file.to_owned() })

@@ -1,20 +1,20 @@
 //! A stage on another host: the connection between its run and an agent there.
 //!
-//! | module | idea |
+//! | module | content |
 //! |---|---|
-//! | [`key`] | the key file that both hosts have |
+//! | [`key`] | the key file of both hosts |
 //! | [`channel`] | an authenticated and encrypted stream of bytes over TCP: [`connect`], [`accept`] |
-//! | [`start()`] | the first request: which program the agent starts |
+//! | [`start()`] | the first request: the program that the agent starts |
 //! | [`agent`] | starts the program and passes bytes between it and the connection |
 //!
-//! The bytes themselves are a matter of the program and of its run: `stage::remote`.
+//! The meaning of the bytes is defined by the program and its run: `stage::remote`.
 //!
-//! This crate must never send a byte of a run without encryption, or start anything before both ends have proved that they have
-//! the key. It does not interpret, buffer or repeat what a run sends: a cut connection is an error for the caller,
-//! which restarts the stage as after any other fault. It knows no topic and no settings.
+//! This crate must never send a byte of a run without encryption, or start anything before both ends have proved that
+//! they have the key. It does not interpret, buffer or repeat the data of a run: a cut connection is an error for the
+//! caller, which restarts the stage as after any other fault. It depends on no topic and no settings.
 //!
-//! Begin with [`connect`] and [`accept`], the two ends of the handshake in `channel.rs`; then [`start()`] on the side of the run
-//! and [`agent`] on the other host. `docs/explanation/two_machines.md` has the reasons.
+//! Start with [`connect`] and [`accept`], the two ends of the handshake in `channel.rs`; then [`start()`] on the side
+//! of the run and [`agent`] on the other host. The reasons are in `docs/explanation/two_machines.md`.
 
 pub mod agent;
 pub mod channel;

@@ -1,20 +1,21 @@
-//! The first request on a connection: which program the agent starts. Request and answer are JSON behind their length (u32,
-//! little-endian). Everything after them is between the run and the program.
+//! The first request on a connection: the program that the agent starts. Request and answer are JSON behind their
+//! length (u32, little-endian). All later bytes are exchanged between the run and the program.
 
 use crate::{LinkError, Receiver, Sender};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::io::{Error, ErrorKind, Read, Write};
 
-/// Far more than a request has.
+/// Largest request, far more than one has.
 const MAX_BYTES: u32 = 64 << 10;
 
 /// A stage's program on another host.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StageProgram {
-    /// `--version` of the program that asks: both hosts need the same build.
+    /// The `--version` of the requesting program: both hosts need the same build.
     pub version: String,
-    /// Its table in launch.toml; without `program`, the program is `replica-<table>` beside the agent.
+    /// Its table in launch.toml; without `program`, the program is `replica-<table>` in the folder of the agent's
+    /// program.
     pub table: String,
     /// Path in the agent's folder; empty: see `table`.
     pub program: String,
@@ -22,14 +23,14 @@ pub struct StageProgram {
     pub python: String,
     /// Threads of its parallel loops; 0 = one per core.
     pub threads: usize,
-    /// The stage of a run: the agent ends a program that it has started for the same one. `None`: a question.
+    /// The stage of a run: the agent ends a program that it has started for the same stage. `None`: a query.
     pub session: Option<String>,
 }
 
-/// What an agent answers.
+/// The answer of an agent.
 pub(crate) type Answer = Result<(), String>;
 
-/// Asks the agent `peer` to start a program. Afterwards the connection leads to it.
+/// Requests the agent `peer` to start a program. Afterwards the connection leads to the program.
 pub fn start(
     peer: &str,
     program: &StageProgram,

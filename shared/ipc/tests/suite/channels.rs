@@ -95,8 +95,8 @@ fn room_is_what_the_consumer_has_taken() {
     }
 }
 
-/// Live, while a consumer does not read: `n_messages` of the sample drive's size arrive later without a gap. Returns the shared memory
-/// that they needed.
+/// Queues `n_messages` of the sample drive's size while a live consumer does not read; all arrive later without a gap.
+/// Returns the shared memory that they needed.
 fn shared_bytes_of_waiting<T: Message>(n_messages: u64, n_rows: usize) -> u64 {
     let domain = TestDomain::new(T::TOPIC);
     let mut pair = live_pair::<T>(&domain.0);
@@ -178,7 +178,7 @@ fn shared_memory_is_private_and_wipe_removes_all() {
         let mode = std::fs::metadata(&file).expect("there").permissions().mode();
         assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", file.display());
     }
-    // As after SIGKILL: no destructor runs.
+    // The state after SIGKILL: no destructor runs.
     std::mem::forget(pair);
     domain.0.wipe().expect("wiped");
     assert_eq!(files(&domain.0), Vec::<std::path::PathBuf>::new());
@@ -201,7 +201,7 @@ fn folder_that_others_could_enter_is_no_domain() {
     let error = domain.0.node("node").err().expect("is a link").to_string();
     assert!(error.contains("is not a folder"), "{error}");
     std::fs::remove_file(&root).expect("removed");
-    assert_eq!(std::fs::read_dir(elsewhere.path()).expect("there").count(), 0, "nothing was made behind the link");
+    assert_eq!(std::fs::read_dir(elsewhere.path()).expect("there").count(), 0, "nothing was created behind the link");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::support::{TestDomain, pair, send};
 use ipc::{Observer, ObserverMode};
 use messages::{Message, SweepPoint, SweepTopic, pod};
 
-/// An observer that closed the services of an ended attempt removed those of the next attempt.
+/// An observer that closed the services of an ended attempt removed the services of the next attempt.
 #[test]
 fn observer_that_closes_late_keeps_services_of_next_attempt() {
     let domain = TestDomain::new("late");
@@ -72,7 +72,7 @@ fn idle_dropping_observer_does_not_stop_producer() {
         assert_eq!(received.envelope().seq, seq);
     }
     let seen = std::iter::from_fn(|| observer.receive().expect("no error")).count();
-    assert_eq!(seen, SweepTopic::QUEUE, "what fitted its queue");
+    assert_eq!(seen, SweepTopic::QUEUE, "messages that fitted its queue");
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn lossless_observer_receives_message_sent_while_it_attaches() {
     }
     let seen: Vec<u64> =
         std::iter::from_fn(|| observer.receive().expect("no error")).map(|observed| observed.envelope().seq).collect();
-    assert_eq!(seen, (0..sent).collect::<Vec<_>>(), "what was sent fitted its queue");
+    assert_eq!(seen, (0..sent).collect::<Vec<_>>(), "all sent messages fitted its queue");
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn lossless_observer_overrun_before_it_was_known_does_not_stop_producer() {
     let mut observer = Observer::open(&node, &pair.channel, ObserverMode::Lossless).expect("attached");
     let n_messages = 3 * SweepTopic::QUEUE as u64;
     for seq in 0..n_messages {
-        // Without asking for credit, the producer does not learn of the observer.
+        // Without requesting credit, the producer does not register the observer.
         send(&mut pair.publisher, seq, 10);
         pair.subscriber.receive().expect("no error").expect("the consumer takes at once");
     }

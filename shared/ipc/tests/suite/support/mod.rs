@@ -3,7 +3,7 @@
 use ipc::{Channel, Domain, Node, Publisher, ServiceHandles, Subscriber, Wake};
 use messages::{Envelope, Message, SweepHeader, SweepTopic};
 
-/// A domain whose files are removed, also when its test fails.
+/// A domain whose files are removed, even when its test fails.
 pub struct TestDomain(pub Domain);
 
 impl TestDomain {
@@ -37,7 +37,7 @@ pub fn pair(domain: &Domain) -> Pair {
     pair_of(domain, channel_of::<SweepTopic>())
 }
 
-/// As of a live run: the producer never waits.
+/// The ends of a live run's channel: the producer never waits.
 pub fn live_pair<T: Message>(domain: &Domain) -> Pair<T> {
     pair_of(domain, Channel { drops_oldest: true, ..channel_of::<T>() })
 }
