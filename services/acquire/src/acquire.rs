@@ -1,4 +1,4 @@
-//! The stage: a recorded drive or a live sensor, as the run's mode says.
+//! The stage: a recorded drive or a live sensor, depending on the run's mode.
 
 use crate::Settings;
 use crate::live::Live;

@@ -1,5 +1,5 @@
-//! Publishes the sweeps of the LiDARs on the network, and what the other sensors of the vehicle send. A restarted process begins the next
-//! capture and decodes that one, so its saved state is empty.
+//! Publishes the sweeps of the LiDARs on the network, and the data of the vehicle's other sensors. A restarted process
+//! starts the next capture and decodes that one, so its saved state is empty.
 
 use crate::Settings;
 use crate::publish::{
@@ -18,11 +18,11 @@ const STATE_VERSION: u32 = 1001;
 /// Longest time of a step without packets, so that commands are handled.
 const STEP_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// The vehicle, and what has been published of it.
+/// The vehicle, and its published data.
 pub(crate) struct Live {
     settings: Settings,
     vehicle: LiveVehicle,
-    /// Points of the current sweep, once it has some.
+    /// Points of the current sweep, once it has points.
     loan: Option<Loan<SweepTopic>>,
 }
 
@@ -53,8 +53,8 @@ impl Live {
         Ok(Self { settings: settings.clone(), vehicle, loan: None })
     }
 
-    /// Publishes the next sweep and one image that is due; nothing if there is none within [`STEP_TIMEOUT`]. One image at a time, so that
-    /// the LiDAR never waits for more than one.
+    /// Publishes the next sweep and one due image; nothing if no sweep is complete within [`STEP_TIMEOUT`]. One image
+    /// at a time, so that the LiDAR never waits for more than one.
     pub(crate) fn step(&mut self, outputs: &mut Outputs) -> Result<Flow, StepError> {
         let until = Instant::now() + STEP_TIMEOUT;
         let flow = loop {
@@ -75,7 +75,7 @@ impl Live {
         Ok(flow)
     }
 
-    /// Publishes fixes and inertial samples of the time up to the last sweep. `false` if there are none.
+    /// Publishes fixes and inertial samples up to the last sweep. `false` without any.
     fn publish_rows(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
         let auxiliary = &mut self.vehicle.auxiliary;
         let due = auxiliary.take_rows().map_err(step_error)?;
@@ -85,7 +85,7 @@ impl Live {
         Ok(n_rows > 0 || !due.samples.is_empty())
     }
 
-    /// Publishes the oldest image of the time up to the last sweep. `false` if there is none.
+    /// Publishes the oldest image up to the last sweep. `false` without an image.
     fn publish_frame(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
         let auxiliary = &mut self.vehicle.auxiliary;
         let Some(due) = auxiliary.next_frame() else { return Ok(false) };
@@ -98,7 +98,7 @@ impl Live {
         Ok(true)
     }
 
-    /// Ends the recording and publishes its last sweeps, as many as fit into a tick; the others are counted.
+    /// Ends the recording and publishes its last sweeps, up to the limits of one tick; the others are counted.
     pub(crate) fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.vehicle.close();
         // The tick may already have one sweep of each LiDAR, and one image of any kind.
@@ -169,7 +169,7 @@ impl Live {
     }
 }
 
-/// What the settings say about the sensors.
+/// The sensors according to the settings.
 fn plan<'a>(settings: &'a Settings, context: &'a Context) -> LivePlan<'a> {
     let Settings { min_turn, quiet_s, max_undecoded_s, max_behind, max_late_s, .. } = *settings;
     let cameras = Some(&settings.cameras).filter(|folder| !folder.is_empty());

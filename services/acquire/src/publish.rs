@@ -1,4 +1,4 @@
-//! Publishing shared by recorded drives and live sensors.
+//! Publishing for both recorded drives and live sensors.
 
 use crate::{Settings, sweep};
 use acquisition::doubts::{DoubtLimits, Doubts};
@@ -63,7 +63,7 @@ pub(crate) fn publish_sweep(
     outputs.publish(loan, sweep.stamp.0)
 }
 
-/// Publishes the points of another LiDAR that `read` passes on, if there are any. `read` returns header and stamp.
+/// Publishes the points of a secondary LiDAR that `read` passes on, if there are any. `read` returns header and stamp.
 pub(crate) fn publish_secondary(
     read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<Option<(SweepHeader, i64)>, StepError>,
     outputs: &mut Outputs,
@@ -91,7 +91,7 @@ pub(crate) fn report(news: News, outputs: &mut Outputs) {
     news.notes.into_iter().for_each(|text| outputs.note(text));
 }
 
-/// No doubts yet, with the limits of the settings.
+/// An empty collection of doubts, with the limits of the settings.
 pub(crate) fn no_doubts(settings: &Settings) -> Doubts {
     let Settings { max_damaged_share, max_foreign_share, max_outside_share, max_unlocked_share, min_fix_share, .. } =
         *settings;

@@ -14,7 +14,7 @@ use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, enco
 /// Incremented when the saved state changes its meaning.
 const STATE_VERSION: u32 = 7;
 
-/// A drive, and what has been published and reported of it.
+/// A drive, and its published and reported data.
 pub(crate) struct Recorded {
     settings: Settings,
     reader: DriveReader,
@@ -79,7 +79,7 @@ impl Recorded {
         }
     }
 
-    /// Publishes the points of the other LiDARs during the sweep.
+    /// Publishes the points of the secondary LiDARs during the sweep.
     fn publish_secondary_lidars(&mut self, sweep: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
         for index in 0..self.reader.n_secondary_lidars() {
             let reader = &mut self.reader;
@@ -125,7 +125,7 @@ impl Recorded {
         report(self.account.take_news(), outputs);
     }
 
-    /// Reports the doubts about what was read.
+    /// Reports the doubts about the data that was read.
     pub(crate) fn finish(&self, outputs: &mut Outputs) {
         let mut doubts = no_doubts(&self.settings);
         self.account.doubt(&self.reader, &mut doubts);

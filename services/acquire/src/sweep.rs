@@ -4,7 +4,7 @@ use lidar::SweepReader;
 use messages::{SweepPoint, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
-/// A loan that any sweep fits into.
+/// A loan with room for any sweep.
 pub(crate) fn loan(outputs: &mut Outputs) -> Result<Loan<SweepTopic>, StepError> {
     outputs.loan::<SweepTopic>(SweepReader::MAX_RETURNS)
 }

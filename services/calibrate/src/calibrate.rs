@@ -22,7 +22,8 @@ const STATE_VERSION: u32 = 1;
 
 /// The stage; see the crate's page.
 pub struct Calibrate {
-    /// By index; the error is why a camera gives no cubes. `None`: the frames of the camera are another stage's.
+    /// Cameras by index; the error is the reason why a camera gives no cubes. `None`: another stage handles the frames
+    /// of the camera.
     cameras: Vec<Option<Result<CubeCamera, CubeCameraError>>>,
     median: bool,
     /// `None`: cubes have no regions.
@@ -30,11 +31,11 @@ pub struct Calibrate {
     regions: CubeRegions,
 }
 
-/// Why a frame is skipped: a counter of the run summary and a line for the operator.
+/// The reason for skipping a frame: a counter of the run summary and a line for the operator.
 struct Skip(&'static str, String);
 
 impl Calibrate {
-    /// The outer error ends the run; the inner one skips this frame only.
+    /// Publishes the cube of a frame. The outer error ends the run; the inner one skips only this frame.
     fn publish_cube(
         &mut self,
         frame: &Received<MosaicTopic>,
@@ -85,7 +86,7 @@ impl Calibrate {
     }
 }
 
-/// How cubes are divided; `None` if they have no regions.
+/// Parameters of the division of cubes; `None` if they have no regions.
 fn cube_settings(settings: &Settings) -> Option<CubeSettings> {
     let model = color_lines::Settings {
         start: Start::Count(settings.color_lines_gaussians as usize),
@@ -108,7 +109,7 @@ fn camera_rig(context: &Context) -> Result<CameraRig, FileError> {
     }
 }
 
-/// Why `cameras` cannot be used: a name that no mosaic camera has.
+/// The problem of `cameras`: a name that no mosaic camera has.
 fn unknown_camera(settings: &Settings, rig: &CameraRig) -> Option<String> {
     let names: Vec<&str> = rig.mosaics().iter().map(|entry| entry.name.as_str()).collect();
     let unknown = settings.cameras.iter().find(|name| !names.contains(&name.as_str()))?;
@@ -120,7 +121,7 @@ fn references(settings: &Settings, context: &Context) -> Option<PathBuf> {
     (!settings.references.is_empty()).then(|| context.launch_folder.join(&settings.references))
 }
 
-/// The cameras of the rig; `None` for those of another stage.
+/// The cameras of the rig; `None` for cameras of another stage.
 fn cameras(
     settings: &Settings,
     context: &Context,
@@ -134,11 +135,11 @@ fn cameras(
         let sensor = sensor.as_ref().filter(|_| settings.correction);
         Some(CubeCamera::read(&folder, index, entry, sensor, settings.demosaic.demosaicing()))
     };
-    // In parallel, because the run begins when all stages are ready.
+    // In parallel, because the run starts when all stages are ready.
     rig.mosaics().par_iter().zip(rig.sensors()).enumerate().map(read).collect()
 }
 
-/// The camera of a frame; `None` if the frame is another stage's.
+/// The camera of a frame; `None` if another stage handles the frame.
 fn camera<'a>(
     cameras: &'a mut [Option<Result<CubeCamera, CubeCameraError>>],
     frame: &MosaicHeader,
@@ -182,7 +183,7 @@ impl Stage for Calibrate {
             if let Some(unknown) = unknown_camera(settings, &rig) {
                 return problem("cameras", unknown);
             }
-            // Only then, because it takes the time to read all references.
+            // Only now, because reading all references takes long.
             if !settings.color_lines_models.is_empty()
                 && let Err(error) = read_models(settings, &context.launch_folder, &cameras(settings, context, &rig))
             {
@@ -220,7 +221,7 @@ impl Stage for Calibrate {
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
-        // Without regions, a cube follows from its frame alone.
+        // Without regions, a cube depends on its frame alone.
         let state = self.color_lines.is_some().then(|| encode_state(STATE_VERSION, &self.regions)).transpose()?;
         Ok(state.map_or_else(StateBytes::default, StateBytes::from))
     }

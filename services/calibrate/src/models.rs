@@ -6,7 +6,7 @@ use color_lines::{ColorLinesError, CubeRegions, Model};
 use files::text_file::{TextFileError, read_text};
 use std::path::{Path, PathBuf};
 
-/// Why the model files cannot be used.
+/// Model files that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelsError {
     #[error("{}: {source}", .path.display())]
@@ -27,7 +27,8 @@ pub enum ModelsError {
 /// Largest model file, bytes. One of 4096 regions of 25 bands has about 4 MB.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// The models that the settings name, by camera; none if they name none. A camera that gives no cubes needs its file, too.
+/// The models that the settings name, by camera; empty if they name no models. A camera that gives no cubes also needs
+/// its file.
 pub fn read_models(
     settings: &Settings,
     launch_folder: &Path,

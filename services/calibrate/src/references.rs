@@ -6,7 +6,7 @@ use messages::{CubeHeader, CubeTopic, MAX_CUBE_BANDS, Message, MosaicHeader};
 use spectral::{CameraError, Demosaicing, FrameCounts, FullResolution, SpectralError};
 use std::path::Path;
 
-/// Why a camera gives no cubes.
+/// A camera that cannot give cubes.
 #[derive(Debug, thiserror::Error)]
 pub enum CubeCameraError {
     #[error(transparent)]
@@ -45,7 +45,7 @@ impl CubeCamera {
             header.height *= header.pattern;
             header.pattern = 1;
         }
-        // Beside the bands: the mask and, with color lines, the region.
+        // In addition to the bands: the mask and, with color lines, the region.
         let n_rows = (header.n_bands as usize + 2) * header.width as usize * header.height as usize;
         if n_rows > CubeTopic::MAX_ROWS {
             return Err(CubeCameraError::Size { camera: camera(), n_rows, max: CubeTopic::MAX_ROWS });

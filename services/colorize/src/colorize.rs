@@ -1,4 +1,4 @@
-//! The stage: when a submap is due, when exposures are released, and the report at the end.
+//! The stage: release of submaps and exposures, and the report at the end.
 
 mod columns;
 mod doubts;
@@ -22,7 +22,7 @@ use std::path::Path;
 /// Submaps held between two ticks; see the documentation of the crate.
 const MAX_HELD: usize = 1;
 
-/// Largest time that an exposure may arrive after the poses around it, ns. Much more than a revolution of any LiDAR.
+/// Longest delay of an exposure after the poses around it, ns. Much more than a revolution of any LiDAR.
 const MAX_LATENESS_NANOS: i64 = 2_000_000_000;
 
 /// The stage.
@@ -44,7 +44,7 @@ pub struct Colorize {
     names: Vec<String>,
     /// Names of the mosaic cameras.
     mosaic_names: Vec<String>,
-    /// `None`: materials are not asked for.
+    /// `None`: materials are not requested.
     materials: Option<PointMaterials>,
     /// Offset, rad, and delay, s, above which a camera is reported.
     offset_limits: [f32; 2],
@@ -124,7 +124,7 @@ impl Colorize {
     /// Releases exposures and poses that no held or future submap needs.
     fn release(&mut self, outputs: &mut Outputs) {
         let held = &mut self.held;
-        // The points of future submaps are later than those of the newest.
+        // The points of future submaps are later than the points of the newest submap.
         let oldest = held.submaps.front().map(|submap| submap.header().stamp_begin);
         if let Some(needed_from) = oldest.min(held.submaps_until).or(held.submaps_until) {
             let needed_from = needed_from.saturating_sub(self.max_age_nanos);
@@ -183,7 +183,7 @@ impl Stage for Colorize {
     }
 
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {
-        // Other problems of a recorded drive are reported by its source, those of a live rig by calibrate.
+        // Other problems of a recorded drive are reported by its source, problems of a live rig by calibrate.
         let Ok(vehicle) = camera_rig(context) else { return Vec::new() };
         let problem = Bands::new(&vehicle.expected_bands()).err();
         problem.map(|error| Problem::of_key("", error.to_string())).into_iter().collect()

@@ -6,21 +6,21 @@
 //! exposure.
 //!
 //! # When a submap is colored
-//! Exposures up to `max_age_s` after the last shot of a submap may color its points. `colorize` therefore holds a submap
-//! until the trajectory has passed `stamp_end + max_age_s`, the next submap arrives, or the stream ends, whichever is first in
-//! the order of ticks. So at most one submap is held between ticks, and no tick publishes more columns than the `QUEUE` of the
-//! topics allows; that includes the last tick, in which the held submap and all new ones are due. The next submap arrives
-//! earlier only if submaps are shorter than `max_age_s` (20 m at more than 72 km/h): later exposures are then missed, and
-//! `submaps_colored_early` counts the submap.
+//! Exposures up to `max_age_s` after the last shot of a submap may color its points. `colorize` therefore holds a
+//! submap until the trajectory has passed `stamp_end + max_age_s`, the next submap arrives, or the stream ends,
+//! whichever is first in the order of ticks. At most one submap is therefore held between ticks, and no tick publishes
+//! more columns than the `QUEUE` of the topics allows; that includes the last tick, in which the held submap and all
+//! new ones are due. The next submap arrives earlier only if submaps are shorter than `max_age_s` (20 m at more than 72
+//! km/h): later exposures are then missed, and `submaps_colored_early` counts the submap.
 //!
-//! # What is held
-//! Images and cubes stay in shared memory until no held or future submap can need them. The `BORROWED` of their topics limits
-//! their number; `exposures_released_early` counts those beyond it.
+//! # Memory
+//! Images and cubes stay in shared memory until no held or future submap can need them. The `BORROWED` of their topics
+//! limits their number; `exposures_released_early` counts the exposures beyond it.
 //!
-//! # Where to start reading, and what the stage must never do
-//! Start at `Colorize::step` in `colorize.rs`; the crate `coloring` explains how a point gets its exposure. The stage must never move,
-//! drop or reorder a point: its columns have the length and the order of their submap. It never invents a color: a point that no
-//! exposure sees has none.
+//! # Entry point and invariants
+//! Start at `Colorize::step` in `colorize.rs`; the crate `coloring` explains how a point gets its exposure. The stage
+//! must never move, drop or reorder a point: its columns have the length and the order of their submap. It never
+//! invents a color: a point that no exposure sees has no color.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -34,11 +34,14 @@ stage::settings! {
     pub struct Settings {
         /// Largest time between the shot of a point and the exposure of its color, s. A submap also waits this long for exposures after its end.
         pub max_age_s: f64 = 1.0 => stage::within(0.01, 10.0);
-        /// The same for points on moving objects, s. In 0.1 s a car at 36 km/h moves 1 m.
+        /// Largest time between the shot of a point on a moving object and the exposure of its color, s. In 0.1 s a car
+        /// at 36 km/h moves 1 m.
         pub max_moving_age_s: f64 = 0.1 => stage::within(0.0, 10.0);
-        /// Level the brightness of overlapping exposures, and replace an exposure that is saturated or black at a point by another one.
+        /// Level the brightness of overlapping exposures, and replace an exposure that is saturated or black at a point
+        /// by another one.
         pub level_exposures: bool = true => stage::any();
-        /// Where the pixel of a point shows the sky, as at the rim of a tree, use a pixel beside it or another exposure; without these the point gets no color.
+        /// Where the pixel of a point shows the sky, e.g. at the rim of a tree, use an adjacent pixel or another
+        /// exposure; without these the point gets no color.
         pub reject_sky: bool = true => stage::any();
         /// Publish the material of every point that a mosaic camera sees, with a score (topic `material`).
         pub materials: bool = false => stage::any();
@@ -51,8 +54,9 @@ stage::settings! {
         /// Share of points with a color below which the result is doubtful, if the drive has cameras. One camera with a field of
         /// view of 40 degrees sees a ninth of all directions; 0.05 is half of that.
         pub min_colored_share: f64 = 0.05 => stage::within(0.0, 1.0);
-        /// Share of the images or cubes of one camera that do not match the rig or have no pose, above which the result is
-        /// doubtful. A few exposures before the first and after the last sweep are normal; half of them are a wrong clock.
+        /// Share of the images or cubes of one camera that do not match the rig or have no pose, above which the result
+        /// is doubtful. A few exposures before the first and after the last sweep are normal; half of them indicate a
+        /// wrong clock.
         pub max_unused_exposures_share: f64 = 0.5 => stage::within(0.0, 1.0);
     }
 }

@@ -14,7 +14,7 @@ const VERSION: u32 = 6;
 /// The state between ticks.
 #[derive(Default)]
 pub struct Held {
-    /// `odom_from_body`, as far back as exposures may need it.
+    /// Poses `odom_from_body` that exposures may still need.
     pub trajectory: Trajectory,
     /// Submaps that are not yet colored, oldest first.
     pub submaps: VecDeque<Received<SubmapTopic>>,

@@ -1,4 +1,4 @@
-//! The columns that export joins to each submap: those of the table that have a publisher, and further classes.
+//! The columns that export joins to each submap: the published columns of the table, and further classes.
 
 use crate::Settings;
 use delivery::{CloudColumn, CloudFields, ReceivedColumn};
@@ -22,7 +22,7 @@ struct JoinedColumn {
 }
 
 impl JoinedColumns {
-    /// The columns that are expected in this run: known before its start, so that files do not depend on timing.
+    /// The columns that are expected in this run: fixed before its start, so that files do not depend on timing.
     pub(crate) fn new(table: Vec<ColumnPort>, settings: &Settings, context: &Context) -> Self {
         let is_connected = |topic: &str| context.connected.iter().any(|connected| connected == topic);
         let is_wanted = |topic: &str| topic != SpectraTopic::TOPIC || settings.spectra;
@@ -82,7 +82,7 @@ impl JoinedColumns {
     }
 }
 
-/// The column of the table that comes on a topic.
+/// The column of the table on a topic.
 pub(crate) fn of_topic(table: &[ColumnPort], topic: &str) -> Option<&'static Column> {
     table.iter().find(|column| column.port.topic() == topic).map(|column| column.column)
 }

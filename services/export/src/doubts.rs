@@ -1,4 +1,4 @@
-//! The end of the run: which results are doubtful, and which are refused.
+//! The end of the run: doubtful and refused results.
 
 use crate::settings::Frame;
 use crate::{Export, PlacedDrive};
@@ -55,8 +55,8 @@ impl<C: ColumnTable> Export<C> {
         }
     }
 
-    /// Fails if the settings require UTM and the clouds are in another frame. All files are written before: a program that accepts
-    /// doubtful results must not take local coordinates for UTM.
+    /// Fails if the settings require UTM and the clouds are in another frame. All files are written before this check:
+    /// a program that accepts doubtful results must not take local coordinates for UTM.
     pub(crate) fn check_utm(&self) -> Result<(), StepError> {
         let reason = match &self.placed {
             Some(PlacedDrive { world, .. }) => world.lacks_utm(),

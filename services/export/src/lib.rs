@@ -8,15 +8,15 @@
 //! | `trajectory.txt` | `world_from_body` at both ends of every sweep in TUM format (optionally `trajectory_kitti.txt`, `trajectory.csv`) |
 //! | `georeference.json` | the world frame: its origin on the Earth, UTM zone, and the measurements that placed the submaps |
 //!
-//! | idea | module |
+//! | content | module |
 //! |---|---|
-//! | which columns are joined to a submap: the table of columns, and further classes | `columns` |
-//! | results that are doubtful, and results that are refused | `doubts` |
-//! | whether the clouds fit the disk | `space` |
+//! | the columns joined to a submap: the table of columns, and further classes | `columns` |
+//! | doubtful and refused results | `doubts` |
+//! | disk space for the clouds | `space` |
 //! | the files themselves | crate `delivery` |
 //!
-//! `export` must never change a value, drop a point or treat a column of points by its name: it joins, orders and writes. Begin reading with
-//! `Export::step`, then `columns.rs`.
+//! `export` must never change a value, drop a point or treat a column of points by its name: it joins, orders and
+//! writes. Start with `Export::step`, then `columns.rs`.
 //!
 //! `export` writes a cloud when its last expected column has arrived. The expected columns are fixed before the start
 //! (`Context::connected`), so files do not depend on timing. Clouds are synced to the disk before a state lists them. After a
@@ -55,7 +55,7 @@ use std::path::{Path, PathBuf};
 
 /// Increased when [`State`] changes.
 const STATE_VERSION: u32 = 5;
-/// Clouds that are moved between two progress reports.
+/// Number of clouds that are moved between two progress reports.
 const CLOUDS_AT_A_TIME: usize = 4;
 
 /// The sink of the pipeline. `C` is the table of columns that it joins.
@@ -68,17 +68,17 @@ pub struct Export<C: ColumnTable = AllColumns> {
     columns: JoinedColumns,
     join: SubmapJoin,
     clouds: Vec<CloudEntry>,
-    /// The first clouds, which are synced to the disk.
+    /// Number of clouds, from the first on, that are synced to the disk.
     n_synced: usize,
     trajectory: geometry::Trajectory,
-    /// Final poses of the submaps, when they are known.
+    /// Final poses of the submaps, once known.
     placed: Option<PlacedDrive>,
     /// Whether the folder contains the clouds of `clouds` and no other files of export.
     is_folder_clean: bool,
     table: PhantomData<C>,
 }
 
-/// The received placement, and the final frame that follows from it.
+/// The received placement, and the resulting final frame.
 struct PlacedDrive {
     placement: Received<PlacementTopic>,
     world: World,
@@ -129,7 +129,7 @@ impl<C: ColumnTable> Stage for Export<C> {
         let topics = Self::inputs();
         let table = C::ports();
         let is_connected = |topic: &str| context.connected.iter().any(|connected| connected == topic);
-        // Columns that a setting adds are off by default, so that their absence is not reported.
+        // Columns that a setting adds are off by default, so their absence is not reported.
         let is_reported =
             |topic: &str| columns::of_topic(&table, topic).is_none_or(|c| c.presence == Presence::Default);
         let is_absent = |topic: &&'static str| !is_connected(topic) && is_reported(topic);
@@ -228,7 +228,7 @@ impl<C: ColumnTable> Stage for Export<C> {
 }
 
 impl<C: ColumnTable> Export<C> {
-    /// Before the first tick of a new run: removes files of an earlier run from the folder.
+    /// Prepares the folder before the first tick of a new run: removes files of an earlier run.
     fn prepare(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         if self.is_folder_clean {
             return Ok(());
@@ -272,7 +272,7 @@ impl<C: ColumnTable> Export<C> {
     fn move_clouds(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         let Self { folder, clouds, placed, n_synced, .. } = self;
         let Some(PlacedDrive { world, .. }) = placed else { return Ok(()) };
-        // In live mode, a restarted producer may lack the submaps of the beginning.
+        // In live mode, a restarted producer may lack the first submaps.
         let n_without = clouds.iter().filter(|entry| world.submap(entry.seq).is_none()).count();
         if n_without > 0 {
             outputs.count("clouds_without_place", n_without as u64);
@@ -304,7 +304,7 @@ impl<C: ColumnTable> Export<C> {
         Ok(())
     }
 
-    /// The next submap whose columns are complete. At the end of a live run, missing columns are lost.
+    /// The next submap whose columns are complete. At the end of a live run, missing columns count as lost.
     fn next_joined(&mut self, is_end: bool) -> Option<JoinedSubmap> {
         if is_end && self.join.is_live() { self.join.take_oldest() } else { self.join.next_complete() }
     }

@@ -3,7 +3,7 @@
 use formats::ply::Kind;
 use stage::{Rule, list_of_words, one_word};
 
-/// Topics of classes by their names, each once, so that no column has the name of another one.
+/// Rule for the topics of classes: unique names, so that no two columns have the same name.
 struct ClassTopics;
 
 impl Rule<Vec<String>> for ClassTopics {
@@ -12,7 +12,7 @@ impl Rule<Vec<String>> for ClassTopics {
         topics.iter().enumerate().all(|(i, topic)| is_further(topic) && !topics[..i].contains(topic))
     }
     fn text(&self) -> String {
-        "must be a list of names that begin with class_, each once".to_owned()
+        "must be a list of unique names that start with class_".to_owned()
     }
 }
 
@@ -63,7 +63,7 @@ stage::words! {
         Tum = "tum",
         /// `trajectory_kitti.txt`: matrices of three rows.
         Kitti = "kitti",
-        /// `trajectory.csv`, with a head.
+        /// `trajectory.csv`, with a header line.
         Csv = "csv",
     }
 }
@@ -78,20 +78,22 @@ stage::settings! {
         pub frame: Frame = Frame::World => one_word();
         /// Type of the coordinates in clouds. float resolves 1 mm up to 8 km from the origin.
         pub coordinates: Coordinates = Coordinates::Float => one_word();
-        /// Topics of further segmenters, such as `class_b`: each becomes the columns `class_b` and `class_b_score` of the clouds. Names
-        /// begin with `class_`.
+        /// Topics of further segmenters, such as `class_b`: each becomes the columns `class_b` and `class_b_score` of
+        /// the clouds. Names start with `class_`.
         pub further_classes: Vec<String> = Vec::new() => ClassTopics;
         /// Whether a separate cloud with the spectra is written for each submap.
         pub spectra: bool = true => stage::any();
         /// File formats of the trajectory.
         pub trajectory: Vec<TrajectoryFormat> = vec![TrajectoryFormat::Tum] => list_of_words();
-        /// Standard deviation of the horizontal position of a submap above which a georeferenced result is doubtful, m. A receiver
-        /// under the open sky errs by 1 to 3 m; 5 m are the width of a lane and a half.
+        /// Standard deviation of the horizontal position of a submap above which a georeferenced result is doubtful, m.
+        /// A receiver under the open sky has errors of 1 to 3 m; 5 m are the width of a lane and a half.
         pub max_position_deviation_m: f64 = 5.0 => stage::within(0.001, 1e6);
-        /// The same for the height, m. Satellites are all above the receiver, so heights are about twice as uncertain.
+        /// Standard deviation of the height of a submap above which a georeferenced result is doubtful, m. Satellites
+        /// are all above the receiver, so heights are about twice as uncertain.
         pub max_height_deviation_m: f64 = 10.0 => stage::within(0.001, 1e6);
-        /// The same for the heading, degrees; 180 accepts any. 5 degrees move a point at 20 m by 1.7 m. Coordinates in UTM are
-        /// refused beyond this limit: the clouds stay in the local frame, and the run fails.
+        /// Standard deviation of the heading of a submap above which a georeferenced result is doubtful, degrees; 180
+        /// accepts any. 5 degrees move a point at 20 m by 1.7 m. Coordinates in UTM are refused beyond this limit: the
+        /// clouds stay in the local frame, and the run fails.
         pub max_heading_deviation_deg: f64 = 5.0 => stage::within(0.001, 180.0);
         /// Share of columns lost in live mode above which the result is doubtful. Points without their column look like points
         /// without a class or color, so every lost column is reported.

@@ -1,4 +1,4 @@
-//! Whether the clouds of a recorded drive fit the disk: found out before a run of hours.
+//! Checks whether the clouds of a recorded drive fit the disk, before a run of hours.
 
 use crate::Settings;
 use crate::columns::JoinedColumns;
@@ -7,16 +7,17 @@ use drive::Drive;
 use stage::space::{bytes_of_files, free_bytes, size_text};
 use stage::{Context, Mode, Problem};
 
-/// A start is refused with less than this share of the estimated space: estimates err, and space may be freed during the run.
+/// Share of the estimated space below which a start is refused: the estimate may be too high, and space may be freed
+/// during the run.
 const MIN_SHARE: f64 = 0.6;
 
-/// A problem if the clouds will not fit. A drive that cannot be read is reported by its source.
+/// The problem if the clouds will not fit. A drive that cannot be read is reported by its source.
 pub(crate) fn lacks(settings: &Settings, context: &Context, columns: &JoinedColumns) -> Option<Problem> {
     if context.mode == Mode::Live || settings.formats.is_empty() {
         return None;
     }
     let need = space_need(&Drive::open(&context.drive).ok()?, &columns.fields(settings), columns.has_spectra()).ok()?;
-    // Clouds that are there are continued or replaced.
+    // Existing clouds are continued or replaced.
     let free = free_bytes(&context.output)? + bytes_of_files(&context.output.join("clouds"));
     let is_too_small = (free as f64) < MIN_SHARE * need.bytes as f64;
     let text = || {

@@ -1,4 +1,4 @@
-//! Damaged, foreign and missing data of a recorded drive: what is left is published, and the run says how far to trust it.
+//! Damaged, foreign and missing data of a recorded drive: the rest is published, and the run reports doubts.
 
 use crate::support::{BEGIN, SIZE, write_drive, write_lidar};
 use acquire::{Acquire, Settings};
@@ -25,7 +25,7 @@ fn at_end(folder: &Path) -> Bench<Acquire> {
     bench
 }
 
-/// All doubts that the stage knows.
+/// All doubts of the stage.
 const DOUBTS: [&str; 12] = [
     "foreign_packets",
     "damaged_packets",
@@ -45,7 +45,7 @@ fn doubts(bench: &Bench<Acquire>) -> Vec<(&'static str, f64)> {
     DOUBTS.into_iter().filter_map(|name| bench.doubt(name).map(|size| (name, size))).collect()
 }
 
-/// The one doubt of a run, and its size.
+/// The only doubt of a run, and its size.
 fn doubt_of(folder: &Path, name: &str) -> f64 {
     let found = doubts(&at_end(folder));
     assert!(matches!(found[..], [(only, _)] if only == name), "{found:?}");
@@ -99,7 +99,7 @@ fn flipped_bit_that_loses_a_capture_is_a_doubt_with_its_share() {
     let path = capture(folder.path());
     let mut bytes = fs::read(&path).expect("reads");
     let record = 16 + 42 + 1206;
-    // The length of a packet at three quarters. The cameras outlast the sweeps then, too.
+    // The length of a packet at three quarters. After this, the cameras also outlast the sweeps.
     bytes[24 + 5700 * record + 11] ^= 0x80;
     fs::write(&path, bytes).expect("writes");
     let bench = at_end(folder.path());
@@ -185,7 +185,7 @@ fn cut_jpegs_and_images_of_another_size_are_skipped_and_a_doubt() {
     assert!(notes.contains("without the end of the image; the file is cut"), "{notes}");
 }
 
-/// Its end marker is intact; decoders give an image of which a half is gray or garbled.
+/// The end marker is intact; decoders return an image of which a half is gray or garbled.
 #[test]
 fn jpeg_damaged_in_its_middle_is_skipped_and_a_doubt() {
     let folder = drive();

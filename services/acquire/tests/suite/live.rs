@@ -20,7 +20,7 @@ pub(crate) type Packets = Vec<Vec<u8>>;
 /// Sweep and fixes of a tick, as bytes.
 type Tick = Vec<Vec<u8>>;
 
-/// Far longer than any wait on a busy machine.
+/// Timeout: far longer than any wait on a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_mins(3);
 
 /// More revolutions than any test sends.
@@ -84,7 +84,7 @@ impl Sensor {
         Self { socket: UdpSocket::bind("127.0.0.1:0").expect("binds"), data, position, capture, n_bytes: 24 }
     }
 
-    /// The same sensor, whose packets go to the next capture.
+    /// Continues the sensor, whose packets go to the next capture.
     fn continued(self, capture: PathBuf) -> Self {
         Self { capture, n_bytes: 24, ..self }
     }
@@ -299,7 +299,7 @@ fn in_flight_packets_are_published_at_the_end() {
     sensor.send(&packets[..4500]);
     let mut ticks = ticks_to_decode(&mut bench, 4500);
     sensor.send(&packets[4500..4800]);
-    // As the runner does to drain.
+    // Drains as the runner does.
     bench.finish().expect("finishes");
     ticks.push(take(&mut bench));
     ticks.retain(|tick| !tick.is_empty());
@@ -355,7 +355,7 @@ fn restarted_process_continues_in_the_next_capture() {
         ticks.push(take(&mut bench));
     }
     ticks.extend(ticks_to_decode(&mut bench, 4990));
-    // Fixes come behind the sweep of their tick.
+    // Fixes follow the sweep of their tick.
     let mut sweeps: Vec<Vec<u8>> = ticks.into_iter().filter_map(|tick| tick.into_iter().next()).collect();
     // The crash: no finish. Half a revolution is lost until the next process listens.
     let state = bench.stage.save().expect("saves").to_vec();
@@ -412,7 +412,7 @@ fn recording_has_the_mounting_of_the_rig() {
 fn rig_of_a_simulated_drive_is_not_used_for_a_live_sensor() {
     let folder = tempfile::tempdir().expect("a folder");
     let packets: Packets = simulated(folder.path()).into_iter().take(1000).collect();
-    // A drive folder as `replica simulate` makes it: its LiDAR is mounted 1.9 m up and tilted, and it has ground truth.
+    // A drive folder of `replica simulate`: its LiDAR is mounted 1.9 m up and tilted, and it has ground truth.
     let vehicle = folder.path().join("sample");
     fs::create_dir_all(&vehicle).expect("makes");
     let manifest = "version = 1\nname = \"sample\"\n[lidar]\nmodel = \"vlp16\"\nformat = \"pcap\"\nfolder = \"lidar\"\n\

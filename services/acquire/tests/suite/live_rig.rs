@@ -18,11 +18,11 @@ use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Rows of all topics beside the sweeps: stamp, camera or 0, and bytes.
+/// Rows of all topics except the sweeps of the first LiDAR: stamp, camera or 0, and bytes.
 #[derive(Debug, Default, PartialEq)]
 struct Published {
     n_sweeps: usize,
-    /// Of the secondary LiDAR.
+    /// Sweeps of the secondary LiDAR.
     rear: Vec<(i64, Vec<u8>)>,
     images: Vec<(i64, u32, Vec<u8>)>,
     mosaics: Vec<(i64, u32, Vec<u8>)>,
@@ -55,7 +55,7 @@ impl Published {
     }
 }
 
-/// A vehicle whose LiDAR has the clock of its receiver, as all its sensors: its rig, its grabber's folder and its ports.
+/// A vehicle whose sensors all use the clock of its receiver: its rig, its grabber's folder and its ports.
 struct Vehicle {
     folder: tempfile::TempDir,
     settings: Settings,
@@ -78,7 +78,7 @@ impl Vehicle {
         Self { folder, settings }
     }
 
-    /// With a second LiDAR, which sends to a port of its own.
+    /// Adds a second LiDAR, which sends to its own port.
     fn with_rear(self) -> Self {
         let path = self.path("vehicle/drive.toml");
         let mut manifest = read_manifest(&path).expect("reads");
@@ -90,7 +90,8 @@ impl Vehicle {
         Self { settings: Settings { listen, ..self.settings.clone() }, ..self }
     }
 
-    /// With cameras whose stamps are late by 20 ms and early by 30 ms, and a mosaic camera whose stamps are late by 40 ms.
+    /// Adds cameras whose stamps are late by 20 ms and early by 30 ms, and a mosaic camera whose stamps are late by 40
+    /// ms.
     fn with_delays(self) -> Self {
         let path = self.path("vehicle/drive.toml");
         let mut manifest = read_manifest(&path).expect("reads");
@@ -113,7 +114,7 @@ impl Vehicle {
         }
     }
 
-    /// Sends the packets of the LiDAR, with a tick after every 64. What was published.
+    /// Sends the packets of the LiDAR, with a tick after every 64. Returns the published data.
     fn send_packets(&self, packets: &[Vec<u8>], bench: &mut Bench<Acquire>) -> Published {
         let mut sensor = Sensor::new(&self.settings, self.path("recording/lidar/000.pcap"));
         let mut published = Published::default();
@@ -130,12 +131,12 @@ impl Vehicle {
         Bench::new(&self.settings, &self.context()).expect("opens")
     }
 
-    /// As the supervisor starts a process again: without a check, and later than the images were written.
+    /// The bench of a restarted process: started without a check, and later than the images were written.
     fn bench_of_restart(&self) -> Bench<Acquire> {
         Bench::new(&self.settings, &self.context()).expect("opens")
     }
 
-    /// The grabber writes all images of the drive whose stamp `wanted` chooses.
+    /// Writes all images of the drive whose stamp `wanted` selects, as the grabber.
     fn write_images(&self, wanted: impl Fn(i64) -> bool) -> Vec<PathBuf> {
         let mut recorded = Vec::new();
         for camera in ["camera/0", "camera/1", "hs03"] {
@@ -184,7 +185,7 @@ fn wait_for(what: &str, mut is_there: impl FnMut() -> bool) {
     }
 }
 
-/// What a run on the recording publishes.
+/// The published data of a run on the recording.
 fn offline(recording: &Path) -> (Published, Bench<Acquire>) {
     let settings = Settings { trigger_hz: 0.0, ..Settings::default() };
     assert_eq!(Acquire::check(&settings, &context(recording)), []);
@@ -232,7 +233,7 @@ fn live_messages_of_all_sensors_equal_those_of_the_recording() {
     for name in ["silent_sensors", "late_exposures", "exposures_outside", "pps_not_locked"] {
         assert_eq!(bench.doubt(name), None, "{name}");
     }
-    // The whole drive was sent in an instant, so its clocks have no meaning; each sensor has a line all the same.
+    // The whole drive was sent in an instant, so its clocks have no meaning; each sensor has a line nevertheless.
     let clocks = fs::read_to_string(vehicle.path("recording/clocks.csv")).expect("is there");
     for sensor in ["camera camera 0", "camera camera 1", "mosaic hs03", "gnss", "imu", "lidar"] {
         assert!(clocks.lines().any(|line| line.starts_with(&format!("{sensor},"))), "{clocks}");
@@ -269,7 +270,7 @@ fn delays_of_cameras_are_subtracted_from_live_stamps_as_from_recorded_ones() {
 fn second_lidar_is_published_beside_cameras_and_logs_as_from_the_recording() {
     let vehicle = Vehicle::new().with_rear();
     let packets = simulated(&vehicle.path("vehicle"));
-    // The date comes from a receiver, as that of the first LiDAR.
+    // The date comes from a receiver, as for the first LiDAR.
     let mut of_rear = vec![encode_position_packet(BEGIN, PulseStatus::Locked, &rmc_from_fix(&fix(0))).to_vec()];
     of_rear.extend(rear_packets(|_| true).into_iter().map(|(_, payload)| payload));
     let mut bench = vehicle.bench();
@@ -280,7 +281,7 @@ fn second_lidar_is_published_beside_cameras_and_logs_as_from_the_recording() {
     let mut sensor = Sensor::new(&vehicle.settings, vehicle.path("recording/lidar/000.pcap"));
     let address = vehicle.settings.listen.split(',').nth(1).expect("an address");
     let mut rear = Sender::new(address, vehicle.path("recording/lidar_rear/000.pcap"));
-    // It is found before the first LiDAR, and its packets of a sweep come before the end of the sweep.
+    // It is detected before the first LiDAR, and its packets of a sweep arrive before the end of the sweep.
     let (begin, of_rear) = of_rear.split_at(120);
     rear.send(begin);
     let mut of_rear = of_rear.chunks(27);
@@ -311,7 +312,7 @@ fn second_lidar_is_published_beside_cameras_and_logs_as_from_the_recording() {
     assert_eq!((drive.lidars().count(), manifest.cameras.len(), manifest.mosaics.len()), (2, 2, 1));
     let (mut expected, _) = offline(&vehicle.path("recording"));
     assert_eq!((expected.n_sweeps, expected.rear.len()), (42, 39));
-    // The last packets of a LiDAR that ends before the first one wait for others, until the recording ends.
+    // The last packets of a LiDAR that ends before the first one wait for further packets, until the recording ends.
     let [of_live, of_recording] =
         [&mut published, &mut expected].map(|found| std::mem::take(&mut found.rear).into_iter().take(37));
     assert!(of_live.eq(of_recording), "sweeps of the second LiDAR differ");
@@ -394,7 +395,7 @@ fn check_names_sources_that_cannot_be_read() {
         found.iter().any(|text| text.starts_with("imu: serial:///dev/absent?baud=115200 cannot be opened")),
         "{found:?}"
     );
-    // Without a rig nothing says where the sensors are mounted.
+    // Without a rig the mounting of the sensors is unknown.
     let found = problems(vehicle.settings.clone(), &live(vehicle.folder.path()));
     for start in ["cameras: is set, but", "gnss: is set, but", "imu: is set, but"] {
         assert!(found.iter().any(|text| text.starts_with(start)), "{found:?}");

@@ -13,7 +13,7 @@ use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Far longer than any wait on a busy machine.
+/// Timeout: far longer than any wait on a busy machine.
 const TIMEOUT: Duration = Duration::from_mins(3);
 
 /// Settings with free ports for `n` LiDARs.
@@ -36,7 +36,7 @@ fn live(folder: &Path) -> Context {
     Context { mode: Mode::Live, drive: folder.join("rig.toml"), ..context(folder) }
 }
 
-/// Sends bursts, and waits after each until it is in the capture, so that none is lost.
+/// Sends bursts, and waits after each until it is in the capture, so that no burst is lost.
 pub(crate) struct Sender {
     socket: UdpSocket,
     address: String,
@@ -86,7 +86,8 @@ fn two_lidars_on_two_ports_are_recorded_and_published_as_their_recording() {
     let addresses: Vec<&str> = settings.listen.split(',').collect();
     let mut front_sender = Sender::new(addresses[0], recording.join("lidar/000.pcap"));
     let mut rear_sender = Sender::new(addresses[1], recording.join("lidar_rear/000.pcap"));
-    // Faster than the sensors, their stamps are those of the capturing machine. Both bursts take 13 ms of the sensor.
+    // Sent faster than by the sensors, the packets get stamps of the capturing machine. Both bursts take 13 ms of
+    // sensor time.
     let mut of_rear = rear.chunks(10);
     let begin = Instant::now();
     for (number, of_front) in front.chunks(24).enumerate() {

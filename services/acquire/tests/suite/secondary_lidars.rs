@@ -1,4 +1,4 @@
-//! Drives with two LiDARs: an HDL-32E whose sweeps are the ticks, and a VLP-16 whose revolutions begin at other times.
+//! Drives with two LiDARs: an HDL-32E whose sweeps are the ticks, and a VLP-16 whose revolutions start at other times.
 
 use crate::support::{BEGIN, N_PACKETS, range_2mm, write_lidar};
 use acquire::{Acquire, Settings};
@@ -12,10 +12,10 @@ use std::fs;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::path::Path;
 
-/// Of a packet of the VLP-16, and of its blocks of two firings each, ns.
+/// Duration of a packet of the VLP-16, and of its blocks of two firings each, ns.
 const PACKET_NANOS: i64 = 1_327_104;
 const BLOCK_NANOS: i64 = PACKET_NANOS / 12;
-/// It begins before the first LiDAR and ends before it: 4 s.
+/// Offset of the VLP-16, which starts before the first LiDAR and ends before it: 4 s.
 const EARLY_NANOS: i64 = 137_000_000;
 pub const N_REAR_PACKETS: i64 = 3014;
 const REAR: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 1, 77), 2369);
@@ -211,7 +211,7 @@ fn absent_second_lidar_is_a_silent_sensor() {
     assert!(of_rear(&mut bench).is_empty());
     bench.finish().expect("finishes");
     assert_eq!(bench.doubt("silent_sensors"), Some(1.0));
-    // Packets of something else.
+    // Packets of another device.
     let mut writer = Writer::new(Vec::new()).expect("writes");
     writer.write_udp(BEGIN, DATA_PORT, b"no LiDAR").expect("writes");
     fs::write(folder.path().join("rear/0.pcap"), writer.finish().expect("writes")).expect("writes");

@@ -255,7 +255,7 @@ fn folder_of_real_sweeps_without_manifest_is_read() {
     assert!(bench.notes()[0].contains("no drive.toml"));
 }
 
-/// A wrong model was found only after the start, and the run was restarted three times.
+/// Regression: a wrong model was found only after the start, and the run was restarted three times.
 #[test]
 fn wrong_model_is_reported_before_the_start() {
     let folder = drive();

@@ -1,4 +1,4 @@
-//! Small mosaics of known reflectance, and the drives that they belong to.
+//! Small mosaics of known reflectance, and their drives.
 
 use drive::manifest::{LidarEntry, Manifest, MosaicEntry, PoseEntry};
 use formats::pgm::pgm_from_samples;

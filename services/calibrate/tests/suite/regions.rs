@@ -9,7 +9,7 @@ use stage::testing::{Bench, context};
 use stage::{Received, Stage};
 use std::collections::BTreeSet;
 
-/// Two surfaces beside each other: the left one gets darker with the band, the right one brighter.
+/// Two adjacent surfaces: the left one gets darker with the band, the right one brighter.
 fn two_surfaces(entry: &MosaicEntry) -> Vec<u16> {
     let [x0, y0, ..] = entry.active_area;
     let p = entry.pattern;
@@ -70,7 +70,8 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
         let expected = |i: usize| if i % width < 4 { left } else { right };
         assert!((1..found.len()).all(|i| found[i] == expected(i)), "{found:?}");
     }
-    // The model of two frames is followed by another, whose regions have other numbers. Cameras share none.
+    // The model of two frames is followed by another, whose regions have other numbers. Cameras share no region
+    // numbers.
     let numbers = |i: usize| [regions(&on[i])[1], regions(&on[i])[5]];
     assert_eq!((numbers(0), numbers(1)), (numbers(2), numbers(3)));
     let all = [numbers(0), numbers(1), numbers(4), numbers(5)].concat();
@@ -97,7 +98,7 @@ fn cells_get_the_numbers_of_their_regions_and_the_spectra_of_simplified_cubes() 
 fn model_files_divide_all_frames_and_others_are_refused_with_place_and_rule() {
     let (manifest, folder) = drive_with_references();
     let context = context(folder.path());
-    // A model of each camera: of the two surfaces, in units of reflectance.
+    // A model for each camera: of the two surfaces, in units of reflectance.
     let model_of = |entry: &MosaicEntry| {
         let n_bands = (entry.pattern * entry.pattern) as usize;
         let value = |band: usize, cell: usize| {

@@ -162,7 +162,7 @@ fn sunlit_walls_have_the_spectra_of_their_materials() {
                 })
                 .collect();
             let angle = angle_deg(&corrected, &plain);
-            // Virtual bands have a width: the steep edge of a dyed cloth comes out smoother, 3.8 degrees with HS02. Stone is
+            // Virtual bands have a width: the steep edge of a dyed cloth appears smoother, 3.8 degrees with HS02. Stone is
             // within 1.6.
             let most = if material == Material::BlueCloth { 4.5 } else { 2.5 };
             assert!(angle < most, "{} {material:?} corrected: {angle} deg", entry.name);

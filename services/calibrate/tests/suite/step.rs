@@ -230,7 +230,7 @@ fn restart_in_mid_stream_gives_the_same_cubes() {
     assert!(bench.stage.load(b"something else").is_err());
 }
 
-/// Virtual bands of hs03: each takes its own filter twice and the next one off, but for the last filter.
+/// Virtual bands of hs03: each has the weight 2 for its own filter and -1 for the next one; the last has no next one.
 fn virtual_bands() -> Vec<VirtualBand> {
     let row = |j: usize| VirtualBand {
         wavelength_nm: 470.0 + 10.0 * j as f64,
@@ -341,7 +341,7 @@ fn demosaiced_cubes_have_a_cell_per_pixel_and_masks_around_invalid_samples() {
                     assert!(error.abs() < 0.002, "{demosaic}, camera {index} band {band}: {reflectance}");
                 }
             }
-            // Up to the samples around it: 7 x 7 pixels.
+            // Including the samples around it: 7 x 7 pixels.
             let expected = |band: usize| if (index, band) == (1, 5) { 49 } else { 0 };
             assert_eq!(
                 (unknown.len(), view.masks().len()),

@@ -1,4 +1,4 @@
-//! Output: the columns of a submap that is due.
+//! Output: the columns of a due submap.
 
 use super::Colorize;
 use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
@@ -13,8 +13,8 @@ use messages::{
 };
 use stage::{Outputs, Received, StepError};
 
-/// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns. In this time the
-/// vehicle moves much more than the noise of the pose, but does not turn.
+/// Time before and after an exposure at which its pose is evaluated to determine how a delay moves edges, ns. In this
+/// time the vehicle moves much more than the noise of the pose, but does not turn.
 const SHIFT_NANOS: i64 = 20_000_000;
 
 impl Colorize {
@@ -39,7 +39,8 @@ impl Colorize {
         Ok(())
     }
 
-    /// Returns the brightness profiles at depth edges, too, with the index of their camera.
+    /// Publishes the colors of a submap. Also returns the brightness profiles at depth edges, with the index of their
+    /// camera.
     fn publish_color(
         &self,
         submap: &Received<SubmapTopic>,

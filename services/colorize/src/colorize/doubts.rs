@@ -1,4 +1,4 @@
-//! The end of the run: which results are doubtful.
+//! The end of the run: doubtful results.
 
 use super::Colorize;
 use coloring::ExposureKind;

@@ -1,4 +1,4 @@
-//! Results that should not be relied on are reported at the end of the run.
+//! Doubtful results are reported at the end of the run.
 
 use crate::support::painted_street::{self as street, SECOND, START};
 use crate::support::{drive, submap};
@@ -11,12 +11,12 @@ const HOUR: i64 = 3600 * SECOND;
 const DURATION_NANOS: u32 = 1_000_000_000;
 const DOUBTS: [&str; 4] = ["few_points_colored", "images_unused", "no_spectra", "cubes_unused"];
 
-/// What the cameras do.
+/// Behavior of the cameras.
 struct Cameras<'a> {
-    /// The image as it arrives, with the error of its stamp, ns. `None`: it is lost.
+    /// The image as it arrives, with the error of its stamp, ns. `None`: the image is lost.
     image: &'a dyn Fn(ImageHeader) -> Option<(ImageHeader, i64)>,
     cube: &'a dyn Fn(CubeHeader) -> Option<(CubeHeader, i64)>,
-    /// Save, restart and load after every tick.
+    /// Whether the stage saves, restarts and loads after every tick.
     is_restarted: bool,
 }
 
@@ -93,7 +93,7 @@ fn images_that_do_not_match_the_rig_are_doubted() {
 fn cameras_without_any_exposure_are_doubted() {
     let none = Cameras { image: &|_| None, cube: &|_| None, is_restarted: false };
     assert_eq!(doubts(&none), [Some(0.0), None, Some(0.0), None]);
-    // Nobody expects colors of topics that nobody publishes.
+    // Without a publisher of a topic, no colors are expected from it.
     let folder = drive(&street::manifest());
     let mut context = context(folder.path());
     context.connected.retain(|topic| topic != "image" && topic != "cube");

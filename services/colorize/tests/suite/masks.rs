@@ -16,9 +16,9 @@ use std::path::Path;
 const DARK: u16 = 40;
 const SATURATION: u16 = 1023;
 const ALL: u64 = 0xffff;
-/// No white signal anywhere.
+/// Band without a white signal.
 const DEAD: u32 = 11;
-/// At the largest value in the left half of the image, and at zero in its right half.
+/// Band at the largest value in the left half of the image, and at zero in its right half.
 const SATURATED: u32 = 2;
 const CLIPPED: u32 = 7;
 

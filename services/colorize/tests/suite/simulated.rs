@@ -19,9 +19,9 @@ use simulation::{DriveSpec, RigSpec, Simulation};
 use spectral::{Calibration, Mosaic, Reference, WhiteTarget};
 use stage::testing::{Bench, context};
 
-/// Enough for classes.
+/// Number of points for classes.
 const SPARSE: u32 = 60_000;
-/// Enough for outlines: the visibility maps have no gaps.
+/// Number of points for outlines: the visibility maps have no gaps.
 const DENSE: u32 = 700_000;
 
 fn manifest() -> Manifest {

@@ -12,7 +12,7 @@ use stage::Stage;
 use stage::testing::{Bench, context};
 use std::path::Path;
 
-/// The submap lasts one second. All exposures that may color it are within two seconds before and after.
+/// Duration of the submap. All exposures that may color it are within two seconds before and after.
 const DURATION_NANOS: u32 = 1_000_000_000;
 const N_TICKS: i64 = 30;
 
@@ -26,15 +26,15 @@ struct Published {
 
 struct Run<'a> {
     folder: &'a Path,
-    /// Added to the stamps of images.
+    /// Delay added to the stamps of images.
     delay_nanos: i64,
-    /// Save, restart and load after every tick.
+    /// Whether the stage saves, restarts and loads after every tick.
     is_restarted: bool,
     n_ticks: i64,
 }
 
 impl Run<'_> {
-    /// Ticks of 0.1 s from 1.5 s before the submap. The submap arrives in the tick of its last shot.
+    /// Runs ticks of 0.1 s from 1.5 s before the submap. The submap arrives in the tick of its last shot.
     fn publish(&self) -> Published {
         let settings = Settings::default();
         let context = context(self.folder);
@@ -295,7 +295,7 @@ fn restart_after_every_tick_gives_same_output() {
     let undisturbed = run(folder.path()).publish();
     let restarted = Run { is_restarted: true, ..run(folder.path()) }.publish();
     assert!(undisturbed == restarted);
-    // One thread gives the same output, too.
+    // One thread gives the same output.
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     assert!(undisturbed == one_thread.install(|| run(folder.path()).publish()));
 }
@@ -354,7 +354,7 @@ fn exposures_not_matching_rig_are_counted_and_ignored() {
     assert_eq!((bench.counter("images_unusable"), bench.counter("cubes_unusable")), (3, 3));
 }
 
-/// 33 bands fit no list of wavelengths: the message must not be read beyond it.
+/// 33 bands fit no list of wavelengths: the message must not be read past its end.
 #[test]
 fn cube_of_more_bands_than_the_message_holds_is_counted_and_ignored() {
     let folder = drive(&street::manifest());

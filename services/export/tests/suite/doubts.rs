@@ -1,4 +1,4 @@
-//! Results that should not be relied on: doubts at the end of the run, and UTM coordinates that are refused.
+//! Doubtful results: doubts at the end of the run, and UTM coordinates that are refused.
 
 use crate::support::{Street, context, received};
 use delivery::Index;
@@ -14,7 +14,8 @@ use std::path::Path;
 const N: u64 = 3;
 const GOOD_M: [f32; 3] = [0.3, 0.4, 0.6];
 
-/// A run with the standard deviations of its second submap; those of the others are small. Everything but the end.
+/// A run up to its end, with the given standard deviations of its second submap; the deviations of the other submaps
+/// are small.
 fn driven(folder: &Path, settings: &Settings, frame: u32, sigma_m: [f32; 3], heading_deg: f32) -> Bench<Export> {
     let mut bench = Bench::<Export>::new(settings, &context(folder)).expect("starts");
     let street = Street::new(5, 200);

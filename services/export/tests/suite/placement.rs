@@ -48,7 +48,7 @@ fn send_placement(bench: &mut Bench<Export>, street: &Street) {
     bench.send::<PlacementTopic>(street.sweep_stamp(0, 0), header, (0..N).map(row).collect());
 }
 
-/// Runs everything but the end.
+/// Runs the drive up to its end.
 fn driven(settings: &Settings, folder: &Path, street: &Street) -> Bench<Export> {
     let mut bench = Bench::<Export>::new(settings, &context(folder)).expect("starts");
     for seq in 0..N {

@@ -153,7 +153,7 @@ fn a_restart_in_mid_stream_leaves_the_same_bytes() {
     street.send_submap(&mut bench, 2);
     street.send_columns(&mut bench, 2, &["color", "spectra"]);
     bench.tick().expect("steps");
-    // What a run that went on after the barrier, and died, would have left.
+    // Files that a run that continued after the barrier, and died, would have left.
     for name in ["submap_0002.ply", ".submap_0003.ply.partial", "index.json"] {
         std::fs::write(folder.path().join("clouds").join(name), "newer than the state").expect("writes");
     }
@@ -283,7 +283,7 @@ fn further_classes_need_names_of_their_own() {
         let table = stage::toml::de::DeTable::parse(&text).expect("TOML");
         let (_, problems) = stage::parse_table::<Settings>(table.get_ref());
         assert_eq!(problems.len(), 1, "{text}");
-        assert!(problems[0].text.contains("names that begin with class_, each once"), "{}", problems[0].text);
+        assert!(problems[0].text.contains("unique names that start with class_"), "{}", problems[0].text);
     }
 }
 
@@ -421,7 +421,7 @@ fn contract_and_data_errors_are_reported() {
     assert!(text(bent.tick()).contains("is not a rigid transform"));
 }
 
-/// 65 bands fit no validity bits and no list of wavelengths: the message must not be read beyond them.
+/// 65 bands fit no validity bits and no list of wavelengths: the message must not be read past its end.
 #[test]
 fn spectra_of_more_bands_than_the_message_holds_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -473,11 +473,11 @@ fn unwritable_cloud_and_missing_folder_are_reported() {
     std::fs::create_dir(partial).expect("makes");
     street.send_submap(&mut blocked, 0);
     street.send_columns(&mut blocked, 0, &OPTIONAL);
-    let error = blocked.tick().expect_err("a folder is in the way").to_string();
+    let error = blocked.tick().expect_err("a folder has the name of the cloud").to_string();
     assert!(error.contains("clouds/submap_0000.ply: cannot create: Is a directory"), "{error}");
 
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("clouds"), "a file").expect("writes");
-    let error = bench(&context(folder.path())).tick().expect_err("is no folder").to_string();
+    let error = bench(&context(folder.path())).tick().expect_err("is not a folder").to_string();
     assert!(error.contains("clouds: cannot create"), "{error}");
 }

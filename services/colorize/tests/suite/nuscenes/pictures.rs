@@ -97,7 +97,7 @@ fn outline(vehicle: &Vehicle) -> impl Iterator<Item = [f64; 2]> {
     })
 }
 
-/// 3600 columns of 0.1 degrees, 5 pixels per ring.
+/// The sweep unrolled: 3600 columns of 0.1 degrees, 5 pixels per ring.
 fn unrolled(sample: &NuScenesSample, colors: &[ColorRow]) -> RgbImage {
     let mut picture = RgbImage::new(3600, 160);
     for (point, row) in sample.points.iter().zip(colors) {

@@ -18,11 +18,11 @@ pub struct Camera {
 
 /// A labeled car or truck.
 pub struct Vehicle {
-    /// LiDAR frame, m.
+    /// Center in the LiDAR frame, m.
     pub center: [f64; 3],
-    /// Along, across and up, m.
+    /// Length, width and height, m.
     pub size: [f64; 3],
-    /// About the z axis of the LiDAR, rad.
+    /// Rotation about the z axis of the LiDAR, rad.
     pub yaw: f64,
 }
 

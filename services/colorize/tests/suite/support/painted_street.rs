@@ -14,7 +14,7 @@ pub const SECOND: i64 = 1_000_000_000;
 const WALL_M: f64 = 8.0;
 const SQUARE_M: f64 = 0.5;
 
-/// 10 m/s, turning by 0.2 rad/s, far from the origin of odom.
+/// Pose at 10 m/s, turning by 0.2 rad/s, far from the origin of odom.
 pub fn odom_from_body(stamp: i64) -> Pose {
     let t = (stamp - START) as f64 * 1e-9;
     let speed = 10.0;
@@ -31,7 +31,7 @@ fn street_from_odom() -> Pose {
     odom_from_body(START).inverse()
 }
 
-/// Rotated and shifted against both odom and street.
+/// Pose rotated and shifted relative to both odom and street.
 pub fn odom_from_submap() -> Pose {
     odom_from_body(START) * Isometry3::new(Vector3::new(3.0, -2.0, 0.5), Vector3::new(0.1, -0.2, 0.7))
 }

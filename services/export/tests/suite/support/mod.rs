@@ -33,7 +33,7 @@ pub struct Street {
     n_points: usize,
     /// Sweeps of a submap.
     n_sweeps: u64,
-    /// Where the submaps' frames lie, m.
+    /// Northing of the submaps' frames, m.
     north_m: f64,
 }
 
@@ -56,7 +56,7 @@ impl Street {
     fn yaw(seq: u64) -> f64 {
         0.5 * seq as f64
     }
-    /// A point of the submap frame in odom, by hand.
+    /// A point of the submap frame in odom, computed independently.
     pub fn in_odom(&self, seq: u64, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let (sin, cos) = Self::yaw(seq).sin_cos();
         [20.0 * seq as f64 + cos * x - sin * y, self.north_m + sin * x + cos * y, z - 0.25]
@@ -67,11 +67,11 @@ impl Street {
     pub fn sweep_stamp(&self, seq: u64, sweep_idx: u16) -> i64 {
         START + (self.first_sweep(seq) + u64::from(sweep_idx)) as i64 * i64::from(SWEEP_NANOS)
     }
-    /// Lidar at the first and last shot of a sweep, submap frame.
+    /// The LiDAR at the first and last shot of a sweep, submap frame.
     fn lidar_ends(sweep_idx: u64) -> [[f32; 3]; 2] {
         [0.0, 1.0].map(|end| [1.5 * (sweep_idx as f32 + end), 0.125 * end, 2.0])
     }
-    /// Lidar in odom when it measured `point`, by hand.
+    /// The LiDAR in odom when it measured `point`, computed independently.
     pub fn lidar(&self, seq: u64, point: &SubmapPoint) -> [f64; 3] {
         let [begin, end] = Self::lidar_ends(u64::from(point.sweep_idx));
         let share = f64::from(point.offset_nanos) / f64::from(SWEEP_NANOS);
@@ -174,7 +174,7 @@ impl Street {
     fn valid(&self, seq: u64, point: usize) -> u32 {
         self.draw(seq, 14, point) as u32 % 8
     }
-    /// How many points have a spectrum, and what the file says of a point's band.
+    /// Number of points with a spectrum, and the value of a point's band in the file.
     pub fn spectra(&self, seq: u64) -> (usize, impl Fn(usize, usize) -> f32) {
         let n_spectra = self.spectra_message(seq).0.n_spectra as usize;
         let value = move |point: usize, band: usize| {
@@ -213,12 +213,12 @@ impl Street {
                 let (header, words) = self.spectra_message(seq);
                 bench.forward::<SpectraTopic>(received(seq, header, &words));
             }
-            _ => panic!("{topic} is no column"),
+            _ => panic!("{topic} is not a column"),
         }
     }
 }
 
-/// A message with a number of the test's choice.
+/// A message with a sequence number chosen by the test.
 pub fn received<T: Message>(seq: u64, header: T::Header, rows: &[T::Row]) -> Received<T> {
     let envelope = Envelope { seq, len: rows.len() as u32, ..Envelope::default() };
     let bytes = [bytes_from_rows(&[envelope]), bytes_from_rows(&[header]), bytes_from_rows(rows)].concat();
