@@ -1,4 +1,4 @@
-//! Whether the drive and the stages give the columns that a model reads.
+//! Checks whether the drive and the stages provide the columns that a model reads.
 
 use drive::CameraRig;
 use messages::{ColorTopic, SpectraTopic};
@@ -6,7 +6,7 @@ use segmentation::spherical::{AskedColumns, BAND_REACH_NM};
 use stage::{Context, Mode, Problem};
 use std::path::Path;
 
-/// The first column of the model `file` that nothing gives.
+/// The first column of the model `file` that has no source.
 pub fn problem(file: &str, path: &Path, context: &Context) -> Option<Problem> {
     let AskedColumns { color, wavelengths_nm } = segmentation::asked_columns(path).ok()?;
     let reads = |what: &str| format!("{file} reads {what}");
@@ -18,7 +18,7 @@ pub fn problem(file: &str, path: &Path, context: &Context) -> Option<Problem> {
     if !wavelengths_nm.is_empty() && !context.is_connected::<SpectraTopic>() {
         return problem(format!("{}, and no stage produces topic spectra; {add}", reads("spectra")));
     }
-    // Other problems of a drive are reported by its source; a replay needs none.
+    // Other problems of a drive are reported by its source; a replay needs no drive.
     let rig = match context.mode {
         _ if context.drive.as_os_str().is_empty() => return None,
         Mode::Offline => CameraRig::of_drive(&context.drive),

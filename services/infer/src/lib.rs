@@ -6,16 +6,16 @@
 //! | `color`, `spectra` | in, if the model reads them | columns of the submap |
 //! | `class` | out | class and score of every point, in the order of the submap |
 //!
-//! The model file names its architecture (crate `segmentation`) and the columns that it reads in addition to the points. A submap waits
-//! for those columns and for nothing else; a model that reads none keeps no state between ticks. With the feature `cuda`, networks on
-//! images can run on an NVIDIA GPU.
+//! The model file names its architecture (crate `segmentation`) and the columns that it reads in addition to the
+//! points. A submap waits only for those columns; without columns, the stage keeps no state between ticks. With the
+//! feature `cuda`, networks on images can run on an NVIDIA GPU.
 //!
-//! This stage binds a [`Segmenter`] to topics, settings and counters. It must never compute a class itself, change the order or number
-//! of points, or drop a submap: a point that the model cannot classify is `unlabeled`. Whether the classes are doubtful is decided at the
-//! end from counters only.
+//! This stage binds a [`Segmenter`] to topics, settings and counters. It must never compute a class itself, change the
+//! order or number of points, or drop a submap: a point that the model cannot classify is `unlabeled`. The doubts about
+//! the classes are decided at the end, from counters only.
 //!
-//! Where to start reading: `Infer::step` and `Infer::label`; `cameras.rs` checks before the start that the drive gives the columns that
-//! the model reads. `docs/explanation/segmentation.md` explains the method.
+//! Start at `Infer::step` and `Infer::label`; `cameras.rs` checks before the start that the drive provides the columns
+//! that the model reads. `docs/explanation/segmentation.md` explains the method.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -37,32 +37,35 @@ stage::settings! {
     pub struct Settings {
         /// Model file. A relative path is relative to the folder of launch.toml.
         pub model: String = "models/street_fused.safetensors".to_owned() => stage::any();
-        /// One of this many sweeps of a submap goes through a network on images; points of the others get the votes of nearby points. 1 is all
-        /// sweeps. A fused model multiplies it by its own number.
+        /// One of this many sweeps of a submap goes through a network on images; points of the other sweeps get the
+        /// votes of nearby points. 1 is all sweeps. A fused model multiplies it by its own number.
         pub every: u32 = 1 => stage::within(1, 16);
-        /// What the model takes from the intensities: `raw` as recorded, `normalized` brought to the scale of the training by those of
-        /// the ground ring by ring, `off` nothing, `auto` as recorded, but normalized where the scale is another.
+        /// Use of the intensities by the model: `raw` as recorded, `normalized` scaled ring by ring to the training
+        /// with the ground as reference, `off` unused, `auto` as recorded, but normalized where the scale differs.
         pub intensity: IntensityUse = IntensityUse::Auto => stage::one_word();
-        /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
-        /// `cargo build --release -p infer -p replica_lab --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
+        /// Device of the network: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with `cargo
+        /// build --release -p infer -p replica_lab --features cuda`. Its sums are rounded differently, so some classes
+        /// can differ from the CPU's.
         pub device: ComputeDevice = ComputeDevice::Cpu => stage::one_word();
         /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
         /// threads and gives the same classes; larger values need more memory.
         pub batch: u32 = 1 => stage::within(1, 64);
-        /// Score below which a point gets the class `unlabeled`, 0 to 1. It keeps its score. The counter `unknown_points` has the number
-        /// of these points. 0 keeps every class. `replica-lab evaluate classes` prints how many points a threshold keeps, and how many of
-        /// those are correct.
+        /// Score below which a point gets the class `unlabeled`, 0 to 1. It keeps its score. The counter
+        /// `unknown_points` has the number of these points. 0 keeps every class. `replica-lab evaluate classes` prints
+        /// how many points a threshold keeps, and how many of the kept points are correct.
         pub unknown_below: f64 = 0.0 => stage::within(0.0, 1.0);
-        /// Terrain and unpaved ground become vegetation where the ground is rough: low vegetation is as low, but rougher.
+        /// Relabel terrain and unpaved ground as vegetation where the ground is rough: low vegetation is as low, but
+        /// rougher.
         pub rough_ground: bool = true => stage::any();
-        /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are beyond the range
-        /// of the model; a fifth of all points is a LiDAR or a mounting that the model does not suit.
+        /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are
+        /// beyond the range of the model; a fifth of all points indicates a LiDAR or a mounting that does not suit the
+        /// model.
         pub max_unseen_share: f64 = 0.2 => stage::within(0.0, 1.0);
         /// Share of submaps that are too wide for the grid of the model, above which the classes are doubtful: enlarged cells
         /// miss kerbs and thin objects. One submap in ten may contain a far outlier.
         pub max_coarsened_share: f64 = 0.1 => stage::within(0.0, 1.0);
-        /// Share of submaps whose intensities are on another scale than those of the training, above which the classes are doubtful.
-        /// One in ten may be a square of white stone.
+        /// Share of submaps whose intensities are on another scale than in training, above which the classes are
+        /// doubtful. One in ten may be a square of white stone.
         pub max_foreign_intensity_share: f64 = 0.1 => stage::within(0.0, 1.0);
     }
 }
@@ -72,7 +75,7 @@ const STATE_VERSION: u32 = 1;
 
 /// The stage.
 pub struct Infer {
-    /// Joins submaps with the columns that the model reads; `None` if it reads none.
+    /// Joins submaps with the columns that the model reads; `None` if it reads no columns.
     join: Option<SubmapJoin>,
     model: Box<dyn Segmenter>,
     /// Whether points with a low score lose their class.
@@ -80,7 +83,7 @@ pub struct Infer {
     max_unseen_share: f64,
     max_coarsened_share: f64,
     max_foreign_intensity_share: f64,
-    /// What became of intensities on another scale.
+    /// Treatment of intensities on another scale.
     intensity_use: &'static str,
 }
 
@@ -108,7 +111,7 @@ impl Infer {
         Ok(())
     }
 
-    /// As [`Self::label`]. Live, a lost column leaves its points without colors or spectra.
+    /// [`Self::label`] for a submap with its columns. Live, a lost column leaves its points without colors or spectra.
     fn label_joined(&self, joined: &JoinedSubmap, outputs: &mut Outputs) -> Result<(), StepError> {
         let submap = &joined.submap;
         let spectra = joined.column::<SpectraTopic>();
@@ -176,7 +179,7 @@ impl Stage for Infer {
         vec![Port::of::<SubmapTopic>(), Port::optional::<ColorTopic>(), Port::optional::<SpectraTopic>()]
     }
 
-    /// Those that the model reads. A model file that cannot be read is reported by [`Self::check`].
+    /// The topics that the model reads. A model file that cannot be read is reported by [`Self::check`].
     fn inputs_with(settings: &Settings, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
         let path = find_file(launch_folder, Path::new(&settings.model));
         let columns = segmentation::asked_columns(&path).unwrap_or_default();
@@ -218,7 +221,7 @@ impl Stage for Infer {
             max_coarsened_share: settings.max_coarsened_share,
             max_foreign_intensity_share: settings.max_foreign_intensity_share,
             intensity_use: match options(settings).intensity {
-                IntensityUse::Auto | IntensityUse::Normalized => "they were normalized by those of the ground",
+                IntensityUse::Auto | IntensityUse::Normalized => "they were normalized with the ground as reference",
                 IntensityUse::Raw => "they were taken as recorded",
                 IntensityUse::Off => "they were not used",
             },
@@ -248,7 +251,7 @@ impl Stage for Infer {
         Ok(())
     }
 
-    /// Nothing for a model without colors and spectra: any program may replace it.
+    /// Saves no bytes for a model without colors and spectra: any program may replace it.
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
         let Some(join) = &self.join else { return Ok(StateBytes::default()) };
         let mut state = StateBytes::with_head(STATE_VERSION, &join.save())?;

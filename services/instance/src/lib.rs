@@ -8,13 +8,14 @@
 //! 4. Components with too few points for their distance, or without ground around them, are removed.
 //! 5. The points of a component get its id.
 //!
-//! Steps 1 to 4 are in the crate `instance_segmentation`. Extensions of the thesis, each controlled by a setting: the required number
-//! of points follows from the density of the LiDAR, objects that pass the same cells at different times are separated, moving objects
-//! are followed from sweep to sweep, touching roofs and heads are separated by a watershed, nearby parts are joined, and an object of
-//! an earlier submap keeps its id, even if it has few points now.
+//! Steps 1 to 4 are in the crate `instance_segmentation`. Extensions of the thesis, each controlled by a setting: the
+//! required number of points follows from the density of the LiDAR, objects that pass the same cells at different times
+//! are separated, moving objects are tracked from sweep to sweep, touching roofs and heads are separated by a
+//! watershed, nearby parts are joined, and an object of an earlier submap keeps its id, even if it has few points now.
 //!
-//! Start reading at `InstanceStage::label` below, which handles one submap. The stage must never reorder or drop a point: its column has
-//! the length and the order of the submap. It never gives an id twice in a drive, and never merges two ids that it has published.
+//! Start at `InstanceStage::label` below, which handles one submap. The stage must never reorder or drop a point: its
+//! column has the length and the order of the submap. It never assigns an id twice in a drive, and never merges two ids
+//! that it has published.
 //!
 //! New ids increase over the whole drive, in the order of the classes in `things`, then of the first points of the objects. In
 //! submaps without ground points, the height and ground-contact filters are disabled.
@@ -68,7 +69,7 @@ impl InstanceStage {
         outputs.publish_column(loan, submap.stamp(), submap.seq())
     }
 
-    /// Writes the id of every point that belongs to an instance. All ids must be 0 before.
+    /// Writes the id of every point that belongs to an instance. All ids must be 0 before the call.
     fn assign_ids(
         &mut self,
         submap: &Received<SubmapTopic>,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use stage::Rule;
 
 stage::settings! {
-    /// Settings of instance. Defaults of cells, dilation, holes, heights and points are those of thesis section 6.5.2.
+    /// Settings of instance. Cells, dilation, holes, heights and points have the defaults of thesis section 6.5.2.
     pub struct Settings {
         /// Cell size of the top-down view, m.
         pub cell_m: f64 = 0.1 => stage::within(0.02, 1.0);
@@ -37,17 +37,18 @@ pub struct Thing {
     pub max_height_m: f64,
     /// Number of points in a submap with which an instance is accepted at any distance: the rule of the thesis.
     pub min_points: u32,
-    /// Share of the points that the LiDAR is expected to have on an instance at this distance, over all sweeps of the submap. An instance
-    /// is accepted with fewer points than `min_points` if it has this share. 0 always requires `min_points`.
+    /// Share of the points that the LiDAR is expected to have on an instance at this distance, over all sweeps of the
+    /// submap. An instance is accepted with fewer points than `min_points` if it has this share. 0 always requires
+    /// `min_points`.
     #[serde(default)]
     pub min_share: f64,
     /// Minimum number of points of an instance that is accepted by `min_share`.
     #[serde(default)]
     pub min_points_sparse: u32,
-    /// Length of a usual instance, m: its expected points, and parts of a moving one.
+    /// Length of a typical instance, m: determines its expected points, and the parts of a moving one.
     #[serde(default)]
     pub length_m: f64,
-    /// Height of a usual instance, m.
+    /// Height of a typical instance, m.
     #[serde(default)]
     pub height_m: f64,
     /// Minimum mean class score of the points, 0 to 1.
@@ -57,20 +58,22 @@ pub struct Thing {
     /// people in a group. 0 disables splitting.
     #[serde(default)]
     pub peak_m: f64,
-    /// Parts up to this distance are joined if no ground was seen between them and the result is not longer than `max_length_m` and not
-    /// wider than half of it, m; 0 disables joining.
+    /// Parts up to this distance are joined if no ground was seen between them and the result is not longer than
+    /// `max_length_m` and not wider than half of its length, m; 0 disables joining.
     #[serde(default)]
     pub join_m: f64,
-    /// Maximum length of an instance that is joined of parts, m.
+    /// Maximum length of an instance that is joined from parts, m.
     #[serde(default)]
     pub max_length_m: f64,
-    /// Largest speed at which a moving instance is followed from sweep to sweep, m/s; 0 disables tracking within a submap.
+    /// Largest speed at which a moving instance is tracked from sweep to sweep, m/s; 0 disables tracking within a
+    /// submap.
     #[serde(default)]
     pub max_speed_mps: f64,
 }
 
 impl Thing {
-    /// Heights and points of the thesis; objects with fewer points by their density. Touching roofs and heads are split.
+    /// Heights and points of the thesis, and fewer points for objects according to their density. Touching roofs and
+    /// heads are split.
     fn defaults() -> Vec<Self> {
         let vehicles = Self {
             class: ClassId::Vehicles.name().to_owned(),
@@ -135,7 +138,7 @@ impl Rule<Vec<Thing>> for EachThingIsValid {
 }
 
 impl Settings {
-    /// What `instance_segmentation` needs of them.
+    /// The settings for `instance_segmentation`.
     pub(crate) fn footprints(&self) -> FootprintSettings {
         FootprintSettings {
             dilation_m: self.dilation_m,
@@ -145,7 +148,7 @@ impl Settings {
         }
     }
 
-    /// The entries in the order in which ids are assigned. Unknown classes were refused before.
+    /// The entries in the order in which ids are assigned. Unknown classes have already been refused.
     pub(crate) fn kinds(&self) -> Vec<Kind> {
         let kind = |thing: &Thing| {
             Some(Kind {

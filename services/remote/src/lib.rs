@@ -1,15 +1,15 @@
 //! `replica-remote`: the process of a stage whose table has the key `host`. It connects to the agent there, and forwards the steps
 //! of the stage ([`stage::remote`]) over an encrypted connection ([`link`]).
 //!
-//! To the supervisor it is a stage like any other: it has the topics, barriers and states of the stage on the other host. That host keeps
-//! nothing. `docs/explanation/two_machines.md` explains why.
+//! To the supervisor it is a stage like any other: it has the topics, barriers and states of the stage on the other
+//! host, which keeps no state. `docs/explanation/two_machines.md` explains why.
 //!
-//! Start reading at [`connect`]: how long it waits for a host, and what it asks the agent to start. [`stage::remote`] has the
+//! Start at [`connect`], which waits for a host and requests the program from the agent. [`stage::remote`] has the
 //! requests and answers, [`link`] the encryption.
 //!
-//! The process must never send a message without encryption, never start a program of another version than its own, and never answer for
-//! the other host: while the connection is lost it publishes nothing, and after 30 s the attempt counts as failed, so that the
-//! supervisor restarts the run from its last barrier.
+//! The process must never send a message without encryption, never start a program of another version than its own, and
+//! never answer for the other host: while the connection is lost it publishes nothing, and after 30 s the attempt
+//! counts as failed, so that the supervisor restarts the run from its last barrier.
 
 use link::{Key, LinkError, StageProgram};
 use run::Remote;
@@ -18,10 +18,10 @@ use stage::remote::Connection;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// A run waits this long for a network or an agent that is gone, before the attempt counts as failed: the time in which a cable
-/// is plugged in again.
+/// Longest wait of a run for a lost network or agent, before the attempt counts as failed: the time to plug in a cable
+/// again.
 const RECONNECT: Duration = Duration::from_secs(30);
-/// Time between two tries.
+/// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(500);
 
 /// The whole program.
@@ -29,7 +29,7 @@ pub fn main() -> ExitCode {
     ExitCode::from(stage::remote::run(std::env::args_os().collect(), connect))
 }
 
-/// Connects to the program of a table on its host: of a stage of a run, or to ask it once.
+/// Connects to the program of a table on its host: for a stage of a run, or for a single query.
 pub fn connect(remote: &Remote, table: &str, session: Option<&str>) -> Result<Connection, StepError> {
     let key = Key::read(&remote.key).map_err(StepError::configuration)?;
     let wanted = StageProgram {
@@ -40,7 +40,7 @@ pub fn connect(remote: &Remote, table: &str, session: Option<&str>) -> Result<Co
         threads: remote.threads,
         session: session.map(str::to_owned),
     };
-    // A question is answered at once or not at all: a person waits.
+    // A query is answered at once or not at all, because a person waits.
     let patience = if session.is_some() { RECONNECT } else { Duration::ZERO };
     let begun = Instant::now();
     let mut is_reported = false;

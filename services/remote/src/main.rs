@@ -1,4 +1,4 @@
-//! The process that stands for a stage on another host.
+//! The proxy process of a stage on another host.
 fn main() -> std::process::ExitCode {
     remote::main()
 }

@@ -1,14 +1,15 @@
 //! Stage `replay`: a source that publishes the messages and ticks of a recording. It replaces the stages that published them.
 //!
-//! `replica record` and `replica import` write recordings. A run from a recording repeats a part of another run without its sensors:
-//! for example, all stages behind the odometry, with another model. With `speed`, it keeps the pace of the recorded drive.
+//! `replica record` and `replica import` write recordings. A run from a recording repeats a part of another run without
+//! its sensors: for example, all stages after the odometry, with another model. With `speed`, it keeps the pace of the
+//! recorded drive.
 //!
-//! Start reading at `Replay::step` below: it publishes one recorded tick. `pace.rs` waits until the tick is due.
+//! Start at `Replay::step` below: it publishes one recorded tick. `pace.rs` waits until the tick is due.
 //!
-//! The stage must never change a message: it publishes the recorded bytes, in the recorded ticks and order. It refuses a topic whose
-//! version or layout differs from the one that this program knows, and it never passes over damage silently: a recording that
-//! ends early is replayed to its end and raises the doubt `recording_incomplete`; damaged messages end the run. Topics that were not
-//! recorded, but that stages read, raise the doubt `topics_not_replayed`.
+//! The stage must never change a message: it publishes the recorded bytes, in the recorded ticks and order. It refuses
+//! a topic whose version or layout differs from its own, and it never ignores damage silently: a recording that ends
+//! early is replayed to its end and raises the doubt `recording_incomplete`; damaged messages end the run. Topics that
+//! were not recorded, but that stages read, raise the doubt `topics_not_replayed`.
 
 mod pace;
 
@@ -24,7 +25,7 @@ stage::settings! {
     pub struct Settings {
         /// The recording.
         pub recording: String = String::new() => any();
-        /// Topics to publish; empty = all that are recorded.
+        /// Topics to publish; empty = all recorded topics.
         pub topics: Vec<String> = Vec::new() => any();
         /// Playback speed: drive time per wall-clock time; 1 = real time, 0 = as fast as the consumers allow. Pauses longer
         /// than 5 s are shortened to 5 s.
@@ -40,7 +41,7 @@ pub struct Replay {
     n_ticks: u64,
     /// Share of the recorded drive that was published, 0 to 1.
     progress: f64,
-    /// [`Context::missing`].
+    /// Topics of [`Context::missing`].
     missing: Vec<String>,
     /// The tick after the last published one: a tick is the last one if there is no further tick.
     next: Option<RecordedTick>,
@@ -60,7 +61,7 @@ fn recorded(path: &Path, settings: &Settings) -> Result<Vec<Port>, StepError> {
     for topic in reader.topics().iter().filter(|topic| topic.ticks_of().is_none() && is_wanted(&topic.name)) {
         let file = path.display();
         let name = &topic.name;
-        // A topic that a launch file has named has the layout of its type.
+        // A topic with a name from a launch file has the layout of its type.
         let is_type = |port: &&Port| {
             let ByteTable { version, layout, .. } = port.byte_table();
             (version, layout) == (topic.table.version, topic.table.layout)

@@ -1,21 +1,21 @@
-//! The pace of a replay: drive time against the clock.
+//! The pace of a replay: drive time against wall-clock time.
 
 use std::time::{Duration, Instant};
 
-/// Longer pauses of the drive are shortened to this: waiting at a traffic light again is of no use, and the supervisor takes a
-/// stage without progress for one that hangs.
+/// Longest pause. Longer pauses of the drive are shortened to this: waiting at a traffic light again is useless, and
+/// the supervisor treats a stage without progress as hanging.
 const MAX_WAIT: Duration = Duration::from_secs(5);
 
 /// Delays ticks until they are due.
 pub struct Pace {
     /// Drive time per wall-clock time; 0 = no waiting.
     speed: f64,
-    /// When the last tick was due, and its drive time.
+    /// Time at which the last tick was due, and its drive time.
     last: Option<(Instant, i64)>,
 }
 
 impl Pace {
-    /// `speed`: drive time per wall-clock time, 0 = as fast as possible.
+    /// A pace of `speed`: drive time per wall-clock time, 0 = as fast as possible.
     pub fn new(speed: f64) -> Self {
         Self { speed, last: None }
     }

@@ -6,7 +6,7 @@ use messages::SweepTopic;
 use registration::{PreparedSweep, RawSweep};
 use stage::Received;
 
-/// A sweep of the first LiDAR, and those of the other LiDARs of its time.
+/// The sweeps of a tick: of the first LiDAR, and of the secondary LiDARs at the same time.
 pub(crate) type Tick = Vec<Received<SweepTopic>>;
 
 pub(crate) fn raw(received: &Received<SweepTopic>) -> RawSweep<'_> {
@@ -14,7 +14,8 @@ pub(crate) fn raw(received: &Received<SweepTopic>) -> RawSweep<'_> {
     RawSweep { seq: received.seq(), stamp, header: received.header(), rows: received.rows() }
 }
 
-/// A sweep whose sense of turning the odometry has not found: the first one, and those of other LiDARs.
+/// A sweep whose direction of rotation the odometry has not determined: the first one, and the sweeps of secondary
+/// LiDARs.
 pub(crate) fn prepared(raw: &RawSweep<'_>, settings: &Settings) -> PreparedSweep {
     let sweep = raw.sweep(settings.untimed_turn(None));
     PreparedSweep { kept: settings.kept_points(&sweep), sweep }

@@ -12,7 +12,7 @@ pub(crate) struct LoanedSubmap {
 }
 
 impl LoanedSubmap {
-    /// Begins at the position and heading of the body.
+    /// An empty submap at the position and heading of the body.
     pub fn new(loan: Loan<SubmapTopic>, odom_from_body: &Pose, n_lidars: usize) -> Self {
         Self { loan, submap: OpenSubmap::new(odom_from_body, n_lidars as u32) }
     }

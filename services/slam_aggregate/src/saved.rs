@@ -11,13 +11,14 @@ use std::borrow::Cow;
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
 pub(crate) const STATE_VERSION: u32 = 12;
 
-/// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings; 72 MB more with `odometry = "imls"`) and up to
-/// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the sweeps of the first tick while they wait for the second (about 1.3 MB), and the
-/// rows of the open submap (28 bytes a point).
+/// The state on which the next tick depends: the state of the odometry (at most 4.3 MB with default settings and 32
+/// rings; 72 MB more with `odometry = "imls"`) and up to 80 kB for each place that is kept for loop closures. Two parts
+/// follow it without a copy: the sweeps of the first tick while they wait for the second (about 1.3 MB), and the rows
+/// of the open submap (28 bytes a point).
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved<'a> {
     pub odometry: SelectedState,
-    /// Sweeps of the first tick, while it is waiting for the second.
+    /// Number of sweeps of the first tick, while it waits for the second.
     pub n_waiting: u32,
     pub submap: Option<SubmapHead>,
     pub poses: BodyPoses,
@@ -62,7 +63,7 @@ impl SavedSubmap {
         loan.extend_from_slice(&rows)?;
         Ok(LoanedSubmap { loan, submap: OpenSubmap { frame: self.head.frame, header: Box::new(header) } })
     }
-    /// `rows` is the rest of a state.
+    /// Loads the submap. `rows` is the rest of a state.
     pub fn load(head: Option<SubmapHead>, rows: &[u8]) -> Result<Option<Self>, StepError> {
         let n_rows = head.as_ref().map_or(0, |head| head.n_rows);
         if rows.len() as u64 != n_rows * size_of::<SubmapPoint>() as u64 {

@@ -31,18 +31,18 @@ pub struct SlamAggregate {
     /// The first tick, until the second arrives.
     waiting: Option<Tick>,
     open: Option<LoanedSubmap>,
-    /// From a loaded state, until the next tick has a loan for it.
+    /// The open submap of a loaded state, until the next tick has a loan for it.
     saved_submap: Option<SavedSubmap>,
     poses: BodyPoses,
     stretches: Stretches,
     inertial: InertialUnit,
     georeferencer: Georeferencer,
-    /// The drive has a GNSS receiver whose fixes should place the result.
+    /// Whether the drive has a GNSS receiver whose fixes should place the result.
     expects_fixes: bool,
 }
 
 impl SlamAggregate {
-    /// With a known mounting of the LiDAR; antenna and inertial unit are at the body's origin.
+    /// The stage with a known mounting of the LiDAR; antenna and inertial unit are at the body's origin.
     pub fn with_mounting(settings: &Settings, body_from_lidar: Pose) -> Self {
         Self::with_sensors(settings, body_from_lidar, settings.georeference(None))
     }
@@ -71,8 +71,8 @@ impl SlamAggregate {
         }
     }
 
-    /// Adds a registered sweep and those of the other LiDARs to the open submap, publishes the submap if it is full, and appends the
-    /// poses.
+    /// Adds a registered sweep and the sweeps of the secondary LiDARs to the open submap, publishes the submap if it is
+    /// full, and appends the poses.
     fn add_tick(
         &mut self,
         prepared: &PreparedTick,
@@ -159,7 +159,7 @@ impl Stage for SlamAggregate {
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let manifest = match context.mode {
             Mode::Offline => Some(Drive::open(&context.drive).map_err(StepError::io)?.manifest().clone()),
-            // The recording has only begun. Without a rig, body and LiDAR frame are the same.
+            // The recording has only started. Without a rig, body and LiDAR frame are the same.
             Mode::Live => LiveRig::find(&context.drive).map_err(StepError::io)?.manifest().cloned(),
         };
         let rig = manifest.as_ref().map(Manifest::rig).transpose().map_err(StepError::data)?;
@@ -231,7 +231,7 @@ impl Stage for SlamAggregate {
         }
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
-        // Fixes correct the path, and the doubts of export tell what is left.
+        // Fixes correct the path, and export reports doubts about the remaining deviations.
         let has_fixes = placed.as_ref().is_some_and(|placed| placed.header.n_fixes > 0);
         if let Some(doubt) = self.stretches.lost(self.settings.max_lost_m).filter(|_| !has_fixes) {
             outputs.report_doubt(&doubt);

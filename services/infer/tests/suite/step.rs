@@ -23,7 +23,7 @@ fn at_root() -> Context {
     context(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")))
 }
 
-/// The ground model, which needs no sweeps.
+/// Settings of the ground model, which needs no sweeps.
 fn ground() -> Settings {
     Settings { model: "models/ground.safetensors".to_owned(), ..Settings::default() }
 }
@@ -32,8 +32,8 @@ fn bench() -> Bench<Infer> {
     Bench::new(&ground(), &at_root()).expect("the model loads")
 }
 
-/// One revolution of an upright HDL-32E, 1.9 m above a road between walls at 9 m on both sides, and which points are road. Without
-/// intensities: with equal ones on road and wall, the model classifies walls as grass.
+/// One revolution of an upright HDL-32E, 1.9 m above a road between walls at 9 m on both sides, and flags of the road
+/// points. Without intensities: if road and wall had equal ones, the model would classify walls as grass.
 fn street_sweep() -> (SubmapHeader, Vec<SubmapPoint>, Vec<bool>) {
     let mut points = Vec::new();
     let mut is_road = Vec::new();
@@ -61,7 +61,7 @@ fn street_sweep() -> (SubmapHeader, Vec<SubmapPoint>, Vec<bool>) {
     (header, points, is_road)
 }
 
-/// Both sweeps are equal, so the classes of the skipped one must be those of the other.
+/// Both sweeps are equal, so the skipped one must have the same classes as the other.
 #[test]
 fn points_of_skipped_sweep_get_votes_of_nearby_points() {
     let (header, points, _) = street_sweep();
@@ -111,7 +111,7 @@ fn networks() -> [PathBuf; 2] {
     ["street", "points"].map(|name| at_root().resolve(format!("models/{name}.safetensors").as_ref()))
 }
 
-/// A file of both, of which the first sees one of `every` sweeps.
+/// A fused model of both networks, of which the first processes one of `every` sweeps.
 fn fused_file(folder: &Path, every: usize) -> PathBuf {
     let [street, points] = networks();
     let file = folder.join(format!("every_{every}.safetensors"));
@@ -153,7 +153,7 @@ fn fused_model_gives_the_class_on_which_both_agree() {
     assert!(both != first && both != second);
 }
 
-/// Both sweeps are equal but for a shift, so the first network gives other classes if it sees both.
+/// Both sweeps are equal except for a shift, so the first network gives other classes if it processes both.
 #[test]
 fn fused_model_skips_sweeps_as_the_setting_does() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -193,7 +193,8 @@ fn fusion_with_numbers_out_of_range_is_refused_with_the_rule() {
     }
 }
 
-/// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above the road.
+/// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above
+/// the road.
 #[test]
 fn points_with_score_below_setting_are_unlabeled_and_counted() {
     let run = |unknown_below: f64| {
@@ -218,7 +219,7 @@ fn points_with_score_below_setting_are_unlabeled_and_counted() {
     assert!(run(f64::from(threshold) / 255.0) == (expected, n_low, 0));
 }
 
-/// This build has no CUDA, unless its features say so.
+/// This build has no CUDA, unless its features include it.
 #[test]
 fn device_that_is_not_built_in_is_refused_by_check() {
     let settings = Settings { device: ComputeDevice::Cuda, ..Settings::default() };
@@ -340,7 +341,7 @@ fn submaps_too_wide_for_the_model_are_doubted() {
     assert_eq!(bench.doubt("submaps_coarsened"), Some(0.5));
 }
 
-/// The ground of KITTI drives has a median of 66, that of the training 12.
+/// The ground of KITTI drives has a median of 66, the ground of the training has 12.
 #[test]
 fn intensities_on_another_scale_are_doubted_and_normalized() {
     let (header, points, _) = street_sweep();
@@ -538,7 +539,7 @@ fn model_with_colors_waits_for_them_and_is_the_same_after_a_restart() {
 fn columns_that_nothing_gives_are_refused_by_check() {
     let (_folder, with_colors) = color_model(false);
     let (_other, with_band) = color_model(true);
-    // Without the drive, whose sensors would be missing, too.
+    // Also without the drive, whose sensors would be missing.
     let connected = |topics: &[&str]| Context {
         drive: Path::new("").into(),
         connected: topics.iter().map(|topic| (*topic).to_owned()).collect(),

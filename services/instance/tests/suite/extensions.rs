@@ -43,7 +43,7 @@ fn with_first_thing(change: impl FnOnce(&mut Thing)) -> Settings {
 
 const CAR: [f32; 4] = [20.0, 4.0, 24.2, 5.8];
 
-/// A road with one car; `n` points of it.
+/// A road with one car of `n` points.
 fn one_car(n: usize) -> Street {
     let mut street = Street::road(&[CAR]);
     street.object(CAR, [0.2, 1.5], n, ClassId::Vehicles, 1);
@@ -134,7 +134,7 @@ fn parked_car_that_was_occluded_for_a_while_is_one_instance() {
 fn moving_car_keeps_its_id_over_the_border_and_the_next_car_gets_a_new_id() {
     let first = passing(&[(0.0, 5.0)], 0.9);
     let mut second = passing(&[(1.5, 5.0), (2.8, 5.0)], 0.9);
-    // The first car continues where it was; the second follows the whole path of the first.
+    // The first car continues at its position; the second follows the whole path of the first.
     for (point, _) in second.points.iter_mut().zip(&second.truth).filter(|(_, thing)| **thing == 1) {
         point.x += 13.0;
         point.z += slope(13.0);

@@ -1,4 +1,4 @@
-//! Objects on streets as a LiDAR sees them: sparse, moving and hidden in part.
+//! Objects on streets as scanned by a LiDAR: sparse, moving and partly occluded.
 
 use crate::support::bench;
 use crate::support::lidar::{Block, HDL32, HDL64, SWEEP_NANOS, Scan, car};
@@ -56,7 +56,7 @@ fn few_points_of_many_near_sweeps_are_no_object() {
         let x = f32::from(idx) * 0.8;
         scan.sweep(HDL32, [x, 0.0], i64::from(idx) * SWEEP_NANOS, &[]);
     }
-    // Forty points 5 m beside the path: a car has thousands of points there.
+    // Forty points 5 m from the path: a car has thousands of points there.
     scan.street.object([8.0, 5.0, 8.8, 5.6], [0.2, 1.0], 40, ClassId::Vehicles, 1);
     assert_eq!(ids_of_thing(&ids_of(&[&scan], &Settings::default())[0], &scan, 1), [0]);
 }

@@ -47,7 +47,7 @@ fn sweep() -> (SubmapHeader, Vec<SubmapPoint>) {
         let elevation = (z.atan2(x.hypot(y)).to_degrees() * 100.0) as i16;
         SubmapPoint { x, y, z, elevation, ring: ring as u8, ..SubmapPoint::default() }
     };
-    // Returns of the vehicle itself are nearer than 2 m.
+    // Returns of the vehicle itself are closer than 2 m.
     let points: Vec<SubmapPoint> = bytes.chunks_exact(20).map(point).filter(|p| p.x.hypot(p.y) > 2.0).collect();
     let mut header = SubmapHeader { n_rings: 32, n_sweeps: 1, ..at([0.0; 3]) };
     let pose = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
@@ -61,7 +61,8 @@ fn sweep() -> (SubmapHeader, Vec<SubmapPoint>) {
     (header, points)
 }
 
-/// Boxes with at least 20 points, those of them that an instance matches above an IoU of 1/2, and instances that match no box.
+/// Numbers of boxes with at least 20 points, of these boxes that an instance matches above an IoU of 1/2, and of
+/// instances that match no box.
 fn found(settings: &Settings) -> (usize, usize, usize) {
     let boxes = boxes();
     let (header, points) = sweep();

@@ -36,7 +36,7 @@ fn cars_and_people_on_a_sloped_street_get_one_id_each() {
 #[test]
 fn larger_dilation_joins_nearby_objects() {
     let mut settings = Settings { dilation_m: 0.4, ..Settings::default() };
-    // Otherwise the watershed splits them again.
+    // Otherwise the watershed would split them again.
     settings.things[0].peak_m = 0.0;
     let (ids, bench) = ids_of(&street(), &settings);
     assert_eq!(bench.counter("instances"), 3);
@@ -48,7 +48,7 @@ fn larger_dilation_joins_nearby_objects() {
 fn objects_too_high_too_small_or_without_ground_contact_are_removed() {
     let mut street = street();
     let none = street.points.len();
-    // A "vehicle" on a balcony, one of 400 points, and one far out where nothing but "building" was seen.
+    // A "vehicle" on a balcony, one of 400 points, and one far away where only "building" was observed.
     street.object([10.0, 10.0, 14.0, 12.0], [4.2, 5.5], 3000, ClassId::Vehicles, 0);
     street.object([27.0, 2.0, 28.0, 3.0], [0.2, 1.5], 400, ClassId::Vehicles, 0);
     street.object([60.0, 2.0, 64.0, 4.0], [0.2, 1.5], 3000, ClassId::Vehicles, 0);
@@ -76,7 +76,7 @@ fn ids_continue_over_submaps_and_restarts() {
         let mut bench = bench(settings);
         let mut ids = Vec::new();
         for tick in 0..6 {
-            // Two ticks in one place, then on to the next.
+            // Two ticks in one place, then the drive continues.
             bench.send::<SubmapTopic>(0, at([f64::from(tick / 2) * 100.0, 0.0, 0.0]), street().points);
             bench.send::<ClassTopic>(0, ClassHeader::default(), street().classes);
             bench.tick().expect("steps");

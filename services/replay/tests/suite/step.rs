@@ -1,4 +1,4 @@
-//! A recording is published as it was recorded, also after a restart.
+//! A recording is published as it was recorded, including after a restart.
 
 use messages::pod::bytes_from_rows;
 use messages::{ByteTable, ClassHeader, ClassRow, ClassTopic, Envelope, GnssRow, GnssTopic, NoHeader, TickRow};
@@ -95,7 +95,7 @@ fn topic_that_a_launch_file_has_named_is_replayed_under_its_name() {
     assert_eq!(messages[0].rows(), [ClassRow { class_id: 7, score: 9 }]);
 }
 
-/// As of a program that writes messages in another order; a restart would not help.
+/// The recording of a program that writes messages in another order; a restart would not help.
 #[test]
 fn recording_in_another_order_than_that_of_ticks_ends_the_run_with_the_reason() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -117,7 +117,7 @@ fn recording_in_another_order_than_that_of_ticks_ends_the_run_with_the_reason() 
 fn recording_without_the_ticks_of_a_topic_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.mcap");
-    // As of a program that has left the tick channel out.
+    // The recording of a program that has left the tick channel out.
     let mut file = mcap::Writer::new(std::fs::File::create(&path).expect("created")).expect("creates");
     let table = serde_json::to_vec(&ByteTable::of::<GnssTopic>()).expect("JSON");
     let schema = file.add_schema("replica.gnss.v1", "replica-bytes", &table).expect("adds");

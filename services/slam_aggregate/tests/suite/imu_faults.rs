@@ -1,4 +1,4 @@
-//! Inertial units that are mounted, wired or logged wrongly: each is corrected by name or not used.
+//! Inertial units that are mounted, wired or logged incorrectly: each is corrected by name or not used.
 
 use crate::street::{RawSweep, STREET, raw, send};
 use crate::world::body_from_lidar;
@@ -16,7 +16,7 @@ const GRAVITY: f64 = 9.806_65;
 
 static SWEEPS: LazyLock<Vec<RawSweep>> = LazyLock::new(|| (0..N_SWEEPS).map(raw).collect());
 
-/// What a unit reports: specific force and angular rate at a time, s.
+/// Output of a unit: specific force and angular rate at a time, s.
 type Unit<'a> = &'a dyn Fn(f64) -> (Vector3<f64>, Vector3<f64>);
 
 /// The result of a drive.
@@ -96,10 +96,10 @@ fn sound(t: f64) -> (Vector3<f64>, Vector3<f64>) {
 
 static BY_LIDAR: LazyLock<f64> = LazyLock::new(|| drive(&settings(), None).error_m);
 
-/// With a sound unit that is used from the first sample on.
+/// Error with a sound unit that is used from the first sample on.
 static BY_SOUND_UNIT: LazyLock<f64> = LazyLock::new(|| drive(&settings(), Some(&sound)).error_m);
 
-/// A result as good as that of the LiDAR, alone or with a sound unit.
+/// Whether the result is as good as with the LiDAR alone or with a sound unit.
 fn is_as_good(driven: &Driven) -> bool {
     println!(
         "{:.3} m, by LiDAR alone {:.3} m; doubt {:?}; {:#?}",
@@ -159,7 +159,7 @@ fn unit_with_flipped_sign_of_gravity_is_recognized() {
 #[test]
 fn mirrored_unit_is_recognized() {
     let mirror = |v: Vector3<f64>| Vector3::new(v.x, -v.y, v.z);
-    // Rates of a left-handed frame have the opposite sense.
+    // Rates of a left-handed frame have the opposite sign.
     let driven = drive(&on_probation(), Some(&|t| (mirror(sound(t).0), -mirror(sound(t).1))));
     assert!(is_as_good(&driven) && driven.doubt.is_none());
     assert!(driven.says("accelerations: x, y, z of the body are x, -y, z of the unit"));

@@ -124,10 +124,10 @@ fn fixes_place_the_drive_on_the_earth_despite_reflections() {
         assert!(forward(&odom_from_submap).angle(&forward(&truth)) > 1.5, "the odometry does not know north");
     }
     for row in placement.rows() {
-        // All fixes of these four seconds are within two seconds of a jump, so their deviations grow 33 times, and six times more
-        // for heights above the truth: 0.37 to 1.12 m horizontally and 1.8 to 17 m of height. Using the smaller drift of both
-        // sides would spare fixes beside a jump, but also fixes that have just become wrong: over seeds 21 to 34 the error grows
-        // from 0.28 to 0.29 m horizontally and from 0.46 to 0.52 m of height.
+        // All fixes of these four seconds are within two seconds of a jump, so their deviations grow 33 times, and six
+        // times more for heights above the truth: 0.37 to 1.12 m horizontally and 1.8 to 17 m of height. Using the
+        // smaller drift of both sides would spare fixes next to a jump, but also fixes that have just become wrong:
+        // over seeds 21 to 34 the error grows from 0.28 to 0.29 m horizontally and from 0.46 to 0.52 m of height.
         let [forward, left, up] = row.sigma_m;
         let is_sound = [forward, left].iter().all(|sigma| (0.01..1.5).contains(sigma)) && (0.01..20.0).contains(&up);
         assert!(is_sound, "{:?}", row.sigma_m);
@@ -161,7 +161,7 @@ fn good_fixes_are_not_doubted_and_their_deviations_are_noted() {
     let bench = finished(&settings, &OtherSensors { fixes: &good, ..NONE });
     let noted = bench.notes().iter().any(|note| note.contains("largest standard deviation of a submap: position "));
     assert!(noted, "{:?}", bench.notes());
-    // A drive without a receiver, and one whose fixes were not asked for.
+    // A drive without a receiver, and one whose fixes are not used.
     assert_eq!(fix_doubts(&settings, &|_| None), [None; 2]);
     let invalid = |second: f64| Some(GnssRow { quality: 0, ..fix(second, Vector3::zeros()) });
     assert_eq!(fix_doubts(&Settings { correct: Vec::new(), ..settings }, &invalid), [None; 2]);
@@ -241,7 +241,7 @@ fn drive_with_receiver_and_without_any_fix_is_doubted() {
 
 #[test]
 fn gravity_corrects_a_tilted_start() {
-    // The drive begins on a slope: the vehicle's z axis is 0.06 rad off the vertical.
+    // The drive starts on a slope: the vehicle's z axis is 0.06 rad off the vertical.
     let upright_from_street = Isometry3::rotation(Vector3::new(0.03, -0.05, 0.0));
     let others = OtherSensors { upright_from_street: Some(upright_from_street), ..NONE };
     // Submaps of a second and a half.

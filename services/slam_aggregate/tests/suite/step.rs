@@ -196,7 +196,7 @@ fn bytes_with_restarts(
         feed_with_sensors(&mut bench, raw);
         if restarts.contains(&number) {
             bench = bench.restarted(settings, &context).unwrap();
-            // Two barriers may follow each other without a tick between.
+            // Two barriers may follow each other without a tick in between.
             bench = bench.restarted(settings, &context).unwrap();
         }
     }
@@ -376,7 +376,8 @@ fn real_sweeps_without_point_times_follow_the_references() {
     assert_eq!(submaps[0].rows().len() + n_dropped, raws.iter().map(|raw| raw.rows.len()).sum::<usize>());
     let poses: Vec<_> = bench.take::<TrajectoryTopic>().iter().flat_map(|message| message.rows().to_vec()).collect();
     assert_eq!(poses.len(), 44);
-    // The sense of turning is found after 15 sweeps. The references take all as rigid: their poses are those in the middle.
+    // The direction of rotation is found after 15 sweeps. The references treat all as rigid: their poses are at the
+    // middle.
     let end_of = |idx: usize| poses[idx].odom_from_body.to_pose().unwrap().translation.vector;
     let at = |number: usize| (end_of(2 * number) + end_of(2 * number + 1)) / 2.0;
     let path: f64 = (1..22).map(|number| (at(number) - at(number - 1)).norm()).sum();
@@ -401,7 +402,7 @@ fn read_pcd(folder: &Path, number: usize) -> RawSweep {
     }
 }
 
-/// Twenty million points passed the check, and no message could hold them.
+/// Regression: twenty million points passed the check, and no message could hold them.
 #[test]
 fn largest_submap_fits_a_message() {
     use messages::Message;

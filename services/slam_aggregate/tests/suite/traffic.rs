@@ -1,4 +1,5 @@
-//! Simulated drives by LiDAR alone, from rest: in a queue that starts with the vehicle, without one, and over a bare road.
+//! Simulated drives with the LiDAR alone, from rest: in a queue that starts with the vehicle, without one, and on a
+//! bare road.
 
 use drive::Drive;
 use geometry::Pose;
@@ -7,10 +8,10 @@ use simulation::{DriveSettings, DriveSpec, Town, Traffic, write_drive};
 use slam_aggregate::{Settings, SlamAggregate};
 use stage::testing::Bench;
 
-/// A vehicle at rest needs two seconds to get ahead of a queue, or not.
+/// Duration of a drive. A vehicle at rest needs two seconds to get ahead of a queue, or not.
 const SECONDS: f64 = 6.0;
 
-/// The stage after a drive in a town, and its way and the true one, m.
+/// The stage after a drive in a town, and the lengths of its track and of the true track, m.
 fn driven(traffic: Traffic) -> (Bench<SlamAggregate>, [f64; 2]) {
     let rig = String::from("nuscenes");
     driven_as(&DriveSettings { seed: 811, seconds: SECONDS, rig, traffic, ..DriveSettings::default() })
@@ -72,7 +73,8 @@ fn drive_in_sparse_traffic_is_no_doubt() {
     assert_eq!([bench.doubt("motion_contested"), bench.doubt("path_lost")], [None; 2]);
 }
 
-/// Nothing but the road is near, and the LiDAR, tilted as on the L3D2 vehicle, does not see ahead: the vehicle seems to stand.
+/// Only the road is near, and the LiDAR, tilted as on the L3D2 vehicle, does not cover the area ahead: the vehicle
+/// seems to stand.
 #[test]
 fn way_that_is_lost_on_a_bare_road_is_a_doubt() {
     let town = Town::Field;

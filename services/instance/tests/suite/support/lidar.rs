@@ -1,4 +1,4 @@
-//! Streets as a LiDAR sees them: rays against boxes over flat ground.
+//! Streets as scanned by a LiDAR: rays against boxes over flat ground.
 
 use super::Street;
 use messages::{ClassId, POINT_DYNAMIC, SubmapHeader, SubmapPoint, SubmapSweep};
@@ -9,7 +9,7 @@ const HEIGHT_M: f32 = 1.8;
 /// Time between two sweeps, ns.
 pub const SWEEP_NANOS: i64 = 100_000_000;
 
-/// A LiDAR: rings evenly between two elevations, degrees, and columns.
+/// A LiDAR: rings at equal spacing between two elevations, degrees, and columns.
 #[derive(Clone, Copy)]
 pub struct Lidar {
     pub n_rings: u16,
@@ -20,7 +20,7 @@ pub struct Lidar {
 pub const HDL64: Lidar = Lidar { n_rings: 64, n_columns: 2000, elevations_deg: [-24.8, 2.0] };
 pub const HDL32: Lidar = Lidar { n_rings: 32, n_columns: 1800, elevations_deg: [-30.7, 10.7] };
 
-/// A box: smallest and largest x y z, its class and the number of its object, 0 for none.
+/// A box: smallest and largest x y z, its class and the number of its object; 0 = no object.
 #[derive(Clone, Copy)]
 pub struct Block {
     pub min: [f32; 3],
@@ -49,7 +49,7 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// At the origin of odom.
+    /// An empty submap at the origin of odom.
     pub fn new(lidar: Lidar) -> Self {
         let mut header = Box::new(super::at([0.0; 3]));
         header.n_rings = u32::from(lidar.n_rings);
@@ -97,7 +97,7 @@ impl Scan {
     }
 }
 
-/// Range and block of the first return within 60 m; no block is the ground.
+/// Range and block of the first return within 60 m; without a block, the return is from the ground.
 fn nearest(place: [f32; 3], ray: [f32; 3], blocks: &[Block]) -> Option<(f32, Option<&Block>)> {
     let ground = (ray[2] < 0.0).then(|| (-place[2] / ray[2], None));
     let hits = blocks.iter().filter_map(|block| Some((hit(place, ray, block)?, Some(block))));

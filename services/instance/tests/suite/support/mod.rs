@@ -7,7 +7,7 @@ use messages::{ClassHeader, ClassId, ClassRow, ClassTopic, PoseRow, SubmapHeader
 use stage::testing::{Bench, context};
 use std::path::Path;
 
-/// Points, their classes and the numbers of their objects, 0 for none.
+/// Points, their classes and the numbers of their objects; 0 = no object.
 #[derive(Clone, Default)]
 pub struct Street {
     pub points: Vec<SubmapPoint>,
@@ -35,7 +35,7 @@ impl Street {
         street
     }
 
-    /// The outline of a box: points on a spiral of 50 turns up its sides.
+    /// Adds the outline of a box: points on a spiral of 50 turns up its sides.
     pub fn object(&mut self, [x0, y0, x1, y1]: [f32; 4], heights: [f32; 2], n: usize, class: ClassId, thing: u32) {
         let perimeter = 2.0 * (x1 - x0 + y1 - y0);
         for i in 0..n {
