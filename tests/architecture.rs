@@ -1,4 +1,4 @@
-//! Promises about the source tree: which crate may depend on which, and where unsafe code may stand.
+//! Promises about the source tree: allowed dependencies of each crate, and the places of unsafe code.
 
 mod promises;
 mod wording;
@@ -229,7 +229,7 @@ fn crates_behind_a_step_deny_clocks_files_and_environment() {
         "link",
         "stage",
     ];
-    // The sources read sensors and files; `remote` waits for another host; `launch` is no stage.
+    // The sources read sensors and files; `remote` waits for another host; `launch` is not a stage.
     let others = ["acquire", "replay", "remote", "launch"];
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let libraries = libraries();
@@ -254,12 +254,12 @@ fn lines_of_code(folder: &Path) -> usize {
     files(folder, &["rs"]).iter().map(lines_of_file).sum()
 }
 
-/// What a stage may use beside the project's crates: its saved state, its errors, and the threads on which libraries compute.
-/// Matrices, images, files and networks are the business of libraries.
+/// Crates that a stage may use in addition to the project's crates: for its saved state, its errors, and the threads of
+/// parallel loops. Matrices, images, files and networks belong in libraries.
 const OF_STAGES: [&str; 3] = ["rayon", "serde", "thiserror"];
 
-/// Most lines of code of a stage. The longest have 500: the settings and ports of three sensors, or of all columns. The limit leaves room
-/// for a line per name, but not for an algorithm.
+/// Largest number of lines of code of a stage. The longest have 500: the settings and ports of three sensors, or of all
+/// columns. The limit leaves room for a line per name, but not for an algorithm.
 const MAX_STAGE_LINES: usize = 700;
 
 #[test]
@@ -268,7 +268,7 @@ fn stages_wire_ports_and_leave_computation_to_libraries() {
     let packages = packages();
     let mut n_stages = 0;
     for (name, (folder, dependencies)) in &packages {
-        // `launch` supervises the stages; `remote` stands for one.
+        // `launch` supervises the stages; `remote` is a proxy for one.
         if !folder.starts_with("services/") || ["launch", "remote"].contains(&name.as_str()) {
             continue;
         }

@@ -1,4 +1,4 @@
-//! `docs/promises.md` and the tests agree. Part of the test binary `architecture`.
+//! `docs/promises.md` and the tests are consistent. Part of the test binary `architecture`.
 
 use super::files;
 use std::collections::BTreeSet;
@@ -41,7 +41,7 @@ fn tests_of(file: &Path) -> Vec<String> {
     tests
 }
 
-/// The files in which a test of this path may stand: a module of the suite, or files of a crate below the module's name.
+/// The files in which a test of this path may be: a module of the suite, or files of a crate below the module's name.
 fn files_with_module(path: &[&str]) -> Vec<PathBuf> {
     let (crate_or_module, modules) = path.split_first().expect("a path");
     let of_suite = root().join(format!("tests/suite/{crate_or_module}.rs"));
@@ -76,7 +76,7 @@ fn named_tests_exist() {
     assert!(absent.is_empty(), "{PAGE} names tests that do not exist: {absent:#?}");
 }
 
-/// The tests of the Python package, and those that the page names.
+/// The tests of the Python package, and the tests that the page names.
 #[test]
 fn python_tests_are_listed() {
     let mut tests = BTreeSet::new();

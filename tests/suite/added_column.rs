@@ -32,7 +32,7 @@ impl Message for MoistureTopic {
     type Row = f32;
 }
 
-/// The entry.
+/// The entry of the column.
 static MOISTURE: Column = Column {
     name: "moisture",
     topic: MoistureTopic::TOPIC,
@@ -58,13 +58,13 @@ impl ColumnTable for WithMoisture {
     }
 }
 
-/// The same for readers of files.
+/// The table of the pipeline and the added column, for readers of files.
 fn table() -> &'static [Column] {
-    // A test makes one, and needs it to its end.
+    // A test creates one, and needs it until its end.
     Box::leak([COLUMNS, &[MOISTURE]].concat().into_boxed_slice())
 }
 
-/// Moisture of a point by its position, %.
+/// Moisture of a point at its position, %.
 fn moisture(x: f32) -> f32 {
     if x < 1.0 { -1.0 } else { x * 2.5 }
 }

@@ -1,5 +1,5 @@
-//! `replica batch`: many drives with one command. No drive disturbs another, an interrupted batch continues, and the jobs of an
-//! array together give what one batch gives.
+//! `replica batch`: many drives with one command. No drive disturbs another, an interrupted batch continues, and the
+//! jobs of an array together give the results of one batch.
 
 use replica_tests::{
     ANY_DEVIATION, ANY_FIXES, Launch, PATIENT, binary, domain_of, gate, is_alive, leftovers, processes_of,
@@ -14,7 +14,7 @@ use std::time::SystemTime;
 const SOURCE: &str = "ticks = 40\npoints = 500";
 const DRIVES: [&str; 3] = ["monday", "tuesday", "wednesday"];
 
-/// A launch file, drives beside it, and the results of a batch over them.
+/// A launch file, drives next to it, and the results of a batch over them.
 struct Batch {
     launch: Launch,
 }
@@ -155,7 +155,7 @@ fn second_call_runs_nothing() {
     assert!(table.text.contains("3 drives: 3 complete; finished: 11.7 s of drive"), "{}", table.text);
 }
 
-/// SIGKILL leaves no run behind that would hold the output, and the next call continues it from its last barrier.
+/// SIGKILL leaves no run behind that would lock the output, and the next call continues it from its last barrier.
 #[test]
 fn killed_batch_continues_with_the_same_bytes() {
     let batch = Batch::of_misbehaving(SOURCE, &gate(20));

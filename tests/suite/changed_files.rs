@@ -1,4 +1,4 @@
-//! Programs, models and other files that change under a run: it does not continue with another content than it began with.
+//! Programs, models and other files that change during a run: it does not continue with changed content.
 
 use replica_tests::{Launch, Running, binary, gate, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const SOURCE: &str = "ticks = 400\npoints = 5000";
 const STAGES: [&str; 3] = ["source", "relay", "sink"];
 
-/// The small pipeline with a relay of its own, and a manifest of its drive.
+/// The small pipeline with its own relay program, and a manifest of its drive.
 fn launch(relay: &str) -> Launch {
     let launch = Launch::of_misbehaving("", SOURCE, relay);
     let path = launch.folder().join("launch.toml");
@@ -23,7 +23,7 @@ fn relay_of(launch: &Launch) -> PathBuf {
     launch.folder().join("relay")
 }
 
-/// Appends to a file as a build does: another file gets its name. The bytes before.
+/// Replaces a file as a build does: another file gets its name. Returns the previous bytes.
 fn change(path: &Path) -> Vec<u8> {
     let before = std::fs::read(path).expect("there");
     put(path, &[&before[..], b"\n"].concat());
@@ -42,7 +42,7 @@ fn end(mut running: Running) -> (Option<i32>, String) {
     (code, running.stderr())
 }
 
-/// Half of one cloud came from one network, half from another.
+/// Regression: half of one cloud came from one network, half from another.
 #[test]
 fn resume_with_another_program_or_manifest_is_refused_and_names_the_file() {
     let launch = launch(&gate(203));

@@ -1,4 +1,4 @@
-//! The tables of columns on the reference pages are those of the table in `messages`.
+//! The tables of columns on the reference pages agree with the table in `messages`.
 
 use messages::columns::{COLUMNS, Column, ColumnField, ColumnVisitor, FieldType, Presence, visit_columns};
 use messages::{ByteTable, Message};

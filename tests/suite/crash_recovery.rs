@@ -1,5 +1,6 @@
-//! SIGKILL of any process at any moment, any number of times: the run continues, by `--resume` if its supervisor was killed,
-//! and the final files are byte for byte those of an undisturbed run. `benches/crash_soak.rs` does the same for hours.
+//! SIGKILL of any process at any moment, any number of times: the run continues, by `--resume` if its supervisor was
+//! killed, and the final files are byte for byte the files of an undisturbed run. `benches/crash_soak.rs` does the same
+//! for hours.
 
 use replica_tests::{
     Launch, Random, domain_of, drive, leftovers, output_text, pipeline, reference, result_files, run_under_kills,
@@ -35,7 +36,7 @@ fn killed_processes_do_not_change_the_result() {
 
 #[test]
 fn killed_processes_do_not_change_the_clouds() {
-    // Barriers do not change the result, so the reference run of the pipeline will do.
+    // Barriers do not change the result, so the reference run of the pipeline is sufficient.
     let expected = reference("pipeline", || pipeline(&drive(), "", ""));
     let stages = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
     let launch = pipeline(&drive(), "restarts = 1000", "").with("--set").with("run.barrier_s=0.2");

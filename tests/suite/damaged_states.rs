@@ -1,5 +1,5 @@
-//! State files that a crash, a disk or a user has damaged: `--resume` reports them and continues from the barrier before, and
-//! the result is that of an undisturbed run.
+//! State files that a crash, a disk or a user has damaged: `--resume` reports them and continues from the previous
+//! barrier, and the result equals an undisturbed run.
 
 use replica_tests::{Launch, gate, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
@@ -15,7 +15,7 @@ fn killed() -> Launch {
     launch
 }
 
-/// Barriers of which all stages have a state, the newest first.
+/// Barriers at which all stages have a state, the newest first.
 fn complete_barriers(launch: &Launch) -> Vec<u64> {
     let newest = launch.newest_barrier().expect("a barrier");
     let is_complete = |barrier: &u64| STAGES.iter().all(|stage| state_file(launch, *barrier, stage).is_file());
@@ -26,7 +26,7 @@ fn state_file(launch: &Launch, barrier: u64, stage: &str) -> PathBuf {
     launch.states().join(barrier.to_string()).join(format!("{stage}.state"))
 }
 
-/// Resumes and compares; the messages of the supervisor.
+/// Resumes and compares. Returns the messages of the supervisor.
 fn resumed(launch: &Launch) -> String {
     let mut running = launch.start_again(&["--resume"]);
     let code = wait_for("the end of the run", || running.ended());

@@ -1,5 +1,5 @@
-//! The pages under `docs/` agree with the tree: links resolve, commands have the options that the pages show, and the settings page
-//! is what the stages describe.
+//! The pages under `docs/` agree with the tree: links resolve, commands have the options that the pages show, and the
+//! settings page equals the descriptions of the stages.
 
 use replica_tests::binary;
 use serde_json::Value;
@@ -20,7 +20,7 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every page: those in the root, those beside code, and all under `docs/`.
+/// Every page: in the root, next to code, and under `docs/`.
 fn pages() -> Vec<PathBuf> {
     let root = root();
     let beside_code =
@@ -58,7 +58,7 @@ fn prose(page: &Path) -> Vec<String> {
     lines
 }
 
-/// The anchors that GitHub makes of the headings of a page.
+/// The anchors that GitHub generates from the headings of a page.
 fn anchors(page: &Path) -> BTreeSet<String> {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     let mut anchors = BTreeSet::new();
@@ -76,7 +76,7 @@ fn anchors(page: &Path) -> BTreeSet<String> {
     anchors
 }
 
-/// The targets of the links of a page, without those to other sites.
+/// The targets of the links of a page, without links to other sites.
 fn links(page: &Path) -> Vec<String> {
     let text = prose(page).join("\n");
     let without_code: Vec<&str> = text.split('`').step_by(2).collect();
@@ -128,7 +128,7 @@ fn command_lines(page: &Path) -> Vec<String> {
     lines.map(without_comment).flat_map(commands).filter(|line| !line.starts_with('#')).collect()
 }
 
-/// What a command says about its options, by the words that select it.
+/// The help of a command about its options, by the words that select it.
 fn help(program: &str, words: &[&str]) -> Option<String> {
     let output = Command::new(binary(program)).args(words).arg("--help").output().expect("starts");
     output.status.success().then(|| String::from_utf8(output.stdout).expect("UTF-8"))

@@ -1,4 +1,4 @@
-//! A run leaves nothing behind, and runs do not interfere.
+//! A run leaves no files behind, and runs do not interfere.
 
 use replica_tests::{Launch, domain_of, is_alive, leftovers, output_text, processes_of, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
@@ -91,7 +91,7 @@ fn runs_of_two_users_do_not_interfere() {
     }
 }
 
-/// Another user could prepare files of the name that a run would use.
+/// Another user could prepare files with the name that a run would use.
 #[test]
 #[cfg_attr(not(other_users), ignore = "needs the superuser, and programs that all users can read")]
 fn files_of_another_user_do_not_block_an_output() {
@@ -104,10 +104,10 @@ fn files_of_another_user_do_not_block_an_output() {
         std::fs::create_dir(&prepared).expect("made");
         std::os::unix::fs::chown(&prepared, Some(NOBODY), Some(NOBODY)).expect("the superuser may give files away");
         let output = launch.run();
-        std::fs::remove_dir(&prepared).expect("files of others stay");
+        std::fs::remove_dir(&prepared).expect("files of other users stay");
         assert_eq!(leftovers(&domain), Vec::<String>::new());
         assert_eq!(output.status.code(), Some(0), "{prepared}: {}", output_text(&output));
-        assert_ne!(domain_of(&launch.output()), domain, "another name is used than that of {prepared}");
+        assert_ne!(domain_of(&launch.output()), domain, "the name of {prepared} is not used");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Labeled clouds of others run through the stages behind the odometry and are scored against their labels.
+//! Third-party labeled clouds run through the stages after the odometry and are scored against their labels.
 
 use replica_tests::{binary, output_text};
 use serde_json::Value;
@@ -25,7 +25,8 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-/// A PLY file in the form of Paris-CARLA-3D: a road with two walls and a car beside it, seen from 2 m above the road.
+/// Writes a PLY file in the form of Paris-CARLA-3D: a road with two walls and a car next to it, scanned from 2 m above
+/// the road.
 fn write_street(path: &Path) -> u64 {
     let mut rows = Vec::new();
     let mut n = 0_u64;
@@ -73,12 +74,12 @@ fn write_street(path: &Path) -> u64 {
 fn scored(recording: &Path, out: &Path, topics: &str) -> Value {
     let launch = Path::new(env!("CARGO_MANIFEST_DIR")).join("launch.toml");
     let output = format!("run.output={}", out.display());
-    // A model of its own: the test is not about the default one.
+    // A separate model: the test does not depend on the default one.
     let model = "infer.model=models/street_simulated.safetensors";
     let arguments =
         ["replay", text(recording), "--launch", text(&launch), "--topics", topics, "--set", &output, "--set", model];
     let output = replica(&arguments);
-    // Done, but in doubt: the launch file has stages that read images and placement, which clouds do not have.
+    // Done, but doubtful: the launch file has stages that read images and placement, which clouds do not have.
     assert_eq!(output.status.code(), Some(3), "{}", output_text(&output));
     assert!(output_text(&output).contains("which no stage publishes here"), "{}", output_text(&output));
     let scores = out.join("scores");
@@ -103,11 +104,11 @@ fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     assert_eq!((points["n"].as_u64(), points["joined"].as_u64()), (Some(n_points), Some(n_points)));
     assert_eq!(found["classes"]["n_points"].as_u64(), Some(n_points), "{points}");
     assert_eq!(points["without_instance"], 0, "{points}");
-    // Walls without windows and a car without wheels are unlike those of the training: a quarter of the points is right.
+    // Walls without windows and a car without wheels differ from the training data: a quarter of the points is correct.
     let accuracy = found["classes"]["overall_accuracy"].as_f64().expect("a number");
     assert!((0.24..0.27).contains(&accuracy), "{accuracy}");
 
-    // The true classes in place of those of infer are all right, and the car is one object.
+    // With the true classes in place of the classes of infer, all are correct, and the car is one object.
     let truth = scored(&recording, &folder.path().join("truth"), "submap,trajectory,class");
     assert_eq!(truth["classes"]["overall_accuracy"], 1.0);
     let vehicles = &truth["instances"][0];
@@ -123,5 +124,5 @@ fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     assert_eq!(replica_lab(&arguments).status.code(), Some(1), "a recording is not the output of a run");
     let found = folder.path().join("found");
     let arguments = ["evaluate", text(&found), "--truth", text(&cloud)];
-    assert_eq!(replica_lab(&arguments).status.code(), Some(1), "a cloud is no recording");
+    assert_eq!(replica_lab(&arguments).status.code(), Some(1), "a cloud is not a recording");
 }

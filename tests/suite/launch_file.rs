@@ -88,7 +88,7 @@ fn graph_shows_the_dataflow_of_the_file() {
     }
 }
 
-/// The small pipeline, whose source needs no drive, with `drive = "<drive>"` and what follows in the file.
+/// The small pipeline, whose source needs no drive, with `drive = "<drive>"` and the further text in the file.
 fn with_drive(drive: &str, rest: &str) -> Launch {
     let launch = Launch::of_misbehaving("", "ticks = 3", "");
     let path = launch.folder().join("launch.toml");
@@ -130,7 +130,7 @@ fn faulty_simulate_table_is_refused_with_file_line_key_and_rule() {
     }
 }
 
-/// A mistyped drive was simulated and processed as if it were the recording.
+/// Regression: a mistyped drive was simulated and processed as if it were the recording.
 #[test]
 fn mistyped_drive_is_not_simulated() {
     for (launch, words) in [
@@ -147,7 +147,7 @@ fn mistyped_drive_is_not_simulated() {
     }
 }
 
-/// Another seed in [simulate] was ignored: the drive of the old seed was processed.
+/// Regression: another seed in [simulate] was ignored, and the drive of the old seed was processed.
 #[test]
 fn simulated_drive_that_differs_from_the_table_is_refused() {
     let launch = with_drive("drives/town", SIMULATE);

@@ -4,14 +4,14 @@
 use replica_tests::{Launch, Running, leftovers, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 
-/// A sensor without end: a sweep every other millisecond, so that a stop of some tens of ms overruns every queue.
+/// A sensor without end: a sweep every two milliseconds, so that a stop of some tens of ms overruns every queue.
 const SENSOR: &str = "ticks = 1000000\npoints = 500\npace_ms = 2";
 
 fn live(run: &str) -> Launch {
     Launch::of_misbehaving(&format!("mode = \"live\"\n{run}"), SENSOR, "")
 }
 
-/// Asks for the end and checks it.
+/// Requests the end and checks it.
 fn end(launch: &Launch, running: Running, code: i32) {
     running.signal(Signal::INT);
     assert_eq!(running.wait(), Some(code), "{}", launch.stderr());
@@ -114,7 +114,7 @@ fn stage_killed_before_its_first_tick_repeats_no_message_number() {
     launch.wait_for_barrier_of("sink", 2);
     let mut killed: Vec<Pid> = Vec::new();
     for _ in 0..4 {
-        // At once: the next process has hardly begun.
+        // Immediately: the next process has hardly started.
         let source = wait_for("a source", || running.find_stage("source").filter(|pid| !killed.contains(pid)));
         kill_process(source, Signal::KILL).expect("the stage lives");
         killed.push(source);

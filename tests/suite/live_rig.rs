@@ -1,5 +1,5 @@
-//! A live vehicle with all sensors: clouds with colors, spectra and fixes while its data arrives, and a recording that is a complete
-//! drive.
+//! A live vehicle with all sensors: clouds with colors, spectra and fixes while its data arrives, and a recording that
+//! is a complete drive.
 
 use drive::Drive;
 use formats::ply::Vertices;
@@ -10,8 +10,8 @@ use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// All stages, with submaps so long that a busy machine has time for their columns: live, a full queue drops the oldest. Delayed images
-/// and lines are counted and no fault of the run.
+/// All stages, with submaps so long that a busy machine has time for their columns: live, a full queue drops the oldest
+/// message. Delayed images and lines are counted and not a fault of the run.
 fn launch(run: &str, acquire: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     Launch::new(&format!(
@@ -22,7 +22,7 @@ fn launch(run: &str, acquire: &str) -> Launch {
     ))
 }
 
-/// The ports of a live run; the folder of its grabber is `grabber` beside launch.toml.
+/// The ports of a live run; the folder of its grabber is `grabber` next to launch.toml.
 struct Ports {
     data: u16,
     position: u16,
@@ -86,7 +86,7 @@ fn camera_folders(drive: &Drive) -> Vec<String> {
     cameras.chain(manifest.mosaics.iter().map(|entry| entry.folder.clone())).collect()
 }
 
-/// Sends the drive to a live run. `None` if the kernel dropped packets, which is counted and no fault of the run.
+/// Sends the drive to a live run. `None` if the kernel dropped packets, which is counted and not a fault of the run.
 fn live(drive: &Path) -> Option<Launch> {
     let ports = Ports::free();
     let launch = launch(&run_of(drive), &ports.keys());
@@ -96,7 +96,7 @@ fn live(drive: &Path) -> Option<Launch> {
     wait_for("the recording", || launch.output().join("recording/lidar/000.pcap").is_file().then_some(()));
     let mut sender = ports.send(drive, &grabber);
     assert!(sender.wait().expect("waits").success());
-    // On a busy machine the stages may be behind; all images are to be published.
+    // On a busy machine the stages may be behind; all images must be published.
     let n_images: usize = camera_folders(&Drive::open(drive).expect("a drive"))
         .iter()
         .map(|folder| images(&drive.join(folder)).len())
@@ -121,7 +121,7 @@ fn doubts(launch: &Launch, stage: &str) -> Vec<String> {
     doubts.iter().filter_map(|doubt| doubt["name"].as_str().map(str::to_owned)).collect()
 }
 
-/// Points with a color, with a spectrum, and all.
+/// Numbers of points with a color, with a spectrum, and of all points.
 fn points(output: &Path) -> [usize; 3] {
     let mut found = [0; 3];
     let files = result_files(output);
@@ -155,7 +155,7 @@ fn live_vehicle_gives_colored_clouds_and_its_recording_is_the_drive() {
         assert!(!found.iter().any(|doubt| doubt == name), "{found:?}: {}", launch.stderr());
     }
     assert_recording_is(&drive, &launch.output().join("recording"));
-    // The recording needs nothing else.
+    // The recording is complete by itself.
     let again = self::launch(&format!("drive = '{}'", launch.output().join("recording").display()), "");
     let output = again.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
@@ -177,7 +177,8 @@ fn live_vehicle_gives_colored_clouds_and_its_recording_is_the_drive() {
     }
 }
 
-/// The recording has all images of the drive, byte by byte, with stamps moved by one time, its references, and its lines.
+/// Asserts that the recording has all images of the drive, byte by byte, with stamps shifted by one time, its
+/// references, and its lines.
 fn assert_recording_is(drive: &Path, recording: &Path) {
     let expected = Drive::open(drive).expect("a drive");
     let got = Drive::open(recording).expect("a drive");

@@ -1,5 +1,5 @@
-//! A LiDAR on the network: its data is recorded without loss while other stages are killed and stopped, and the recording
-//! processed offline gives the same files as the capture itself.
+//! A LiDAR on the network: its data is recorded without loss while other stages are killed and stopped, and processing
+//! the recording offline gives the same files as processing the capture itself.
 
 use replica_tests::{Launch, PATIENT, binary, drive, output_text, result_files, wait_for};
 use rustix::process::{Signal, kill_process};
@@ -7,8 +7,8 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The stages that need no camera. A live recording has the LiDAR alone, so odometry and georeferencing use no other sensor:
-/// that its sentences have no height is no doubt.
+/// The stages that need no camera. A live recording has only the LiDAR, so odometry and georeferencing use no other
+/// sensor: sentences without a height are not a doubt.
 fn launch(run: &str, acquire: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     Launch::new(&format!(
@@ -25,14 +25,14 @@ fn offline(drive: &Path) -> Launch {
     launch
 }
 
-/// A port that is free just now.
+/// A port that is currently free.
 fn free_port() -> u16 {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
     socket.local_addr().expect("an address").port()
 }
 
-/// Plays the drive to a live run in which stages are killed and stopped. `None` if the kernel dropped packets, which is counted
-/// and no fault of the run.
+/// Plays the drive to a live run in which stages are killed and stopped. `None` if the kernel dropped packets, which is
+/// counted and not a fault of the run.
 fn live(drive: &Path) -> Option<Launch> {
     let [data, position] = [free_port(), free_port()];
     let run = format!("mode = 'live'\nrig = '{}'", drive.display());
@@ -48,7 +48,7 @@ fn live(drive: &Path) -> Option<Launch> {
         .stderr(Stdio::null())
         .spawn()
         .expect("replica starts");
-    // During most of the drive, stages behind acquire are stopped or dead.
+    // During most of the drive, stages after acquire are stopped or dead.
     let stopped = running.stage("infer");
     kill_process(stopped, Signal::STOP).expect("the stage lives");
     let slam = running.stage("slam_aggregate");
@@ -57,8 +57,8 @@ fn live(drive: &Path) -> Option<Launch> {
     wait_for("four megabytes", || (std::fs::metadata(&capture).ok()?.len() > 4 << 20).then_some(()));
     kill_process(stopped, Signal::CONT).expect("the stage lives");
     assert!(sender.wait().expect("waits").success());
-    // Data that was sent waits in the sockets, and acquire reads it at the end. (An end by silence would come too early where a
-    // busy machine does not run the sender for long.)
+    // Data that was sent waits in the sockets, and acquire reads it at the end. (An end by silence would be too early
+    // where a busy machine does not run the sender for long.)
     running.signal(Signal::INT);
     assert_eq!(running.wait(), Some(3), "done, with a stage that was killed: {}", launch.stderr());
     assert_eq!(launch.summary()["total"]["restarts"], 1, "{}", launch.stderr());
@@ -77,7 +77,7 @@ fn sensor_data_is_recorded_while_other_stages_fail() {
     assert!(expected.len() > 3, "{:?}", expected.keys());
     assert_eq!(expected.keys().collect::<Vec<_>>(), got.keys().collect::<Vec<_>>());
     for (name, bytes) in &expected {
-        assert!(*bytes == got[name], "{name} of the recording is not that of the capture");
+        assert!(*bytes == got[name], "{name} of the recording differs from the capture");
     }
     // The live run itself gave at least one cloud.
     assert!(live.stage_summary("export")["counters"]["clouds"].as_u64() > Some(0), "{}", live.stderr());

@@ -1,7 +1,7 @@
 //! Promises about the processes of REPLICA, a module for each topic. `docs/promises.md` lists every promise with its test.
 //!
-//! The programs must be built: `cargo build --release --workspace`, then `cargo test --release -p replica-tests`. Many tests wait most of
-//! their time, so more threads than cores pay off: `-- --test-threads 6`.
+//! The programs must be built: `cargo build --release --workspace`, then `cargo test --release -p replica-tests`. Many
+//! tests wait most of their time, so more threads than cores shorten the run: `-- --test-threads 6`.
 
 mod added_column;
 mod batch;

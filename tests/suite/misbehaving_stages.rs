@@ -1,4 +1,4 @@
-//! Stages that break their contract, one test each: the report, and that the run ends or recovers.
+//! Stages that break their contract, one test each: the fault is reported, and the run ends or recovers.
 
 use replica_tests::{Launch, Running, binary, is_alive, output_text, reported_seconds, undisturbed, wait_for};
 use rustix::process::Signal;
@@ -11,7 +11,7 @@ fn end(mut running: Running) -> (Option<i32>, String) {
     (code, running.stderr())
 }
 
-/// A fault that recurs after every restart: the run is given up and reports why.
+/// Checks a fault that recurs after every restart: the run is given up and reports the reason.
 fn is_given_up(fault: &str, words: &str) {
     let launch = Launch::of_misbehaving("restarts = 1", SOURCE, &format!("fault = \"{fault}\"\nat_tick = 23"));
     let output = launch.run();
@@ -26,7 +26,8 @@ fn is_given_up(fault: &str, words: &str) {
     assert_eq!(launch.summary()["outcome"], "failed");
 }
 
-/// A fault that occurs once, before the stage is ready, and is reported with at least this many seconds behind `words`.
+/// Checks a fault that occurs once, before the stage is ready, and is reported with at least this many seconds after
+/// `words`.
 fn recovers_at_start(run: &str, relay: &str, fault: &str, words: &str, seconds: f64) {
     let relay = format!("fault = \"{fault}\"\nonce = \"struck\"\n{relay}");
     let launch = Launch::of_misbehaving(run, SOURCE, &relay);
@@ -37,7 +38,7 @@ fn recovers_at_start(run: &str, relay: &str, fault: &str, words: &str, seconds: 
     assert!(launch.read("sink.txt") == undisturbed(SOURCE, ""), "{fault} changed the result");
 }
 
-/// The other stages wait for it to open its topics for as long, and are not to blame.
+/// The other stages wait equally long for it to open its topics, and are not to blame.
 #[test]
 fn stage_stalled_in_its_start_is_restarted() {
     recovers_at_start("stall_s = 8.0", "stall_s = 10.0", "stalls_at_start", "[relay] stall: ", 10.0);
@@ -55,7 +56,7 @@ fn stage_that_keeps_its_loans_is_given_up_with_the_limit() {
 
 #[test]
 fn unsaved_state_completes_no_barrier_and_is_reported() {
-    // The source ends just behind the first barrier: no tick follows while the state fails.
+    // The source ends just after the first barrier: no tick follows while the state fails.
     let launch = Launch::of_misbehaving("restarts = 1", "ticks = 8\npoints = 500", "fault = \"relies_on_nothing\"");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
@@ -85,7 +86,7 @@ fn program_with_another_version_than_described_is_refused() {
     assert!(!launch.output().join("sink.txt").exists(), "no stage has connected to it");
 }
 
-/// The transport does not interpret coordinates; stages decide what NaN means.
+/// The transport does not interpret coordinates; stages define the meaning of NaN.
 #[test]
 fn nan_coordinates_pass_unchanged() {
     let with_nan = format!("{SOURCE}\nnan_from = 30");
@@ -110,7 +111,7 @@ fn slow_consumer_applies_back_pressure_and_loses_nothing() {
     }
     assert!(slow.read("sink.txt") == fast.read("sink.txt"));
     // Sweeps of 20 000 points of 24 bytes: queue 4, borrowed 4 and again a queue for each of two consumers, two loans;
-    // columns are a tenth of that. A run that queued without bound would need 150 of them.
+    // columns are a tenth of that. A run with unbounded queues would need 150 of them.
     let peak = slow.summary()["total"]["peak_shared_memory_bytes"].as_u64().expect("a number");
     let sweep = slow.stage_summary("source")["outputs"]["sweep"]["bytes"].as_u64().expect("a number") / 150;
     assert!(peak < 40 * sweep, "{peak} bytes of shared memory, a sweep has {sweep}");

@@ -37,7 +37,7 @@ fn endless() -> (Launch, Running) {
     (launch, running)
 }
 
-/// Asks repeatedly, because a busy machine may delay heartbeats.
+/// Queries repeatedly, because a busy machine may delay heartbeats.
 fn printed_until(launch: &Launch, words: &[&str], fits: impl Fn(&Value) -> bool) -> Value {
     wait_for(&format!("figures of {words:?}"), || Some(json(&printed(launch, words))).filter(&fits))
 }
@@ -56,7 +56,7 @@ impl Observer {
     /// The next line of its stdout.
     fn line(&mut self) -> String {
         let stdout = self.0.stdout.as_mut().expect("a pipe");
-        // A line at a time: what a larger buffer swallowed would be lost to the next call.
+        // Read a line at a time: a larger buffer would lose lines for the next call.
         let mut line = String::new();
         BufReader::with_capacity(1, stdout).read_line(&mut line).expect("readable");
         line
@@ -102,7 +102,7 @@ fn topics_lists_producers_and_consumers() {
 fn status_shows_every_stage_and_topic() {
     let (launch, running) = endless();
     let mut watch = Observer::start(&launch, &["status", "--watch", "--json", "--interval", "0.4"]);
-    // A busy machine may delay a stage for the time of a block.
+    // A busy machine may delay a stage for a time slice.
     let blocks = [(); 2].map(|()| wait_for("a block in which all move", || Some(json(&watch.line())).filter(all_move)));
     for block in &blocks {
         assert_eq!(block["supervisor"], running.pid().as_raw_nonzero().get());
@@ -133,7 +133,7 @@ fn status_shows_every_stage_and_topic() {
     assert!(messages(&blocks[0]) < messages(&blocks[1]), "more messages");
     watch.signal(Signal::INT);
     let output = watch.finish();
-    assert_eq!(output.status.code(), Some(0), "Ctrl-C is no failure: {}", output_text(&output));
+    assert_eq!(output.status.code(), Some(0), "Ctrl-C is not a failure: {}", output_text(&output));
     let table = printed(&launch, &["status"]);
     for word in ["STAGE", "source", "relay", "sink", "TOPIC", "sweep", "class"] {
         assert!(table.contains(word), "{word} is not in\n{table}");
@@ -335,7 +335,8 @@ fn observer_continues_after_a_restart() {
     let mut seq = || json(&observer.line())["seq"].as_u64().expect("a number");
     seq();
     let relay = running.stage("relay");
-    // While it is stopped, the source has sent all messages that it can have answered: later numbers are from after the restart.
+    // While it is stopped, the source has sent all messages that it can have answered: later numbers are from after the
+    // restart.
     kill_process(relay, Signal::STOP).expect("it lives");
     let sent = |status: &Value| status["topics"][0]["published"]["next_seq"].as_u64();
     let sent = sent(&printed_until(&launch, &["status", "--json"], |status| sent(status).is_some()));

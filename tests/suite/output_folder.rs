@@ -1,4 +1,4 @@
-//! An output folder belongs to one run: the next one replaces its results only when asked to.
+//! An output folder belongs to one run: the next run replaces its results only on request.
 
 use replica_tests::{Launch, output_text, undisturbed};
 use std::os::unix::fs::MetadataExt;

@@ -152,7 +152,7 @@ fn real_sweeps_without_cameras_are_mapped() {
         output_text(&output)
     );
     let estimate = trajectory_from_tum(&String::from_utf8(launch.read("trajectory.txt")).expect("text")).expect("TUM");
-    // The references have the poses in the middle of sweeps; the trajectory has those of both ends.
+    // The references have the poses in the middle of sweeps; the trajectory has the poses of both ends.
     let ends: Vec<_> = estimate.poses().iter().rev().take(2).map(|(_, pose)| pose.translation.vector).collect();
     let end = (ends[0] + ends[1]) / 2.0;
     let mut ends = Vec::new();
@@ -163,9 +163,9 @@ fn real_sweeps_without_cameras_are_mapped() {
             reference.push(geometry::Stamp(index as i64), pose);
         }
         let ratio = estimate.length_m() / reference.length_m();
-        assert!((0.98..1.02).contains(&ratio), "the path is {ratio} times as long as that of {name}");
+        assert!((0.98..1.02).contains(&ratio), "the path is {ratio} times as long as the path of {name}");
         let off = (end - reference.poses().last().expect("poses").1.translation.vector).norm();
-        assert!(off < 0.3, "the end is {off} m from that of {name}");
+        assert!(off < 0.3, "the end is {off} m from the end of {name}");
         ends.push(off);
     }
     println!("end points are {ends:.3?} m from the references");

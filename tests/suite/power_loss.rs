@@ -1,10 +1,10 @@
-//! Power loss at any moment: whatever of the unsynced writes and renames is lost, `--resume` gives the files of an undisturbed run or
-//! refuses with a text that names the file. `benches/crash_soak.rs --power-loss` tries more moments.
+//! Power loss at any moment: whatever of the unsynced writes and renames is lost, `--resume` gives the files of an
+//! undisturbed run or refuses with a text that names the file. `benches/crash_soak.rs --power-loss` tries more moments.
 
 use replica_tests::power_loss::{RecordedRun, Survival};
 use replica_tests::{Random, drive, in_own_namespace, lidar_pipeline};
 
-/// Moments that are tried: each is a run.
+/// Number of moments that are tried: each is a run.
 const N: usize = 16;
 
 fn assert_survived(run: &RecordedRun, survival: &Survival) {

@@ -1,5 +1,5 @@
-//! `replica record` on a running run: the recording is complete from its start on, and the run waits for the recorder only if
-//! it may not drop messages.
+//! `replica record` on a running run: the recording is complete from its start on, and the run waits for the recorder
+//! only if it may not drop messages.
 
 use recording::RecordingReader;
 use replica_tests::swaps::{started, stop, wait_for_two_barriers};
@@ -10,7 +10,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-/// Enough ticks that the run is still going whenever a test wants something of it.
+/// Enough ticks that the run continues during the whole test.
 const ENDLESS: &str = "ticks = 1000000\npoints = 1000";
 const TOPICS: [&str; 2] = ["sweep", "class"];
 
@@ -25,7 +25,7 @@ impl Recorder {
     fn attached(launch: &Launch, arguments: &[&str]) -> Self {
         Self::of_topics(launch, arguments, &TOPICS)
     }
-    /// As [`Recorder::attached`], of other topics.
+    /// [`Recorder::attached`] for other topics.
     fn of_topics(launch: &Launch, arguments: &[&str], topics: &[&str]) -> Self {
         let topics = topics.join(",");
         let file = launch.folder().join(format!("recorded {topics}.mcap"));
@@ -64,11 +64,11 @@ impl Drop for Recorder {
 /// Content of a recording by topic.
 #[derive(Default)]
 struct Recorded {
-    /// Of each message.
+    /// Sequence number of each message.
     seqs: Vec<u64>,
-    /// Of each message.
+    /// Tick of each message.
     ticks: Vec<u64>,
-    /// Of each tick: itself, and the messages published up to it.
+    /// Each tick, and the number of messages published up to it.
     rows: Vec<(u64, u64)>,
 }
 
@@ -90,14 +90,14 @@ fn recorded(file: &Path) -> BTreeMap<String, Recorded> {
     topics
 }
 
-/// Every topic has the same ticks, and of them every message.
+/// Asserts that every topic has the same ticks, and all their messages.
 fn assert_without_gap(file: &Path) {
     let topics = recorded(file);
     let first = topics["sweep"].seqs.first().copied().expect("messages");
     assert!(first > 0, "it came to a run that was under way");
     let last = topics["sweep"].rows.last().expect("ticks").0;
     for (name, topic) in &topics {
-        // One message per tick, except that the last one may be the end alone.
+        // One message per tick, except that the last tick may be only the end.
         let ticks: Vec<u64> = topic.rows.iter().map(|(tick, _)| *tick).collect();
         assert_eq!(ticks, (first..=last).collect::<Vec<_>>(), "ticks of {name}");
         assert_eq!(topic.seqs, topic.ticks, "messages of {name}");

@@ -1,5 +1,5 @@
-//! Recording and replay: a recording is complete whatever happens to the processes, does not change the result of the run, and
-//! its replay gives the same result.
+//! Recording and replay: a recording is complete whatever happens to the processes, does not change the result of the
+//! run, and its replay gives the same result.
 
 use replica_tests::{
     Launch, RECORDED_VICTIMS, Random, Running, binary, drive, gate, kill_while_recording, long_drive, output_text,
@@ -19,7 +19,7 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-/// A run of the small pipeline with a recorder beside it; the recording.
+/// A run of the small pipeline with a recorder, and the recording.
 fn recorded(launch: Launch, topics: &str) -> (Launch, PathBuf) {
     let file = launch.folder().join("recorded.mcap");
     let launch = launch.with("--record").with(text(&file)).with("--topics").with(topics);
@@ -116,7 +116,7 @@ fn run_continues_without_its_recorder() {
 
 #[test]
 fn killed_process_leaves_a_complete_recording_or_one_that_says_that_it_is_not() {
-    // One kill of each: a stage leaves the recording complete, the others need not.
+    // One kill of each: a stage must leave the recording complete, the other processes need not.
     let kills = kill_while_recording(&long_drive(), RECORDED_VICTIMS.len(), &mut Random::new(6));
     println!("{kills:?}");
     assert_eq!(kills.struck.len(), RECORDED_VICTIMS.len());
@@ -198,7 +198,7 @@ fn real_stages_on_a_recording_reproduce_the_run() {
     let (launch, recording) = recorded(file(), &format!("{topics},class"));
     succeeded(&launch.run());
 
-    // A stage alone: byte for byte what it published in the run.
+    // A stage alone: byte for byte its output in the run.
     let classes = folder.path().join("class.mcap");
     let alone = Command::new(binary("replica-infer"))
         .args(["run", "--launch", text(&launch.folder().join("launch.toml")), "--recording"])
@@ -211,7 +211,7 @@ fn real_stages_on_a_recording_reproduce_the_run() {
     let compared = replica(&["compare", "--topics", "class"], &[&recording, &classes]);
     assert_eq!(compared.status.code(), Some(0), "{}", String::from_utf8_lossy(&compared.stdout));
 
-    // infer, instance and export on the recorded rest: the files of the run.
+    // infer, instance and export on the other recorded topics: the files of the run.
     let replay = file();
     let launch_file = replay.folder().join("launch.toml");
     let output = replica(&["replay", "--topics", topics, "--launch", text(&launch_file)], &[&recording]);

@@ -1,4 +1,4 @@
-//! The report of a run: written at its end, of this run, and without any effect on it.
+//! The report of a run: written at its end, about this run, and without any effect on it.
 
 use replica_tests::{Launch, binary, drive, gate, output_text, pipeline};
 use serde_json::Value;
@@ -42,7 +42,7 @@ fn run_ends_with_a_report_that_names_its_doubts() {
     assert!(external.iter().all(|word| !page.contains(word)), "the page needs no other file");
     assert!(page.len() < 5_000_000, "{} bytes", page.len());
 
-    // The report depends on nothing but the files of the run and its drive.
+    // The report depends only on the files of the run and its drive.
     let before = FILES.map(|name| launch.read(name));
     let folder = launch.output().canonicalize().expect("is there");
     let again = Command::new(binary("replica")).arg("report").arg(&folder).output().expect("starts");
@@ -53,7 +53,7 @@ fn run_ends_with_a_report_that_names_its_doubts() {
 #[test]
 fn report_that_cannot_be_written_is_a_warning() {
     let launch = Launch::of_misbehaving("report = true", SOURCE, "");
-    // Where the report is written before it gets its name.
+    // The temporary path of the report before it gets its name.
     std::fs::create_dir_all(launch.output().join(".report.json.partial/a")).expect("made");
     let output = launch.run();
     let said = output_text(&output);
@@ -116,7 +116,7 @@ fn browser_shows_every_section_of_the_page() {
     for section in ["What went in", "Path", "From above", "Calibration", "Reflectances", "Classes", "To repeat it"] {
         assert!(shown.contains(&format!("<h2>{section}</h2>")), "{section}");
     }
-    // Elements behind an unclosed one would be inside it.
+    // Elements after an unclosed one would be inside it.
     assert!(shown.trim_end().ends_with("</body></html>"));
     assert_eq!(shown.matches("<figure>").count(), shown.matches("</figure>").count());
     browser(&format!("--screenshot={}", picture.display()));

@@ -1,5 +1,5 @@
-//! Exhausted resources: disk, shared memory, memory, rights. The report names the stage, the resource and the remedy. Once the
-//! cause is removed, `--resume` gives the result of an undisturbed run.
+//! Exhausted resources: disk, shared memory, memory, permissions. The report names the stage, the resource and the
+//! remedy. Once the cause is removed, `--resume` gives the result of an undisturbed run.
 
 use replica_tests::{
     Launch, Running, binary, drive, gate, in_own_namespace, mount_tmpfs, output_text, pipeline, reference,
@@ -12,7 +12,7 @@ use std::path::Path;
 const SOURCE: &str = "ticks = 400\npoints = 5000";
 const SHORT: &str = "ticks = 60\npoints = 500";
 
-/// Waits for the end; exit code and messages.
+/// Waits for the end. Returns exit code and messages.
 fn end(mut running: Running) -> (Option<i32>, String) {
     let code = wait_for("the end of the run", || running.ended());
     (code, running.stderr())
@@ -100,7 +100,7 @@ fn clouds_that_will_not_fit_are_refused_before_the_start() {
     let estimate: f64 = estimate.and_then(|text| text.parse().ok()).expect(&output_text);
     let ratio = estimate * 1e6 / bytes as f64;
     assert!((0.7..1.4).contains(&ratio), "{estimate} MB estimated, {bytes} bytes written");
-    // Saved states need room, too.
+    // Saved states also need room.
     resize_tmpfs(&launch.output(), 16 * bytes as u64);
     let (code, output_text) = end(launch.start_again(&[]));
     assert_eq!(code, Some(0), "{output_text}");
@@ -109,7 +109,7 @@ fn clouds_that_will_not_fit_are_refused_before_the_start() {
 
 #[test]
 fn file_size_limit_is_reported() {
-    // A shell sets the limit and becomes the relay; the file that outgrows it is made by the relay's log and state.
+    // A shell sets the limit and becomes the relay; the relay's log and state exceed the limit of a file.
     let launch = limited_relay("ulimit -f 0");
     let (code, output_text) = end(launch.start());
     assert_eq!(code, Some(1), "{output_text}");
@@ -122,7 +122,7 @@ fn file_size_limit_is_reported() {
     assert_resumes(&launch, SHORT);
 }
 
-/// The small pipeline whose relay runs under what `limit` does to its shell.
+/// The small pipeline whose relay runs in a shell after the command `limit`.
 fn limited_relay(limit: &str) -> Launch {
     let mut text = String::from("[run]\ndrive = \".\"\noutput = \"out\"\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n");
     write!(text, "[source]\nprogram = '{}'\n{SHORT}\n", binary("misbehaving-source").display()).expect("a string");
@@ -141,7 +141,7 @@ fn limited_relay(limit: &str) -> Launch {
     launch
 }
 
-/// A run under these limits of the shell; exit code and messages.
+/// Runs under these limits of the shell. Returns exit code and messages.
 fn run_limited(launch: &Launch, limit: &str) -> (Option<i32>, String) {
     let ended = std::process::Command::new("sh")
         .args(["-c", &format!("{limit} && exec \"$0\" \"$@\"")])
@@ -153,7 +153,7 @@ fn run_limited(launch: &Launch, limit: &str) -> (Option<i32>, String) {
     (ended.status.code(), output_text(&ended))
 }
 
-/// The limits ended runs within the transport, after useless restarts.
+/// Regression: the limits ended runs within the transport, after useless restarts.
 #[test]
 fn limits_too_low_for_the_run_are_refused_before_the_start() {
     let launch = Launch::of_misbehaving("", SHORT, "");
@@ -168,7 +168,7 @@ fn limits_too_low_for_the_run_are_refused_before_the_start() {
         let need = text.split_once(" needs ").and_then(|(_, rest)| rest.split([';', ',', ' ']).next());
         let need = need.filter(|need| need.parse::<u64>().is_ok()).unwrap_or_else(|| panic!("no need in {text}"));
         assert!(text.contains(&format!("{need}{unit}")), "{text}");
-        // What the message asks for is enough.
+        // The limit requested by the message is sufficient.
         let (code, text) = run_limited(&launch, &format!("ulimit {option} {need}"));
         assert_eq!(code, Some(0), "ulimit {option} {need}: {text}");
         assert!(launch.read("sink.txt") == undisturbed(SHORT, ""), "{text}");
@@ -214,7 +214,7 @@ fn read_only_output_is_refused_before_the_start() {
     assert_eq!(ended.status.code(), Some(0), "{}", output_text(&ended));
 }
 
-/// The run recovers from a fault that occurs once, and the report contains these words.
+/// Asserts that the run recovers from a fault that occurs once, and that the report contains these words.
 fn recovers(fault: &str, words: &[&str]) {
     let relay = format!("fault = \"{fault}\"\nat_tick = 23\nonce = \"struck\"");
     let launch = Launch::of_misbehaving("", SHORT, &relay);

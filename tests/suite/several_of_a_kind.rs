@@ -1,4 +1,4 @@
-//! Several stages of one program in a run: each has settings and topics of its own, and disturbs no other one.
+//! Several stages of one program in a run: each has its own settings and topics, and disturbs no other stage.
 
 use formats::ply::Vertices;
 use replica_tests::{
@@ -9,7 +9,8 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A second segmenter beside `[infer]` of [`pipeline`], with the same model: points with a low score lose their class.
+/// A second segmenter in addition to `[infer]` of [`pipeline`], with the same model: points with a low score lose their
+/// class.
 const INFER_B: &str = "[infer_b]\nprogram = 'replica-infer'\nunknown_below = 0.9\nremap = { class = 'class_b' }\n";
 
 /// The launch file continued; its last table is `[export]`.
@@ -63,7 +64,7 @@ fn second_segmenter_is_recorded_and_does_not_change_the_result() {
     let summary = launch.stage_summary("infer_b");
     assert!(summary["outputs"]["class_b"]["messages"].as_u64() > Some(0), "{summary}");
 
-    // The recording is replayed, its topic `class_b` in place of its stage.
+    // The recording is replayed, with its topic `class_b` in place of its stage.
     let (code, said) = replica(&["inspect", text(&recording)]);
     assert!(code == Some(0) && said.contains("class_b"), "{said}");
     let replayed = launch.folder().join("replayed.mcap");
@@ -97,7 +98,7 @@ fn classes_of_two_segmenters_are_columns_that_compare_tells_apart_after_kills() 
     let cloud = cloud(&launch.output());
     for column in single.properties() {
         let name = column.name.as_str();
-        assert!(single.f64s(name).ok() == cloud.f64s(name).ok(), "{name} is that of a run with one segmenter");
+        assert!(single.f64s(name).ok() == cloud.f64s(name).ok(), "{name} is as in a run with one segmenter");
     }
     let (a, b) = (cloud.u8s("semantic").expect("a column"), cloud.u8s("class_b").expect("a column"));
     assert_eq!(a.len(), b.len());
@@ -114,7 +115,7 @@ fn classes_of_two_segmenters_are_columns_that_compare_tells_apart_after_kills() 
     assert!(code == Some(1) && said.contains("no classes of topic class_x; it has class, class_b"), "{said}");
 }
 
-/// There it has the names of topics of its program, here those of the run.
+/// On the other host the stage uses its program's topic names, here the names of the run.
 #[test]
 fn second_segmenter_on_another_host_gives_the_same_clouds() {
     let expected = reference("two_segmenters", two_segmenters);

@@ -1,4 +1,5 @@
-//! A stage alone on a recording gives byte for byte its output in a run. An unsuitable recording is refused with the reason.
+//! A stage alone on a recording gives byte for byte its output in a run. An unsuitable recording is refused with the
+//! reason.
 
 use replica_tests::{Launch, binary, output_text};
 use std::path::Path;

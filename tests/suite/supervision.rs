@@ -1,5 +1,5 @@
-//! Failing stages: exit, hang and stall are distinguished and reported with the last log lines of the stage. The run continues
-//! from the last barrier, a limited number of times, and its result is that of an undisturbed run.
+//! Failing stages: exit, hang and stall are distinguished and reported with the last log lines of the stage. The run
+//! continues from the last barrier, a limited number of times, and its result equals an undisturbed run.
 
 use replica_tests::{Launch, gate, output_text, reported_seconds, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
@@ -147,7 +147,7 @@ fn run_of_a_killed_supervisor_is_resumed() {
 
 #[test]
 fn stall_limit_of_the_stage_replaces_that_of_the_run() {
-    // The relay stalls for ever, but its table allows more time; the source and the sink merely wait for it.
+    // The relay stalls forever, but its table allows more time; the source and the sink only wait for it.
     let relay = "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"\nstall_s = 12.0";
     let launch = Launch::of_misbehaving("stall_s = 10.0", SOURCE, relay);
     let output = launch.run();
@@ -174,7 +174,7 @@ fn stages_killed_at_their_start_do_not_change_the_result() {
 
 #[test]
 fn stage_stopped_for_a_while_continues() {
-    // SIGCONT once interrupted the sleep of a stage with an error, which caused a restart.
+    // Regression: SIGCONT once interrupted the sleep of a stage with an error, which caused a restart.
     let launch = Launch::of_misbehaving("restarts = 0", "ticks = 1000000\npoints = 1000", "");
     let running = launch.start();
     launch.wait_for_barrier(1);

@@ -1,5 +1,5 @@
-//! Swaps: a stage of a running pipeline is replaced at a barrier without a lost or doubled message. An unsuitable swap is refused
-//! with its reasons, a failing one is undone, and a killed run resumes with its completed swaps.
+//! Swaps: a stage of a running pipeline is replaced at a barrier without a lost or duplicated message. An unsuitable
+//! swap is refused with its reasons, a failing one is undone, and a killed run resumes with its completed swaps.
 
 use replica_tests::swaps::{
     begin_swap, refused, replica, started, stop, swap, swap_output, swapped, wait_for_two_barriers,
@@ -16,12 +16,12 @@ fn swaps_of(launch: &Launch) -> Vec<Value> {
     launch.summary()["swaps"].as_array().expect("a list").clone()
 }
 
-/// What the sink wrote.
+/// The lines that the sink wrote.
 fn lines(launch: &Launch) -> Vec<String> {
     String::from_utf8(launch.read("sink.txt")).expect("text").lines().map(str::to_owned).collect()
 }
 
-/// The sink's lines must be those of undisturbed runs: from each tick of `changes` on those of a run with that relay.
+/// Asserts that the sink's lines equal undisturbed runs: from each tick of `changes` on, a run with that relay.
 fn assert_made_by(launch: &Launch, changes: &[(u64, &str)]) {
     let got = lines(launch);
     let mut from = 0;
@@ -29,7 +29,7 @@ fn assert_made_by(launch: &Launch, changes: &[(u64, &str)]) {
         let until = changes.get(index + 1).map_or(got.len(), |(ticks, _)| 2 * *ticks as usize);
         let expected = undisturbed_lines(got.len() / 2, relay);
         assert!(from < until && until <= got.len(), "{from} to {until} of {} lines by {relay:?}", got.len());
-        assert!(got[from..until] == expected[from..until], "lines {from} to {until} are not those of relay {relay:?}");
+        assert!(got[from..until] == expected[from..until], "lines {from} to {until} differ from relay {relay:?}");
         from = until;
     }
 }
@@ -54,7 +54,7 @@ fn swap_to_the_same_program_does_not_change_the_result() {
     assert_eq!(swaps.len(), 1);
     assert!(swaps[0]["seconds_without_output"].as_f64() > Some(0.0), "{swaps:?}");
     assert!(swaps[0]["state_bytes"].as_u64() > Some(4), "the relay has a running sum: {swaps:?}");
-    assert_eq!(launch.summary()["total"]["restarts"], 0, "a swap is no restart");
+    assert_eq!(launch.summary()["total"]["restarts"], 0, "a swap is not a restart");
     let domain = replica_tests::domain_of(&launch.output());
     assert_eq!(leftovers(&domain), Vec::<String>::new());
 }
@@ -142,7 +142,7 @@ fn failing_program_is_swapped_back() {
     assert!(swaps.iter().all(|swap| swap["undone"].is_string()) && swaps.len() == 2, "{swaps:?}");
 }
 
-/// Begins a swap that cannot reach its barrier, because the sink is stopped.
+/// Starts a swap that cannot reach its barrier, because the sink is stopped.
 fn begin_stuck_swap(launch: &Launch, running: &Running) -> Child {
     kill_process(running.stage("sink"), Signal::STOP).expect("the sink lives");
     begin_swap(launch, &["relay", "--set", "salt=3"])
@@ -213,7 +213,7 @@ fn run_killed_during_a_swap_resumes_without_it() {
     running.signal(Signal::KILL);
     assert_eq!(running.wait(), None);
     swapping.expect("replica starts").wait().expect("ends");
-    // The supervisor has recorded which of the two it was when it was killed.
+    // The supervisor had recorded which of the two applied when it was killed.
     let record: Value = serde_json::from_slice(&std::fs::read(&record).expect("a file")).expect("JSON");
     let resumed = launch.start_again(&["--resume"]);
     resumed.stage("sink");

@@ -57,7 +57,7 @@ fn swapped_there_and_back(text: &str) -> Option<Launch> {
     Some(launch)
 }
 
-/// A swap in a short drive: the sink is stopped until the swap is under way.
+/// A swap in a short drive: the sink is stopped until the swap is in progress.
 fn swapped_before_the_end(launch: &Launch, running: &Running, arguments: &[&str]) -> Option<String> {
     let export = running.find_stage("export")?;
     kill_process(export, Signal::STOP).ok()?;

@@ -71,7 +71,7 @@ fn stage_that_holds_the_others_up_is_named_slowest() {
         let text = launch.stderr();
         let event = text.lines().rev().find(|line| line.contains("\"progress\""))?;
         let event: Value = serde_json::from_str(event).ok()?;
-        // The source has gone on until its queue was full.
+        // The source has continued until its queue was full.
         let waits =
             event["stages"][0]["activity"]["kind"] == "blocked" && event["stages"][2]["activity"]["kind"] == "waiting";
         waits.then(|| event["slowest"].as_str().map(str::to_owned)).flatten()
@@ -101,7 +101,7 @@ fn live_run_shows_rates_instead_of_a_share() {
     assert!(elapsed_s.is_sorted(), "{elapsed_s:?}");
 }
 
-/// The rates of a live run are those of the ticks in its events, whatever the speed of the machine.
+/// The rates of a live run match the ticks in its events, whatever the speed of the machine.
 #[test]
 fn live_rates_are_ticks_and_points_by_time() {
     let launch = Launch::of_misbehaving("mode = \"live\"", "ticks = 600\npoints = 5000\npace_ms = 5", "");
@@ -153,7 +153,7 @@ fn status_is_redrawn_in_place_on_80_by_24() {
     command.stdin(Stdio::null()).stdout(terminal.program.try_clone().expect("opens"));
     let mut status = command.spawn().expect("starts");
     drop(command);
-    // The table is drawn again and again while the run waits at the gate.
+    // The table is redrawn while the run waits at the gate.
     terminal.read_until("STAGE", 4);
     launch.open_gate();
     let screen = terminal.read_to_end();

@@ -1,4 +1,4 @@
-//! A stage on another host: the run, its result and its recovery are those of a run on one host.
+//! A stage on another host: the run, its result and its recovery equal a run on one host.
 
 use replica_tests::swaps::{started, stop, swapped, wait_for_two_barriers};
 use replica_tests::{
@@ -61,7 +61,7 @@ fn cut_connections_and_killed_processes_do_not_change_the_result() {
 #[test]
 #[cfg_attr(not(network_namespaces), ignore = "needs network namespaces and `ip` (iproute2)")]
 fn pulled_cable_between_two_hosts_does_not_change_the_result() {
-    // Made where the reference has its network.
+    // Created where the reference has its network.
     let expected = undisturbed(SOURCE, "");
     if !in_own_network!("pulled_cable_between_two_hosts_does_not_change_the_result") {
         return;
@@ -82,7 +82,7 @@ fn pulled_cable_between_two_hosts_does_not_change_the_result() {
     assert!(launch.read("sink.txt") == expected, "the cuts changed the result");
 }
 
-/// An error of the stage is one of the run, with its host.
+/// An error of the stage is an error of the run, with its host.
 #[test]
 fn failed_stage_on_another_host_is_reported_and_restarts() {
     let host = OtherHost::start();
@@ -142,7 +142,7 @@ fn stage_on_another_host_restarts_alone_in_a_live_run() {
 #[test]
 fn changed_file_on_the_other_host_ends_the_run() {
     let host = OtherHost::start();
-    // A file in the agent's folder that a setting names, as a network would name its model.
+    // A file in the agent's folder that a setting names, as it would name the model of a network.
     let folder = binary(RELAY).parent().expect("a folder").to_owned();
     let model = tempfile::Builder::new().prefix("two_machines").tempfile_in(&folder).expect("a file");
     let name = model.path().file_name().expect("a name").to_string_lossy().into_owned();
@@ -167,7 +167,7 @@ fn changed_file_on_the_other_host_ends_the_run() {
     assert!(launch.stderr().contains(&format!("{}:{name}", host.address())), "{}", launch.stderr());
 }
 
-/// What `--check` says of a launch file that it refuses.
+/// The refusal of a launch file by `--check`.
 fn refusal(launch: Launch) -> String {
     let output = launch.with("--check").run();
     assert_eq!(output.status.code(), Some(78), "{}", output_text(&output));

@@ -13,7 +13,7 @@ struct Viewer {
 }
 
 impl Viewer {
-    /// Of a run or a file.
+    /// A viewer of a run or a file.
     fn of(path: &Path, options: &[&str]) -> Self {
         let mut child = Command::new(binary("replica"))
             .arg("view")
@@ -39,7 +39,7 @@ impl Drop for Viewer {
 
 /// A number of the page.
 fn number(browser: &Browser, expression: &str) -> f64 {
-    browser.evaluate(expression).as_f64().unwrap_or_else(|| panic!("{expression} is no number"))
+    browser.evaluate(expression).as_f64().unwrap_or_else(|| panic!("{expression} is not a number"))
 }
 
 /// Pixels that are not the background.
@@ -49,7 +49,7 @@ fn drawn_pixels(browser: &Browser) -> f64 {
     number(browser, counted)
 }
 
-/// Sets an input and says so to the page.
+/// Sets an input and notifies the page.
 fn set(browser: &Browser, id: &str, property: &str, value: &str) {
     browser.evaluate(&format!(
         "(() => {{ const e = document.getElementById('{id}'); e.{property} = {value}; \
@@ -57,7 +57,7 @@ fn set(browser: &Browser, id: &str, property: &str, value: &str) {
     ));
 }
 
-/// Waits until everything that belongs to the view is loaded.
+/// Waits until everything in the view is loaded.
 fn wait_for_points(browser: &Browser) {
     wait_for("a complete picture", || {
         let is_complete = "!!window.__state && __state.nodes.nLoaded > 0 && __state.nodes.nMissing === 0";
@@ -80,7 +80,7 @@ fn browser_draws_hides_and_picks_points() {
     let pixels = drawn_pixels(&browser);
     assert!(pixels > 20_000.0, "{pixels} pixels of 540 000");
 
-    // The budget holds.
+    // The budget is respected.
     set(&browser, "budget", "value", "0.1");
     drawn_pixels(&browser);
     let n_within = number(&browser, "__state.nodes.nDrawn");
@@ -102,7 +102,7 @@ fn browser_draws_hides_and_picks_points() {
     assert!(text.as_str().is_some_and(|text| fields.iter().all(|field| text.contains(field))), "{text}");
     measures_distance(&browser);
 
-    // Every mode of colors draws, and the address keeps the view.
+    // Every color mode draws, and the address keeps the view.
     let modes = browser.evaluate("[...document.getElementById('mode').options].map(option => option.value)");
     let modes: Vec<&str> = modes.as_array().expect("a list").iter().filter_map(|mode| mode.as_str()).collect();
     let all = "rgb intensity class instance height time moving score band bands material material_score";
@@ -134,7 +134,7 @@ fn live_page_shows_submaps_while_they_are_written_and_then_the_final_cloud() {
     wait_for("a page without a run", || phase().contains("No run is active").then_some(()));
     browser.evaluate("window.__isFirstPage = true");
 
-    // A source that is stopped early keeps the run from ending before the page has met it.
+    // A source that is stopped early keeps the run from ending before the page has read it.
     let running = launch.start();
     wait_for("a submap", || launch.output().join("clouds/submap_0000.ply").exists().then_some(()));
     let source = running.stage("acquire");
@@ -145,7 +145,7 @@ fn live_page_shows_submaps_while_they_are_written_and_then_the_final_cloud() {
     let pixels = drawn_pixels(&browser);
     assert!(n_first > 1000.0 && pixels > 1000.0, "{n_first} points on {pixels} pixels");
     assert!(number(&browser, "__state.cloud.path.length") > 5.0);
-    // Submaps that are under way still move a camera that follows, also between a click and its point.
+    // Unfinished submaps still move a camera that follows, also between a click and its point.
     set(&browser, "follow", "checked", "false");
     picks_point(&browser);
     // The budget thins all parts.
@@ -205,7 +205,7 @@ fn files_of_other_programs_are_drawn_in_all_point_formats() {
     }
 }
 
-/// Clicks a drawn pixel near the middle: the panel shows the point that is there.
+/// Clicks a drawn pixel near the middle: the panel shows its point.
 fn picks_point(browser: &Browser) {
     click_point(browser, 0.5);
     let text = browser.evaluate("document.getElementById('point').innerText");
@@ -236,7 +236,7 @@ fn measures_distance(browser: &Browser) {
     browser.evaluate("document.getElementById('measure').click()");
 }
 
-/// Clicks the drawn pixel that is nearest to the middle of the page at a share of its width, and waits for the point.
+/// Clicks the drawn pixel closest to the middle of the page at a share of its width, and waits for the point.
 fn click_point(browser: &Browser, share: f64) {
     let n_before = number(browser, "__state.nClicked");
     let found = browser.evaluate(&format!(

@@ -1,5 +1,5 @@
-//! Points are written once and read in place: every row that a stage reads lies in the shared memory of the run. (Tests of
-//! shared/ipc check within one process that it is the address that was written to.)
+//! Points are written once and read in place: every row that a stage reads is in the shared memory of the run. (Tests
+//! of shared/ipc check within one process that it is the address that was written to.)
 
 use replica_tests::{Launch, output_text};
 

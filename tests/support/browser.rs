@@ -70,7 +70,7 @@ impl Browser {
     /// The value of an expression; promises are awaited.
     pub fn evaluate(&self, expression: &str) -> Value {
         let parameters = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
-        // A page that is being loaded anew does not answer: the next one does.
+        // A page that is being reloaded does not answer: the next one does.
         let answer = loop {
             match self.try_call("Runtime.evaluate", &parameters) {
                 Err(error) if error.to_string().contains("navigated") => {}
@@ -81,7 +81,7 @@ impl Browser {
         answer["result"]["value"].clone()
     }
 
-    /// Presses and releases the left button at a place of the page, px.
+    /// Presses and releases the left button at a position of the page, px.
     pub fn click(&self, [x, y]: [f64; 2]) {
         for kind in ["mousePressed", "mouseReleased"] {
             let event = json!({"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1});

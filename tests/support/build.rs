@@ -1,12 +1,12 @@
-//! Finds out what this machine allows. A test that needs more is listed as ignored: the test harness can only ignore what was
-//! ignored when it was compiled.
+//! Determines the permissions on this machine. A test that needs more is listed as ignored: the test harness can only
+//! ignore tests that were ignored when it was compiled.
 //!
 //! | cfg | a test may |
 //! |---|---|
 //! | `mount_namespaces` | mount file systems in a namespace of its own (`unshare`) |
 //! | `user_file_systems` | mount file systems of its own there (`/dev/fuse`) |
 //! | `other_users` | start processes of another user |
-//! | `network_namespaces` | lay cables between networks of its own (`unshare`, `ip` of Debian's iproute2) |
+//! | `network_namespaces` | connect its own networks by virtual cables (`unshare`, `ip` of Debian's iproute2) |
 //! | `chromium` | open pages in Chromium (Debian: `apt-get install chromium`) |
 //!
 //! With `REPLICA_NAMESPACES=required` `mount_namespaces` and `other_users` are set, and a test that is not allowed to do so fails.
@@ -34,7 +34,7 @@ fn main() {
     }
 }
 
-/// As the superuser, or as the root of a user namespace.
+/// Whether mounting is allowed: as the superuser, or as the root of a user namespace.
 fn may_mount() -> bool {
     let mount = format!("mount -t tmpfs none '{}'", std::env::temp_dir().display());
     is_allowed_in(&["-m", "-rm"], &mount)
@@ -56,12 +56,12 @@ fn has_chromium() -> bool {
     tried.is_ok_and(|status| status.success())
 }
 
-/// The kernel's part is found out when a test mounts one.
+/// Whether `/dev/fuse` is usable. Support of the kernel is determined when a test mounts a file system.
 fn may_serve_files() -> bool {
     std::fs::File::options().read(true).write(true).open("/dev/fuse").is_ok()
 }
 
-/// Only the superuser may, and the other user must be able to read the programs.
+/// Whether other users are allowed: only for the superuser, and the other user must be able to read the programs.
 fn may_become_another_user() -> bool {
     let is_superuser = std::fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0);
     let programs = std::env::var("OUT_DIR").unwrap_or_default();

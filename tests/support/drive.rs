@@ -14,7 +14,8 @@ pub fn drive() -> PathBuf {
     made.join("drive")
 }
 
-/// Twelve seconds by LiDAR, IMU and GNSS alone: more than the stages hold in flight, so that a run can be met before its end.
+/// Twelve seconds with LiDAR, IMU and GNSS only: more than the stages hold in flight, so that a test can act before the
+/// end of the run.
 pub fn long_drive() -> PathBuf {
     let arguments = ["--seed", "5", "--seconds", "12", "--rig", "survey"];
     made_once("long_drive", &["replica"], |folder| simulated_drive(&folder.join("drive"), &arguments)).join("drive")
@@ -47,8 +48,8 @@ pub const ANY_FIXES: &str = "min_used_fixes_share = 0.0";
 pub const ANY_DEVIATION: &str =
     "max_position_deviation_m = 1000.0\nmax_height_deviation_m = 1000.0\nmax_heading_deviation_deg = 180.0";
 
-/// All stages, with submaps short enough that four seconds from rest have several. `run` are further keys of `[run]`; `infer`
-/// those of `[infer]`, empty for the model of the project.
+/// All stages, with submaps short enough that four seconds from rest have several. `run` are further keys of `[run]`,
+/// `infer` the keys of `[infer]`; empty for the model of the project.
 pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     let infer = if infer.is_empty() { format!("model = '{}'", model.display()) } else { infer.to_owned() };
@@ -62,7 +63,7 @@ pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
     ))
 }
 
-/// Of [`pipeline`] the stages that need a LiDAR alone.
+/// The stages of [`pipeline`] that need only a LiDAR.
 pub fn lidar_pipeline(drive: &Path, run: &str) -> Launch {
     let without = ["calibrate", "colorize", "infer", "instance"];
     without.iter().fold(pipeline(drive, run, ""), |launch, stage| launch.with("--without").with(stage))

@@ -21,7 +21,7 @@ pub fn write_foreign_copc(path: &Path, format: u8, rgb: [u16; 3]) {
     let record_bytes = records.len() / (SIDE * SIDE);
     let mut compressed = Cursor::new(Vec::new());
     laz::compress_buffer(&mut compressed, &records, laz.clone()).expect("compresses");
-    // The place of the table of the chunks, the chunk, the table.
+    // The position of the table of the chunks, the chunk, the table.
     let mut body = compressed.into_inner();
     let mut laz_vlr = Vec::new();
     laz.write_to(&mut laz_vlr).expect("a vector takes all");
@@ -51,7 +51,7 @@ pub fn write_foreign_copc(path: &Path, format: u8, rgb: [u16; 3]) {
     file.extend(1000_u16.to_le_bytes());
     file.extend(32_u64.to_le_bytes());
     file.extend([0; 32]);
-    // The root and its chunk, which begins behind the place of the table.
+    // The root and its chunk, which starts after the position of the table.
     file.extend([0; 16]);
     file.extend((points_at as u64 + 8).to_le_bytes());
     file.extend((table_at as i32 - 8).to_le_bytes());

@@ -8,39 +8,39 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// A moment that has not come after this long never comes: a fault of the test, or a run that is stuck.
+/// Longest wait for a moment: a longer one indicates a fault of the test, or a run that is stuck.
 const TIMEOUT: Duration = Duration::from_mins(5);
 
 /// The kills of a run.
 #[derive(Debug, Default)]
 pub struct Kills {
-    /// By victim: a stage, `supervisor` or `all`.
+    /// Kills by victim: a stage, `supervisor` or `all`.
     pub struck: BTreeMap<String, usize>,
-    /// How often the run was continued by `--resume`.
+    /// Number of times the run was continued by `--resume`.
     pub resumed: usize,
-    /// Restarts that supervisors made.
+    /// Number of restarts by supervisors.
     pub restarts: usize,
-    /// When the kills were.
+    /// Times of the kills.
     pub at: Vec<Instant>,
 }
 
 impl Kills {
-    /// All of them.
+    /// Number of all kills.
     pub fn total(&self) -> usize {
         self.struck.values().sum()
     }
 }
 
-/// When a process is killed.
+/// Time of a kill.
 #[derive(Debug)]
 pub(crate) enum Moment {
     /// This many polls, a millisecond apart, after the last kill: during start-up, connecting, resuming, any state.
     Polls(u64),
     /// This many polls after a process of the victim exists.
     Started(u64),
-    /// When this many more barriers have begun.
+    /// When this many more barriers have started.
     Barriers(u64),
-    /// This many polls after a stage begins to write a state.
+    /// This many polls after a stage starts to write a state.
     Saving(u64),
 }
 
@@ -55,7 +55,7 @@ impl Moment {
     }
 }
 
-/// Runs `launch` to its end under `n_kills` kills of these stages, of the supervisor and of all at once.
+/// Runs `launch` to its end with `n_kills` kills of these stages, of the supervisor and of all at once.
 ///
 /// # Panics
 /// If the run fails; the message lists the kills.
@@ -64,7 +64,7 @@ pub fn run_under_kills(launch: &Launch, stages: &[&str], n_kills: usize, random:
     let mut kills = Kills::default();
     let mut running = launch.start();
     let mut history = String::new();
-    // Every victim once, the rest by chance.
+    // Every victim once, the rest random.
     let mut queue: Vec<&str> = (0..n_kills).map(|i| *victims.get(i).unwrap_or(random.pick(&victims))).collect();
     let mut soon = false;
     while let Some(victim) = queue.pop() {
@@ -73,8 +73,8 @@ pub fn run_under_kills(launch: &Launch, stages: &[&str], n_kills: usize, random:
         write!(history, "{victim} {moment:?}, ").expect("a string takes everything");
         let awaited = await_moment(launch, &mut running, victim, &moment);
         if !awaited {
-            // The run has ended before the kill. Resumed, it repeats what follows the last barrier, which can be disturbed if the
-            // next kill comes soon.
+            // The run has ended before the kill. Resumed, it repeats the data after the last barrier, which can be
+            // disturbed if the next kill follows soon.
             soon = true;
             kills.restarts += restarts(&running.stderr());
             let code = running.ended();

@@ -1,4 +1,4 @@
-//! Launch files and what their runs leave.
+//! Launch files and the results of their runs.
 
 use crate::processes::{find_domain, leftovers};
 use crate::{Running, binary, is_alive, wait_for};
@@ -7,21 +7,21 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// A folder with a launch.toml in it. Dropping it removes the folder and what killed runs have left in shared memory: no later
-/// run into this folder could remove it.
+/// A folder with a launch.toml in it. Dropping it removes the folder and the shared memory left by killed runs, which
+/// no later run into this folder could remove.
 pub struct Launch {
     folder: tempfile::TempDir,
     arguments: Vec<String>,
 }
 
 impl Launch {
-    /// With this launch.toml.
+    /// A folder with this launch.toml.
     pub fn new(text: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::write(folder.path().join("launch.toml"), text).expect("written");
         Self { folder, arguments: Vec::new() }
     }
-    /// The small pipeline of tests/misbehaving, the relay's table being `relay`.
+    /// The small pipeline of tests/misbehaving, with the table `relay` of the relay.
     pub fn of_misbehaving(run: &str, source: &str, relay: &str) -> Self {
         let mut text = format!(
             "[run]\ndrive = \".\"\noutput = \"out\"\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{}\n",
@@ -47,11 +47,11 @@ impl Launch {
     pub fn folder(&self) -> &Path {
         self.folder.path()
     }
-    /// `out` beside launch.toml.
+    /// The folder `out` next to launch.toml.
     pub fn output(&self) -> PathBuf {
         self.folder().join("out")
     }
-    /// The newest barrier for which there is a state.
+    /// The newest barrier with a state.
     pub fn newest_barrier(&self) -> Option<u64> {
         self.barriers().max()
     }
@@ -59,11 +59,11 @@ impl Launch {
         let folders = std::fs::read_dir(self.states()).into_iter().flatten().flatten();
         folders.filter_map(|folder| folder.file_name().to_string_lossy().parse().ok())
     }
-    /// Waits until there is a state of this barrier or of a later one, be it the source's alone.
+    /// Waits until a state of this barrier or a later one exists, even if only of the source.
     pub fn wait_for_barrier(&self, barrier: u64) {
         wait_for(&format!("barrier {barrier}"), || (self.newest_barrier()? >= barrier).then_some(()));
     }
-    /// Waits until this stage has saved its state at this barrier or at a later one.
+    /// Waits until this stage has saved its state at this barrier or a later one.
     pub fn wait_for_barrier_of(&self, stage: &str, barrier: u64) {
         wait_for(&format!("{stage} at barrier {barrier}"), || {
             let is_saved = |barrier: &u64| self.states().join(format!("{barrier}/{stage}.state")).is_file();
@@ -83,11 +83,11 @@ impl Launch {
     pub fn run(&self) -> Output {
         self.command().output().expect("replica-launch starts")
     }
-    /// As [`Launch::run`] with an environment variable.
+    /// [`Launch::run`] with an environment variable.
     pub fn run_with_env(&self, key: &str, value: &str) -> Output {
         self.command().env(key, value).output().expect("replica-launch starts")
     }
-    /// Starts and returns.
+    /// Starts the run and returns.
     pub fn start(&self) -> Running {
         self.start_again(&[])
     }
@@ -100,7 +100,7 @@ impl Launch {
         wait_for("the stages' end", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
         self.open_gate();
     }
-    /// As [`Launch::start`] with further arguments.
+    /// [`Launch::start`] with further arguments.
     pub fn start_again(&self, arguments: &[&str]) -> Running {
         let errors = std::fs::File::create(self.folder().join("stderr.txt")).expect("created");
         let mut command = self.command();
@@ -108,16 +108,16 @@ impl Launch {
             command.args(arguments).stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
         Running::new(child, self.folder())
     }
-    /// As [`Launch::start`] by another user, who then owns the folder. Only the superuser may do so.
+    /// [`Launch::start`] by another user, who then owns the folder. Only the superuser may do so.
     pub fn start_as(&self, user: u32) -> Running {
         use std::os::unix::process::CommandExt;
         std::os::unix::fs::chown(self.folder(), Some(user), Some(user)).expect("the superuser may give files away");
         let errors = std::fs::File::create(self.folder().join("stderr.txt")).expect("created");
         let mut command = self.command();
         let child = command.uid(user).gid(user).stdout(Stdio::null()).stderr(errors).spawn();
-        Running::new(child.expect("the superuser may start processes of others"), self.folder())
+        Running::new(child.expect("the superuser may start processes of other users"), self.folder())
     }
-    /// As [`Launch::start`], with its stderr closed.
+    /// [`Launch::start`] with closed stderr.
     pub fn start_with_closed_stderr(&self) -> Running {
         let mut child =
             self.command().stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("replica-launch starts");
@@ -154,36 +154,36 @@ impl Drop for Launch {
     }
 }
 
-/// Keys of the relay that make it wait in the step of this tick until [`Launch::open_gate`]: the run does not pass it, however
-/// long a test takes to do something in the middle of it.
+/// Keys of the relay that make it wait in the step of this tick until [`Launch::open_gate`]: the run does not pass it,
+/// however long a test takes to act in the middle of it.
 pub fn gate(at_tick: u64) -> String {
     format!("fault = \"waits\"\nat_tick = {at_tick}\nonce = \"../gate\"\nstall_s = 600.0")
 }
 
-/// The seconds behind `words` in a report.
+/// The seconds after `words` in a report.
 pub fn reported_seconds(report: &str, words: &str) -> f64 {
     let seconds = report.split_once(words).and_then(|(_, rest)| rest.split_whitespace().next()?.parse().ok());
     seconds.unwrap_or_else(|| panic!("no seconds behind {words:?} in:\n{report}"))
 }
 
-/// Of `[run]`: no machine is so busy that it does not run a process for this long.
+/// Keys of `[run]` for busy machines, which always run a process within this time.
 pub const PATIENT: &str = "hang_s = 120.0";
 
-/// Keys of `[run]`; unless they say otherwise, [`PATIENT`] and without a report, which few tests read.
+/// Keys of `[run]`, with the defaults [`PATIENT`] and no report, which few tests read.
 pub(crate) fn patient(run: &str) -> String {
     let defaults = [("hang_s", PATIENT), ("report", "report = false")];
     let added = defaults.iter().filter(|(key, _)| !run.contains(key)).map(|(_, text)| format!("{text}\n"));
     added.collect::<String>() + run
 }
 
-/// Files that a run writes about itself beside its results. They contain times.
+/// Files in which a run describes itself, next to its results. They contain times.
 const ABOUT_THE_RUN: [&str; 3] = ["summary.json", "report.html", "report.json"];
 
-/// All files of a result folder by name, except those that a run keeps about itself.
+/// All files of a result folder by name, except files in which a run describes itself.
 pub fn result_files(output: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     for folder in [output.to_owned(), output.join("clouds")] {
-        // Only export makes clouds.
+        // Only export creates clouds.
         for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
             if entry.path().is_file() && !ABOUT_THE_RUN.contains(&name.as_str()) {

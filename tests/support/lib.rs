@@ -1,5 +1,5 @@
-//! What the process tests share: launch files in a folder of their own, running supervisors, waiting for conditions, kills at
-//! seeded moments, drives and reference results that are made once, another host, and mounts in a namespace.
+//! Shared code of the process tests: launch files in separate folders, running supervisors, waiting for conditions,
+//! kills at seeded moments, drives and reference results that are made once, another host, and mounts in a namespace.
 
 mod browser;
 mod drive;
@@ -37,7 +37,7 @@ pub use shared::{reference, undisturbed, undisturbed_lines};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Far more than anything here takes on a busy machine; a test that waits for this long has failed.
+/// Longest wait, far more than any operation here takes on a busy machine; a test that waits for this long has failed.
 const TIMEOUT: Duration = Duration::from_mins(3);
 
 /// A program of the workspace. `cargo test --workspace` puts it next to the tests.
@@ -49,7 +49,7 @@ pub fn binary(name: &str) -> PathBuf {
     path
 }
 
-/// Waits until `condition` gives a value.
+/// Waits until `condition` returns a value.
 pub fn wait_for<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T {
     let begun = Instant::now();
     loop {

@@ -1,4 +1,4 @@
-//! Mounts and networks that no other process sees: a test runs itself again in a namespace of its own.
+//! Mounts and networks that are invisible to other processes: a test runs itself again in its own namespace.
 
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
@@ -6,19 +6,19 @@ use std::process::{Command, ExitStatus, Stdio};
 /// Set for the test inside the namespace.
 const INSIDE: &str = "REPLICA_TEST_IN_NAMESPACE";
 
-/// Whether the calling test runs in a mount namespace of its own, where it may mount what it likes. If not, it is run again
-/// in one, and the caller returns. Use [`crate::in_own_namespace!`].
+/// Whether the calling test runs in its own mount namespace, where it may mount anything. If not, it is run again in
+/// one, and the caller returns. Use [`crate::in_own_namespace!`].
 ///
 /// # Panics
-/// If no namespace can be made here, or if the test fails in it.
+/// If no namespace can be created, or if the test fails in it.
 pub fn runs_in_own_namespace(test: &str) -> bool {
     runs_again(test, again_in_namespace)
 }
 
-/// The same with a network of its own, in which it may make cables.
+/// [`runs_in_own_namespace`] with a separate network, in which the test may create cables.
 ///
 /// # Panics
-/// As [`runs_in_own_namespace`].
+/// See [`runs_in_own_namespace`].
 pub fn runs_in_own_network(test: &str) -> bool {
     runs_again(test, || again_in(&["-n", "-rn"], "ip link add near type veth peer name far"))
 }
@@ -37,8 +37,8 @@ fn runs_again(test: &str, again: impl FnOnce() -> Command) -> bool {
     false
 }
 
-/// The same for a program that is no test: whether it runs in a namespace of its own; if not, its end in one, with the same
-/// arguments.
+/// Runs a program that is not a test in its own namespace. Returns `None` inside the namespace; otherwise runs the
+/// program again in one, with the same arguments, and returns its exit status.
 pub fn run_in_own_namespace() -> Option<ExitStatus> {
     if std::env::var_os(INSIDE).is_some() {
         return None;
@@ -46,14 +46,14 @@ pub fn run_in_own_namespace() -> Option<ExitStatus> {
     Some(again_in_namespace().args(std::env::args_os().skip(1)).status().expect("unshare starts"))
 }
 
-/// This program, without arguments, in a mount namespace of its own.
+/// This program, without arguments, in a separate mount namespace.
 fn again_in_namespace() -> Command {
     let mount = format!("mount -t tmpfs none '{}'", std::env::temp_dir().display());
     again_in(&["-m", "-rm"], &mount)
 }
 
-/// This program, without arguments, in a namespace of the first of these kinds in which the shell command succeeds: as the
-/// superuser; or as the root of a user namespace.
+/// This program, without arguments, in a namespace of the first of these kinds in which the shell command succeeds: as
+/// the superuser; or as the root of a user namespace.
 fn again_in(kinds: &[&str], probe: &str) -> Command {
     let allowed = |kind: &&&str| {
         let tried = Command::new("unshare").args([kind, "sh", "-c", probe]).stderr(Stdio::null()).status();
@@ -73,7 +73,7 @@ macro_rules! in_own_namespace {
     };
 }
 
-/// Mounts an empty file system of this size on a folder, which is made.
+/// Creates a folder and mounts an empty file system of this size on it.
 pub fn mount_tmpfs(folder: &Path, bytes: u64) {
     std::fs::create_dir_all(folder).expect("a folder");
     mount(&["-t", "tmpfs", "-o", &format!("size={bytes}"), "none"], folder);
@@ -89,7 +89,7 @@ fn mount(arguments: &[&str], folder: &Path) {
     assert!(status.success(), "mount {arguments:?} {}: {status}", folder.display());
 }
 
-/// As [`in_own_namespace!`], with a network of its own.
+/// [`in_own_namespace!`] with a separate network.
 #[macro_export]
 macro_rules! in_own_network {
     ($test:literal) => {
@@ -101,7 +101,8 @@ macro_rules! in_own_network {
 pub struct Cable;
 
 impl Cable {
-    /// From `near`, in this network, with the address 10.77.0.1 to `far` with [`Cable::FAR`] in that of a process.
+    /// A cable from `near`, in this network, with the address 10.77.0.1, to `far` with [`Cable::FAR`] in the network of
+    /// a process.
     pub fn to(process: u32) -> Self {
         let process = process.to_string();
         ip(&["link", "add", "near", "type", "veth", "peer", "name", "far", "netns", &process]);
@@ -114,7 +115,7 @@ impl Cable {
     }
     /// The address of the other end.
     pub const FAR: &str = "10.77.0.2";
-    /// Nothing arrives any more, at either end; neither end is told.
+    /// Interrupts the cable: nothing arrives at either end, and neither end is notified.
     pub fn pull(&self) {
         ip(&["link", "set", "near", "down"]);
     }

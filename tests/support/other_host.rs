@@ -15,14 +15,14 @@ use std::time::Duration;
 /// No cut is due.
 const NEVER: i64 = i64::MAX;
 
-/// `replica agent`, whose folder is that of the programs. Killed when dropped.
+/// `replica agent` in the folder of the programs. Killed when dropped.
 struct AgentProcess {
     child: Child,
     address: String,
 }
 
 impl AgentProcess {
-    /// Starts it by a command that ends with the program; `errors` receives its messages.
+    /// Starts the agent by a command that ends with the program; `errors` receives its messages.
     fn start_by(mut command: Command, listen: &str, key: &Path, errors: &Path) -> Self {
         let folder = binary("replica").parent().expect("a folder").to_owned();
         let errors = std::fs::File::options().create(true).append(true).open(errors).expect("opened");
@@ -43,7 +43,7 @@ impl Drop for AgentProcess {
     }
 }
 
-/// A key, and an agent that has it.
+/// A key, and an agent that uses it.
 pub struct OtherHost {
     folder: tempfile::TempDir,
     agent: AgentProcess,
@@ -54,7 +54,7 @@ impl OtherHost {
     pub fn start() -> Self {
         Self::start_by(Command::new(binary("replica")), "127.0.0.1:0")
     }
-    /// Starts the agent in a network of its own. [`crate::Cable`] leads there.
+    /// Starts the agent in a separate network, connected by [`crate::Cable`].
     pub fn in_own_network() -> Self {
         let mut command = Command::new("unshare");
         command.arg("-n").arg(binary("replica"));
@@ -80,7 +80,7 @@ impl OtherHost {
     pub fn key(&self) -> PathBuf {
         self.folder.path().join("agent.key")
     }
-    /// What the agent has reported.
+    /// The messages of the agent.
     pub fn messages(&self) -> String {
         std::fs::read_to_string(self.folder.path().join("agent.txt")).unwrap_or_default()
     }
@@ -88,8 +88,8 @@ impl OtherHost {
         let errors = self.folder.path().join("agent.txt");
         self.agent = AgentProcess::start_by(Command::new(binary("replica")), "127.0.0.1:0", &self.key(), &errors);
     }
-    /// The launch file with one of its stages on this host, reached by `address`. `program` lies in the agent's folder; empty:
-    /// that of the stage.
+    /// The launch file with one of its stages on this host, reached by `address`. `program` is a path in the agent's
+    /// folder; empty: the program of the stage.
     pub fn runs(&self, launch: Launch, stage: &str, program: &str, address: &str) -> Launch {
         let key = self.key().to_string_lossy().into_owned();
         let settings = [("host", address), ("host_key", &key), ("program", program)];
@@ -115,7 +115,7 @@ struct Shared {
 }
 
 impl Proxy {
-    /// To an agent at `target`. Its threads end with the process.
+    /// A proxy to an agent at `target`. Its threads end with the process.
     pub fn start(target: &str) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("an address").to_string();
@@ -134,7 +134,7 @@ impl Proxy {
         });
         Self { address, shared }
     }
-    /// Where it listens.
+    /// The address on which it listens.
     pub fn address(&self) -> &str {
         &self.address
     }
@@ -142,7 +142,7 @@ impl Proxy {
     pub fn set_target(&self, target: &str) {
         target.clone_into(&mut self.shared.target.lock().expect("no panic"));
     }
-    /// Cuts all connections after so many more bytes, in the middle of whatever they are.
+    /// Cuts all connections after this many further bytes, at any position.
     pub fn cut_after(&self, n_bytes: u32) {
         self.shared.left.store(i64::from(n_bytes), Ordering::SeqCst);
     }
@@ -178,7 +178,7 @@ fn pass_on(shared: &Arc<Shared>, client: &TcpStream, server: &TcpStream) {
                 }
                 let left = shared.left.fetch_sub(n as i64, Ordering::SeqCst);
                 let whole = left > n as i64;
-                // What comes before the cut arrives.
+                // Bytes before the cut arrive.
                 let sent = to.write_all(&piece[..if whole { n } else { left.clamp(0, n as i64) as usize }]);
                 if !whole {
                     for stream in shared.connections.lock().expect("no panic").drain(..) {
@@ -195,11 +195,11 @@ fn pass_on(shared: &Arc<Shared>, client: &TcpStream, server: &TcpStream) {
     }
 }
 
-/// What can happen to a stage on another host.
+/// Targets of disturbances of a stage on another host.
 const VICTIMS: [&str; 4] = ["connection", "stand-in", "stage", "agent"];
 
-/// Runs `launch` to its end while its connection is cut and the processes at both ends are killed, `n` times in all. `stage` is
-/// the one on the other host. How often what was struck.
+/// Runs `launch` to its end while its connection is cut and the processes at both ends are killed, `n` times in all.
+/// `stage` is the stage on the other host. Returns the number of disturbances by target.
 ///
 /// # Panics
 /// If the run fails; the message lists what happened.
@@ -220,7 +220,7 @@ pub fn run_under_cuts(
         if let Some(code) = running.ended() {
             assert_eq!(code, Some(0), "after {history:?} it ended with {}\n{}", running.stderr(), host.messages());
             running = launch.start_again(&["--resume"]);
-            // The start itself is refused if the other host does not answer its questions.
+            // The start itself is refused if the other host does not answer its queries.
             running.stage(stage);
         }
         let is_struck = match *victim {

@@ -1,5 +1,5 @@
-//! Power loss: a file system that remembers in which order it was changed and synced, and every disk that a power loss at any moment
-//! may leave.
+//! Power loss: a file system that records the order of its changes and syncs, and every disk that a power loss at any
+//! moment may leave.
 //!
 //! The file system keeps its content in memory and is mounted through `/dev/fuse` in a mount namespace, which needs no superuser.
 
@@ -23,7 +23,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 
-/// A mounted file system. The caller is in a mount namespace of its own.
+/// A mounted file system. The caller is in its own mount namespace.
 pub struct RecordedDisk {
     folder: PathBuf,
     server: JoinHandle<Disk>,
@@ -31,7 +31,7 @@ pub struct RecordedDisk {
 }
 
 impl RecordedDisk {
-    /// Mounts an empty one on a folder, which is made.
+    /// Creates a folder and mounts an empty file system on it.
     ///
     /// # Panics
     /// If it cannot be mounted.
@@ -56,7 +56,7 @@ impl RecordedDisk {
         self.n_changes.load(Ordering::Acquire)
     }
 
-    /// Unmounts it; all changes.
+    /// Unmounts it. Returns all changes.
     ///
     /// # Panics
     /// If a process has files open there.
@@ -79,7 +79,7 @@ fn serve(mut device: File, n_changes: &AtomicUsize) -> Disk {
             Ok(answer) => answer.into_message(unique),
             Err(errno) => refusal(unique, errno),
         };
-        // A request whose process was killed is not waited for.
+        // The request of a killed process has no reader.
         let _ = device.write_all(&bytes);
     }
     disk

@@ -1,4 +1,4 @@
-//! What the operating system knows of a run.
+//! State of a run according to the operating system.
 
 use crate::wait_for;
 use rustix::process::Pid;
@@ -42,7 +42,7 @@ pub fn domain_of(output: &Path) -> String {
     wait_for("an assignment", || find_domain(output))
 }
 
-/// The same, if a stage has an assignment yet.
+/// The domain of a run, if a stage already has an assignment.
 pub(crate) fn find_domain(output: &Path) -> Option<String> {
     let files = std::fs::read_dir(output.join("run")).ok()?.flatten();
     let assignments = files.filter_map(|file| serde_json::from_slice(&std::fs::read(file.path()).ok()?).ok());

@@ -1,4 +1,5 @@
-//! SIGKILL of a process of a run that is recorded: the results stay the same, and the recording is complete or says that it is not.
+//! SIGKILL of a process of a run that is recorded: the results stay the same, and the recording is complete or reported
+//! as incomplete.
 
 use crate::kills::{Moment, await_moment};
 use crate::launch::{output_text, result_files};
@@ -9,26 +10,26 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-/// All that export needs.
+/// All topics that export needs.
 const TOPICS: &str = "submap,trajectory";
 /// The processes of a run of [`lidar_pipeline`] with a recorder.
 pub const RECORDED_VICTIMS: [&str; 6] = ["acquire", "slam_aggregate", "export", "recorder", "supervisor", "all"];
 
-/// What became of the recordings.
+/// Outcomes of the recordings.
 #[derive(Debug, Default)]
 pub struct RecordedKills {
-    /// By victim.
+    /// Kills by victim.
     pub struck: BTreeMap<&'static str, usize>,
     /// Complete recordings, which were replayed with the same result.
     pub complete: usize,
-    /// Recordings that say that they are not complete; their replay says so, too.
+    /// Recordings reported as incomplete, also by their replay.
     pub incomplete: usize,
 }
 
-/// Records `n` runs and kills one process in each: every victim once, the rest by chance.
+/// Records `n` runs and kills one process in each: every victim once, the rest random.
 ///
 /// # Panics
-/// If a result differs, or if a recording is incomplete and does not say so.
+/// If a result differs, or if an incomplete recording is not reported.
 pub fn kill_while_recording(drive: &Path, n: usize, random: &mut Random) -> RecordedKills {
     let calm = lidar_pipeline(drive, "");
     let output = calm.run();
@@ -50,7 +51,7 @@ pub fn kill_while_recording(drive: &Path, n: usize, random: &mut Random) -> Reco
     kills
 }
 
-/// Records a run and kills the victim; continues the run if it needs that. `false`: the run ended before the kill.
+/// Records a run and kills the victim; continues the run if necessary. `false`: the run ended before the kill.
 fn kill_one(launch: &Launch, victim: &str, moment: &Moment) -> bool {
     let file = recording(launch);
     let mut running = launch.start_again(&["--record", &file, "--topics", TOPICS]);
@@ -60,7 +61,7 @@ fn kill_one(launch: &Launch, victim: &str, moment: &Moment) -> bool {
     let recorder = find_recorder(&running);
     if victim == "supervisor" || victim == "all" {
         running.kill(victim == "all");
-        // It writes what it has received.
+        // It writes the messages that it has received.
         wait_for("the end of the recorder", || recorder.is_none_or(|pid| !is_alive(pid)).then_some(()));
         let code = launch.start_again(&["--resume"]).wait();
         assert_eq!(code, Some(0), "{victim} {moment:?}: {}", launch.stderr());
@@ -88,7 +89,8 @@ fn find_recorder(running: &Running) -> Option<Pid> {
     })
 }
 
-/// A complete recording gives the same result; any other one says what it is, and so does its replay.
+/// Checks that a complete recording gives the same result, and that an incomplete one and its replay are reported as
+/// such.
 fn check_recording(
     launch: &Launch,
     drive: &Path,

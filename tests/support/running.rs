@@ -12,7 +12,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Of the supervisor that was started for the launch file in `folder`.
+    /// The supervisor that was started for the launch file in `folder`.
     pub(crate) fn new(child: Child, folder: &Path) -> Self {
         Self { child, folder: folder.to_owned() }
     }
@@ -42,7 +42,7 @@ impl Running {
     pub fn signal(&self, signal: Signal) {
         kill_process(self.pid(), signal).expect("the supervisor lives");
     }
-    /// Kills the supervisor and, if `all`, every process that it has started. Does not wait for the end of the latter.
+    /// Kills the supervisor and, if `all`, every process that it has started. Does not wait for the end of the stages.
     pub fn kill(mut self, all: bool) {
         let stages = if all { processes_of(self.child.id()) } else { Vec::new() };
         self.child.kill().expect("a child can be killed");
@@ -56,7 +56,7 @@ impl Running {
     pub fn ended(&mut self) -> Option<Option<i32>> {
         self.child.try_wait().expect("waits").map(|status| status.code())
     }
-    /// Waits for the end; the exit code, `None` if a signal ended it.
+    /// Waits for the end. Returns the exit code, `None` if a signal ended it.
     pub fn wait(mut self) -> Option<i32> {
         let status = wait_for("the end of the run", || self.child.try_wait().expect("waits"));
         status.code()

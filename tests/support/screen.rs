@@ -1,4 +1,4 @@
-//! A pseudo-terminal, and what a person sees on it.
+//! A pseudo-terminal, and the screen that a person would see.
 
 use crate::TIMEOUT;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -11,16 +11,16 @@ use std::time::Instant;
 
 /// Both ends of a pseudo-terminal.
 pub struct Terminal {
-    /// The end of the program.
+    /// The program's end.
     pub program: File,
     screen: File,
     size: [usize; 2],
-    /// What was read so far.
+    /// Bytes read so far.
     bytes: Vec<u8>,
 }
 
 impl Terminal {
-    /// Of this many columns and rows.
+    /// A terminal of this many columns and rows.
     pub fn new(columns: usize, rows: usize) -> Self {
         let screen = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
         grantpt(&screen).expect("granted");
@@ -36,7 +36,7 @@ impl Terminal {
     /// Reads until `words` were written `n` times.
     ///
     /// # Panics
-    /// If the programs write nothing more, or not these words within three minutes.
+    /// If the programs stop writing, or do not write these words within three minutes.
     pub fn read_until(&mut self, words: &str, n: usize) {
         let begun = Instant::now();
         while self.written().matches(words).count() < n {
@@ -69,16 +69,16 @@ impl Terminal {
     }
 }
 
-/// What was written, and what stands on the screen and above it.
+/// The written bytes, and the lines on the screen and above it.
 pub struct Screen {
     /// All bytes as text.
     pub written: String,
-    /// Lines as they are at the end, the oldest first.
+    /// Lines at the end, the oldest first.
     pub lines: Vec<String>,
 }
 
 impl Screen {
-    /// Draws what programs of the project use: text, colors, `ESC [ n A` (up) and `ESC [ J` (clear below).
+    /// Draws the output of programs of the project: text, colors, `ESC [ n A` (up) and `ESC [ J` (clear below).
     fn of(written: String, columns: usize, rows: usize) -> Self {
         let mut lines: Vec<Vec<char>> = vec![Vec::new()];
         let [mut row, mut column] = [0, 0];
@@ -117,13 +117,13 @@ impl Screen {
         Self { written, lines }
     }
 
-    /// Numbers of the lines that begin with these words.
+    /// Numbers of the lines that start with these words.
     pub fn find(&self, words: &str) -> Vec<usize> {
         (0..self.lines.len()).filter(|index| self.lines[*index].starts_with(words)).collect()
     }
 }
 
-/// Of `[ n letter`: the letter, and n or 1.
+/// Reads a control sequence `[ n letter`: the letter, and n or 1.
 fn control_sequence(characters: &mut std::str::Chars<'_>) -> (char, usize) {
     let mut number = String::new();
     for character in characters.by_ref().skip_while(|character| *character == '[') {

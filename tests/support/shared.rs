@@ -1,5 +1,5 @@
-//! Drives and reference results that many tests need: made once per build of the programs, whatever test or test process asks
-//! first.
+//! Drives and reference results that many tests need: made once per build of the programs, by the first test or test
+//! process that needs them.
 
 use crate::launch::{output_text, result_files};
 use crate::{Launch, binary};
@@ -27,16 +27,16 @@ const PROGRAMS: [&str; 13] = [
     "misbehaving-sink",
 ];
 
-/// The folder `name` with what `make` puts into it. It is made again when a program was rebuilt: results of another
-/// version would test something else.
+/// The folder `name` with the content that `make` creates. It is made again when a program was rebuilt: results of
+/// another version would test something else.
 ///
 /// # Panics
-/// If `make` does; the next call tries again.
+/// If `make` panics; the next call tries again.
 pub fn made_once(name: &str, programs: &[&str], make: impl FnOnce(&Path)) -> PathBuf {
     let folder = shared_folder();
     std::fs::create_dir_all(&folder).expect("a folder");
     let made = folder.join(format!("{name}.{:016x}", version(programs)));
-    // Tests of this process and of others wait for the first one.
+    // All tests, of this process and of other processes, wait for the first one.
     let lock = File::create(folder.join(format!("{name}.lock"))).expect("a file");
     lock.lock().expect("a lock");
     if !made.exists() {
@@ -75,14 +75,14 @@ fn version(programs: &[&str]) -> u64 {
     hasher.finish()
 }
 
-/// A number for a text, to name what depends on it.
+/// A hash of a text, to name files that depend on it.
 fn hash(text: &str) -> u64 {
     let mut hasher = DefaultHasher::new();
     text.hash(&mut hasher);
     hasher.finish()
 }
 
-/// Result files of an undisturbed run of this launch file. `drive` has a part in the name, because the launch file names it.
+/// Result files of an undisturbed run of this launch file, made once for each `name`.
 ///
 /// # Panics
 /// If the run fails.
@@ -98,7 +98,7 @@ pub fn reference(name: &str, launch: impl FnOnce() -> Launch) -> BTreeMap<String
     result_files(&folder)
 }
 
-/// What the sink of the small pipeline writes if nothing happens, the source's table being `source` and the relay's `relay`.
+/// The output of the sink of the small pipeline in an undisturbed run, with the tables `source` and `relay`.
 pub fn undisturbed(source: &str, relay: &str) -> Vec<u8> {
     let name = format!("small_{:016x}", hash(&format!("{source}\n\n{relay}")));
     reference(&name, || Launch::of_misbehaving("", source, relay)).remove("sink.txt").expect("the sink has written")
@@ -106,7 +106,7 @@ pub fn undisturbed(source: &str, relay: &str) -> Vec<u8> {
 
 /// The lines that the sink writes in an undisturbed run of `n_ticks` ticks of 1000 points: two for each tick.
 pub fn undisturbed_lines(n_ticks: usize, relay: &str) -> Vec<String> {
-    // A line depends on its tick alone, so that one longer run serves many tests.
+    // A line depends only on its tick, so that one longer run serves many tests.
     let n_reference = n_ticks.next_power_of_two().max(1024);
     let text = undisturbed(&format!("ticks = {n_reference}\npoints = 1000"), relay);
     let text = String::from_utf8(text).expect("text");

@@ -1,4 +1,4 @@
-//! What the tests of swaps share: `replica swap` and `replica stop` against a run.
+//! Shared code of the tests of swaps: `replica swap` and `replica stop` against a run.
 
 use crate::{Launch, Running, binary, output_text, wait_for};
 use std::process::{Child, Command, Output, Stdio};
@@ -10,19 +10,19 @@ pub fn replica(launch: &Launch, arguments: &[&str]) -> Command {
     command
 }
 
-/// `replica swap …` to its end.
+/// Runs `replica swap …` to its end.
 pub fn swap(launch: &Launch, arguments: &[&str]) -> Output {
     replica(launch, &[&["swap"], arguments].concat()).output().expect("replica starts")
 }
 
-/// A swap that must succeed; what it prints.
+/// Runs a swap that must succeed. Returns its output.
 pub fn swapped(launch: &Launch, arguments: &[&str]) -> String {
     let output = swap(launch, arguments);
     assert!(output.status.success(), "{}", output_text(&output));
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// A swap that must be refused with reasons that contain `words`.
+/// Runs a swap that must be refused with reasons that contain `words`.
 pub fn refused(launch: &Launch, arguments: &[&str], words: &[&str]) {
     let output = swap(launch, arguments);
     assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", output_text(&output));
@@ -31,7 +31,7 @@ pub fn refused(launch: &Launch, arguments: &[&str], words: &[&str]) {
     }
 }
 
-/// Drains the run; what `replica stop` prints.
+/// Drains the run. Returns the output of `replica stop`.
 pub fn stop(launch: &Launch) -> String {
     let output = replica(launch, &["stop"]).output().expect("replica starts");
     assert!(output.status.success(), "{}", output_text(&output));
@@ -45,12 +45,12 @@ pub fn started(launch: &Launch) -> Running {
     running
 }
 
-/// Waits for two more barriers: ticks after the swap have then surely reached the sink.
+/// Waits for two more barriers: then ticks after the swap have certainly reached the sink.
 pub fn wait_for_two_barriers(launch: &Launch) {
     launch.wait_for_barrier(launch.newest_barrier().expect("it runs") + 2);
 }
 
-/// Begins a swap, and returns when it has passed its check.
+/// Starts a swap, and returns when it has passed its check.
 pub fn begin_swap(launch: &Launch, arguments: &[&str]) -> Child {
     let mut command = replica(launch, &[&["swap"], arguments].concat());
     let output_text = std::fs::File::create(launch.folder().join("swap.txt")).expect("created");

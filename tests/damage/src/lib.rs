@@ -1,6 +1,6 @@
 //! Damaged bytes for tests of readers: sound files, truncated and changed at seeded random positions.
 //!
-//! No reader may panic or hang on them. The crate `fuzz_targets` does the same with mutations that grow a corpus.
+//! No reader may panic or hang on them. The crate `fuzz_targets` does the same with mutations that extend a corpus.
 
 use random::Random;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Counts the inputs that a reader accepts, in tests: a seed that is refused at once would hide most of its reader from fuzzing.
+//! Counts the inputs that a reader accepts, in tests: a seed that is refused at once would hide most of its reader from
+//! fuzzing.
 
 use std::cell::RefCell;
 use std::fmt::Display;

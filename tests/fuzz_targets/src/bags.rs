@@ -11,7 +11,7 @@ pub(crate) fn bag(bytes: &[u8]) {
     with_file("bag", bytes, |path| import(path, Kind::Ros));
 }
 
-/// Imports into a folder beside the source. A failed import leaves nothing behind.
+/// Imports into a folder next to the source. A failed import leaves no files behind.
 pub(crate) fn import(source: &Path, kind: Kind) {
     let out = source.with_extension("drive");
     let options = Options { kind: Some(kind), ..Options::default() };
@@ -49,7 +49,7 @@ pub(crate) fn sqlite(bytes: &[u8]) {
     });
 }
 
-/// A file of a bag: the target puts its description beside it.
+/// A file of a bag: the target adds its description.
 const PART: &[u8] = include_bytes!("../corpus/ros2_mcap/seed_0");
 
 /// The description of a bag in several files.
@@ -76,17 +76,17 @@ const TOPICS: [(&str, &str); 14] = [
     ("/ouster/lidar_packets", "ouster_sensor_msgs/msg/PacketMsg"),
     ("/ouster/metadata", "std_msgs/msg/String"),
 ];
-/// Most messages of an input: the rest is one message.
+/// Largest number of messages of an input: the rest is one message.
 const MAX_MESSAGES: usize = 64;
 
-/// Messages of a bag. The first byte of an input chooses the serialization; then come messages: number of the topic, length (u16,
-/// little-endian), and bytes.
+/// Messages of a bag. The first byte of an input selects the serialization. Then follow the messages: number of the
+/// topic, length (u16, little-endian), and bytes.
 pub(crate) fn ros_messages(bytes: &[u8]) {
     with_file("a.mcap", &messages(bytes), |path| import(path, Kind::Ros));
     for (topic, message) in parts(bytes) {
         for is_mosaic in [false, true] {
             if let Some(mut topic) = LiveTopic::new(&TOPICS[topic].1.replace("/msg/", "/"), is_mosaic) {
-                // What the import accepts decides whether a seed is accepted.
+                // A seed is accepted if the import accepts it.
                 let _ = topic.read(message, 1);
             }
         }

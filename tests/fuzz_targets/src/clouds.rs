@@ -52,7 +52,7 @@ pub(crate) fn nuscenes(bytes: &[u8]) {
     }
 }
 
-/// As `replica-lab evaluate` reads `SemanticKITTI`.
+/// Reads `SemanticKITTI` files as `replica-lab evaluate` does.
 pub(crate) fn npy(bytes: &[u8]) {
     let checked = formats::npy::check_header(bytes);
     accepted(&checked);

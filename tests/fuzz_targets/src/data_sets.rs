@@ -1,4 +1,4 @@
-//! Files of data sets of others, and calibrations of their rigs.
+//! Files of third-party data sets, and calibrations of their rigs.
 
 use crate::accepted::accepted;
 use crate::bags::import;
@@ -8,7 +8,7 @@ use rig::source::{FrameTree, SourceOptions, read};
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// A chunk of a `MandEye`: the target puts its IMU beside it. Not compressed: to set up the decoder takes longer than the rest.
+/// A chunk of a `MandEye`; the target adds its IMU. Not compressed: setting up the decoder takes longer than the rest.
 const CHUNK: &[u8] = include_bytes!("../corpus/las/seed_0");
 /// The header of a PNG image of 20 x 10 pixels.
 const IMAGE: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x14\0\0\0\x0a\x08\x02\0\0\0";
@@ -106,7 +106,7 @@ pub(crate) fn kitti_raw(bytes: &[u8]) {
     with_files(&files, |folder| import(&folder.join("day/drive"), Kind::KittiRaw));
 }
 
-/// Stamps and samples of the IMU in tables beside sweeps.
+/// Stamps and samples of the IMU in tables next to sweeps.
 pub(crate) fn plain_tables(bytes: &[u8]) {
     let [times, imu, poses] = parts(bytes);
     let sweep = ("source/0.bin", &SWEEP[..16]);

@@ -10,7 +10,7 @@ use image::{DynamicImage, ImageDecoder, ImageReader};
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Size of the images in the corpus, px. Like `acquire`, the target refuses others before it decodes.
+/// Size of the images in the corpus, px. Like `acquire`, the target refuses other sizes before decoding.
 const SIZE: (u32, u32) = (24, 16);
 
 /// PNG and JPEG. Like `acquire`, the target survives a panic of the decoder.

@@ -1,4 +1,4 @@
-//! Instructions of a process under valgrind: a count that repeats whatever else the machine does, unlike a time.
+//! Instructions of a process under valgrind: a count that is repeatable whatever else the machine does, unlike a time.
 
 use std::io;
 use std::process::Command;

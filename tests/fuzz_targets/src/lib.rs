@@ -1,8 +1,8 @@
 //! Every reader of files, packets and requests as a function of bytes.
 //!
 //! A target must return for any bytes: no panic, no more memory than [`memory_limit`] allows, and no more work than
-//! [`instruction_limit`] allows. Instructions are counted where the processor time is above [`suspicious_time`]: time alone is no
-//! finding, because it grows on a busy machine.
+//! [`instruction_limit`] allows. Instructions are counted where the processor time is above [`suspicious_time`]: time
+//! alone is not a finding, because it grows on a busy machine.
 //!
 //! `fuzz/` runs the targets with libFuzzer. The binary `attack` runs them with seeded mutations of the corpus, without a nightly
 //! compiler.
@@ -27,7 +27,7 @@ pub use mutation::{corpus, input};
 use rustix::time::{ClockId, clock_gettime};
 use std::time::Duration;
 
-/// A target: its name, which is that of its corpus, and its function.
+/// A target: its name, which is also the name of its corpus, and its function.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
@@ -107,14 +107,14 @@ pub fn memory_limit(input: &[u8]) -> usize {
     (64 << 20) + 100 * input.len()
 }
 
-/// Instructions that a call may execute: a fixed part for what does not depend on the input (clearing the memory of
+/// Instructions that a call may execute: a fixed part that does not depend on the input (clearing the memory of
 /// [`memory_limit`], files), and one that grows with the input.
 pub fn instruction_limit(input: &[u8]) -> u64 {
     600_000_000 + 60_000 * input.len() as u64
 }
 
-/// Processor time above which the instructions of a call are counted. An idle processor executes those of [`instruction_limit`] in
-/// about twice this time.
+/// Processor time above which the instructions of a call are counted. An idle processor executes [`instruction_limit`]
+/// in about twice this time.
 pub fn suspicious_time(input: &[u8]) -> Duration {
     Duration::from_millis(100) + Duration::from_micros(10) * input.len() as u32
 }

@@ -89,7 +89,7 @@ pub(crate) fn robosense_angles(bytes: &[u8]) {
     calibration(&["rs16", "rs32"], bytes);
 }
 
-/// `db.xml` and YAML.
+/// Reads `db.xml` and YAML.
 pub(crate) fn velodyne_calibration(bytes: &[u8]) {
     calibration(&["vlp16", "vlp32c", "hdl32e", "hdl64e"], bytes);
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Longest input, bytes.
 const MAX_BYTES: usize = 64 << 10;
-/// Numbers at the edges of types.
+/// Numbers at the limits of types.
 const EDGES: [u64; 12] = [
     0,
     1,
@@ -21,7 +21,7 @@ const EDGES: [u64; 12] = [
     0x8000_0000_0000_0000,
     u64::MAX,
 ];
-/// Values at the edges of text formats.
+/// Values at the limits of text formats.
 const WORDS: [&str; 12] = [
     "0",
     "-1",
@@ -42,7 +42,7 @@ pub fn corpus(target: &str) -> io::Result<Vec<Vec<u8>>> {
     Ok(corpus_files(target)?.into_iter().map(|(_, bytes)| bytes).collect())
 }
 
-/// The same with their names.
+/// The files of a target's corpus with their names.
 pub(crate) fn corpus_files(target: &str) -> io::Result<Vec<(String, Vec<u8>)>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
     let file = |entry: io::Result<std::fs::DirEntry>| {
@@ -79,7 +79,7 @@ fn mutate(bytes: &mut Vec<u8>, corpus: &[Vec<u8>], random: &mut Random) {
         1 => drop(bytes.drain(at..end.max(at))),
         2 => drop(bytes.splice(at..at, (0..random.index(64)).map(|_| 0xff).collect::<Vec<_>>())),
         3 => {
-            // Nesting and long lists: a short piece many times.
+            // For nesting and long lists: a short piece many times.
             let end = end.min(at + 1 + random.index(16));
             let piece = bytes[at..end.max(at)].to_vec();
             let n = 1 << random.index(12);
@@ -122,7 +122,7 @@ fn mutate(bytes: &mut Vec<u8>, corpus: &[Vec<u8>], random: &mut Random) {
     }
 }
 
-/// A place up to `len`. Headers are at the front, so the front is hit more often.
+/// A position up to `len`. Headers are at the front, so the front is hit more often.
 fn place(len: usize, random: &mut Random) -> usize {
     let reach = if random.index(2) == 0 { len.min(200) } else { len };
     random.index(reach.max(1)).min(len)

@@ -67,7 +67,7 @@ pub(crate) fn model(bytes: &[u8]) {
     });
 }
 
-/// A state file, and its content as it is behind the checksum.
+/// A state file, and its content without the checksum.
 pub(crate) fn state(bytes: &[u8]) {
     with_file("a.state", bytes, |path| {
         assert_eq!(load_state(path).is_ok(), verify_state(path).is_ok(), "both read the same file");
@@ -77,7 +77,7 @@ pub(crate) fn state(bytes: &[u8]) {
     let _ = decode_state::<stage::Bytes>(2, bytes);
 }
 
-/// A request as the supervisor decodes it, and an answer as its client does.
+/// A request, decoded as by the supervisor, and an answer, decoded as by its client.
 pub(crate) fn control(bytes: &[u8]) {
     if bytes.len() <= MAX_REQUEST {
         let _ = serde_json::from_slice::<Request>(bytes);
@@ -85,7 +85,7 @@ pub(crate) fn control(bytes: &[u8]) {
     }
 }
 
-/// Texts of the processes of a run to each other; requests of users are in [`control`].
+/// Texts between the processes of a run; requests of users are in [`control`].
 pub(crate) fn run_texts(bytes: &[u8]) {
     let _ = serde_json::from_slice::<run::assignment::Assignment>(bytes);
     let _ = serde_json::from_slice::<run::assignment::Description>(bytes);
@@ -128,7 +128,7 @@ pub(crate) fn state_head(bytes: &[u8]) {
     let _ = next_message::<TrajectoryTopic>(&mut messages).is_ok();
 }
 
-/// The first byte chooses the topic.
+/// A saved message. The first byte selects the topic.
 pub(crate) fn saved_message(bytes: &[u8]) {
     fn check<T: Message>(bytes: &[u8]) {
         let read = Received::<T>::from_bytes(bytes);
@@ -139,7 +139,7 @@ pub(crate) fn saved_message(bytes: &[u8]) {
             let _ = (messages::check_header::<T>(message.header()), messages::check_rows::<T>(message.rows()));
         }
     }
-    /// Checks the column of a number in the table.
+    /// Checks a column of the table, selected by its number.
     struct NthColumn<'a>(usize, &'a [u8]);
     impl ColumnVisitor for NthColumn<'_> {
         fn visit<T: Message>(&mut self, _: &'static Column) {
@@ -151,7 +151,7 @@ pub(crate) fn saved_message(bytes: &[u8]) {
     }
     let Some((topic, bytes)) = bytes.split_first() else { return };
     let n_columns = COLUMNS.iter().filter(|column| column.has_own_topic()).count();
-    // Saved inputs keep their topics: the first four columns lie between the others.
+    // Saved inputs keep their topics: the first four columns stand between the others.
     match usize::from(*topic) % (10 + n_columns) {
         0 => check::<SweepTopic>(bytes),
         1 => check::<TickTopic>(bytes),

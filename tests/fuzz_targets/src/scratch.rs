@@ -5,11 +5,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Memory, if the system has such a folder: a file on a disk takes longer than most readers.
+/// A folder in memory, if the system has one: a file on a disk takes longer than most readers.
 const MEMORY: &str = "/dev/shm";
 
-/// The folder of the inputs, and the files in it: those of the last input, which the next one overwrites. To make and to remove them for
-/// each input takes longer than most readers.
+/// The folder of the inputs, and its files. Each input overwrites the files of the last one: creating and removing them
+/// for each input takes longer than most readers.
 struct Scratch {
     folder: TempDir,
     names: Vec<String>,
@@ -47,7 +47,7 @@ pub(crate) fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
     with_files(&[(name, bytes)], |folder| read(&folder.join(name)));
 }
 
-/// Calls `read` with a folder of these files. Their names may have folders. What `read` adds, it must remove.
+/// Calls `read` with a folder of these files. Their names may have folders. `read` must remove all files that it adds.
 pub(crate) fn with_files(files: &[(&str, &[u8])], read: impl FnOnce(&Path)) {
     let folder = SCRATCH.with_borrow_mut(|scratch| scratch.write(files));
     read(&folder);

@@ -7,25 +7,25 @@ use stage::{Context, Loan, Outputs, StepError};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Far more than saving takes on a busy machine.
+/// Longest wait, far more than saving takes on a busy machine.
 const MAX_WAIT: Duration = Duration::from_mins(3);
 
 stage::words! {
-    /// What goes wrong.
+    /// Kind of the fault.
     pub enum FaultKind {
-        /// Nothing.
+        /// No fault.
         None = "none",
         /// A step fails.
         Error = "error",
         /// The process ends with code 0.
         Exit = "exit",
-        /// Panic.
+        /// A panic.
         Panic = "panic",
         /// The whole process is stopped.
         Hang = "hang",
         /// A step never ends, not even on SIGTERM.
         Stall = "stall",
-        /// The step does not end before the file `once` exists.
+        /// The step waits until the file `once` exists.
         Waits = "waits",
         /// SIGKILL.
         Killed = "killed",
@@ -33,21 +33,21 @@ stage::words! {
         BusError = "bus_error",
         /// An allocation that nothing can satisfy.
         ExhaustsMemory = "exhausts_memory",
-        /// Takes what is free in /dev/shm, then writes into a loan: only in a mount namespace.
+        /// Takes all free space in /dev/shm, then writes into a loan: only in a mount namespace.
         FillsSharedMemory = "fills_shared_memory",
         /// Keeps every loan.
         LeaksLoans = "leaks_loans",
-        /// More messages in a tick than the queue takes.
+        /// Sends more messages in a tick than the queue takes.
         FloodsTopic = "floods_topic",
-        /// As `hang`, before it is ready.
+        /// Hangs as `hang`, before it is ready.
         HangsAtStart = "hangs_at_start",
-        /// As `stall`, before it is ready.
+        /// Stalls as `stall`, before it is ready.
         StallsAtStart = "stalls_at_start",
-        /// It is not ready before the file `once` exists.
+        /// Is not ready before the file `once` exists.
         WaitsAtStart = "waits_at_start",
-        /// It cannot be constructed.
+        /// Cannot be constructed.
         FailsAtStart = "fails_at_start",
-        /// It cannot load any state.
+        /// Cannot load any state.
         LoadsNoState = "loads_no_state",
         /// Its states refer to a file that does not exist.
         ReliesOnNothing = "relies_on_nothing",
@@ -55,7 +55,7 @@ stage::words! {
 }
 
 impl FaultKind {
-    /// Whether it goes wrong in a step, when it is due: not by waiting for the test, and not at the start.
+    /// Whether the fault occurs in a step, when it is due: not by waiting for the test, and not at the start.
     fn is_in_a_step(self) -> bool {
         match self {
             Self::None
@@ -92,7 +92,7 @@ impl Fault {
         Self { settings: settings.clone(), output: context.output.clone() }
     }
 
-    /// While the stage is constructed.
+    /// Called while the stage is constructed.
     pub fn strike_at_start(&self) -> Result<(), StepError> {
         match self.settings.fault {
             FaultKind::WaitsAtStart => {
@@ -106,7 +106,7 @@ impl Fault {
         }
     }
 
-    /// While a state is loaded.
+    /// Called while a state is loaded.
     pub fn strike_at_load(&self) -> Result<(), StepError> {
         let refuses = self.settings.fault == FaultKind::LoadsNoState;
         if refuses { Err(StepError::data("configured to load no state")) } else { Ok(()) }
@@ -117,7 +117,7 @@ impl Fault {
         (self.settings.fault == FaultKind::ReliesOnNothing).then(|| self.output.join("not_there.ply"))
     }
 
-    /// Before the step of a tick.
+    /// Called before the step of a tick.
     pub fn strike(&self, tick: u64, kept: &mut Vec<Loan<ClassTopic>>, outputs: &mut Outputs) -> Result<(), StepError> {
         let fault = self.settings.fault;
         if fault == FaultKind::Waits && tick == self.settings.at_tick {
@@ -166,15 +166,15 @@ impl Fault {
         }
     }
 
-    /// Waits until the file `once` exists: the test creates it when it has changed something in mid-run.
+    /// Waits until the file `once` exists: the test creates it after changing something in mid-run.
     fn await_gate(&self) {
         while !self.output.join(&self.settings.once).exists() {
             std::thread::park_timeout(Duration::from_millis(1));
         }
     }
 
-    /// Waits until the barrier before `tick` is complete, so that the run resumes from a known barrier. There is one after every
-    /// fifth tick; where none is possible, the wait ends after `MAX_WAIT`.
+    /// Waits until the barrier before `tick` is complete, so that the run resumes from a known barrier. There is a
+    /// barrier after every fifth tick; where no barrier is possible, the wait ends after `MAX_WAIT`.
     fn await_barrier(&self, tick: u64) {
         let barrier = tick.saturating_sub(1) / 5;
         let states = self.output.join(format!("run/states/{barrier}"));
@@ -186,7 +186,7 @@ impl Fault {
         }
     }
 
-    /// Whether the fault happens now; a fault that happens once leaves a file.
+    /// Whether the fault occurs now; a fault that occurs once leaves a file.
     fn is_due(&self, tick: u64) -> Result<bool, StepError> {
         let Settings { at_tick, once, every, .. } = &self.settings;
         let mark = match every {

@@ -6,7 +6,7 @@ use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError};
 /// The relay with another version of its output.
 pub struct Liar;
 
-/// `class` with a version that no other program knows.
+/// `class` with a version that no other program has.
 struct OtherClass;
 
 impl Message for OtherClass {

@@ -1,5 +1,5 @@
-//! A pipeline of three small stages: [`Source`] publishes sweeps, [`Relay`] turns each into a column and fails as its
-//! settings say, [`Sink`] writes a line per message. Whatever the relay does, the sink's file must be the same.
+//! A pipeline of three small stages: [`Source`] publishes sweeps, [`Relay`] turns each into a column and fails as set,
+//! [`Sink`] writes a line per message. Whatever the relay does, the sink's file must be the same.
 
 mod fault;
 mod liar;

@@ -1,4 +1,4 @@
-//! Where memory comes from.
+//! The kind of memory of an address.
 
 /// Whether all bytes of `rows` lie in one mapping of a file in shared memory.
 pub fn is_shared_memory<T>(rows: &[T]) -> bool {

@@ -1,4 +1,4 @@
-//! Turns sweeps into columns, and fails as its settings say.
+//! Turns sweeps into columns, and fails as set.
 
 use crate::fault::{Fault, FaultKind};
 use crate::mapping::is_shared_memory;
@@ -10,19 +10,20 @@ use stage::{
 stage::settings! {
     /// Settings of the relay.
     pub struct Settings {
-        /// What goes wrong, see `fault.rs`.
+        /// The fault, see `fault.rs`.
         pub fault: FaultKind = FaultKind::None => one_word();
-        /// Tick in which it goes wrong.
+        /// Tick of the fault.
         pub at_tick: u64 = 0 => any();
-        /// Goes into every row: another salt, other rows.
+        /// Part of every row: another salt gives other rows.
         pub salt: u64 = 0 => any();
-        /// It goes wrong only if this file is not there yet, and then leaves it. Empty: always. `waits` and `waits_at_start` wait for it.
+        /// The fault occurs only if this file does not exist yet, and creates it. Empty: always. `waits` and
+        /// `waits_at_start` wait for it.
         pub once: String = String::new() => any();
-        /// It goes wrong in every tick that is a multiple of this, once in each; 0 = only as `at_tick` says.
+        /// The fault occurs in every tick that is a multiple of this, once in each; 0 = only in `at_tick`.
         pub every: u64 = 0 => any();
         /// Doubt the rows in this tick; 0 = never.
         pub doubt_at_tick: u64 = 0 => any();
-        /// Look up in which memory the rows lie.
+        /// Check the memory of the rows.
         pub look_up: bool = true => any();
     }
 }

@@ -11,11 +11,11 @@ use std::time::Duration;
 stage::settings! {
     /// Settings of the sink.
     pub struct Settings {
-        /// What it takes over each tick, ms.
+        /// Duration of each tick, ms.
         pub slow_ms: u64 = 0 => any();
         /// A line per message; else one digest of all lines, so that a long run needs no more memory than a short one.
         pub lines: bool = true => any();
-        /// Look up in which memory the rows lie.
+        /// Check the memory of the rows.
         pub look_up: bool = true => any();
     }
 }

@@ -11,14 +11,14 @@ stage::settings! {
         pub ticks: u64 = 40 => within(1, 1_000_000);
         /// Points of a sweep.
         pub points: usize = 1000 => within(0, 1_000_000);
-        /// Pause before each sweep, ms: what a sensor does by itself.
+        /// Pause before each sweep, ms: imitates a sensor.
         pub pace_ms: u64 = 0 => within(0, 1000);
-        /// Tick from which the points have no numbers for coordinates.
+        /// Tick from which the coordinates of the points are NaN.
         pub nan_from: u64 = u64::MAX => any();
     }
 }
 
-/// A source whose sweep n consists of points that follow from n.
+/// A source whose sweep n consists of points that depend only on n.
 pub struct Source {
     settings: Settings,
     next: u64,

@@ -1,4 +1,4 @@
-//! Recordings made by others, for tests. They lie in `../shared/data` beside the project.
+//! Third-party recordings for tests. They are in `../shared/data` next to the project.
 //!
 //! | `REPLICA_DATA` | folder | a test whose data is absent |
 //! |---|---|---|
@@ -18,10 +18,11 @@ use std::path::{Path, PathBuf};
 
 /// Marks a test that reads these files or folders, named relative to the data folder. It replaces `#[test]`.
 ///
-/// Presence is checked when the test is compiled: the test harness can only ignore what was ignored at that time.
+/// Presence is checked when the test is compiled: the test harness can only ignore tests that were ignored at that
+/// time.
 pub use real_data_macros::test;
 
-/// Where a file or folder of the data lies.
+/// Path of a file or folder of the data.
 ///
 /// # Panics
 /// If it does not exist: the attribute of the test did not name it, it was removed after the test was compiled, or
@@ -32,7 +33,8 @@ pub fn path(name: &str) -> PathBuf {
     path
 }
 
-/// Where a file or folder of the data lies, if it exists: for examples and experiments, which say themselves what they need.
+/// Path of a file or folder of the data, if it exists: for examples and experiments, which report themselves what they
+/// need.
 pub fn find(name: &str) -> Option<PathBuf> {
     Some(folder().join(name)).filter(|path| path.exists())
 }

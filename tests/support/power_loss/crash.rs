@@ -1,7 +1,8 @@
-//! What a power loss may leave on the disk.
+//! The possible contents of the disk after a power loss.
 //!
-//! Durable is what was synced: the content of a file before its last `fsync`, the entries of a folder before the folder's. Of what
-//! follows, each file and each folder may have anything: nothing, a part, all. Syncing a file does not make its name durable.
+//! Synced data is durable: the content of a file before its last `fsync`, the entries of a folder before the last
+//! `fsync` of the folder. Of the later changes, each file and each folder may have any part: nothing, some, all.
+//! Syncing a file does not make its name durable.
 
 use super::disk::{Change, ROOT, write_into};
 use random::Random;
@@ -10,12 +11,12 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-/// What survives of the changes that were not synced.
+/// The part of the unsynced changes that survives.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
 pub enum Survives {
     /// Neither names nor content.
     Nothing,
-    /// All names, no content: the file is there and empty.
+    /// All names, no content: the file exists and is empty.
     Names,
     /// All content, no names.
     Content,
@@ -23,13 +24,13 @@ pub enum Survives {
     Zeros,
     /// All names, half of the changes of each file.
     Half,
-    /// Everything: as after a kill of all processes.
+    /// Everything, as after a kill of all processes.
     Everything,
-    /// Of each folder the first changes, of each file any of these, by chance.
+    /// The first changes of each folder and any changes of each file, randomly chosen.
     Mixed(u64),
 }
 
-/// All of them but [`Survives::Mixed`].
+/// All variants except [`Survives::Mixed`].
 const PLAIN: [Survives; 6] =
     [Survives::Nothing, Survives::Names, Survives::Content, Survives::Zeros, Survives::Half, Survives::Everything];
 
@@ -68,9 +69,9 @@ impl Tree {
 /// The changes of a run, in their order.
 pub struct Journal {
     log: Vec<Change>,
-    /// By number of a file or folder: the changes of its content or entries, and its syncs.
+    /// Changes of the content or entries of each file or folder, and its syncs, by its number.
     of_node: BTreeMap<u64, Vec<usize>>,
-    /// By number: whether it is a folder, and its permissions.
+    /// For each number, whether it is a folder, and its permissions.
     created: BTreeMap<u64, (bool, u32)>,
 }
 
@@ -97,8 +98,8 @@ impl Journal {
         self.log.iter().filter(|change| change.is_sync()).count()
     }
 
-    /// Moments and survivals that leave different disks: before each sync, removal and rename, and at the end. What survives by
-    /// chance is drawn `n_mixed` times at each moment.
+    /// Moments and survivals that leave different disks: before each sync, removal and rename, and at the end. The
+    /// random survival is drawn `n_mixed` times at each moment.
     pub fn crashes(&self, n_mixed: u64) -> Vec<(usize, Survives)> {
         let is_moment = |change: &Change| !matches!(change, Change::Write { .. } | Change::Resize { .. });
         let moments = (0..self.log.len()).filter(|moment| is_moment(&self.log[*moment])).chain([self.log.len()]);
@@ -120,7 +121,7 @@ impl Journal {
         tree
     }
 
-    /// Equal for equal disks, nearly always different for others.
+    /// A value that is equal for equal disks, and nearly always different for different disks.
     fn fingerprint(&self, moment: usize, survives: Survives) -> u64 {
         use std::hash::{DefaultHasher, Hash, Hasher};
         let mut hasher = DefaultHasher::new();
@@ -159,10 +160,10 @@ impl Journal {
     }
 }
 
-/// What is left of a file.
+/// The surviving changes of a file.
 #[derive(Hash)]
 struct Kept<'a> {
-    /// Its changes up to its last sync, and those behind it.
+    /// Its changes up to its last sync; `later` has the later ones.
     synced: &'a [usize],
     later: &'a [usize],
     survives: Survives,
@@ -176,7 +177,7 @@ struct Crash<'a> {
 }
 
 impl<'a> Crash<'a> {
-    /// Calls `found` with each file and folder below a folder: what is left of a file, and the permissions.
+    /// Calls `found` with each file and folder below a folder: the surviving changes of a file, and the permissions.
     fn collect(&self, folder: u64, path: &Path, found: &mut dyn FnMut(&Path, Option<Kept<'a>>, u32)) {
         for (name, node) in self.entries(folder) {
             let path = path.join(name);
@@ -219,11 +220,11 @@ impl<'a> Crash<'a> {
             Survives::Mixed(seed) => *Random::of_stream(seed, file).pick(&PLAIN),
             survives => survives,
         };
-        // What was synced survives in any case.
+        // Synced changes survive in any case.
         Kept { synced, later, survives: if later.is_empty() { Survives::Nothing } else { survives } }
     }
 
-    /// The changes of a file or folder up to its last sync before the power loss, and those behind it.
+    /// The changes of a file or folder up to its last sync before the power loss, and the later ones.
     fn split(&self, node: u64) -> (&'a [usize], &'a [usize]) {
         let changes: &[usize] = self.journal.of_node.get(&node).map_or(&[], Vec::as_slice);
         let changes = &changes[..changes.partition_point(|index| *index < self.moment)];

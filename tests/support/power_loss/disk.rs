@@ -1,4 +1,4 @@
-//! The content of a disk and the order in which it came to be.
+//! The content of a disk and the order of its changes.
 
 use super::protocol::{Answer, Attributes, Errno, Request};
 use std::collections::BTreeMap;
@@ -61,7 +61,7 @@ impl Disk {
         Self { nodes: BTreeMap::from([(ROOT, root)]), log: Vec::new() }
     }
 
-    /// Does what the kernel asks for. `None`: no answer is expected.
+    /// Executes a request of the kernel. `None`: no answer is expected.
     pub(super) fn answer(&mut self, request: &Request<'_>) -> Option<Result<Answer, Errno>> {
         Some(match *request {
             Request::Forget => return None,
@@ -133,7 +133,7 @@ impl Disk {
     }
 
     fn create(&mut self, folder: u64, name: &str, mode: u32, is_folder: bool) -> Result<Attributes, Errno> {
-        // A removed node may be open still, so its number is not used again.
+        // A removed node may still be open, so its number is not reused.
         let node = self.nodes.keys().next_back().map_or(ROOT, |last| last + 1);
         if self.folder(folder)?.insert(name.to_owned(), node).is_some() {
             return Err(Errno::Exists);
@@ -156,7 +156,8 @@ impl Disk {
     }
 
     fn rename(&mut self, folder: u64, name: &str, to_folder: u64, to_name: &str) -> Result<Answer, Errno> {
-        // What a crash leaves of a rename between folders depends on the file system; the programs have none.
+        // The result of a crash during a rename between folders depends on the file system; the programs have no such
+        // rename.
         if folder != to_folder {
             return Err(Errno::NotImplemented);
         }

@@ -1,6 +1,7 @@
-//! The requests of the kernel to a file system in user space (`/dev/fuse`, `linux/fuse.h`), as far as the programs need them.
+//! The subset of requests of the kernel to a file system in user space (`/dev/fuse`, `linux/fuse.h`) that the programs
+//! need.
 
-/// Version that this file follows: 7.31.
+/// Protocol version of this file: 7.31.
 const VERSION: [u32; 2] = [7, 31];
 /// Bytes of a request's header.
 const IN_HEADER: usize = 40;
@@ -8,10 +9,10 @@ const IN_HEADER: usize = 40;
 pub(super) const MAX_WRITE: u32 = 1 << 20;
 /// Flags of the first answer: writes beyond a page, and up to [`MAX_WRITE`] bytes.
 const INIT_FLAGS: u32 = 1 << 5 | 1 << 22;
-/// Nothing but the kernel changes the files, so its copies of names and sizes stay valid, s.
+/// Validity of the kernel's copies of names and sizes, s: only the kernel changes the files.
 const VALID_S: u64 = 3600;
 
-/// Errors as the kernel counts them.
+/// Errors with the kernel's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Errno {
     NoEntry = 2,
@@ -21,11 +22,11 @@ pub(super) enum Errno {
     NotImplemented = 38,
 }
 
-/// What the kernel asks for. Files and folders have numbers; 1 is the root.
+/// The requests of the kernel. Files and folders have numbers; 1 is the root.
 #[derive(Debug)]
 pub(super) enum Request<'a> {
     Init,
-    /// Needs no answer.
+    /// A request without an answer.
     Forget,
     Lookup {
         folder: u64,
@@ -152,7 +153,7 @@ fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
     Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
 }
 
-/// What the kernel wants to know of a file or folder.
+/// Attributes of a file or folder for the kernel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Attributes {
     pub(super) node: u64,
@@ -166,7 +167,7 @@ pub(super) struct Attributes {
 pub(super) struct Answer(Vec<u8>);
 
 impl Answer {
-    /// With its header before it.
+    /// The bytes with their header.
     pub(super) fn into_message(self, unique: u64) -> Vec<u8> {
         message(unique, 0, &self.0)
     }
@@ -200,7 +201,7 @@ impl Answer {
     pub(super) fn attributes(found: Attributes) -> Self {
         Self::default().u64s(&[VALID_S]).u32s(&[0, 0]).described(found)
     }
-    /// A handle: none is needed.
+    /// Adds a handle, which is unused.
     pub(super) fn opened(self) -> Self {
         self.u64s(&[0, 0])
     }
@@ -208,7 +209,8 @@ impl Answer {
         let n = 1 << 28;
         Self::default().u64s(&[n, n, n, n, n]).u32s(&[4096, 255, 4096, 0, 0, 0, 0, 0, 0, 0])
     }
-    /// Adds an entry of a folder unless it would be longer than `size`. `at`: where the list continues behind it.
+    /// Adds an entry of a folder unless it would be longer than `size`. `at`: position at which the list continues
+    /// after it.
     pub(super) fn listed(mut self, size: usize, at: u64, name: &str, found: Attributes) -> (Self, bool) {
         let length = (24 + name.len()).next_multiple_of(8);
         if self.0.len() + length > size {

@@ -6,32 +6,33 @@ use random::Random;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// A run of which every change of the disk is known.
+/// A run with all changes of its disk.
 pub struct RecordedRun {
     launch: Launch,
     journal: Journal,
-    /// Changes before the run, of an earlier one.
+    /// Changes of an earlier run, before this run.
     n_before: usize,
     expected: BTreeMap<String, Vec<u8>>,
     /// Files of the earlier run.
     earlier: Option<BTreeMap<String, Vec<u8>>>,
 }
 
-/// How resumed runs ended.
+/// Outcomes of resumed runs.
 #[derive(Debug, Default)]
 pub struct Survival {
-    /// Continued from a barrier, with the bytes of the undisturbed run.
+    /// Number of runs continued from a barrier, with the bytes of the undisturbed run.
     pub resumed: usize,
-    /// Begun again, with the same bytes.
+    /// Number of runs started again, with the same bytes.
     pub begun_again: usize,
-    /// Refused, by the text without numbers.
+    /// Number of refused runs, by the text without numbers.
     pub refused: BTreeMap<String, usize>,
     /// Wrong results and unclear refusals.
     pub faults: Vec<String>,
 }
 
 impl RecordedRun {
-    /// Runs `launch` on a recorded disk. With `earlier`, a run with these arguments comes before it, whose results it replaces.
+    /// Runs `launch` on a recorded disk. With `earlier`, a run with these arguments precedes it, whose results it
+    /// replaces.
     ///
     /// # Panics
     /// If a run fails.
@@ -109,13 +110,13 @@ impl RecordedRun {
         }
     }
 
-    /// The results in the output, without what is called so while it is written.
+    /// The results in the output, without temporary files.
     fn results(&self) -> BTreeMap<String, Vec<u8>> {
         let got = result_files(&self.launch.output());
         got.into_iter().filter(|(name, _)| !name.ends_with(".partial")).collect()
     }
 
-    /// Whether the results in the output are those of the undisturbed run.
+    /// Checks that the results in the output equal the undisturbed run.
     fn compare(&self) -> Result<(), String> {
         let got = self.results();
         let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
@@ -130,7 +131,7 @@ impl RecordedRun {
 }
 
 impl Tree {
-    /// Whether a summary says that the run is done.
+    /// Whether a summary reports the run as done.
     fn says_done(&self) -> bool {
         let summary: Option<serde_json::Value> =
             self.file("summary.json").and_then(|bytes| serde_json::from_slice(bytes).ok());

@@ -1,4 +1,4 @@
-//! Files of data sets of others, and calibrations of rigs.
+//! Files of third-party data sets, and calibrations of rigs.
 
 use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 use std::io::Cursor;
@@ -14,7 +14,7 @@ pub fn las(is_compressed: bool) -> Vec<u8> {
     file(1, is_compressed.then(|| LazVlr::from_laz_items(items)))
 }
 
-/// The same of point format 6, in layers and chunks of five points.
+/// Twelve points of point format 6, in layers and chunks of five points.
 pub fn layered_laz() -> Vec<u8> {
     let items = LazItemRecordBuilder::default_for_point_format_id(6, 0).expect("is a format");
     file(6, Some(LazVlrBuilder::new(items).with_fixed_chunk_size(5).build()))

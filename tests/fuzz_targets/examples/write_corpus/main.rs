@@ -1,7 +1,7 @@
 //! Writes the seeds of the corpus: a small valid file for each target, made by the writers of the formats.
 //!
-//! `cargo run --release -p fuzz_targets --example write_corpus`. Files whose names do not begin with `seed` are findings of earlier
-//! fuzzing; they are left alone.
+//! `cargo run --release -p fuzz_targets --example write_corpus`. Files whose names do not start with `seed` are
+//! findings of earlier fuzzing; they are left alone.
 
 mod data_sets;
 mod ros;

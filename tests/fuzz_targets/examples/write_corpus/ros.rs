@@ -181,7 +181,7 @@ fn street(is_cdr: bool) -> [(&'static str, &'static str, Vec<u8>); 5] {
     ]
 }
 
-/// The topics of [`street`] in their order, each once.
+/// The topics of [`street`] in their order, without duplicates.
 fn topics(is_cdr: bool) -> Vec<(&'static str, &'static str)> {
     let mut topics: Vec<(&str, &str)> = street(is_cdr).into_iter().map(|(name, kind, _)| (name, kind)).collect();
     topics.dedup();
@@ -203,7 +203,7 @@ fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
     [&length(&header)[..], &header, &length(data), data].concat()
 }
 
-/// A bag of ROS 1 with one chunk, compressed so.
+/// A bag of ROS 1 with one chunk and this compression.
 pub fn ros1_bag(compression: &str) -> Vec<u8> {
     let connection = |(number, (name, kind)): (u32, (&str, &str))| {
         let fields: [(&str, &[u8]); 3] = [("op", &[7]), ("conn", &number.to_le_bytes()), ("topic", name.as_bytes())];
@@ -247,7 +247,7 @@ fn lz4(content: &[u8]) -> Vec<u8> {
     encoder.finish().expect("packs")
 }
 
-/// An MCAP file with one chunk, compressed so; without a summary.
+/// An MCAP file with one chunk and this compression, without a summary.
 pub fn mcap(compression: &str) -> Vec<u8> {
     let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
     let record = |kind: u8, body: &[u8]| [&[kind][..], &(body.len() as u64).to_le_bytes(), body].concat();
@@ -290,8 +290,8 @@ fn varint(value: usize) -> Vec<u8> {
     if value < 128 { vec![value as u8] } else { vec![0x80 | (value >> 7) as u8, (value & 0x7f) as u8] }
 }
 
-/// A leaf of these records, whose ids count from 1. Records that do not fit continue on the pages from `next_page`, which are
-/// returned as well.
+/// A leaf of these records, whose ids count from 1. Records that do not fit continue on the pages from `next_page`,
+/// which are also returned.
 fn leaf(begin: usize, records: &[Vec<u8>], mut next_page: u32) -> (Vec<u8>, Vec<Vec<u8>>) {
     let mut page = vec![0; PAGE];
     let mut others = Vec::new();

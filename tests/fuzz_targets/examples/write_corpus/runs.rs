@@ -1,4 +1,4 @@
-//! What the processes of a run write, and models on range images.
+//! Files written by the processes of a run, and models on range images.
 
 use drive::SourcePosition;
 use messages::{

@@ -156,7 +156,7 @@ fn hesai_40p() -> Vec<u8> {
 fn hesai(major: u8, n_beams: u8, n_blocks: u8, tail: usize) -> Vec<u8> {
     let mut bytes = vec![0xee, 0xff, major, 1, 0, 0, n_beams, n_blocks, 1, 4, 2, 1];
     bytes.extend(hesai_blocks(&[], u16::from(n_blocks), usize::from(n_beams), 4));
-    // The return mode of one model, reserved of the other: two echoes.
+    // The return mode of one model, reserved in the other: two echoes.
     bytes.extend([0; 10]);
     bytes.extend([0x39; 7]);
     bytes.resize(bytes.len() + tail - 17 + 4, 1);

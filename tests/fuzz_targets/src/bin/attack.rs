@@ -34,7 +34,8 @@ struct Args {
     /// Time for each target, s; ends before `count`
     #[arg(long, default_value_t = f64::INFINITY)]
     seconds: f64,
-    /// Fail at an input for which the target executes more instructions than it may; counts those of slow inputs under valgrind
+    /// Fail at an input for which the target executes more instructions than allowed; counts instructions of slow
+    /// inputs under valgrind
     #[arg(long)]
     limit_work: bool,
     /// File that contains the number of the current input
@@ -100,7 +101,7 @@ fn attack(name: &str, args: &Args) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Instructions of one call: those of a process with the input, less those of a process without.
+/// Instructions of one call: the count of a process with the input, minus the count of a process without.
 fn instructions_of_input(name: &str, seed: u64, number: u64) -> std::io::Result<u64> {
     let seed = seed.to_string();
     let number = number.to_string();

@@ -1,5 +1,6 @@
-//! `grow`: runs targets on inputs of 32 KiB and of 512 KiB, in which a piece of a corpus is repeated, and reports those whose work grows
-//! faster than their size. Quadratic work does not show in the short inputs of a fuzzer, and stacks do not overflow.
+//! `grow`: runs targets on inputs of 32 KiB and of 512 KiB, in which a piece of a corpus is repeated, and reports
+//! targets whose work grows faster than their size. The short inputs of a fuzzer neither reveal quadratic work nor
+//! overflow stacks.
 //!
 //! Work is counted in instructions, under valgrind, where the time grows faster than the size.
 
@@ -11,11 +12,12 @@ use std::time::Duration;
 
 const SMALL: usize = 32 << 10;
 const LARGE: usize = 512 << 10;
-/// Shorter times of small inputs are noise.
+/// Least time of a small input. Shorter times are noise.
 const LEAST: Duration = Duration::from_millis(1);
-/// Fewer instructions of small inputs are overhead: what [`LEAST`] allows.
+/// Least number of instructions of a small input. Fewer are overhead: as many as [`LEAST`] allows.
 const LEAST_INSTRUCTIONS: u64 = 3_000_000;
-/// Instructions may grow so much more than the size, by sorting. A time that does is suspicious: caches and other programs add to it.
+/// Largest growth of instructions relative to size, e.g. by sorting. A larger growth of time is suspicious: caches and
+/// other programs add to it.
 const MAX_GROWTH: f64 = 4.0;
 
 /// Reports readers whose work grows faster than their input.
@@ -85,7 +87,8 @@ fn main() -> ExitCode {
     if is_linear { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Instructions of one call with a piece at a size: those of a process with the call, less those of a process without.
+/// Instructions of one call with a piece at a size: the count of a process with the call, minus the count of a process
+/// without.
 fn instructions_of_piece(name: &str, seed: u64, number: u64, size: usize) -> std::io::Result<u64> {
     let seed = seed.to_string();
     let number = number.to_string();
@@ -95,7 +98,7 @@ fn instructions_of_piece(name: &str, seed: u64, number: u64, size: usize) -> std
     Ok(of_count("1")?.saturating_sub(of_count("0")?))
 }
 
-/// Begin and length of some lines or bytes of a file.
+/// Start and length of some lines or bytes of a file.
 fn piece(file: &[u8], random: &mut Random) -> (usize, usize) {
     let ends = file.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(at, _)| at + 1);
     let lines: Vec<usize> = std::iter::once(0).chain(ends).filter(|at| *at < file.len()).collect();
@@ -109,8 +112,8 @@ fn piece(file: &[u8], random: &mut Random) -> (usize, usize) {
     (at, (1 + random.index(longest)).min(file.len() - at))
 }
 
-/// The file with a piece so often that it has about `size` bytes. `is_numbered`: digits of the pieces are replaced by their number, so
-/// that names differ.
+/// The file with a piece repeated until it has about `size` bytes. `is_numbered`: digits of the pieces are replaced by
+/// their number, so that names differ.
 fn repeated(file: &[u8], at: usize, n: usize, size: usize, is_numbered: bool) -> Vec<u8> {
     let mut bytes = file[..at].to_vec();
     let mut number = 0_u32;

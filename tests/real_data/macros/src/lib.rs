@@ -33,14 +33,14 @@ pub fn test(names: TokenStream, function: TokenStream) -> TokenStream {
             attributes = format!("{attributes}#[ignore = {reason}]");
         }
     }
-    // Cargo sees that the crate reads the variable, and compiles the test again when it changes.
+    // Cargo registers that the crate reads the variable, and compiles the test again when it changes.
     let tracked = "const _: Option<&str> = option_env!(\"REPLICA_DATA\");";
     let mut output: TokenStream = format!("{tracked}{attributes}").parse().expect("the text is valid Rust");
     output.extend(function);
     output
 }
 
-/// `../shared/data` beside the project.
+/// `../shared/data` next to the project.
 fn default_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/data")
 }
