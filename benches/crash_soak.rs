@@ -1,11 +1,12 @@
-//! Kills of the real pipeline, as many as wanted: the promise of `crash_recovery::killed_processes_do_not_change_the_clouds`.
+//! Kills of the real pipeline, as many as requested: the promise of
+//! `crash_recovery::killed_processes_do_not_change_the_clouds`.
 //! `cargo build --release && cargo bench -p replica-tests --bench crash_soak -- --kills 200 --seed 1 [--drive FOLDER] [--swaps | --record |
 //! --power-loss]`
 //!
-//! `--swaps` replaces stages by themselves all the while, which does not change the result, and counts the kills during a swap.
-//! `--record` kills one process in each of as many recorded runs; test
-//! `recordings::killed_process_leaves_a_complete_recording_or_one_that_says_that_it_is_not`. `--power-loss` resumes a run after as
-//! many power losses; tests `power_loss`. Its disk needs `/dev/fuse`.
+//! `--swaps` replaces stages by themselves during the whole run, which does not change the result, and counts the kills
+//! during a swap. `--record` kills one process in each of as many recorded runs; test
+//! `recordings::killed_process_leaves_a_complete_recording_or_one_that_says_that_it_is_not`. `--power-loss` resumes a
+//! run after as many power losses; tests `power_loss`. Its disk needs `/dev/fuse`.
 
 use replica_tests::power_loss::RecordedRun;
 use replica_tests::{
@@ -21,12 +22,12 @@ use std::time::{Duration, Instant};
 const POLL: Duration = Duration::from_millis(20);
 const STAGES: [&str; 7] = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
 
-/// Value of an argument. Others, such as cargo's own `--bench`, are ignored.
+/// Value of an argument. Other arguments, such as cargo's own `--bench`, are ignored.
 fn argument(name: &str) -> Option<String> {
     std::env::args().skip_while(|argument| argument != name).nth(1)
 }
 
-/// Begins and ends of swaps that passed their check, until `done`. Swaps while no supervisor listens fail at once.
+/// Starts and ends of swaps that passed their check, until `done`. Swaps while no supervisor listens fail at once.
 fn swap_all_the_while(output: &Path, done: &AtomicBool) -> Vec<(Instant, Instant)> {
     let mut swaps = Vec::new();
     for stage in STAGES.iter().cycle() {
@@ -54,13 +55,13 @@ fn recorded_kills(n: usize, seed: u64) -> ExitCode {
     println!("kills       {:?}", kills.struck);
     println!("results     all as undisturbed");
     println!(
-        "recordings  {} complete with the same replay, {} say that they are not",
+        "recordings  {} complete with the same replay, {} reported as incomplete",
         kills.complete, kills.incomplete
     );
     ExitCode::SUCCESS
 }
 
-/// Power losses in a new run and in one that replaces an earlier one.
+/// Power losses in a new run and in a run that replaces an earlier one.
 fn power_losses(n: usize, seed: u64) -> ExitCode {
     if let Some(status) = run_in_own_namespace() {
         return if status.success() { ExitCode::SUCCESS } else { ExitCode::FAILURE };

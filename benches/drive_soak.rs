@@ -2,8 +2,8 @@
 //! repetition the vehicle jumps back, so odometry and loop closures never settle.
 //! `cargo build --release && cargo bench -p replica-tests --bench drive_soak -- [--seconds 60] [--repeat 60] [--places 100] [--all]`
 //!
-//! With `--all`, images are repeated too, as links, and all stages run. Clouds are not written: those of an hour fill 90 GB. The
-//! folder of the drive, 2.4 MB per second, is removed at the end.
+//! With `--all`, images are also repeated, as links, and all stages run. Clouds are not written: an hour would fill 90
+//! GB. The folder of the drive, 2.4 MB per second, is removed at the end.
 
 use geometry::Stamp;
 use lidar::pcap::{PacketReader, Writer};
@@ -18,26 +18,26 @@ use std::time::Duration;
 
 const STAGES: [&str; 3] = ["acquire", "slam_aggregate", "export"];
 const ALL_STAGES: [&str; 7] = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
-/// Row of the table: what all runs on the machine have in shared memory.
+/// Row of the table: shared memory of all runs on the machine.
 const SHARED: &str = "shared memory";
-/// Between two samples.
+/// Interval between two samples.
 const SAMPLE_EVERY: Duration = Duration::from_secs(1);
 /// Offset in a data packet of the sensor's clock: µs of the hour.
 const MICROS_AT: usize = 1200;
 const HOUR_MICROS: i64 = 3_600_000_000;
-/// Growth of the second half of a drive over the first that is no leak, bytes: two poses of a sweep and one of a submap are kept
-/// for the end of the drive, 10 MB in an hour.
+/// Growth of the second half of a drive over the first that does not count as a leak, bytes: two poses of a sweep and
+/// one of a submap are kept for the end of the drive, 10 MB in an hour.
 const SLACK: u64 = 12 << 20;
 /// Shares of the drive at which the table gives the memory.
 const SHARES: [f64; 6] = [0.05, 0.1, 0.25, 0.5, 0.75, 1.0];
 
-/// Value of an argument. Others, such as cargo's own `--bench`, are ignored.
+/// Value of an argument. Other arguments, such as cargo's own `--bench`, are ignored.
 fn argument(name: &str, default: u64) -> u64 {
     let text = std::env::args().skip_while(|argument| argument != name).nth(1);
     text.map_or(default, |text| text.parse().expect("a number"))
 }
 
-/// The capture of `drive` again and again in `folder`, a file for each repetition, with stamps that go on.
+/// Repeats the capture of `drive` in `folder`, a file for each repetition, with increasing stamps.
 fn repeat(drive: &Path, folder: &Path, n: u64, with_images: bool) {
     fs::create_dir_all(folder.join("lidar")).expect("a folder");
     let source = drive.join("lidar/000000.pcap");
@@ -51,7 +51,7 @@ fn repeat(drive: &Path, folder: &Path, n: u64, with_images: bool) {
         n_packets += 1;
     }
     let length = last.0 - first.expect("has packets").0;
-    // Whole µs: the sensor's clock has no more.
+    // Whole µs, the resolution of the sensor's clock.
     let period = (length + length / n_packets) / 1000 * 1000;
     for number in 0..n as i64 {
         let file = File::create(folder.join(format!("lidar/{number:06}.pcap"))).expect("created");
@@ -78,7 +78,7 @@ fn repeat(drive: &Path, folder: &Path, n: u64, with_images: bool) {
     fs::write(folder.join("drive.toml"), format!("{sensors}\n")).expect("written");
 }
 
-/// Links to all images, again and again with stamps that go on.
+/// Links to all images, repeated with increasing stamps.
 fn repeat_images(drive: &Path, folder: &Path, period: i64, n: u64) {
     let cameras = fs::read_dir(drive.join("camera")).expect("cameras").map(|entry| entry.expect("an entry").path());
     for of_camera in cameras.chain(["hs02", "hs03"].map(|mosaic| drive.join(mosaic))) {
@@ -114,7 +114,7 @@ fn shared_bytes() -> Option<u64> {
     Some((found.f_blocks - found.f_bfree) * found.f_frsize)
 }
 
-/// Memory of a process that no other shares, bytes.
+/// Memory of a process that no other process shares, bytes.
 fn private_bytes(pid: rustix::process::Pid) -> Option<u64> {
     let status = fs::read_to_string(format!("/proc/{}/status", pid.as_raw_nonzero())).ok()?;
     let line = status.lines().find(|line| line.starts_with("RssAnon:"))?;
@@ -143,7 +143,8 @@ fn sample(launch: &Launch, running: &mut Running, stages: &[&'static str]) -> BT
     samples
 }
 
-/// Private memory of all stages and shared memory at the same time, at its largest. The samples of a stage begin with it.
+/// Largest sum of the private memory of all stages and shared memory at the same time. The samples of a stage start
+/// with it.
 fn largest_sum(samples: &BTreeMap<&'static str, Vec<(f64, u64)>>) -> u64 {
     let longest = samples.values().map(Vec::len).max().unwrap_or_default();
     let at = |back: usize| {
@@ -152,7 +153,7 @@ fn largest_sum(samples: &BTreeMap<&'static str, Vec<(f64, u64)>>) -> u64 {
     (1..=longest).map(at).max().unwrap_or_default()
 }
 
-/// Prints the line of a stage; whether its memory does not grow in the second half of the drive.
+/// Prints the line of a stage. Returns whether its memory does not grow in the second half of the drive.
 fn report(stage: &str, samples: &[(f64, u64)]) -> bool {
     let end = samples.last().map_or(0.0, |(drive_s, _)| *drive_s);
     let most = |from: f64, to: f64| {

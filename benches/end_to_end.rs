@@ -14,7 +14,7 @@ fn run(root: &Path, output: &Path) -> Value {
         .stderr(std::process::Stdio::null())
         .status()
         .expect("built by `cargo build --release`");
-    // The sample drive is too short to find north: a doubt.
+    // The sample drive is too short to find north, which is a doubt.
     assert!(matches!(status.code(), Some(0 | 3)), "{status}");
     serde_json::from_slice(&std::fs::read(output.join("summary.json")).expect("written")).expect("JSON")
 }

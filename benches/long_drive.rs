@@ -1,6 +1,6 @@
-//! A long drive with loops: 10 km of laps of 1.5 km through the simulated town, by LiDAR, inertial unit and GNSS receiver. Memory
-//! must not grow, and drift and place are compared with the ground truth. The drive is simulated if it does not exist
-//! (`target/long_drive`, 5 MB a second).
+//! A long drive with loops: 10 km of laps of 1.5 km through the simulated town, with LiDAR, inertial unit and GNSS
+//! receiver. Memory must not grow, and drift and position are compared with the ground truth. The drive is simulated if
+//! it does not exist (`target/long_drive`, 5 MB a second).
 //! `cargo build --release && cargo build --release -p replica_lab && cargo bench -p replica-tests --bench long_drive [-- SECONDS SEED]`
 
 use serde_json::Value;
@@ -10,17 +10,17 @@ use std::process::{Command, ExitCode};
 /// 1850 s are a little more than 10 km at the speed of the simulated traffic.
 const SECONDS: u64 = 1850;
 const SEED: u64 = 601;
-/// Growth of a process from the second quarter of the drive to the last one that is no leak: its share, and bytes. All places of
-/// the laps are known by then; poses and fixes of the pose graph still come.
+/// Growth of a process from the second quarter of the drive to the last one that does not count as a leak: its share,
+/// and bytes. All places of the laps are known by then; poses and fixes of the pose graph still arrive.
 const GROWTH_SHARE: f64 = 0.1;
 const GROWTH_BYTES: f64 = 16e6;
-/// Largest errors. They detect lost odometry and a wrong placement, and are no goals of accuracy.
+/// Largest errors. They detect lost odometry and a wrong placement, and are not accuracy goals.
 const MAX_DRIFT_PERCENT: f64 = 1.0;
 const MAX_PLACE_M: f64 = 5.0;
 /// Shorter drives have no second quarter to compare with.
 const MIN_SECONDS_OF_MEMORY: u64 = 600;
 
-/// What corrects the odometry, `[slam_aggregate] correct`, and the alignment that its trajectory is compared with.
+/// Corrections of the odometry, `[slam_aggregate] correct`, and the alignment for the comparison of its trajectory.
 const RUNS: [(&str, &str, &str); 3] = [
     ("odometry alone", "[]", "first"),
     ("loop closures", r#"["imu","loops"]"#, "first"),
@@ -106,14 +106,14 @@ fn run(root: &Path, drive: &Path, output: &Path, correct: &str) {
         .stderr(std::process::Stdio::null())
         .status()
         .expect("built by `cargo build --release`");
-    // A run with doubts is scored, too.
+    // A run with doubts is also scored.
     assert!(matches!(status.code(), Some(0 | 3)), "replica-launch: {status}");
 }
 
 /// The trajectory against the ground truth.
 struct Scores {
     path_m: f64,
-    /// KITTI segments; `None` on a path below 100 m.
+    /// Drift over KITTI segments; `None` on a path below 100 m.
     drift_percent: Option<f64>,
     deg_per_100_m: Option<f64>,
     rmse_m: f64,

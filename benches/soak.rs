@@ -1,5 +1,6 @@
-//! Searches for leaks: a million messages through the pipeline of tests/misbehaving while descriptors, memory and shared memory
-//! are sampled; then 200 runs that are killed at seeded moments, after which nothing may be left behind.
+//! Searches for leaks: a million messages through the pipeline of tests/misbehaving while descriptors, memory and
+//! shared memory are sampled; then 200 runs that are killed at seeded moments, after which no files or processes may be
+//! left behind.
 //! `cargo build --release -p launch -p misbehaving && cargo bench -p replica-tests --bench soak [-- MESSAGES KILLS SEED]`
 
 use replica_tests::{Launch, Random, Running, domain_of, leftovers, wait_for};
@@ -8,9 +9,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 const PROCESSES: [&str; 4] = ["supervisor", "source", "relay", "sink"];
-/// Growth of a process that is no leak, bytes: pages of stacks and tables that are touched late.
+/// Growth of a process that does not count as a leak, bytes: pages of stacks and tables that are touched late.
 const SLACK: u64 = 1 << 20;
-/// A heartbeat that reads its own figures has files open for a moment.
+/// Files that a heartbeat opens for a moment to read its own figures.
 const OPEN_FOR_A_MOMENT: u64 = 2;
 
 /// The resources of one process.
@@ -56,7 +57,7 @@ fn sample(pids: [Pid; PROCESSES.len()], domain: &str) -> Option<Sample> {
     Some(Sample { processes, shared: shared_memory(domain) })
 }
 
-/// Prints a figure at 10 %, at 100 % and its maximum; whether it does not grow.
+/// Prints a figure at 10 %, at 100 % and its maximum. Returns whether it does not grow.
 fn print(name: &str, samples: &[Sample], slack: u64, figure: impl Fn(&Sample) -> u64) -> bool {
     let values: Vec<u64> = samples.iter().map(figure).collect();
     let first = values[0];
@@ -85,7 +86,7 @@ fn many_messages(messages: u64) -> bool {
     let seconds = begun.elapsed().as_secs_f64();
     assert_eq!(running.wait(), Some(0), "the run itself");
     assert_eq!(launch.stage_summary("sink")["inputs"]["class"]["messages"], messages);
-    // The last samples may be of processes that are ending.
+    // The last samples may be from processes that are ending.
     samples.truncate(samples.len().saturating_sub(3));
     let samples = &samples[samples.len() / 10..];
     println!(
@@ -123,7 +124,7 @@ fn processes_that_name(folder: &Path) -> Vec<String> {
     lines.filter(|line| line.contains(&*folder.to_string_lossy())).collect()
 }
 
-/// Kills the supervisor, or a stage whose run must then succeed; whether the supervisor still runs.
+/// Kills the supervisor, or a stage whose run must then succeed. Returns whether the supervisor still runs.
 fn kill_one(running: &Running, random: &mut Random) -> bool {
     std::thread::sleep(Duration::from_millis(random.index(700) as u64));
     let victim = PROCESSES[random.index(PROCESSES.len())];
@@ -132,7 +133,7 @@ fn kill_one(running: &Running, random: &mut Random) -> bool {
         return false;
     }
     if let Some(pid) = running.find_stage(victim) {
-        // It may have ended since.
+        // It may have ended in the meantime.
         let _ = kill_process(pid, Signal::KILL);
     }
     true
@@ -143,7 +144,7 @@ fn many_kills(kills: u64, seed: u64) -> bool {
     let launch = || Launch::of_misbehaving("restarts = 9", SOURCE, "");
     let undisturbed = launch();
     assert_eq!(undisturbed.start().wait(), Some(0));
-    // All into one folder: what a dead run has left is the next one's to clean up.
+    // All runs use one folder: the next run must clean up after a dead one.
     let disturbed = launch().with("--overwrite");
     let mut random = Random::new(seed);
     let mut survived = 0_u64;
@@ -161,7 +162,7 @@ fn many_kills(kills: u64, seed: u64) -> bool {
         wait_for("the stages' end", || processes_that_name(disturbed.folder()).is_empty().then_some(()));
     }
     let mut left = 0;
-    assert_eq!(disturbed.start().wait(), Some(0), "a last run that nobody disturbs");
+    assert_eq!(disturbed.start().wait(), Some(0), "a last undisturbed run");
     for launch in [&undisturbed, &disturbed] {
         left += left_by(launch, &domain_of(&launch.output()));
     }

@@ -7,16 +7,16 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
-/// Long enough to measure a tenth of a percent.
+/// Duration of the measurement: long enough for a tenth of a percent.
 const WATCHED: Duration = Duration::from_secs(10);
 /// Limit after which a silent stage hangs, s.
 const HANG_S: f64 = 1.0;
 
-/// Five times real time: the goal for the pipeline on two cores.
+/// Interval of sweeps, ms. Five times real time: the goal for the pipeline on two cores.
 const PACE_MS: u64 = 20;
 
-/// Sweeps of 2000 points without end, one every `pace_ms` or as fast as possible (0), and a barrier every 50 sweeps. The pause
-/// before a restart is the default, 0.5 s.
+/// Endless sweeps of 2000 points, one every `pace_ms` or as fast as possible (0), and a barrier every 50 sweeps. The
+/// pause before a restart is the default, 0.5 s.
 fn launch(pace_ms: u64) -> Launch {
     let mut text = format!(
         "[run]\ndrive = '.'\noutput = 'out'\nbarrier_s = 5.0\nrestarts = 1000\nhang_s = {HANG_S:.1}\n\
@@ -65,7 +65,7 @@ fn supervisor_share() -> f64 {
     100.0 * (cpu_s(running.pid()) - before) / begun.elapsed().as_secs_f64()
 }
 
-/// Times of one fault, ms: until it is reported, and until the run has passed the lost barrier.
+/// Times of one fault, ms: until its report, and until the run has passed the lost barrier.
 struct Reaction {
     seen_ms: f64,
     caught_up_ms: f64,
@@ -87,7 +87,7 @@ fn reaction(launch: &Launch, running: &Running, signal: Signal, words: &str) -> 
 }
 
 fn reactions(rounds: usize, signal: Signal, words: &str) -> Vec<Reaction> {
-    // A run for each: the pause before a restart doubles with each further restart.
+    // A separate run for each: the pause before a restart doubles with each further restart.
     let round = |_| {
         let launch = launch(0);
         let running = launch.start();

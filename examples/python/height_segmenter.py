@@ -18,7 +18,7 @@ class HeightSegmenter(replica.Stage):
     settings = {
         "ground_m": Setting(0.3, "Height up to which a point is ground, m.", within=(0.05, 1.0)),
         "vehicle_m": Setting(2.6, "Height of the highest vehicle, m.", within=(1.0, 5.0)),
-        "street_m": Setting(15.0, "How far from the path of the sensor vehicles are looked for, m.", within=(1.0, 200.0)),
+        "street_m": Setting(15.0, "Largest distance of vehicles from the path of the sensor, m.", within=(1.0, 200.0)),
     }
 
     def step(self, inputs, outputs):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Classes by a network in ONNX that takes points one by one: rows of x, y, z (m, submap frame) and intensity; a score for each class."""
+"""Classes from an ONNX network that processes points one by one: rows of x, y, z (m, submap frame) and intensity; a score for each class."""
 
 import os
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A recording for the Rerun viewer.
+"""Converts a recording for the Rerun viewer.
 
   pip install rerun-sdk                                                  # the viewer comes with it
   to_rerun.py run.mcap --out run.rrd --drive drives/sample && rerun run.rrd
@@ -13,7 +13,7 @@
 | `odom/body/camera_0` ... | `EncodedImage`; with `--drive`, `Transform3D` and `Pinhole` | `image` |
 | `fix`, `fixes` | `GeoPoints`, `GeoLineStrings` | `gnss` |
 
-`odom` is the frame of the odometry. The timeline `time` is that of the measurement.
+`odom` is the frame of the odometry. The timeline `time` has the times of measurement.
 """
 
 import argparse
@@ -34,7 +34,7 @@ TIMELINE = "time"
 TOPICS = ("submap", "color", "class", "instance", "sweep", "image", "trajectory", "gnss")
 CLASSES = dict(enumerate(replica.CLASS_NAMES))
 GRAY, ORANGE = np.uint8([150, 150, 150]), [255, 165, 25]
-#: Camera of a point that none saw; bit of the flags of a point on a moving object.
+#: Camera of a point that no camera sees; bit of the flags of a point on a moving object.
 UNSEEN, MOVING = 255, 1
 JPEG_QUALITY = 85
 #: Smaller sides of boxes are drawn as long as this, m.
@@ -46,7 +46,7 @@ class Scene:
 
     def __init__(self, stream: rr.RecordingStream, topics: list[str], most_points: int):
         self.stream, self.most_points = stream, most_points
-        #: What boxes of instances are made of, and what there is of it by submap.
+        #: Topics from which boxes of instances are made, and their received messages by submap.
         self.of_boxes = {"submap", "instance", "class"} & set(topics) if {"submap", "instance"} <= set(topics) else set()
         self.waiting: dict[int, dict[str, replica.Message]] = {}
         self.path, self.fixes = [], []
@@ -68,7 +68,7 @@ class Scene:
         self.stream.log(entity, *values)
 
     def shown(self, rows: np.ndarray) -> np.ndarray:
-        """The rows of the points that are shown: of too many, every so many. Oddly many, as an even step would leave out whole beams."""
+        """The rows of the shown points: every n-th point if there are too many. n is odd, because an even step would leave out whole beams."""
         return rows[:: -(-len(rows) // self.most_points) | 1]
 
     def show_submap(self, submap):
@@ -98,7 +98,7 @@ class Scene:
         self.log(submap_entity(column.seq), column.stamp, rr.AnyValues(instance=self.shown(column.rows)))
 
     def show_boxes(self, submap, instances, classes):
-        """An upright box for each instance. One that goes on in another submap gets the box of the later one."""
+        """An upright box for each instance. An instance that continues in another submap gets the box of the later one."""
         t, q = submap.header["odom_from_submap"]
         points, ids = xyz(self.shown(submap.rows)), self.shown(instances.rows)
         for instance in np.unique(ids[ids != 0]):
@@ -138,7 +138,7 @@ class Scene:
             self.stream.send_columns("fix", [times(rows["stamp"])], rr.GeoPoints.columns(positions=self.fixes[-1]))
 
     def show_cameras(self, drive: Path):
-        """Where the cameras of the drive are. Rerun has no lens distortion: of a wide lens, the corners are not where they are drawn."""
+        """Poses of the cameras of the drive. Rerun has no lens distortion: with a wide lens, the corners are drawn at wrong positions."""
         for number, camera in enumerate(tomllib.loads((drive / "drive.toml").read_text()).get("camera", [])):
             pose, model = camera["body_from_camera"], camera["model"]
             pinhole = rr.Pinhole(
@@ -190,7 +190,7 @@ def rotated(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def box_around(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Center, half size (m) and heading (rad) of the upright box of least base, among headings of whole degrees."""
+    """Center, half size (m) and heading (rad) of the upright box with the smallest base, among headings of whole degrees."""
     points = points.astype("f8")
 
     def turned(heading: float) -> np.ndarray:
@@ -210,26 +210,27 @@ def blueprint(submaps: set[str], cameras: set[int], has_fixes: bool) -> rrb.Blue
     by_class = rr.Points3D.from_fields().visualizer(
         mappings=[rrb.encodings.VisualizerComponentMapping("Points3D:colors", rrb.encodings.ComponentSourceKind.AnnotationContext)]
     )
-    # Behind and above the first place of the vehicle, which looks along x.
+    # Behind and above the first position of the vehicle, which faces x.
     eye = rrb.EyeControls3D(position=[-25.0, -20.0, 25.0], look_target=[15.0, 0.0, 0.0])
     views = rrb.Tabs(
         rrb.Spatial3DView(origin="odom", name="color", eye_controls=eye),
         rrb.Spatial3DView(origin="odom", name="class", eye_controls=eye, overrides=dict.fromkeys(sorted(submaps), by_class)),
     )
     images = [rrb.Spatial2DView(origin=camera_entity(camera), name=f"camera {camera}") for camera in sorted(cameras)]
-    beside = ([rrb.Grid(*images)] if images else []) + ([rrb.MapView(origin="/", name="fixes")] if has_fixes else [])
-    shown = rrb.Horizontal(views, rrb.Vertical(*beside), column_shares=[2, 1]) if beside else views
+    side = ([rrb.Grid(*images)] if images else []) + ([rrb.MapView(origin="/", name="fixes")] if has_fixes else [])
+    shown = rrb.Horizontal(views, rrb.Vertical(*side), column_shares=[2, 1]) if side else views
     return rrb.Blueprint(shown, rrb.TimePanel(timeline=TIMELINE, state="collapsed"), collapse_panels=True)
 
 
 def convert(recording: replica.Recording, out: Path, drive: Path | None, points: int) -> int:
-    """Number of messages shown."""
+    """Converts the recording. Returns the number of messages shown."""
     topics = [topic for topic in TOPICS if topic in recording.topics]
     if not topics:
-        raise ValueError(f"{recording.path}: has none of the topics {', '.join(TOPICS)}")
+        raise ValueError(f"{recording.path}: contains no topic of {', '.join(TOPICS)}")
     if out.exists():
         raise FileExistsError(f"{out}: exists")
-    # The same recording gives the same content: no time of the conversion, no random id, no chunks that end by the clock.
+    # The same recording gives the same content: no time of the conversion, no random id, no chunks that end by the
+    # clock.
     chunks = rr.ChunkBatcherConfig.DEFAULT()
     chunks.flush_tick = timedelta(days=1)
     stream = rr.RecordingStream("replica", recording_id=recording.path.stem, send_properties=False, batcher_config=chunks)
@@ -239,7 +240,7 @@ def convert(recording: replica.Recording, out: Path, drive: Path | None, points:
     scene, n = Scene(stream, topics, points), 0
     if drive is not None:
         scene.show_cameras(drive)
-    # Of a recording that was cut, what is there.
+    # A truncated recording is shown up to its end.
     try:
         for n, message in enumerate(recording.messages(*topics), 1):
             scene.show(message)
@@ -254,7 +255,7 @@ if __name__ == "__main__":
     parser.add_argument("recording", type=Path, help="recording of `replica record` or `replica-launch --record`")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="file for Rerun; must not exist")
     parser.add_argument("--drive", type=Path, metavar="DIR", help="drive folder: where the cameras are on the vehicle")
-    parser.add_argument("--points", type=int, default=400_000, metavar="N", help="points of a submap to show at most (default: 400000)")
+    parser.add_argument("--points", type=int, default=400_000, metavar="N", help="largest number of points shown of a submap (default: 400000)")
     args = parser.parse_args()
     try:
         n = convert(replica.open_recording(args.recording), args.out, args.drive, args.points)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""A network on range images in ONNX Runtime, in place of the stage `infer`: pip install onnxruntime.
+"""Runs a network on range images in ONNX Runtime, in place of the stage `infer`: pip install onnxruntime.
 
-unet_to_onnx.py writes that of a model file; torch.onnx.export writes a network of PyTorch, with dynamic axes for images and rows.
+unet_to_onnx.py writes the network of a model file; torch.onnx.export writes a PyTorch network, with dynamic axes for images and rows.
 """
 
 import os

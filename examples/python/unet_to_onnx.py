@@ -18,7 +18,7 @@ nodes = []
 
 
 def add(kind, *inputs, **attributes):
-    """Appends a node; the name of its output."""
+    """Appends a node. Returns the name of its output."""
     nodes.append(helper.make_node(kind, inputs, [f"{kind}_{len(nodes)}"], **attributes))
     return nodes[-1].output[0]
 

@@ -1,4 +1,4 @@
-//! The kernels: each function prepares fixed inputs and returns what a round does.
+//! The kernels: each function prepares fixed inputs and returns the work of a round.
 #![allow(clippy::unnecessary_wraps, reason = "all preparations are of one type, also those that cannot fail")]
 
 use crate::street;
@@ -158,7 +158,7 @@ fn ground() -> anyhow::Result<Round> {
     }))
 }
 
-/// On an eighth of a sweep's image: valgrind computes fused multiplications one at a time.
+/// Runs on an eighth of a sweep's image: valgrind computes fused multiplications one at a time.
 fn network() -> anyhow::Result<Round> {
     let (model, weights) = SphericalModel::load(&model_file("street.safetensors"))?;
     let settings = model.settings();
@@ -189,7 +189,7 @@ fn color() -> anyhow::Result<Round> {
         Isometry3::rotation(UnitQuaternion::from_euler_angles(-FRAC_PI_2, 0.0, -FRAC_PI_2).scaled_axis());
     let camera = ProjectionCamera::from(&RigCamera { body_from_camera, model });
     let (header, mut points) = submap();
-    // The points ahead, again and again, each time a little farther to the left.
+    // The points ahead, repeated, each time a little farther to the left.
     points.retain(|point| point.x > 2.0 && point.y.abs() < point.x);
     let ahead = points.clone();
     while points.len() < 60_000 {

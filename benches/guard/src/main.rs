@@ -1,8 +1,9 @@
 //! Counts the instructions of kernels on fixed inputs and compares them with `benches/guard/limits.toml`:
 //! `cargo run --release --locked -p guard [-- --update | -- --only WORD]`. Needs valgrind.
 //!
-//! A count repeats to a few instructions whatever else the machine does, so unlike a time it can fail a build. What it does not
-//! show: waiting for memory, for other threads and for the disk. Valgrind offers AVX2 at most, so AVX2 code is counted, on one thread.
+//! A count is repeatable to a few instructions whatever else the machine does, so unlike a time it can fail a build. It
+//! does not include waiting for memory, for other threads and for the disk. Valgrind offers AVX2 at most, so AVX2 code
+//! is counted, on one thread.
 //!
 //! Exit codes: 0 = within the limits, 1 = a limit was exceeded, 2 = nothing was measured.
 
@@ -47,11 +48,11 @@ fn run(name: &str, rounds: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Prints the table. Whether all counts are within the limits.
+/// Prints the table. Returns whether all counts are within the limits.
 fn compare(word: &str, update: bool) -> anyhow::Result<bool> {
     ensure!(
         std::arch::is_x86_feature_detected!("avx2"),
-        "the limits are those of AVX2 code, which this processor does not run"
+        "the limits are for AVX2 code, which this processor does not run"
     );
     let mut limits = Limits::load()?;
     let mut good = true;

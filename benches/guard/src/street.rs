@@ -1,4 +1,5 @@
-//! A street seen by a 32-beam LiDAR: road, two facades, parked boxes. Cheap to compute, because its rays are cast under valgrind, too.
+//! A street scanned by a 32-beam LiDAR: road, two facades, parked boxes. Cheap to compute, because its rays are also
+//! cast under valgrind.
 
 use random::{gauss, hash, unit};
 
@@ -16,17 +17,17 @@ const HEIGHT: f64 = 1.8;
 pub struct Shot {
     pub position: [f32; 3],
     pub offset_nanos: u32,
-    /// 0.01 deg.
+    /// Azimuth, 0.01 deg.
     pub azimuth: u16,
     pub ring: u8,
 }
 
-/// ns of the first shot of a sweep.
+/// Stamp of the first shot of a sweep, ns.
 pub fn stamp(number: u32) -> i64 {
     i64::from(number) * i64::from(FIRINGS * FIRING_NANOS)
 }
 
-/// Where the LiDAR is on the road, m.
+/// Position of the LiDAR along the road, m.
 pub fn along(nanos: i64) -> f64 {
     SPEED * nanos as f64 * 1e-9
 }
@@ -60,7 +61,7 @@ fn range(x: f64, ray: [f64; 3]) -> Option<f64> {
     if HEIGHT + to_front * ray[2] < 9.0 {
         nearest = nearest.min(to_front);
     }
-    // Boxes on both sides, about every 6 m, each of its own size and place.
+    // Boxes on both sides, about every 6 m, each with its own size and position.
     let right = f64::from(u8::from(ray[1] < 0.0));
     let first = (x / 6.0).floor();
     for place in -5..=5 {

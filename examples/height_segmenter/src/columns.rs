@@ -7,13 +7,13 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(crate) type Key = (i32, i32);
 
 const SIDE_M: f32 = 0.5;
-/// Points farther out are skipped; keys stay far within their type.
+/// Limit of coordinates: points farther away are skipped, so that keys stay within their type.
 const MAX_COORDINATE_M: f32 = 1e6;
-/// The ground rises by at most 15 %, m per column.
+/// Largest rise of the ground, 15 %, m per column.
 const RISE_M: f32 = 0.15 * SIDE_M;
 /// Radius in columns of the search for the ground: more than half the width of a truck, 2 m.
 const REACH: i32 = 4;
-/// Heights at which a wall has returns and the crown of a tree has none, m.
+/// Heights at which a wall has returns and the crown of a tree has no returns, m.
 const MIDDLE_M: std::ops::Range<f32> = 0.6..2.0;
 
 /// The points above a square of half a metre.
@@ -87,7 +87,7 @@ pub(crate) fn center(key: Key) -> (f32, f32) {
     ((key.0 as f32 + 0.5) * SIDE_M, (key.1 as f32 + 0.5) * SIDE_M)
 }
 
-/// The lowest possible ground, from the lowest points around and the steepest slope.
+/// The lowest possible ground, from the lowest neighboring points and the steepest slope.
 fn ground_at(columns: &BTreeMap<Key, Column>, key: Key) -> f32 {
     let from = |other: Key| {
         let distance = (other.0 - key.0).abs().max((other.1 - key.1).abs());

@@ -1,9 +1,9 @@
-//! An example of a user's own segmenter. It depends on the `stage` crate alone, and can replace infer because it reads and
-//! writes the same topics.
+//! An example of a third-party segmenter. It depends on the `stage` crate alone, and can replace infer because it reads
+//! and writes the same topics.
 //!
-//! Classes come from heights alone, in columns of half a metre: what is low is ground, a compact heap of the height of a
-//! car near the vehicle's path is a car, what is tall is a building if it has returns between knee and head, otherwise
-//! the crown of a tree. That is enough to show a swap, and to give `instance` something to segment.
+//! Classes come from heights alone, in columns of half a metre: low points are ground, a compact heap of the height of
+//! a car near the vehicle's path is a car, and a tall column is a building if it has returns between knee and head
+//! height, otherwise the crown of a tree. That is sufficient to demonstrate a swap, and to give `instance` input.
 
 mod columns;
 
@@ -20,17 +20,17 @@ stage::settings! {
         pub ground_m: f32 = 0.3 => stage::within(0.05, 1.0);
         /// Height of the highest vehicle, m.
         pub vehicle_m: f32 = 2.6 => stage::within(1.0, 5.0);
-        /// How far from the path of the sensor vehicles are looked for, m.
+        /// Largest distance of vehicles from the path of the sensor, m.
         pub street_m: f32 = 15.0 => stage::within(1.0, 200.0);
     }
 }
 
-/// A longer heap is a hedge or a wall, not a car.
+/// Largest length of a vehicle. A longer heap is a hedge or a wall.
 const VEHICLE_LENGTH_COLUMNS: i32 = 14;
-/// A smaller heap is a post or a person.
+/// Least size of a vehicle. A smaller heap is a post or a person.
 const VEHICLE_MIN_COLUMNS: usize = 6;
-/// The score of every point, 0.7: the rules have no confidence of their own, and the stage `instance` discards things that are hardly surer
-/// than not (`min_score`).
+/// The score of every point, 0.7: the rules have no confidence of their own, and the stage `instance` discards things
+/// with a score close to one half (`min_score`).
 const SCORE: u8 = 179;
 
 /// The stage.

@@ -13,7 +13,7 @@ use stage::messages::{CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, Class
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 
 stage::settings! {
-    /// Settings of the segmenter: none.
+    /// The segmenter has no settings.
     pub struct Settings {}
 }
 
@@ -23,12 +23,12 @@ pub struct TruthSegmenter {
 }
 
 impl TruthSegmenter {
-    /// Classes of a submap's points; how many have no label.
+    /// Writes the classes of a submap's points. Returns the number of points without a label.
     fn label(&self, submap: &Received<SubmapTopic>, rows: &mut [ClassRow]) -> u64 {
         let header = submap.header();
         let mut n_unknown = 0;
         for (row, point) in rows.iter_mut().zip(submap.rows()) {
-            // The labels are those of the first LiDAR.
+            // The labels belong to the first LiDAR.
             let sweep = header.sweeps.get(usize::from(point.sweep_idx)).filter(|sweep| sweep.lidar == 0);
             let label = sweep
                 .and_then(|sweep| {

@@ -151,7 +151,7 @@ impl fmt::Display for Survival {
         let Self { resumed, begun_again, refused, faults } = self;
         writeln!(
             f,
-            "{} power losses: {resumed} resumed, {begun_again} begun again, with the same bytes",
+            "{} power losses: {resumed} resumed, {begun_again} started again, with the same bytes",
             self.total()
         )?;
         for (reason, n) in refused {
