@@ -68,7 +68,7 @@ class Scene:
         self.stream.log(entity, *values)
 
     def shown(self, rows: np.ndarray) -> np.ndarray:
-        """The rows of the shown points: every n-th point if there are too many. n is odd, because an even step would leave out whole beams."""
+        """The rows of the shown points: of too many, every n-th. n is odd, because an even step would leave out whole beams."""
         return rows[:: -(-len(rows) // self.most_points) | 1]
 
     def show_submap(self, submap):
@@ -138,7 +138,7 @@ class Scene:
             self.stream.send_columns("fix", [times(rows["stamp"])], rr.GeoPoints.columns(positions=self.fixes[-1]))
 
     def show_cameras(self, drive: Path):
-        """Poses of the cameras of the drive. Rerun has no lens distortion: with a wide lens, the corners are drawn at wrong positions."""
+        """Poses of the cameras. Rerun has no lens distortion: with a wide lens, the corners are drawn at wrong positions."""
         for number, camera in enumerate(tomllib.loads((drive / "drive.toml").read_text()).get("camera", [])):
             pose, model = camera["body_from_camera"], camera["model"]
             pinhole = rr.Pinhole(
@@ -254,8 +254,8 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recording", type=Path, help="recording of `replica record` or `replica-launch --record`")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="file for Rerun; must not exist")
-    parser.add_argument("--drive", type=Path, metavar="DIR", help="drive folder: where the cameras are on the vehicle")
-    parser.add_argument("--points", type=int, default=400_000, metavar="N", help="largest number of points shown of a submap (default: 400000)")
+    parser.add_argument("--drive", type=Path, metavar="DIR", help="drive folder with the poses of the cameras")
+    parser.add_argument("--points", type=int, default=400_000, metavar="N", help="maximum number of shown points of a submap (default: 400000)")
     args = parser.parse_args()
     try:
         n = convert(replica.open_recording(args.recording), args.out, args.drive, args.points)

@@ -115,7 +115,10 @@ fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems:
             drive.display()
         ),
         false if is_live => {
-            format!("{} does not exist; set run.drive to a drive with the sensor's mounting, or set run.rig", drive.display())
+            format!(
+                "{} does not exist; set run.drive to a drive with the sensor's mounting, or set run.rig",
+                drive.display()
+            )
         }
         false => {
             format!("{} does not exist, and the launch file has no [simulate] to simulate it", drive.display())

@@ -169,7 +169,10 @@ pub fn main() -> ExitCode {
 fn checked(launch_file: &Path, plan: &Plan) -> String {
     let mut lines = vec![format!("{}: {} stages, no problems", launch_file.display(), plan.stages.len())];
     if plan.simulate.is_some() {
-        lines.push(format!("{} does not exist: a start simulates it as set in [simulate]", plan.context.drive.display()));
+        lines.push(format!(
+            "{} does not exist: a start simulates it as set in [simulate]",
+            plan.context.drive.display()
+        ));
     }
     if let Some(results) = EarlierResults::find(&plan.context.output) {
         lines.push(format!("{}: holds the results of {results}", plan.context.output.display()));

@@ -123,7 +123,11 @@ impl Metrics {
         for (stage, health) in stages {
             page.summary(&[("stage", stage)], &health.step);
         }
-        page.family("replica_stage_age_seconds", "summary", "Time from the start of a tick at the source to its end here.");
+        page.family(
+            "replica_stage_age_seconds",
+            "summary",
+            "Time from the start of a tick at the source to its end here.",
+        );
         for (stage, health) in stages {
             page.summary(&[("stage", stage)], &health.age);
         }

@@ -596,10 +596,7 @@ fn clock_offset(f: &mut Formatter<'_>, sensor: &str, behind_s: f64, limit_s: f64
     let offset_ms = behind_s.abs() * 1e3;
     let limit_ms = limit_s * 1e3;
     let side = if behind_s < 0.0 { "ahead of" } else { "behind" };
-    write!(
-        f,
-        "stamps of {sensor} are {offset_ms:.1} ms {side} the LiDAR, more than max_clock_offset_ms = {limit_ms}"
-    )?;
+    write!(f, "stamps of {sensor} are {offset_ms:.1} ms {side} the LiDAR, more than max_clock_offset_ms = {limit_ms}")?;
     // Data that is ahead cannot be late.
     if behind_s >= 0.0 && delay_s > 0.0 {
         write!(f, " and more than max_late_s = {delay_s}")?;
@@ -663,8 +660,10 @@ mod tests {
             "stamps of imu are 32.1 ms ahead of the LiDAR, more than max_clock_offset_ms = 5; synchronize the clocks by \
              PTP or by GNSS with PPS"
         );
-        assert!(offset(0.0321).contains(
-            "32.1 ms behind the LiDAR, more than max_clock_offset_ms = 5 and more than max_late_s = 0.5;"
-        ));
+        assert!(
+            offset(0.0321).contains(
+                "32.1 ms behind the LiDAR, more than max_clock_offset_ms = 5 and more than max_late_s = 0.5;"
+            )
+        );
     }
 }

@@ -27,7 +27,9 @@ pub(super) fn remote_of(remote: Option<&Remote>) -> Result<&Remote, StepError> {
 /// The topic of this name: only the project's topics have a type on both hosts.
 pub(super) fn port(topic: &str) -> Result<Port, StepError> {
     let unknown = || {
-        StepError::configuration(format!("{topic} is not a topic of the project; a stage on another host supports no third-party topics"))
+        StepError::configuration(format!(
+            "{topic} is not a topic of the project; a stage on another host supports no third-party topics"
+        ))
     };
     Port::of_name(topic).ok_or_else(unknown)
 }
