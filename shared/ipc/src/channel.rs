@@ -131,7 +131,7 @@ impl Channel {
             return Ok(());
         }
         let ours = format!("this program has version {}, layout {:016x}", message.version, message.layout);
-        let theirs = format!("the run version {}, layout {:016x}", self.version, self.layout);
+        let theirs = format!("the run has version {}, layout {:016x}", self.version, self.layout);
         Err(IpcError::transport(format!("opening topic {}", self.name), format_args!("{ours}; {theirs}")))
     }
 
