@@ -251,7 +251,7 @@ fn kill(process: Option<rustix::process::Pid>) -> bool {
     process.is_some_and(|pid| kill_process(pid, Signal::KILL).is_ok())
 }
 
-/// Cuts after so many bytes; `false` if the run has ended before them.
+/// Cuts after this many bytes; `false` if the run has ended before them.
 fn cut(proxy: &Proxy, running: &mut Running, n_bytes: u32) -> bool {
     proxy.cut_after(n_bytes);
     wait_for("a cut or the end of the run", || (proxy.has_cut() || running.ended().is_some()).then_some(()));

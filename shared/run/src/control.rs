@@ -129,7 +129,7 @@ pub enum AskError {
     /// The connection failed.
     #[error("connection to the supervisor: {0}")]
     Connection(#[source] std::io::Error),
-    /// An answer that this program does not know.
+    /// An answer in an unknown format.
     #[error("invalid reply of the supervisor: {cause}: {line}")]
     Reply {
         /// The reply as received.

@@ -15,9 +15,9 @@
 //! | `field` | [`Field`] and [`Settings`]: the results of a declaration |
 //! | `table` | [`parse_table`]: a table with all its [`Problem`]s |
 //!
-//! The supervisor, the stages and the simulator use it, and so do the tools that ask them. The crate must never read a file, know a
-//! table by its name, or depend on another crate of the project: places in launch.toml and changes of the command line belong to
-//! `run::launch_file`.
+//! The supervisor, the stages, the simulator and the tools that query them use it. The crate must never read a file,
+//! refer to a table by its name, or depend on another crate of the project: positions in launch.toml and changes of the
+//! command line belong to `run::launch_file`.
 //!
 //! Start with the example of [`settings!`], then read `rule`. To add a setting, add a line to the `settings!` of its
 //! stage; to add a word, add a line to its `words!`, and the compiler shows where it must be handled.

@@ -25,7 +25,7 @@ impl Problem {
 
 /// Unknown keys of a table that are reported one by one; more would not be read.
 const MAX_UNKNOWN: usize = 20;
-/// Longer keys are not compared with known ones.
+/// Largest length of a key that is compared with known ones.
 const MAX_KEY_CHARS: usize = 100;
 
 /// Reads a table into settings. All problems are reported, not only the first; of unknown keys the first 20.

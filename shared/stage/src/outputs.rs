@@ -228,7 +228,7 @@ pub(crate) trait TickedOutput {
     fn note_waiting(&mut self) -> Result<(), StepError>;
 }
 
-/// An output whose type only the step knows: a [`TypedOutput`].
+/// An output whose type is available only in the step: a [`TypedOutput`].
 pub(crate) trait AnyOutput {
     fn as_any(&mut self) -> &mut dyn Any;
     /// See [`Output::take_published`].

@@ -72,7 +72,7 @@ impl Port {
         Self::of::<T>().made_optional()
     }
 
-    /// The project's topics, for programs that know them at run time: columns at the end.
+    /// The project's topics, for programs that select them at run time: columns at the end.
     pub fn all() -> Vec<Self> {
         let mut ports = vec![
             Self::of::<SweepTopic>(),
