@@ -19,6 +19,7 @@ use std::sync::atomic::AtomicBool;
 ///
 /// - `--describe [REQUEST]` prints inputs, outputs and settings as JSON, as the launch file of the request
 ///   ([`DescribeRequest`]) sets them,
+/// - `--check REQUEST` prints the problems of a launch file's table as JSON ([`CheckRequest`]),
 /// - `run ASSIGNMENT` runs the stage with the supervisor's file ([`Assignment`]),
 /// - `run --recording FILE …` runs it alone, on a recording of its inputs, with the feature `alone`,
 /// - `run --linked AGENT` runs it as part of a run on another host ([`crate::remote`]).
