@@ -20,7 +20,7 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every page: in the root, next to code, and under `docs/`.
+/// Every page: in the root, next to code, and under `docs/` and `lab/notebook/`.
 fn pages() -> Vec<PathBuf> {
     let root = root();
     let beside_code =
@@ -28,10 +28,10 @@ fn pages() -> Vec<PathBuf> {
             .map(|folder| root.join(folder).join("README.md"));
     let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|page| root.join(page)).into();
     pages.extend(beside_code);
-    let mut folders = vec![root.join("docs")];
+    let mut folders = vec![root.join("docs"), root.join("lab/notebook")];
     while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(&folder).expect("docs/ is readable") {
-            let path = entry.expect("docs/ is readable").path();
+        for entry in fs::read_dir(&folder).expect("the folder is readable") {
+            let path = entry.expect("the folder is readable").path();
             if path.is_dir() {
                 folders.push(path);
             } else if path.extension().is_some_and(|extension| extension == "md") {

@@ -21,7 +21,7 @@ use std::error::Error;
 
 const SWEEP_NANOS: i64 = 100_000_000;
 /// Drift of the odometry with gyroscopes: random walks per square root of the path and a wrong scale, as measured with LiDAR
-/// (`docs/experiments/odometry.md`): rad and m over 1 m.
+/// (`lab/notebook/odometry.md`): rad and m over 1 m.
 /// Gyroscopes and gravity hold the tilt better than the heading.
 const WALK_RAD: [f64; 3] = [3e-5, 3e-5, 8e-5];
 const WALK_M: f64 = 1.5e-3;

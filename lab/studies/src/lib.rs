@@ -13,7 +13,7 @@
 //! What a study must never do: be needed by a program or a test. What a program needs goes to a library; what must hold goes to a test.
 //! Examples of *use* are not studies: they are documentation of a library, or in `examples/`.
 //!
-//! Where to begin reading: the page in `docs/experiments/` that shows the figures names the command; the tables of `lab/peers/README.md`
+//! Where to begin reading: the page in `lab/notebook/` that shows the figures names the command; the tables of `lab/peers/README.md`
 //! do so for comparisons with other programs. The library has what several studies share: [`recorded`] messages of a run, a
 //! [`sweep_folder`] for other odometry programs, [`color_difference`].
 

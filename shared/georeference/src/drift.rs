@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 const TRANSLATION_VARIANCE: f64 = 2e-5;
 const ROTATION_VARIANCE: f64 = 1.3e-7;
 /// Rotation variance with gyroscopes, rad^2 per m. 0.3 to 0.4 mrad are measured over the 18 m from submap to submap of
-/// drives 11 and 12 (`docs/experiments/georeferencing.md`); this value is 0.6 mrad.
+/// drives 11 and 12 (`lab/notebook/georeferencing.md`); this value is 0.6 mrad.
 const ROTATION_VARIANCE_WITH_GYROSCOPES: f64 = 2e-8;
 /// Least variances between two submaps: 5 mm and 0.2 mrad.
 const MIN_VARIANCES: [f64; 2] = [2.5e-5, 4e-8];

@@ -13,7 +13,7 @@ const MIN_SPECTRA: usize = 20;
 /// Share of the training spectra that fit a reference.
 const FITTING_SHARE: f64 = 0.995;
 /// Number of brightness levels in the sun and in the shade: noise and color depend on the amount of light, not only on
-/// direct sunlight. Chosen on separate towns (docs/experiments/materials.md).
+/// direct sunlight. Chosen on separate towns (lab/notebook/materials.md).
 const LEVELS: [usize; 2] = [2, 4];
 /// Largest number of spectra of a surface in the sun or in the shade that determine the largest distance.
 const N_CHOOSING: usize = 200;

@@ -12,7 +12,7 @@ struct Reach {
     squared_m2: f32,
 }
 
-/// Neighbors whose probabilities are averaged. Chosen on separate towns (docs/experiments/materials.md).
+/// Neighbors whose probabilities are averaged. Chosen on separate towns (lab/notebook/materials.md).
 const VOTERS: Reach = Reach { n: 64, squared_m2: 1.0 };
 /// Neighbors that share a mean spectrum or, if in the same region, a part: 0.3 m is twice the width of a camera cell at
 /// 30 m.

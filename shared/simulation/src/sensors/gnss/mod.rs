@@ -213,7 +213,7 @@ mod tests {
         }
     }
 
-    /// Bias that drives of some minutes cannot average out; `docs/experiments/georeferencing.md` quotes it.
+    /// Bias that drives of some minutes cannot average out; `lab/notebook/georeferencing.md` quotes it.
     #[test]
     fn one_minute_mean_keeps_a_bias() {
         let motion = motion();
