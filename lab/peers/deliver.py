@@ -137,7 +137,7 @@ def copc(out, tiles):
         middle = np.round((np.asarray(header.mins) + np.asarray(header.maxs)) / 2, 2)
         box = reader.query(bounds=Bounds(mins=middle[:2] - 15, maxs=middle[:2] + 15))
     same = np.sort(np.concatenate([tile.points.array for tile in tiles]))
-    row("laspy CopcReader", "all records equal those of the tiles", (np.sort(everything.array) == same).all() and inside,
+    row("laspy CopcReader", "all records equal the records of the tiles", (np.sort(everything.array) == same).all() and inside,
         f"{len([n for n in levels if n])} levels, read in {seconds:.1f} s of CPU")
     xy = np.stack([everything.x, everything.y], 1)
     n_box = (np.abs(xy - middle[:2]) <= 15 + 1e-6).all(axis=1).sum()
