@@ -113,7 +113,7 @@ fn browser_shows_every_section_of_the_page() {
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     let shown = browser("--dump-dom");
-    for section in ["What went in", "Path", "From above", "Calibration", "Reflectances", "Classes", "To repeat it"] {
+    for section in ["Input", "Path", "Top views", "Calibration", "Reflectances", "Classes", "Repeat the run"] {
         assert!(shown.contains(&format!("<h2>{section}</h2>")), "{section}");
     }
     // Elements after an unclosed one would be inside it.

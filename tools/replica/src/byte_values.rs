@@ -42,7 +42,7 @@ impl Number {
         }
     }
 
-    /// JSON has no NaN and no infinity: they become `null`.
+    /// The number in JSON, where NaN and infinity become `null`.
     pub fn json(self) -> String {
         match self {
             Number::Single(value) if !value.is_finite() => "null".to_owned(),

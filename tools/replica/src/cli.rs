@@ -25,7 +25,7 @@ pub struct Parsed(Cli);
 /// Commands of `replica-lab`.
 const LABORATORY: [&str; 6] = ["train", "fuse", "evaluate", "bench", "spectrum", "cube"];
 
-/// Parses the arguments of the process. An error names the program of a command of the laboratory; other wrong arguments end the
+/// Parses the arguments of the process. The error for a command of `replica-lab` names that program; other wrong arguments end the
 /// process with exit code 2.
 pub fn parse() -> Result<Parsed, UsageError> {
     let parsed = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
@@ -35,7 +35,7 @@ pub fn parse() -> Result<Parsed, UsageError> {
     })
 }
 
-/// The command of `replica-lab` that was taken for one of this program.
+/// The command of `replica-lab` that was given to this program.
 fn laboratory_command(error: &clap::Error) -> Option<&'static str> {
     let (ErrorKind::InvalidSubcommand, Some(ContextValue::String(given))) =
         (error.kind(), error.get(ContextKind::InvalidSubcommand))

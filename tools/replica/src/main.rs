@@ -9,10 +9,10 @@
 //! | `data` | drives, clouds, recordings and finished runs as files |
 //! | `setup` | this machine, shells, new stages |
 //!
-//! What it must never do: change the result of a run by observing it, link a network or a trainer (a plain `cargo build` stays small),
+//! It must never change the result of a run by observing it, link a network or a trainer (a plain `cargo build` stays small),
 //! or print anything but the answer to stdout; diagnostics go to stderr.
 //!
-//! Where to begin reading: `cli` has the list of commands; a command is a file with its `Args` and a function `run`. Output, arguments,
+//! Start reading at `cli`, which lists the commands; a command is a file with its `Args` and a function `run`. Output, arguments,
 //! exit codes and Ctrl-C are in the library `command_line`, pictures of clouds in `pictures`.
 
 mod byte_values;

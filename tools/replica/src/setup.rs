@@ -1,4 +1,4 @@
-//! Setup: commands that check this machine, install the command line and begin a stage.
+//! Setup: commands that check this machine, install the command line and create a stage.
 
 mod doctor;
 mod new_stage;
@@ -13,11 +13,11 @@ pub enum Command {
     /// Print the completions of a shell.
     ///
     /// bash: replica completions bash > ~/.local/share/bash-completion/completions/replica; `replica-launch --completions SHELL` prints
-    /// those of replica-launch.
+    /// the completions of replica-launch.
     Completions(completions::Args),
     /// Write manual pages: one for each command.
     ///
-    /// Read one with `man DIR/replica-inspect.1`. `replica-launch --man DIR` writes that of replica-launch.
+    /// Read one with `man DIR/replica-inspect.1`. `replica-launch --man DIR` writes the page of replica-launch.
     Man(man::Args),
     NewStage(new_stage::Args),
 }

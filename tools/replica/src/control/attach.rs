@@ -1,4 +1,4 @@
-//! Attaching to a running pipeline: find the run, ask its supervisor, observe its topics through restarts.
+//! Attaching to a running pipeline: find the run, ask its supervisor, observe its topics across restarts.
 
 mod ask;
 mod run_argument;

@@ -25,9 +25,9 @@ use table::Format;
 
 /// Process many drives, one after another.
 ///
-/// Runs the launch file on each drive into DIR/NAME; the messages of the run go to DIR/NAME.log. NAME is that of the drive.
-/// The same command again runs only drives that are not complete, and continues the one that was interrupted. The first
-/// Ctrl-C drains the current run and ends the batch, the second one stops the run.
+/// Runs the launch file on each drive into DIR/NAME; the messages of the run go to DIR/NAME.log. NAME is the name of the drive.
+/// Repeating the command runs only drives that are not complete, and continues an interrupted one. The first
+/// Ctrl-C drains the current run and ends the batch; the second one stops the run.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Exit codes: 0 all drives are complete, 1 a drive failed, 2 wrong usage, 3 a drive has doubts or is not \

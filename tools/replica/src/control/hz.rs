@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// More lines per second could not be read.
+/// Interval between lines: more per second would be unreadable.
 const LINE_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Show the message rate of a topic, one line per second.
@@ -71,7 +71,7 @@ struct Rates {
     /// Messages of the window.
     #[serde(skip)]
     n_in_window: usize,
-    /// Since the start of the command.
+    /// Messages received since the start of the command.
     received: u64,
     missed: u64,
 }
@@ -99,7 +99,7 @@ impl Rates {
     }
 }
 
-/// The properties of a message that count here.
+/// The properties of a message that rates and intervals need.
 #[derive(Clone, Copy)]
 struct Received {
     seq: u64,

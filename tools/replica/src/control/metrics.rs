@@ -25,9 +25,9 @@ pub struct RunMetrics {
     pub started_anew: u32,
     /// Shared memory that the run has touched, bytes.
     pub shared_memory_bytes: u64,
-    /// In the order of the dataflow.
+    /// Metrics of the stages, in the order of the dataflow.
     pub stages: Vec<StageMetrics>,
-    /// In the order of the dataflow.
+    /// Metrics of the topics, in the order of the dataflow.
     pub topics: Vec<TopicMetrics>,
 }
 
@@ -46,7 +46,7 @@ pub struct StageMetrics {
     pub points: Option<u64>,
     /// Points per second.
     pub points_per_s: Option<f64>,
-    /// Drive time of the most advanced stage (the source) minus that of this stage, s.
+    /// Drive time of the most advanced stage (the source) minus drive time of this stage, s.
     pub lag_s: Option<f64>,
     /// Share of the drive, 0 to 1.
     pub progress: Option<f64>,

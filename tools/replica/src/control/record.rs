@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Between two polls of empty queues. The shortest tick of a sensor takes 50 ms, and queues hold several messages.
+/// Interval between two polls of empty queues. The shortest tick of a sensor takes 50 ms, and queues hold several messages.
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
 /// Record topics of a running pipeline into an MCAP file.
@@ -113,7 +113,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(if complete { exit::DONE } else { exit::INCOMPLETE }))
 }
 
-/// The topics to record, sorted and without duplicates: the same run gives the same file. `known` are those of the run.
+/// The topics to record, sorted and without duplicates: the same run gives the same file. `known` are the topics of the run.
 fn with_placement(mut names: Vec<String>, known: &[&str]) -> Vec<String> {
     let is_moved = |name: &String| PlacementTopic::MOVES.contains(&name.as_str());
     let placement = PlacementTopic::TOPIC;
@@ -134,7 +134,7 @@ struct Recorder {
 }
 
 impl Recorder {
-    /// Records one attempt of the run after the other. The observers of an attempt are closed before this returns, so that the
+    /// Records the attempts of the run one after another. The observers of an attempt are closed before this returns, so that the
     /// run does not wait for them.
     fn record(&mut self) -> anyhow::Result<End> {
         while let Some(mut attached) = self.attach()? {
@@ -192,7 +192,7 @@ impl Recorder {
         if !*ready {
             *ready = Attachment::connect_all(attachments)?;
             if *ready {
-                // For the supervisor, which starts the sources now. If nobody reads stdout, nobody waits for this line.
+                // For the supervisor, which now starts the sources. If stdout is closed, no process waits for this line.
                 let _ = writeln!(std::io::stdout(), "ready {}", self.run.wiring.attempt);
             }
         }

@@ -11,7 +11,7 @@ use std::str::FromStr;
 ///
 /// The recording replaces the stages whose topics it contains. Stages that then lack an input or have no consumer are left out.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: those of replica-launch")]
+#[command(after_help = "Exit codes: as replica-launch")]
 pub struct Args {
     /// Recording (.mcap)
     recording: PathBuf,
@@ -58,7 +58,7 @@ impl FromStr for Speed {
     }
 }
 
-/// Replaces this process by the `replica-launch` beside this program.
+/// Replaces this process by the `replica-launch` in the folder of this program.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let program = sibling("replica-launch").map_err(anyhow::Error::msg)?;
     let recording = args.recording.canonicalize().with_context(|| args.recording.display().to_string())?;

@@ -162,7 +162,7 @@ fn topic_row(topic: &TopicMetrics) -> Vec<String> {
     ]
 }
 
-/// In millions, with two decimals: MB if the value is in bytes.
+/// The value in millions, with two decimals: MB if the value is in bytes.
 pub fn millions(value: f64) -> String {
     format!("{:.2}", value * 1e-6)
 }

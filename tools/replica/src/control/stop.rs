@@ -9,8 +9,8 @@ use std::process::ExitCode;
 
 /// Stop a running pipeline.
 ///
-/// Works as Ctrl-C in the terminal of `replica-launch`: the stages process the data that is in flight, and the rest of the
-/// drive is not read. Returns when the run has ended, and prints how.
+/// Works like Ctrl-C in the terminal of `replica-launch`: the stages process the data that is in flight, and the rest of the
+/// drive is not read. Returns when the run has ended, and prints the outcome.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 the run has ended, 1 no such run, refused, or the run failed, 2 wrong usage")]
 pub struct Args {

@@ -14,7 +14,7 @@ const RATE_INTERVAL: Duration = Duration::from_secs(1);
 
 /// List the topics of a run with producer, consumers and sizes.
 ///
-/// If the run is alive, rates over one second are listed, too.
+/// If the run is alive, rates over one second are listed as well.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 no such run, 2 wrong usage")]
 pub struct Args {
@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(std::io::stdout().write_all(text.as_bytes())?)
 }
 
-/// With rates if the run is alive.
+/// Metrics of the topics, with rates if the run is alive.
 fn metrics(run: &mut Run) -> anyhow::Result<Vec<TopicMetrics>> {
     let stop = StopFlag::register(exit::DONE)?;
     let heartbeats = Heartbeats::attach(run, || stop.is_set())?;

@@ -23,10 +23,10 @@ use std::str::FromStr;
 /// Compare two recordings, or the classes of two segmenters.
 ///
 /// Recordings: reports the first difference of each topic and the largest difference of each field. Times of publication are
-/// ignored. Recordings that do not reach the end of their run are compared as far as both go.
+/// ignored. Recordings that do not reach the end of their run are compared up to the end of the shorter one.
 ///
-/// Output folders of runs: reports for each class the points of both, and which classes differ. Of one run, compares `class` with
-/// the columns of `export.further_classes`; of two runs with the same submaps, each column of both.
+/// Output folders of runs: reports for each class its points in both, and where the classes differ. For one run, compares `class` with
+/// the columns of `export.further_classes`; for two runs with the same submaps, each column of both.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 equal and complete, 1 failed, 2 wrong usage, 3 different or not complete")]
 pub struct Args {
@@ -34,7 +34,7 @@ pub struct Args {
     a: PathBuf,
     /// Second recording (.mcap), or output folder of a run
     b: Option<PathBuf>,
-    /// Topics to compare [default: all topics of both]; of one run, the first with each other one
+    /// Topics to compare [default: all topics of both]; for one run, the first with each other one
     #[arg(long, value_delimiter = ',')]
     topics: Vec<String>,
     /// Largest difference of a field that is ignored, e.g. score=1 or header.origin=1e-6 (may be repeated)
@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(if is_fine { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
 }
 
-/// Whether a path is a recording: no folder of clouds, and no cloud.
+/// Whether a path is a recording: neither a folder of clouds nor a cloud.
 fn is_recording(path: &Path) -> bool {
     !path.is_dir() && path.extension().is_none_or(|extension| extension != "ply")
 }
@@ -85,17 +85,17 @@ fn is_recording(path: &Path) -> bool {
 /// The whole result.
 #[derive(Serialize)]
 struct Comparison {
-    /// Whether no topic differs, as far as both recordings go.
+    /// Whether no topic differs up to the end of the shorter recording.
     is_equal: bool,
     /// Whether both recordings reach the end of their run.
     is_complete: bool,
-    /// By name.
+    /// Results by name of the topic.
     topics: BTreeMap<String, TopicResult>,
     /// Why a recording is not complete, by recording.
     faults: [BTreeSet<String>; 2],
 }
 
-/// What is to be said about a topic.
+/// Result of the comparison of a topic.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum TopicResult {
@@ -168,7 +168,7 @@ impl Comparison {
         }
         text + match (self.is_equal, self.is_complete) {
             (true, true) => "equal\n",
-            (true, false) => "equal as far as both go, but not complete\n",
+            (true, false) => "equal up to the end of the shorter one, but not complete\n",
             (false, _) => "different\n",
         }
     }
@@ -194,7 +194,7 @@ fn topic_names(args: &Args, readers: &[RecordingReader; 2]) -> anyhow::Result<BT
 /// The result for one topic.
 #[derive(Default, Serialize)]
 struct TopicComparison {
-    /// Messages that both recordings have, and those of them that differ.
+    /// Messages that both recordings have, and how many of them differ.
     n_both: u64,
     n_different: u64,
     /// Messages that only one file has: the first sequence number and the count, by file.
@@ -226,7 +226,7 @@ impl TopicComparison {
     }
 }
 
-/// Reads both files once per topic: only two messages are in memory, in whatever order the topics are in the files.
+/// Reads both files once per topic: only two messages are in memory, whatever the order of the topics in the files.
 fn compare_topic(args: &Args, paths: [&PathBuf; 2], topic: &RecordedTopic) -> anyhow::Result<TopicComparison> {
     let open = |path: &Path| MessageReader::open(path, &topic.name).with_context(|| topic.name.clone());
     let mut files = [open(paths[0])?, open(paths[1])?];

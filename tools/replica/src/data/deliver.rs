@@ -26,11 +26,11 @@ use surveying::{
 
 /// Largest side of a tile, m.
 const MAX_TILE_M: u32 = 100_000;
-/// What recorded the points, in the headers, unless the user says it.
+/// Default name in the headers of the system that recorded the points.
 pub const SYSTEM: &str = "mobile LiDAR";
 /// Name of the octree.
 pub const COPC_FILE: &str = "points.copc.laz";
-/// Length of a text in the header of LAS files.
+/// Largest length of a text in the header of LAS files.
 const MAX_SYSTEM: usize = 32;
 /// `generating software` of the headers.
 pub const SOFTWARE: &str = concat!("REPLICA ", env!("CARGO_PKG_VERSION"));
@@ -48,7 +48,7 @@ pub struct Args {
     /// Coordinates: auto (UTM of the place), local (east, north, up at the origin of the run), or EPSG:N
     #[arg(long, default_value = "auto")]
     crs: CrsChoice,
-    /// Heights above the geoid of this grid (.gtx), not above the ellipsoid
+    /// Heights above the geoid of this grid (.gtx) instead of the ellipsoid
     #[arg(long, value_name = "GTX")]
     geoid: Option<PathBuf>,
     /// Write local coordinates if heading, height or position of the run is not determined
@@ -60,16 +60,16 @@ pub struct Args {
     /// Write LAS without compression
     #[arg(long)]
     las: bool,
-    /// Write also points.copc.laz: all points as an octree, which viewers load piece by piece
+    /// Also write points.copc.laz: all points as an octree, which viewers load piece by piece
     #[arg(long)]
     copc: bool,
-    /// Write also cloudcompare/*.ply: clouds whose fields CloudCompare keeps
+    /// Also write cloudcompare/*.ply: clouds whose fields CloudCompare keeps
     #[arg(long)]
     cloudcompare: bool,
-    /// Write also sequences/00: sweeps and labels as in the data set SemanticKITTI
+    /// Also write sequences/00: sweeps and labels as in the data set SemanticKITTI
     #[arg(long)]
     semantic_kitti: bool,
-    /// Write also terrain.tif, height.tif, color.tif and class.tif: views from above
+    /// Also write terrain.tif, height.tif, color.tif and class.tif: views from above
     #[arg(long)]
     rasters: bool,
     /// Side of the cells of the rasters, m
@@ -81,7 +81,7 @@ pub struct Args {
     /// Add the reflectances of the mosaic cameras to each point of LAZ, COPC and PLY
     #[arg(long)]
     bands: bool,
-    /// What recorded the points, for the headers
+    /// System that recorded the points, for the headers
     #[arg(long, value_name = "TEXT", default_value = SYSTEM, value_parser = system)]
     system: String,
     #[command(flatten)]
@@ -141,7 +141,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Everything but LAS and COPC.
+/// Writes all files except LAS and COPC.
 fn write_others(
     args: &Args,
     run: &RunFolder,
@@ -180,7 +180,7 @@ fn folder(out: &Path, name: &str) -> anyhow::Result<PathBuf> {
     Ok(folder)
 }
 
-/// Files of an earlier delivery with other tiles would remain and be taken for those of this one.
+/// Creates the folder, which must be empty: tiles of an earlier delivery would be mistaken for tiles of this one.
 pub fn create_empty(out: &Path) -> anyhow::Result<()> {
     let place = || out.display().to_string();
     std::fs::create_dir_all(out).with_context(place)?;

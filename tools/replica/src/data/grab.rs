@@ -1,4 +1,4 @@
-//! `replica grab`: writes the images of a stream as files that are named by their stamps.
+//! `replica grab`: writes the images of a stream as files named by their stamps.
 
 use anyhow::Context;
 use command_line::exit_code;
@@ -39,7 +39,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut n_images = 0;
     let mut n_left_out = 0;
     let max = args.bit_depth.map(|bits| ((1_u32 << bits) - 1) as u16);
-    // The grabber ends by the same Ctrl-C, and so does the stream.
+    // The same Ctrl-C ends the grabber and thus the stream.
     let grabbed = grab(BufReader::new(io::stdin().lock()), &args.folder, max, nanos_now, |written| {
         match written {
             Ok(_) => n_images += 1,
@@ -90,7 +90,7 @@ fn grab(
     Ok(())
 }
 
-/// The same samples with `max` as the largest possible value.
+/// The image with the same samples and `max` as the largest possible value.
 fn with_max(bytes: &[u8], max: u16) -> Result<Vec<u8>, String> {
     let image = Pgm::parse(bytes).map_err(|error| error.to_string())?;
     let samples = image.samples();

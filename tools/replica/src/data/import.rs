@@ -1,4 +1,4 @@
-//! `replica import`: imports recordings and data sets of others as a drive folder, and a Ladybug calibration as entries of a
+//! `replica import`: imports third-party recordings and data sets as a drive folder, and a Ladybug calibration as entries of a
 //! drive.toml.
 
 mod ladybug;
@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 /// Import a ROS bag, data set, clouds or camera calibration.
 ///
-/// Labeled clouds become a recording of submaps with their true classes, for `replica replay`. The drive folder links to the original files instead of copying them where it can. What is imported and what is not is listed.
+/// Labeled clouds become a recording of submaps with their true classes, for `replica replay`. The drive folder links to the original files instead of copying them where possible. Imported and ignored data is listed.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -45,7 +45,7 @@ pub struct Args {
     /// ROS bag: frame of the body; default `base_link`, else the frame above all others
     #[arg(long, value_name = "NAME")]
     body_frame: Option<String>,
-    /// ROS bag: pose of a frame in the body frame, in place of that of `tf_static`: m and unit quaternion
+    /// ROS bag: pose of a frame in the body frame, instead of the pose in `tf_static`: m and unit quaternion
     #[arg(long = "transform", value_name = "FRAME=X,Y,Z,QX,QY,QZ,QW", value_parser = transform)]
     transforms: Vec<(String, [f64; 7])>,
     /// ROS bag: a further file of a recording that was split (may be repeated); a folder of *.bag files is read as one recording

@@ -36,7 +36,7 @@ use std::process::ExitCode;
 pub struct Args {
     /// Drive folder, folder of sweeps, capture, PLY file, output folder of a run, or recording (.mcap)
     path: PathBuf,
-    /// Drive: read all sweeps and images, not a few of them
+    /// Drive: read all sweeps and images instead of a few
     #[arg(long, conflicts_with_all = ["offset", "picture"])]
     full: bool,
     /// Drive: also write one HTML page with pictures and charts
@@ -133,14 +133,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Clouds, and what the run that made them says about them.
+/// Clouds, and the georeference and doubts of the run that made them.
 #[derive(Serialize)]
 struct ResultFacts {
     path: String,
     #[serde(flatten)]
     clouds: CloudFacts,
     georeference: Option<GeoreferenceFile>,
-    /// Of stages. Clouds may lie anywhere, so a folder without a summary has none.
+    /// Doubts of stages. Empty for a folder without a summary: clouds may be in any folder.
     doubts: Vec<StageDoubt>,
 }
 

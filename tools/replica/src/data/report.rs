@@ -2,9 +2,9 @@
 //!
 //! | idea | module |
 //! |---|---|
-//! | the small files that a run has left | `finished_run` |
+//! | the small files in the output of a run | `finished_run` |
 //! | whether the result can be relied on | `verdict` |
-//! | what is read beside them: drive, clouds, pictures | `material`: `cloud_survey`, `moment`, `overlays`, `range_picture`, `bands` |
+//! | the drive, clouds and pictures, read in addition | `material`: `cloud_survey`, `moment`, `overlays`, `range_picture`, `bands` |
 //! | path and fixes; losses and deviations; time and memory | `place`, `uncertain`, `costs` |
 //! | `report.json`; `report.html` | `facts`; `sections`, `view_drawing` |
 //! | several runs in one table | `comparison` |
@@ -110,7 +110,7 @@ fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
     Ok((sections::page(run, &facts, &material), facts))
 }
 
-/// Writes both files, each whole or not at all.
+/// Writes both files, each atomically.
 fn write(folder: &Path, [page_name, facts_name]: [&str; 2], page: &str, facts: &impl Serialize) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let page_file = folder.join(page_name);

@@ -50,7 +50,7 @@ fn cut_recording_compared_with_itself_is_not_complete() {
         let (code, said) = compared(&cut, &cut);
         assert_eq!(code, Some(3), "{n_bytes} bytes: {said}");
         for words in
-            ["a is not complete: ", "b is not complete: ", "cut at byte", "equal as far as both go, but not complete"]
+            ["a is not complete: ", "b is not complete: ", "cut at byte", "equal up to the end of the shorter one, but not complete"]
         {
             assert!(said.contains(words), "{n_bytes} bytes: {words:?} is not in\n{said}");
         }
@@ -71,7 +71,7 @@ fn recording_without_the_end_of_its_run_compared_with_itself_is_not_complete() {
     let (code, said) = compared(&stopped, &stopped);
     assert_eq!(code, Some(3), "{said}");
     assert!(said.contains("a is not complete: imu.tick does not reach the end of the run"), "{said}");
-    assert!(said.ends_with("equal as far as both go, but not complete\n"), "{said}");
+    assert!(said.ends_with("equal up to the end of the shorter one, but not complete\n"), "{said}");
 }
 
 /// A run with one cloud: points 0.1 s apart from `begin`, each with the classes of two segmenters.

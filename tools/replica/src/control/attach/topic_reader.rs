@@ -1,4 +1,4 @@
-//! Receives the messages of one topic, through restarts of the run.
+//! Receives the messages of one topic, across restarts of the run.
 
 use super::run_handle::Run;
 use command_line::terminal::StopFlag;
@@ -31,7 +31,7 @@ pub struct TopicReader {
 }
 
 impl TopicReader {
-    /// Attaches to the topic. `None` if the run has ended before.
+    /// Attaches to the topic. `None` if the run has already ended.
     pub fn open(mut run: Run, topic: &str, mode: ObserverMode, stop: StopFlag) -> anyhow::Result<Option<Self>> {
         run.topic(topic)?;
         let attached = attach(&mut run, topic, mode, &stop)?;

@@ -60,7 +60,7 @@ impl BatchDrive {
     }
 }
 
-/// The absolute path without links, be the folder there or not: the path of an output is part of what identifies its run.
+/// The absolute path without links, whether or not the folder exists: the path of an output is part of what identifies its run.
 fn without_links(folder: &Path) -> PathBuf {
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let resolved = absolute.ancestors().find_map(|ancestor| {
@@ -73,10 +73,10 @@ fn without_links(folder: &Path) -> PathBuf {
 /// `I/N`: job I of an array of N.
 ///
 /// Drive k of the command line, counted from 0, belongs to job k mod N + 1. The rule reads nothing but the command line, so all
-/// jobs agree on it, whenever they start and whatever they see of the shared folder.
+/// jobs agree on it, whenever they start and whatever the shared folder contains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Job {
-    /// From 0.
+    /// Index of the job, from 0.
     index: usize,
     n_jobs: usize,
 }

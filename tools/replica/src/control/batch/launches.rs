@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
-/// Between two looks at the run: far below the time of the shortest one.
+/// Interval between two checks of the run: far below the time of the shortest run.
 const POLL: Duration = Duration::from_millis(20);
 
 /// How a drive starts.
@@ -40,7 +40,7 @@ pub struct Launches {
 }
 
 impl Launches {
-    /// With what all runs have in common.
+    /// Prepares the arguments that all runs have in common.
     pub fn new(launch_file: &Path, overrides: &[String], without: &[String]) -> anyhow::Result<Self> {
         let launch_file = std::path::absolute(launch_file).context("the launch file")?;
         let mut arguments = vec![launch_file.into()];
@@ -61,7 +61,7 @@ impl Launches {
         self.must_stop
     }
 
-    /// How the drive starts; `Err` if its output must be kept. `replica-launch` judges, as it does for `--resume`.
+    /// How the drive starts; `Err` if its output must be kept. `replica-launch` decides, as it does for `--resume`.
     pub fn start_of(&self, drive: &BatchDrive) -> anyhow::Result<Result<Start, String>> {
         if !drive.output.exists() {
             return Ok(Ok(Start::New));
@@ -108,7 +108,7 @@ impl Launches {
         for (key, path) in [("run.drive", &drive.path), ("run.output", &drive.output)] {
             command.arg("--set").arg(format!("{key}={}", path.display()));
         }
-        // A killed batch takes its run along, so that the next batch can continue it.
+        // A killed batch also ends its run, so that the next batch can continue the run.
         command.arg("--end-with").arg(std::process::id().to_string()).stdin(Stdio::null());
         // Ctrl-C reaches this process alone, which forwards it: a run that received it twice would not drain.
         command.process_group(0);

@@ -86,7 +86,7 @@ fn jobs(costs: &[Cost], n_jobs: usize) -> Vec<Cost> {
     Job::all(n_jobs).map(of).collect()
 }
 
-/// 1, 2, 5, 10, 20, 50 ... and the last.
+/// Numbers of machines: 1, 2, 5, 10, 20, 50 ... and the last.
 fn machine_counts(last: usize) -> Vec<usize> {
     let decades = std::iter::successors(Some(1_usize), |decade| decade.checked_mul(10));
     let mut counts: Vec<usize> = decades
@@ -97,7 +97,7 @@ fn machine_counts(last: usize) -> Vec<usize> {
     counts
 }
 
-/// Bytes of a file, or of all files in a folder. Links are not followed; what cannot be read counts as nothing.
+/// Bytes of a file, or of all files in a folder. Links are not followed; unreadable files count as zero.
 fn bytes_of(path: &Path) -> f64 {
     let mut left = vec![path.to_owned()];
     let mut bytes = 0_u64;

@@ -7,7 +7,7 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// How far a drive is.
+/// Progress of a drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DriveOutcome {
@@ -25,10 +25,10 @@ pub enum DriveOutcome {
 }
 
 impl DriveOutcome {
-    /// All of them.
+    /// All outcomes.
     pub const ALL: [Self; 5] = [Self::Complete, Self::Doubts, Self::Failed, Self::Unfinished, Self::NotRun];
 
-    /// As in the table.
+    /// The word in the table.
     pub fn text(self) -> &'static str {
         match self {
             Self::Complete => "complete",
@@ -40,16 +40,16 @@ impl DriveOutcome {
     }
 }
 
-/// The result of a drive. Figures are those of `summary.json`.
+/// The result of a drive. Figures are from `summary.json`.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Row {
     /// Name of the drive.
     pub drive: String,
-    /// How far it is.
+    /// Progress of the drive.
     pub outcome: DriveOutcome,
     /// Drive time that was processed, s.
     pub drive_s: f64,
-    /// From the last start of the sources to the end, s.
+    /// Time from the last start of the sources to the end, s.
     pub wall_s: f64,
     /// `drive_s / wall_s`.
     pub times_real_time: f64,
@@ -59,13 +59,13 @@ pub struct Row {
     pub cpu_s: f64,
     /// Names of the doubts.
     pub doubts: BTreeSet<String>,
-    /// Of a run that failed in this batch; `None` if a signal ended it.
+    /// Exit code of a run that failed in this batch; `None` if a signal ended it.
     #[serde(skip)]
     pub exit_code: Option<i32>,
 }
 
 impl Row {
-    /// From the files of the drive's run.
+    /// Reads the files of the drive's run.
     pub fn read(drive: &BatchDrive) -> Self {
         let row = Self { drive: drive.name.clone(), ..Self::default() };
         let Ok(summary) = Summary::load(&drive.output) else {
@@ -134,7 +134,7 @@ impl fmt::Display for Row {
     }
 }
 
-/// Separated by spaces.
+/// Names of doubts, separated by spaces.
 pub fn doubt_names(doubts: &BTreeSet<String>) -> String {
     doubts.iter().map(String::as_str).collect::<Vec<_>>().join(" ")
 }

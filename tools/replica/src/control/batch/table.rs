@@ -90,7 +90,7 @@ fn csv(rows: &[Row]) -> String {
     text
 }
 
-/// As RFC 4180 says.
+/// A field of a CSV line, quoted as RFC 4180 requires.
 fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))

@@ -75,7 +75,7 @@ impl MessageText {
         names.join(",") + "\n"
     }
 
-    /// One message, before which `missed` messages were missed.
+    /// The text of one message, before which `missed` messages were missed.
     pub fn of(&self, message: &Observed, missed: u64) -> anyhow::Result<String> {
         self.write(message.envelope(), message.header(), message.rows(), missed)
     }

@@ -20,7 +20,7 @@ impl HeartbeatPair {
         Some(nanos as f64 * 1e-9)
     }
 
-    /// Increase of a count per second. A restart sets counts back: then 0.
+    /// Increase of a count per second. 0 after a restart, which resets counts.
     pub fn rate(&self, count: impl Fn(&Health) -> f64) -> Option<f64> {
         let base = self.base.as_ref()?;
         let last = self.last.as_ref()?;

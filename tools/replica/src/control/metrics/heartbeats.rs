@@ -6,7 +6,7 @@ use ipc::{Attached, LatestSubscriber};
 use run::health::{HEARTBEAT, Health};
 use std::time::{Duration, Instant};
 
-/// Between two polls: a tenth of the time between two heartbeats.
+/// Interval between two polls: a tenth of the time between two heartbeats.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// A stage without ten consecutive heartbeats hangs or has ended. It is then shown without metrics.
 const TIMEOUT: Duration = Duration::from_secs(2);

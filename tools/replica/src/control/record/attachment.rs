@@ -47,7 +47,7 @@ impl Attachment {
         Ok(all)
     }
 
-    /// Receives messages. `false` if there were none.
+    /// Receives messages. `false` if no message was waiting.
     pub fn receive(&mut self, topic: &mut Progress, may_drop: bool) -> anyhow::Result<bool> {
         let mut any = false;
         if self.row.is_none()
@@ -66,7 +66,7 @@ impl Attachment {
                 Some(next) if row.tick > next && may_drop => {
                     topic.n_dropped += row.tick - next;
                     topic.next_tick = Some(row.tick);
-                    // Messages of dropped ticks cannot be written. Behind them in the queue there may be messages of this tick.
+                    // Messages of dropped ticks cannot be written. They may precede messages of this tick in the queue.
                     self.discard_before(row.tick);
                     self.receive_messages(topic)?;
                 }
@@ -90,7 +90,7 @@ impl Attachment {
         Ok(any)
     }
 
-    /// Receives messages. `false` if there were none, or no space for them.
+    /// Receives messages. `false` if no message was waiting, or if there is no space.
     fn receive_messages(&mut self, topic: &Progress) -> Result<bool, IpcError> {
         let mut any = false;
         // A tick never has more messages than the queue holds.

@@ -1,4 +1,4 @@
-//! How far each topic is recorded.
+//! Progress of the recording of each topic.
 
 /// Progress of one topic. It is kept across restarts of the run.
 #[derive(Debug)]

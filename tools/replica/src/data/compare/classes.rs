@@ -11,7 +11,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Differences that a person reads; `--json` has all.
+/// Differences that the text shows; `--json` has all.
 const SHOWN_DIFFERENCES: usize = 10;
 /// Classes are bytes.
 const N_CLASSES: usize = 256;
@@ -63,7 +63,7 @@ struct Difference {
 }
 
 impl ClassComparison {
-    /// Compares the columns that the arguments name: of one run if there is no second one.
+    /// Compares the columns that the arguments name; both are in one run if no second run is given.
     pub fn of(args: &Args) -> anyhow::Result<Self> {
         if !args.tolerances.is_empty() {
             return Err(UsageError("--tolerance is for recordings; clouds are compared by class".to_owned()).into());
@@ -73,7 +73,7 @@ impl ClassComparison {
         let names = files.each_ref().map(|files| files.iter().map(|file| file.file_name()).collect::<Vec<_>>());
         ensure!(
             names[0] == names[1] || runs.iter().all(|run| run.is_file()),
-            "{} and {} have other clouds: only runs with the same submaps can be compared point by point",
+            "{} and {} have different clouds: only runs with the same submaps can be compared point by point",
             runs[0].display(),
             runs[1].display()
         );
@@ -90,7 +90,7 @@ impl ClassComparison {
             let second = second.as_ref().unwrap_or(&first);
             ensure!(
                 first.len() == second.len() && first.f64s("timestamp")? == second.f64s("timestamp")?,
-                "{} and {} have other points: only runs with the same submaps can be compared point by point",
+                "{} and {} have different points: only runs with the same submaps can be compared point by point",
                 a.display(),
                 b.display()
             );
@@ -105,7 +105,7 @@ impl ClassComparison {
         Ok(Self { is_equal: pairs.iter().all(|pair| pair.n_same == pair.n_points), pairs })
     }
 
-    /// For people.
+    /// Tables as text.
     pub fn text(&self) -> String {
         self.pairs.iter().map(Pair::text).collect::<Vec<_>>().join("\n")
     }

@@ -58,7 +58,7 @@ impl FieldRule {
     }
 }
 
-/// By field: number of rows that differ, and the largest difference.
+/// Number of rows that differ, and the largest difference, by field.
 #[derive(Default, Serialize)]
 pub struct Differences(BTreeMap<String, (u64, f64)>);
 

@@ -12,7 +12,7 @@ pub struct MessageReader {
     pub envelope: Option<Envelope>,
     /// Envelope, header and rows of the current message.
     pub bytes: Vec<u8>,
-    /// Where the file is cut, once the reader has come there.
+    /// Where the file is cut, once the reader has reached that place.
     pub cut: Option<String>,
     /// The topic is a tick channel.
     has_ticks: bool,

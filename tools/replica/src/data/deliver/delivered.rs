@@ -1,4 +1,4 @@
-//! What `replica deliver` answers.
+//! The answer of `replica deliver`.
 
 use super::facts::Facts;
 use serde::Serialize;
@@ -16,14 +16,14 @@ pub struct Delivered<'a> {
     pub others: Others,
 }
 
-/// All but LAS and COPC.
+/// All files except LAS and COPC.
 #[derive(Default, Serialize)]
 pub struct Others {
     /// Files of the path.
     pub path: Vec<&'static str>,
     /// `None` if the clouds have no instances.
     pub n_objects: Option<usize>,
-    /// Files from above.
+    /// Raster files.
     pub rasters: Vec<&'static str>,
     pub accuracy: Option<Accuracy>,
     pub cloudcompare: Option<Folder>,
@@ -38,7 +38,7 @@ pub struct Folder {
 }
 
 impl Delivered<'_> {
-    /// The answer for people. `n_tiles` are the files of points but the octree.
+    /// The answer as text. `n_tiles` counts the files of points without the octree.
     pub fn text(&self, n_tiles: usize) -> String {
         let Others { path, n_objects, rasters, accuracy, cloudcompare, semantic_kitti } = &self.others;
         let mut text = String::new();

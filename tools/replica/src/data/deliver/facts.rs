@@ -20,7 +20,7 @@ pub struct Facts<'a> {
     pub frame: String,
     /// EPSG number; null for local coordinates.
     epsg: Option<u32>,
-    /// What heights count from; null for local coordinates.
+    /// Vertical datum; null for local coordinates.
     heights: Option<String>,
     /// Why coordinates are local although a reference system was wanted.
     unreferenced: Option<&'a str>,
@@ -32,7 +32,7 @@ pub struct Facts<'a> {
     files: &'a [PointFile],
 }
 
-/// Points that the files lack.
+/// Points that were left out of the files.
 #[derive(Serialize)]
 pub struct Left {
     pub without_place: u64,

@@ -1,4 +1,4 @@
-//! Which coordinates are written, and whether the run determines them.
+//! The coordinates of the delivery, and whether the run determines them.
 
 use super::Args;
 use anyhow::{bail, ensure};
@@ -15,11 +15,11 @@ use surveying::{Georeference, RunFolder, TargetFrame};
 /// The argument `--crs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CrsChoice {
-    /// UTM of the place.
+    /// The UTM zone of the place.
     Auto,
     /// East, north, up at the origin of the run.
     Local,
-    /// This number.
+    /// The reference system with this EPSG number.
     Epsg(u32),
 }
 
@@ -45,7 +45,7 @@ pub struct ChosenFrame<'a> {
 }
 
 impl ChosenFrame<'_> {
-    /// What a reader of the files should know about the coordinates; empty = nothing.
+    /// Note about the coordinates for readers of the files; empty = nothing.
     pub fn note(&self) -> String {
         self.unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default()
     }
@@ -62,7 +62,7 @@ pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow:
         );
         return Ok(local(None));
     }
-    // Errors of files are reported before those of the run.
+    // Errors of files are reported before errors of the run.
     let geoid = match &args.geoid {
         None => None,
         Some(path) => {
@@ -84,7 +84,7 @@ pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow:
     }
 }
 
-/// UTM of the place, or local coordinates if the run does not determine it.
+/// The UTM zone of the place, or local coordinates if the run does not determine it.
 pub fn utm_or_local<'a>(run: &'a RunFolder, summary: &Summary) -> anyhow::Result<ChosenFrame<'a>> {
     projected_or_local(run, summary, None, None)
 }
@@ -109,7 +109,7 @@ fn projected_or_local<'a>(
     }
 }
 
-/// Why coordinates on the Earth would be wrong.
+/// Why the run does not determine coordinates on the Earth.
 fn not_determined(is_placed: bool, summary: &Summary) -> Option<String> {
     if !is_placed {
         return Some("the run is not placed on the Earth: it has no origin in georeference.json".to_owned());

@@ -27,10 +27,10 @@ use std::path::Path;
 use std::process::ExitCode;
 use stream::Stream;
 
-/// What is read of a drive.
+/// The part of a drive that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
-    /// Stamps of all files, the begin of captures, a few sweeps; no image.
+    /// Stamps of all files, the start of captures, a few sweeps; no image.
     Stamps,
     /// Also a few images.
     Samples,
@@ -43,14 +43,14 @@ pub struct DriveReport {
     /// Name in the manifest.
     pub name: String,
     folder: String,
-    /// One per sensor.
+    /// Messages over time, one stream per sensor.
     pub streams: Vec<Stream>,
-    /// Lines by heading.
+    /// Facts by heading.
     pub sections: Vec<Section>,
-    /// Why not to rely on the data.
+    /// Reasons not to rely on the data.
     pub doubts: Vec<String>,
     pictures: Vec<Picture>,
-    /// Path by GNSS: east and north of the first fix, m.
+    /// Path by GNSS: metres east and north of the first fix.
     path_m: Vec<[f64; 2]>,
     /// Fixes of the receiver.
     pub fixes: Vec<Fix>,
@@ -74,12 +74,12 @@ impl DriveReport {
         self.doubts.push(text.into());
     }
 
-    /// Begin of the LiDAR, from which times are counted.
+    /// Start of the LiDAR, from which times are counted.
     pub fn origin(&self) -> Stamp {
         self.lidar_span().map_or(Stamp(0), |[first, _]| first)
     }
 
-    /// Begin and end of the LiDAR.
+    /// Start and end of the LiDAR.
     fn lidar_span(&self) -> Option<[Stamp; 2]> {
         self.streams.iter().find(|stream| stream.is_reference).and_then(Stream::span)
     }

@@ -1,10 +1,10 @@
-//! Where the clouds of a run lie in the world, and how certain that is.
+//! World frame of the clouds of a run, and its accuracy.
 
 use delivery::{Deviations, GEOREFERENCE, GeoreferenceFile};
 use std::fmt::Write;
 use std::path::Path;
 
-/// That of the run in this folder. `None` without `georeference.json`, or with one of another version.
+/// Georeference of the run in this folder. `None` without `georeference.json`, or if its version differs.
 pub fn load(run: &Path) -> Option<GeoreferenceFile> {
     let text = std::fs::read_to_string(run.join(GEOREFERENCE)).ok()?;
     serde_json::from_str(&text).ok()

@@ -11,7 +11,7 @@ pub struct OffsetFacts {
     /// The notes of `colorize` about the offset.
     notes: Vec<String>,
     cameras_with_known_offset: u64,
-    /// Beyond `max_offset_mrad`.
+    /// Cameras with an offset above `max_offset_mrad`.
     cameras_with_large_offset: u64,
 }
 
@@ -25,7 +25,7 @@ impl OffsetFacts {
     }
 }
 
-/// What the summary of a run says about the offset.
+/// Reads the offset from the summary of a run.
 pub fn read(run: &Path) -> anyhow::Result<OffsetFacts> {
     let summary = Summary::load(run).context("hint: --offset needs the output folder of a run that has ended")?;
     let path = run.join("summary.json");

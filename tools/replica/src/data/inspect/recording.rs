@@ -20,7 +20,7 @@ struct TopicTotals {
 #[derive(Serialize)]
 pub struct RecordingFacts {
     path: String,
-    /// What the recorder wrote about the run.
+    /// Metadata of the run, written by the recorder.
     about: BTreeMap<String, String>,
     topics: Vec<TopicFacts>,
     /// Where the file is cut off, if it is.

@@ -20,7 +20,7 @@ pub struct Bands {
     pub bands: Vec<Band>,
 }
 
-/// What was found in one camera.
+/// Findings about one camera.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
     pub camera: String,
@@ -32,7 +32,7 @@ pub struct Diagnosis {
 pub struct Band {
     pub camera: String,
     pub wavelength_nm: f32,
-    /// Of the reflectances, 1 = white. `None` without a value.
+    /// Mean of the reflectances, 1 = white. `None` without a value.
     pub mean: Option<f64>,
     pub deviation: Option<f64>,
 }
@@ -89,7 +89,7 @@ impl Bands {
     }
 }
 
-/// What is wrong with the raw samples of all cameras, as `calibrate` has counted them.
+/// Diagnosis of the raw samples of all cameras, from the counts of `calibrate`.
 fn of_raw_samples(run: &FinishedRun) -> Option<Diagnosis> {
     let counter = |name: &str| run.counter("calibrate", name);
     let counts = FrameCounts {

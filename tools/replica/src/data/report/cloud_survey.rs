@@ -1,4 +1,4 @@
-//! One pass over an even part of the points of a run: top views, objects, colors by camera, covered area.
+//! One pass over an evenly thinned part of the points of a run: top views, objects, colors by camera, covered area.
 
 use super::finished_run::FinishedRun;
 use formats::ply::{PlyRows, Vertices};
@@ -18,20 +18,20 @@ const MAX_PROBES: u64 = 100_000;
 const SIZE: [f64; 2] = [1000.0, 800.0];
 /// Smallest side of a top view, px.
 const MIN_SIDE: f64 = 160.0;
-/// Side of the cells of the covered area, m, and most of them.
+/// Side of the cells of the covered area, m, and largest number of cells.
 const CELL_M: f64 = 1.0;
 const MAX_CELLS: usize = 1 << 24;
 
-/// What the points show.
+/// Result of the pass over the points.
 pub struct CloudSurvey {
-    /// One of so many points was read.
+    /// One point in `step` was read.
     pub step: usize,
     pub n_read: u64,
     /// Colored points that were read by index of the camera.
     pub by_camera: BTreeMap<u8, u64>,
     /// Cells of the ground with points, m^2. `None` if the clouds are too wide.
     pub area_m2: Option<f64>,
-    /// By number of points, the largest first; the number is an estimate from those that were read.
+    /// Objects, sorted by number of points, the largest first; the number is an estimate from the points that were read.
     pub objects: Vec<ObjectSummary>,
     /// Top views by [`CloudSurvey::COLORINGS`]; `None` for a column that the clouds lack.
     pub views: [Option<RgbImage>; 3],
@@ -59,7 +59,7 @@ impl Thinned {
 }
 
 impl CloudSurvey {
-    /// What the top views show.
+    /// Colorings of the top views.
     pub const COLORINGS: [ColorBy; 3] = [ColorBy::Color, ColorBy::Class, ColorBy::Instance];
 
     /// `None` without points.
@@ -107,7 +107,7 @@ impl CloudSurvey {
             }
             Ok(())
         })?;
-        // Colors that no camera gave would be a picture of intensities.
+        // Without colors from a camera the picture would show intensities.
         has[0] &= !by_camera.is_empty();
         let mut pixels = canvas.finish(Background::White).map(Some);
         let width = size.width as u32;
@@ -123,7 +123,7 @@ impl CloudSurvey {
     }
 }
 
-/// The largest picture of these surroundings within [`SIZE`].
+/// Size of the largest picture of these surroundings within [`SIZE`].
 fn size(surroundings: [[f64; 2]; 2]) -> PictureSize {
     let sides_m = surroundings.map(|[low, high]| (high - low).max(1.0));
     let scale = (SIZE[0] / sides_m[0]).min(SIZE[1] / sides_m[1]);

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// `comparison.json`.
 #[derive(Serialize)]
 pub struct Comparison {
-    /// Of this format.
+    /// Version of this file format.
     pub version: u32,
     pub runs: Vec<ComparedRun>,
 }
@@ -24,7 +24,7 @@ pub struct ComparedRun {
     pub outcome: Outcome,
     pub verdict: Verdict,
     pub path_m: f64,
-    /// Largest of a submap: horizontal (m), height (m), heading (degrees). `None` without an origin on the earth.
+    /// Largest standard deviation of a submap: horizontal (m), height (m), heading (degrees). `None` without an origin on the earth.
     pub deviations: Option<[f64; 3]>,
     pub points: Points,
     pub instances: u64,

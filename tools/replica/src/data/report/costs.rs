@@ -1,9 +1,9 @@
-//! What the stages did with their time.
+//! How the stages spent their time.
 
 use chart::{BarRow, COLORS};
 use run::summary::{StageSummary, Summary};
 
-/// Working, waiting for output, waiting for input, all else.
+/// Pieces of a bar: working, waiting for output, waiting for input, other.
 const PIECES: [(&str, &str); 4] =
     [(COLORS[0], "working"), (COLORS[1], "waiting for output"), (COLORS[6], "waiting for input"), ("#b9bec8", "other")];
 

@@ -22,9 +22,9 @@ use surveying::objects::ObjectSummary;
 /// `report.json`.
 #[derive(Serialize)]
 pub struct Facts {
-    /// Of this format.
+    /// Version of this file format.
     pub version: u32,
-    /// Of the program that wrote the report.
+    /// Version of the program that wrote the report.
     pub replica_version: &'static str,
     pub run: PathBuf,
     pub outcome: Outcome,
@@ -48,13 +48,13 @@ pub struct Facts {
     pub settings: Settings,
 }
 
-/// What went in.
+/// The input of the run.
 #[derive(Serialize)]
 pub struct Input {
     pub drive: PathBuf,
     pub name: String,
     pub sensors: Vec<Sensor>,
-    /// Remarks about the recording; they are no doubts of the run.
+    /// Remarks about the recording; they are not doubts of the run.
     pub remarks: Vec<String>,
 }
 
@@ -64,7 +64,7 @@ pub struct Sensor {
     pub name: String,
     pub kind: String,
     pub messages: usize,
-    /// Whether only the begin of the sensor's data was read.
+    /// Whether only the start of the sensor's data was read.
     pub is_partial: bool,
     pub rate_hz: Option<f64>,
     pub jitter_s: Option<f64>,
@@ -95,13 +95,13 @@ impl Input {
     }
 }
 
-/// The clouds together.
+/// Totals of all clouds.
 #[derive(Serialize)]
 pub struct Points {
     pub n: u64,
     pub n_colored: Option<u64>,
     pub n_spectra: u64,
-    /// By class.
+    /// Number of points by class.
     pub classes: BTreeMap<String, u64>,
     /// Ground with points, in cells of 1 m, m^2.
     pub area_m2: Option<f64>,
@@ -160,7 +160,7 @@ pub struct StageDoubt {
 }
 
 impl StageDoubt {
-    /// All of a run.
+    /// All doubts of a run.
     pub fn of(summary: &Summary) -> Vec<Self> {
         summary.doubts().map(|(stage, doubt)| Self { stage: stage.to_owned(), doubt: doubt.clone() }).collect()
     }
@@ -198,11 +198,11 @@ impl StageCosts {
     }
 }
 
-/// What is needed to repeat the run.
+/// Data needed to repeat the run.
 #[derive(Serialize)]
 pub struct Settings {
     pub command: Option<String>,
-    /// Changes by swaps, in their order.
+    /// Changes by swaps, in the order of the swaps.
     pub swaps: Vec<Vec<String>>,
     /// Digests of programs, models and other files, by file.
     pub digests: BTreeMap<PathBuf, String>,

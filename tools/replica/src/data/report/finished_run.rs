@@ -1,4 +1,4 @@
-//! What a run has left in its output folder.
+//! The files in the output folder of a run.
 
 use crate::data::inspect::georeference;
 use anyhow::Context;
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use surveying::load_trajectory;
 
-/// A run that has ended. All but the summary may be absent.
+/// A run that has ended. All files except the summary may be absent.
 pub struct FinishedRun {
     /// Output folder.
     pub folder: PathBuf,
@@ -21,9 +21,9 @@ pub struct FinishedRun {
     pub index: Option<Index>,
     /// Frame of the results. `None` also with the frame `odom`.
     pub georeference: Option<GeoreferenceFile>,
-    /// Empty without a file.
+    /// The trajectory. Empty without a file.
     pub trajectory: Trajectory,
-    /// With what the run began.
+    /// Settings at the start of the run.
     pub begun: Option<Begun>,
 }
 
@@ -102,14 +102,14 @@ impl FinishedRun {
     }
 }
 
-/// `None` if the file is absent or that of another version.
+/// The parsed file. `None` if it is absent or its version differs.
 fn json<T: DeserializeOwned>(path: &Path) -> Option<T> {
     serde_json::from_slice(&std::fs::read(path).ok()?).ok()
 }
 
 #[cfg(test)]
 impl FinishedRun {
-    /// A run that has left nothing but its summary.
+    /// A run of which only the summary exists.
     pub fn of_summary(summary: Summary) -> Self {
         let trajectory = Trajectory::default();
         Self { folder: "out".into(), summary, index: None, georeference: None, trajectory, begun: None }

@@ -1,4 +1,4 @@
-//! What is read for a report beside the small files of the run: the drive, the clouds, pictures.
+//! Data that a report reads in addition to the small files of the run: the drive, the clouds, pictures.
 
 use super::bands::Bands;
 use super::cloud_survey::CloudSurvey;
@@ -13,13 +13,13 @@ use drive::Drive;
 /// Points around the moment of the range image, s: two revolutions at the usual 10 Hz, of which one is whole.
 const SWEEP_HALF_S: f64 = 0.1;
 
-/// All that is read. What a run does not have is absent.
+/// All data that is read. Data that a run lacks is absent.
 pub struct Material {
     pub drive: Option<Drive>,
     pub drive_report: Option<DriveReport>,
     pub survey: Option<CloudSurvey>,
     pub overlays: Vec<Picture>,
-    /// Why there are no overlays.
+    /// Why overlays are missing.
     pub without_overlays: &'static str,
     pub range_picture: Option<Picture>,
     pub bands: Option<Bands>,
@@ -27,10 +27,10 @@ pub struct Material {
 }
 
 impl Material {
-    /// Reads drive and clouds side by side.
+    /// Reads drive and clouds in parallel.
     pub fn of(run: &FinishedRun) -> anyhow::Result<Self> {
         let folder = run.drive();
-        // A drive that has been moved away is no error: the results are there.
+        // A drive that was moved is not an error: the results exist.
         let drive = folder.as_ref().and_then(|folder| Drive::open(folder).ok());
         let of_drive = || {
             let report = drive
@@ -49,7 +49,7 @@ impl Material {
     }
 }
 
-/// Overlays, why there are none, and the range image.
+/// Overlays, why they are missing, and the range image.
 fn pictures(run: &FinishedRun, drive: Option<&Drive>) -> (Vec<Picture>, &'static str, Option<Picture>) {
     let Some(stamp) = middle_of_path(run) else {
         return (Vec::new(), "There is no trajectory, so no points can be drawn over images.", None);
@@ -57,7 +57,7 @@ fn pictures(run: &FinishedRun, drive: Option<&Drive>) -> (Vec<Picture>, &'static
     let points: Vec<MomentPoint> = points_around(run, stamp, SWEEP_HALF_S).unwrap_or_default();
     let range_picture = range_picture(&points).and_then(|image| png(String::new(), &image));
     let reason = match drive {
-        None => "The drive folder cannot be read any more, so there are no images.",
+        None => "The drive folder can no longer be read, so there are no images.",
         Some(drive) if drive.manifest().cameras.is_empty() && drive.manifest().mosaics.is_empty() => {
             "The drive has no cameras."
         }

@@ -8,14 +8,14 @@ use std::iter::once;
 use surveying::crs::CrsError;
 use surveying::{Georeference, TargetFrame};
 
-/// Points of several LiDARs come sweep by sweep: they are out of the order of time by less than this, s.
+/// Points of several LiDARs are stored sweep by sweep: they are out of time order by less than this, s.
 const DISORDER_S: f64 = 0.2;
-/// Points of a moment: several LiDARs give less than three million a second.
+/// Largest number of points of a moment: several LiDARs give less than three million a second.
 const MAX_ROWS: usize = 1 << 21;
 
 /// A point of the moment.
 pub struct MomentPoint {
-    /// Frame of the path, m.
+    /// Position in the frame of the path, m.
     pub position: Point3<f64>,
     pub lidar: Point3<f64>,
     pub sweep: i64,
@@ -24,7 +24,7 @@ pub struct MomentPoint {
     pub elevation_deg: f32,
 }
 
-/// The stamp of the middle of the path: the vehicle moves there, which shows delays of cameras, too.
+/// The stamp of the middle of the path: the vehicle moves there, so delays of cameras are visible.
 pub fn middle_of_path(run: &FinishedRun) -> Option<Stamp> {
     let poses = run.trajectory.poses();
     let half_m = 0.5 * run.trajectory.length_m();
@@ -62,7 +62,7 @@ pub fn points_around(run: &FinishedRun, stamp: Stamp, half_s: f64) -> anyhow::Re
     Ok(points)
 }
 
-/// From UTM to the local frame.
+/// Transforms points from UTM to the local frame.
 fn to_local(run: &FinishedRun, points: &mut [MomentPoint]) -> anyhow::Result<()> {
     let georeference = Georeference::load(&run.folder.join(GEOREFERENCE))?;
     let frame = TargetFrame::local(Some(&georeference));

@@ -43,7 +43,7 @@ pub fn overlay(run: &FinishedRun, drive: &Drive, frame: &Frame, max_width: u32) 
     jpeg(title(&entry.name, drive, frame), &image)
 }
 
-/// The same of a mosaic camera: the brightness of all bands together.
+/// A picture of one exposure of a mosaic camera: the brightness of all bands together.
 fn mosaic_overlay(run: &FinishedRun, drive: &Drive, frame: &Frame, max_width: u32) -> Option<Picture> {
     let entry = &drive.manifest().mosaics[frame.camera];
     let full = brightness(&RawMosaic::read(&frame.path).ok()?, entry.pattern)?;
@@ -102,12 +102,12 @@ fn title(camera: &str, drive: &Drive, frame: &Frame) -> String {
     format!("{camera}: {}", file.display())
 }
 
-/// What the colors are.
+/// Legend of the colors.
 pub fn legend() -> String {
     let [near, far] = DEPTH_M;
     format!(
         "Points of one revolution over the exposure in the middle of the path, by distance: red {near} m, blue {far} m and \
-         farther. Edges of poles, cars and houses must lie on each other. Mosaic cameras are gray: the mean of their bands."
+         farther. Edges of poles, cars and houses must coincide. Mosaic cameras are gray: the mean of their bands."
     )
 }
 
@@ -124,7 +124,7 @@ mod tests {
         let at = |u: u32, v: u32| image.get_pixel(u, v).0[0];
         assert_eq!(image.dimensions(), (5, 5));
         assert_eq!([at(0, 0), at(3, 1), at(1, 2), at(2, 3)], [0, 128, 64, 255]);
-        assert_eq!((at(4, 0), at(0, 4)), (128, 64), "what is left over continues its neighbor");
+        assert_eq!((at(4, 0), at(0, 4)), (128, 64), "left-over pixels continue their neighbor");
         assert!(brightness(&mosaic, 6).is_none() && brightness(&mosaic, 0).is_none());
     }
 }

@@ -1,4 +1,4 @@
-//! The path, and how far the fixes of the receiver lie from it.
+//! The path, and the distances of the receiver's fixes from it.
 
 use super::finished_run::FinishedRun;
 use chart::{COLORS, Chart, Series};
@@ -7,19 +7,19 @@ use geometry::{Geodetic, LocalFrame, Point3, Vector3};
 use lidar::nmea::Fix;
 use serde::Serialize;
 
-/// Vertices of the path in the map.
+/// Largest number of vertices of the path in the map.
 const MAX_VERTICES: usize = 2000;
-/// Fixes in the map.
+/// Largest number of fixes in the map.
 const MAX_FIXES: usize = 2000;
 
 /// Path and fixes.
 #[derive(Debug, Serialize)]
 pub struct Place {
-    /// Of the trajectory, m.
+    /// Length of the trajectory, m.
     pub length_m: f64,
-    /// From the first pose to the last, s.
+    /// Time from the first pose to the last, s.
     pub seconds: f64,
-    /// Fixes within the time of the trajectory against the antenna on the path. `None` without fixes or origin.
+    /// Deviations of the antenna on the path from the fixes within the time of the trajectory. `None` without fixes or origin.
     pub fixes: Option<FixDeviations>,
     #[serde(skip)]
     offsets: Vec<(Point3<f64>, Point3<f64>)>,
@@ -29,7 +29,7 @@ pub struct Place {
     has_north: bool,
 }
 
-/// East, north, up of the path minus those of the fixes, m.
+/// Differences of path minus fixes: east, north, up, m.
 #[derive(Debug, Serialize)]
 pub struct FixDeviations {
     pub n: usize,
@@ -62,12 +62,12 @@ impl Place {
         })
     }
 
-    /// East is right and north is up.
+    /// The map of the path: east is right and north is up.
     pub fn map(&self) -> String {
         let step = self.offsets.len().div_ceil(MAX_FIXES).max(1);
         let shown = || self.offsets.iter().step_by(step);
         let flat = |p: &Point3<f64>| [p.x, p.y];
-        // The fixes first: their color shows beside the path.
+        // The fixes first, so that the path is drawn over them.
         let mut series: Vec<Series> =
             shown().map(|(on_path, fix)| Series::thin_line("", COLORS[4], vec![flat(on_path), flat(fix)])).collect();
         if !self.offsets.is_empty() {

@@ -5,9 +5,9 @@ use image::{Rgb, RgbImage};
 use pictures::cloud_picture::{ramp, share};
 use std::collections::BTreeMap;
 
-/// Columns of the image, px: half a degree each. Sensors that turn fast have few more.
+/// Columns of the image, px: half a degree each. Sensors that turn fast have few more columns.
 const WIDTH: usize = 720;
-/// Height of the image, px, about.
+/// Approximate height of the image, px.
 const HEIGHT: usize = 192;
 /// Ranges of the first and the last color, m.
 pub const RANGE_M: [f64; 2] = [2.0, 80.0];
@@ -20,7 +20,7 @@ pub fn range_picture(points: &[MomentPoint]) -> Option<RgbImage> {
     }
     let (sweep, _) = sweeps.into_iter().max_by_key(|(sweep, n)| (*n, -sweep))?;
     let of_sweep = || points.iter().filter(|point| point.sweep == sweep);
-    // Numbers of rings are not in the order of elevation on every sensor.
+    // On some sensors ring numbers are not ordered by elevation.
     let mut elevations: BTreeMap<u8, (f64, usize)> = BTreeMap::new();
     for point in of_sweep() {
         let (sum, n) = elevations.entry(point.ring).or_default();
@@ -36,7 +36,7 @@ pub fn range_picture(points: &[MomentPoint]) -> Option<RgbImage> {
         let range_m = (point.position - point.lidar).norm();
         let column = (f64::from(point.azimuth_deg).rem_euclid(360.0) / 360.0 * WIDTH as f64) as usize;
         let pixel = row_of[&point.ring] * WIDTH + column.min(WIDTH - 1);
-        // NaN is not smaller than anything.
+        // NaN is not smaller than any number.
         if range_m < nearest[pixel] {
             nearest[pixel] = range_m;
         }

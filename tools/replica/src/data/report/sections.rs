@@ -47,9 +47,9 @@ fn verdict(page: &mut Page, facts: &Facts) {
 }
 
 fn input(page: &mut Page, facts: &Facts, material: &Material) {
-    page.section("What went in");
+    page.section("Input");
     let (Some(input), Some(drive)) = (&facts.input, &material.drive_report) else {
-        page.paragraph("The drive folder cannot be read any more, so its sensors are not listed.");
+        page.paragraph("The drive folder can no longer be read, so its sensors are not listed.");
         return;
     };
     page.paragraph(&format!("{} ({})", input.drive.display(), input.name));
@@ -99,8 +99,8 @@ fn map(page: &mut Page, facts: &Facts, material: &Material) {
             table.row([fixes.n.to_string(), m(fixes.rms_east_m), m(fixes.rms_north_m), up, median, largest]);
             page.table(&table);
             page.remark(
-                "Root mean squares of path minus fixes by axis. Fixes that the run refused count, too. These are no errors of the \
-                 path: a fix has errors of its own, and both share those that last.",
+                "Root mean square of path minus fix, by axis, including fixes that the run refused. These differences include the errors of \
+                 the fixes themselves; lasting errors of the fixes are also in the path and do not show.",
             );
         }
         None if material.drive_report.is_some() => page.remark("No fix can be compared with the path."),
@@ -110,7 +110,7 @@ fn map(page: &mut Page, facts: &Facts, material: &Material) {
 
 fn views(page: &mut Page, run: &FinishedRun, facts: &Facts, material: &Material) {
     let Some(survey) = &material.survey else { return };
-    page.section("From above");
+    page.section("Top views");
     let titles = ["By color", "By class", "By instance"];
     for ((title, view), index) in titles.iter().zip(&survey.views).zip(0..) {
         let Some(view) = view else {
@@ -178,7 +178,7 @@ fn reflectances(page: &mut Page, facts: &Facts, material: &Material) {
     for chart in charts {
         page.drawing(chart, "");
     }
-    page.remark("Of the points that a mosaic camera saw. `replica-lab spectrum DRIVE` shows those of its images.");
+    page.remark("Reflectances of the points that a mosaic camera saw. `replica-lab spectrum DRIVE` shows the reflectances of its images.");
 }
 
 fn classes(page: &mut Page, facts: &Facts) {
@@ -220,18 +220,18 @@ fn objects(page: &mut Page, facts: &Facts) {
     let n_more = facts.n_objects.saturating_sub(table.len());
     let more = if n_more > 0 { format!("{n_more} more. ") } else { String::new() };
     let command = format!("replica instances {}", facts.run.display());
-    page.remark(&format!("{more}Numbers and sizes are those of the points that were drawn; `{command}` reads all."));
+    page.remark(&format!("{more}Numbers and sizes are from the points that were drawn; `{command}` reads all points."));
 }
 
 fn uncertainty(page: &mut Page, run: &FinishedRun, facts: &Facts) {
-    page.section("What was uncertain");
+    page.section("Uncertainty");
     let doubts = facts.doubts.iter().map(|doubt| format!("{}: {}", doubt.stage, doubt.doubt.text));
     let doubts: Vec<String> = doubts.collect();
     if doubts.is_empty() {
         page.paragraph("No stage doubts its results.");
     } else {
         page.notice(Level::Amber, "Doubts", doubts);
-        page.remark("docs/reference/doubts.md says what each doubt means and what to do.");
+        page.remark("docs/reference/doubts.md explains each doubt and its remedy.");
     }
     if let Some(chart) = uncertain::deviations(run) {
         let against = if run.has_north() { "on the earth" } else { "against the first submap" };
@@ -247,7 +247,7 @@ fn uncertainty(page: &mut Page, run: &FinishedRun, facts: &Facts) {
         page.drawing(&bars(&rows, [0.0, 1.0], ["", ""]), "Share of the points that each camera colored.");
     }
     if facts.losses.is_empty() {
-        page.paragraph("No counter tells of lost, damaged or skipped data.");
+        page.paragraph("No counter reports lost, damaged or skipped data.");
     } else {
         let mut table = Table::new(&["stage", "counter", "number"], 2);
         for loss in &facts.losses {
@@ -296,10 +296,10 @@ fn timings(page: &mut Page, run: &FinishedRun, facts: &Facts) {
 }
 
 fn repeat(page: &mut Page, run: &FinishedRun, facts: &Facts) {
-    page.section("To repeat it");
+    page.section("Repeat the run");
     let settings = &facts.settings;
     let Some(command) = &settings.command else {
-        page.paragraph("run/settings.json is not there.");
+        page.paragraph("run/settings.json is missing.");
         return;
     };
     page.command(command);

@@ -1,4 +1,4 @@
-//! What was uncertain: counters of losses, standard deviations over the drive, colors by camera.
+//! Uncertainty: counters of losses, standard deviations over the drive, colors by camera.
 
 use super::cloud_survey::CloudSurvey;
 use super::finished_run::FinishedRun;
@@ -6,7 +6,7 @@ use chart::{Axis, COLORS, Chart, Series};
 use drive::Drive;
 use serde::Serialize;
 
-/// Parts of the names of counters that tell of lost, damaged or unclear data.
+/// Parts of the names of counters of lost, damaged or ambiguous data.
 const OF_LOSSES: [&str; 27] = [
     "bad_",
     "bridged",
@@ -36,7 +36,7 @@ const OF_LOSSES: [&str; 27] = [
     "unseen",
     "without",
 ];
-/// With fewer submaps a chart over the drive shows nothing.
+/// Least number of submaps for a chart over the drive.
 const MIN_SUBMAPS: usize = 3;
 
 /// A counter that is not 0.
@@ -47,7 +47,7 @@ pub struct Loss {
     pub n: u64,
 }
 
-/// Counters of all stages that tell of lost, damaged or unclear data.
+/// Counters of all stages for lost, damaged or ambiguous data.
 pub fn losses(run: &FinishedRun) -> Vec<Loss> {
     let counters =
         run.summary.stages.iter().flat_map(|stage| stage.counters.iter().map(|counter| (&stage.name, counter)));
@@ -60,11 +60,11 @@ pub fn losses(run: &FinishedRun) -> Vec<Loss> {
 #[derive(Debug, Serialize)]
 pub struct CameraShare {
     pub camera: String,
-    /// Of all points, 0 to 1.
+    /// Share of all points, 0 to 1.
     pub share: f64,
 }
 
-/// By camera; the last one is the share without a color. Empty without colors.
+/// Shares by camera; the last one is the share without a color. Empty without colors.
 pub fn camera_shares(survey: &CloudSurvey, drive: Option<&Drive>) -> Vec<CameraShare> {
     if survey.by_camera.is_empty() {
         return Vec::new();

@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 /// The levels of all subjects.
 #[derive(Debug, Serialize)]
 pub struct Verdict {
-    /// The worst of all.
+    /// The worst level of all subjects.
     #[serde(serialize_with = "word")]
     pub level: Level,
     /// Exit code of `replica-launch`, not regarding a recording.
@@ -25,7 +25,7 @@ pub struct Finding {
     #[serde(serialize_with = "word")]
     pub level: Level,
     pub subject: &'static str,
-    /// The doubts, or what there is.
+    /// The doubts, or a summary of the data.
     pub text: String,
 }
 
@@ -58,7 +58,7 @@ fn title(subject: Subject) -> &'static str {
 }
 
 impl Verdict {
-    /// Of a run.
+    /// Verdict on a run.
     pub fn of(run: &FinishedRun) -> Self {
         let exit_code = run.summary.exit_code(run.is_live());
         let findings: Vec<Finding> = Subject::ALL.map(|subject| finding(run, subject, exit_code)).into();
@@ -66,11 +66,11 @@ impl Verdict {
         Self { level, exit_code, n_doubts: run.summary.doubts().count(), findings }
     }
 
-    /// In one line.
+    /// The verdict in one line.
     pub fn title(&self) -> &'static str {
         match (self.level, self.exit_code) {
             (Level::Green, _) => "No doubts",
-            (Level::Amber, _) => "Complete, with doubts: look at the lines in orange",
+            (Level::Amber, _) => "Complete, with doubts: see the lines in orange",
             (Level::Red, exit::FAILED) => "The run has failed",
             (Level::Red, _) => "There is no result",
         }
@@ -100,7 +100,7 @@ fn level_of_run(run: &FinishedRun, exit_code: u8) -> Level {
     match exit_code {
         exit::FAILED => Level::Red,
         _ if total.points == 0 => Level::Red,
-        // Doubts of stages have lines of their own.
+        // Doubts of stages have their own lines.
         exit::INCOMPLETE if run.summary.outcome == Outcome::Drained || !total.dropped.is_empty() => Level::Amber,
         exit::INCOMPLETE if run.is_live() && !run.summary.faults.is_empty() => Level::Amber,
         _ => Level::Green,
@@ -114,7 +114,7 @@ fn text_of_run(run: &FinishedRun) -> String {
         Outcome::Done => "the whole drive was processed".to_owned(),
         Outcome::Drained => "ended early on request".to_owned(),
         Outcome::Failed => {
-            format!("failed: {}", run.summary.faults.last().map_or("no fault is noted", String::as_str))
+            format!("failed: {}", run.summary.faults.last().map_or("no fault was recorded", String::as_str))
         }
         Outcome::Stopped => Outcome::Stopped.to_string(),
     };
@@ -149,7 +149,7 @@ fn text_of_place(run: &FinishedRun) -> String {
         ),
         _ if run.trajectory.poses().is_empty() => "no path".to_owned(),
         _ => format!(
-            "path of {length_m:.0} m in a local frame: no fixes place it on the earth, and its heading is that of the start"
+            "path of {length_m:.0} m in a local frame: no fixes place it on the earth, and its heading is relative to the start"
         ),
     }
 }

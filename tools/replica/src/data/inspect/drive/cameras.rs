@@ -9,11 +9,12 @@ use drive::{Drive, Frame};
 use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 
-/// Mean brightness, share of white, outside of which an image is black or white.
+/// Mean brightness, as a share of white, outside of which an image is black or white.
 const BRIGHTNESS: RangeInclusive<f64> = 0.03..=0.97;
-/// The same for the linear samples of a mosaic: a street has a few percent at short exposures, the dark level of the sensor included.
+/// Mean brightness of the linear samples of a mosaic, as [`BRIGHTNESS`]: a street has a few percent at short exposures, including
+/// the dark level of the sensor.
 const MOSAIC_BRIGHTNESS: RangeInclusive<f64> = 0.005..=0.97;
-/// Damaged images of a camera that are reported one by one.
+/// Largest number of damaged images of a camera that are reported one by one.
 const MAX_REPORTED: usize = 5;
 
 /// Adds streams, facts, doubts and the first picture of each camera.
@@ -65,7 +66,7 @@ struct Camera<'a> {
     name: String,
     kind: String,
     folder: &'a str,
-    /// Mean brightness of a sound image.
+    /// Mean brightness of a valid image.
     sound: RangeInclusive<f64>,
 }
 

@@ -7,15 +7,15 @@ use geometry::Stamp;
 use lidar::ClockReference;
 use std::collections::BTreeMap;
 
-/// Another sensor that begins later or ends earlier than the LiDAR by more than this, s, misses a part of the drive.
+/// A sensor that starts later or ends earlier than the LiDAR by more than this, s, misses a part of the drive.
 const MAX_MISSING_S: f64 = 2.0;
-/// Begin and end of a sensor with another clock are off by the same time within this, s; recordings are not started in the same moment.
+/// Start and end of a sensor with another clock are off by the same time within this, s; recordings do not start at the same moment.
 const MAX_SPREAD_S: f64 = 5.0;
-/// Difference of clocks of time zones, s: some are off by half an hour.
+/// Step of the offsets of time zones, s: some are off by half an hour.
 const ZONE_S: f64 = 1800.0;
 /// Leap seconds between UTC and GPS time since 2017, and between UTC and TAI.
 const LEAP_SECONDS: [(f64, &str); 2] = [(18.0, "GPS time"), (37.0, "TAI")];
-/// Offset that is told from the difference of two leap second counts, s.
+/// Largest deviation from a leap second count by which an offset is still attributed to it, s.
 const LEAP_TOLERANCE_S: f64 = 0.6;
 /// Largest share of packets in which the clock of the LiDAR has no reference, as `acquire.max_unlocked_share` by default.
 const MAX_UNLOCKED_SHARE: f64 = 0.5;
@@ -34,7 +34,7 @@ pub fn add(lidar: &LidarSurvey, report: &mut DriveReport) {
         lines.push(format!("LiDAR minus capturing machine: {ahead_s:+.3} s"));
         if ahead_s.abs() > MAX_CAPTURE_OFFSET_S && lidar.capture_ahead_of_gnss_s.is_none() {
             report.doubt(format!(
-                "clocks: the LiDAR is {ahead_s:+.1} s off the capturing machine, and no receiver tells which of both is right"
+                "clocks: the LiDAR is {ahead_s:+.1} s off the capturing machine, and no receiver shows which of the two is right"
             ));
         }
     }
@@ -66,7 +66,7 @@ pub fn add(lidar: &LidarSurvey, report: &mut DriveReport) {
     report.section("Clocks", lines);
 }
 
-/// What the LiDAR reports about the reference of its clock.
+/// The reference that the LiDAR reports for its clock.
 fn referenced(references: &BTreeMap<ClockReference, u64>) -> (Option<String>, Option<String>) {
     let n_all = references.values().sum::<u64>();
     if n_all == 0 {
@@ -78,7 +78,7 @@ fn referenced(references: &BTreeMap<ClockReference, u64>) -> (Option<String>, Op
     let doubt = (n_unlocked as f64 > MAX_UNLOCKED_SHARE * n_all as f64).then(|| {
         format!(
             "clocks: the LiDAR reports that its clock follows neither PPS nor PTP in {} of its packets ({}): stamps of other \
-             sensors may be those of another clock",
+             sensors may come from another clock",
             percent(n_unlocked),
             parts.join(", ")
         )
@@ -86,7 +86,7 @@ fn referenced(references: &BTreeMap<ClockReference, u64>) -> (Option<String>, Op
     (Some(format!("reference of the LiDAR's clock: {}", parts.join(", "))), doubt)
 }
 
-/// Compares begin and end of a sensor with those of the LiDAR.
+/// Compares start and end of a sensor with the LiDAR.
 fn compared(name: &str, span: [Stamp; 2], lidar: [Stamp; 2], period_s: f64) -> (String, Option<String>) {
     let [begin_s, end_s] = [0, 1].map(|k| seconds_between(span[k], lidar[k]));
     let line = format!("{name}: begins {}, ends {}", relative(begin_s), relative(end_s));

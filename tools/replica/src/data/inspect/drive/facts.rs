@@ -15,7 +15,7 @@ pub struct DriveFacts<'a> {
     doubts: &'a [String],
 }
 
-/// Messages of a sensor. `None`: too few to tell.
+/// Messages of a sensor. `None`: too few messages.
 #[derive(Serialize)]
 struct SensorFacts {
     name: String,
@@ -23,7 +23,7 @@ struct SensorFacts {
     files: usize,
     bytes: u64,
     messages: usize,
-    /// Whether only the begin of the stream was read.
+    /// Whether only the start of the stream was read.
     is_partial: bool,
     /// Stamps of the first and the last message, ns since the Unix epoch.
     stamps: Option<[Stamp; 2]>,
@@ -36,7 +36,7 @@ struct SensorFacts {
 #[derive(Serialize)]
 struct GapFacts {
     seconds: f64,
-    /// Seconds after the begin of the LiDAR.
+    /// Seconds after the start of the LiDAR.
     at_s: f64,
 }
 

@@ -9,7 +9,7 @@ use geometry::Vector3;
 
 /// Mean length of the specific force while driving, m/s^2: gravity, and the vibration and braking of a vehicle.
 const GRAVITY: std::ops::RangeInclusive<f64> = 9.3..=10.5;
-/// The same in g.
+/// Mean length of the specific force while driving, g.
 const GRAVITY_IN_G: std::ops::RangeInclusive<f64> = 0.95..=1.07;
 /// Largest root mean square of the angular rate of a vehicle, rad/s: it turns by less than half a radian per second.
 const MAX_RATE: f64 = 1.0;

@@ -18,17 +18,17 @@ const MIN_PACKET_GAP_NANOS: i64 = 50_000_000;
 const MAX_RANGE_SWEEPS: usize = 256;
 /// Directions around the LiDAR that are distinguished.
 const N_SECTORS: usize = 36;
-/// A sweep with fewer returns shows nothing.
+/// A sweep with fewer returns is reported as a doubt.
 const FEW_RETURNS: usize = 500;
-/// Share of missing time in the part that was not read from which on it is a doubt.
+/// Largest share of missing time in the unread part without a doubt.
 const MAX_MISSING_SHARE: f64 = 0.02;
 
-/// What the other parts of the report need.
+/// Facts about the LiDAR that other parts of the report need.
 pub struct LidarSurvey {
     /// Fixes and sentences of position packets.
     pub fixes: Vec<Fix>,
     pub log: LogStats,
-    /// Packets by what they report of the reference of the LiDAR's clock.
+    /// Packets by the reference of the LiDAR's clock that they report.
     pub clock_references: BTreeMap<ClockReference, u64>,
     /// LiDAR time minus capture time, s.
     pub ahead_of_capture_s: Option<f64>,
@@ -177,7 +177,7 @@ fn add_streams(
     report
         .doubts
         .extend(packets.damage.iter().filter(|text| !report.doubts.contains(text)).cloned().collect::<Vec<_>>());
-    // Other sensors have the time of the LiDAR, not that of the capturing machine.
+    // Other sensors have the time of the LiDAR, not of the capturing machine.
     let first = samples.sweeps.first().map(|sweep| sweep.stamp.0);
     let shift = first.zip(packets.stamps.first()).map(|(lidar, captured)| lidar.saturating_sub(*captured));
     let shifted = |stamp: &i64| stamp.saturating_add(shift.unwrap_or(0));

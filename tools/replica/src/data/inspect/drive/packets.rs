@@ -15,7 +15,7 @@ const QUICK_BYTES: u64 = 256 << 20;
 /// Senders of data packets that are distinguished.
 const MAX_SENDERS: usize = 16;
 
-/// What the packets tell.
+/// Result of the survey of the packets.
 #[derive(Default)]
 pub struct PacketSurvey {
     /// Capture times of the data packets of the sensor that sends most, ns.
@@ -28,7 +28,7 @@ pub struct PacketSurvey {
     pub n_foreign: u64,
     /// Capture clock minus GNSS time, s, where a receiver at the sensor sent both.
     pub capture_ahead_s: Option<f64>,
-    /// Packets by what they report of the reference of the LiDAR's clock.
+    /// Packets by the reference of the LiDAR's clock that they report.
     pub clock_references: BTreeMap<ClockReference, u64>,
     /// Fixes in the position packets that were read.
     pub fixes: Vec<Fix>,
@@ -39,7 +39,7 @@ pub struct PacketSurvey {
     pub damage: Vec<String>,
 }
 
-/// Reads the times of the packets of all captures, or of their begin.
+/// Reads the times of the packets of all captures, or of the start of the captures.
 pub fn survey(drive: &Drive, is_full: bool) -> anyhow::Result<PacketSurvey> {
     let mut walk = Walk { found: PacketSurvey::default(), ..Walk::default() };
     let mut left = if is_full { u64::MAX } else { QUICK_BYTES };

@@ -1,4 +1,4 @@
-//! The report as one page without other files.
+//! The report as one self-contained page.
 
 use super::DriveReport;
 use super::pictures::timeline;
@@ -67,7 +67,7 @@ fn rates(streams: &[Stream], origin: Stamp) -> String {
             series.push(Series::line(&stream.name, color, stream.rates(origin)));
         }
         let points = || series.iter().flat_map(Series::points);
-        let x = Axis::new("s after the begin of the LiDAR", [begin, end]);
+        let x = Axis::new("s after the start of the LiDAR", [begin, end]);
         let y = Axis::from_zero("messages per second", points().map(|[_, y]| *y));
         charts.push(Chart { size: [760.0, 150.0], ..Chart::new("", x, y, series) });
     }

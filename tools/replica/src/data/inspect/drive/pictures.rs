@@ -118,7 +118,7 @@ fn height_color(share: f32) -> Rgb<u8> {
     Rgb([mix(0), mix(1), mix(2)])
 }
 
-/// The time of each sensor as a bar under the others, in seconds after the begin of the LiDAR; gaps are orange.
+/// Timeline with one bar per sensor, in seconds after the start of the LiDAR; gaps are orange.
 pub fn timeline(streams: &[Stream], origin: Stamp) -> String {
     let spans: Vec<(&Stream, [f64; 2])> = streams
         .iter()
@@ -152,7 +152,7 @@ mod tests {
         points.push(at(f32::NAN, 1.0));
         let picture = top_view(&points, &Pose::identity()).expect("has points");
         let view = image::load_from_memory(&picture.bytes).expect("is a PNG").to_rgb8();
-        // 5 of 15 m ahead: a third of the way from the middle to the top.
+        // 5 of 15 m ahead: a third of the distance from the middle to the top.
         let expected = Rgb([70, 130, 255]);
         assert_eq!(*view.get_pixel(SIDE / 2, SIDE / 2 - SIDE / 6), expected);
         assert_eq!(view.pixels().filter(|pixel| **pixel == expected).count(), 1);

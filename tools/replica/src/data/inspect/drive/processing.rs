@@ -1,4 +1,4 @@
-//! Size of the drive, and what a run will make of it.
+//! Size of the drive, and the expected size and frame of its results.
 
 use super::DriveReport;
 use delivery::{CloudFields, SpaceNeed, space_need};
@@ -26,7 +26,7 @@ pub fn add(drive: &Drive, path: &Path, report: &mut DriveReport) {
     if manifest.cameras.is_empty() {
         fields.columns.retain(|column| column.column.topic != ColorTopic::TOPIC);
     }
-    // A drive without a readable sweep has said so above.
+    // A drive without a readable sweep is reported above.
     if let Ok(SpaceNeed { points, bytes }) = space_need(drive, &fields, true) {
         lines.push(format!("returns: about {:.1} million; clouds: about {}", points as f64 * 1e-6, size_text(bytes)));
     }
@@ -39,7 +39,7 @@ pub fn add(drive: &Drive, path: &Path, report: &mut DriveReport) {
         && matches!(drive.model(), Model::Velodyne(velodyne::Model::Hdl64e))
         && drive.sweep_stamps().len() > 1
     {
-        lines.push("sweeps of clouds without drive.toml are read as those of an HDL-64E at 10 Hz".to_owned());
+        lines.push("sweeps of clouds without drive.toml are read as sweeps of an HDL-64E at 10 Hz".to_owned());
     }
     if let Some(truth) = &manifest.truth {
         let labels = if truth.labels.is_some() { "trajectory and labels" } else { "trajectory" };

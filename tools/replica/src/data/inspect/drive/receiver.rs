@@ -11,11 +11,11 @@ use std::collections::BTreeMap;
 
 /// Faster than any car, m/s: a fix that implies this speed since the fix before it is a jump.
 const MAX_SPEED_MPS: f64 = 70.0;
-/// Over a longer time between fixes the path is not known, s.
+/// The path is unknown over a longer time between fixes, s.
 const MAX_GAP_S: f64 = 5.0;
-/// Share of epochs without position from which on it is a doubt.
+/// Share of epochs without position above which a doubt is reported.
 const MAX_LOST_SHARE: f64 = 0.1;
-/// Median HDOP from which on it is a doubt: positions are then several times worse than with open sky.
+/// Median HDOP above which a doubt is reported: positions are then several times worse than with open sky.
 const MAX_HDOP: f64 = 5.0;
 
 /// Adds the stream, facts and doubts.
@@ -136,7 +136,7 @@ fn path(fixes: &[Fix], report: &mut DriveReport) -> Vec<String> {
         format!("first fix: {latitude_deg:.6} {longitude_deg:.6}"),
     ];
     if unknown_s > 0.0 {
-        lines.push(format!("path not known during {unknown_s:.1} s of gaps"));
+        lines.push(format!("path unknown during {unknown_s:.1} s of gaps"));
     }
     if let Some((stamp, distance_m)) = first_jump {
         let after_s = report.lidar_span().map_or(0.0, |[first, _]| seconds_between(stamp, first));

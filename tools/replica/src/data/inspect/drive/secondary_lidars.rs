@@ -1,4 +1,4 @@
-//! The secondary LiDARs: what their first sweeps have, and whether they are on the same clock.
+//! The secondary LiDARs: the content of their first sweeps, and whether they are on the same clock.
 
 use super::DriveReport;
 use super::stream::seconds_between;
@@ -7,7 +7,7 @@ use lidar::SweepInfo;
 
 /// Sweeps that are decoded.
 const N_SWEEPS: usize = 12;
-/// Two LiDARs are not switched on and off at the same moment. On another clock they are farther apart, s.
+/// Largest lead of a secondary LiDAR on the same clock, s: LiDARs are not switched on at the same moment.
 const MAX_APART_S: f64 = 10.0;
 
 /// Adds a section for each of them.

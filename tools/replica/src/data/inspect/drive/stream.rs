@@ -28,7 +28,7 @@ pub struct Stream {
     end: Option<i64>,
     /// Least length of a gap, ns.
     min_gap_nanos: i64,
-    /// Whether begin and end of the other sensors are compared with this one.
+    /// Whether start and end of the other sensors are compared with this one.
     pub is_reference: bool,
 }
 
@@ -44,7 +44,7 @@ pub struct Gap {
 pub struct Gaps {
     pub n: usize,
     pub longest: Option<Gap>,
-    /// The first ones.
+    /// The first gaps.
     pub listed: Vec<Gap>,
 }
 
@@ -63,19 +63,19 @@ impl Stream {
             is_reference: false,
         }
     }
-    /// The same, with the files that contain it.
+    /// Stream with the number and size of the files that contain it.
     pub fn with_files(self, n_files: usize, n_bytes: u64) -> Self {
         Self { n_files, n_bytes, ..self }
     }
-    /// The same, if a time between messages is a gap only from this length on, ns.
+    /// Stream whose gaps are at least this long, ns.
     pub fn with_min_gap(self, min_gap_nanos: i64) -> Self {
         Self { min_gap_nanos, ..self }
     }
-    /// The same, of which only the begin was read. `None`: all was read.
+    /// Stream of which only the start was read, with its end. `None`: all was read.
     pub fn with_end(self, end: Option<i64>) -> Self {
         Self { end, ..self }
     }
-    /// The same, as the stream with which the others are compared.
+    /// Stream with which the others are compared.
     pub fn into_reference(self) -> Self {
         Self { is_reference: true, ..self }
     }
@@ -116,7 +116,7 @@ impl Stream {
         off.sort_by(f64::total_cmp);
         off.get(off.len().saturating_sub(1) * 95 / 100).copied()
     }
-    /// Length from which on a time between messages is a gap, s.
+    /// Least length of a gap, s.
     pub fn gap_limit_s(&self) -> Option<f64> {
         Some((GAP_PERIODS * self.period_s()?).max(self.min_gap_nanos as f64 * 1e-9))
     }
@@ -151,7 +151,7 @@ impl Stream {
             let bin = (stamp.saturating_sub(*first) as f64 * 1e-9 / width_s) as usize;
             counts[bin.min(n_bins - 1)] += 1;
         }
-        // The last stamp ends a piece without beginning another.
+        // The last stamp ends a piece and does not start another.
         counts[n_bins - 1] -= 1;
         let begin_s = seconds_between(Stamp(*first), origin);
         let at = |bin: usize| begin_s + (bin as f64 + 0.5) * width_s;
