@@ -32,25 +32,25 @@ enum Command {
 struct PartOfDrive {
     /// Drive folder
     drive: PathBuf,
-    /// Begin, s after the first sweep
+    /// Start, s after the first sweep
     #[arg(long, default_value_t = 0.0, value_parser = command_line::argument::not_negative)]
     start: f64,
     /// Longest part that is read, s
     #[arg(long, default_value_t = 60.0, value_parser = command_line::argument::positive)]
     seconds: f64,
-    /// How the LiDAR turns if its points have no times: the setting `untimed_turn` of `slam_aggregate`
+    /// Sense in which the LiDAR turns if its points have no times: the setting `untimed_turn` of `slam_aggregate`
     #[arg(long, default_value_t = UntimedTurn::None, value_parser = words::<UntimedTurn>())]
     untimed_turn: UntimedTurn,
 }
 
 settings::words! {
-    /// Sense in which a LiDAR turns whose points have no times.
+    /// Sense in which a LiDAR without point times turns.
     enum UntimedTurn {
         /// The sweeps are rigid.
         None = "none",
-        /// Seen from above.
+        /// Clockwise seen from above.
         Clockwise = "clockwise",
-        /// Seen from above.
+        /// Counterclockwise seen from above.
         Counterclockwise = "counterclockwise",
     }
 }

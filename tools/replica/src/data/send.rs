@@ -26,13 +26,13 @@ use std::time::{Duration, Instant, SystemTime};
 const MAX_SLEEP: Duration = Duration::from_millis(100);
 /// Stamps are moved by less than this, ns: a century.
 const MAX_SHIFT_NANOS: i64 = 100 * 366 * 86_400 * 1_000_000_000;
-/// What other sensors measured within this time before the first and after the last packet is sent, too.
+/// Measurements of other sensors within this time before the first and after the last packet are also sent.
 const AROUND: Duration = Duration::from_secs(1);
 
 /// Send a drive: packets and lines over UDP, images as files.
 ///
 /// Sends data packets of all supported models, and position packets (512 bytes). Other packets are skipped and counted. All sensors
-/// follow one clock. What was measured up to one second before the first packet is sent with it.
+/// follow one clock. Measurements up to one second before the first packet are sent with it.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -53,7 +53,7 @@ pub struct Args {
     /// Host and port of the receiver of IMU samples
     #[arg(long, value_name = "HOST:PORT", value_parser = address)]
     imu: Option<SocketAddr>,
-    /// Move all stamps to now. Only for a LiDAR of Velodyne: packets of other makers are not changed
+    /// Shift all stamps to the current time. Only for Velodyne LiDARs: packets of other makers are not changed
     #[arg(long)]
     restamp: bool,
     /// Speed: a factor of the original speed (0.001 to 1000), or max: as fast as possible
@@ -165,7 +165,7 @@ fn captures(path: &Path, drive: Option<&Drive>) -> anyhow::Result<Vec<PathBuf>> 
     Ok(drive.sweep_files().to_vec())
 }
 
-/// Options that the drive cannot follow.
+/// Rejects options that the drive does not support.
 fn check(args: &Args, drive: Option<&Drive>) -> anyhow::Result<()> {
     let path = args.capture.display();
     let manifest = drive.map(Drive::manifest);
@@ -180,7 +180,7 @@ fn check(args: &Args, drive: Option<&Drive>) -> anyhow::Result<()> {
     let is_other = drive.is_some_and(|drive| !matches!(drive.model(), Model::Velodyne(_)));
     ensure!(
         !args.restamp || !is_other,
-        "--restamp: {path} has a LiDAR whose packets cannot be moved in time; only Velodyne's can"
+        "--restamp: {path} has a LiDAR whose packets cannot be restamped; only Velodyne packets can"
     );
     Ok(())
 }
@@ -244,7 +244,7 @@ impl Player<'_> {
                         continue;
                     }
                 };
-                // A clock of the capture that was set back must not cause a wait.
+                // A capture clock that was set back must not cause a wait.
                 let due = Duration::try_from_secs_f64(since).unwrap_or_default().max(at);
                 last_gap = due.saturating_sub(at);
                 at = due;
@@ -265,7 +265,7 @@ impl Player<'_> {
         Ok(())
     }
 
-    /// Skips what the other sensors measured before the part to send, and determines the shift of the stamps.
+    /// Skips measurements of the other sensors before the part to send, and determines the shift of the stamps.
     fn begin_round(&mut self, first: Stamp, others: &mut AuxiliarySensors<'_>) -> anyhow::Result<()> {
         let begin = Stamp(first.0.saturating_add((self.args.start * 1e9) as i64));
         let lead = if self.args.start > 0.0 { 0 } else { AROUND.as_nanos() as i64 };
@@ -273,17 +273,17 @@ impl Player<'_> {
         if self.args.restamp {
             let due = self.due(Duration::ZERO);
             let clock = Instant::now();
-            // The begin of this repetition is due a little later, or was a little earlier.
+            // The start of this repetition is slightly in the future or in the past.
             let now = SystemTime::now() + due.saturating_duration_since(clock) - clock.saturating_duration_since(due);
             let now = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64;
             // Sentences have milliseconds.
             self.shift = now.saturating_sub(begin.0).div_euclid(1_000_000) * 1_000_000;
-            ensure!(self.shift.abs() < MAX_SHIFT_NANOS, "--restamp: the drive begins at {begin} s, which is no date");
+            ensure!(self.shift.abs() < MAX_SHIFT_NANOS, "--restamp: the drive starts at {begin} s: not a valid date");
         }
         Ok(())
     }
 
-    /// Sends what the other sensors measured up to a time of this repetition. `false` if stopped.
+    /// Sends the measurements of the other sensors up to a time of this repetition. `false` if stopped.
     fn send_others(
         &mut self,
         others: &mut AuxiliarySensors<'_>,
@@ -304,7 +304,7 @@ impl Player<'_> {
         Ok(true)
     }
 
-    /// When a time of this repetition is due.
+    /// The instant at which a time of this repetition is due.
     fn due(&self, at: Duration) -> Instant {
         match self.args.speed {
             Speed::Times(times) => self.begin + (self.played + at).div_f64(times),
@@ -431,7 +431,7 @@ mod tests {
             assert!(Cli::<Args>::try_parse_from(["", text].into_iter().chain(words)).is_err(), "{words:?}");
         }
         for (option, value) in [("--images", "x"), ("--nmea", "127.0.0.1:9"), ("--imu", "127.0.0.1:9")] {
-            let error = run(&Cli::parse_from(["", text, option, value]).args).expect_err("is no drive").to_string();
+            let error = run(&Cli::parse_from(["", text, option, value]).args).expect_err("not a drive").to_string();
             assert!(error.starts_with(option) && error.contains("a.pcap has no"), "{error}");
         }
         let late = Cli::parse_from(["", text, "--start", "7"]);

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use toml::de::DeTable;
 
-/// Simulates a drive: writes a drive folder with the recordings of all sensors of a vehicle and the ground truth.
+/// Simulate a drive: write a drive folder with the recordings of all sensors of a vehicle and the ground truth.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[arg(long, help = meaning("town"), value_parser = words::<Town>(), default_value_t = DriveSettings::default().town)]
@@ -64,7 +64,7 @@ pub struct Args {
     /// Output folder; it must not exist. A drive takes about 12 MB per second.
     #[arg(long, value_name = "DIR", required_unless_present = "describe")]
     out: Option<PathBuf>,
-    /// Print the settings of [simulate] as JSON, simulate nothing; with REQUEST, also the problems of a launch file's table
+    /// Print the settings of [simulate] as JSON instead of simulating; with REQUEST, also the problems of a launch file's table
     #[arg(long, value_name = "REQUEST", num_args = 0..=1, default_missing_value = describe::NO_REQUEST)]
     describe: Option<String>,
 }

@@ -3,7 +3,7 @@
 //! | idea | module |
 //! |---|---|
 //! | octree and objects of a run, made once | `cached_cloud` |
-//! | what is shown beside the points: `scene.json` | `scene` |
+//! | everything that is shown except the points: `scene.json` | `scene` |
 //! | images of the cameras with points over them | `camera_images` |
 //! | a run that is not finished | `live_run`, `live_site` |
 //! | the page itself, built in `tools/viewer` | `page_files` |
@@ -37,35 +37,35 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use surveying::RunFolder;
 
-/// The port if it is free and none is given.
+/// Default port, if it is free.
 const PORT: u16 = 8099;
-/// Name in the site; that of the points is [`COPC_FILE`].
+/// Name of the scene in the site; the points are [`COPC_FILE`].
 const SCENE: &str = "scene.json";
-/// The four bytes that every LAS file begins with, and those of the description of a COPC file at byte 377.
+/// The first four bytes of every LAS file, and the signature in the description of a COPC file at byte 377.
 const LAS_SIGNATURE: &[u8] = b"LASF";
 const COPC_SIGNATURE: (usize, &[u8]) = (377, b"copc");
 
 /// Show the cloud of a run in the browser.
 ///
-/// Serves a page until Ctrl-C, to this computer only unless --host says otherwise. The first time, the points of a run are written as
-/// octree into the folder `view` of the run; later calls use it as long as the clouds are the same. With --live the page follows a run
+/// Serves a page until Ctrl-C, by default only to this computer (--host). The first time, the points of a run are written as an
+/// octree into the folder `view` of the run; later calls reuse it if the clouds are unchanged. With --live the page follows a run
 /// while its clouds are written.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
-    /// Output folder of a finished run (with --live: of any), or a COPC file (.copc.laz)
+    /// Output folder of a finished run (with --live: of any run), or a COPC file (.copc.laz)
     #[arg(value_name = "RUN|FILE")]
     path: PathBuf,
-    /// Port; 0 = any that is free [default: 8099, or any if that is taken]
+    /// Port; 0 = any free port [default: 8099, or any free port if it is in use]
     #[arg(long, value_name = "N")]
     port: Option<u16>,
-    /// Address to listen on; 0.0.0.0 serves everyone who reaches this computer, without password
+    /// Address to listen on; 0.0.0.0 serves every computer that can reach this one, without password
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     host: IpAddr,
-    /// Write the page and all that it needs into this empty folder instead, for any web server with byte ranges
+    /// Write the page and all its data into this empty folder instead, for any web server with byte ranges
     #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "host"])]
     out: Option<PathBuf>,
-    /// Run: show its clouds while they are written. Also before it starts
+    /// Run: show its clouds while they are written, also if started before the run
     #[arg(long, conflicts_with = "out")]
     live: bool,
     /// Run: add the reflectances of the mosaic cameras to each point
@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let live = LiveSite::of(&args.path)?;
         announce(&server)?;
         if live.serve(&server, &stop)? {
-            // Someone has asked for the final cloud. The page waits for its answer while the octree is made.
+            // The page has requested the final cloud. It waits for the answer while the octree is made.
             server.run(&site(args)?, || stop.is_set());
         }
     } else {
@@ -108,7 +108,7 @@ fn site(args: &Args) -> anyhow::Result<Site> {
     if args.path.is_dir() {
         add_run(args, &mut site)?;
     } else {
-        let rule = "--bands: needs a run; a COPC file has the bands that it was written with";
+        let rule = "--bands needs a run; the bands of a COPC file are fixed when it is written";
         ensure!(!args.bands, UsageError(rule.to_owned()));
         add_file(&args.path, &mut site)?;
     }
@@ -143,7 +143,7 @@ fn add_file(path: &Path, site: &mut Site) -> anyhow::Result<()> {
     let (at, signature) = COPC_SIGNATURE;
     ensure!(
         begin.starts_with(LAS_SIGNATURE) && begin.get(at..at + signature.len()) == Some(signature),
-        "{}: is no COPC file\nhint: `replica deliver RUN --out DIR --copc` writes DIR/points.copc.laz",
+        "{}: not a COPC file\nhint: `replica deliver RUN --out DIR --copc` writes DIR/points.copc.laz",
         path.display()
     );
     site.add(COPC_FILE, Content::File(path.to_owned()));
@@ -206,7 +206,7 @@ mod tests {
         for bytes in [Vec::new(), b"LASF".to_vec(), [b"LASF".to_vec(), vec![0; 600]].concat()] {
             std::fs::write(&path, &bytes).expect("writes");
             let error = add_file(&path, &mut Site::default()).expect_err("no COPC signature");
-            assert!(error.to_string().contains("is no COPC file"), "{error}");
+            assert!(error.to_string().contains("not a COPC file"), "{error}");
         }
     }
 }

@@ -26,7 +26,7 @@ use std::process::ExitCode;
 
 /// Check whether this machine is ready for runs.
 ///
-/// Each line has a state, what was found and the rule. Below a warning or a problem is what to do. Nothing is changed.
+/// Each line has a state, the value found and the rule. A remedy is below each warning or problem. Nothing is changed.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 no findings, 1 problems, 2 wrong usage, 3 warnings")]
 pub struct Args {
@@ -46,7 +46,7 @@ pub struct Args {
 /// All checks.
 #[derive(Serialize)]
 struct Findings {
-    /// The worst one.
+    /// The worst state.
     state: State,
     checks: Vec<Check>,
 }

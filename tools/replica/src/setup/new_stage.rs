@@ -12,7 +12,7 @@ const TAKEN: [&str; 3] = ["run", "simulate", "settings"];
 /// Write a folder with a stage, and a launch file that uses it.
 ///
 /// The stage classifies the points of submaps by their height. It passes `replica-launch launch.toml --check`; the guides "Write your
-/// own stage" and "Use Python" say what may be changed.
+/// own stage" and "Use Python" explain what to change.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -21,7 +21,7 @@ pub struct Args {
     /// Language of the stage
     #[arg(long, default_value = "rust")]
     lang: Language,
-    /// Where the folder is made
+    /// Folder in which the folder of the stage is created
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
     /// Source tree of REPLICA, whose crate `stage` a stage in Rust uses [default: the one that this program was built from]
@@ -40,7 +40,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let name = &args.name;
     let is_plain = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
     if !name.bytes().all(is_plain) || !name.starts_with(|c: char| c.is_ascii_lowercase()) {
-        let text = format!("{name}: must have lower-case letters, digits and _ only, and begin with a letter");
+        let text = format!("{name}: must have only lower-case letters, digits and _, and start with a letter");
         return Err(UsageError(text).into());
     }
     if TAKEN.contains(&name.as_str()) {
@@ -82,7 +82,7 @@ fn rust(args: &Args) -> anyhow::Result<Files> {
     let locked = std::fs::read_to_string(&lock).with_context(|| lock.display().to_string())?;
     Ok(vec![
         ("Cargo.toml", manifest),
-        // The versions with which the programs were built.
+        // The versions that the programs were built with.
         ("Cargo.lock", locked),
         ("src/main.rs", include_str!("new_stage/stage.rs").to_owned()),
         ("launch.toml", launch_file("program = \"target/release/{name}\"")),

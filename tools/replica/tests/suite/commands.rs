@@ -20,7 +20,7 @@ fn simulated_capture_is_converted_and_inspected() {
     let n_clouds = std::fs::read_dir(&clouds).expect("a folder").count();
     assert!(n_clouds >= 3, "0.3 s have at least three revolutions, not {n_clouds}");
 
-    // `replica convert … | head -1` has its table cut off, not its clouds.
+    // `replica convert … | head -1` cuts the table off, not the clouds.
     let again = folder.path().join("again");
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);

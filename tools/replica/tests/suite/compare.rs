@@ -49,13 +49,16 @@ fn cut_recording_compared_with_itself_is_not_complete() {
         std::fs::write(&cut, &bytes[..n_bytes]).expect("writes");
         let (code, said) = compared(&cut, &cut);
         assert_eq!(code, Some(3), "{n_bytes} bytes: {said}");
-        for words in
-            ["a is not complete: ", "b is not complete: ", "cut at byte", "equal up to the end of the shorter one, but not complete"]
-        {
+        for words in [
+            "a is not complete: ",
+            "b is not complete: ",
+            "cut at byte",
+            "equal up to the end of the shorter one, but not complete",
+        ] {
             assert!(said.contains(words), "{n_bytes} bytes: {words:?} is not in\n{said}");
         }
     }
-    // A complete recording that goes further is different.
+    // A complete recording that continues further is different.
     std::fs::write(&cut, &bytes[..bytes.len() / 2]).expect("writes");
     let (code, said) = compared(&whole, &cut);
     assert_eq!(code, Some(3), "{said}");
@@ -128,7 +131,7 @@ fn runs_with_other_points_and_runs_without_a_second_column_are_refused() {
     for (begin, classes) in [(2.0, &[[7, 7], [7, 8]][..]), (1.0, &[[7, 7]])] {
         run_with_classes(&b, begin, classes);
         let (code, said) = compared(&a, &b);
-        assert!(code == Some(1) && said.contains("have other points"), "{said}");
+        assert!(code == Some(1) && said.contains("have different points"), "{said}");
     }
     let output = replica(&["compare", text(&a), "--topics", "class"]);
     assert_eq!(output.status.code(), Some(2), "{}", printed(&output));

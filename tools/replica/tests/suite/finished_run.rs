@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// Sweeps of a submap.
 const SWEEPS: usize = 2;
-/// What the run states for each submap.
+/// Standard deviations that the run states for each submap.
 pub const SIGMA_M: [f32; 3] = [1.2, 0.9, 0.5];
 
 /// The run, and hand counts of what it contains.
@@ -27,7 +27,7 @@ pub struct FinishedRun {
     pub n_colored: u64,
     /// Points by true and predicted class.
     pub by_class: BTreeMap<(u8, u8), u64>,
-    /// Points of each true pedestrian, and those of them that keep an instance.
+    /// Points of each true pedestrian, and how many of them keep an instance.
     pub pedestrians: BTreeMap<u16, [u64; 2]>,
 }
 
@@ -38,7 +38,7 @@ fn column(name: &str) -> &'static Column {
 
 /// How a run is written.
 pub struct RunOptions {
-    /// Error of all poses, m east and m up.
+    /// Error of all poses: east and up, m.
     pub off_m: [f64; 2],
     /// Added to the time of all points, ns.
     pub late_nanos: i64,

@@ -106,7 +106,7 @@ fn sound_drive_is_described_without_doubts() {
     assert_eq!(camera[4..], ["40", "5.00", "0.00", "0", "-"], "{camera:?}");
     assert_eq!(cells("imu")[5], "100.00");
 
-    // All of it, and the page, which needs no other file.
+    // The whole drive, and the self-contained page.
     let page = folder.path().join("page.html");
     let full = succeeded(&replica(&["inspect", text(&drive.folder), "--full", "--page", text(&page)]));
     assert!(full.contains("lidar sweeps") && full.contains("40 of 40 images decoded"), "{full}");

@@ -1,4 +1,4 @@
-//! `replica instances` on clouds like those of a run.
+//! `replica instances` on clouds as a run writes them.
 
 use crate::returns::Returns;
 use crate::support::{printed, replica, succeeded, text};

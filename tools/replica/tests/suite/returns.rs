@@ -1,4 +1,4 @@
-//! Clouds with the true labels of a drive, like those of a run.
+//! Clouds with the true labels of a drive, as a run writes them.
 
 use drive::{Drive, Shot};
 use formats::ply::{Header, Kind, PlyWriter, Row};

@@ -106,7 +106,7 @@ fn doctor_states_value_rule_and_advice_of_each_finding() {
         0
     };
     assert_eq!(code, Some(expected), "{checks:?}");
-    assert_eq!(check(&checks, "open files")["state"], "ok", "of the tests");
+    assert_eq!(check(&checks, "open files")["state"], "ok", "limits of the tests");
 }
 
 #[test]

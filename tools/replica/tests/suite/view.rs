@@ -1,4 +1,4 @@
-//! `replica view` as a process: what it serves and what it keeps.
+//! `replica view` as a process: the served page and the kept files.
 
 use crate::deliver::{names, run_with_doubts};
 use crate::support::{printed, replica, succeeded, text};
@@ -84,7 +84,7 @@ fn page_and_points_of_a_run_are_served() {
     assert_eq!(n_points, written.n_points);
     assert!(viewer.get("../summary.json", "").0.starts_with("HTTP/1.1 404 "));
 
-    // The boxes lie around the points, in their coordinates, and the path runs through them.
+    // The boxes enclose the points, in their coordinates, and the path runs through them.
     let double = |at: usize| f64::from_le_bytes(cloud[at..at + 8].try_into().expect("8 bytes"));
     let [max_x, min_x, max_y, min_y] = [179, 187, 195, 203].map(double);
     let is_inside = |p: &Value| {
@@ -147,7 +147,7 @@ fn what_cannot_be_viewed_is_refused_with_the_rule() {
     let file = folder.path().join("cloud.laz");
     fs::write(&file, [b"LASF".to_vec(), vec![0; 600]].concat()).expect("writes");
     for (path, rule) in [
-        (file.as_path(), "is no COPC file"),
+        (file.as_path(), "not a COPC file"),
         (folder.path(), "the run is not finished"),
         (&folder.path().join("absent"), "absent: No such file"),
     ] {

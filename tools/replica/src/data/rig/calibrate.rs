@@ -13,14 +13,14 @@ use std::process::ExitCode;
 
 /// Refine rotations of cameras and IMU, delays, ring angles of the LiDAR and mountings of further LiDARs by a drive.
 ///
-/// Prints each value with its difference from drive.toml and the standard deviation, and what the drive does not determine. Values
-/// that differ by more than two deviations are replaced. Without --out nothing is written.
+/// Prints each value with its difference from drive.toml and its standard deviation, and the values that the drive does not
+/// determine. Values that differ by more than two standard deviations are replaced. Without --out nothing is written.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
     #[command(flatten)]
     part: PartOfDrive,
-    /// File for the refined drive.toml, in the drive folder; a calibration file of the LiDAR is written beside it
+    /// File for the refined drive.toml, in the drive folder; a calibration file of the LiDAR is written to the same folder
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Replace files that exist; without --out, replace the drive.toml of the drive. Comments are lost
@@ -30,7 +30,7 @@ pub struct Args {
     answer: Answer,
 }
 
-/// All values, and the files with those that are replaced.
+/// All values, and the files with the replaced values.
 #[derive(Serialize)]
 struct Found<'a> {
     changes: &'a [Change],
@@ -55,10 +55,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes the refined drive.toml and what it refers to. Returns the files.
+/// Writes the refined drive.toml and the files that it refers to. Returns the files.
 fn write(refined: &Refined, out: PathBuf, may_replace: bool) -> anyhow::Result<Vec<PathBuf>> {
-    let beside = out.parent().unwrap_or(Path::new("")).to_owned();
-    let lidar_file = refined.lidar_file.iter().map(|(name, text)| (beside.join(name), text.clone()));
+    let folder = out.parent().unwrap_or(Path::new("")).to_owned();
+    let lidar_file = refined.lidar_file.iter().map(|(name, text)| (folder.join(name), text.clone()));
     let files: Vec<_> = lidar_file.chain([(out, toml::to_string(&refined.manifest)?)]).collect();
     for (path, _) in &files {
         ensure!(may_replace || !path.exists(), "{} exists already; --write replaces it", path.display());

@@ -12,7 +12,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Check whether drive.toml fits the recorded data, and say what to change.
+/// Check whether drive.toml fits the recorded data, and suggest changes.
 ///
 /// The motion is measured by the LiDAR alone. Cameras are compared with the outlines of objects, the other sensors with the motion.
 #[derive(clap::Args, Debug)]
@@ -27,7 +27,7 @@ pub struct Args {
     answer: Answer,
 }
 
-/// What the check has found.
+/// Result of the check.
 #[derive(Serialize)]
 struct Found<'a> {
     sensors: Vec<Sensor<'a>>,
@@ -43,7 +43,7 @@ struct Found<'a> {
 struct Sensor<'a> {
     name: &'a str,
     n: usize,
-    /// s since the Unix epoch.
+    /// First stamp, s since the Unix epoch.
     first: Option<String>,
     last: Option<String>,
     interval_s: f64,

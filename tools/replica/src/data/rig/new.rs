@@ -19,7 +19,7 @@ use std::process::ExitCode;
 /// Make a drive.toml by questions, or from a calibration of another program.
 ///
 /// A source is a tf tree (`ros2 topic echo /tf_static > tf.yaml`), a folder of KITTI calibrations, `calibrated_sensor.json` of nuScenes,
-/// the .cal of a Ladybug, a camchain of Kalibr, or the YAML of OpenCV or of a `camera_info`. On a terminal, what is missing is asked.
+/// the .cal of a Ladybug, a camchain of Kalibr, or the YAML of OpenCV or of a `camera_info`. On a terminal, asks for missing values.
 #[derive(clap::Args, Debug)]
 #[command(after_help = format!("Rotations: {}\n\nExit codes: 0 done, 1 failed, 2 wrong usage", rotation::FORMS))]
 pub struct Args {
@@ -58,7 +58,7 @@ pub struct Args {
     /// Size of the images, for sources that do not have it, px
     #[arg(long, value_name = "W,H", value_parser = size)]
     image_size: Option<[u32; 2]>,
-    /// nuScenes: begin of the file names of one drive
+    /// nuScenes: start of the file names of one drive
     #[arg(long)]
     log: Option<String>,
     /// Name of the camera of an OpenCV file
@@ -80,13 +80,13 @@ pub struct Args {
     answer: Answer,
 }
 
-/// What was written.
+/// The written rig.
 #[derive(Serialize)]
 struct Written<'a> {
     file: &'a Path,
     lidar: &'static str,
     n_cameras: usize,
-    /// What the sources leave open.
+    /// Notes about data that the sources lack.
     notes: &'a [String],
 }
 
@@ -136,10 +136,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         answers = ask(answers, &mut std::io::stdin().lock(), &mut std::io::stderr().lock())?;
     }
     let Some(model) = answers.model else {
-        bail!("the model of the LiDAR is not known; give --lidar MODEL: {}", Model::names())
+        bail!("the model of the LiDAR is unknown; give --lidar MODEL: {}", Model::names())
     };
     let Some(body_from_lidar) = answers.body_from_lidar else {
-        bail!("the mounting of the LiDAR is not known; give --lidar-position X,Y,Z and --lidar-rotation ROTATION");
+        bail!("the mounting of the LiDAR is unknown; give --lidar-position X,Y,Z and --lidar-rotation ROTATION");
     };
     let mut lidar = LidarEntry::of_captures(model.name(), body_from_lidar.into());
     lidar.format.clone_from(&args.format);
@@ -168,7 +168,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What the sources say.
+/// Reads the parts of the rig from the sources.
 fn parts(args: &Args) -> anyhow::Result<RigParts> {
     let body_from_source = pose(args.position, args.rotation).filter(|_| !args.from.is_empty());
     let options = SourceOptions {
@@ -187,7 +187,7 @@ fn parts(args: &Args) -> anyhow::Result<RigParts> {
     Ok(parts)
 }
 
-/// The name of the folder.
+/// Default name of the drive: the name of its folder.
 fn default_name(out: &Path) -> String {
     let folder = out.canonicalize().ok().or_else(|| out.parent()?.canonicalize().ok());
     let name = folder.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());

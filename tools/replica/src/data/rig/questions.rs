@@ -1,11 +1,11 @@
-//! Questions on a terminal for what the arguments of `replica rig new` leave open.
+//! Questions on a terminal for values that the arguments of `replica rig new` lack.
 
 use geometry::{Pose, Translation3, UnitQuaternion};
 use lidar::Model;
 use rig::rotation;
 use std::io::{self, BufRead, Write};
 
-/// What is known.
+/// The known values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answers {
     /// Name of the drive.
@@ -14,15 +14,15 @@ pub struct Answers {
     pub model: Option<Model>,
     /// Mounting of the LiDAR.
     pub body_from_lidar: Option<Pose>,
-    /// Mounting of the IMU; `None`: without.
+    /// Mounting of the IMU; `None`: no IMU.
     pub body_from_imu: Option<Pose>,
-    /// Position of the antenna, m; `None`: without receiver.
+    /// Position of the antenna, m; `None`: no receiver.
     pub antenna_in_body: Option<[f64; 3]>,
     /// Origin of the world frame.
     pub origin: Option<[f64; 3]>,
 }
 
-/// Asks for what is not known. An empty line takes the value in brackets. The end of the input leaves the rest open.
+/// Asks for unknown values. An empty line selects the value in brackets. After the end of the input the rest stays unknown.
 pub fn ask(mut known: Answers, input: &mut impl BufRead, output: &mut impl Write) -> io::Result<Answers> {
     let mut terminal = Terminal { input, output };
     if known.name.is_none() {

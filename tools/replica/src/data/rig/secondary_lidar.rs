@@ -14,7 +14,7 @@ pub struct SecondaryLidar {
 }
 
 impl SecondaryLidar {
-    /// Its entry; its files are in a folder with its name.
+    /// The entry of the LiDAR in `drive.toml`; its files are in a folder with its name.
     pub fn entry(&self, format: &str) -> LidarEntry {
         let folder = format!("lidar_{}", self.name);
         let entry = LidarEntry::new(self.model.name(), format, &folder, self.body_from_lidar.into());

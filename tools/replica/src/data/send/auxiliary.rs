@@ -1,4 +1,4 @@
-//! What the auxiliary sensors of a drive sent: images, NMEA sentences and IMU samples of a drive, in the order of time.
+//! Data of the auxiliary sensors of a drive: images, NMEA sentences and IMU samples, in time order.
 
 use super::Sent;
 use super::images::ImageWriter;
@@ -9,7 +9,7 @@ use geometry::Stamp;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::PathBuf;
 
-/// Where they go; `None`: nowhere.
+/// Targets of the measurements; `None`: not sent.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Targets {
     pub(super) images: Option<PathBuf>,
@@ -20,7 +20,7 @@ pub(super) struct Targets {
 /// The sensors that are sent, each at its next measurement.
 pub(super) struct AuxiliarySensors<'a> {
     targets: &'a Targets,
-    /// With the folders of their cameras.
+    /// Images with the folders of their cameras.
     frames: Vec<(&'a Frame, &'a str)>,
     next_frame: usize,
     nmea: Option<Lines>,
@@ -36,7 +36,7 @@ enum Due {
 }
 
 impl<'a> AuxiliarySensors<'a> {
-    /// All measurements of the drive; none without a drive.
+    /// All measurements of the drive; empty without a drive.
     pub(super) fn of(drive: Option<&'a Drive>, targets: &'a Targets) -> anyhow::Result<Self> {
         let mut others = Self { targets, frames: Vec::new(), next_frame: 0, nmea: None, imu: None };
         let Some(drive) = drive else { return Ok(others) };
@@ -60,7 +60,7 @@ impl<'a> AuxiliarySensors<'a> {
         Ok(others)
     }
 
-    /// Skips what was measured before a time.
+    /// Skips measurements before a time.
     pub(super) fn skip_before(&mut self, begin: Stamp) -> anyhow::Result<()> {
         while let Some((_, due)) = self.next().filter(|(at, _)| *at < begin) {
             self.advance(due)?;

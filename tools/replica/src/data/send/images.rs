@@ -1,4 +1,4 @@
-//! Writes images as a grabber does, in a thread of its own: a mosaic has megabytes, and packets must not wait for the disk.
+//! Writes images as a grabber does, in its own thread: a mosaic has megabytes, and packets must not wait for the disk.
 
 use anyhow::{Context, anyhow};
 use drive::{Drive, Frame, frame_stamp};
@@ -7,23 +7,23 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-/// Images that wait for the disk before the packets do, too.
+/// Images that may wait for the disk before packets wait as well.
 const MAX_WAITING: usize = 256;
 
-/// From one file to another.
+/// A copy from one file to another.
 struct Job {
     from: PathBuf,
     to: PathBuf,
 }
 
-/// The thread, from the first image on.
+/// The thread that writes, started by the first image.
 #[derive(Default)]
 pub(super) struct ImageWriter {
     running: Option<(SyncSender<Job>, JoinHandle<anyhow::Result<()>>)>,
 }
 
 impl ImageWriter {
-    /// Writes an image into a folder, with its stamp moved by `shift` ns. The error may be that of an earlier image.
+    /// Writes an image into a folder, with its stamp moved by `shift` ns. The error may belong to an earlier image.
     pub(super) fn write(&mut self, frame: &Frame, folder: &Path, shift: i64) -> anyhow::Result<()> {
         let extension = frame.path.extension().unwrap_or_default().to_string_lossy();
         // The receiver subtracts the camera's delay, as the reader of the drive has.
@@ -49,7 +49,7 @@ impl ImageWriter {
 
 fn write_all(jobs: &Receiver<Job>) -> anyhow::Result<()> {
     for Job { from, to } in jobs {
-        // Complete under another name, then renamed.
+        // Written completely under a temporary name, then renamed.
         let name = to.file_name().unwrap_or_default().to_string_lossy();
         let partial = to.with_file_name(format!(".{name}.partial"));
         fs::copy(&from, &partial).with_context(|| format!("{} to {}", from.display(), partial.display()))?;
@@ -72,7 +72,7 @@ pub(super) fn prepare_folders(drive: &Drive, root: &Path) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// Copies the files of a folder and of its subfolders; none if it is absent.
+/// Copies the files of a folder and of its subfolders, if it exists.
 fn copy_folder(source: &Path, target: &Path) -> anyhow::Result<()> {
     let Ok(entries) = fs::read_dir(source) else { return Ok(()) };
     fs::create_dir_all(target).with_context(|| target.display().to_string())?;

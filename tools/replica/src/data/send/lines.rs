@@ -11,14 +11,14 @@ use std::path::{Path, PathBuf};
 const MAX_LINE: u64 = 4096;
 const DAY_NANOS: i64 = 86_400_000_000_000;
 
-/// What the lines are.
+/// Kind of the lines.
 #[derive(Clone, Copy)]
 pub(super) enum LineKind {
     Nmea,
     Imu,
 }
 
-/// A log, line by line. A line without a time has that of the line before it, and the first lines have the first time.
+/// A log, line by line. A line without a time has the time of the previous line, and the first lines have the first time.
 pub(super) struct Lines {
     kind: LineKind,
     path: PathBuf,
@@ -56,7 +56,7 @@ impl Lines {
     pub(super) fn advance(&mut self) -> anyhow::Result<()> {
         self.next = match self.read_line()? {
             Some(line) => {
-                // A log that goes back does not hold up the other sensors.
+                // A log whose times jump back does not delay the other sensors.
                 let stamp = self.stamp_of(&line).max(self.last).unwrap_or(Stamp(0));
                 self.last = Some(stamp);
                 Some((stamp, line))
@@ -90,7 +90,7 @@ impl Lines {
     }
 }
 
-/// A line of the IMU with its stamp moved; the header as it is.
+/// A line of the IMU with its stamp moved; the header unchanged.
 fn moved_sample(line: &str, nanos: i64) -> String {
     let moved = line.split_once(',').and_then(|(stamp, rest)| Some((stamp.trim().parse::<i64>().ok()?, rest)));
     moved.map_or_else(|| line.to_owned(), |(stamp, rest)| format!("{},{rest}", stamp.saturating_add(nanos)))

@@ -1,4 +1,4 @@
-//! `replica simulate --describe`: the table `[simulate]` of a launch file, for the supervisor, which knows no simulator.
+//! `replica simulate --describe`: the table `[simulate]` of a launch file, for the supervisor, which does not link the simulator.
 
 use anyhow::Context;
 use command_line::say;

@@ -1,4 +1,4 @@
-//! The points of a run as octree, and its objects. Both take longer than all else, so they are kept in the folder of the run.
+//! The points of a run as octree, and its objects. Both take longer to make than the rest, so they are kept in the folder of the run.
 
 use super::scene::SceneObject;
 use crate::data::deliver::frame::ChosenFrame;
@@ -12,10 +12,10 @@ use std::time::UNIX_EPOCH;
 use surveying::objects::objects_of;
 use surveying::{CloudOptions, RunFolder, write_copc};
 
-/// The folder in the output folder of the run.
+/// Name of the folder in the output folder of the run.
 const FOLDER: &str = "view";
 const OBJECTS: &str = "objects.json";
-/// From what the other files were made. Written last: without it they may be incomplete.
+/// List of the sources of the other files. Written last: without it they may be incomplete.
 const SOURCES: &str = "sources.txt";
 /// `write_copc` reads, places and writes each point.
 const PASSES: u64 = 3;
@@ -28,7 +28,7 @@ pub struct CachedCloud {
 }
 
 impl CachedCloud {
-    /// Uses what is there if it was made from the same files with the same options, else makes it.
+    /// Reuses the cache if it was made from the same files with the same options, else makes it.
     pub fn of(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool) -> anyhow::Result<Self> {
         let folder = run.path().join(FOLDER);
         let sources = sources(run, frame, has_bands)?;
@@ -63,7 +63,7 @@ fn write_cloud(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool, folder
     Ok(())
 }
 
-/// Options, and size and time of each file that is read.
+/// Sources of the cache: options, and size and time of each file that is read.
 fn sources(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool) -> anyhow::Result<String> {
     let mut text = format!("{SOFTWARE}\nbands: {has_bands}\n{}\n", frame.target.description());
     for entry in &run.index.clouds {

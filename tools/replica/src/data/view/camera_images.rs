@@ -1,4 +1,4 @@
-//! Images of the color cameras along the path, with the points over them. They are drawn when the page asks for them.
+//! Images of the color cameras along the path, with the points over them. They are drawn when the page requests them.
 
 use super::scene::SceneImage;
 use crate::data::report::finished_run::FinishedRun;
@@ -26,7 +26,7 @@ struct Chosen {
 }
 
 impl CameraImages {
-    /// One exposure of each color camera every `step_m` of the path. `None` if the drive cannot be read any more.
+    /// One exposure of each color camera every `step_m` of the path. `None` if the drive can no longer be read.
     pub fn open(run: FinishedRun, step_m: f64) -> Option<Self> {
         let drive = Drive::open(&run.drive()?).ok()?;
         let mut chosen = Vec::new();
@@ -45,7 +45,7 @@ impl CameraImages {
         Some(Self { run, drive, chosen })
     }
 
-    /// Where the exposures were.
+    /// Positions of the exposures.
     pub fn places(&self, target: &TargetFrame<'_>) -> Result<Vec<SceneImage>, CrsError> {
         let place = |(number, Chosen { frame, world_from_camera }): (usize, &Chosen)| {
             let at = |z: f64| target.from_local(&(world_from_camera * Point3::new(0.0, 0.0, z)));

@@ -1,4 +1,4 @@
-//! Follows the output folder of a run: in which phase the run is, and which clouds it has written.
+//! Follows the output folder of a run: the phase of the run, and the clouds that it has written.
 
 use crate::data::deliver::{SOFTWARE, SYSTEM};
 use anyhow::Context;
@@ -14,41 +14,41 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 use surveying::{GrowingCloud, Part};
 
-/// Written when a run begins. Older clouds are of an earlier run.
+/// File written at the start of a run. Older clouds belong to an earlier run.
 const BEGIN: &str = "run/settings.json";
 
-/// In which phase a run is.
+/// Phase of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// No run is alive in the folder, and none has ended there.
+    /// No run is alive in the folder or has ended there.
     #[default]
     Waiting,
     Running,
-    /// The last poses are known, and the clouds are moved to them.
+    /// The final poses are known, and the clouds are moved to them.
     Moving,
-    /// It has written its summary: the final cloud can be shown.
+    /// The run has written its summary: the final cloud can be shown.
     Finished,
-    /// Its supervisor is gone without a summary. The run can be resumed.
+    /// The supervisor ended without a summary. The run can be resumed.
     Interrupted,
 }
 
-/// `live.json`: what the page asks for again and again.
+/// `live.json`, which the page polls.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LiveState {
     pub phase: Phase,
-    /// The word of the summary; empty before.
+    /// Outcome from the summary; empty before the summary exists.
     pub outcome: &'static str,
-    /// Number of the run since the start of the viewer: the page begins anew when it changes.
+    /// Number of the run since the start of the viewer: the page starts over when it changes.
     pub run: u64,
     /// Bytes of the list of the parts.
     pub parts_bytes: u64,
 }
 
-/// A run whose clouds are copied, thinned, into a file as soon as they are written.
+/// A run whose clouds are thinned and copied into a file as soon as they are written.
 pub struct LiveRun {
     output: PathBuf,
-    /// Of the file of the points and the list of its parts, a JSON object a line.
+    /// Paths of the file of points and of the list of its parts, one JSON object per line.
     files: [PathBuf; 2],
     begun: Option<SystemTime>,
     growing: Option<GrowingCloud>,
@@ -74,13 +74,13 @@ impl LiveRun {
         Ok(this)
     }
 
-    /// Looks at the folder. Returns what the page is told.
+    /// Reads the folder. Returns the state for the page.
     pub fn update(&mut self) -> anyhow::Result<LiveState> {
         let begun = fs::metadata(self.output.join(BEGIN)).and_then(|file| file.modified()).ok();
         if begun != self.begun {
             self.begin(begun)?;
         }
-        // The phase first: clouds that a running run is writing must not be taken for all of a finished one.
+        // The phase first: the clouds so far of a running run must not be mistaken for all clouds of a finished run.
         self.state.phase = self.phase();
         self.state.outcome = "";
         if self.state.phase == Phase::Finished
@@ -95,7 +95,7 @@ impl LiveRun {
         Ok(self.state.clone())
     }
 
-    /// Forgets the run before.
+    /// Discards the previous run.
     fn begin(&mut self, begun: Option<SystemTime>) -> anyhow::Result<()> {
         for file in &self.files {
             fs::write(file, []).with_context(|| file.display().to_string())?;
@@ -104,7 +104,7 @@ impl LiveRun {
         self.begun = begun;
         self.growing = None;
         self.has_moved_clouds = false;
-        // A page without points need not begin anew.
+        // A page without points need not start over.
         let run = self.state.run + u64::from(self.state.parts_bytes > 0);
         self.state = LiveState { run, ..LiveState::default() };
         Ok(())
@@ -137,7 +137,7 @@ impl LiveRun {
             .collect();
         clouds.sort_unstable();
         for (seq, path) in clouds {
-            // A cloud may be removed or replaced at any time, for example when a crashed run is resumed: the next look decides.
+            // A cloud may be removed or replaced at any time, for example when a crashed run is resumed: the next update decides.
             let Ok(rows) = PlyRows::open(&path) else { continue };
             match self.add(seq, &rows)? {
                 Some(part) => self.list(&part)?,

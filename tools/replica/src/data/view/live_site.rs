@@ -17,11 +17,11 @@ use tempfile::TempDir;
 const STATE: &str = "live.json";
 const POINTS: &str = "live.las";
 const PARTS: &str = "live_parts.jsonl";
-/// Asking for it once the run is finished ends this site: the one of the finished run follows.
+/// Requesting it once the run is finished ends this site: the site of the finished run follows.
 const FINAL: &str = "final.json";
-/// Time between two looks at the folder. A submap takes seconds.
+/// Time between two reads of the folder. A submap takes seconds.
 const INTERVAL: Duration = Duration::from_millis(500);
-/// Time between two checks whether the viewer ends.
+/// Time between two checks of whether the viewer ends.
 const POLL: Duration = Duration::from_millis(50);
 
 /// Page and points of a run that is not finished.
@@ -30,12 +30,12 @@ pub struct LiveSite {
     site: Site,
     state: Arc<Mutex<LiveState>>,
     wants_final: Arc<AtomicBool>,
-    /// Of the copied points.
+    /// Folder of the copied points.
     _folder: TempDir,
 }
 
 impl LiveSite {
-    /// For the run into `output`.
+    /// The site for the run into `output`.
     pub fn of(output: &Path) -> anyhow::Result<Self> {
         let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
         let points = folder.path().join(POINTS);
@@ -83,7 +83,7 @@ impl LiveSite {
     }
 }
 
-/// Looks at the run again and again.
+/// Polls the run.
 fn follow(run: &mut LiveRun, state: &Mutex<LiveState>, is_over: impl Fn() -> bool) -> anyhow::Result<()> {
     while !is_over() {
         *lock(state) = run.update()?;
@@ -96,7 +96,7 @@ fn follow(run: &mut LiveRun, state: &Mutex<LiveState>, is_over: impl Fn() -> boo
     Ok(())
 }
 
-/// The state is whole at any time, also after a panic of another thread.
+/// Locks the state, which is consistent at any time, even after a panic of another thread.
 fn lock(state: &Mutex<LiveState>) -> std::sync::MutexGuard<'_, LiveState> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! The page: its source in `tools/viewer/src`, and in `tools/viewer/dist` what `npm run build` made of scripts and packages.
+//! The page: its source is in `tools/viewer/src`; `tools/viewer/dist` has the scripts and packages built by `npm run build`.
 
 use file_server::{Content, Site};
 use std::borrow::Cow;

@@ -1,4 +1,4 @@
-//! `scene.json`: what the page shows beside the points. Coordinates are those of the points.
+//! `scene.json`: everything that the page shows except the points. Coordinates are in the frame of the points.
 
 use crate::data::deliver::frame::ChosenFrame;
 use messages::columns::{COLUMNS, ColumnField};
@@ -10,16 +10,16 @@ use surveying::crs::CrsError;
 use surveying::objects::ObjectSummary;
 use surveying::{RunFolder, TargetFrame};
 
-/// Vertices of the path: a screen has fewer pixels in a row.
+/// Largest number of vertices of the path: a screen has fewer pixels in a row.
 const MAX_VERTICES: usize = 20_000;
 
-/// All that is shown beside the points.
+/// Everything that is shown except the points.
 #[derive(Serialize)]
 pub struct Scene {
-    /// Of the format.
+    /// Version of the format.
     version: u32,
     title: String,
-    /// Whether the points are those of `live.json`, which grow.
+    /// Whether the points come from `live.json` and grow.
     is_live: bool,
     /// Coordinates in words.
     coordinates: String,
@@ -41,19 +41,19 @@ pub struct Scene {
 struct SceneValue {
     id: u8,
     name: &'static str,
-    /// sRGB.
+    /// Color in sRGB.
     color: [u8; 3],
 }
 
 /// An exposure of a camera.
 #[derive(Serialize)]
 pub struct SceneImage {
-    /// Of the picture.
+    /// Name of the picture file.
     pub file: String,
     pub camera: String,
-    /// The camera, m.
+    /// Position of the camera, m.
     pub position: [f64; 3],
-    /// A point one metre before it, m.
+    /// A point one metre in front of the camera, m.
     pub ahead: [f64; 3],
 }
 
@@ -71,16 +71,16 @@ pub struct SceneObject {
 #[derive(Serialize)]
 struct SceneMaterial {
     name: String,
-    /// nm.
+    /// First wavelength, nm.
     first: f32,
-    /// nm.
+    /// Step of the wavelength, nm.
     step: f32,
-    /// 0 to 1.
+    /// Reflectances, 0 to 1.
     reflectances: Vec<f32>,
 }
 
 impl Scene {
-    /// A scene of points alone.
+    /// A scene with only points.
     pub fn new(title: String) -> Self {
         let class =
             |class: &ClassId| SceneValue { id: *class as u8, name: class.name(), color: class_color(*class as u8) };
@@ -144,7 +144,7 @@ impl SceneObject {
 
 impl SceneMaterial {
     fn of(material: town::Material) -> Self {
-        // Three digits are more than the spectra are known to.
+        // Three digits exceed the accuracy of the spectra.
         let rounded = |value: &f32| (value * 1000.0).round() / 1000.0;
         Self {
             name: words(&format!("{material:?}")),
@@ -155,7 +155,7 @@ impl SceneMaterial {
     }
 }
 
-/// `BrickYellow` as "brick yellow".
+/// Words of a camel-case name: `BrickYellow` as "brick yellow".
 fn words(name: &str) -> String {
     let mut words = String::new();
     for letter in name.chars() {

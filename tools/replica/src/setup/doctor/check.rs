@@ -1,8 +1,8 @@
-//! One line of the examination.
+//! One check and its result.
 
 use serde::Serialize;
 
-/// How a check ended, the worst last.
+/// Result of a check, the worst last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
@@ -15,7 +15,7 @@ pub enum State {
 }
 
 impl State {
-    /// As in JSON.
+    /// The word in JSON.
     pub fn word(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -25,26 +25,26 @@ impl State {
     }
 }
 
-/// What was examined, found and expected.
+/// A check: subject, value found and rule.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct Check {
     pub subject: &'static str,
     pub state: State,
     /// The value found.
     pub found: String,
-    /// What is expected.
+    /// The rule that the value must follow.
     pub rule: String,
-    /// What to do; `None` if the rule holds.
+    /// Remedy; `None` if the rule holds.
     pub advice: Option<String>,
 }
 
 impl Check {
-    /// The rule holds.
+    /// A check whose rule holds.
     pub fn ok(subject: &'static str, found: impl Into<String>, rule: impl Into<String>) -> Self {
         Self { subject, state: State::Ok, found: found.into(), rule: rule.into(), advice: None }
     }
 
-    /// The same, with a worse state and advice, unless `state` is ok.
+    /// The check with a worse state and advice, unless `state` is ok.
     pub fn or(self, state: State, advice: impl FnOnce() -> String) -> Self {
         if state == State::Ok { self } else { Self { state, advice: Some(advice()), ..self } }
     }

@@ -1,4 +1,4 @@
-//! The clocks of the machine. Recorded drives do not depend on them; a live run stamps what sensors without a clock send.
+//! The clocks of the machine. Recorded drives do not depend on them; a live run stamps the data of sensors without a clock.
 
 use super::check::{Check, State};
 use files::calendar::date_from_days;
@@ -6,7 +6,7 @@ use run::process::monotonic_nanos;
 use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// 2025-01-01, s since the Unix epoch: an earlier time is that of a machine without battery.
+/// 2025-01-01, s since the Unix epoch: an earlier time means that the machine's clock has no battery.
 const EARLIEST_S: u64 = 1_735_689_600;
 /// Time over which both clocks are compared.
 const SPAN: Duration = Duration::from_millis(100);
@@ -26,7 +26,7 @@ fn time() -> Check {
         .or(state, || "set the clock: date --set, or a time server".to_owned())
 }
 
-/// Whether the wall clock moves as fast as the monotonic one.
+/// Whether the wall clock advances as fast as the monotonic clock.
 fn steadiness() -> Check {
     let read =
         || (SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default(), Duration::from_nanos(monotonic_nanos()));
@@ -55,7 +55,7 @@ fn synchronization() -> Check {
         .or(state, || "start chrony or systemd-timesyncd; recorded drives do not need it".to_owned())
 }
 
-/// Whether the answer of a command has the word for synchronized, or the one for not; `None` without such an answer.
+/// Whether the answer of a command contains `yes` (synchronized) or `no`; `None` without such an answer.
 fn synchronized(command: &[&str], yes: &str, no: &str) -> Option<bool> {
     let (program, arguments) = command.split_first()?;
     let output = Command::new(program).args(arguments).stderr(Stdio::null()).output().ok()?;

@@ -1,10 +1,10 @@
-//! Limits that the stages inherit from the shell (`ulimit`). Locked memory has none: no process of a run locks memory.
+//! Limits that the stages inherit from the shell (`ulimit`). Locked memory is not checked: no process of a run locks memory.
 
 use super::check::{Check, State, at_least};
 use run::space::size_text;
 use rustix::process::{Resource, getrlimit};
 
-/// Open files that a stage of the sample needs (395), and one of a pipeline with twice as many stages. `replica-launch` computes the need of
+/// Open files that a stage of the sample needs (395), and a stage of a pipeline with twice as many stages. `replica-launch` computes the need of
 /// each launch file.
 const LEAST_FILES: u64 = 400;
 const GOOD_FILES: u64 = 1024;
@@ -22,7 +22,7 @@ pub fn checks() -> [Check; 3] {
     ]
 }
 
-/// A limit that breaks large runs.
+/// Check of a limit that would break large runs.
 fn unlimited(subject: &'static str, resource: Resource, advice: &str) -> Check {
     let limit = getrlimit(resource).current;
     let state = if limit.is_none() { State::Ok } else { State::Warning };

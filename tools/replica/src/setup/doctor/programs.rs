@@ -1,4 +1,4 @@
-//! The programs of the project, the default model, and a launch file with what its drive needs.
+//! The programs of the project, the default model, and a launch file with the needs of its drive.
 
 use super::check::{Check, State};
 use delivery::{CloudFields, SpaceNeed, space_need};
@@ -20,7 +20,7 @@ pub struct PlannedRun {
 }
 
 impl PlannedRun {
-    /// `None` for a file that cannot be read or that names no output; `replica-launch --check` says why.
+    /// Reads a launch file. `None` if it cannot be read or names no output; `replica-launch --check` explains why.
     pub fn read(file: &Path, changes: &[Change]) -> Option<Self> {
         let file = std::path::absolute(file).ok()?;
         let run = LaunchFile::load(&file, changes).ok()?.table("run").ok()?;
@@ -31,13 +31,13 @@ impl PlannedRun {
         Some(Self { drive: path("drive")?, output: path("output")? })
     }
 
-    /// What clouds with all columns need; `None` if the drive cannot be read yet.
+    /// Space for clouds with all columns; `None` if the drive cannot be read yet.
     pub fn space_need(&self) -> Option<SpaceNeed> {
         space_need(&Drive::open(&self.drive).ok()?, &CloudFields::of_default_run(), true).ok()
     }
 }
 
-/// Whether all programs are beside this one, and of its version.
+/// Whether all programs are in the folder of this program and have its version.
 pub fn installed() -> Vec<Check> {
     let names = STAGES.map(|stage| format!("replica-{stage}"));
     let all: Vec<&str> = std::iter::once(SUPERVISOR).chain(names.iter().map(String::as_str)).collect();
@@ -56,7 +56,7 @@ pub fn installed() -> Vec<Check> {
     let advice = || "build or install all programs together".to_owned();
     vec![
         Check::ok("programs", format!("all {} in {place}", all.len()), rule),
-        Check::ok("version", version, format!("that of this program, {own}")).or(state, advice),
+        Check::ok("version", version, format!("as this program, {own}")).or(state, advice),
     ]
 }
 
@@ -66,7 +66,7 @@ fn version_of(program: &str) -> Option<String> {
     Some(text.trim().strip_prefix(program)?.trim().to_owned())
 }
 
-/// What `replica-launch --check` says.
+/// Result of `replica-launch --check`.
 pub fn launch_file(file: &Path, changes: &[Change]) -> Check {
     let rule = format!("{SUPERVISOR} --check has no problems");
     let Ok(program) = sibling(SUPERVISOR) else {

@@ -1,4 +1,4 @@
-//! Shared memory, what killed runs have left there, and the disk of the results.
+//! Shared memory, leftovers of killed runs in it, and the disk of the results.
 
 use super::check::{Check, State, at_least};
 use super::programs::PlannedRun;
@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 /// Shared memory with which queues never wait for room, bytes.
 const GOOD_SHARED_MEMORY: u64 = 2 << 30;
 
-/// Free disk without a launch file that says how much its drive needs, bytes: one and ten minutes of an HDL-32E with all columns.
+/// Free disk if no launch file states the need of its drive, bytes: one and ten minutes of an HDL-32E with all columns.
 const LEAST_DISK: u64 = 3_000_000_000;
 const GOOD_DISK: u64 = 30_000_000_000;
 
-/// The estimate of the clouds errs by up to a half.
+/// Free disk as a multiple of the estimated size of the clouds; the estimate is wrong by up to a half.
 const LEAST_SHARE: f64 = 1.0;
 const GOOD_SHARE: f64 = 1.5;
 
@@ -39,7 +39,7 @@ fn free_shared_memory() -> Check {
     )
 }
 
-/// Memory of runs that were killed, and whose supervisor is gone.
+/// Shared memory of killed runs without a living supervisor.
 fn leftovers() -> Check {
     let rule = "none of this user's killed runs";
     let domains = match Domain::all_own() {
