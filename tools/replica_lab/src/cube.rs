@@ -49,10 +49,10 @@ pub struct Args {
     /// Exposure time of the frames, ms [default: from the file]
     #[arg(long, value_parser = nanos)]
     exposure_ms: Option<u64>,
-    /// Exposure time of the dark frames, ms [default: from the file, else that of the frames]
+    /// Exposure time of the dark frames, ms [default: from the file, else as the frames]
     #[arg(long, value_parser = nanos)]
     dark_exposure_ms: Option<u64>,
-    /// Exposure time of the white frames, ms [default: from the file, else that of the frames]
+    /// Exposure time of the white frames, ms [default: from the file, else as the frames]
     #[arg(long, value_parser = nanos)]
     white_exposure_ms: Option<u64>,
     /// Bits of a sample (1 to 16); the largest value means saturated [default: the smaller of calibration file and frame]
@@ -69,7 +69,7 @@ pub struct Args {
     median: bool,
 }
 
-/// Marks unknown values in the cubes: ENVI's usual number, far from any reflectance.
+/// Value of unknown cells of the cubes: the usual number in ENVI files, far from any reflectance.
 pub const UNKNOWN: f32 = -9999.0;
 
 /// Parses milliseconds to ns.
@@ -142,7 +142,7 @@ fn write_cube(frame: &RawMosaic, setup: &CameraSetup, out: &Path, args: &Args) -
         args.demosaic,
         if args.median { ", median of 3x3 cells" } else { "" }
     );
-    // Rounded to 0.001 nm: an f32 has no more digits, and people read the headers.
+    // Rounded to 0.001 nm, the resolution of an f32, for readable headers.
     header.wavelengths = camera.wavelengths_nm().iter().map(|nm| (f64::from(*nm) * 1e3).round() / 1e3).collect();
     setup.wavelength_units.clone_into(&mut header.wavelength_units);
     header.fwhm.clone_from(&setup.fwhm_nm);

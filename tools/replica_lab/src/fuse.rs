@@ -14,7 +14,7 @@ use training::fit_priors;
 
 /// Write two models as one file that fuses them.
 ///
-/// Both have the same classes. The weighted geometric mean of their probabilities decides; that of each class is multiplied by its prior.
+/// Both have the same classes. The class with the largest weighted geometric mean of their probabilities, times its prior, wins.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -28,7 +28,7 @@ pub struct Args {
     /// Share of the first model in the mean, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = argument::share)]
     share: f64,
-    /// The first model sees every N-th sweep only (1 to 16)
+    /// The first model processes only every N-th sweep (1 to 16)
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     every: u8,
     /// Factors of the means of classes, 0.01 to 100; 1 for the others

@@ -7,12 +7,12 @@
 //! | `bench` | `bench`: throughput, CPU and memory of a launch file |
 //! | `cube`, `spectrum` | `cube`, `spectrum`: reflectance cubes and their statistics, color lines and materials |
 //!
-//! What it must never do: take part in a run. No stage and no command of `replica` needs it, so that a plain `cargo build`
-//! leaves it out. It reads files that a run has left, and writes only where `--out` says. Data goes to stdout,
+//! It must never take part in a run. No stage and no command of `replica` needs it, so that a plain `cargo build`
+//! leaves it out. It reads the files of finished runs and writes only to the folder of `--out`. Data goes to stdout,
 //! diagnostics go to stderr.
 //!
-//! Where to begin reading: `cli` has the list of commands; a command is a file with its `Args` and a function `run`. The methods are in
-//! libraries (`training`, `scores`, `spectral`, `color_lines`); here are files, tables and options.
+//! Start reading at `cli`, which lists the commands; a command is a file with its `Args` and a function `run`. The methods are in
+//! libraries (`training`, `scores`, `spectral`, `color_lines`); this crate has files, tables and options.
 
 mod bench;
 mod cli;

@@ -1,4 +1,4 @@
-//! What `replica-lab fit-materials` and `replica-lab evaluate materials` share: measured spectra of simulated drives with their true material.
+//! Shared by `replica-lab fit-materials` and `evaluate materials`: measured spectra of simulated drives with their true material.
 
 pub mod fit;
 mod library;

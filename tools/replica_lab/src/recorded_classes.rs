@@ -10,7 +10,7 @@ pub fn has_topic(reader: &RecordingReader, topic: &str) -> bool {
     reader.topics().iter().any(|known| known.name == topic)
 }
 
-/// Whether the classes of the recording are the truth, not those of a run.
+/// Whether the classes of the recording are the truth rather than predictions of a run.
 pub fn has_true_classes(reader: &RecordingReader) -> bool {
     let is_imported = reader.about().contains_key("imported");
     is_imported && has_topic(reader, SubmapTopic::TOPIC) && has_topic(reader, ClassTopic::TOPIC)

@@ -93,7 +93,7 @@ enum Action {
 enum Format {
     Markdown,
     Csv,
-    /// As --json.
+    /// One JSON object, as with --json.
     Json,
 }
 
@@ -146,8 +146,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let warning = stretch.map(|stretch| {
         format!(
-            "The values below were {} and stretched to 0..1. They are not reflectances. Diagnosis and signatures are those of \
-             the data before.",
+            "The values below were {} and stretched to 0..1. They are not reflectances. Diagnosis and signatures describe the \
+             data before stretching.",
             stretch.description()
         )
     });

@@ -40,14 +40,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use training::{BestEpoch, Dataset, Hierarchy, Network, TrainSettings, Trainer};
 
-/// What a training needs of its recipe, for a network on images or on points.
+/// Interface of the recipes of networks on images and on points, as the training uses it.
 trait TrainingRecipe {
     type Network: Network;
     type Data: TrainingData + Dataset<<Self::Network as Network>::Example>;
 
-    /// What both kinds of recipe have.
+    /// Settings that both kinds of recipe have.
     fn shared(&self) -> SharedRecipe<'_>;
-    /// The network before the first step, trained on a device. Paths are relative to `folder`, that of the recipe.
+    /// The network before the first step, trained on a device. Paths are relative to `folder`, the folder of the recipe.
     fn network(&self, folder: &Path, device: ComputeDevice) -> anyhow::Result<Self::Network>;
     /// A data set without examples, with a file in `folder`.
     fn empty_data(&self, folder: &Path, validation: bool) -> anyhow::Result<Self::Data>;
@@ -59,7 +59,7 @@ trait TrainingRecipe {
 struct SharedRecipe<'a> {
     data: &'a Data,
     train: &'a TrainSettings,
-    /// Divisor of the logits; without it, that which fits the validation data.
+    /// Divisor of the logits; if `None`, it is fitted to the validation data.
     temperature: Option<f32>,
     /// Name prefixes of variables that are not trained.
     frozen: &'a [String],
@@ -69,7 +69,7 @@ struct SharedRecipe<'a> {
     classes: &'a [String],
 }
 
-/// What a model file has beside settings of the recipe and weights.
+/// Contents of a model file other than settings of the recipe and weights.
 #[derive(Clone, Copy)]
 struct Calibration {
     temperature: f32,
@@ -84,7 +84,7 @@ pub trait TrainingData {
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()>;
     /// Ends the sources.
     fn finish(&mut self) {}
-    /// The size in words.
+    /// Description of the size.
     fn size(&self) -> String;
     /// Number of pixels or points of each class of the recipe.
     fn counts(&self) -> &[u64];
@@ -92,9 +92,9 @@ pub trait TrainingData {
     fn ground_intensities(&self) -> Option<GroundIntensities>;
 }
 
-/// Train a model that gives points their classes.
+/// Train a model that classifies points.
 ///
-/// The stage infer loads the model. Training that was interrupted continues from its checkpoint when it is started again.
+/// The stage infer loads the model. An interrupted training continues from its checkpoint when it is started again.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -106,7 +106,7 @@ pub struct Args {
     /// Stop after this number of epochs in total [default: as in the recipe]
     #[arg(long, value_name = "N")]
     stop_after: Option<usize>,
-    /// Where a network on images is trained; cuda is the first NVIDIA GPU
+    /// Device that trains a network on images; cuda is the first NVIDIA GPU
     #[arg(long, value_name = "DEVICE", default_value_t = ComputeDevice::Cpu, value_parser = words::<ComputeDevice>())]
     device: ComputeDevice,
 }
@@ -184,7 +184,7 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
     Ok(ExitCode::SUCCESS)
 }
 
-/// The data that is trained on, or that for validation. It lies in a file in the folder of the model.
+/// The data set for training or for validation, kept in a file in the folder of the model.
 fn dataset<R: TrainingRecipe>(
     recipe: &R,
     args: &Args,

@@ -6,7 +6,7 @@ use formats::ply::Vertices;
 use rayon::prelude::*;
 use scores::PointLabel;
 
-/// A point: its label, or why it has none.
+/// The label of a point, or the reason why it is missing.
 pub type Labelled = Result<PointLabel, NoLabel>;
 
 /// The labels of the sweeps around a cloud. Memory: the labels of the sweeps of one cloud.
@@ -15,11 +15,11 @@ pub struct TruePoints {
     reader: LabelReader,
     /// Sorted by time, without gaps.
     sweeps: Vec<LabelledSweep>,
-    /// End of the last sweep that was forgotten, ns.
+    /// End of the last sweep that was removed, ns.
     forgotten: Option<i64>,
     /// Stamps of the first and of the latest sweep that were read, ns.
     read: Option<[i64; 2]>,
-    /// Sweeps that were read, and those of them without labels.
+    /// Numbers of sweeps that were read, and of sweeps without labels.
     n_sweeps: u64,
     n_unlabeled: u64,
 }
@@ -54,7 +54,7 @@ impl TruePoints {
             self.cover(first, last)?;
         }
         let label = |(i, shot): (usize, &Shot)| {
-            // The labels are those of the first LiDAR.
+            // Only the first LiDAR has labels.
             if lidar(i) != 0 {
                 return Err(NoLabel::NoSweep);
             }
@@ -74,9 +74,9 @@ impl TruePoints {
         self.read
     }
 
-    /// Reads the sweeps from `first` to `last`, ns, and forgets earlier ones.
+    /// Reads the sweeps from `first` to `last`, ns, and removes earlier ones.
     fn cover(&mut self, first: i64, last: i64) -> anyhow::Result<()> {
-        // Clouds follow each other. Only a cloud out of this order makes it necessary to begin again.
+        // Clouds follow each other. Only a cloud out of this order makes a restart necessary.
         if self.forgotten.is_some_and(|end| first < end) {
             self.reader = reader(&self.drive)?;
             self.forgotten = None;
@@ -114,7 +114,7 @@ fn reader(drive: &Drive) -> anyhow::Result<LabelReader> {
     drive.label_reader().map_err(|problem| anyhow::anyhow!("{problem}"))
 }
 
-/// What the columns of a cloud tell about the returns.
+/// Returns described by the columns of a cloud.
 fn shots(cloud: &Vertices) -> anyhow::Result<Vec<Shot>> {
     let times = cloud.f64s("timestamp")?;
     let rings = cloud.u8s("ring")?;

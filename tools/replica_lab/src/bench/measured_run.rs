@@ -9,7 +9,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Why there is no summary.
+/// Reason for a missing summary.
 pub enum Failure {
     /// The run ended with this exit code. It has printed the reason.
     Ended(u8),
@@ -23,7 +23,7 @@ impl From<anyhow::Error> for Failure {
     }
 }
 
-/// Runs the launch file into `output`; under `perf`, if there is a file for what it records.
+/// Runs the launch file into `output`; under `perf`, if a file for its recording is given.
 pub fn measure(
     launch_file: &Path,
     overrides: &[String],
@@ -52,7 +52,7 @@ pub fn measure(
         return Err(Failure::Ended(ended.status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)));
     }
     let mut summary = Summary::load(&folder).map_err(anyhow::Error::from)?;
-    // A report is for other machines, too: there, only the names of the programs mean something.
+    // Reports are also read on other machines, where only the names of the programs have a meaning.
     for stage in &mut summary.stages {
         let name = Path::new(&stage.program).file_name().map(|name| name.to_string_lossy().into_owned());
         stage.program = name.unwrap_or_default();

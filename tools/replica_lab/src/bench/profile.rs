@@ -17,7 +17,7 @@ const N_FUNCTIONS: usize = 10;
 /// The kernel cuts the name of a process to this length.
 const NAME_CHARS: usize = 15;
 
-/// Libraries whose functions are named by what of ours they work on.
+/// Libraries whose functions are named by the type of this project that they work on.
 const LIBRARIES: [&str; 7] = ["core", "alloc", "std", "rayon", "rayon_core", "pulp", "hashbrown"];
 
 /// The most expensive functions of a process.
@@ -33,14 +33,14 @@ pub struct ProcessProfile {
     pub functions: Vec<(f64, String)>,
 }
 
-/// The command that records what a program and its children do into `data`.
+/// The command that records the activity of a program and its children into `data`.
 pub fn recording(data: &Path, program: &Path) -> Command {
     let mut command = Command::new("perf");
     command.args(["record", "--quiet", "-F", SAMPLES_PER_S, "-o"]).arg(data).arg("--").arg(program);
     command
 }
 
-/// Fails if `perf` is not there, before anything is measured.
+/// Fails if `perf` is missing, before the first measurement.
 pub fn check() -> anyhow::Result<()> {
     let found = Command::new("perf").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     if !found.is_ok_and(|status| status.success()) {
@@ -80,7 +80,7 @@ fn sample(line: &str) -> Option<Sample<'_>> {
     Some(Sample { thread_name: thread_name.trim(), pid, tid, in_kernel: address.starts_with("ffff"), function })
 }
 
-/// Of the processes with the same program together: stages are also asked for their ports and settings before a run.
+/// Profiles by program, summed over its processes: stages are also started before a run to describe ports and settings.
 fn profiles(script: &str) -> Vec<ProcessProfile> {
     let samples: Vec<Sample<'_>> = script.lines().filter_map(sample).collect();
     let is_main = |sample: &&Sample<'_>| sample.pid == sample.tid && sample.thread_name.starts_with("replica-");

@@ -20,14 +20,14 @@ pub struct Report {
     launch_file: String,
     runs: u32,
     series: Vec<Series>,
-    /// Of the first configuration, if it was asked for.
+    /// Profiles of the first configuration, if requested.
     pub profiles: Vec<ProcessProfile>,
 }
 
 const HEAD: &str = "| value | median | min | max |\n|---|---|---|---|\n";
 const STAGES_HEAD: &str = "| stage | M points/s | CPU s | CPU ns/point | transport CPU s | step p50 / p99 / max ms | \
     age p50 / p99 / max ms | peak RSS MB | MB in |\n|---|---|---|---|---|---|---|---|---|\n";
-/// Shorter waits are not listed, s.
+/// Shortest wait that is listed, s.
 const MIN_WAIT_S: f64 = 0.1;
 const USE_HEAD: &str =
     "| stage | private MB | page faults | read MB | written MB | waiting s, by reason |\n|---|---|---|---|---|---|\n";
@@ -37,7 +37,7 @@ counts from the start of the run.\n\
 - *Transport CPU* is the CPU time of the stages' own threads in loaning, publishing, waiting for and receiving messages and \
 ticks, including the kernel. It does not contain page faults in a step.\n\
 - *Age* is the time from the start of a tick in the source to its end in the stage: at the last stage, the end-to-end latency. \
-Offline, the source runs ahead as far as the queues allow, so age mostly measures the length of the queues.\n\
+Offline, the source runs ahead until the queues are full, so age mostly measures the length of the queues.\n\
 - *Peak RSS* counts shared memory in every process that touched it, so the sum is larger than the memory of the run.\n\
 - *Private* memory is that which no other process shares, at its largest heartbeat. *Read* and *written* are bytes by calls, of \
 files and sockets.\n\

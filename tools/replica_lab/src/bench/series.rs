@@ -9,7 +9,7 @@ use serde::Serialize;
 pub struct Series {
     /// The configuration.
     pub configuration: Configuration,
-    /// In the order in which they ran.
+    /// Summaries of the runs, in the order of execution.
     pub runs: Vec<Summary>,
 }
 
@@ -25,7 +25,7 @@ pub struct Spread {
 }
 
 impl Series {
-    /// No runs yet.
+    /// A series without runs.
     pub fn of(configuration: Configuration) -> Self {
         Self { configuration, runs: Vec::new() }
     }

@@ -11,15 +11,15 @@ use std::path::{Path, PathBuf};
 /// A calibrated camera and the meaning of its values.
 pub struct CameraSetup {
     pub camera: Camera,
-    /// What the values of the cubes are.
+    /// Meaning of the values of the cubes.
     pub description: String,
     /// Unit of the band positions; "Index" if the wavelengths are unknown.
     pub wavelength_units: &'static str,
     /// Full width at half maximum of the bands, if they are corrected.
     pub fwhm_nm: Vec<f64>,
-    /// Exposure time of the frames of a drive. For other frames it is in the file or an argument.
+    /// Exposure time of the frames of a drive. For other frames it is in the file or in an argument.
     exposure_nanos: Option<u64>,
-    /// Exposure times are needed for reflectances only.
+    /// Whether the values are reflectances, which need exposure times.
     is_reflectance: bool,
 }
 

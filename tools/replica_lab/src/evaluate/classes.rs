@@ -29,7 +29,7 @@ use tally::Tally;
 use town_sweeps::Mount;
 pub use towns::NOT_SCORED;
 
-/// Score classes: precision, recall and IoU of each class, mIoU, overall accuracy, confusion matrix; the same for the seven classes of
+/// Score classes: precision, recall and IoU of each class, mIoU, overall accuracy, confusion matrix; also for the seven classes of
 /// LiDOG and by range; calibration of the scores, and accuracy of the points with the highest scores.
 ///
 /// Scores TRUTH against PREDICTION, or a model (--model) on simulated towns (--seeds) or on SemanticKITTI (--semantickitti).
@@ -51,8 +51,8 @@ pub struct Args {
     #[arg(long, requires = "model", value_delimiter = ',')]
     seeds: Vec<u64>,
     /// LiDARs and mountings in the simulated towns; each drive is scored with each of them: `rig` is the HDL-32E of the L3D2 vehicle,
-    /// `kitti` the HDL-64E of KITTI, `no_rings` the same without numbers of the rings; the others are upright 1.73 m above the road, `low`
-    /// 1 m, `high` 3 m; `rings128` has the beams of an OS1-128, `rosette` a pattern in the manner of a Livox Avia, which does not repeat
+    /// `kitti` the HDL-64E of KITTI, `no_rings` the HDL-64E without ring numbers; the others are upright 1.73 m above the road, `low`
+    /// 1 m, `high` 3 m; `rings128` has the beams of an OS1-128, `rosette` a non-repeating pattern like a Livox Avia
     #[arg(long, requires = "seeds", value_name = "NAME", value_delimiter = ',', default_value = "rig", value_parser = sensors())]
     sensor: Vec<String>,
     /// Length of each drive, s
@@ -67,7 +67,7 @@ pub struct Args {
     /// Use every N-th sweep of a submap for networks on images; a fused model multiplies N by its own number
     #[arg(long, default_value_t = 1)]
     every: usize,
-    /// What the model takes from the intensities
+    /// How the model uses the intensities
     #[arg(long, value_name = "USE", default_value_t = IntensityUse::Auto, value_parser = words::<IntensityUse>())]
     intensity: IntensityUse,
     /// Multiply the intensities of the simulated sweeps, as another sensor would
@@ -83,7 +83,7 @@ pub struct Args {
     #[arg(long, requires = "knn", value_name = "RECIPE")]
     examples: Option<PathBuf>,
     /// Folder of SemanticKITTI to evaluate the model on: the data set, a sequence (velodyne/*.bin and labels/*.label), or sweeps as NumPy
-    /// arrays (*_points_*.npy beside *_labels_*.npy). Sweeps with intensities are also scored with `--intensity raw` and `off`
+    /// arrays (pairs *_points_*.npy and *_labels_*.npy). Sweeps with intensities are also scored with `--intensity raw` and `off`
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
     /// Points with a score below this become `unlabeled`, as with `[infer] unknown_below`, 0 to 1

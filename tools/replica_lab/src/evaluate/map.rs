@@ -105,7 +105,7 @@ fn evaluate(args: &Args) -> anyhow::Result<Vec<MapReport>> {
         }
     };
     let mut reports = Vec::new();
-    // One after the other: a cloud needs tens of bytes per point.
+    // One at a time: a cloud needs tens of bytes per point.
     for path in &args.clouds {
         let truth_world_from_world =
             if args.align { alignment(path, args.truth.as_deref())? } else { Pose::identity() };

@@ -1,4 +1,4 @@
-//! `replica-lab evaluate materials`: scores materials on simulated towns, and what they add to the classes.
+//! `replica-lab evaluate materials`: scores materials on simulated towns, and their gain for the classes.
 
 mod fused_classes;
 mod report;
@@ -17,15 +17,15 @@ use tally::Tally;
 
 /// Score the materials of points on simulated towns.
 ///
-/// The points are those that the mosaic cameras see. Prints all methods with and without smoothing; precision, recall and IoU of each
+/// Scores points in view of the mosaic cameras. Prints all methods with and without smoothing; precision, recall and IoU of each
 /// material, in sun and shade; accuracy by distance; the vegetation index; and with --model the classes of a network alone and corrected
-/// by the spectra. Use seeds that `replica-lab fit-materials` has not used.
+/// by the spectra. Use seeds that were not used for `replica-lab fit-materials`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
     #[command(flatten)]
     towns: TownArgs,
-    /// Model of the materials [default: that of the program]
+    /// Model of the materials [default: the built-in model]
     #[arg(long, value_name = "JSON")]
     materials: Option<PathBuf>,
     /// Network whose classes are corrected

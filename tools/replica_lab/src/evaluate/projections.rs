@@ -16,7 +16,7 @@ use town_sweeps::{Mount, TownDrive, town_from_name};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
-    /// Folder of labelled SemanticKITTI sweeps, all of which are read: velodyne/*.bin and labels/*.label, or *_points_*.npy beside
+    /// Folder of labelled SemanticKITTI sweeps, all of which are read: velodyne/*.bin and labels/*.label, or pairs *_points_*.npy and
     /// *_labels_*.npy
     #[arg(long, value_name = "DIR", required_unless_present = "seeds")]
     semantickitti: Option<PathBuf>,
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Sweeps in the frame of the lidar at the start of the sweep, like KITTI's.
+/// Sweeps in the frame of the lidar at the start of the sweep, as in KITTI.
 fn town_sweeps(args: &Args) -> anyhow::Result<Vec<LabelledSweep>> {
     let town = town_from_name(&args.town)?;
     let mut sweeps = Vec::new();

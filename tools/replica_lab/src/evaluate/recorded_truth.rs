@@ -1,4 +1,4 @@
-//! The true labels of an imported recording: its submaps are those of the run, point by point.
+//! The true labels of an imported recording: its submaps equal the submaps of the run, point by point.
 
 use crate::recorded_classes::{has_topic, has_true_classes, rows};
 use crate::true_points::Labelled;
@@ -11,7 +11,7 @@ use recording::RecordingReader;
 use scores::PointLabel;
 use std::path::{Path, PathBuf};
 
-/// Begin of the comment of a cloud that has the number of its submap.
+/// Start of the comment of a cloud that has the number of its submap.
 const NUMBER: &str = "REPLICA submap ";
 
 /// Reads a recording submap by submap. Memory: one submap with its labels.
@@ -32,7 +32,7 @@ struct RecordedSubmap {
 }
 
 impl RecordedTruth {
-    /// An error unless the recording is that of an import.
+    /// Opens a recording. An error unless it was written by an import.
     pub fn open(path: &Path) -> anyhow::Result<Self> {
         let reader = RecordingReader::open(path)?;
         ensure!(
@@ -55,7 +55,7 @@ impl RecordedTruth {
         let lengths = [cloud.len(), points.len(), classes.len(), instances.len()];
         ensure!(
             lengths.iter().all(|n| *n == lengths[0]),
-            "the cloud has {} points, submap {seq} of {} has {} points, {} classes and {} instances: the run is of another \
+            "the cloud has {} points, submap {seq} of {} has {} points, {} classes and {} instances: the run belongs to another \
              recording",
             lengths[0],
             self.path.display(),
@@ -82,7 +82,7 @@ impl RecordedTruth {
 
     /// Reads up to a submap and its columns, which follow it.
     fn submap(&mut self, seq: u64) -> anyhow::Result<RecordedSubmap> {
-        // Clouds are in the order of their submaps. Only a cloud out of this order makes it necessary to begin again.
+        // Clouds are in the order of their submaps. Only a cloud out of this order makes a restart necessary.
         if self.last.is_some_and(|last| seq <= last) {
             self.reader = RecordingReader::open(&self.path)?;
         }
@@ -103,6 +103,6 @@ impl RecordedTruth {
                 return Ok(submap);
             }
         }
-        bail!("{}: has no submap {seq}: the run is of another recording", self.path.display())
+        bail!("{}: has no submap {seq}: the run belongs to another recording", self.path.display())
     }
 }

@@ -22,8 +22,8 @@ use report::RunReport;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// With fewer points that are returns of the drive, the run is of another drive. If that has the same LiDAR and the same times, only
-/// points where both scenes have the same range, such as the road, are returns of this drive, too.
+/// With a smaller share of points that are returns of the drive, the run belongs to another drive. If that drive has the same LiDAR and
+/// times, only points where both scenes have the same range, such as the road, are also returns of this drive.
 const MIN_SHARE_OF_DRIVE: f64 = 0.5;
 
 /// Score a run: classes, instances, color, trajectory and the deviations that it states.
@@ -102,7 +102,7 @@ fn finish(args: &Args, points: Option<PointScores>, poses: Option<errors::PoseSc
     Ok(ExitCode::from(exit_code::INCOMPLETE))
 }
 
-/// Scores of the points of all clouds, one cloud in memory at a time. An error if the run is of another drive.
+/// Scores of the points of all clouds, one cloud in memory at a time. An error if the run belongs to another drive.
 fn scored(args: &Args, truth: TrueLabels) -> anyhow::Result<PointScores> {
     let mut scores = PointScores::new(truth);
     for file in in_order(cloud_files(&args.run)?) {

@@ -55,7 +55,7 @@ pub struct Args {
     /// sweep and at the start of the next
     #[arg(long, value_name = "MS", default_value_t = 1.0, value_parser = not_negative)]
     min_step_ms: f64,
-    /// Lengths of the segments, m; lengths above that of the trajectory are ignored [default: 100,200,...,800]
+    /// Lengths of the segments, m; lengths above the length of the trajectory are ignored [default: 100,200,...,800]
     #[arg(long, value_name = "M,...", value_delimiter = ',', value_parser = positive)]
     segments: Vec<f64>,
     /// Start a segment at every N-th pose

@@ -11,9 +11,9 @@ use std::path::Path;
 use town_sweeps::{TownDrive, TownSubmap, town_from_name};
 use training::LabeledMeans;
 
-/// One of this many points counts: those between lie on the same things.
+/// One point in this many counts: the points between lie on the same objects.
 const STEP: usize = 16;
-/// Of all simulated LiDARs.
+/// Revolutions per second of all simulated LiDARs.
 const TURNS_PER_SECOND: f64 = 10.0;
 
 /// A recipe: groups of drives, each with one mean IoU.
@@ -29,9 +29,9 @@ pub struct PriorRecipe {
 struct Group {
     towns: Vec<String>,
     seeds: Range,
-    /// As in `replica-lab evaluate classes --sensor`.
+    /// Sensors, as in `replica-lab evaluate classes --sensor`.
     sensors: Vec<String>,
-    /// As in `replica-lab evaluate classes --intensity`.
+    /// Use of intensities, as in `replica-lab evaluate classes --intensity`.
     intensity: IntensityUse,
     seconds: f64,
     submaps: usize,
@@ -48,7 +48,7 @@ impl PriorRecipe {
         }
         Ok(recipe)
     }
-    /// The classes of two models, and for each group the means of its points whose class is one of them.
+    /// The classes of two models, and for each group the means of its points with one of these classes.
     pub fn means(
         &self,
         first: &Path,

@@ -1,4 +1,4 @@
-//! `replica-lab fit-materials`: makes the model of the materials.
+//! `replica-lab fit-materials`: fits the model of the materials.
 
 use super::{TownArgs, is_held_out, library};
 use anyhow::Context;
@@ -9,10 +9,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use town::Material;
 
-/// Fit the model that gives points their materials.
+/// Fit the model that assigns materials to points.
 ///
 /// Measures the spectra of simulated drives and adds the spectra of libraries. Every third surface of the towns is left out; `replica-lab
-/// evaluate materials` also scores those. The model is compiled into the program, from models/materials.json.
+/// evaluate materials` also scores these surfaces. The model is compiled into the program, from models/materials.json.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The same spectra with ascending bands.
+/// The spectra with ascending bands.
 fn sorted(spectra: &Spectra, order: &[usize]) -> Spectra {
     let nm: Vec<f32> = order.iter().map(|band| spectra.wavelengths_nm[*band]).collect();
     let mut sorted = Spectra::new(&nm);

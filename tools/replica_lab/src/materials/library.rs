@@ -6,7 +6,7 @@ use messages::MaterialId;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Words in the names of a library, and the material. The first that occurs counts.
+/// Words in the names of a library, and the material. The first word that occurs counts.
 const KINDS: [(&str, MaterialId); 22] = [
     ("artificial turf", MaterialId::Fabric),
     ("tartan", MaterialId::Fabric),
@@ -35,7 +35,7 @@ const KINDS: [(&str, MaterialId); 22] = [
 /// A kind of surface: its name, its material, and its reflectances.
 pub type Kind = (String, MaterialId, Vec<f32>);
 
-/// Mean reflectances of the samples of each kind, at these wavelengths. Names without a material are returned, too.
+/// Mean reflectances of the samples of each kind, at these wavelengths. Names without a material are also returned.
 pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<(Vec<Kind>, Vec<String>)> {
     let mut kinds = BTreeMap::<String, Vec<Vec<f64>>>::new();
     let mut others = Vec::new();

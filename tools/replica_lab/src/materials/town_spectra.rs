@@ -7,7 +7,7 @@ use messages::MaterialId;
 use town::Material;
 use town_sweeps::{MosaicCameras, Mount, TownDrive, TownSubmap, TrueSurface, town_from_name, true_surfaces};
 
-/// Which drives are simulated.
+/// The simulated drives.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TownArgs {
     /// Kinds of simulated town
@@ -45,19 +45,19 @@ pub struct TownSpectra {
 }
 
 impl TownArgs {
-    /// Words for the source of a model.
+    /// Description of the source of a model.
     pub fn description(&self) -> String {
         let seeds: Vec<String> = self.seeds.iter().map(u64::to_string).collect();
         format!("simulated drives through {} towns, seeds {}", self.towns.join(", "), seeds.join(", "))
     }
 
-    /// Simulates one submap after the other. Without `has_regions`, all regions are 0.
+    /// Simulates the submaps one after another. Without `has_regions`, all regions are 0.
     pub fn for_each(
         &self,
         has_regions: bool,
         mut take: impl FnMut(&TownSpectra) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        // As the defaults of `[calibrate]`, with one model for a submap.
+        // The defaults of `[calibrate]`, with one model for a submap.
         let model = Settings { start: Start::Count(60), ..Settings::default() };
         let color_lines = has_regions.then_some(CubeSettings { model, frames_per_model: u32::MAX, simplifies: false });
         for name in &self.towns {
@@ -103,14 +103,14 @@ impl TownSpectra {
     }
 }
 
-/// Whether a surface of the towns is never trained on: every third of each material. The others are enough for a model, and these show
-/// what it does with surfaces that it does not know.
+/// Whether a surface of the towns is held out: every third surface of each material. The others suffice for a model; the held-out
+/// surfaces measure how it generalizes.
 pub fn is_held_out(material: Material) -> bool {
     let Some(id) = material.id() else { return true };
     number_of(material, id) % 3 == 2
 }
 
-/// Number of a surface among those of its material.
+/// Number of a surface among the surfaces of its material.
 fn number_of(material: Material, id: MaterialId) -> usize {
     Material::ALL.iter().filter(|other| other.id() == Some(id)).take_while(|other| **other != material).count()
 }

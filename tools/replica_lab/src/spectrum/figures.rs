@@ -13,7 +13,7 @@ use pictures::bands::moments::moments;
 use pictures::bands::source::{RegionValues, Source};
 use std::path::Path;
 
-/// Most spectra of single cells in one figure: more cannot be distinguished.
+/// Largest number of spectra of single cells in one figure: more cannot be distinguished.
 const MAX_CELLS: usize = 200;
 
 /// Stretches of figure 4.9 of the thesis.
@@ -23,13 +23,13 @@ const STRETCHES: [Stretch; 2] = [Stretch::UpTo(0.2), Stretch::AroundMean(95.0)];
 pub struct Figures<'a> {
     /// All inputs.
     pub sources: &'a [Source],
-    /// Their channels after stretching, or unchanged without one.
+    /// Their channels after stretching, or unchanged without a stretch.
     pub stretched: &'a [Vec<Channel>],
-    /// How they were stretched.
+    /// The stretch that was applied.
     pub stretch: Option<Stretch>,
     /// Reference spectra.
     pub references: &'a [LibrarySpectrum],
-    /// What the values of the inputs are.
+    /// Quantity of the values of the inputs.
     pub quantity: &'a str,
 }
 

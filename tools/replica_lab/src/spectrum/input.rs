@@ -10,7 +10,7 @@ use pictures::bands::source::{BandImage, RawCounts, Region, Source};
 use spectral::FrameCounts;
 use std::path::Path;
 
-/// What is read of the inputs, and how.
+/// The part of the inputs that is read, and how it is read.
 pub struct InputSelection<'a> {
     /// Name of the camera. `None`: the only one.
     pub camera: Option<&'a str>,

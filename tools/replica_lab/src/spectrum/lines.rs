@@ -13,7 +13,7 @@ use std::process::ExitCode;
 
 /// Simplify images by color lines.
 ///
-/// Models the first image, or takes the model of --apply, and projects all images. Writes for each image `NAME_lines` (the nearest point
+/// Models the first image, or uses the model of --apply, and projects all images. Writes for each image `NAME_lines` (the nearest point
 /// on the lines), `NAME_regions` (the mean of the region) and `NAME_labels.png` (16 bits; 0: invalid); `model.json`; and `spectrum.svg` of
 /// the first image. Color images become PNG, cubes become ENVI. The table shows how close the results are to the originals.
 #[derive(Debug, clap::Args)]
@@ -31,7 +31,7 @@ pub struct Args {
     /// Number of lines, longest first
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=MAX_GAUSSIANS as u64))]
     lines: u64,
-    /// Number of shells around the origin, each with a mixture of its own (1 to 64)
+    /// Number of shells around the origin, each with its own mixture (1 to 64)
     #[arg(long, default_value_t = 10)]
     hemispheres: usize,
     /// Cells of the histogram along its longest axis (2 to 128)
@@ -40,13 +40,13 @@ pub struct Args {
     /// Pixels that a maximum of the histogram must be above its surroundings to start a Gaussian
     #[arg(long, value_name = "H", default_value_t = 3.0, value_parser = not_negative)]
     contrast: f64,
-    /// Start this number of Gaussians, at the maxima of highest contrast, instead of those above --contrast
+    /// Start this number of Gaussians, at the maxima of highest contrast, instead of all maxima above --contrast
     #[arg(long, value_name = "N", conflicts_with = "contrast")]
     gaussians: Option<usize>,
     /// Weight of the pixel coordinates against the bands, 0 to 10. Above 0 regions become compact, and there are no lines
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     spatial_weight: f64,
-    /// A pixel belongs to the Gaussians of its own shell only
+    /// A pixel belongs only to the Gaussians of its own shell
     #[arg(long)]
     constrained: bool,
 }

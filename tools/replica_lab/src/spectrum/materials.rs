@@ -17,13 +17,13 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Distance of the centers of two cells for the smoothing, m: that of the mosaic cameras at 15 m.
+/// Distance of the centers of two cells for the smoothing, m: the cell size of the mosaic cameras at 15 m.
 const CELL_M: f32 = 0.1;
 
 /// Show the materials of a cube.
 ///
 /// Writes for each cube `NAME_materials.png`, `NAME_ndvi.png` if it has red and near infrared, and `NAME_spectra.svg`, the mean
-/// spectrum of each material or region beside the nearest references. The table shows the share of each material.
+/// spectrum of each material or region with the nearest references. The table shows the share of each material.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -33,35 +33,35 @@ pub struct Args {
     /// Folder for the results; created if absent
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Calibration file of the manufacturer. Without a white reference, samples of TIFFs are divided by what the filters measure of
-    /// sunlight: spectra are then right up to a factor and the color of the light
+    /// Calibration file of the manufacturer. Without a white reference, samples of TIFFs are divided by the response of the filters to
+    /// sunlight: spectra are then correct up to a factor and the color of the light
     #[arg(long, value_name = "XML")]
     sensor: Option<PathBuf>,
     /// Region to compare with the references: left column, top row, columns, rows, in cells. Several are possible
     #[arg(long, value_name = "X,Y,W,H", value_parser = rectangle::<usize>)]
     region: Vec<Region>,
-    /// How spectra are compared with the references [default: learned; angle for TIFFs, whose noise and light the model does not know]
+    /// How spectra are compared with the references [default: learned; angle for TIFFs, whose noise and light differ from the training data]
     #[arg(long, value_parser = PossibleValuesParser::new(Method::ALL.map(Method::name)))]
     method: Option<String>,
-    /// Every pixel on its own, without its neighbors
+    /// Classify every pixel independently of its neighbors
     #[arg(long)]
     no_smoothing: bool,
     #[command(flatten)]
     answer: Answer,
 }
 
-/// What was found in a cube.
+/// Materials of a cube.
 #[derive(Serialize)]
 struct CubeMaterials {
     cube: String,
-    /// Material, share of the pixels.
+    /// Materials with their shares of the pixels.
     materials: Vec<(&'static str, f64)>,
     /// Median of the pixels with a vegetation index.
     median_ndvi: Option<f32>,
     regions: Vec<RegionMaterials>,
 }
 
-/// What was found in a region.
+/// Materials of a region.
 #[derive(Serialize)]
 struct RegionMaterials {
     region: Region,

@@ -9,7 +9,7 @@ use std::fmt::Write;
 /// The report on all inputs.
 #[derive(Serialize)]
 pub struct Report {
-    /// Why the values are not reflectances, if they are not.
+    /// Reason why the values are not reflectances. `None` for reflectances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
     /// Thresholds of the shares above.
@@ -25,7 +25,7 @@ pub struct InputReport {
     pub name: String,
     /// Findings, one sentence each.
     pub diagnosis: Vec<String>,
-    /// Sorted by wavelength.
+    /// Channels, sorted by wavelength.
     pub channels: Vec<ChannelReport>,
     /// The reference spectra nearest to the signature, the nearest first.
     #[serde(skip_serializing_if = "Vec::is_empty")]

@@ -7,12 +7,12 @@ use pictures::bands::channel::Channel;
 pub enum Stretch {
     /// "Clip by threshold": from the smallest value to this one, if that is below the largest.
     UpTo(f64),
-    /// "Clip by percentage": this percentage of the values, those closest to the channel's mean.
+    /// "Clip by percentage": this percentage of the values, the closest to the channel's mean.
     AroundMean(f64),
 }
 
 impl Stretch {
-    /// What is done to the values.
+    /// Description of the operation.
     pub fn description(self) -> String {
         match self {
             Stretch::UpTo(threshold) => format!("clipped at {threshold}"),
@@ -22,7 +22,7 @@ impl Stretch {
         }
     }
 
-    /// Stretches a channel, and in the same way other values of it (those of a region).
+    /// Stretches a channel, and with the same mapping the values of a region of it.
     pub fn apply(self, channel: &Channel, values: &[f32]) -> (Channel, Vec<f64>) {
         let (Some(min), Some(max)) = (channel.min(), channel.max()) else {
             return (channel.clone(), Vec::new());

@@ -1,4 +1,4 @@
-//! Random changes of sweeps in training; those of gain and height are for points, too.
+//! Random changes of sweeps in training; gain and height are also changed for points.
 
 mod intensities;
 mod sparse_view;
@@ -23,7 +23,7 @@ pub fn random_height_error_m(random: &mut Random) -> f32 {
     0.04 * random.gauss()
 }
 
-/// Changes a sweep at random, as another sensor at another place would see it: see the functions that it calls.
+/// Changes a sweep at random, as if another sensor at another place had measured it: see the functions that it calls.
 pub fn augment(
     of: LabeledImage,
     without_intensity: f32,
@@ -48,7 +48,7 @@ pub fn augment(
     of
 }
 
-/// Removes single returns, rows, a sector, or what is far, as a worse or covered sensor would.
+/// Removes single returns, rows, a sector or far returns, as a worse or covered sensor would.
 fn lose_returns(image: &mut PolarImage, truth: &mut [u8], random: &mut Random) {
     let columns = image.columns;
     let lost = if random.chance(0.4) { 0.5 * random.unit() } else { 0.0 };
@@ -60,7 +60,7 @@ fn lose_returns(image: &mut PolarImage, truth: &mut [u8], random: &mut Random) {
         let row_lost = random.chance(lost_rows);
         for (column, (pixel, truth)) in row.iter_mut().zip(truth).enumerate() {
             let is_hidden = (column + columns - first_hidden) % columns < hidden;
-            // The farther beyond the limit, the fewer returns.
+            // Returns become fewer with the distance beyond the limit.
             let is_far = random.unit() * pixel.range_m() > far_m;
             if row_lost || is_hidden || is_far || !pixel.is_valid() || random.chance(lost) {
                 *pixel = PolarPixel::default();
@@ -97,7 +97,7 @@ fn roughen(image: &mut PolarImage, truth: &[u8], class: Option<u8>, random: &mut
     }
 }
 
-/// Rotates and mirrors the image: the sensor starts its revolution anywhere, and streets have no right and left.
+/// Rotates and mirrors the image: the start of a revolution is arbitrary, and streets may be mirrored.
 fn turn(image: &mut PolarImage, truth: &mut [u8], random: &mut Random) {
     let columns = image.columns;
     let turn = random.index(columns);
@@ -140,7 +140,7 @@ fn disturb(image: &mut PolarImage, random: &mut Random) {
     }
 }
 
-/// Rotates and mirrors the measurements of the cameras. Those of removed returns stay: a pixel without a point has no features.
+/// Rotates and mirrors the measurements of the cameras. Removed returns keep them: a pixel without a point has no features.
 fn turn_camera(image: &mut PolarImage, turn: usize, mirror: bool) {
     let n_bands = image.n_camera_bands();
     if n_bands == 0 {

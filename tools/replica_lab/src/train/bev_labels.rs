@@ -6,7 +6,7 @@ use training::{BevLabels, NO_CELL, UNKNOWN};
 
 /// Side of the square around the LiDAR, as in LiDOG, m.
 const SIDE_M: f32 = 50.0;
-/// Side of a cell, m: at this size, poles and pedestrians still have cells of their own.
+/// Side of a cell, m: at this size, poles and pedestrians still have their own cells.
 const CELL_M: f32 = 0.5;
 /// Cells of a row.
 const SIDE: usize = (SIDE_M / CELL_M) as usize;
@@ -27,7 +27,7 @@ pub fn bev_labels(LabeledImage { image, truth }: &LabeledImage, n_classes: usize
     BevLabels { side: SIDE, cells, truth }
 }
 
-/// Row by x, column by y.
+/// The cell of a point: row by x, column by y.
 fn cell_of([x, y, _]: [f32; 3]) -> u32 {
     let [row, column] = [x, y].map(|v| ((v + 0.5 * SIDE_M) / CELL_M).floor());
     let inside = 0.0..SIDE as f32;

@@ -1,4 +1,4 @@
-//! Colors and spectra: what the features of a recipe need, and what a source has.
+//! Colors and spectra: needs of the features of a recipe, and columns of a source.
 
 use messages::{ColorRow, SpectraHeader, SubmapHeader, SubmapPoint};
 use segmentation::points::PointFeature;
@@ -60,7 +60,7 @@ pub struct CameraColumns {
 }
 
 impl CameraColumns {
-    /// The input of a model, as `infer` gives it.
+    /// The input of a model, as in `infer`.
     pub fn input<'a>(&'a self, header: &'a SubmapHeader, points: &'a [SubmapPoint]) -> ModelInput<'a> {
         let spectra = self.spectra.as_ref().map(|(header, rows)| SpectraColumn { header, rows });
         ModelInput { colors: self.colors.as_deref(), spectra, ..ModelInput::new(header, points) }

@@ -4,7 +4,7 @@ use random::Random;
 use segmentation::spherical::{CameraBand, PolarImage};
 use serde::{Deserialize, Serialize};
 
-/// Random changes of the training images beyond those that all have.
+/// Random changes of the training images in addition to the changes that all images have.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageAugmentation {
@@ -28,7 +28,7 @@ impl ImageAugmentation {
         let wrong = keys.into_iter().find(|(_, value)| !(0.0..=1.0).contains(value));
         wrong.map(|(key, value)| format!("{key} = {value}; must be 0 to 1"))
     }
-    /// Changes the measurements of the cameras, which are those of `bands`. Models without cameras use no random numbers.
+    /// Changes the measurements of the cameras, given by `bands`. Models without cameras use no random numbers.
     pub fn apply(self, image: &mut PolarImage, bands: &[CameraBand], random: &mut Random) {
         let is_spectral = |band: &CameraBand| matches!(band, CameraBand::Nm(_));
         for (spectral, probability) in [(false, self.color_dropout), (true, self.spectrum_dropout)] {

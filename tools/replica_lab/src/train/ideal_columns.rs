@@ -1,4 +1,4 @@
-//! Colors and spectra of simulated submaps, as ideal cameras at the LiDAR would see them.
+//! Colors and spectra of simulated submaps, as ideal cameras at the LiDAR would measure them.
 
 use super::camera_columns::{CameraColumns, CameraNeeds};
 use messages::{ColorRow, MAX_BANDS, NO_SPECTRUM, SpectraHeader, UNSEEN};

@@ -78,7 +78,7 @@ impl Recipe {
     fn bev_head(&self, settings: &Settings) -> anyhow::Result<BevHead> {
         let layers = settings.network.layers();
         let inputs = layers.last().map_or(0, |layer| layer.shape.in_channels[0]);
-        // Other weights than those of the network, which has the same seed.
+        // A different seed than the network, so that the weights differ.
         Ok(BevHead::random(inputs, settings.classes.len(), self.train.seed ^ 1 << 62)?)
     }
 }

@@ -4,25 +4,25 @@ use super::recipe_data::RecordingSource;
 use messages::SubmapPoint;
 use segmentation::intensity::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse, SubmapIntensities};
 
-/// Whose intensities labeled points have.
+/// Origin of the intensities of labeled points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum IntensityScale {
-    /// Those of the training: they count for its scale.
+    /// Intensities of the training: they count for its scale.
     Own,
-    /// Those of another sensor. The model sees them as `infer` brings them to the scale of the training, given by its intensities of the
-    /// ground.
+    /// Intensities of another sensor. They are scaled to the training, as in `infer`, by the intensities of the ground in the
+    /// training.
     Foreign(Option<GroundIntensities>),
 }
 
 impl IntensityScale {
-    /// Of a recording; `ground` has the intensities of the sources before it. Classes are predicted for drives of other sensors.
+    /// Scale of a recording; `ground` has the intensities of the sources before it. Classes are predicted for drives of other sensors.
     pub fn of(source: &RecordingSource, ground: &GroundHistogram) -> Self {
         match source.predicted_above {
             Some(_) => Self::Foreign(ground.quantiles()),
             None => Self::Own,
         }
     }
-    /// What becomes of the intensities of a submap.
+    /// The map for the intensities of a submap.
     pub fn map(self, points: &[SubmapPoint], heights_m: &[f32]) -> IntensityMap {
         match self {
             Self::Own => IntensityMap::Unchanged,

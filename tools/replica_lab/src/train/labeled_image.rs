@@ -8,7 +8,7 @@ use messages::{ClassId, ClassRow};
 use segmentation::spherical::{GroundUse, ImageSource, PolarImage, RangeSweep, Settings};
 use training::UNKNOWN;
 
-/// A sweep as an image, with the output number of the class of each pixel, [`UNKNOWN`] without one.
+/// A sweep as an image, with the output number of the class of each pixel, [`UNKNOWN`] without a class.
 pub struct LabeledImage {
     pub image: PolarImage,
     pub truth: Vec<u8>,

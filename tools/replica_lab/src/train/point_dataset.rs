@@ -24,7 +24,7 @@ use training::{
 /// Spheres of submaps. Memory: the simulated drives of one step, or one submap.
 pub struct PointDataset {
     file: SubmapFile,
-    /// The submaps by the classes that they have.
+    /// The submaps by their classes.
     spheres: TrainingSpheres,
     /// Number of points of each class.
     counts: Vec<u64>,
@@ -43,7 +43,7 @@ pub struct PointDataset {
 }
 
 impl PointDataset {
-    /// No submaps yet. They are kept in a file in `folder`.
+    /// A data set without submaps, which will be kept in a file in `folder`.
     pub fn new(recipe: &PointRecipe, folder: &Path, validation: bool) -> anyhow::Result<Self> {
         let settings = recipe.settings()?;
         let output = |class: &ClassId| settings.classes.iter().position(|name| name == class.name());
@@ -97,7 +97,7 @@ impl PointDataset {
     }
 }
 
-/// The cells of a submap with the most frequent class of their points, without those of removed classes, and the intensities of its
+/// The cells of a submap with the most frequent class of their points, without removed classes, and the intensities of its
 /// ground.
 fn cells_of(
     Labeled { input: whole, classes }: &Labeled<'_>,

@@ -1,4 +1,4 @@
-//! Recipes of networks on points. Data and training are those of all recipes.
+//! Recipes of networks on points. Tables `data` and `train` are as in all recipes.
 
 use super::recipe_data::{Data, check_data_and_training};
 use anyhow::ensure;
@@ -10,7 +10,7 @@ use training::{Augmentation, TrainSettings};
 /// Kinds of networks on points.
 pub const KINDS: [&str; 4] = ["kpconv", "pointnet", "pointnet2", "waffle_iron"];
 
-/// Examples of an epoch and of a validation at most.
+/// Largest number of examples of an epoch and of a validation.
 const MOST_SPHERES: usize = 1_000_000;
 
 /// A recipe of a network on points.
@@ -47,11 +47,11 @@ pub struct PointModel {
     pub cell_m: f32,
     /// Radius of the spheres, m.
     pub radius_m: f32,
-    /// Overlap of neighboring spheres in prediction, m; a third of the radius without it.
+    /// Overlap of neighboring spheres in prediction, m; by default a third of the radius.
     pub overlap_m: Option<f32>,
     /// Squares for prediction, instead of spheres.
     pub squares: Option<SquareSettings>,
-    /// Divisor of the logits before they become scores, 0.1 to 10; by default that with which the scores of the validation data are right.
+    /// Divisor of the logits before they become scores, 0.1 to 10; by default calibrated on the validation data.
     pub temperature: Option<f32>,
     /// A model to start from, relative to the folder of the recipe. Tensors of the same name and shape start with its values, the
     /// others with random values; of the last layer, the outputs of classes of the same name.
@@ -65,9 +65,9 @@ pub struct PointModel {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Spheres {
-    /// Training spheres of an epoch. Each class is the center's equally often.
+    /// Training spheres of an epoch. Each class is equally often the class of the center.
     pub epoch: usize,
-    /// Spheres on which epochs are compared, evenly chosen from all that cover the validation submaps.
+    /// Spheres on which epochs are compared, evenly chosen from all spheres that cover the validation submaps.
     pub validation: usize,
 }
 
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn shipped_model_has_the_settings_of_its_recipe() {
-        let AnyRecipe::Points(recipe) = load(&shipped("points.toml")).expect("is right") else { panic!("of points") };
+        let AnyRecipe::Points(recipe) = load(&shipped("points.toml")).expect("is right") else { panic!("a recipe of points") };
         let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/points.safetensors");
         let (model, _) = PointModel::load(Path::new(model)).expect("loads");
         let of_recipe = recipe.settings().expect("settings");

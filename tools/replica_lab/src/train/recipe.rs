@@ -36,7 +36,7 @@ pub struct Model {
     pub kind: String,
     /// Channels of each level.
     pub widths: Vec<usize>,
-    /// Channels of the last 3 x 3 convolution of a U-Net, if they differ from those of its finest level.
+    /// Channels of the last 3 x 3 convolution of a U-Net, if they differ from its finest level.
     pub head: Option<usize>,
     /// Columns of a sweep's image.
     pub columns: usize,
@@ -46,7 +46,7 @@ pub struct Model {
     pub classes: Vec<String>,
     /// Side of the voting cells, m.
     pub vote_cell_m: f32,
-    /// Input features; by default those of the shipped model.
+    /// Input features; by default as the shipped model.
     #[serde(default)]
     pub features: Features,
     /// `kept`, or `removed`: ground points are not in the image, and get the class `ground`.
@@ -59,7 +59,7 @@ pub struct Model {
     /// both, above all on other data (Wortsman et al. 2022, "Robust fine-tuning of zero-shot models").
     #[serde(default)]
     pub start_share: f32,
-    /// Divisor of the logits before they become scores, 0.1 to 10; by default that with which the scores of the validation data are right.
+    /// Divisor of the logits before they become scores, 0.1 to 10; by default calibrated on the validation data.
     pub temperature: Option<f32>,
     /// Name prefixes of variables that are not trained.
     #[serde(default)]

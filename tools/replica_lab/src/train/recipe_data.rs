@@ -19,7 +19,7 @@ pub struct Data {
     /// without names, each drive has a random LiDAR.
     #[serde(default)]
     pub sensors: Vec<String>,
-    /// Seeds of the training drives; none without towns.
+    /// Seeds of the training drives; absent without towns.
     pub seeds: Option<Range>,
     /// Seeds of the validation drives. They must not overlap with `seeds`.
     pub validation_seeds: Option<Range>,
@@ -70,16 +70,16 @@ pub struct RecordingSource {
     pub file: PathBuf,
     /// For a recorded run, the drive whose labels are the truth, relative to the folder of the recipe.
     pub drive: Option<PathBuf>,
-    /// For self-training: the classes of the recorded run, which a model has predicted, are taken for the truth where their score is at
+    /// For self-training: the classes of the recorded run, which a model has predicted, serve as truth where their score is at
     /// least this, 0 to 1.
     pub predicted_above: Option<f32>,
-    /// Whether epochs are compared on it. Otherwise it is trained on.
+    /// Whether the recording is used to compare epochs instead of for training.
     #[serde(default)]
     pub validation: bool,
-    /// Examples per epoch for each of its sweeps, above 0 and at most 1000. Below 1, an epoch has another part of them.
+    /// Examples per epoch for each of its sweeps, above 0 and at most 1000. Below 1, each epoch uses a different part of them.
     #[serde(default = "weight")]
     pub weight: f64,
-    /// One of this many sweeps is used.
+    /// One sweep in this many is used.
     #[serde(default = "every")]
     pub every: usize,
 }
@@ -107,7 +107,7 @@ impl Range {
 }
 
 impl RecordingSource {
-    /// Checks it, also against the recordings before it.
+    /// Checks the source by itself and against the recordings before it.
     fn check(&self, before: &[Self]) -> anyhow::Result<()> {
         let weight = self.weight;
         anyhow::ensure!(weight > 0.0 && weight <= 1000.0, "weight = {weight}, must be above 0 and at most 1000");
@@ -120,13 +120,13 @@ impl RecordingSource {
             anyhow::ensure!((0.0..=1.0).contains(&score), "predicted_above = {score}, must be 0 to 1");
             anyhow::ensure!(
                 self.drive.is_none(),
-                "predicted_above: the labels of `drive` are the truth; remove one of both"
+                "predicted_above: the labels of `drive` are the truth; remove one of the two"
             );
-            anyhow::ensure!(!self.validation, "predicted_above: predictions are no truth to validate on");
+            anyhow::ensure!(!self.validation, "predicted_above: predictions cannot serve as truth for validation");
         }
         let is_same = |other: &Self| other.file == self.file || (self.drive.is_some() && other.drive == self.drive);
         let crosses = before.iter().any(|other| is_same(other) && other.validation != self.validation);
-        anyhow::ensure!(!crosses, "is trained on and validated on: validation needs other drives");
+        anyhow::ensure!(!crosses, "is used for training and validation: validation needs other drives");
         Ok(())
     }
 }

@@ -1,5 +1,5 @@
 //! Labeled submaps of recordings: labeled clouds that `replica import` has written, recorded runs over drives with labels, and recorded
-//! runs whose predicted classes are taken for the truth.
+//! runs whose predicted classes serve as truth.
 
 use super::camera_columns::CameraNeeds;
 use super::recipe_data::RecordingSource;
@@ -15,13 +15,13 @@ use messages::{
 use recording::{Recorded, RecordingReader};
 use std::path::{Path, PathBuf};
 
-/// Where the classes are.
+/// Source of the classes.
 enum Truth {
-    /// In the recording, after each submap.
+    /// Classes in the recording, after each submap.
     Recorded,
-    /// Beside the returns of a drive.
+    /// Labels of the returns of a drive.
     Drive(Box<TruePoints>),
-    /// Predicted by a model, in the recording, after each submap; those with this score or more are taken.
+    /// Classes in the recording, after each submap, predicted by a model; only classes with at least this score are used.
     Predicted { least_score: u8 },
 }
 
@@ -34,7 +34,7 @@ pub struct RecordedSweeps {
 }
 
 impl RecordedSweeps {
-    /// Opens the recording of a source; paths are relative to `folder`. An error if its truth is nowhere, or it lacks a topic.
+    /// Opens the recording of a source; paths are relative to `folder`. An error if it has no truth or lacks a topic.
     pub fn open(source: &RecordingSource, folder: &Path, needs: &CameraNeeds) -> anyhow::Result<Self> {
         let path = folder.join(&source.file);
         let reader = RecordingReader::open(&path)?;
@@ -60,9 +60,9 @@ impl RecordedSweeps {
         } else {
             ensure!(
                 has_true_classes(&reader),
-                "{}: its classes are not the truth: `drive` must name the drive of this run, whose labels are; only \
-                     labeled clouds that `replica import` has written need none; with `predicted_above`, predicted classes are \
-                     taken for the truth",
+                "{}: its classes are not the truth: `drive` must name the drive of this run, which has the labels; only \
+                     labeled clouds that `replica import` has written need no drive; with `predicted_above`, predicted classes \
+                     serve as truth",
                 path.display()
             );
             Truth::Recorded

@@ -8,7 +8,7 @@ use messages::{ClassId, GROUND_CLASSES};
 pub struct RemovedClasses(Vec<ClassId>);
 
 impl RemovedClasses {
-    /// The classes of these names, none of which the model has.
+    /// The classes of these names, which the model must not have.
     pub fn of_names(names: &[String], of_model: &[String]) -> anyhow::Result<Self> {
         let class = |name: &String| {
             ensure!(
@@ -27,7 +27,7 @@ impl RemovedClasses {
     pub fn has_ground(&self) -> bool {
         GROUND_CLASSES.iter().any(|class| self.0.contains(class))
     }
-    /// Adds the points of the removed classes to those that are left out for other reasons.
+    /// Adds the points of the removed classes to the points that are left out for other reasons.
     pub fn with_points(&self, removed: Option<Vec<bool>>, classes: &[u8]) -> Option<Vec<bool>> {
         if self.0.is_empty() {
             return removed;

@@ -6,7 +6,7 @@ use anyhow::ensure;
 use messages::{SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
 use std::collections::BTreeMap;
 
-/// Submaps that wait for columns at most: `colorize` holds one until the images after it have come.
+/// Largest number of submaps that wait for columns: `colorize` holds a submap until the images after it have arrived.
 const MOST_WAITING: usize = 8;
 
 /// A submap with the class id of each point and the columns of the cameras.
@@ -23,7 +23,7 @@ impl LabeledSubmap {
     }
 }
 
-/// What has been read of a submap.
+/// Parts of a submap that have been read.
 #[derive(Default)]
 pub struct Parts {
     pub submap: Option<(SubmapHeader, Vec<SubmapPoint>)>,
@@ -79,8 +79,8 @@ impl SubmapJoin {
     pub fn parts(&mut self, seq: u64) -> Option<&mut Parts> {
         (seq >= self.begin).then(|| self.waiting.entry(seq).or_default())
     }
-    /// The next submap in order; `None` until more has been read. Columns come in the order of their submaps: what an earlier
-    /// submap lacks when a later one is complete, or at the end, was lost.
+    /// The next submap in order; `None` until more has been read. Columns arrive in the order of their submaps: parts that an earlier
+    /// submap lacks when a later one is complete, or at the end, were lost.
     pub fn next(&mut self, at_end: bool) -> anyhow::Result<Option<LabeledSubmap>> {
         while let Some((&seq, _)) = self.waiting.first_key_value() {
             let is_ready = at_end
@@ -147,7 +147,7 @@ mod tests {
         join.parts(2).expect("is not done").classes = None;
         add_colors(&mut join, 3, 3);
         assert_eq!([next(&mut join, false), next(&mut join, false)], [Some([1, UNSEEN]), Some([3, 3])]);
-        assert!(join.parts(1).is_none(), "a column that comes too late");
+        assert!(join.parts(1).is_none(), "a column that arrives too late");
         add_submap(&mut join, 4);
         assert_eq!([next(&mut join, false), next(&mut join, true)], [None, Some([4, UNSEEN])]);
         (5..14).for_each(|seq| add_submap(&mut join, seq));

@@ -51,7 +51,7 @@ struct Source {
 }
 
 impl SweepDataset {
-    /// No sweeps yet. They are kept in a file in `folder`.
+    /// A data set without sweeps, which will be kept in a file in `folder`.
     pub fn new(recipe: &Recipe, folder: &Path) -> anyhow::Result<Self> {
         let settings = recipe.settings()?;
         let file = SweepFile::create(folder, settings.columns, settings.features.camera_bands().len())?;
@@ -167,7 +167,7 @@ impl TrainingData for SweepDataset {
     }
 
     fn finish(&mut self) {
-        // Without the ground, points near it are other things.
+        // Without the ground, points near it belong to other objects.
         self.ground_intensities = self.ground.quantiles().filter(|_| !self.removed_classes.has_ground());
     }
 

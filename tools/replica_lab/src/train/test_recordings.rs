@@ -21,7 +21,7 @@ pub fn submaps() -> Vec<TownSubmap> {
     submaps
 }
 
-/// As `replica import` writes labeled clouds, with the columns of cameras beside; the topics are those of the first submap.
+/// Writes labeled clouds as `replica import` does, and also the columns of cameras; the topics are taken from the first submap.
 pub fn write_recording(path: &Path, submaps: &[TownSubmap], about: &str, camera: &[CameraColumns]) {
     let about = BTreeMap::from([(about.to_owned(), String::new())]);
     let mut tables = vec![ByteTable::of::<SubmapTopic>(), ByteTable::of::<ClassTopic>()];

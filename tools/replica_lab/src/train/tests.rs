@@ -146,7 +146,7 @@ fn recorded_colors_come_into_the_points() {
 #[test]
 fn simulated_towns_have_colors_and_reflectances() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // A drive with a perfect LiDAR: points of other units lie beside what their rays hit.
+    // A drive with a perfect LiDAR: points of other units are displaced from the surfaces that their rays hit.
     let towns = TOWNS.replace("first = 1, last = 1", "first = 3, last = 3");
     let recipe = recipe(CLASSES, "features = ['valid', 'red', 'green', 'band_670', 'band_800']", &towns);
     let mut data = SweepDataset::new(&recipe, folder.path()).expect("a file");
@@ -291,11 +291,11 @@ fn sparse_views_and_labels_of_cells_are_added_to_unchanged_training_examples() {
         let sparse = on.sparse_view.expect("a sparse view");
         let bev = on.bev.expect("labels");
         assert_eq!(bev.cells.len(), on.truth.len());
-        // Pixels of both views are within them.
+        // Pixels are within both views.
         let n_sparse = sparse.input.height() * sparse.input.width() * 2;
         assert!(sparse.pixels.len() > 500, "{}", sparse.pixels.len());
         assert!(sparse.pixels.iter().all(|[of, full]| (*of as usize) < n_sparse && (*full as usize) < on.truth.len()));
-        // The labels of cells are those of pixels in them.
+        // The label of a cell is the label of pixels in it.
         let has_class = |cell: usize, class: u8| {
             let mut pixels = bev.cells.iter().zip(&on.truth);
             pixels.any(|(of, truth)| *of as usize == cell && *truth == class)

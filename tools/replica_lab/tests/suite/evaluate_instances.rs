@@ -1,4 +1,4 @@
-//! `replica-lab evaluate instances` on a drive with labels and on clouds like those of a run.
+//! `replica-lab evaluate instances` on a drive with labels and on clouds as a run writes them.
 
 use crate::returns::Returns;
 use crate::support::{printed, replica_lab, simulate, text};

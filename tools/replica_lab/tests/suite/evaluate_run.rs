@@ -11,7 +11,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-/// Two thirds of a second by LiDAR and GNSS alone.
+/// A drive of two thirds of a second with only LiDAR and GNSS.
 fn simulated(folder: &Path, town: &str) -> PathBuf {
     let drive = folder.join(town);
     let rig = RigSpec::built_in("survey").expect("is built in");
@@ -34,7 +34,7 @@ fn scores(run: &Path, drive: &Path) -> Value {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 /// IoU, precision and recall of a class, counted by hand.
@@ -115,11 +115,11 @@ fn scores_of_a_finished_run_equal_counts_by_hand() {
     assert!((ratio(0) - 2.0 / 1.5).abs() < 2e-3 && (ratio(1) - 2.0).abs() < 4e-3, "{stated}");
     assert_eq!(stated["honest"].as_bool(), Some(true));
 
-    // Four deviations of height are not honest.
+    // An error of four deviations of height is not consistent.
     let sure = folder.path().join("sure");
     write_run(&drive, &sure, &RunOptions { off_m: [0.0, 2.0], ..RunOptions::default() });
     let said = succeeded(&evaluate(&sure, &drive, &[]));
-    assert!(said.contains("The run is too sure: an error lies beyond three"), "{said}");
+    assert!(said.contains("The run is overconfident: an error lies beyond three"), "{said}");
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn truth_of_sweeps_without_point_times_is_found_by_ring_angle_and_range() {
     let untimed = folder.path().join("untimed");
     let n_rings = rewritten_without_times(&timed, &untimed);
     assert!(n_rings > 20, "{n_rings} rings");
-    // As the odometry sets them, if it is told that the sensor spins.
+    // As the odometry sets them if its settings state that the sensor spins.
     let offset_nanos: [fn(&lidar::SweepPoint) -> u32; 2] = [|_| 0, |point| u32::from(point.azimuth) * 2_700];
     for (k, offset_nanos) in offset_nanos.into_iter().enumerate() {
         let run = folder.path().join(format!("run_{k}"));
@@ -256,7 +256,7 @@ fn points_of_unlabeled_sweeps_are_counted_apart_and_only_others_change_the_exit_
     assert!(count("joined") * 2 < written.n_points && count("joined") > 0, "{points}");
     assert_eq!(points["share_joined"], 1.0);
 
-    // Points that are returns of no sweep are doubted: one of the clouds is an hour late.
+    // Points that are returns of no sweep raise a doubt: one of the clouds is an hour late.
     let cloud = "clouds/submap_0001.ply";
     std::fs::copy(late.join(cloud), run.join(cloud)).expect("copies");
     let output = evaluate(&run, &drive, &["--min-joined", "99"]);
@@ -292,7 +292,7 @@ fn wrong_arguments_and_folders_are_reported() {
     refused(&[text(&folder.path().join("none")), "--truth", text(&drive)], 1, "not the output folder of a run");
     refused(&[text(&drive), "--truth", text(&drive)], 1, "no clouds (*.ply)");
     refused(&[text(&run), "--truth", text(&drive), "--instances", "cars"], 2, "unknown class \"cars\"");
-    // The subcommands are still there.
+    // The subcommands still exist.
     refused(&["trajectory", text(&drive)], 2, "<ESTIMATE>");
 
     std::fs::remove_file(run.join("clouds/index.json")).expect("removed");

@@ -14,7 +14,7 @@ pub fn printed(output: &Output) -> String {
     String::from_utf8_lossy(&[&output.stdout[..], &output.stderr[..]].concat()).into_owned()
 }
 
-/// What a successful command printed.
+/// Output of a successful command.
 pub fn succeeded(output: &Output) -> String {
     assert!(output.status.success(), "{}: {}", output.status, printed(output));
     printed(output)

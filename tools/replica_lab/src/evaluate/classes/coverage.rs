@@ -1,4 +1,4 @@
-//! Coverage and accuracy: how many points a threshold of the score keeps, and how many of those are correct.
+//! Coverage and accuracy: the share of points above a threshold of the score, and the share of them that is correct.
 
 /// Thresholds of the table.
 pub const THRESHOLDS: [f64; 9] = [0.0, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99];
@@ -13,9 +13,9 @@ pub struct Coverage {
 /// The points with at least a score.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kept {
-    /// Their share of all points.
+    /// Share of all points.
     pub share: f64,
-    /// The correct share of them; `None` if there are none.
+    /// The correct share of these points; `None` without points.
     pub accuracy: Option<f64>,
 }
 
@@ -53,7 +53,7 @@ impl Coverage {
         let accuracy = (n > 0).then(|| n_correct as f64 / n as f64);
         Kept { share: n as f64 / ((n + n_rest) as f64).max(1.0), accuracy }
     }
-    /// Share of the points kept and accuracy of these, by falling threshold.
+    /// Share of kept points and their accuracy, by falling threshold.
     pub fn curve(&self) -> Vec<[f64; 2]> {
         let total: u64 = self.by_score.iter().map(|[n, _]| n).sum();
         let mut n_kept = 0;
@@ -84,7 +84,7 @@ impl Coverage {
 mod tests {
     use super::*;
 
-    /// Two correct with full score, one of two correct with half of it, one wrong with score 0.
+    /// Two correct points with full score, one of two correct with half the score, one wrong with score 0.
     fn small() -> Coverage {
         let mut coverage = Coverage::default();
         for (score, is_correct) in [(255, true), (255, true), (128, true), (128, false), (0, false)] {

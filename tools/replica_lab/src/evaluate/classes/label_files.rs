@@ -15,8 +15,8 @@ pub fn sources(truth: &Path, prediction: &Path, empty: &Tally) -> anyhow::Result
             .collect::<std::io::Result<_>>()?;
         files.retain(|path| path.extension().is_some_and(|extension| extension == "label"));
         files.sort();
-        let beside = |path: &PathBuf| prediction.join(path.file_name().unwrap_or_default());
-        files.iter().map(|path| (path.clone(), beside(path))).collect()
+        let predicted = |path: &PathBuf| prediction.join(path.file_name().unwrap_or_default());
+        files.iter().map(|path| (path.clone(), predicted(path))).collect()
     } else {
         vec![(truth.to_owned(), prediction.to_owned())]
     };

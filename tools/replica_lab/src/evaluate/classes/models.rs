@@ -8,9 +8,9 @@ use std::path::Path;
 
 /// A model, and the same model with other uses of the intensities.
 pub struct Models {
-    /// With the use of `--intensity`.
+    /// The model with the use of intensities from `--intensity`.
     pub asked: Box<dyn Segmenter>,
-    /// With intensities as they come and without, unless that is the use of `--intensity`: a word of `--intensity` and the model.
+    /// The model with raw intensities and without intensities, except the use of `--intensity`: a word of `--intensity` and the model.
     pub other_uses: Vec<(&'static str, Box<dyn Segmenter>)>,
 }
 

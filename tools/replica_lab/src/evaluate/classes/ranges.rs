@@ -4,7 +4,7 @@ use super::seven;
 use messages::ClassId;
 use scores::Confusion;
 
-/// Ends of the ranges, m; the last one has none.
+/// Ends of the ranges, m; the last range is unbounded.
 const ENDS_M: [f32; 3] = [10.0, 20.0, 40.0];
 
 /// Names of the ranges.
@@ -13,9 +13,9 @@ pub const NAMES: [&str; 4] = ["0-10 m", "10-20 m", "20-40 m", "beyond 40 m"];
 /// The points of one range.
 #[derive(Clone)]
 pub struct OfRange {
-    /// By our classes.
+    /// Confusion of the classes of this project.
     pub classes: Confusion,
-    /// By the seven classes.
+    /// Confusion of the seven classes.
     pub seven: Confusion,
 }
 
@@ -25,7 +25,7 @@ impl Default for OfRange {
     }
 }
 
-/// Index of the range of a distance. Distances that are not numbers are beyond all ends.
+/// Index of the range of a distance. NaN is beyond all ends.
 pub fn of_distance(range_m: f32) -> usize {
     ENDS_M.iter().position(|end_m| range_m < *end_m).unwrap_or(ENDS_M.len())
 }

@@ -23,7 +23,7 @@ pub struct ClassReport {
 }
 
 impl ClassReport {
-    /// Of at least one source.
+    /// Report of at least one source.
     pub fn new(sources: Vec<Source>, intensity: &str) -> Self {
         let comparability = semantic_kitti::comparability(&sources);
         let all = Tally::sum(sources.iter().map(|source| &source.tally));
@@ -36,7 +36,7 @@ impl ClassReport {
         ScoreTable { names, clouds }
     }
 
-    /// One line for each class of each source: the classes only.
+    /// Scores of the classes: one line for each class of each source.
     pub fn csv(&self) -> String {
         self.table().csv()
     }
@@ -74,7 +74,7 @@ impl ClassReport {
         text
     }
 
-    /// All numbers, unrounded: a list of the sources, and of all of them together if there are several.
+    /// All numbers, unrounded: a list of the sources, followed by their total if there are several.
     pub fn json(&self) -> serde_json::Value {
         let mut clouds = self.table().json();
         let comparability = |source: &Source| (source.origin == super::source::Origin::Real).then_some(());
@@ -152,7 +152,7 @@ mod tests {
             "| **SemanticKITTI** | 2 | 2 | 100.0 % | 100.0 % | 100.0 % | 0.0 % |",
             "| **all** | 10 | 7 | 75.0 % | 75.0 % | 85.7 % | 2.9 % |",
             "SemanticKITTI: 2 sweeps: not comparable with published benchmarks.",
-            "Sweeps without intensities: those of 08.",
+            "Without intensities: sweeps of 08.",
             "Mean over 2 of the seven classes. Without labeled points: vehicle, person, sidewalk, manmade, vegetation.",
             "| beyond 40 m | 1 | 0.0 % | 0.0 % | 0.0 % |",
             "| 0.30 | 85.7 % | 100.0 % |",

@@ -44,7 +44,7 @@ pub fn comparability(sources: &[Source]) -> Option<String> {
         [] => None,
         [of_sequence] if of_sequence.name == "08" && n_sweeps == BENCHMARK_SWEEPS => Some(format!(
             "{n_sweeps} {sweeps}, all of sequence 08: the seven classes compare with published benchmarks; our classes do not, because \
-             they merge those of SemanticKITTI"
+             they merge classes of SemanticKITTI"
         )),
         _ => Some(format!("{n_sweeps} {sweeps}: not comparable with published benchmarks")),
     }

@@ -1,6 +1,6 @@
 //! The seven classes that domain-generalization papers score, with the maps of LiDOG (Saltori et al., ICCV 2023).
 //!
-//! The maps of truth are those of its repository, `utils/datasets/_resources/{synth4d,semantickitti}2common.yaml`: Synth4D has the
+//! The maps of truth come from its repository, `utils/datasets/_resources/{synth4d,semantickitti}2common.yaml`: Synth4D has the
 //! class table of this project. Classes without a counterpart are not scored. A network of seven classes cannot predict
 //! `traffic-light` or `static`; a model of this project can, and both count as manmade.
 
@@ -9,7 +9,7 @@ use messages::ClassId::{
     TrafficLight, TrafficSign, Vegetation, Vehicles, Wall,
 };
 
-/// Names of the classes; last, predictions that are none of them.
+/// Names of the classes; the last one stands for predictions of other classes.
 pub const NAMES: [&str; 8] =
     ["vehicle", "person", "road", "sidewalk", "terrain", "manmade", "vegetation", "none of the seven"];
 
@@ -46,7 +46,7 @@ pub fn of_prediction(class: u8) -> usize {
     }
 }
 
-/// The class of an id of SemanticKITTI's benchmark, 0 to 19; `None` if it is not scored: of the vehicles only cars are, and no riders.
+/// The class of an id of SemanticKITTI's benchmark, 0 to 19; `None` if it is not scored: cars are the only scored vehicles, and riders are not scored.
 pub fn of_benchmark_id(id: u32) -> Option<usize> {
     Some(match id {
         1 => VEHICLE,

@@ -1,8 +1,8 @@
-//! What was scored: a label file, a simulated drive, real sweeps.
+//! Sources of scored points: a label file, a simulated drive, real sweeps.
 
 use super::tally::Tally;
 
-/// Where points come from.
+/// Origin of points.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// Label files, without scores and positions.
@@ -28,7 +28,7 @@ impl Origin {
 pub struct Source {
     /// Name in tables.
     pub name: String,
-    /// Where its points come from.
+    /// Origin of its points.
     pub origin: Origin,
     /// Number of sweeps; 0 if unknown.
     pub n_sweeps: usize,

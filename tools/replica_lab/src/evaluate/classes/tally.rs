@@ -7,18 +7,18 @@ use super::seven;
 use messages::{ClassId, ClassRow, GROUND_CLASSES};
 use scores::Confusion;
 
-/// What is counted of points whose true class is scored.
+/// Counts of points whose true class is scored.
 #[derive(Clone)]
 pub struct Tally {
-    /// By our classes; with [`Self::of_ground`], by ground and other.
+    /// Confusion of the classes of this project; with [`Self::of_ground`], of ground and other.
     pub classes: Confusion,
-    /// By the seven classes.
+    /// Confusion of the seven classes.
     pub seven: Confusion,
     /// Calibration of the scores; without points if there are no scores.
     pub reliability: Reliability,
     /// Accuracy by score; without points if there are no scores.
     pub coverage: Coverage,
-    /// By range; without points if positions are unknown.
+    /// Counts by range; without points if positions are unknown.
     pub ranges: [OfRange; ranges::NAMES.len()],
     /// Points without a predicted class; not counted with [`Self::of_ground`].
     pub n_unknown: u64,
@@ -35,14 +35,14 @@ pub struct TrueClass {
 }
 
 impl TrueClass {
-    /// Of a class id.
+    /// The truth of a point with a class id.
     pub fn of(class: u8) -> Self {
         Self { class, seven: seven::of_truth(class) }
     }
 }
 
 impl Tally {
-    /// Without points.
+    /// A tally without points.
     pub fn new() -> Self {
         Self {
             classes: Confusion::new(ClassId::ALL.len()),
@@ -54,8 +54,8 @@ impl Tally {
             ground_only: false,
         }
     }
-    /// Without points; scores ground against all other classes. Neither the seven classes nor the scores are counted, because a score is
-    /// that of one class.
+    /// A tally without points that scores ground against all other classes. Neither the seven classes nor the scores are counted,
+    /// because a score belongs to one class.
     pub fn of_ground() -> Self {
         Self { ground_only: true, ..Self::new() }
     }
@@ -153,7 +153,7 @@ mod tests {
         assert_eq!(tally.n_unknown, 2);
         // Points without class have score 0: a threshold above 0 does not keep them.
         assert_eq!(tally.coverage.kept(0.1).share, 0.75);
-        // Of the score 1 all are wrong, of the score 0.8 half.
+        // All points with score 1 are wrong, and half of those with score 0.8.
         let expected = (1.0 + (2.0 * 0.8 - 1.0)) / 4.0;
         assert!((tally.calibration_error().expect("has scores") - expected).abs() < 1e-12);
     }

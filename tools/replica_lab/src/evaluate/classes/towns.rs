@@ -30,7 +30,7 @@ pub fn sources(model: &dyn Segmenter, args: &Args, empty: &Tally) -> anyhow::Res
                     scale_intensities(&mut submap, args.gain);
                     time += add(&mut tally, model, &submap, picture.take())?;
                 }
-                // Names without sensor as long as there is one only.
+                // Names without sensor if there is only one.
                 let of_sensor = if args.sensor.len() > 1 { format!("{sensor}-") } else { String::new() };
                 let name = format!("{of_sensor}{name}-{seed}");
                 let n_sweeps = args.submaps * args.sweeps;
@@ -44,7 +44,7 @@ pub fn sources(model: &dyn Segmenter, args: &Args, empty: &Tally) -> anyhow::Res
     Ok(sources)
 }
 
-/// As another sensor would report them.
+/// Scales intensities, as another sensor would report them.
 fn scale_intensities(submap: &mut TownSubmap, gain: f32) {
     for point in &mut submap.points {
         point.intensity = (f32::from(point.intensity) * gain).round() as u8;

@@ -14,7 +14,7 @@ const MAX_POINTS: usize = 1 << 30;
 
 /// Positions relative to an origin near them: within 8 km an f32 resolves better than 1 mm.
 pub struct LocalPoints {
-    /// Relative to the origin, m.
+    /// Positions relative to the origin, m.
     pub points: Vec<[f32; 3]>,
     /// The origin, m.
     pub origin: Vector3<f64>,
@@ -27,7 +27,7 @@ pub struct PointSelection {
     pub static_only: bool,
     /// The origin. `None`: the first point, rounded to m.
     pub origin: Option<Vector3<f64>>,
-    /// Applied to all points.
+    /// Transform that is applied to all points.
     pub truth_world_from_world: Pose,
 }
 

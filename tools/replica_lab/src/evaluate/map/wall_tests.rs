@@ -39,7 +39,7 @@ fn thickness_and_distance_match_the_walls() {
     for (map, thickness, distance) in [(0, 0.03, 0.06), (1, 0.005, 0.0)] {
         assert_eq!(number(map, "/points"), 40_500.0);
         assert!((number(map, "/facade_thickness_m/median") - thickness).abs() < 0.001, "{json}");
-        // The sheets of the first wall are at 3 and 9 cm, those of the second at -0.5 and 0.5 cm.
+        // The sheets of the first wall are at 3 and 9 cm, the sheets of the second at -0.5 and 0.5 cm.
         assert!((number(map, "/cloud_to_truth/near_m/mean") - distance).abs() < 0.006, "{json}");
     }
     assert!(number(0, "/mean_map_entropy") > number(1, "/mean_map_entropy") + 1.0, "{json}");

@@ -1,4 +1,4 @@
-//! What spectra add to the classes of a network: green surfaces become plants, surfaces that are not green are none.
+//! Correction of a network's classes by spectra: green surfaces become plants, other surfaces become other classes.
 
 use crate::evaluate::classes::NOT_SCORED;
 use crate::materials::TownSpectra;
@@ -9,7 +9,7 @@ use segmentation::{ModelInput, Segmenter};
 
 /// Vegetation index above which a surface is green, and below which it is not. Between them nothing is changed.
 const GREEN: [f32; 2] = [0.2, 0.4];
-/// Score of a material, of 255, from which a class is changed.
+/// Least score of a material, of 255, that changes a class.
 const SURE: u8 = 200;
 /// Score of a class, of 255, below which the network is unsure.
 const UNSURE: u8 = 178;
@@ -18,9 +18,9 @@ pub const THRESHOLDS: [f32; 5] = [0.2, 0.3, 0.4, 0.5, 0.6];
 
 /// Counts of the points with a spectrum.
 pub struct FusedClasses {
-    /// Of the network; corrected by the vegetation index; by the material; by the material where the network is unsure.
+    /// Classes of the network; corrected by the vegetation index; by the material; by the material where the network is unsure.
     pub classes: [Confusion; 4],
-    /// By threshold: whether the class is vegetation or terrain, whether the vegetation index is above.
+    /// Confusion by threshold: whether the class is vegetation or terrain, whether the vegetation index is above the threshold.
     pub index: [Confusion; THRESHOLDS.len()],
 }
 
@@ -28,7 +28,7 @@ pub struct FusedClasses {
 type IsGreen = Option<bool>;
 
 impl FusedClasses {
-    /// Without points.
+    /// Counts without points.
     pub fn new() -> Self {
         let empty = || Confusion::new(ClassId::ALL.len());
         Self { classes: [empty(), empty(), empty(), empty()], index: THRESHOLDS.map(|_| Confusion::new(2)) }
@@ -90,8 +90,8 @@ fn by_material(probabilities: &Probabilities) -> IsGreen {
     }
 }
 
-/// The class of point `i` with its spectrum. A point of vegetation that is not green gets the most frequent class of its neighbors that
-/// are not green, either.
+/// The class of point `i` with its spectrum. A point of vegetation that is not green gets the most frequent class of its neighbors
+/// that are not green.
 fn corrected(i: usize, classes: &[u8], is_green: &[IsGreen], others: impl Iterator<Item = usize>) -> u8 {
     let class = classes[i];
     let is_one_of = |known: &[ClassId]| known.iter().any(|known| *known as u8 == class);

@@ -24,7 +24,7 @@ impl Report<'_> {
         [self.methods(), self.materials(), self.ranges(), self.index(), self.fused()].concat()
     }
 
-    /// The same for programs.
+    /// The tables as JSON.
     pub fn json(&self) -> Value {
         let methods = self.tallies.iter().map(|(method, smoothing, tally)| {
             json!({"method": method.name(), "smoothing": smoothing.name(), "accuracy": tally.all().overall_accuracy(),
@@ -169,7 +169,7 @@ fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "-".to_owned(), |share| format!("{:.1}", 100.0 * share))
 }
 
-/// The wrong material that is found most often, with its share.
+/// The most frequent wrong material, with its share.
 fn most_confused(confusion: &Confusion, material: usize) -> String {
     let n = confusion.class(material).n_truth.max(1);
     let others = MaterialId::ALL.iter().filter(|other| **other as usize != material);

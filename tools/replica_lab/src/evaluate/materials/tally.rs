@@ -9,21 +9,21 @@ pub const RANGES_M: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
 /// Lowest scores of [`Tally::by_score`].
 pub const SCORES: [f32; 4] = [0.0, 0.5, 0.7, 0.9];
 
-/// What is counted of points whose true material is known.
+/// Counts of points whose true material is known.
 #[derive(Clone)]
 pub struct Tally {
-    /// In the sun, in the shade.
+    /// Confusion in the sun and in the shade.
     pub light: [Confusion; 2],
-    /// Of surfaces that the model was trained on, of others.
+    /// Confusion on surfaces of the training data, and on other surfaces.
     pub surfaces: [Confusion; 2],
-    /// By distance.
+    /// Confusion by distance.
     pub ranges: [Confusion; RANGES_M.len()],
-    /// Of points with at least this score.
+    /// Confusion of points with at least this score.
     pub by_score: [Confusion; SCORES.len()],
 }
 
 impl Tally {
-    /// Without points.
+    /// A tally without points.
     pub fn new() -> Self {
         let empty = || Confusion::new(N_MATERIALS);
         Self {
@@ -56,7 +56,7 @@ impl Tally {
         }
     }
 
-    /// All points.
+    /// Confusion of all points.
     pub fn all(&self) -> Confusion {
         let mut all = self.light[0].clone();
         all.merge(&self.light[1]);

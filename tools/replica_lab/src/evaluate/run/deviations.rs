@@ -1,4 +1,4 @@
-//! Whether a run knows how wrong it is: the standard deviations that it states for its submaps against their real errors.
+//! Comparison of the standard deviations that a run states for its submaps with their real errors.
 
 use super::place::RunPlace;
 use super::pose_error::PoseError;
@@ -8,12 +8,12 @@ use drive::manifest::PoseEntry;
 use geometry::{Pose, Stamp, Trajectory, heading};
 use messages::{PlacementRow, PoseDeviation};
 
-/// Of an honest normal error, 0.3 % lie beyond three standard deviations.
+/// 0.3 % of normal errors with a correctly stated deviation lie beyond three standard deviations.
 const BEYOND: f64 = 3.0;
 
 /// Real errors and stated deviations of all submaps.
 pub struct SubmapErrors {
-    /// Whether the errors are those in the world, or those against the first submap.
+    /// Whether the errors are in the world, or relative to the first submap.
     pub is_in_world: bool,
     /// Submaps with a true pose and stated deviations.
     pub n_submaps: usize,
@@ -34,7 +34,7 @@ pub struct Comparison {
     pub real_max: f64,
     /// Root mean square of the stated deviations.
     pub stated_rms: f64,
-    /// Root mean square of error divided by deviation: 1 is honest, below 1 too careful, above 1 too sure.
+    /// Root mean square of error divided by deviation: 1 is consistent, below 1 pessimistic, above 1 overconfident.
     pub ratio_rms: f64,
     /// Largest error divided by its deviation.
     pub ratio_max: f64,
@@ -91,7 +91,7 @@ impl SubmapErrors {
 }
 
 impl Comparison {
-    /// From pairs of an error and its deviation. The submap that defines the frame has the deviation 0 and is left out.
+    /// Comparison of pairs of an error and its deviation. The submap that defines the frame has the deviation 0 and is left out.
     fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
         let pairs: Vec<(f64, f64)> = pairs.filter(|(_, stated)| *stated > 0.0 && stated.is_finite()).collect();
         let rms = |value: fn(&(f64, f64)) -> f64| {

@@ -13,18 +13,18 @@ use scores::Statistics;
 use scores::trajectory::{PosePair, associate};
 use std::path::Path;
 
-/// True poses of a simulated drive are 10 ms apart; between those of a slow INS (4 Hz) a vehicle moves evenly enough.
+/// True poses of a simulated drive are 10 ms apart; between poses of a slow INS (4 Hz) a vehicle moves evenly enough.
 const MAX_PAUSE_NANOS: i64 = 250_000_000;
 /// A run has poses at the end of a sweep and at the start of the next.
 const MIN_STEP_NANOS: i64 = 1_000_000;
 
 /// The scores of all poses.
 pub struct PoseScores {
-    /// After alignment by the trajectory: the shape of the path.
+    /// Errors after alignment by the trajectory: the shape of the path.
     pub aligned: Report,
-    /// In the world, without alignment.
+    /// Errors in the world, without alignment.
     pub absolute: Option<AbsoluteErrors>,
-    /// Why there are no absolute errors.
+    /// Reason for missing absolute errors.
     pub without_absolute: Option<String>,
     /// Stated and real deviations of the submaps. `None` if the run states none.
     pub submaps: Option<SubmapErrors>,
@@ -32,11 +32,11 @@ pub struct PoseScores {
 
 /// Errors in the world of the truth.
 pub struct AbsoluteErrors {
-    /// m.
+    /// Horizontal errors, m.
     pub horizontal: Option<Statistics>,
-    /// m.
+    /// Height errors, m.
     pub height: Option<Statistics>,
-    /// Degrees.
+    /// Heading errors, degrees.
     pub heading: Option<Statistics>,
 }
 

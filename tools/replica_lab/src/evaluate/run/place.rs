@@ -1,4 +1,4 @@
-//! Where a run lies in the world of the truth.
+//! Frame of a run in the world of the truth.
 
 use anyhow::Context;
 use delivery::{GEOREFERENCE, GeoreferenceFile};
@@ -6,22 +6,22 @@ use drive::Drive;
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
-/// The frame of a run against that of the truth.
+/// The frame of a run relative to the frame of the truth.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RunPlace {
     /// Both are on the Earth: absolute errors are defined.
     World {
-        /// From the local frame of the run to that of the drive.
+        /// Transform from the local frame of the run to the local frame of the drive.
         truth_from_run: Pose,
     },
-    /// The run has a frame of its own: only errors against its first submap are defined. The text says why.
+    /// The run has its own frame: only errors relative to its first submap are defined. The text gives the reason.
     Own(String),
     /// The run was not moved to its final frame.
     Odometry,
 }
 
 impl RunPlace {
-    /// By `georeference.json` of the run and the origin of the drive.
+    /// Determines the place from `georeference.json` of the run and the origin of the drive.
     pub fn of(drive: &Drive, run: &Path) -> anyhow::Result<Self> {
         let path = run.join(GEOREFERENCE);
         if !path.exists() {
@@ -31,7 +31,7 @@ impl RunPlace {
         let found: GeoreferenceFile = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
         let Some(origin) = found.origin else { return Ok(Self::Own("the run has no geographic origin".to_owned())) };
         let Some(gnss) = &drive.manifest().gnss else {
-            return Ok(Self::Own("the drive has no [gnss] origin, so the place of its truth is not known".to_owned()));
+            return Ok(Self::Own("the drive has no [gnss] origin, so the place of its truth is unknown".to_owned()));
         };
         let frame = |[latitude_deg, longitude_deg, altitude_m]: [f64; 3]| {
             Geodetic::new(latitude_deg, longitude_deg, altitude_m).map(LocalFrame::new)

@@ -10,24 +10,24 @@ use scores::{Confusion, Overlaps, PointLabel};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Where true labels are.
+/// Source of true labels.
 pub enum TrueLabels {
-    /// In the sweeps of a drive.
+    /// Sweeps of a drive.
     Drive(Box<TruePoints>),
-    /// In the submaps of an imported recording.
+    /// Submaps of an imported recording.
     Recording(Box<RecordedTruth>),
 }
 
-/// What is counted, cloud by cloud.
+/// Counts, cloud by cloud.
 pub struct PointScores {
     truth: TrueLabels,
     /// Points of all clouds.
     pub n_points: u64,
-    /// Points that are returns of sweeps without labels; they are not scored, and not missed.
+    /// Points that are returns of sweeps without labels; they are neither scored nor counted as missing.
     pub n_in_unlabeled: u64,
     /// Points that are returns of the drive.
     pub n_joined: u64,
-    /// Points without such a return, by reason: no sweep, no return, another return.
+    /// Points that are not returns of the drive, by reason: no sweep, no return, another return.
     pub n_apart: [u64; 3],
     /// Joined points whose true class is unlabeled; they are not scored.
     pub n_unlabeled: u64,
@@ -51,7 +51,7 @@ pub const REASONS: [&str; 3] = [
 ];
 
 impl PointScores {
-    /// No points yet.
+    /// Scores without points.
     pub fn new(truth: TrueLabels) -> Self {
         Self {
             truth,
@@ -148,7 +148,7 @@ impl PointScores {
         }
     }
 
-    /// Why the run is of another drive.
+    /// Explains why the run belongs to another drive.
     pub fn mismatch(&self, truth: &Path) -> String {
         let reasons = REASONS.iter().zip(self.n_apart).filter(|(_, n)| *n > 0);
         let reasons: Vec<String> = reasons.map(|(reason, n)| format!("{n} {reason}")).collect();

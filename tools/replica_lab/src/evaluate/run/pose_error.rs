@@ -5,11 +5,11 @@ use geometry::{Pose, heading};
 /// Error of a pose in a world whose z axis is vertical. All values are 0 or above.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseError {
-    /// m.
+    /// Horizontal error, m.
     pub horizontal_m: f64,
-    /// m.
+    /// Height error, m.
     pub height_m: f64,
-    /// Degrees.
+    /// Heading error, degrees.
     pub heading_deg: f64,
 }
 

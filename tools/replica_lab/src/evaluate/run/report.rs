@@ -21,7 +21,7 @@ pub struct RunReport {
 }
 
 impl RunReport {
-    /// From what was counted. `points` is `None` if the drive has no labels.
+    /// Report of the scores. `points` is `None` if the drive has no labels.
     pub fn new(
         run: &Path,
         truth: &Path,
@@ -45,7 +45,7 @@ impl RunReport {
         Self { run, truth, points, confusion, instances, poses }
     }
 
-    /// Share of the points with a true label, without those of unlabeled sweeps; `None` if the drive has none.
+    /// Share of the points with a true label, without points of unlabeled sweeps; `None` if the drive has no labels.
     pub fn share_joined(&self) -> Option<f64> {
         self.points.as_ref().map(PointScores::share_joined)
     }
@@ -197,7 +197,7 @@ fn write_deviations(submaps: &SubmapErrors, text: &mut String) {
              {n_beyond} |"
         );
     }
-    let verdict = if submaps.is_honest() { "honest: no error" } else { "too sure: an error" };
+    let verdict = if submaps.is_honest() { "consistent: no error" } else { "overconfident: an error" };
     let _ = writeln!(text, "\nThe run is {verdict} lies beyond three of its stated deviations.");
 }
 

@@ -22,7 +22,7 @@ pub enum PoseFrame {
     Lidar,
 }
 
-/// Which trajectories to read, and how to pair them.
+/// The trajectories to read, and how to pair them.
 pub struct PoseInput<'a> {
     /// Drive folder, output folder of a run, or file.
     pub truth: &'a Path,

@@ -1,4 +1,4 @@
-//! The scores compared with those of evo and of the KITTI development kit.
+//! Comparison of the scores with evo and the KITTI development kit.
 
 use super::*;
 use clap::Parser;

@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 /// An image with its file.
 pub struct Frame {
     pub path: PathBuf,
-    /// Of the file, without its ending.
+    /// Name of the file without its extension.
     pub name: String,
     pub bands: BandImage,
-    /// 8 bits of red, green and blue, not a cube.
+    /// Whether the image has 8 bits of red, green and blue instead of being a cube.
     is_color: bool,
 }
 
@@ -44,7 +44,7 @@ impl Frame {
         Image::new(*size, *n_bands, values).with_context(|| self.path.display().to_string())
     }
 
-    /// PSNR and MSE of a result, as cells of a table. The peak is that of 8 bits, of a cube its largest value.
+    /// PSNR and MSE of a result, as cells of a table. The peak is 255 for 8 bits, and the largest value for a cube.
     pub fn fidelity(&self, values: &[f32]) -> anyhow::Result<String> {
         let peak = if self.is_color { 255.0 } else { f64::from(self.image()?.largest()) };
         let found = scores::fidelity(&self.bands.values, values, self.bands.n_bands, peak);

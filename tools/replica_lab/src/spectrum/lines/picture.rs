@@ -4,7 +4,7 @@ use super::frame::Frame;
 use chart::{Axis, COLORS, Chart, Mark, Series};
 use color_lines::Model;
 
-/// Most pixels shown: more would only hide each other.
+/// Largest number of pixels shown: more would hide each other.
 const MAX_DOTS: usize = 1500;
 /// Side of a plot area, px.
 const SIDE: f64 = 360.0;
@@ -64,7 +64,7 @@ fn plane(frame: &Frame, model: &Model, n_lines: usize, bands: [usize; 2]) -> Cha
     Chart { size: [SIDE, SIDE], ..Chart::new("", x, y, series) }
 }
 
-/// Of a band, on an axis.
+/// Name of a band on an axis.
 fn name(frame: &Frame, band: usize) -> String {
     match frame.bands.wavelengths_nm.get(band) {
         Some(nm) => format!("{nm:.0} nm"),

@@ -9,9 +9,9 @@ use pictures::bands::source::Region;
 use pictures::material_color::material_color;
 use std::path::Path;
 
-/// Share of the pixels of a material whose spectrum is drawn.
+/// Least share of the pixels of a material whose spectrum is drawn.
 const MIN_SHARE: f64 = 0.02;
-/// Frame of a region.
+/// Color of the frame of a region.
 const FRAME: Rgb<u8> = Rgb([255, 255, 255]);
 
 /// A color for the material of each pixel, and the frames of the regions.
@@ -89,7 +89,7 @@ pub fn spectra(model: &Model, spectra: &Spectra, rows: &[MaterialRow], size: [us
     Chart::new("Mean spectra, and the nearest references (thin)", x, y, lines)
 }
 
-/// Divided by their mean.
+/// Values divided by their mean.
 fn normalized(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let points: Vec<[f64; 2]> = points.collect();
     let mean = points.iter().map(|point| point[1]).sum::<f64>() / points.len().max(1) as f64;

@@ -5,7 +5,7 @@ use formats::band_image::BandImage;
 use formats::sensor_calibration::SensorCalibration;
 use simulation::illuminants::sunlight;
 
-/// Mean of all values of the result: that of common scenes. The true factor is unknown.
+/// Mean of all values of the result, typical of common scenes. The true factor is unknown.
 const GRAY: f32 = 0.18;
 
 /// Divides each band by the signal of a white surface in the sun, as the manufacturer measured the filters, and applies the correction of

@@ -4,11 +4,11 @@ use random::Random;
 use segmentation::intensity::{GroundByRing, GroundIntensities, RingReturn};
 use segmentation::spherical::PolarImage;
 
-/// Share of the sweeps with intensities that are those of another sensor.
+/// Share of the sweeps with intensities that imitate another sensor.
 const FOREIGN: f32 = 0.5;
 
-/// Changes intensities at random, for a model that uses those of other sensors brought to the scale of its training (`trained`,
-/// intensities of the ground). `truth` has the class of each pixel.
+/// Changes intensities at random, for a model that scales intensities of other sensors to its training (`trained`, intensities of
+/// the ground). `truth` has the class of each pixel.
 pub fn augment_intensities(
     image: &mut PolarImage,
     truth: &[u8],
@@ -24,7 +24,7 @@ pub fn augment_intensities(
     // Some drivers report amplitudes, some powers, some reflectances.
     let exponent = 2_f32.powf(random.range(-1.0, 1.0));
     let by_range = random.range(-0.5, 0.5);
-    // Surfaces of the simulator are not those of a real street.
+    // Surfaces of the simulator differ from surfaces of a real street.
     let of_class: Vec<f32> = (0..=u8::MAX).map(|_| (0.3 * random.gauss()).exp()).collect();
     // The lasers of some units differ by a factor of two.
     let of_row: Vec<f32> = (0..image.rows).map(|_| (0.4 * random.gauss()).exp()).collect();
@@ -93,7 +93,7 @@ mod tests {
             assert!(image.has_intensity);
             medians.push(median(&image));
         }
-        // Those of the same sensor have gains of 0.7 to 1.4.
+        // Sweeps of the same sensor have gains of 0.7 to 1.4.
         assert!(medians.iter().all(|median| (7..=16).contains(median)), "{medians:?}");
         assert!(medians.iter().filter(|median| (10..=13).contains(*median)).count() > 20, "{medians:?}");
     }

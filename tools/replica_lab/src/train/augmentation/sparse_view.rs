@@ -1,4 +1,4 @@
-//! A sweep with fewer rings and points, as a sparser sensor at the same place would see it.
+//! A sweep with fewer rings and points, as a sparser sensor at the same place would measure it.
 
 use super::super::labeled_image::LabeledImage;
 use super::thin_out;

@@ -1,11 +1,11 @@
-//! Parts of a sweep, as another sensor would see it: fewer rings, or a sector.
+//! Parts of a sweep, as another sensor would measure it: fewer rings, or a sector.
 
 use super::super::labeled_image::LabeledImage;
 use random::Random;
 use segmentation::spherical::{PolarImage, PolarPixel};
 use training::UNKNOWN;
 
-/// Rows of a full revolution. Of more rows, a sector of as many pixels is shown, so that all training images cost the same.
+/// Rows of a full revolution. With more rows, a sector of as many pixels is used, so that all training images cost the same.
 const ROWS: usize = 32;
 /// Columns of a sector are a multiple of this, so that networks of any fold and depth fit.
 const COLUMN_STEP: usize = 128;
@@ -21,7 +21,7 @@ pub fn random_view(of: LabeledImage, random: &mut Random) -> LabeledImage {
     view(&of, &rows, first, columns)
 }
 
-/// All rows, every n-th, or some. A sensor with few rings has at least half of them.
+/// All rows, every n-th, or some. A sensor with few rings keeps at least half of them.
 fn random_rows(rows: usize, random: &mut Random) -> Vec<usize> {
     if rows > ROWS {
         match random.index(4) {
@@ -46,12 +46,12 @@ pub fn chosen(rows: usize, n: usize, random: &mut Random) -> Vec<usize> {
     chosen
 }
 
-/// Columns of a sector of so many rows.
+/// Columns of a sector with `rows` rows.
 fn sector(columns: usize, rows: usize) -> usize {
     (columns * ROWS / rows / COLUMN_STEP * COLUMN_STEP).max(COLUMN_STEP).min(columns)
 }
 
-/// These rows and so many columns from `first` on.
+/// These rows and `columns` columns from `first` on.
 pub fn view(of: &LabeledImage, rows: &[usize], first: usize, columns: usize) -> LabeledImage {
     let n_bands = of.image.n_camera_bands();
     let n = rows.len() * columns;

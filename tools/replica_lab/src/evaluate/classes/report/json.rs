@@ -7,7 +7,7 @@ use crate::evaluate::classes::{ranges, seven};
 use scores::{Confusion, ScoreTable};
 use serde_json::{Value, json};
 
-/// Adds the measures beside those of the classes.
+/// Adds the measures other than the scores of the classes.
 pub fn extend(cloud: &mut Value, tally: &Tally) {
     let has_scores = !tally.coverage.is_empty();
     let has_ranges = tally.ranges.iter().any(|range| range.classes.n() > 0);
@@ -18,7 +18,7 @@ pub fn extend(cloud: &mut Value, tally: &Tally) {
     cloud["ranges"] = if has_ranges { of_ranges(tally) } else { Value::Null };
 }
 
-/// Adds what is known of one source only. `note` says whether its figures can be compared with published ones.
+/// Adds the facts of a single source. `note` states whether its figures can be compared with published ones.
 pub fn extend_source(cloud: &mut Value, source: &Source, note: Option<&str>) {
     cloud["n_sweeps"] = (source.n_sweeps > 0).then_some(source.n_sweeps).into();
     if let Origin::Simulated(sensor) = &source.origin {

@@ -43,7 +43,7 @@ fn line(name: &str, n_sweeps: usize, tally: &Tally) -> String {
     format!("| {name} | {sweeps} | {} | {miou} | {of_seven} | {accuracy} | {error} |\n", classes.n())
 }
 
-/// How many points have no class, and how many of the others are correct.
+/// Number of points without class, and accuracy of the others.
 pub fn unknown(tally: &Tally) -> String {
     let Tally { classes, n_unknown, .. } = tally;
     let n = classes.n();
@@ -54,14 +54,14 @@ pub fn unknown(tally: &Tally) -> String {
     format!("Points without a predicted class: {n_unknown} ({share}). Correct points of the others: {accuracy}.")
 }
 
-/// Which real sweeps have no intensities, so that they are scored once only.
+/// Real sweeps without intensities, which are scored only once.
 pub fn without_intensities(sources: &[Source]) -> Option<String> {
     let real = sources.iter().filter(|source| source.origin == Origin::Real && !source.has_intensities);
     let names: Vec<&str> = real.map(|source| source.name.as_str()).collect();
-    (!names.is_empty()).then(|| format!("Sweeps without intensities: those of {}.", names.join(", ")))
+    (!names.is_empty()).then(|| format!("Without intensities: sweeps of {}.", names.join(", ")))
 }
 
-/// The classes that have no part in the mean of the seven.
+/// Classes that are not part of the mean of the seven.
 pub fn absent_of_seven(confusion: &Confusion) -> String {
     let absent = (0..seven::N).filter(|class| confusion.class(*class).n_truth == 0);
     let absent: Vec<&str> = absent.map(|class| seven::NAMES[class]).collect();

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// A sweep with the benchmark's ids, 0 to 19.
 pub struct LabelledSweep {
-    /// Sensor frame, m.
+    /// Positions in the sensor frame, m.
     pub points: Vec<[f32; 3]>,
     /// Intensity of each point; zeros without intensities.
     pub intensities: Vec<u8>,

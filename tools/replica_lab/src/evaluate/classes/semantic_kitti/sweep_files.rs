@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 /// Points and labels of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepFiles {
-    /// `.bin` of KITTI, or `.npy`.
+    /// Points: `.bin` of KITTI, or `.npy`.
     pub points: PathBuf,
-    /// `.label` beside a `.bin`, or `.npy`.
+    /// Labels: `.label` for a `.bin`, or `.npy`.
     pub labels: PathBuf,
 }
 
@@ -17,12 +17,12 @@ pub struct SweepFiles {
 pub struct Sequence {
     /// Name of its folder, or of its file.
     pub name: String,
-    /// In the order of their names.
+    /// Sweeps, in the order of their names.
     pub sweeps: Vec<SweepFiles>,
 }
 
 /// The labelled sweeps of a folder: a sequence with `velodyne/*.bin` and `labels/*.label`, several such sequences (also below
-/// `sequences` or `dataset/sequences`), or pairs of `*_points_*.npy` and `*_labels_*.npy`, each of which is a sequence of its own.
+/// `sequences` or `dataset/sequences`), or pairs of `*_points_*.npy` and `*_labels_*.npy`, each of which is its own sequence.
 /// Sequences and sweeps without labels are left out.
 pub fn sequences(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     let entries = sorted_entries(folder)?;
@@ -44,14 +44,14 @@ pub fn sequences(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     }
     anyhow::bail!(
         "{}: no labelled sweeps in this folder; there must be *_points_*.npy files, or velodyne/*.bin and labels/*.label of one \
-         sequence or of several in folders of their own",
+         sequence or of several in separate folders",
         folder.display()
     )
 }
 
 /// A sequence in the layout of the data set.
 fn sequence(folder: &Path) -> anyhow::Result<Sequence> {
-    // A path such as `.` or `08/..` has no name of its own.
+    // A path such as `.` or `08/..` does not end with the name of the folder.
     let named = folder.canonicalize().with_context(|| folder.display().to_string())?;
     let labels = folder.join("labels");
     let is_label = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "label");
