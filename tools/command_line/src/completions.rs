@@ -8,7 +8,6 @@ use std::process::ExitCode;
 
 /// Print the completions of a shell.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
     /// The shell
     shell: Shell,

@@ -5,6 +5,8 @@ use std::fmt::Write;
 
 const HELP_TEMPLATE: &str = "{about}\n\n{usage-heading} {usage}{after-help}\n\nOptions:\n{options}";
 
+const EXAMPLE: &str = "\n\nExample: ";
+
 const EXIT_CODES: &str = "\
 Exit codes:
   0   done
@@ -26,14 +28,15 @@ impl Group {
     }
 }
 
-/// The command line of a program whose help lists its subcommands by group, then the exit codes.
-pub fn with_groups(command: Command, groups: &[Group]) -> Command {
+/// The command line of a program whose help lists its subcommands by group, then the exit codes and the options, and ends with an
+/// example.
+pub fn with_groups(command: Command, groups: &[Group], example: &str) -> Command {
     let after_help = format!(
         "{}{EXIT_CODES}\n\n`{} COMMAND --help` describes one command.",
         grouped_subcommands(groups),
         command.get_name()
     );
-    command.help_template(HELP_TEMPLATE).after_help(after_help)
+    command.help_template(format!("{HELP_TEMPLATE}{EXAMPLE}{example}")).after_help(after_help)
 }
 
 fn grouped_subcommands(groups: &[Group]) -> String {
@@ -55,8 +58,8 @@ fn names(group: &Group) -> impl Iterator<Item = &str> {
     group.command.get_subcommands().map(Command::get_name)
 }
 
-/// For tests of a program: panics if a subcommand is in no group or in several, if its summary is not one short line, or if the
-/// definition of an argument contradicts another one.
+/// For tests of a program: panics if a subcommand is in no group or in several, if its summary is not one short line, if the definition
+/// of an argument contradicts another one, or if a help text does not end with a valid example.
 pub fn assert_consistent(command: &Command, groups: &[Group]) {
     let mut all: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
     let mut grouped: Vec<&str> = groups.iter().flat_map(names).collect();
@@ -73,4 +76,28 @@ pub fn assert_consistent(command: &Command, groups: &[Group]) {
         assert!((1..=66).contains(&about.len()), "{}: {about:?}", subcommand.get_name());
     }
     command.clone().debug_assert();
+    assert_valid_example(command, &help);
+    assert_documented(command, command);
+}
+
+/// Panics if the help of a subcommand lacks the exit codes, or does not end with a valid example.
+fn assert_documented(program: &Command, command: &Command) {
+    for subcommand in command.get_subcommands() {
+        let help = subcommand.get_after_help().map(ToString::to_string).unwrap_or_default();
+        assert!(help.contains("Exit codes: "), "{}: no exit codes", subcommand.get_name());
+        assert_valid_example(program, &help);
+        assert_documented(program, subcommand);
+    }
+}
+
+/// Panics if a help text does not end with an example whose arguments `program` accepts.
+fn assert_valid_example(program: &Command, help: &str) {
+    let (_, example) = help.trim_end().rsplit_once(EXAMPLE).unwrap_or_else(|| panic!("no example in {help:?}"));
+    assert!(!example.contains('\n'), "{example:?} is not at the end of the help");
+    let pipeline = example.split(" > ").next().unwrap_or_default();
+    let words = pipeline.rsplit(" | ").next().unwrap_or_default().split_whitespace();
+    assert!(words.clone().next() == Some(program.get_name()), "{example}");
+    if let Err(error) = program.clone().try_get_matches_from(words) {
+        panic!("{example}: {error}");
+    }
 }

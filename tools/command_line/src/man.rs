@@ -7,7 +7,6 @@ use std::process::ExitCode;
 
 /// Write manual pages: one for each command.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
     /// Folder of the pages
     #[arg(long, value_name = "DIR")]

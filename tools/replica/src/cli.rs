@@ -66,7 +66,7 @@ fn groups() -> [Group; 3] {
 
 /// The whole command line.
 fn command() -> Command {
-    with_groups(Cli::command(), &groups())
+    with_groups(Cli::command(), &groups(), "replica inspect out/sample")
 }
 
 #[cfg(test)]

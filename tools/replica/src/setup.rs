@@ -12,12 +12,15 @@ pub enum Command {
     Doctor(doctor::Args),
     /// Print the completions of a shell.
     ///
-    /// bash: replica completions bash > ~/.local/share/bash-completion/completions/replica; `replica-launch --completions SHELL` prints
-    /// the completions of replica-launch.
+    /// `replica-launch --completions SHELL` prints the completions of replica-launch.
+    #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                      Example: replica completions bash > ~/.local/share/bash-completion/completions/replica")]
     Completions(completions::Args),
     /// Write manual pages: one for each command.
     ///
     /// Read one with `man DIR/replica-inspect.1`. `replica-launch --man DIR` writes the page of replica-launch.
+    #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                      Example: replica man --out ~/.local/share/man/man1")]
     Man(man::Args),
     NewStage(new_stage::Args),
 }

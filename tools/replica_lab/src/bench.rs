@@ -24,7 +24,8 @@ use std::process::ExitCode;
 /// DATE-COMMIT.json in the folder of --out.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the runs processed different data, 78 invalid configuration"
+    after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the runs processed different data, 78 invalid configuration\n\n\
+                  Example: replica-lab bench launch.toml --runs 3 --out reports"
 )]
 pub struct Args {
     /// Launch file; its results go to a temporary folder, which is removed afterwards

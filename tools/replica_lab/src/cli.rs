@@ -43,7 +43,11 @@ enum Reflectances {
 
 #[derive(Subcommand)]
 enum Setup {
+    #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                      Example: replica-lab completions bash > ~/.local/share/bash-completion/completions/replica-lab")]
     Completions(completions::Args),
+    #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                      Example: replica-lab man --out ~/.local/share/man/man1")]
     Man(man::Args),
 }
 
@@ -88,7 +92,7 @@ fn groups() -> [Group; 4] {
 }
 
 fn command() -> Command {
-    with_groups(Cli::command(), &groups())
+    with_groups(Cli::command(), &groups(), "replica-lab evaluate out/sample --truth drives/sample")
 }
 
 #[cfg(test)]

@@ -16,7 +16,8 @@ use std::process::ExitCode;
 ///
 /// Writes one cube per frame. With a white reference the values are reflectances, else shares of the full scale.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab cube drives/sample --out cubes")]
 pub struct Args {
     /// Raw frames: binary PGM, or TIFF of 8 or 16 bits (a TIFF with one sample per band is converted back to its mosaic); or
     /// drive folders, which contain references and calibration (see --camera)

@@ -22,7 +22,8 @@ use std::process::ExitCode;
     subcommand_negates_reqs = true,
     arg_required_else_help = true,
     after_help = "Exit codes: 0 done, 1 failed or OUT is a run of another drive, 2 wrong usage, 3 done, but less than --min-joined \
-                  of the points have a true label"
+                  of the points have a true label\n\n\
+                  Example: replica-lab evaluate out/sample --truth drives/sample"
 )]
 pub struct Args {
     #[command(subcommand)]

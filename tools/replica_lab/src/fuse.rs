@@ -16,7 +16,8 @@ use training::fit_priors;
 ///
 /// Both have the same classes. The class with the largest weighted geometric mean of their probabilities, times its prior, wins.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab fuse models/street.safetensors models/points.safetensors --out fused.safetensors")]
 pub struct Args {
     /// Model file, usually of a network on images
     first: PathBuf,

@@ -96,7 +96,8 @@ pub trait TrainingData {
 ///
 /// The stage infer loads the model. An interrupted training continues from its checkpoint when it is started again.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab train models/street.toml --out out/street")]
 pub struct Args {
     /// Recipe (TOML)
     recipe: PathBuf,

@@ -15,7 +15,8 @@ use std::process::ExitCode;
 /// need the key. Relative paths of a stage's settings, such as its model, start in FOLDER. Runs until it is killed; the stages
 /// end with it.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 1 the address cannot be used, 2 wrong usage, 78 the key file is refused")]
+#[command(after_help = "Exit codes: 1 the address cannot be used, 2 wrong usage, 78 the key file is refused\n\n\
+                  Example: replica agent --listen 0.0.0.0:7878 --key agent.key")]
 pub struct Args {
     /// Address to listen on; port 0 picks one
     #[arg(long, value_name = "HOST:PORT", required_unless_present = "new_key")]

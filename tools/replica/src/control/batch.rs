@@ -31,7 +31,8 @@ use table::Format;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Exit codes: 0 all drives are complete, 1 a drive failed, 2 wrong usage, 3 a drive has doubts or is not \
-                  finished, 78 refused before the start, or no drive fits the launch file"
+                  finished, 78 refused before the start, or no drive fits the launch file\n\n\
+                  Example: replica batch launch.toml drives/monday drives/tuesday --out results"
 )]
 pub struct Args {
     /// Launch file

@@ -15,7 +15,8 @@ use std::io::{BufWriter, Write};
 /// Prints the envelope, the header and the first rows of each message as it arrives. Without --lossless, messages that arrive
 /// faster than they are printed are missed and counted.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 no such run, 2 wrong usage or no such topic or field")]
+#[command(after_help = "Exit codes: 0 done, 1 no such run, 2 wrong usage or no such topic or field\n\n\
+                  Example: replica echo submap --count 1")]
 pub struct Args {
     /// Name of the topic; `replica topics` lists them
     topic: String,

@@ -17,7 +17,8 @@ const LINE_INTERVAL: Duration = Duration::from_secs(1);
 /// Runs until the run ends or Ctrl-C. Missed messages count towards the rate. They do not count towards the intervals, which are
 /// between the times of publication of consecutive messages.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 no such run, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 no such run, 2 wrong usage\n\n\
+                  Example: replica hz submap")]
 pub struct Args {
     /// Name of the topic; `replica topics` lists them
     topic: String,

@@ -29,7 +29,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 #[derive(clap::Args, Debug)]
 #[command(
     override_usage = "replica record [OPTIONS] --topics <TOPICS> [RUN] <FILE>",
-    after_help = "Exit codes: 0 the recording is complete, 1 failed, 2 wrong usage, 3 the recording is not complete"
+    after_help = "Exit codes: 0 the recording is complete, 1 failed, 2 wrong usage, 3 the recording is not complete\n\n\
+                  Example: replica record out/sample part.mcap --topics submap,color"
 )]
 pub struct Args {
     /// Recording to write, replaced if it exists; optionally preceded by the output folder of the run, as after --run

@@ -11,7 +11,8 @@ use std::str::FromStr;
 ///
 /// The recording replaces the stages whose topics it contains. Stages that then lack an input or have no consumer are left out.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: as replica-launch")]
+#[command(after_help = "Exit codes: as replica-launch\n\n\
+                  Example: replica replay part.mcap --set run.output=out/replayed")]
 pub struct Args {
     /// Recording (.mcap)
     recording: PathBuf,

@@ -14,7 +14,8 @@ use std::time::Duration;
 
 /// Show state, rates and latencies of the stages and topics of a run.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 no such run or it ended, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 no such run or it ended, 2 wrong usage\n\n\
+                  Example: replica status --watch")]
 pub struct Args {
     #[command(flatten)]
     run: RunArgument,

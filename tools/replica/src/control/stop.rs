@@ -12,7 +12,8 @@ use std::process::ExitCode;
 /// Works like Ctrl-C in the terminal of `replica-launch`: the stages process the data that is in flight, and the rest of the
 /// drive is not read. Returns when the run has ended, and prints the outcome.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 the run has ended, 1 no such run, refused, or the run failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 the run has ended, 1 no such run, refused, or the run failed, 2 wrong usage\n\n\
+                  Example: replica stop --run out/sample")]
 pub struct Args {
     /// Stop immediately: data in flight is not processed
     #[arg(long)]

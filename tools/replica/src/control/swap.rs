@@ -14,7 +14,8 @@ use std::process::ExitCode;
 /// replacement that does not fit is refused with the reasons, and the run continues unchanged. Without any change the stage's
 /// program is restarted.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 swapped, 1 refused, undone or failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 swapped, 1 refused, undone or failed, 2 wrong usage\n\n\
+                  Example: replica swap infer --set unknown_below=0.5")]
 pub struct Args {
     /// Name of the stage: its table in launch.toml
     stage: String,

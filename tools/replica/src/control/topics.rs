@@ -16,7 +16,8 @@ const RATE_INTERVAL: Duration = Duration::from_secs(1);
 ///
 /// If the run is alive, rates over one second are listed as well.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 no such run, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 no such run, 2 wrong usage\n\n\
+                  Example: replica topics --run out/sample")]
 pub struct Args {
     #[command(flatten)]
     run: RunArgument,

@@ -28,7 +28,8 @@ use std::str::FromStr;
 /// Output folders of runs: reports for each class its points in both, and where the classes differ. For one run, compares `class` with
 /// the columns of `export.further_classes`; for two runs with the same submaps, each column of both.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 equal and complete, 1 failed, 2 wrong usage, 3 different or not complete")]
+#[command(after_help = "Exit codes: 0 equal and complete, 1 failed, 2 wrong usage, 3 different or not complete\n\n\
+                  Example: replica compare a.mcap b.mcap --tolerance score=1")]
 pub struct Args {
     /// First recording (.mcap), or output folder of a run
     a: PathBuf,

@@ -13,7 +13,8 @@ use std::process::ExitCode;
 /// Convert a packet capture to one point cloud per revolution.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but the capture has lost or damaged packets"
+    after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but the capture has lost or damaged packets\n\n\
+                  Example: replica convert capture.pcap clouds"
 )]
 pub struct Args {
     /// Capture of a LiDAR (pcap or pcapng)

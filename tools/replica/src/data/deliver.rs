@@ -38,7 +38,8 @@ pub const SOFTWARE: &str = concat!("REPLICA ", env!("CARGO_PKG_VERSION"));
 /// Write a finished run for surveyors: LAZ, COPC, path, objects.
 #[derive(clap::Args, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "a flag for each kind of file")]
-#[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage\n\n\
+                  Example: replica deliver out/sample --out delivery --copc")]
 pub struct Args {
     /// Output folder of a finished run
     run: PathBuf,

@@ -20,7 +20,8 @@ use std::time::SystemTime;
 /// later than the exposure: set `delay_nanos` of the camera in drive.toml.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Exit codes: 0 the stream ended or Ctrl-C, 1 failed, 2 wrong usage, 3 images were left out because of --bit-depth"
+    after_help = "Exit codes: 0 the stream ended or Ctrl-C, 1 failed, 2 wrong usage, 3 images were left out because of --bit-depth\n\n\
+                  Example: curl -sN http://192.168.1.90/video.mjpg | replica grab grabber/camera/0"
 )]
 pub struct Args {
     /// Folder of the camera, below acquire.cameras; created if absent

@@ -14,7 +14,8 @@ use std::process::ExitCode;
 ///
 /// Labeled clouds become a recording of submaps with their true classes, for `replica replay`. The drive folder links to the original files instead of copying them where possible. Imported and ignored data is listed.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica import recording.bag drives/mine")]
 pub struct Args {
     /// ROS bag (*.bag, *.mcap, *.db3, the folder of a ROS 2 bag, or a folder of *.bag); labeled cloud or folder of clouds of
     /// Paris-CARLA-3D, Paris-Lille-3D, Toronto-3D or `Street3D`; folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with

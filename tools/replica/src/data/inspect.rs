@@ -31,7 +31,8 @@ use std::process::ExitCode;
 #[derive(clap::Args, Debug)]
 #[command(
     after_help = "Exit codes: 0 done, also if a run has doubts, which are printed; 1 failed, 2 wrong usage, 3 the recording is \
-                  not complete, or a drive has doubts"
+                  not complete, or a drive has doubts\n\n\
+                  Example: replica inspect drives/sample --page drive.html"
 )]
 pub struct Args {
     /// Drive folder, folder of sweeps, capture, PLY file, output folder of a run, or recording (.mcap)

@@ -16,7 +16,8 @@ use surveying::objects::{ObjectSummary, Objects, geojson, table};
 ///
 /// Prints class, number of points, oriented bounding box, height and mean score of each object, in m and rad.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica instances out/sample --geojson > objects.geojson")]
 pub struct Args {
     /// Output folder of a run or a PLY file, with the fields semantic and instance
     path: PathBuf,

@@ -45,7 +45,8 @@ use verdict::Verdict;
 /// Writes report.html and report.json into the output folder of the run, as replica-launch does at its end. With several runs,
 /// writes comparison.html and comparison.json: one table of all.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, also if a run has doubts; 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, also if a run has doubts; 1 failed, 2 wrong usage\n\n\
+                  Example: replica report out/sample")]
 pub struct Args {
     /// Output folders of runs that have ended
     #[arg(required = true, value_name = "RUN")]

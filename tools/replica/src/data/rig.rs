@@ -15,6 +15,8 @@ use std::process::ExitCode;
 
 /// Make, check or refine the rig of a drive.
 #[derive(clap::Args, Debug)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 check: doubts\n\n\
+                  Example: replica rig check drives/mine")]
 pub struct Args {
     #[command(subcommand)]
     command: Command,

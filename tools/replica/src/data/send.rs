@@ -34,7 +34,8 @@ const AROUND: Duration = Duration::from_secs(1);
 /// Sends data packets of all supported models, and position packets (512 bytes). Other packets are skipped and counted. All sensors
 /// follow one clock. Measurements up to one second before the first packet are sent with it.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage\n\n\
+                  Example: replica send drives/sample --restamp --to 127.0.0.1:2368")]
 pub struct Args {
     /// Capture of a LiDAR (pcap or pcapng), or a drive folder, whose captures are sent as one stream
     capture: PathBuf,

@@ -14,6 +14,8 @@ use toml::de::DeTable;
 
 /// Simulate a drive: write a drive folder with the recordings of all sensors of a vehicle and the ground truth.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 78 invalid rig or settings\n\n\
+                  Example: replica simulate --town suburban --seconds 30 --out drives/suburban")]
 pub struct Args {
     #[arg(long, help = meaning("town"), value_parser = words::<Town>(), default_value_t = DriveSettings::default().town)]
     town: Town,

@@ -51,7 +51,8 @@ const COPC_SIGNATURE: (usize, &[u8]) = (377, b"copc");
 /// octree into the folder `view` of the run; later calls reuse it if the clouds are unchanged. With --live the page follows a run
 /// while its clouds are written.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica view out/sample")]
 pub struct Args {
     /// Output folder of a finished run (with --live: of any run), or a COPC file (.copc.laz)
     #[arg(value_name = "RUN|FILE")]

@@ -28,7 +28,8 @@ use std::process::ExitCode;
 ///
 /// Each line has a state, the value found and the rule. A remedy is below each warning or problem. Nothing is changed.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 no findings, 1 problems, 2 wrong usage, 3 warnings")]
+#[command(after_help = "Exit codes: 0 no findings, 1 problems, 2 wrong usage, 3 warnings\n\n\
+                  Example: replica doctor launch.toml")]
 pub struct Args {
     /// Also check this launch file, and whether its clouds fit the disk of its output
     #[arg(value_name = "LAUNCH_FILE")]

@@ -14,7 +14,8 @@ const TAKEN: [&str; 3] = ["run", "simulate", "settings"];
 /// The stage classifies the points of submaps by their height. It passes `replica-launch launch.toml --check`; the guides "Write your
 /// own stage" and "Use Python" explain what to change.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica new-stage my_stage --lang python")]
 pub struct Args {
     /// Name of the stage, of its folder and of its table in the launch file
     name: String,

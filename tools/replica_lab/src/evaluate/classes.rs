@@ -34,7 +34,8 @@ pub use towns::NOT_SCORED;
 ///
 /// Scores TRUTH against PREDICTION, or a model (--model) on simulated towns (--seeds) or on SemanticKITTI (--semantickitti).
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab evaluate classes --model models/street.safetensors --seeds 901,902")]
 pub struct Args {
     /// True labels: a .label file in SemanticKITTI's format (class id in the lower 16 bits), or a folder of .label files
     #[arg(requires = "prediction", conflicts_with = "model")]

@@ -17,7 +17,8 @@ use std::process::ExitCode;
 
 /// Score instances: SM, PQ, SQ, RQ and mIoU of each class.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but some points have no ground truth")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but some points have no ground truth\n\n\
+                  Example: replica-lab evaluate instances drives/sample out/sample")]
 pub struct Args {
     /// Drive folder with labels, or clouds with the same points in the same order
     truth: PathBuf,

@@ -18,7 +18,8 @@ use std::process::ExitCode;
 
 /// Score clouds: thickness of facades, mean map entropy, distance to a true cloud.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab evaluate map out/sample --truth drives/sample --align")]
 pub struct Args {
     /// PLY files, output folders of runs, or drives with ground truth, whose sweeps are placed by the true poses. Each is scored
     /// separately. Compare only clouds of the same sweeps

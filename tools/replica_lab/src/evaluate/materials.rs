@@ -21,7 +21,8 @@ use tally::Tally;
 /// material, in sun and shade; accuracy by distance; the vegetation index; and with --model the classes of a network alone and corrected
 /// by the spectra. Use seeds that were not used for `replica-lab fit-materials`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab evaluate materials --seeds 901,902")]
 pub struct Args {
     #[command(flatten)]
     towns: TownArgs,

@@ -14,7 +14,8 @@ use town_sweeps::{Mount, TownDrive, town_from_name};
 
 /// Score range images: collision rate by image size, accuracy by method of back-projection.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab evaluate projections --seeds 901")]
 pub struct Args {
     /// Folder of labelled SemanticKITTI sweeps, all of which are read: velodyne/*.bin and labels/*.label, or pairs *_points_*.npy and
     /// *_labels_*.npy

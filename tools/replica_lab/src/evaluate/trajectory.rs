@@ -27,7 +27,8 @@ use std::process::ExitCode;
 ///
 /// Both trajectories may be in KITTI, TUM or CSV format.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no pose of the estimate has a true pose")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no pose of the estimate has a true pose\n\n\
+                  Example: replica-lab evaluate trajectory drives/sample out/sample --out scores")]
 pub struct Args {
     /// Drive folder with ground truth, output folder of a run, or trajectory file
     truth: PathBuf,

@@ -14,7 +14,8 @@ use town::Material;
 /// Measures the spectra of simulated drives and adds the spectra of libraries. Every third surface of the towns is left out; `replica-lab
 /// evaluate materials` also scores these surfaces. The model is compiled into the program, from models/materials.json.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab fit-materials --seeds 101,102 --out materials.json")]
 pub struct Args {
     #[command(flatten)]
     towns: TownArgs,

@@ -17,7 +17,8 @@ use std::process::ExitCode;
 /// on the lines), `NAME_regions` (the mean of the region) and `NAME_labels.png` (16 bits; 0: invalid); `model.json`; and `spectrum.svg` of
 /// the first image. Color images become PNG, cubes become ENVI. The table shows how close the results are to the originals.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab spectrum lines photo.png --out lines")]
 pub struct Args {
     /// Color images (PNG, JPEG), ENVI cubes, or TIFFs with one sample per band; all with the same number of bands
     #[arg(required = true, value_name = "IMAGE|CUBE.hdr|CUBE.tif")]

@@ -25,7 +25,8 @@ const CELL_M: f32 = 0.1;
 /// Writes for each cube `NAME_materials.png`, `NAME_ndvi.png` if it has red and near infrared, and `NAME_spectra.svg`, the mean
 /// spectrum of each material or region with the nearest references. The table shows the share of each material.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica-lab spectrum materials cubes/frame.hdr --out materials")]
 pub struct Args {
     /// ENVI cubes of reflectances, or TIFFs with one sample per band (see --sensor)
     #[arg(required = true, value_name = "CUBE.hdr|CUBE.tif")]

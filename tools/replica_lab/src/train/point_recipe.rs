@@ -162,7 +162,9 @@ mod tests {
 
     #[test]
     fn shipped_model_has_the_settings_of_its_recipe() {
-        let AnyRecipe::Points(recipe) = load(&shipped("points.toml")).expect("is right") else { panic!("a recipe of points") };
+        let AnyRecipe::Points(recipe) = load(&shipped("points.toml")).expect("is right") else {
+            panic!("a recipe of points")
+        };
         let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/points.safetensors");
         let (model, _) = PointModel::load(Path::new(model)).expect("loads");
         let of_recipe = recipe.settings().expect("settings");

@@ -16,7 +16,8 @@ use std::process::ExitCode;
 /// Prints each value with its difference from drive.toml and its standard deviation, and the values that the drive does not
 /// determine. Values that differ by more than two standard deviations are replaced. Without --out nothing is written.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+                  Example: replica rig calibrate drives/mine --out drives/mine/refined.toml")]
 pub struct Args {
     #[command(flatten)]
     part: PartOfDrive,

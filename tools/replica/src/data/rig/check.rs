@@ -16,7 +16,8 @@ use std::process::ExitCode;
 ///
 /// The motion is measured by the LiDAR alone. Cameras are compared with the outlines of objects, the other sensors with the motion.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 fits, 1 failed, 2 wrong usage, 3 doubts")]
+#[command(after_help = "Exit codes: 0 fits, 1 failed, 2 wrong usage, 3 doubts\n\n\
+                  Example: replica rig check drives/mine --pictures pictures")]
 pub struct Args {
     #[command(flatten)]
     part: PartOfDrive,

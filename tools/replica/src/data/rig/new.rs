@@ -21,7 +21,12 @@ use std::process::ExitCode;
 /// A source is a tf tree (`ros2 topic echo /tf_static > tf.yaml`), a folder of KITTI calibrations, `calibrated_sensor.json` of nuScenes,
 /// the .cal of a Ladybug, a camchain of Kalibr, or the YAML of OpenCV or of a `camera_info`. On a terminal, asks for missing values.
 #[derive(clap::Args, Debug)]
-#[command(after_help = format!("Rotations: {}\n\nExit codes: 0 done, 1 failed, 2 wrong usage", rotation::FORMS))]
+#[command(after_help = format!(
+    "Rotations: {}\n\n\
+     Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
+     Example: replica rig new drives/mine --lidar vlp16 --from tf.yaml",
+    rotation::FORMS
+))]
 pub struct Args {
     /// drive.toml to write, or the drive folder for it; an existing file is not replaced
     out: PathBuf,
