@@ -1,4 +1,4 @@
-//! What a command answers on stdout: text for people, or with `--json` the same facts for programs.
+//! The answer of a command on stdout: text, or with `--json` the same facts for programs.
 
 use crate::terminal::ignore_broken_pipe;
 use anyhow::Context;
@@ -14,20 +14,20 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// As JSON also if another option asks for it.
+    /// The answer as JSON also if another option requests it.
     #[must_use]
     pub fn or(self, json: bool) -> Self {
         Self { json: self.json || json }
     }
 
-    /// Prints the facts as a JSON object, or their text. A reader that closes the pipe early has seen enough.
+    /// Prints the facts as a JSON object, or their text. A reader may close the pipe early.
     pub fn print(self, facts: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
         let text = if self.json { serde_json::to_string_pretty(facts)? + "\n" } else { text() };
         let written = std::io::stdout().write_all(text.as_bytes()).context("stdout");
         ignore_broken_pipe(written).map(drop)
     }
 
-    /// Prints a line of an answer that goes on: a JSON object on one line, or its text.
+    /// Prints a line of a continuing answer: a JSON object on one line, or its text.
     pub fn print_line(self, facts: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
         let mut line = if self.json { serde_json::to_string(facts)? } else { text() };
         line.push('\n');

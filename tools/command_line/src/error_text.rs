@@ -1,8 +1,8 @@
-//! How an error is printed.
+//! The text of an error.
 
 const HINT: &str = "\nhint: ";
 
-/// The error and its causes, separated by colons. Hints follow on lines of their own.
+/// The error and its causes, separated by colons. Hints follow on separate lines.
 pub fn error_text(error: &anyhow::Error) -> String {
     let mut causes = Vec::new();
     let mut hints = String::new();

@@ -4,7 +4,7 @@ use crate::error_text::error_text;
 use crate::usage_error::UsageError;
 use std::process::ExitCode;
 
-/// The result is incomplete, or what was compared differs; the help of each command says which.
+/// The result is incomplete, or the comparison found differences; the help of each command states the case.
 pub const INCOMPLETE: u8 = run::exit::INCOMPLETE;
 
 /// The exit code of a command that failed.

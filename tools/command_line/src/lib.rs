@@ -1,4 +1,4 @@
-//! How the command line programs `replica` and `replica-lab` speak.
+//! Conventions of the command line programs `replica` and `replica-lab`.
 //!
 //! | question | module |
 //! |---|---|
@@ -8,10 +8,10 @@
 //! | what Ctrl-C and a closed pipe do | [`terminal`] |
 //! | how help, completions and manual pages are made | [`groups`], [`completions`], [`man`] |
 //!
-//! What it must never do: know a command, or what a command reads. It has no file formats, no algorithms and no pictures; those are
-//! in `pictures` and in `shared/`.
+//! It must never depend on a command or its inputs. It has no file formats, no algorithms and no pictures; they are in `pictures`
+//! and in `shared/`.
 //!
-//! Where to begin reading: [`answer::Answer`], the option of every command that prints facts, and [`exit_code::of_result`], the end of
+//! Start reading at [`answer::Answer`], the option of every command that prints facts, and [`exit_code::of_result`], the end of
 //! both programs.
 
 pub mod answer;

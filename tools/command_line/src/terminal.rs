@@ -1,4 +1,4 @@
-//! Ctrl-C, and a stdout whose reader has seen enough.
+//! Ctrl-C, and a stdout that its reader has closed.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
@@ -28,7 +28,7 @@ impl StopFlag {
     }
 }
 
-/// Prints a line to stdout, like `println!`. A closed stdout is no error, and the command goes on with its work.
+/// Prints a line to stdout, like `println!`. A closed stdout is not an error, and the command continues its work.
 #[macro_export]
 macro_rules! say {
     ($($line:tt)*) => { $crate::terminal::print_line(format_args!($($line)*)) };
@@ -42,7 +42,7 @@ pub fn print_line(line: Arguments<'_>) -> io::Result<()> {
     }
 }
 
-/// Turns a closed stdout into success: the reader of the pipe (for example `head`) has seen enough.
+/// Turns a closed stdout into success: the reader of the pipe (for example `head`) needs no more.
 pub fn ignore_broken_pipe(result: anyhow::Result<()>) -> anyhow::Result<ExitCode> {
     match result {
         Err(error) if !is_broken_pipe(&error) => Err(error),

@@ -5,7 +5,7 @@ use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, PointCloud, Pose, Quaternion, Timestamp, Vector3};
 use messages::{Pod, SweepPoint};
 
-/// The time of a stamp; of one before 1970 or after 2106, the nearest that Foxglove has.
+/// The time of a stamp; before 1970 or after 2106, the nearest time that Foxglove supports.
 pub fn timestamp(stamp_nanos: i64) -> Timestamp {
     let seconds = stamp_nanos.div_euclid(1_000_000_000).clamp(0, u32::MAX.into());
     Timestamp::new(seconds as u32, stamp_nanos.rem_euclid(1_000_000_000) as u32)
@@ -24,19 +24,19 @@ pub fn pose(pose: &geometry::Pose) -> Pose {
 /// A point of a submap with its columns; packed without gaps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ShownPoint {
-    /// m, submap frame.
+    /// Position in the submap frame, m.
     pub position: [f32; 3],
-    /// sRGB and opacity.
+    /// Color: sRGB and opacity.
     pub color: [u8; 4],
-    /// As the device gives it.
+    /// Intensity in units of the device.
     pub intensity: u8,
     /// Class id.
     pub class: u8,
-    /// 0 to 255 for 0 to 1.
+    /// Score: 0 to 255 for 0 to 1.
     pub score: u8,
     /// Whether it is on a moving object.
     pub moving: bool,
-    /// 0 = none.
+    /// Instance, 0 = none.
     pub instance: u32,
 }
 

@@ -6,7 +6,7 @@ use foxglove::{Context, McapWriter};
 use recording::RecordingReader;
 use std::path::Path;
 
-/// Converts a recording. A cut recording is converted up to its end, and the error says so.
+/// Converts a recording. A cut recording is converted up to the cut, which the error reports.
 pub fn convert(recording: &Path, out: &Path, points: usize) -> anyhow::Result<()> {
     let mut reader = RecordingReader::open(recording)?;
     let context = Context::new();
@@ -20,7 +20,7 @@ pub fn convert(recording: &Path, out: &Path, points: usize) -> anyhow::Result<()
     let n = scene.n_shown();
     if n == 0 {
         bail!(
-            "{}: has none of the topics {}; {} is empty",
+            "{}: contains none of the topics {}; {} is empty",
             recording.display(),
             Scene::TOPICS.join(", "),
             out.display()

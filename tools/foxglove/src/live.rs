@@ -16,7 +16,7 @@ use std::time::Duration;
 /// Observers are not notified, so they poll.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// Serves a run, through its restarts, until it ends. Messages that the clients are too slow for are left out: the run never waits.
+/// Serves a run, across its restarts, until it ends. Messages that the clients are too slow for are left out: the run never waits.
 pub fn serve(output: &Path, bind: IpAddr, port: u16, points: usize) -> anyhow::Result<()> {
     let mut run = ObservedRun::read(output)?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -40,7 +40,7 @@ pub fn serve(output: &Path, bind: IpAddr, port: u16, points: usize) -> anyhow::R
         )?;
         let Some(mut observers) = attached else { break };
         let tables = shown(&run.wiring);
-        // What an attempt did not finish is done again by the next.
+        // The next attempt repeats the unfinished work of this one.
         let mut scene = Scene::new(&context, points);
         scene.expect_columns(tables.iter().map(|table| table.topic.as_str()));
         while !is_stopped() {
@@ -74,7 +74,7 @@ enum ServeError {
     Message(anyhow::Error),
 }
 
-/// Shows the next message of each topic. Returns how many there were.
+/// Shows the next message of each topic. Returns the number of messages.
 fn receive(
     observers: &mut Attached<Vec<Observer>>,
     tables: &[ByteTable],

@@ -8,7 +8,7 @@
 //! It must never slow a run down or change it: it observes without back-pressure, and points above `--points` are left out evenly. It
 //! listens on the address that is given and on no other.
 //!
-//! Begin with `scene`, which turns one message of a topic into Foxglove's, then `convert` and `live`.
+//! Start reading at `scene`, which turns one message of a topic into Foxglove's, then `convert` and `live`.
 
 mod clouds;
 mod convert;
@@ -26,7 +26,7 @@ use std::process::ExitCode;
 #[derive(Parser, Debug)]
 #[command(name = "replica-foxglove", version, after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage")]
 struct Args {
-    /// Points of a submap to show at most; others are left out evenly
+    /// Largest number of points shown of a submap; others are left out evenly
     #[arg(long, global = true, value_name = "N", default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(1..))]
     points: u32,
     #[command(subcommand)]
@@ -48,7 +48,7 @@ enum Command {
         /// Output folder of the run
         #[arg(long, value_name = "DIR")]
         run: PathBuf,
-        /// Address to listen at; others than this machine's own can be reached from the network, without a password
+        /// Address to listen on; other addresses than localhost can be reached from the network, without a password
         #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
         bind: IpAddr,
         /// Port; 0 takes a free one

@@ -1,4 +1,4 @@
-//! The messages of a pipeline as those of Foxglove.
+//! The messages of a pipeline as Foxglove messages.
 //!
 //! | topic | message | frame |
 //! |---|---|---|
@@ -26,7 +26,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 const ODOM: &str = "odom";
-/// Smaller files would show the blocks of the compression.
+/// Quality of JPEG files; at lower quality compression blocks are visible.
 const JPEG_QUALITY: u8 = 85;
 
 /// Shows the messages of a pipeline on the channels of a context.
@@ -55,7 +55,7 @@ impl Scene {
         GnssTopic::TOPIC,
     ];
 
-    /// Shows up to so many points of a submap.
+    /// A scene that shows up to `most_points` points of a submap.
     pub fn new(context: &Arc<Context>, most_points: usize) -> Self {
         Self {
             points: channel(context, "/points".to_owned()),
@@ -98,7 +98,7 @@ impl Scene {
                 let header: ImageHeader = header_of(table, header)?;
                 let shown = self.cameras.entry(header.camera);
                 let shown = shown.or_insert_with(|| channel(&self.context, format!("/camera_{}", header.camera)));
-                // Compression takes a while; without a client nobody sees it.
+                // Compression takes a while and is skipped without a client.
                 if shown.has_sinks() {
                     shown.log_with_time(&jpeg(stamp, &header, rows)?, nanos(stamp));
                 }
@@ -252,5 +252,5 @@ fn header_of<T: Pod>(table: &ByteTable, bytes: &[u8]) -> anyhow::Result<T> {
 }
 
 fn rows_of<T: Pod>(table: &ByteTable, bytes: &[u8]) -> anyhow::Result<Vec<T>> {
-    rows_from_bytes(bytes).with_context(|| format!("topic {}: {} bytes are no whole rows", table.topic, bytes.len()))
+    rows_from_bytes(bytes).with_context(|| format!("topic {}: {} bytes are not whole rows", table.topic, bytes.len()))
 }

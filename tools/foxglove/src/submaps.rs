@@ -7,20 +7,20 @@ use messages::{
 };
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Submaps that wait at most. A column that is missing then was missed.
+/// Largest number of waiting submaps. A column that is still missing then was missed.
 const MOST_WAITING: usize = 6;
 /// Color of a point that no camera saw.
 const GRAY: [u8; 4] = [150, 150, 150, 255];
 
-/// A submap and what is known of its points.
+/// A submap with the known attributes of its points.
 pub struct ShownSubmap {
-    /// ns since 1970, first shot.
+    /// Stamp of the first shot, ns since 1970.
     pub stamp: i64,
     /// Pose of the submap.
     pub odom_from_submap: geometry::Pose,
-    /// Points, without those that are left out.
+    /// The points that are shown.
     pub points: Vec<ShownPoint>,
-    /// Every so many rows there is a point.
+    /// One row in `step` is shown.
     step: usize,
     columns: BTreeSet<String>,
 }
@@ -54,7 +54,7 @@ impl ShownSubmap {
 pub struct Submaps {
     expected: BTreeSet<String>,
     waiting: BTreeMap<u64, ShownSubmap>,
-    /// Columns that came before their submap: topics are received independently of each other.
+    /// Columns that arrived before their submap: topics are received independently of each other.
     early: BTreeMap<u64, BTreeMap<String, Vec<u8>>>,
     most_points: usize,
 }
@@ -63,7 +63,7 @@ impl Submaps {
     /// The columns that are joined.
     pub const COLUMNS: [&'static str; 3] = [ColorTopic::TOPIC, ClassTopic::TOPIC, InstanceTopic::TOPIC];
 
-    /// Shows up to so many points of a submap.
+    /// A collection that keeps up to `most_points` points of a submap.
     pub fn new(most_points: usize) -> Self {
         Self { most_points, ..Self::default() }
     }
@@ -95,7 +95,7 @@ impl Submaps {
             return submap.add_column(topic, rows);
         }
         self.early.entry(seq).or_default().insert(topic.to_owned(), rows.to_vec());
-        // The submaps of the oldest were missed, or are shown already.
+        // The submaps of the oldest columns were missed, or are already shown.
         while self.early.len() > MOST_WAITING {
             self.early.pop_first();
         }

@@ -1,7 +1,7 @@
 //! Statistics, diagnosis and charts of reflectances by band (thesis section 4.3.1).
 //!
 //! A [`source::Source`] is an input (images of one camera, or the spectra of the points of a run) with a [`channel::Channel`] for each
-//! band. [`diagnosis`] says what is wrong with it, [`charts`] draw it.
+//! band. [`diagnosis`] finds its problems, [`charts`] draw it.
 
 pub mod channel;
 pub mod charts;

@@ -27,7 +27,7 @@ const CLASS_COLORS: [[u8; 3]; 23] = [
     [145, 170, 100],
 ];
 
-/// Color of a number that is no class id.
+/// Color of a number that is not a class id.
 const UNKNOWN: [u8; 3] = [90, 94, 102];
 
 /// sRGB of a class id.

@@ -1,4 +1,4 @@
-//! Which clouds a path stands for.
+//! The clouds of a path.
 
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ pub fn cloud_files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     for entry in std::fs::read_dir(&folder).with_context(|| format!("{}: cannot list the folder", folder.display()))? {
         let file = entry.with_context(|| format!("{}: cannot list the folder", folder.display()))?.path();
         let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        // A file of spectra has the same points again. A leading dot marks an unfinished file.
+        // A file of spectra repeats points of a cloud. A leading dot marks an unfinished file.
         let is_cloud = file.extension().is_some_and(|extension| extension == "ply");
         if is_cloud && !stem.ends_with("_spectra") && !stem.starts_with('.') {
             files.push(file);

@@ -1,4 +1,4 @@
-//! Pictures of point clouds, and the statistics that choose what they show.
+//! Pictures of point clouds, and the statistics that select their content.
 
 mod bev_picture;
 mod camera;
@@ -29,9 +29,9 @@ use anyhow::{Context, bail, ensure};
 use image::{ImageFormat, RgbImage};
 use std::path::{Path, PathBuf};
 
-/// What a view of a place shows around it, m: a house and the street before it.
+/// Default radius of a view of a place, m: a house and the street in front of it.
 pub const DEFAULT_RADIUS_M: f64 = 15.0;
-/// Red, which most mosaic cameras have, nm.
+/// Default wavelength of the band, nm: red, which most mosaic cameras have.
 pub const DEFAULT_BAND_NM: f64 = 650.0;
 
 /// Statistics of all points of these files, with the values that a coloring needs.
@@ -104,7 +104,7 @@ fn camera(summary: &CloudSummary, settings: &PictureSettings) -> anyhow::Result<
         (Viewpoint::Top, At::Place(place)) => Camera::top_view_of(place, radius_m, bounds, size),
         (Viewpoint::Street, At::Share(share)) => Camera::street_view(bounds, summary.path(), share, size),
         (Viewpoint::Street, At::Place(place)) => {
-            // Most points are on the ground, and the lowest ones are errors.
+            // Most points are on the ground, and the lowest points are errors.
             let [ground_m, _] = summary.height_range();
             Camera::street_view_of(place, radius_m, ground_m, summary.path(), size)
         }

@@ -6,9 +6,9 @@ use chart::{Axis, COLORS, Chart, Series};
 use scores::Statistics;
 use std::path::Path;
 
-/// The supervisor appends to this file about once per second.
+/// File to which the supervisor appends about once per second.
 const FILE: &str = "run/costs.csv";
-/// Its columns.
+/// Columns of the file.
 const HEADER: &str = "wall_s,stage,drive_s,ticks,cpu_s,resident_bytes";
 
 /// Totals of a stage at one time.
@@ -24,7 +24,7 @@ struct Sample {
 pub struct CostHistory(Vec<(String, Vec<Sample>)>);
 
 impl CostHistory {
-    /// Reads the history of a run; `None` if the folder has none.
+    /// Reads the history of a run; `None` if the file does not exist.
     pub fn of_run(run: &Path) -> anyhow::Result<Option<Self>> {
         let path = run.join(FILE);
         if !path.is_file() {
@@ -111,7 +111,7 @@ mod tests {
         let of = |k: usize| ms_per_tick(&costs.0[k].1);
         assert_eq!(of(0).len(), 1);
         assert!((of(0)[0][1] - 5.0).abs() < 1e-9 && (of(0)[0][0] - 1.5).abs() < 1e-9);
-        // The restart between the second and the third sample is left out, and so is the work after the last sweep.
+        // The restart between the second and the third sample and the work after the last sweep are left out.
         let slam = of(1);
         assert_eq!(slam.len(), 2);
         assert!((slam[0][1] - 25.0).abs() < 1e-9 && (slam[1][1] - 30.0).abs() < 1e-9);

@@ -1,6 +1,6 @@
-//! Reduces lines of charts to a number of points that can be seen.
+//! Reduces lines of charts to a visible number of points.
 
-/// Most points of a line: more than a chart can show.
+/// Largest number of points of a line: more than a chart can show.
 const MAX_POINTS: usize = 4000;
 
 /// Every n-th point and the last, so that there are at most `MAX_POINTS` and one.

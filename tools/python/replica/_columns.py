@@ -1,4 +1,4 @@
-"""The columns of submaps: what each number of a point is."""
+"""The columns of submaps: the meaning of each number of a point."""
 
 import json
 from dataclasses import dataclass, fields
@@ -18,9 +18,9 @@ class Field:
     row_field: str
     #: ``coordinate``, ``f64``, ``f32``, ``u32``, ``u8``, or ``share``: 0 to 255 on the topic, 0 to 1 in clouds.
     kind: str
-    #: Empty if it has none.
+    #: Unit; empty without a unit.
     unit: str
-    #: Value of points without one; ``None``: every point has one.
+    #: Value that marks points without a value; ``None``: every point has a value.
     none: float | None
     #: What it is.
     description: str
@@ -28,7 +28,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Column:
-    """Fields that are present together, and the topic on which they come."""
+    """Fields that are present together, and their topic."""
 
     name: str
     topic: str

@@ -13,7 +13,7 @@ from ._messages import Message
 
 
 class SweepImages:
-    """What the stage ``infer`` does around a network on range images, by the settings of a model file.
+    """The work of the stage ``infer`` around a network on range images, with the settings of a model file.
 
     In a stage::
 
@@ -47,7 +47,7 @@ class SweepImages:
         self.digest: int = self._native.digest
 
     def of(self, submap: Message, *, color: Message | None = None, spectra: Message | None = None) -> "SubmapImages":
-        """The sweeps of a submap, with the columns that the model reads. Nothing refers to the messages afterwards."""
+        """The sweeps of a submap, with the columns that the model reads. The messages are not referenced afterwards."""
         columns = (message and _bytes(message) for message in (color, spectra))
         return SubmapImages(self._native.of(_bytes(submap), *columns), self.settings["network"]["outputs"])
 

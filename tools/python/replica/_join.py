@@ -10,7 +10,7 @@ from ._messages import Inputs, Message
 
 
 class SubmapJoin:
-    """Submaps that wait for columns, and columns that wait for their submap. Offline, where all arrive.
+    """Submaps that wait for columns, and columns that wait for their submap. For offline runs, where all arrive.
 
     In a stage whose inputs are ``submap`` and ``color``::
 
@@ -29,22 +29,22 @@ class SubmapJoin:
     """
 
     def __init__(self, *columns: str):
-        """Columns that every submap waits for; of optional ones, those in ``context.connected``."""
+        """Columns that every submap waits for; optional columns only if they are in ``context.connected``."""
         self._waiting: dict[str, list[Message]] = {topic: [] for topic in ("submap", *columns)}
 
     def complete(self, inputs: Inputs) -> Iterator[tuple[Message, dict[str, Message]]]:
-        """Adds the messages of a tick. The submaps that have all of their columns, in their order."""
+        """Adds the messages of a tick. Returns the submaps that have all of their columns, in their order."""
         for topic, waiting in self._waiting.items():
             waiting.extend(inputs[topic])
         while all(self._waiting.values()):
             submap, *columns = (waiting.pop(0) for waiting in self._waiting.values())
             for column in columns:
                 if (column.seq, len(column)) != (submap.seq, len(submap)):
-                    raise ValueError(f"{column!r} arrived when that of {submap!r} was due")
+                    raise ValueError(f"{column!r} arrived when the column of {submap!r} was due")
             yield submap, {column.topic: column for column in columns}
 
     def save(self) -> bytes:
-        """The waiting messages; no bytes if there are none."""
+        """The waiting messages as bytes; empty if no message waits."""
         waiting = [_parts(message) for messages in self._waiting.values() for message in messages]
         return pickle.dumps(waiting) if waiting else b""
 

@@ -1,4 +1,4 @@
-"""Messages of a step: what it reads and what it writes, in shared memory."""
+"""Messages that a step reads and writes, in shared memory."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Message:
     def __init__(self, topic: str, seq: int, stamp: int, tick: int, header: np.ndarray, rows: np.ndarray, types):
         header_type, row_type = types
         self.topic = topic
-        #: Number of the message on its topic; of a column, the number of its submap.
+        #: Number of the message on its topic; for a column, the number of its submap.
         self.seq = seq
         #: Nanoseconds since the Unix epoch.
         self.stamp = stamp
@@ -28,7 +28,7 @@ class Message:
         self.tick = tick
         #: The fixed part, a record.
         self.header = header.view(header_type)[0]
-        #: The rows, a structured array; of a topic of plain numbers, an array of these.
+        #: The rows, a structured array; for a topic of plain numbers, an array of numbers.
         self.rows = rows.view(row_type)
 
     def __len__(self) -> int:
@@ -43,7 +43,7 @@ class Message:
 
 
 class Loan:
-    """A message under construction, in the shared memory in which its readers will see it. Rows and header are zero at first."""
+    """A message under construction, in the shared memory from which its readers will read it. Rows and header are zero at first."""
 
     __slots__ = ("topic", "header", "rows", "_number", "_stamp", "_seq")
 
@@ -68,7 +68,7 @@ class Loan:
         self.rows[key] = value
 
     def __getattr__(self, name: str):
-        """Of attributes that are not there."""
+        """Called for missing attributes."""
         if name in ("header", "rows"):
             raise RuntimeError(f"{self.topic}: the loan is published: its memory belongs to the readers")
         raise AttributeError(name)
@@ -76,8 +76,8 @@ class Loan:
     def _publish(self, stamp: int | None):
         stamp = self._stamp if stamp is None else stamp
         if stamp is None:
-            raise ValueError(f"{self.topic}: publish needs the stamp of a message that is not like another one")
-        # Only arrays that the stage keeps still refer to the loan. A second time, there is nothing to delete.
+            raise ValueError(f"{self.topic}: publish needs a stamp for a loan that was made without `like`")
+        # Only arrays that the stage keeps still refer to the loan. A second call has nothing to delete.
         try:
             del self.header, self.rows
         except AttributeError:
@@ -90,7 +90,7 @@ class Inputs(dict):
 
 
 class Outputs:
-    """Where a step's results go. Usable only within ``step`` and ``finish``."""
+    """The outputs of a step. Usable only within ``step`` and ``finish``."""
 
     def loan(self, topic: str, rows: int | None = None, *, like: Message | None = None) -> Loan:
         """Memory for a message of ``rows`` rows. ``like``: a column of that submap, with as many rows and its stamp."""
@@ -103,7 +103,7 @@ class Outputs:
     def publish(self, loan: Loan, stamp: int | None = None):
         """Publishes the loan. Waits while the queue of a reader is full; other threads of Python run meanwhile.
 
-        No other array may refer to the loan: ``BufferError``. ``stamp``, ns since the Unix epoch, is that of ``like`` by default.
+        No other array may refer to the loan: ``BufferError``. ``stamp``, ns since the Unix epoch, defaults to the stamp of ``like``.
         """
         loan._publish(stamp)
 
@@ -112,11 +112,11 @@ class Outputs:
         _native.count(name, n)
 
     def note(self, text: str):
-        """Reports a text to the operator, once: in the log, the heartbeat and the run summary."""
+        """Reports a text to the operator once, in the log, the heartbeat and the run summary."""
         _native.note(text)
 
     def doubt(self, name: str, size: float, text: str):
-        """Reports that results should not be relied on as they are: the run ends with exit code 3."""
+        """Reports that results should not be relied on without a check: the run ends with exit code 3."""
         _native.doubt(name, size, text)
 
     def withdraw_doubt(self, name: str):

@@ -16,7 +16,7 @@ from ._messages import Message
 
 #: Observers are not notified, so they poll, s.
 _POLL_INTERVAL_S = 0.002
-#: Between the attempts of a run, its services are not there for less than this, s.
+#: Between two attempts of a run, its services are absent for less than this, s.
 _ATTEMPT_TIMEOUT_S = 10.0
 _PLY_TYPES = {"char": "i1", "uchar": "u1", "short": "<i2", "ushort": "<u2", "int": "<i4", "uint": "<u4", "float": "<f4", "double": "<f8"}
 _POSE = np.dtype([("stamp_s", "f8"), ("position", "f8", (3,)), ("rotation", "f8", (4,))])
@@ -75,7 +75,7 @@ class Run:
 
 
 def open_run(path: str | Path) -> Run:
-    """The run into the folder ``path``."""
+    """The run with the output folder ``path``."""
     path = Path(path)
     if not (path / "clouds/index.json").is_file():
         raise FileNotFoundError(f"{path}: is not the output of a run: it has no clouds/index.json")
@@ -108,7 +108,7 @@ class Recording:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         file = _native.RecordingFile(self.path)
-        #: What the recording says about its run.
+        #: Metadata of the run, from the recording.
         self.about: dict[str, str] = file.about()
         self._tables: dict[str, dict] = json.loads(file.tables())
 
@@ -118,7 +118,7 @@ class Recording:
         return [name for name in self._tables if not name.endswith(".tick")]
 
     def messages(self, *topics: str) -> Iterator[Message]:
-        """The messages of these topics, by default of all, in the order of the file. Arrays may be kept."""
+        """The messages of these topics, by default of all topics, in the order of the file. Arrays may be kept."""
         unknown = [topic for topic in topics if topic not in self._tables]
         if unknown:
             raise ValueError(f"{self.path}: has no topic {', '.join(unknown)}; it has {', '.join(self.topics)}")
@@ -136,7 +136,7 @@ def open_recording(path: str | Path) -> Recording:
 
 
 def observe(output: str | Path, topic: str, *, lossless: bool = False) -> Iterator[Message]:
-    """The messages of a topic of the running pipeline into ``output``, until it ends; through restarts.
+    """The messages of a topic of the running pipeline into ``output``, until it ends, across restarts.
 
     An observer changes no result. A message that comes while its queue is full is dropped: ``seq`` has a gap. With ``lossless``,
     the pipeline waits for it instead; one such observer for a topic. Arrays of few messages may be kept.

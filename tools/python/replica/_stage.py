@@ -19,7 +19,7 @@ END = "end"
 
 
 class ConfigurationError(Exception):
-    """The settings require what this drive does not give: the process ends with exit code 78 and is not restarted."""
+    """The settings require data that this drive lacks: the process ends with exit code 78 and is not restarted."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Context:
-    """Where and how the run happens."""
+    """Folders and mode of the run."""
 
     drive: Path
     output: Path
@@ -44,7 +44,7 @@ class Context:
     mode: str
     #: Topics that have a producer in this run.
     connected: tuple[str, ...]
-    #: Topics that lost their producer by another source.
+    #: Topics that have no producer because another source was selected.
     missing: tuple[str, ...]
 
     def resolve(self, path: str | Path) -> Path:
@@ -75,7 +75,7 @@ class Stage:
     outputs: list[str] = []
     #: Defaults by key: values, or :class:`Setting` with meaning and rule. In an instance, the values.
     settings: dict = {}
-    #: Of an instance.
+    #: The context of the run, in an instance.
     context: Context
 
     @classmethod
@@ -91,10 +91,10 @@ class Stage:
         raise NotImplementedError("a stage needs a method step(self, inputs, outputs)")
 
     def finish(self, outputs: Outputs):
-        """After the last tick: publishes the results that are still held."""
+        """After the last tick: publishes the remaining results."""
 
     def save(self) -> bytes:
-        """Everything that the next tick depends on. A stage that holds nothing between ticks returns no bytes."""
+        """The state that the next tick depends on. A stage without state returns no bytes."""
         return b""
 
     def restore(self, state: bytes):
@@ -103,7 +103,7 @@ class Stage:
 
 
 class _Host:
-    """What the native part calls. Texts are JSON."""
+    """Interface for the native part. Texts are JSON."""
 
     def __init__(self, stage_class: type[Stage]):
         self.stage_class = stage_class
@@ -156,7 +156,7 @@ class _Host:
         gc.collect()
 
     def explain(self, error: BaseException, raised_at) -> tuple[bool, str, str]:
-        """Whether it is of the configuration, its traceback, and one line with its place in the stage's file."""
+        """Whether the error is a configuration error, its traceback, and one line with its place in the stage's file."""
         text = " ".join(str(error).split())
         if isinstance(error, ConfigurationError):
             return True, "", text

@@ -1,4 +1,4 @@
-//! The native part of the Python package `replica`. `replica/` has the part that its users see.
+//! The native part of the Python package `replica`. `replica/` has the public part.
 //!
 //! A stage in Python runs in the runner of the crate `stage`: the same command line, barriers, credits and exit codes as in Rust. Messages
 //! are numpy arrays over shared memory, without a copy; arrays of a message that was given back are refused.
@@ -8,7 +8,7 @@
 //! It must never keep shared memory of a message that its owner has given back, and never decide something that the crate `stage`
 //! decides: settings, ports and states are only passed on.
 //!
-//! Begin with `program` (a Python class as a stage), then `session` (calls of a step) and `memory` (arrays over shared memory).
+//! Start reading at `program` (a Python class as a stage), then `session` (calls of a step) and `memory` (arrays over shared memory).
 
 mod memory;
 mod observation;

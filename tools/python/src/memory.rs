@@ -1,4 +1,4 @@
-//! Memory of a message as Python sees it.
+//! Memory of a message, for Python.
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -28,7 +28,7 @@ impl Memory {
     }
 }
 
-/// What owns the bytes of [`Memory`] asks this whether they are still in use.
+/// The owner of the bytes of [`Memory`] uses this to check whether they are still in use.
 #[derive(Default)]
 pub struct Lease(Arc<()>);
 
@@ -37,7 +37,7 @@ impl Lease {
     pub fn read(&self, bytes: &[u8]) -> Memory {
         self.memory(bytes.as_ptr() as usize, bytes.len(), false)
     }
-    /// Memory that is written through the array only, as long as it is in use.
+    /// Memory that is written only through the array, as long as it is in use.
     pub fn write(&self, bytes: &mut [u8]) -> Memory {
         self.memory(bytes.as_mut_ptr() as usize, bytes.len(), true)
     }

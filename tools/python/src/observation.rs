@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use run::wiring::Wiring;
 use std::path::{Path, PathBuf};
 
-/// Observes a topic in one attempt of a run. Used by the thread that made it.
+/// Observes a topic in one attempt of a run. Used only by the thread that created it.
 #[pyclass(unsendable)]
 pub struct Observation {
     output: PathBuf,
@@ -38,12 +38,12 @@ impl Observation {
         Ok(Self { output, wiring, observer, held: Vec::new() })
     }
 
-    /// The attempt of the run: each restart is another one.
+    /// Number of the attempt of the run: each restart starts a new attempt.
     fn attempt(&self) -> u32 {
         self.wiring.attempt
     }
 
-    /// Whether the attempt has ended. To be asked before `receive`, which then still gives what was published before the end.
+    /// Whether the attempt has ended. Call it before `receive`, which then still returns messages published before the end.
     fn has_ended(&self) -> bool {
         !self.observer.is_current() || !self.wiring.is_alive(&self.output)
     }

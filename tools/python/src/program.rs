@@ -19,7 +19,7 @@ pub struct PythonProgram {
     name: &'static str,
 }
 
-/// What all states of a stage share.
+/// Data that all states of a stage share.
 struct Class {
     host: Py<PyAny>,
     inputs: Vec<Port>,
@@ -141,7 +141,7 @@ impl Drop for Running {
 }
 
 impl Class {
-    /// Calls a method of the host. The interpreter is locked only meanwhile.
+    /// Calls a method of the host. The interpreter is locked only during the call.
     fn call<R>(&self, method: &str, arguments: impl for<'py> pyo3::call::PyCallArgs<'py>) -> Result<R, StepError>
     where
         R: for<'a, 'py> FromPyObject<'a, 'py>,

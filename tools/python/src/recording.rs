@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-/// Reads a recording from its begin to its end.
+/// Reads a recording from start to end.
 #[pyclass(frozen)]
 pub struct RecordingFile(Mutex<RecordingReader>);
 
@@ -33,7 +33,7 @@ impl RecordingFile {
         serde_json::to_string(&tables).map_err(|error| PyValueError::new_err(error.to_string()))
     }
 
-    /// What the recording says about its run.
+    /// Metadata of the run, from the recording.
     fn about(&self) -> BTreeMap<String, String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).about().clone()
     }

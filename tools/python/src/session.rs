@@ -1,4 +1,4 @@
-//! What a step in Python works on: the messages that it received, its loans and its outputs.
+//! The data of a step in Python: its received messages, loans and outputs.
 //!
 //! All of it belongs to the thread that runs the stage. Python has addresses of it ([`Memory`](crate::memory::Memory)); nothing is
 //! dropped while an object of Python refers to it.
@@ -17,7 +17,7 @@ thread_local! {
 
 #[derive(Default)]
 struct Session {
-    /// Only during a call of the stage.
+    /// The outputs, only during a call of the stage.
     outputs: Option<Outputs>,
     output_ports: Vec<Port>,
     loans: BTreeMap<u64, Loaned>,
@@ -41,12 +41,12 @@ struct Held {
 /// A received message for Python: topic, seq, stamp, tick, header, rows.
 pub type ReceivedMessage = (&'static str, u64, i64, u64, Memory, Memory);
 
-/// Begins the stage: its outputs.
+/// Starts the stage with these outputs.
 pub fn begin(output_ports: Vec<Port>) {
     with(|session| session.output_ports = output_ports);
 }
 
-/// Calls Python with the outputs at hand. An error of an output comes before the exception that it has become.
+/// Calls Python with the outputs at hand. An error of an output takes precedence over the exception that it caused.
 pub fn call<R>(outputs: &mut Outputs, python: impl FnOnce() -> Result<R, StepError>) -> Result<R, StepError> {
     with(|session| session.outputs = Some(std::mem::take(outputs)));
     let result = python();
@@ -78,7 +78,7 @@ pub fn receive(inputs: &mut Inputs, ports: &[Port]) -> Vec<ReceivedMessage> {
     received
 }
 
-/// Gives back what Python no longer refers to. The numbers of the messages of `topic` that it still does.
+/// Gives back messages that Python no longer refers to. Returns the numbers of the messages of `topic` that it still refers to.
 pub fn still_held(topic: &str) -> Vec<u64> {
     with(|session| {
         session.held.retain(|held| held.lease.is_used());
@@ -87,7 +87,7 @@ pub fn still_held(topic: &str) -> Vec<u64> {
     })
 }
 
-/// At the end: memory that Python still refers to is never given back; the process ends soon.
+/// Ends the session. Memory that Python still refers to is never given back; the process ends soon.
 pub fn end() {
     with(|session| {
         let held = std::mem::take(&mut session.held);

@@ -1,4 +1,4 @@
-//! What a class of Python says about its stage, as JSON: names and settings.
+//! Description of a stage by its Python class, as JSON: names and settings.
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value};
@@ -8,10 +8,10 @@ use stage::toml::Spanned;
 use stage::toml::de::{DeTable, DeValue};
 use stage::{Field, Problem, Rule};
 
-/// A stage before it has settings.
+/// Description of a stage without values of its settings.
 #[derive(Debug, Deserialize)]
 pub struct Spec {
-    /// Its table.
+    /// Table of the stage in the launch file.
     pub name: String,
     pub inputs: Vec<String>,
     pub optional_inputs: Vec<String>,
@@ -31,7 +31,7 @@ pub struct Setting {
 }
 
 impl Setting {
-    /// As `--describe` shows it.
+    /// The setting in the form of `--describe`.
     pub fn field(&self) -> Field {
         let (kind, rule) = match &self.default {
             Value::Bool(_) => ("bool", String::new()),
@@ -50,7 +50,7 @@ impl Setting {
         }
     }
 
-    /// The value that a launch file sets, as JSON; or what is wrong with it.
+    /// The value that a launch file sets, as JSON, or its problem.
     pub fn read(&self, value: Spanned<DeValue<'_>>) -> Result<Value, String> {
         match &self.default {
             Value::Bool(_) => json(value, &*any::<bool>()),
@@ -96,7 +96,7 @@ impl Setting {
         }
     }
 
-    /// A process has one stage, whose rules live as long as it.
+    /// The allowed words. They are leaked: a process has one stage, whose rules live as long as the process.
     fn words(&self) -> Option<&'static [&'static str]> {
         let words = self.one_of.as_ref()?.iter().map(|word| &*word.clone().leak());
         Some(words.collect::<Vec<_>>().leak())
@@ -113,7 +113,7 @@ fn json<T: DeserializeOwned + Serialize>(value: Spanned<DeValue<'_>>, rule: &dyn
 }
 
 impl Spec {
-    /// The values that a table sets, and the problems of the others.
+    /// The valid values that a table sets, and the problems of the others.
     pub fn read(&self, table: &DeTable<'_>) -> (Map<String, Value>, Vec<Problem>) {
         let mut values = Map::new();
         let mut problems = Vec::new();

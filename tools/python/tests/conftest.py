@@ -14,7 +14,7 @@ HEIGHT_SEGMENTER = ROOT / "examples/python/height_segmenter.py"
 
 
 def call(program, *arguments, code: int = 0) -> str:
-    """Runs a program, which must end with this exit code; what it printed."""
+    """Runs a program, which must end with this exit code. Returns its output."""
     command = [sys.executable, program] if str(program).endswith(".py") else [PROGRAMS / program]
     ended = subprocess.run([*command, *arguments], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
     assert ended.returncode == code, f"{program} {arguments}: {ended.returncode}\n{ended.stdout}"

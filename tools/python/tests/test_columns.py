@@ -1,4 +1,4 @@
-"""The table of columns, and clouds with a column that the table of the pipeline does not have."""
+"""The table of columns, and clouds with a column that is not in the table of the pipeline."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Examples and new stages work as they are."""
+"""Examples and new stages work without changes."""
 
 import sys
 from pathlib import Path

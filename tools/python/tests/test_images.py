@@ -15,7 +15,7 @@ EXAMPLES = ROOT / "examples/python"
 
 @pytest.fixture(scope="module")
 def rust_classes(folder, submaps) -> list[replica.Message]:
-    """Of the stage `infer`."""
+    """The scores and classes of the stage `infer`."""
     call("replica-infer", "run", "--recording", submaps, "--record", folder / "rust_unet.mcap", *KEYS)
     return list(replica.open_recording(folder / "rust_unet.mcap").messages("class"))
 

@@ -45,7 +45,7 @@ def test_submaps_are_joined_with_later_columns_before_and_after_a_restart(folder
     joined += restarted.complete({"submap": points[2:3], "class": columns[1:3]})
     assert [(submap.seq, others["class"].seq) for submap, others in joined] == [(0, 0), (1, 1), (2, 2)]
     assert all(np.array_equal(submap.rows, points[submap.seq].rows) for submap, _ in joined)
-    with pytest.raises(ValueError, match="<class 4: .* arrived when that of <submap 3: .* was due"):
+    with pytest.raises(ValueError, match="<class 4: .* arrived when the column of <submap 3: .* was due"):
         list(restarted.complete({"submap": points[3:4], "class": columns[4:5]}))
 
 

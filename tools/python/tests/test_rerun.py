@@ -1,4 +1,4 @@
-"""What Rerun reads in the files of `examples/python/to_rerun.py`."""
+"""The data that Rerun reads from the files of `examples/python/to_rerun.py`."""
 
 import sys
 from pathlib import Path

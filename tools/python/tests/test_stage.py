@@ -1,4 +1,4 @@
-"""A stage in Python is a stage like any other."""
+"""A stage in Python behaves like a stage in Rust."""
 
 import random
 import re
@@ -159,7 +159,7 @@ def test_changed_script_is_refused_by_resume(folder, drive):
     running.wait()
     script.write_text(as_started + "\n# changed\n")
     assert "changing.py" in call("replica-launch", path, "--resume", code=78)
-    # Nothing is lost by the refusal; the resumed run also frees the memory of the killed one.
+    # The refusal loses nothing; the resumed run also frees the memory of the killed run.
     script.write_text(as_started)
     call("replica-launch", path, "--resume")
 

@@ -40,12 +40,12 @@ pub struct Args {
     /// the named ones are taken.
     #[arg(long = "topic", value_name = "ROLE=TOPIC", value_parser = Role::parse_wish)]
     pub topics: Vec<(Role, String)>,
-    /// Time in which topics are found before the choice by type, s
+    /// Time for the discovery of topics before the choice by type, s
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = seconds)]
     pub discover: f64,
-    /// Never ask a publisher to send again what was lost
+    /// Never ask a publisher to resend lost messages
     ///
-    /// By default, messages of a reliable publisher are received reliably, and others with best effort.
+    /// By default, messages of a reliable publisher are received reliably, and other messages with best effort.
     #[arg(long)]
     pub best_effort: bool,
 }
@@ -80,16 +80,16 @@ impl Args {
                 return Err(format!("--topic {role}={topic} needs the target {option}, one for each sensor"));
             }
             if self.topics[..index].iter().any(|(other, before)| other == role || before == topic) {
-                return Err(format!("--topic {role}={topic}: the role or the topic is there twice"));
+                return Err(format!("--topic {role}={topic}: the role or the topic is given twice"));
             }
         }
         let wishes = |role| self.topics.iter().any(|(wished, _)| *wished == role);
         if wishes(Role::Gnss) && wishes(Role::Nmea) {
-            return Err("--topic gnss and --topic nmea are of one receiver; name one of them".into());
+            return Err("--topic gnss and --topic nmea belong to one receiver; name one of them".into());
         }
         for index in 1..self.lidar.len() {
             if !wishes(Role::Lidar(index)) {
-                return Err(format!("--lidar is there {} times; name --topic lidar.{index}=TOPIC", self.lidar.len()));
+                return Err(format!("--lidar is given {} times; name --topic lidar.{index}=TOPIC", self.lidar.len()));
             }
         }
         Ok(())
@@ -130,7 +130,7 @@ mod tests {
         let wish = |wish: &'static str| [&imu[..], &["--topic", wish]].concat();
         assert!(rule(&wish("nmea=/n")).contains("needs the target --nmea"));
         assert!(rule(&wish("lidar.1=/n")).contains("needs the target --lidar"));
-        assert!(rule(&[wish("imu=/a"), wish("imu=/b")[2..].to_vec()].concat()).contains("there twice"));
+        assert!(rule(&[wish("imu=/a"), wish("imu=/b")[2..].to_vec()].concat()).contains("given twice"));
         let lidars = ["--lidar", "127.0.0.1:1", "--lidar", "127.0.0.1:2"];
         assert!(rule(&lidars).contains("name --topic lidar.1=TOPIC"));
         for seconds in ["-1", "nan", "4000"] {

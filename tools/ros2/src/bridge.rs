@@ -18,11 +18,11 @@ use std::task::{Wake, Waker};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
-/// Topics are looked for once in this time.
+/// Interval between two searches for topics.
 const LOOK: Duration = Duration::from_millis(250);
 /// Ctrl-C takes effect within this time.
 const MAX_PARK: Duration = Duration::from_millis(100);
-/// Rounds of messages of a topic that are taken after Ctrl-C.
+/// Largest number of rounds of messages of a topic that are taken after Ctrl-C.
 const MAX_LAST_ROUNDS: usize = 16;
 /// The kernel may grant less (`net.core.rmem_max`). Several cameras send their images at the same moment.
 const RECEIVE_BUFFER: usize = 32 << 20;
@@ -54,7 +54,7 @@ struct Bridge<'a> {
     found: Option<Instant>,
     /// Whether sensors were chosen by type.
     is_chosen: bool,
-    /// Whether the operator knows for what the bridge waits.
+    /// Whether the bridge has reported what it waits for.
     has_reported: bool,
 }
 
@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<bool> {
             thread::park_timeout(MAX_PARK);
         }
     }
-    // What has been received is written, too, but not what a fast publisher adds without end.
+    // Received messages are also written, but not the endless messages of a fast publisher.
     for feed in &mut bridge.feeds {
         let _ = (0..MAX_LAST_ROUNDS).all(|_| feed.take(&waker));
     }
@@ -89,7 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<bool> {
     if !is_subscribed {
         eprintln!("no topic was taken");
     }
-    // All are finished, also after one that lost something.
+    // All feeds are finished, even after one that lost messages.
     let complete = bridge.feeds.into_iter().map(Feed::finish).filter(|is_complete| !is_complete).count() == 0;
     Ok(complete && is_subscribed)
 }
@@ -157,7 +157,7 @@ impl Bridge<'_> {
             let (Some(topic), Some(kind)) = (topic_from_dds(&data.topic_name), type_from_dds(&data.type_name)) else {
                 continue;
             };
-            // A writer that does not say is reliable.
+            // A writer that does not declare its reliability is reliable.
             let is_reliable = !matches!(data.reliability, Some(Reliability::BestEffort));
             match offers.get_mut(&topic) {
                 Some(offer) if offer.kind == kind => offer.is_reliable &= is_reliable,
@@ -187,8 +187,8 @@ impl Bridge<'_> {
         let is_image = matches!(sink, Sink::Folder(_));
         let names = [offer.dds_name.as_str(), &offer.dds_type];
         let subscription = Subscription::new(&self.participant, names, is_image, is_reliable)?;
-        let way = if is_reliable { "reliable" } else { "best effort" };
-        eprintln!("{topic} ({role}): {}, {way}", offer.kind);
+        let reliability = if is_reliable { "reliable" } else { "best effort" };
+        eprintln!("{topic} ({role}): {}, {reliability}", offer.kind);
         self.feeds.push(Feed::new(role, topic, &offer.kind, subscription, sink)?);
         Ok(())
     }

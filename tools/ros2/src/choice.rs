@@ -1,4 +1,4 @@
-//! Which topic is which sensor.
+//! The choice of a topic for each sensor.
 
 use crate::arguments::Args;
 use crate::roles::{Role, of_clouds};
@@ -11,7 +11,7 @@ const CAMERA_INFO: &str = "sensor_msgs/CameraInfo";
 /// Topics with their types, as they were found.
 pub type Topics = BTreeMap<String, String>;
 
-/// Chooses by type what `--topic` does not name, for the targets that are given. Returns the choice, and lines on what is left out.
+/// Chooses topics that `--topic` does not name by type, for the given targets. Returns the choice, and lines about omitted topics.
 pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<(BTreeMap<Role, String>, Vec<String>)> {
     let mut roles = BTreeMap::new();
     let mut notes = Vec::new();
@@ -33,7 +33,7 @@ pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<(BTreeMap<Role, St
             continue;
         }
         let mut found = of(sensor);
-        // Packets of an Ouster's IMU have the type of those of its LiDAR.
+        // Packets of an Ouster's IMU have the same type as packets of its LiDAR.
         found.retain(|topic| role != Role::Lidar(0) || !topic.ends_with("imu_packets"));
         if role == Role::Gnss && roles.contains_key(&Role::Nmea) {
             notes.extend(found.iter().map(|topic| format!("{topic}: not taken, the receiver's sentences are")));
@@ -66,12 +66,12 @@ fn cameras(topics: &Topics, images: &[&String]) -> (Vec<String>, Vec<String>) {
         let info = infos(topic).into_iter().find(|info| topics.get(info).is_some_and(|kind| kind == CAMERA_INFO));
         match info {
             Some(info) => by_info.entry(info).or_default().push(topic),
-            None => notes.push(format!("{topic}: no camera_info beside it; --topic camera.0={topic} takes it")),
+            None => notes.push(format!("{topic}: no camera_info in its namespace; --topic camera.0={topic} takes it")),
         }
     }
     let mut chosen = Vec::new();
     for mut candidates in by_info.into_values() {
-        // The bytes of compressed images are kept, and raw ones must be compressed here.
+        // The bytes of compressed images are kept; raw images must be compressed here.
         candidates.sort_by_key(|topic| (topics[*topic] != "sensor_msgs/CompressedImage", topic.len(), *topic));
         let first = candidates[0];
         let others = &candidates[1..];
@@ -81,7 +81,7 @@ fn cameras(topics: &Topics, images: &[&String]) -> (Vec<String>, Vec<String>) {
     (chosen, notes)
 }
 
-/// Names that the `camera_info` of an image topic may have: beside it, or beside the raw image of a compressed one.
+/// Names that the `camera_info` of an image topic may have: in its namespace, or in the namespace of the raw image of a compressed one.
 fn infos(topic: &str) -> Vec<String> {
     let parents = std::iter::successors(Some(topic), |topic| topic.rsplit_once('/').map(|(parent, _)| parent));
     parents.skip(1).take(2).map(|parent| format!("{parent}/camera_info")).collect()

@@ -1,4 +1,4 @@
-//! What became of the messages of a topic.
+//! Counts of received, lost and omitted messages of a topic.
 
 use rustdds::GUID;
 use std::collections::BTreeMap;
@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 /// Kinds of reasons that are kept for a topic. Further kinds are counted only.
 const MAX_KINDS: usize = 16;
-/// Publishers of a topic whose messages are counted apart. Those of the first are closed when there are more.
+/// Publishers of a topic whose messages are counted apart. The counts of the first are closed when there are more.
 const MAX_PUBLISHERS: usize = 64;
 
 /// Counts of a topic.
@@ -16,7 +16,7 @@ pub struct Counts {
     pub n_images: u64,
     pub n_lines: u64,
     pub n_packets: u64,
-    /// Images that came while too many waited.
+    /// Images that arrived while too many were waiting.
     pub n_dropped: u64,
     /// Data that could not be written or sent.
     pub n_unwritten: u64,
@@ -55,9 +55,9 @@ impl Counts {
             (self.n_images, "images"),
             (self.n_lines, "lines"),
             (self.n_packets, "packets"),
-            (self.n_unstamped, "messages without stamp, which have the time of reception"),
-            (n_lost, "messages lost on the way"),
-            (self.n_dropped, "images dropped: they came faster than they could be written"),
+            (self.n_unstamped, "messages without stamp, which get the time of reception"),
+            (n_lost, "messages lost in transit"),
+            (self.n_dropped, "images dropped: they arrived faster than they could be written"),
             (self.n_left_out, "messages left out"),
             (self.n_unwritten, "not written or sent"),
         ] {
@@ -133,7 +133,7 @@ mod tests {
         assert!(counts.leave_out("data ends past the end of the message, which has 17 bytes"));
         assert!(!counts.leave_out("data ends past the end of the message, which has 18 bytes"));
         assert!(counts.leave_out("other"));
-        assert_eq!(counts.summary(4), "0 messages, 4 messages lost on the way, 3 messages left out");
+        assert_eq!(counts.summary(4), "0 messages, 4 messages lost in transit, 3 messages left out");
         let named = (0..100).filter(|n| counts.leave_out(&"x".repeat(*n))).count();
         assert_eq!(named, MAX_KINDS - 2);
         assert!(!counts.is_complete());

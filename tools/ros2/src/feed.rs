@@ -1,4 +1,4 @@
-//! One topic on its way to its target.
+//! The transfer of one topic to its target.
 
 use crate::counts::{Counts, Losses};
 use crate::roles::Role;
@@ -12,9 +12,9 @@ use std::task::Waker;
 use std::thread::{self, JoinHandle};
 use std::time::SystemTime;
 
-/// Images of a camera that wait to be written: most of a second.
+/// Largest number of images of a camera that wait to be written: most of a second.
 const MAX_WAITING: usize = 8;
-/// Messages that are taken of a topic before the others have their turn.
+/// Largest number of messages that are taken from a topic before the next topic.
 const MAX_AT_ONCE: usize = 64;
 
 /// A message and the time of its reception, ns since the Unix epoch.
@@ -30,7 +30,7 @@ struct Worker {
 
 enum Target {
     Here(Worker),
-    /// Images are compressed and written by a thread of their camera, so that nothing else waits for them.
+    /// Images are compressed and written by a thread per camera, so that other data does not wait for them.
     Thread(SyncSender<Received>, JoinHandle<()>),
 }
 
@@ -61,7 +61,7 @@ impl Feed {
         Ok(Self { role, topic, subscription, counts, losses: Losses::default(), target })
     }
 
-    /// Takes the messages that are there. Returns whether more may be.
+    /// Takes the available messages. Returns whether more may be available.
     pub fn take(&mut self, waker: &Waker) -> bool {
         self.subscription.wake(waker);
         for _ in 0..MAX_AT_ONCE {
@@ -93,11 +93,11 @@ impl Feed {
         }
     }
 
-    /// Writes what waits, and reports. Returns whether nothing was lost.
+    /// Writes waiting messages, and reports. Returns whether nothing was lost.
     pub fn finish(self) -> bool {
         if let Target::Thread(sender, thread) = self.target {
             drop(sender);
-            // A panic of the thread was printed by it, and what it left is counted.
+            // The thread has printed its panic, and its unwritten messages are counted.
             if thread.join().is_err() {
                 lock(&self.counts).n_unwritten += 1;
             }
@@ -132,7 +132,7 @@ impl Worker {
 }
 
 impl Sink {
-    /// Writes the data. Returns the numbers of images, lines and packets that were written, and the errors of the others.
+    /// Writes the data. Returns the numbers of images, lines and packets that were written, and the errors of the rest.
     fn write(&self, data: &LiveData<'_>) -> (u64, u64, u64, Vec<anyhow::Error>) {
         let split = |results: Vec<anyhow::Result<()>>| {
             let n = results.iter().filter(|result| result.is_ok()).count() as u64;

@@ -4,10 +4,10 @@ use anyhow::{bail, ensure};
 use import::LiveSensor;
 use std::fmt;
 
-/// Most cameras, and most LiDARs, that an option may name.
+/// Largest index of cameras and LiDARs that an option may name.
 const MAX_INDEX: usize = 255;
 
-/// What a topic is used for.
+/// Use of a topic.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
     /// Images of the camera of this index.
@@ -37,7 +37,7 @@ impl fmt::Display for Role {
     }
 }
 
-/// A `--topic` that cannot be followed.
+/// An invalid `--topic`.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WishError {
     #[error("must be ROLE=TOPIC")]
@@ -83,7 +83,7 @@ impl Role {
         }
     }
 
-    /// Refuses types that cannot have the role.
+    /// Rejects types that do not fit the role.
     pub fn check(&self, topic: &str, kind: &str) -> anyhow::Result<()> {
         let sensor = LiveSensor::of_type(kind);
         if matches!(self, Self::Lidar(_)) && sensor == Some(LiveSensor::Clouds) {
@@ -101,7 +101,7 @@ impl Role {
     }
 }
 
-/// Why clouds are refused, and what to do.
+/// Explains why clouds are refused, with a remedy.
 pub fn of_clouds(kind: &str) -> String {
     format!(
         "{kind} is not taken live, because a cloud has lost the packets' times and returns; let acquire.listen receive the packets of \

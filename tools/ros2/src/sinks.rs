@@ -1,4 +1,4 @@
-//! Where data go: a folder of images, or a receiver of UDP.
+//! Targets of data: a folder of images, or a UDP receiver.
 
 use anyhow::{Context, ensure};
 use files::atomic_file::AtomicFile;
@@ -46,7 +46,7 @@ impl Udp {
     }
 }
 
-/// Writes an image as grabbers do: others see it when it is complete.
+/// Writes an image as grabbers do: it becomes visible to other programs when it is complete.
 pub fn write_image(folder: &Path, stamp: i64, extension: &str, content: &[u8]) -> anyhow::Result<()> {
     let path = folder.join(format!("{stamp}.{extension}"));
     let file = AtomicFile::create(&path).with_context(|| path.display().to_string())?;

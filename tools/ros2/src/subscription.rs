@@ -1,4 +1,4 @@
-//! Messages of a topic as they were serialized.
+//! Serialized messages of a topic.
 
 use anyhow::anyhow;
 use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader};
@@ -10,7 +10,7 @@ use rustdds::{
 use std::convert::Infallible;
 use std::task::Waker;
 
-/// Messages that wait to be taken: more are small, few are images.
+/// Largest number of messages that wait to be taken: many small messages, or few images.
 const DEPTH: i32 = 1024;
 const IMAGE_DEPTH: i32 = 32;
 /// Not used by a reader; a publisher waits this long for readers.
@@ -73,7 +73,7 @@ pub struct Subscription {
 }
 
 impl Subscription {
-    /// `dds_name` and `dds_type` are those of DDS.
+    /// Subscribes to a topic. `dds_name` and `dds_type` are the names in DDS.
     pub fn new(
         participant: &DomainParticipant,
         [dds_name, dds_type]: [&str; 2],
@@ -103,7 +103,7 @@ impl Subscription {
         Ok(())
     }
 
-    /// Wakes this when there are messages. To be called before messages are taken.
+    /// Sets the waker for new messages. Call it before messages are taken.
     pub fn wake(&self, waker: &Waker) {
         self.reader.set_waker(Some(waker.clone()));
         self.reader.drain_read_notifications();

@@ -1,4 +1,4 @@
-//! The bridge beside Cyclone DDS, a middleware of ROS 2 that others wrote. Needs Python with its package:
+//! The bridge with Cyclone DDS, a third-party middleware of ROS 2. Needs Python with its package:
 //!
 //! ```sh
 //! python3 -m venv venv && venv/bin/pip install cyclonedds==11.0.1
@@ -34,22 +34,22 @@ impl Receiver {
         Self { address, thread: thread::spawn(receive) }
     }
 
-    /// What was received.
+    /// Received datagrams.
     fn finish(self) -> Vec<Vec<u8>> {
         UdpSocket::bind("127.0.0.1:0").expect("binds").send_to(END, self.address).expect("sends");
         self.thread.join().expect("receives")
     }
 }
 
-/// What the bridge wrote, by topic: images in the order of their names, and packets and lines as they came.
+/// Data that the bridge wrote, by topic: images in the order of their names, packets and lines in the order of arrival.
 type Data = BTreeMap<&'static str, Vec<Vec<u8>>>;
 
-/// What the bridge made of the messages of the peer, its exit code and what it said.
+/// Result of the bridge for the messages of the peer: its data, exit code and messages.
 struct Outcome {
     data: Data,
     code: Option<i32>,
     said: String,
-    /// What the peer says that it sent: topics and SHA-256.
+    /// Topics and SHA-256 of the messages that the peer reports as sent.
     sent: Vec<(String, String)>,
 }
 
@@ -122,7 +122,7 @@ fn check(outcome: &Outcome, nmea_topic: &str) {
     for (topic, written) in data {
         let topic = if *topic == "nmea" { nmea_topic } else { topic };
         let expected: Vec<_> = sent.iter().filter(|(of, _)| of == topic).map(|(_, sum)| sum.clone()).collect();
-        // Of a raw image the pixels are compared, of a mosaic its samples behind the header; a scan has 75 packets.
+        // The pixels of a raw image are compared, and the samples of a mosaic after the header; a scan has 75 packets.
         let parts: Vec<Vec<u8>> = match topic {
             "/left/image_raw" => written.iter().map(|png| pixels(png)).collect(),
             "/hs02/image_raw" => written.iter().map(|pgm| pgm[pgm.len() - 2 * 320 * 240..].to_vec()).collect(),

@@ -1,4 +1,4 @@
-"""Publishes the messages of a rig with Cyclone DDS, as a ROS 2 that uses it does.
+"""Publishes the messages of a rig with Cyclone DDS, as ROS 2 with this middleware does.
 
     python -m venv venv && venv/bin/pip install cyclonedds==11.0.1
     venv/bin/python cyclone_peer.py sensors --reliable      # one of each kind of message: what tests/suite/cyclone.rs expects
@@ -139,13 +139,13 @@ def header(nanos, frame="sensor"):
 
 
 def noise(seed, n):
-    """Bytes of a seed."""
+    """Random bytes from a seed."""
     blocks = (hashlib.sha256(struct.pack("<II", seed, index)).digest() for index in range((n + 31) // 32))
     return b"".join(blocks)[:n]
 
 
 class Prepared:
-    """Serialized by Cyclone DDS but for its last sequence of bytes, which would pass through a Python list."""
+    """A message serialized by Cyclone DDS except its last sequence of bytes, which would pass through a Python list."""
 
     def __init__(self, sample, data):
         head = sample.serialize(use_version_2=False)
@@ -157,7 +157,7 @@ class Prepared:
 
 
 def write(writer, sample):
-    """Writes a prepared sample, too."""
+    """A writer that also writes prepared samples."""
     kind = writer.data_type
     writer.data_type = type(sample)
     writer.write(sample)
@@ -177,10 +177,10 @@ class Rig:
         return DataWriter(self.participant, Topic(self.participant, f"rt{topic}", kind, qos=self.qos), qos=self.qos)
 
     def wait(self, writers):
-        """Until all have a subscriber."""
+        """Waits until all writers have a subscriber."""
         while not all(writer.get_matched_subscriptions() for writer in writers):
             time.sleep(0.05)
-        # The subscriber must know of the publisher, too, before messages of best effort are sent.
+        # The subscriber must also have discovered the publisher before best-effort messages are sent.
         time.sleep(1)
 
 
@@ -203,7 +203,7 @@ def sensors(args):
         if topic in writers:
             write(writers[topic], sample)
             print(topic, hashlib.sha256(data).hexdigest(), flush=True)
-            # A rig sends over time; best effort has no way to say that this is too much.
+            # A rig sends over time; with best effort an overload is not reported.
             time.sleep(args.pause)
 
     for index in range(args.n):
@@ -246,7 +246,7 @@ def finish(rig, writers):
     for writer in writers:
         if rig.reliable:
             writer.wait_for_acks(duration(seconds=30))
-    # Datagrams of best effort are on their way.
+    # Best-effort datagrams are in transit.
     time.sleep(1)
 
 
@@ -270,7 +270,7 @@ def cameras(args):
 
 
 def relay(args):
-    """What `replica send` writes into a folder and sends to three ports, as messages."""
+    """Publishes as messages the data that `replica send` writes into a folder and sends to three ports."""
     rig = Rig(args.domain, args.reliable)
     ports = {"/imu/data": args.imu, "/nmea_sentence": args.nmea, "/velodyne_packets": args.lidar}
     sockets = {}

@@ -99,7 +99,7 @@ fn more_points_than_wanted_are_left_out_evenly() {
     let folder = tempfile::tempdir().expect("a folder");
     let recording = recording(folder.path(), &tables());
     let out = folder.path().join("foxglove.mcap");
-    // Every second point would do: with beams that alternate, that is half of the beams.
+    // Every second point would suffice, but with alternating beams it would keep only half of the beams.
     convert(&recording, &out, 5).expect("converts");
     let cloud: PointCloud = only(&out, "/points");
     let x = |point: usize| f32::from_le_bytes(cloud.data[point * 24..][..4].try_into().expect("4 bytes"));

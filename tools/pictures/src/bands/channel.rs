@@ -22,7 +22,7 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// No values yet.
+    /// A channel without values.
     pub fn new(wavelength_nm: f32) -> Self {
         let bins = vec![0; N_BINS];
         let min = f64::INFINITY;

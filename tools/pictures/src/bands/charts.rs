@@ -7,8 +7,8 @@ use chart::{Axis, COLORS, Chart, Series};
 /// Number of intervals of a histogram.
 const N_INTERVALS: usize = 100;
 
-/// Figures 4.3, 4.6, 4.11 and 4.13: a histogram of each channel. `channels` are those to draw, one list for each source; `quantity`
-/// says what their values are.
+/// Figures 4.3, 4.6, 4.11 and 4.13: a histogram of each channel. `channels` has the drawn channels, one list for each source; `quantity`
+/// names their values.
 pub fn histogram(sources: &[Source], channels: &[Vec<Channel>], quantity: &str) -> Chart {
     let lines = (0..).zip(sources).zip(channels).flat_map(|((group, source), channels)| {
         channels.iter().map(move |channel| histogram_line(group, &source.name, channel))
@@ -16,7 +16,7 @@ pub fn histogram(sources: &[Source], channels: &[Vec<Channel>], quantity: &str) 
     histograms("Histograms, one line for each channel", quantity, lines.collect())
 }
 
-/// Figure 4.4: minimum, mean, maximum and standard deviation over the wavelength. Arguments as of [`histogram`].
+/// Figure 4.4: minimum, mean, maximum and standard deviation over the wavelength. Arguments are as for [`histogram`].
 pub fn distribution(sources: &[Source], channels: &[Vec<Channel>], quantity: &str) -> Chart {
     let wavelengths = wavelengths(sources);
     let mut lines = Vec::new();
@@ -26,7 +26,7 @@ pub fn distribution(sources: &[Source], channels: &[Vec<Channel>], quantity: &st
             line(group, &source.name, points.collect())
         };
         lines.extend([values(Channel::min), values(Channel::mean), values(Channel::max)]);
-        // The bars of several inputs are drawn beside each other.
+        // The bars of several inputs are drawn next to each other.
         let aside = (wavelengths.range[1] - wavelengths.range[0]) * 0.006 * group as f64;
         let bar = |channel: &Channel| {
             let mean = channel.mean()?;

@@ -1,6 +1,6 @@
 //! Mean and standard deviation.
 
-/// Mean and standard deviation of the finite values. `None` without any.
+/// Mean and standard deviation of the finite values. `None` without finite values.
 pub fn moments(values: impl Iterator<Item = f64> + Clone) -> Option<[f64; 2]> {
     let values = values.filter(|value| value.is_finite());
     let n = values.clone().count() as f64;

@@ -12,14 +12,14 @@ pub struct BandImage {
     pub size: [usize; 2],
     /// Center wavelength of each band, nm.
     pub wavelengths_nm: Vec<f32>,
-    /// Band after band, each row after row.
+    /// Values, band by band, each band row by row.
     pub values: Vec<f32>,
-    /// By cell, bit b: band b is valid. Empty if all values are valid.
+    /// Bit mask of each cell; bit b: band b is valid. Empty if all values are valid.
     pub masks: Vec<u32>,
 }
 
 impl BandImage {
-    /// `None` if the value is unknown.
+    /// The value of a band in a cell. `None` if it is unknown.
     fn value(&self, band: usize, cell: usize) -> Option<f32> {
         let is_valid = self.masks.get(cell).is_none_or(|mask| mask >> band & 1 == 1);
         let value = self.values[band * self.size[0] * self.size[1] + cell];
@@ -31,7 +31,7 @@ impl BandImage {
 pub struct Source {
     /// Name in reports.
     pub name: String,
-    /// Sorted by wavelength.
+    /// Channels, sorted by wavelength.
     pub channels: Vec<Channel>,
     /// Counts of the raw samples. `None` for an ENVI cube, which does not mark saturation.
     pub raw: Option<RawCounts>,
@@ -41,7 +41,7 @@ pub struct Source {
 
 /// The values of a region.
 pub struct RegionValues {
-    /// By channel of the [`Source`]: the values of the region's cells, frame by frame. NaN where a value is unknown.
+    /// Values of the region's cells by channel of the [`Source`], frame by frame. NaN where a value is unknown.
     pub values: Vec<Vec<f32>>,
     /// The first frame, with a cyan frame around the region.
     pub picture: RgbImage,
@@ -62,7 +62,7 @@ pub struct RawCounts {
 pub type Region = [usize; 4];
 
 impl Source {
-    /// No values yet.
+    /// A source without values.
     pub fn new(name: String, wavelengths_nm: &[f32]) -> Self {
         let channels = wavelengths_nm.iter().map(|nm| Channel::new(*nm)).collect();
         Self { name, channels, raw: None, region: None }
@@ -125,7 +125,7 @@ fn picture(image: &BandImage, [x, y, width, height]: Region) -> RgbImage {
         values.sort_by(f32::total_cmp);
         values.get(values.len() * 49 / 50).copied().unwrap_or(1.0).max(1e-6)
     });
-    // The frame lies outside the region, as far as the image extends.
+    // The frame lies outside the region, clipped to the image.
     let is_on = |at: usize, start: usize, length: usize| at + 1 == start || at == start + length;
     let is_in = |at: usize, start: usize, length: usize| at + 1 >= start && at <= start + length;
     RgbImage::from_fn(columns as u32, rows as u32, |column, row| {

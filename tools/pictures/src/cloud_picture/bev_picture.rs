@@ -9,10 +9,10 @@ use geometry::{BevGrid, BevStatistic, BevValues};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Side of a cell if none is requested, m: that of the thesis' instance detection.
+/// Default side of a cell, m, as in the thesis' instance detection.
 const DEFAULT_CELL_M: f64 = 0.1;
 
-/// Most cells: 512 MiB of values, 400 m x 400 m in cells of 0.1 m.
+/// Largest number of cells: 512 MiB of values, 400 m x 400 m in cells of 0.1 m.
 const MAX_CELLS: usize = 1 << 24;
 
 /// What `--bev` requests.
@@ -20,7 +20,7 @@ const MAX_CELLS: usize = 1 << 24;
 pub struct BevRequest {
     /// Column of the PLY files.
     pub feature: String,
-    /// What a cell shows of its points.
+    /// Statistic of the points of a cell.
     pub statistic: BevStatistic,
     /// Side of a cell, 0.01 to 100 m.
     pub cell_m: f64,

@@ -16,7 +16,7 @@ const HALF_WIDTH: f64 = 0.70;
 
 /// Nothing nearer than this is drawn, m.
 const NEAR_M: f64 = 1.0;
-/// A view of a place leaves out what is nearer than this share of the distance: leaves and facades in front of it.
+/// A view of a place leaves out points nearer than this share of the distance: leaves and facades in front of it.
 const NEAR_SHARE: f64 = 0.55;
 
 /// Margin around the path in the top view, m.
@@ -28,7 +28,7 @@ pub struct Camera {
     right: Vector3<f64>,
     down: Vector3<f64>,
     forward: Vector3<f64>,
-    /// px at a distance of 1, or px per m.
+    /// Scale: px at a distance of 1, or px per m.
     scale: f64,
     is_perspective: bool,
     center: [f64; 2],
@@ -79,7 +79,7 @@ impl Camera {
     pub fn street_view_of(place: [f64; 2], radius_m: f64, ground_m: f64, path: &[[f64; 3]], size: PictureSize) -> Self {
         let target = Vector3::new(place[0], place[1], ground_m);
         let distance = |p: &[f64; 3]| (p[0] - place[0]).hypot(p[1] - place[1]);
-        // From the nearest position on the path that is far enough to have a direction; without one, from the south.
+        // From the nearest position on the path that is far enough for a direction; without such a position, from the south.
         let far_enough = path.iter().filter(|p| distance(p) > 0.2 * radius_m);
         let from = far_enough.min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let side = from.map(|p| Vector3::new(p[0] - place[0], p[1] - place[1], 0.0).normalize());
@@ -108,7 +108,7 @@ impl Camera {
         !self.is_perspective
     }
 
-    /// What the top view shows: smallest and largest x, and y, m.
+    /// Extent of the top view: smallest and largest x, and y, m.
     pub fn surroundings([min, max]: [[f64; 3]; 2], path: &[[f64; 3]]) -> [[f64; 2]; 2] {
         [0, 1].map(|k| {
             let low = path.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min) - BESIDE_PATH_M;
@@ -132,7 +132,7 @@ impl Camera {
         Self::looking(eye, target, size)
     }
 
-    /// px per m: of the top view everywhere, of a perspective at a distance of 1 m.
+    /// px per m: everywhere in the top view, at a distance of 1 m in a perspective.
     pub fn px_per_m(&self) -> f64 {
         self.scale
     }
@@ -141,7 +141,7 @@ impl Camera {
     pub fn project(&self, [x, y, z]: [f64; 3]) -> Option<Projected> {
         let p = Vector3::new(x, y, z) - self.eye;
         let depth_m = p.dot(&self.forward);
-        // NaN is not less than anything, so it needs a test of its own.
+        // NaN is not less than any number, so it needs its own test.
         if depth_m.is_nan() || depth_m < self.near_m {
             return None;
         }

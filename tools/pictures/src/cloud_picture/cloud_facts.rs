@@ -7,24 +7,24 @@ use std::fmt::Write;
 /// Statistics of a set of clouds. `None` if the clouds do not have the column.
 #[derive(Serialize)]
 pub struct CloudFacts {
-    /// Of all clouds.
+    /// Number of points of all clouds.
     pub points: usize,
     /// Smallest and largest x y z, m.
     pub bounds_m: Option<[[f64; 3]; 2]>,
-    /// From the first return to the last one.
+    /// Time from the first return to the last one, s.
     pub seconds: Option<f64>,
     /// Length of the path of the LiDAR, m.
     pub path_m: Option<f64>,
     /// Points that a camera saw.
     pub colored_points: Option<usize>,
-    /// Different instances.
+    /// Number of different instances.
     pub instances: Option<usize>,
-    /// The most frequent one first.
+    /// Points by class, the most frequent class first.
     pub classes: Vec<Count>,
-    /// The most frequent one first.
+    /// Points by material, the most frequent material first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub materials: Vec<Count>,
-    /// By file name.
+    /// Points by cloud, in the order of the file names.
     pub clouds: Vec<Count>,
 }
 

@@ -22,10 +22,10 @@ pub struct CloudSummary {
     intensities: Vec<f64>,
     path: Vec<[f64; 3]>,
     times_s: Option<[f64; 2]>,
-    /// Of the submaps.
+    /// Smallest and largest standard deviation of the submaps.
     sigmas_m: Option<[f64; 2]>,
     bands: Vec<f64>,
-    /// Values of the field that was asked for; `None` without it.
+    /// Values of the requested field; `None` without it.
     field: Option<Vec<f64>>,
     n_points: usize,
     n_colored: usize,
@@ -94,7 +94,7 @@ impl CloudSummary {
     pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
         self.bounds
     }
-    /// Positions of the lidar, m, in the order of the points. Empty if the clouds have none.
+    /// Positions of the lidar, m, in the order of the points. Empty if the clouds lack them.
     pub fn path(&self) -> &[[f64; 3]] {
         &self.path
     }
@@ -118,7 +118,7 @@ impl CloudSummary {
     pub fn band_range(&self) -> [f64; 2] {
         percentiles(&self.bands)
     }
-    /// Values at the ends of the ramp of a field: 1st and 99th percentile of the points that have one, unless the field has a range.
+    /// Values at the ends of the ramp of a field: 1st and 99th percentile of the known values, unless the field has a range.
     pub fn field_range(&self, shown: &ShownField) -> [f64; 2] {
         let values = || self.field.iter().flatten().copied().filter(|value| Some(*value) != shown.none);
         shown.range.unwrap_or_else(|| percentiles(&values().collect::<Vec<_>>()))
@@ -135,7 +135,7 @@ impl CloudSummary {
     pub fn n_clouds(&self) -> usize {
         self.files.len()
     }
-    /// What a coloring needs and the clouds do not have.
+    /// The data of a coloring that the clouds lack.
     pub fn lacks(&self, by: &ColorBy) -> Option<String> {
         let (has, what) = match by {
             ColorBy::Color => (self.has_color, "colors: red, green, blue"),
@@ -148,7 +148,7 @@ impl CloudSummary {
                 return self.field.is_none().then_some(lack);
             }
             ColorBy::Time => (self.times_s.is_some(), "times: timestamp"),
-            ColorBy::Band => (!self.bands.is_empty(), "spectra: files submap_N_spectra.ply beside them"),
+            ColorBy::Band => (!self.bands.is_empty(), "spectra: files submap_N_spectra.ply in the same folder"),
             ColorBy::Sigma => {
                 (self.sigmas_m.is_some(), "standard deviations: the drive had no GNSS, or was not placed")
             }
@@ -165,7 +165,7 @@ impl CloudSummary {
         }
     }
 
-    /// The statistics, for people and for programs.
+    /// The statistics, for the table and for JSON.
     pub fn facts(&self) -> CloudFacts {
         let counts = |(name, points): (&str, usize)| Count { name: name.to_owned(), points };
         let most_first = |points: &BTreeMap<&'static str, usize>| {
@@ -186,7 +186,7 @@ impl CloudSummary {
     }
 }
 
-/// Names, that of most points first.
+/// Names, sorted by number of points, the largest first.
 fn by_frequency(points: &BTreeMap<&'static str, usize>) -> Vec<&'static str> {
     let mut names: Vec<&'static str> = points.keys().copied().collect();
     names.sort_by_key(|name| std::cmp::Reverse(points[name]));

@@ -1,4 +1,4 @@
-//! What the color of a point shows: a field of the table of columns, or what follows from its cloud.
+//! The attribute that the color of a point shows: a field of the table of columns, or a property of its cloud.
 
 use clap::builder::{PossibleValue, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -16,7 +16,7 @@ pub enum ColorBy {
     Intensity,
     /// Material; points without spectrum are gray.
     Material,
-    /// Instance; points without one are gray.
+    /// Instance; points without an instance are gray.
     Instance,
     /// Time of the return.
     Time,
@@ -32,16 +32,16 @@ pub enum ColorBy {
     Sigma,
 }
 
-/// A field of the clouds that has no coloring of its own.
+/// A field of the clouds without its own coloring.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShownField {
-    /// What the legend calls it.
+    /// Name in the legend.
     pub name: String,
     /// Property of the PLY files.
     pub property: String,
     /// How it is shown.
     pub shown: Shown,
-    /// Value of points without one.
+    /// Value that marks points without a value.
     pub none: Option<f64>,
     /// Values at the ends of the ramp. `None`: most values lie between the ends.
     pub range: Option<[f64; 2]>,
@@ -49,7 +49,7 @@ pub struct ShownField {
     pub names: Option<NamedIds>,
 }
 
-/// Words that are no fields, and what they show.
+/// Words that are not fields, and their meanings.
 const OTHERS: [(&str, ColorBy, &str); 4] = [
     ("height", ColorBy::Height, "Height"),
     ("submap", ColorBy::Submap, "A color for each cloud"),

@@ -11,7 +11,7 @@ pub struct LoadedCloud {
     axes: [Vec<f64>; 3],
     /// Position of the lidar at each point.
     lidar: Option<[Vec<f64>; 3]>,
-    /// sRGB. The inner `None` marks a point that no camera saw.
+    /// Color, sRGB. The inner `None` marks a point that no camera saw.
     color: Option<Vec<Option<[u8; 3]>>>,
     class: Option<Vec<u8>>,
     material: Option<Vec<u8>>,
@@ -20,9 +20,9 @@ pub struct LoadedCloud {
     time_s: Option<Vec<f64>>,
     /// Stated standard deviation of the horizontal position of the submap, m.
     sigma_m: Option<f64>,
-    /// Reflectance of one band; NaN for points without.
+    /// Reflectance of one band; NaN for points without a reflectance.
     band: Option<Vec<f32>>,
-    /// Values of the field that was asked for.
+    /// Values of the requested field.
     field: Option<Vec<f64>>,
 }
 
@@ -32,14 +32,14 @@ impl LoadedCloud {
         Self::from_vertices(&Vertices::load(path)?)
     }
 
-    /// The same, with the reflectances of the band nearest to this wavelength, if there is a file of spectra beside it.
+    /// Reads a PLY file with the reflectances of the band nearest to this wavelength, if its file of spectra exists.
     pub fn load_with_band(path: &Path, band_nm: f64) -> anyhow::Result<Self> {
         let cloud = Self::load(path)?;
         let band = spectra::band(path, cloud.len(), band_nm)?;
         Ok(Self { band, ..cloud })
     }
 
-    /// The same, with the values of a field, if the cloud has it.
+    /// Reads a PLY file with the values of a field, if the cloud has it.
     pub fn load_with_field(path: &Path, field: &ShownField) -> anyhow::Result<Self> {
         let vertices = Vertices::load(path)?;
         let values = vertices.has(&field.property).then(|| vertices.f64s(&field.property)).transpose()?;
@@ -107,7 +107,7 @@ impl LoadedCloud {
     pub fn intensities(&self) -> Option<&[f32]> {
         self.intensity.as_deref()
     }
-    /// Value of each point of the field that was asked for; see [`LoadedCloud::load_with_field`].
+    /// Value of each point in the requested field; see [`LoadedCloud::load_with_field`].
     pub fn field(&self) -> Option<&[f64]> {
         self.field.as_deref()
     }
@@ -115,7 +115,7 @@ impl LoadedCloud {
     pub fn sigma_m(&self) -> Option<f64> {
         self.sigma_m
     }
-    /// Reflectance of each point in the band, NaN for points without; see [`LoadedCloud::load_with_band`].
+    /// Reflectance of each point in the band, NaN if unknown; see [`LoadedCloud::load_with_band`].
     pub fn band(&self) -> Option<&[f32]> {
         self.band.as_deref()
     }
@@ -125,7 +125,7 @@ impl LoadedCloud {
     }
 }
 
-/// From the line `standard_deviation position_m 3.260 ...`.
+/// The deviation in the line `standard_deviation position_m 3.260 ...`.
 fn sigma_m(infos: &[String]) -> Option<f64> {
     let words = infos.iter().find_map(|info| info.strip_prefix("standard_deviation position_m "))?;
     words.split_whitespace().next()?.parse().ok()

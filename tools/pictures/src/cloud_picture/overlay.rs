@@ -1,4 +1,4 @@
-//! What is drawn over the points: legend, and on a view from above the path, a scale bar and north.
+//! Overlays of a picture: legend, and on a view from above the path, a scale bar and north.
 
 use super::camera::Camera;
 use super::palette::{Legend, ramp};
@@ -16,7 +16,7 @@ const MAX_BAR: f64 = 220.0;
 /// Width of the ramp of a legend, px.
 const RAMP: u32 = 220;
 
-/// Draws all of it. `path`: positions of the LiDAR.
+/// Draws all overlays. `path`: positions of the LiDAR.
 pub fn draw_over(image: &mut RgbImage, camera: &Camera, legend: &Legend, path: &[[f64; 3]]) {
     if camera.is_top_view() {
         draw_path(image, camera, path);
@@ -83,7 +83,7 @@ fn draw_north(image: &mut RgbImage) {
     draw(image, [middle - LETTER / 2, top + GAP + 26], "N", BLACK);
 }
 
-/// What the colors mean, at the top left.
+/// The legend, at the top left.
 fn draw_legend(image: &mut RgbImage, legend: &Legend) {
     let origin = [GAP, GAP];
     match legend {

@@ -21,25 +21,25 @@ const MOVING: [u8; 3] = [235, 70, 50];
 /// Maps an attribute of the points to colors.
 pub struct Palette {
     by: ColorBy,
-    /// Of the attribute, if it is a number.
+    /// Range of the attribute, if it is a number.
     range: [f64; 2],
     intensity_range: [f64; 2],
 }
 
-/// What the colors of a picture mean.
+/// Legend of the colors of a picture.
 #[derive(Debug, PartialEq)]
 pub enum Legend {
     /// A name for each color.
     Names(Vec<([u8; 3], String)>),
-    /// From the first color of the ramp to its last: what it shows, and the values at both ends.
+    /// A color ramp: its title, and the values at both ends.
     Ramp { title: String, ends: [String; 2] },
 }
 
-/// Classes or materials of a legend.
+/// Largest number of classes or materials in a legend.
 const MAX_NAMES: usize = 12;
 
 impl Palette {
-    /// The ranges are those of all clouds, so that equal values get equal colors in each.
+    /// A palette whose ranges cover all clouds, so that equal values get equal colors in each cloud.
     pub fn new(by: ColorBy, summary: &CloudSummary) -> Self {
         let range = match &by {
             ColorBy::Height => summary.height_range(),
@@ -53,7 +53,7 @@ impl Palette {
         Self { by, range, intensity_range: summary.intensity_range() }
     }
 
-    /// sRGB of a point; `number` is that of the cloud among all clouds.
+    /// sRGB of a point; `number` is the number of its cloud among all clouds.
     pub fn color(&self, cloud: &LoadedCloud, number: usize, i: usize) -> [u8; 3] {
         let scalar = |value: Option<f64>| match value.filter(|value| value.is_finite()) {
             Some(value) => ramp(share(value, self.range)),
@@ -106,7 +106,7 @@ impl Palette {
         [52.0, 56.0, 64.0].map(|dark| (dark + 80.0 * level) as u8)
     }
 
-    /// What the colors mean.
+    /// Legend of the colors.
     pub fn legend(&self, summary: &CloudSummary, band_nm: f64) -> Legend {
         let [low, high] = self.range;
         let ramp = |title: &str, ends: [String; 2]| Legend::Ramp { title: title.to_owned(), ends };
@@ -143,7 +143,7 @@ impl Palette {
 }
 
 impl Palette {
-    /// What the colors of a field mean.
+    /// Legend of a field.
     fn field_legend(&self, field: &ShownField) -> Legend {
         let name = &field.name;
         match field.shown {

@@ -1,10 +1,10 @@
-//! What a picture shows, and how.
+//! Settings of a picture.
 
 use super::color_by::ColorBy;
 use clap::ValueEnum;
 use std::str::FromStr;
 
-/// Where the camera is.
+/// Place that the camera shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum At {
     /// Along the path, 0 to 1.
@@ -38,7 +38,7 @@ pub enum Viewpoint {
     Street,
 }
 
-/// What is behind the points.
+/// Background behind the points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Background {
     /// Dark blue.
@@ -75,15 +75,15 @@ impl FromStr for PictureSize {
 /// How a picture is made.
 #[derive(Clone, Debug)]
 pub struct PictureSettings {
-    /// `None`: color if there is any, else class, else height.
+    /// Coloring. `None`: color if the clouds have it, else class, else height.
     pub color_by: Option<ColorBy>,
     /// Size of the picture.
     pub size: PictureSize,
-    /// From where the clouds are seen.
+    /// Viewpoint of the picture.
     pub viewpoint: Viewpoint,
-    /// The top view of a share of the path is of the whole path.
+    /// Place of the picture. The top view at a share of the path shows the whole path.
     pub at: At,
-    /// What a view of a place shows around it, m.
+    /// Radius of a view of a place, m.
     pub radius_m: f64,
     /// Wavelength of [`ColorBy::Band`], nm.
     pub band_nm: f64,

@@ -1,10 +1,10 @@
-//! The reflectances of one band, from the file of spectra beside a cloud.
+//! The reflectances of one band, from the file of spectra of a cloud.
 
 use anyhow::{Context, ensure};
 use formats::ply::Vertices;
 use std::path::Path;
 
-/// Reflectance of each of the `n_points` points of `cloud` in the band nearest to a wavelength, NaN for points without. `None` without
+/// Reflectance of each of the `n_points` points of `cloud` in the band nearest to a wavelength, NaN if unknown. `None` without
 /// a file of spectra.
 pub fn band(cloud: &Path, n_points: usize, wavelength_nm: f64) -> anyhow::Result<Option<Vec<f32>>> {
     let stem = cloud.file_stem().unwrap_or_default().to_string_lossy();

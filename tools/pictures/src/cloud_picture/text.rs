@@ -3,7 +3,7 @@
 use font8x8::{BASIC_FONTS, UnicodeFonts};
 use image::{Rgb, RgbImage};
 
-/// Letters are drawn at twice their 8 px.
+/// Magnification of the letters, which are 8 px wide and high.
 const ZOOM: u32 = 2;
 /// Width and height of a letter, px.
 pub const LETTER: u32 = 8 * ZOOM;
@@ -13,7 +13,7 @@ pub fn width(text: &str) -> u32 {
     text.chars().count() as u32 * LETTER
 }
 
-/// Draws a text from its top left corner; what is outside of the picture is left out.
+/// Draws a text from its top left corner, clipped to the picture.
 pub fn draw(image: &mut RgbImage, [left, top]: [u32; 2], text: &str, color: [u8; 3]) {
     for (letter, x) in text.chars().zip((left..).step_by(LETTER as usize)) {
         let Some(rows) = BASIC_FONTS.get(letter) else { continue };

@@ -34,7 +34,7 @@ fn only_topic_of_a_type_gets_its_role() {
     let (roles, notes) = chosen(&found, &[]);
     assert_eq!(roles, pairs(&[("imu", "/imu/data"), ("nmea", "/nmea_sentence"), ("lidar", "/velodyne_packets")]));
     assert_eq!(notes, "/fix: not taken, the receiver's sentences are");
-    // A receiver that is named leaves no other.
+    // A receiver that is named excludes others.
     let (roles, _) = chosen(&found, &["--topic", "gnss=/fix"]);
     assert_eq!(roles, pairs(&[("imu", "/imu/data"), ("lidar", "/velodyne_packets")]));
 }
@@ -61,7 +61,7 @@ fn each_camera_info_has_one_camera_compressed_before_raw() {
     assert_eq!(roles, pairs(&[("camera.0", "/left/image_raw/compressed"), ("camera.1", "/right/image_raw")]));
     assert_eq!(
         notes,
-        "/range_image: no camera_info beside it; --topic camera.0=/range_image takes it\n\
+        "/range_image: no camera_info in its namespace; --topic camera.0=/range_image takes it\n\
          /left/image_raw: not taken, /left/image_raw/compressed shows the same camera"
     );
     assert_eq!(chosen(&found, &["--topic", "camera.0=/range_image"]).0, []);
