@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Kernels beside those of other libraries: one table, made in one run.
+"""Kernels compared with other libraries: one table, made in one run.
 
   python3 -m venv venv && venv/bin/pip install numpy kiss-icp==1.3.0 small_gicp==1.0.1 genz-icp==0.3.2 velodyne-decoder \
       opencv-python-headless scikit-image onnx onnxruntime plyfile open3d
   cargo build --release -p studies --examples
   venv/bin/python lab/peers/all.py [--runs 7] [--only morphology ...]
 
-All on one core and one thread. Ours and the others' run in turn, so that what else the machine does strikes all alike. Each cell is
+All on one core and one thread. Ours and theirs run in turn, so that other load on the machine affects both alike. Each cell is
 the median of CPU times, with the smallest and the largest behind it; ratio is the other's median by ours. A package that is not
-installed leaves its rows out, with a line that says how to install it. Captures are those of $REPLICA_DATA (../shared/data).
+installed leaves its rows out, with a line on how to install it. Captures are in $REPLICA_DATA (../shared/data).
 LAS and LAZ are not written by REPLICA, so there is no row for them.
 """
 import argparse
@@ -51,7 +51,7 @@ def in_turn(sides, runs):
     found = {name: [] for name in sides}
     for _ in range(runs):
         for name, run in sides.items():
-            # Libraries in this process share an image in the cache; ours has its own, which they push out.
+            # Libraries in this process share an image in the cache; ours has its own, which they evict.
             if last[name] < SHORT_S:
                 run()
             last[name] = run()
@@ -80,7 +80,7 @@ def rows(kernel, what, found):
     ours = found.pop("ours")
     for peer, theirs in found.items():
         ratio = median(theirs) / median(ours)
-        # Where the ranges overlap nobody is ahead.
+        # If the ranges overlap, neither is ahead.
         is_clear = max(ours) < min(theirs) or max(theirs) < min(ours)
         ahead = "even" if not is_clear else "REPLICA" if ratio > 1 else peer
         print(LINE.format(kernel, what, cell(ours), peer, cell(theirs), f"{ratio:.2f}", ahead), flush=True)
@@ -169,7 +169,7 @@ def network(runs):
 
 
 def ply(runs):
-    """From columns, without waiting for the disk: the files lie in memory."""
+    """Writing from columns without waiting for the disk: the files are in memory."""
     np = needs("numpy")
     n = 1_000_000
     random = np.random.default_rng(1)

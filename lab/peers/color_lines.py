@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Graph-based Color Lines beside scikit-learn, and their scores beside scikit-image, SciPy and NumPy.
+"""Graph-based Color Lines compared with scikit-learn, and their scores with scikit-image, SciPy and NumPy.
 
   pip install numpy scipy scikit-learn scikit-image
   cargo build --release -p studies --example bench_color_lines

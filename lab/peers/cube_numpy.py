@@ -1,4 +1,4 @@
-"""Raw mosaic to corrected cube with NumPy on one thread (processor time), and beside it ours in the same run.
+"""Raw mosaic to corrected cube with NumPy and with ours on one thread (processor time), in the same run.
 
 Same frames, same steps: reflectance per pixel, masks, binning, correction.
 usage: cargo build --release -p studies --example cube_bench

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Reads what `replica deliver` writes with programs of others, and compares it with the clouds of the run by value.
+"""Reads the files of `replica deliver` with third-party programs, and compares them with the clouds of the run by value.
 
   python3 -m venv venv && venv/bin/pip install 'laspy[lazrs]' numpy pyproj plyfile geopandas pyogrio evo==1.38.1 rasterio rio-cogeo open3d
   replica deliver RUN --out OUT --copc --rasters --cloudcompare --semantic-kitti --bands
@@ -151,10 +151,10 @@ def path(run, out, facts):
     off = np.abs(tum.positions_xyz - expected).max()
     row("evo, pyproj", "TUM", off < 1e-3 and np.abs(tum.timestamps - run.path.timestamps).max() < 1e-6, f"{1e3 * off:.2f} mm")
     row("evo", "KITTI", np.abs(np.array(kitti.poses_se3) - np.array(tum.poses_se3)).max() < 1e-6, f"{kitti.num_poses} poses")
-    # Rotations against grid north differ from those against true north by the convergence, clockwise positive.
+    # Rotations against grid north and against true north differ by the convergence, clockwise positive.
     turned = [np.arctan2(b[1, 0], b[0, 0]) - np.arctan2(a[1, 0], a[0, 0]) for a, b in zip(run.path.poses_se3, tum.poses_se3)]
     turn = np.degrees(np.mean(np.angle(np.exp(1j * np.array(turned)))))
-    # The path's north is that of the origin.
+    # The north of the path is the north at the origin.
     origin = run.georeference["origin"]
     convergence = pyproj.Proj(facts["epsg"]).get_factors(origin["longitude_deg"], origin["latitude_deg"]).meridian_convergence
     row("evo, pyproj", "heading against grid north", abs(turn - convergence) < 1e-3, f"{turn:.4f}, PROJ {convergence:.4f} degrees")
@@ -206,7 +206,7 @@ def rasters(run, out, facts, tiles):
     n = np.bincount(at[ground], minlength=height.size)
     mean = np.where(n > 0, np.bincount(at[ground], points[ground, 2], height.size) / np.maximum(n, 1), -9999)
     row("rasterio", "terrain by cell", np.abs(mean.reshape(shape) - images["terrain"][0]).max() < 1e-3, f"{(n > 0).sum()} cells")
-    # Of points of equal height the first counts, which tiles do not tell.
+    # Of points of equal height the first counts; tiles do not contain that order.
     highest = np.round(points[:, 2] * 1000) == np.round(height[at] * 1000)
     alone = np.bincount(at[highest], minlength=height.size)[at] == 1
     row("rasterio", "classes by cell", (images["class"][0].ravel()[at] == points[:, 3])[highest & alone].all())
@@ -276,7 +276,7 @@ def semantic_kitti(run, out):
     scan = np.fromfile(bins[k], "<f4").reshape(-1, 4).astype(float)
     moved = scan[:, :3] @ poses[k][:3, :3].T + poses[k][:3, 3]
     first = np.fromfile(bins[0], "<f4").reshape(-1, 4).astype(float)[:, :3]
-    # Poses count from the first sweep, whose place is found from its points.
+    # Poses are relative to the first sweep, whose place is found from its points.
     wanted = run.points[run.points["index_frame"] == frames[0]]
     a, b = first - first.mean(0), run.xyz(wanted) - run.xyz(wanted).mean(0)
     u, _, v = np.linalg.svd(a.T @ b)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What other programs read in the output of `replica-foxglove`.
+"""Reads the output of `replica-foxglove` with other programs.
 
   pip install mcap mcap-protobuf-support websockets pillow
   lab/peers/foxglove.py file RECORDING.mcap CONVERTED.mcap     # both files, message by message

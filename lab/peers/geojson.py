@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Opens what `replica instances --geojson` writes with GDAL, and checks that it reads as what was meant.
+"""Opens the output of `replica instances --geojson` with GDAL, and checks the values that it reads.
 
   pip install geopandas pyogrio
   replica instances OUT --geojson > instances.geojson && lab/peers/geojson.py instances.geojson

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Bandwidth and round-trip time of the link to another host beside iperf3 and ping.
+"""Bandwidth and round-trip time of the link to another host, compared with iperf3 and ping.
 
 Needs root, iproute2, iperf3 and iputils-ping (Debian), and:
     cargo build --release && cargo build --release -p studies --example throughput

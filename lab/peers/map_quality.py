@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Maps that several odometries' poses give of the same sweeps, by `replica-lab evaluate map`, and its measures once more in numpy and
+"""Maps of the same sweeps with the poses of several odometries, scored by `replica-lab evaluate map`, and its measures again in numpy and
 scipy.
 
   python3 -m venv venv && venv/bin/pip install numpy scipy
@@ -8,8 +8,8 @@ scipy.
 
 FOLDER is what lab/peers/odometry.py reads (its poses.txt and odometry/*.txt are poses at the last shot of each sweep, KITTI).
 Every point is placed between the poses of the sweep before and of its own by its time (position linearly, rotation by its
-vector); what moves by the truth (moving/*.npy) and what is further than --max-range is left out. The whole trajectory is fitted to
-the truth rigidly, so that distances can be told. All clouds have the same returns.
+vector); points that move by the truth (moving/*.npy) or are beyond --max-range are left out. The whole trajectory is fitted to
+the truth rigidly, so that distances are defined. All clouds have the same returns.
 
 Exit code 1: of a piece of each cloud, thickness or entropy by numpy differ from replica's by 1e-6 or more.
 """

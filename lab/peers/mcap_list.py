@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A recording as the reference reader of MCAP sees it: header, statistics, channels, metadata; every message is read with
+"""A recording read by the reference reader of MCAP: header, statistics, channels, metadata; every message is read with
 its checksum checked, and rows are read by the byte table that the file carries.
 
   pip install mcap

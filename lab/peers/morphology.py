@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Morphology beside scikit-image and OpenCV: the same results, pixel by pixel, and the times on one core.
+"""Morphology compared with scikit-image and OpenCV: the same results, pixel by pixel, and the times on one core.
 
   pip install numpy scikit-image opencv-python-headless
   cargo build --release -p studies --example operators
@@ -7,8 +7,8 @@
   taskset -c 0 lab/peers/morphology.py time [--size 4096] [--runs 5]
   lab/peers/morphology.py freeze > shared/morphology/tests/suite/scikit_image.txt # scikit-image's results for a unit test
 
-Real images are those of scikit-image, those in the folders, and a sweep of KITTI from above if $REPLICA_DATA (../shared/data) has
-one; of each the middle, 256 pixels square: scikit-image takes minutes for a whole photograph. Exit code 1: a result differs, or a goal is missed (3 times scikit-image, 1 time OpenCV).
+Real images come from scikit-image, from the folders, and from a sweep of KITTI from above if $REPLICA_DATA (../shared/data) has
+one. The middle of each, 256 pixels square, is used: scikit-image takes minutes for a whole photograph. Exit code 1: a result differs, or a goal is missed (3 times scikit-image, 1 time OpenCV).
 """
 import argparse
 import os
@@ -49,7 +49,7 @@ class Ours:
         return self.written[id(image)][0]
 
     def start(self, operator, *images, argument="-", connectivity=8):
-        """Names what `time` runs from now on, until `result` is asked for."""
+        """Selects the job that `time` runs, until `result` is called."""
         words = [operator, images[0].dtype.name, *images[0].shape, connectivity, argument, self.folder / "out.raw"]
         print(*words, *map(self.file, images), file=self.process.stdin, flush=True)
 
@@ -91,7 +91,7 @@ OPENCV = {"dilate": cv2.MORPH_DILATE, "erode": cv2.MORPH_ERODE, "opening": cv2.M
 
 
 def peers_of(operator, images, argument, connectivity):
-    """What computes the same: name of the library -> function."""
+    """Functions with the same result, by name of the library."""
     image, c = images[0], connectivity // 4
     if operator in SKIMAGE:
         pixels = footprint(argument)
@@ -335,7 +335,7 @@ def times(size, runs, only):
         for operator, images, argument, connectivity, output in cases(size, only):
             peers = {name: Peer(run) for name, run in peers_of(operator, images, argument, connectivity).items()}
             ours.start(operator, *images, argument=argument, connectivity=connectivity)
-            # In turn, so that what else the machine does strikes all alike; what is slow is not repeated.
+            # In turn, so that other load on the machine affects all alike; slow functions are not repeated.
             sides = {"here": ours, **peers}
             best = dict.fromkeys(sides, np.inf)
             for _ in range(runs):

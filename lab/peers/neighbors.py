@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Neighborhoods beside kiddo and SciPy's cKDTree: the same neighbors, and the seconds on one core and on two.
+"""Neighborhoods compared with kiddo and SciPy's cKDTree: the same neighbors, and the seconds on one core and on two.
 
   pip install numpy scipy
   cargo build --release --manifest-path lab/peers/neighbors/Cargo.toml

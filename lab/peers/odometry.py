@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Run several LiDAR odometries on the very same scans and score them the same way.
+"""Run several LiDAR odometries on the same scans and score them with the same measures.
 
   python3 -m venv venv && venv/bin/pip install kiss-icp==1.3.0 small_gicp==1.0.1 genz-icp==0.3.2 rko_lio==0.4.0 numpy
   cargo build --release -p studies --examples

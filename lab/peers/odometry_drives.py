@@ -1,7 +1,7 @@
 """Drives for odometry_table.py as folders of sweeps (layout: lab/studies/src/sweep_folder.rs), in a cache.
 
-Real ones are converted from $REPLICA_DATA (default: ../shared/data beside the checkout). Simulated ones are made by the example
-`sweeps_of_drive` and made again if the simulator has changed since (git trees of its crates).
+Real drives are converted from $REPLICA_DATA (default: ../shared/data next to the checkout). Simulated drives are made by the example
+`sweeps_of_drive` and remade if the simulator has changed since (git trees of its crates).
 """
 import glob, os, pathlib, shutil, subprocess, sys
 import numpy as np

@@ -1,4 +1,4 @@
-"""Odometries of others behind one interface, for odometry.py: `step(sweep)` returns odom_from_lidar at the LAST shot.
+"""Third-party odometries behind one interface, for odometry.py: `step(sweep)` returns odom_from_lidar at the LAST shot.
 
 KISS-ICP 1.3 and small_gicp (with the deskew below) deskew to the last shot. GenZ-ICP 0.3 deskews to the middle one; its poses
 are interpolated afterwards (`at_last_shot`). RKO-LIO needs an inertial unit: imu.csv, mounting.txt and places.txt of the folder.
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class NotApplicable(Exception):
-    """The folder does not have what the method needs."""
+    """The folder lacks data that the method needs."""
 
 
 class Refused(Exception):

@@ -28,7 +28,7 @@ def rms(values):
 
 
 def score(truth, poses, segments=(), skip=0, window=10):
-    """Against the ground truth: KITTI segments (m), windows of sweeps, sweep to sweep, absolute after a rigid fit."""
+    """Scores against the ground truth: KITTI segments (m), windows of sweeps, sweep to sweep, absolute after a rigid fit."""
     n = min(len(truth), len(poses))
     truth, poses = truth[skip:n], poses[skip:n]
     n -= skip
@@ -86,7 +86,7 @@ def level(poses, first_points):
 
 
 def end_of(poses):
-    """Where a drive without ground truth ends: path, end point and angles in the frame of the first pose."""
+    """The end of a drive without ground truth: path, end point and angles in the frame of the first pose."""
     moved = np.linalg.inv(poses[0]) @ poses
     place = moved[:, :3, 3]
     return dict(path_m=float(np.linalg.norm(np.diff(place, axis=0), axis=1).sum()), end_m=place[-1].tolist(),
@@ -94,8 +94,8 @@ def end_of(poses):
 
 
 def against_track(poses, stamps, distances, margin=4):
-    """Against the distances from the first place by another system, whose stamps need not be those of the poses: the difference at
-    the end, the delay with which the poses fit best, and what then remains. Fast vehicles move by a meter in a revolution."""
+    """Scores against distances from the first place by another system, whose stamps may differ from the stamps of the poses: the difference at
+    the end, the delay with which the poses fit best, and the remaining error. Fast vehicles move by a meter in a revolution."""
     place = poses[:, :3, 3] - poses[0, :3, 3]
     found = np.linalg.norm(place, axis=1)
     inner = slice(margin, len(found) - margin)
@@ -111,8 +111,8 @@ def against_track(poses, stamps, distances, margin=4):
 
 
 def flat_road(poses, first_points, last_points):
-    """On a flat road: how far the last pose is above the first one's road plane, and how the last sweep's road is inclined to it
-    along the way driven (pitch, up positive) and across. Both are 0 without drift; mounting and suspension cancel."""
+    """On a flat road: the height of the last pose above the road plane of the first, and the inclination of the last sweep's road to it
+    along the direction of travel (pitch, up positive) and across. Both are 0 without drift; mounting and suspension cancel."""
     leveled = level(poses, first_points)
     heading = leveled[-1, :3, 0] * [1, 1, 0]
     heading /= np.linalg.norm(heading)

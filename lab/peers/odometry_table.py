@@ -162,7 +162,7 @@ def main():
         found = run(name, folder, methods, args)
         results[name] = {m: found[m] for m in methods if m in found}
         print(f"{name}: done", file=sys.stderr, flush=True)
-        # After each drive: a run that is stopped has written what it knows.
+        # After each drive, so that a stopped run has written its results so far.
         (args.out / "table.json").write_text(json.dumps(results, indent=1))
         (args.out / "table.md").write_text(table(results))
     print(table(results), end="")

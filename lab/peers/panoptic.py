@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""`replica-lab evaluate instances` beside panopticapi, the reference of panoptic quality, on the same labels of random clouds.
+"""`replica-lab evaluate instances` compared with panopticapi, the reference of panoptic quality, on the same labels of random clouds.
 
   pip install numpy pillow git+https://github.com/cocodataset/panopticapi    # or PYTHONPATH=<its checkout>
   cargo build --release -p replica_lab
@@ -37,9 +37,9 @@ def write(path, classes, instances):
 
 
 def annotation(folder, name, classes, instances, is_truth):
-    """The labels as panopticapi reads them: a picture of segments, and what they are."""
+    """The labels in the format of panopticapi: a picture of segments, and their classes."""
     segments = np.where(classes == VOID, VOID, classes.astype(np.int64) * STEP + instances)
-    # What is predicted as a thing but has no number is no segment.
+    # Points that are predicted as a thing but have no number are not a segment.
     if not is_truth:
         segments[np.isin(classes, THINGS) & (instances == 0)] = VOID
     Image.fromarray(id2rgb(segments[None, :])).save(folder / f"{name}.png")
@@ -97,7 +97,7 @@ def main():
             cells = [cell.strip() for cell in line.strip("| ").split("|")[1:]]
             ours = np.array([float(cell) if cell != "-" else np.nan for cell in cells])
             if not np.array_equal(np.isnan(ours), np.isnan(theirs[thing])):
-                sys.exit(f"{ours} beside {theirs[thing]}")
+                sys.exit(f"ours {ours}, theirs {theirs[thing]}")
             worst = max(worst, np.nanmax(np.abs(ours - theirs[thing])))
             n_matches += round(ours[0] * ours[2] / 100)
     print(f"20 clouds, two classes, {n_matches} matches: largest difference {worst:.4f}")

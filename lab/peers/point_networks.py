@@ -11,7 +11,7 @@
 and in training, gradients, and running statistics, computed in f64. `time` prints CPU us per point of both, one thread each.
 `submap` accumulates real sweeps to a submap of 2 million points and segments it with both: cells, spheres, neighbors, network, votes. There,
 PyTorch's side searches with scipy's cKDTree. `write` and `time` need torch and numpy, nothing else; `submap` also scipy and pillow. The modules are written from the publications, with the names of the published code; neighbors are
-searched by brute force in f32, which `time` does not time. The BLAS of Debian's torch is that of libblas.so.3: give it a fast one, e.g.
+searched by brute force in f32, which `time` does not time. Debian's torch uses the BLAS of libblas.so.3: give it a fast one, e.g.
 `LD_PRELOAD=/usr/lib/x86_64-linux-gnu/openblas-pthread/libopenblas.so.0`.
 """
 import json, os, struct, subprocess, sys, time
@@ -243,7 +243,7 @@ class KPConv(nn.Module):
     def __init__(self, points, inputs, outputs, radius, extent):
         super().__init__()
         self.weights = nn.Parameter(torch.empty(points, inputs, outputs).uniform_(-1, 1) / (points * inputs) ** 0.5)
-        # Any placement serves the comparison; `kernel_points.rs` has that of the publication.
+        # Any placement serves the comparison; `kernel_points.rs` has the placement of the publication.
         kernel = torch.randn(points, 3)
         kernel = 0.66 * radius * kernel / kernel.norm(dim=1, keepdim=True)
         kernel[0] = 0
@@ -523,7 +523,7 @@ def write(folder):
             tensors[f"test.{mode}.scores"] = scores
             tensors[f"test.{mode}.gradient.features"] = features.grad.clone()
             for key, parameter in network.named_parameters():
-                # Those of evaluation differ by the normalization only: some suffice.
+                # Gradients of evaluation differ only by the normalization: some suffice.
                 if parameter.grad is not None and (mode == "training" or "1." in key or "embed" in key):
                     tensors[f"test.{mode}.gradient.{key}"] = parameter.grad.clone()
         for key, tensor in network.state_dict().items():

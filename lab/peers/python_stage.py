@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Cost of stages in Python beside the same stages in Rust: CPU time for each submap of a recording, reading it included, on one thread
+"""Cost of stages in Python compared with the same stages in Rust: CPU time for each submap of a recording, reading it included, on one thread
 (THREADS sets others). Without PyTorch, its row is missing.
 
   cargo build --release -p height_segmenter && pip install ./tools/python onnx onnxruntime safetensors torch
   python3 lab/peers/python_stage.py SUBMAPS.mcap
 
-The step that does nothing has what Python, numpy and the reading of the recording cost by themselves.
+The step that does nothing shows the cost of Python, numpy and reading the recording.
 """
 import importlib.util
 import json

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Scores of `replica-lab evaluate classes` beside scikit-learn, on random labels.
+"""Scores of `replica-lab evaluate classes` compared with scikit-learn, on random labels.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install numpy scikit-learn
     cargo build --release -p replica_lab
@@ -50,7 +50,7 @@ def compare():
     for name in ["mean_iou", "overall_accuracy"]:
         assert same(ours[name], theirs[name]), (name, ours[name], theirs[name])
     assert (np.array(ours["confusion"]) == theirs["confusion"]).all()
-    print(f"scores equal those of scikit-learn on {truth.size} random labels of 23 classes: mIoU {ours['mean_iou']:.6f}")
+    print(f"scores equal scikit-learn on {truth.size} random labels of 23 classes: mIoU {ours['mean_iou']:.6f}")
 
 
 def frozen():

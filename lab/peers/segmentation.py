@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Convolutions and the shipped network beside ONNX Runtime, one thread each, in one run.
+"""Convolutions and the shipped network compared with ONNX Runtime, one thread each, in one run.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install onnxruntime onnx numpy
     cargo build --release -p studies --examples
     /tmp/venv/bin/python lab/peers/segmentation.py [MODEL]
 
-Times of convolutions are the fastest of several runs, those of networks means of processor time: others use the machine too.
+Times of convolutions are the fastest of several runs, times of networks means of processor time: the machine may be shared.
 """
 import json, os, struct, subprocess, sys, time
 import numpy as np

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whether SPy (pip install spectral) opens the ENVI images that we write, with the same numbers and wavelengths.
+"""Checks that SPy (pip install spectral) opens our ENVI images with the same numbers and wavelengths.
 
 usage: spy_open.py IMAGE.hdr ...
 """

@@ -1,4 +1,4 @@
-"""Steps of training per second of the shipped network, PyTorch on the CPU beside REPLICA:
+"""Training steps per second of the shipped network, PyTorch on the CPU compared with REPLICA:
 `python lab/peers/training.py`, with PyTorch (Debian: python3-torch). `THREADS` sets the threads of both, 1 by default."""
 
 import os

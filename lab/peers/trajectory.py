@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does `replica-lab evaluate trajectory` say what evo and KITTI's development kit say of the same files?
+"""Checks `replica-lab evaluate trajectory` against evo and KITTI's development kit on the same files.
 
   python3 -m venv venv && venv/bin/pip install evo==1.38.1 numpy
   cargo build --release -p replica_lab

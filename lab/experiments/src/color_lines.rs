@@ -14,7 +14,7 @@ use crate::statistics::mean_and_deviation;
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 
-/// The named files or folders, or those of the data folder.
+/// The named files or folders, or the defaults in the data folder.
 fn inputs_or(inputs: &[PathBuf], names: &[&str]) -> anyhow::Result<Vec<PathBuf>> {
     if !inputs.is_empty() {
         return Ok(inputs.to_vec());

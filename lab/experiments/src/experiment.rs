@@ -47,7 +47,7 @@ impl Job {
     }
 }
 
-/// Trains what is not finished, as far as the budget goes. Returns the number of trainings of the job that remain.
+/// Runs unfinished trainings within the budget. Returns the number of trainings of the job that remain.
 pub fn train_all(
     experiment: &dyn Experiment,
     recipes: &[Recipe],
@@ -58,7 +58,7 @@ pub fn train_all(
             eprintln!("{text}");
         }
     }
-    // The weights of a source are needed as long as a training that starts from it is not finished.
+    // The weights of a source are needed until all trainings that start from it are finished.
     let needs_weights = |recipe: &Recipe| -> anyhow::Result<bool> {
         for of in recipes.iter().filter(|of| of.sources().any(|source| source == recipe)) {
             if store.result(of)?.is_none() {
@@ -106,7 +106,7 @@ pub fn train_all(
     Ok(n_left)
 }
 
-/// Sets trainings aside that used other data under the same description, and those that depend on them. Returns whether there were any.
+/// Sets aside trainings that used other data under the same description, and their dependents. Returns whether any was set aside.
 fn set_aside_other_inputs(store: &Store, recipes: &[Recipe], data: &str, checksum: u64) -> anyhow::Result<bool> {
     let mut changed: Vec<&Recipe> = Vec::new();
     for recipe in recipes {
@@ -146,8 +146,8 @@ pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store
     Ok(())
 }
 
-/// CPU seconds that the trainings of a column still take: the mean of the finished ones, of which the cost is known, for each. That of
-/// published ones is not.
+/// CPU seconds that the trainings of a column still take: for each, the mean of the finished trainings with known cost. The cost of
+/// published trainings is unknown.
 pub fn cpu_seconds_left(experiment: &dyn Experiment, column: &[&Recipe], store: &Store) -> anyhow::Result<f64> {
     let mut known = Vec::new();
     let mut left = Vec::new();

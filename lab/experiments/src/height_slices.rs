@@ -22,11 +22,11 @@ pub struct HeightSlice {
     from_m: f32,
     to_m: f32,
     classes: [ClassId; 2],
-    /// 2: lowest and highest point of a pixel; 3: also their difference.
+    /// Number of features: 2 for lowest and highest point of a pixel; 3 also for their difference.
     n_features: usize,
 }
 
-/// As in section 5.6.3.
+/// The low slice of section 5.6.3.
 pub const LOW: HeightSlice = HeightSlice {
     name: "slice-low",
     from_m: 0.3,
@@ -34,7 +34,7 @@ pub const LOW: HeightSlice = HeightSlice {
     classes: [ClassId::Building, ClassId::Vehicles],
     n_features: 2,
 };
-/// As in section 5.6.3.
+/// The high slice of section 5.6.3.
 pub const HIGH: HeightSlice = HeightSlice {
     name: "slice-high",
     from_m: 2.5,
@@ -51,7 +51,7 @@ const HEIGHT_M: f32 = 5.0;
 
 const TRAIN: RangeInclusive<u64> = 401..=412;
 const VALIDATION: RangeInclusive<u64> = 2001..=2003;
-/// Not used for training or validation. Other experiments have used these drives, too.
+/// Drives that are not used for training or validation. Other experiments have also used these drives.
 const TEST: RangeInclusive<u64> = 9401..=9408;
 
 #[derive(Clone, Copy)]
@@ -98,7 +98,7 @@ impl Dataset for TopViews {
     fn len(&self) -> usize {
         self.views.len()
     }
-    /// For training, mirrored at random.
+    /// An example, mirrored at random for training.
     fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
         let [mirror_x, mirror_y] = random.map_or([false; 2], |random| [random.chance(0.5), random.chance(0.5)]);
         let pixels = &self.views[index].pixels;
@@ -167,7 +167,7 @@ impl Experiment for HeightSlice {
         let examples = Examples::Images { sets, fold: 1, border: Border::Zero };
         Ok(Task { examples, n_classes: 3, tree: Hierarchy::new(vec![0; 3]) })
     }
-    /// Estimated from the number of pixels.
+    /// An estimate from the number of pixels.
     fn cpu_seconds(&self, _: &Recipe) -> f64 {
         30.0
     }

@@ -5,7 +5,7 @@ use crate::statistics::{mean_and_deviation, min_and_max};
 use std::fmt::Write;
 use training::Loss;
 
-/// Before the name of a loss that is the mean over the levels of a class tree.
+/// Prefix of the name of a loss that is the mean over the levels of a class tree.
 pub const OVER_THE_TREE: &str = "hierarchical ";
 
 /// A loss by its name in the thesis, with or without [`OVER_THE_TREE`].
@@ -24,7 +24,7 @@ pub fn loss(name: &str) -> Loss {
 }
 
 /// One row per loss, one column per kind of training: mean and deviation of mIoU over the seeds, the best one in parentheses, and the
-/// number of seeds that converged of those that are done.
+/// number of finished seeds that converged.
 pub fn table_of_losses(results: &Results) -> String {
     let mut rows: Vec<&str> = Vec::new();
     let mut columns: Vec<&str> = Vec::new();

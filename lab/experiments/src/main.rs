@@ -1,19 +1,19 @@
 //! Experiments: claims of the thesis, repeated on own data. One command for each table: `cargo run --release -p experiments -- TABLE`
-//! trains what is not finished and prints the table; `--help` lists all tables. Results and conclusions: `lab/experiments/README.md`.
+//! runs the unfinished trainings and prints the table; `--help` lists all tables. Results and conclusions: `lab/experiments/README.md`.
 //!
 //! | idea | module |
 //! |---|---|
 //! | a table as a grid of trainings; running it, alone or as one of several jobs | `experiment`, `task` |
-//! | a training, and what it leaves | `one_training`, `outcome`, `recipe` |
+//! | a training and its result | `one_training`, `outcome`, `recipe` |
 //! | results on disk, published ones first | `store` |
 //! | losses and height slices (chapter 5) | `loss_table`, `mnist`, `height_slices`, `power_jaccard_minimum` |
 //! | streets (chapter 6): perspectives, transfer, color | `streets` |
 //! | color lines (chapter 3) | `color_lines` |
 //!
-//! What an experiment must never do: change a model or a default of the product by itself, or read held-out seeds for a choice. A
-//! training that was interrupted continues, and finished ones are not repeated: the same table gives the same bytes on one machine.
+//! An experiment must never change a model or a default of the product, or read held-out seeds for a choice. An interrupted training
+//! continues, and finished trainings are not repeated: the same table gives the same bytes on one machine.
 //!
-//! Where to begin reading: `Table` below lists the tables, `experiment::run` runs one.
+//! Start reading at `Table` below, which lists the tables; `experiment::run` runs one.
 
 mod color_lines;
 mod experiment;
@@ -63,13 +63,13 @@ struct Args {
     /// Threads; results do not depend on their number
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// Images, folder of BSDS500, or cubes of the tables of chapter 3 [default: those of the data folder]
+    /// Images, folder of BSDS500, or cubes for the tables of chapter 3 [default: from the data folder]
     #[arg(long, value_name = "PATH", num_args = 1..)]
     input: Vec<PathBuf>,
-    /// Use the first N images of BSDS500 only
+    /// Use only the first N images of BSDS500
     #[arg(long, value_name = "N")]
     limit: Option<usize>,
-    /// Print the number of trainings and their CPU hours only
+    /// Print only the number of trainings and their CPU hours
     #[arg(long)]
     plan: bool,
 }
@@ -155,7 +155,7 @@ fn main() -> anyhow::Result<()> {
         }
         run(experiment.as_ref(), &store, seeds, (&Budget::new(budget_hours), job))
     };
-    // Inside of the pool: a call from outside waits for another thread several times per step.
+    // Inside the pool: a call from outside waits for another thread several times per step.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let tables = table.map_or_else(|| Table::value_variants().to_vec(), |table| vec![table]);
     pool.install(|| tables.into_iter().try_for_each(of_table))

@@ -1,8 +1,8 @@
 //! Tables 5.1 and 5.2: a U-Net of three levels on MNIST digits. A pixel above half of the full value belongs to the digit. In the
-//! multiclass table its class is the digit; background is a class, too.
+//! multiclass table its class is the digit; background is also a class.
 //!
 //! As in the published code of the thesis 1000 images are for training and 200 for validation. Only the 10 000 test images of MNIST
-//! are used: the first ones for training, others for validation, and 500 others for testing.
+//! are used: the first for training, others for validation, and 500 others for testing.
 
 use crate::experiment::{Experiment, Results};
 use crate::loss_table::{loss, table_of_losses};
@@ -110,7 +110,7 @@ impl Experiment for Mnist {
         let examples = Examples::Images { sets, fold: 1, border: Border::Zero };
         Ok(Task { examples, n_classes: self.n_classes(), tree: Hierarchy::new(vec![0; self.n_classes()]) })
     }
-    /// From the measured trainings with 2 and 4 filters; those with 8 are estimated.
+    /// Measured for trainings with 2 and 4 filters, estimated for 8 filters.
     fn cpu_seconds(&self, recipe: &Recipe) -> f64 {
         let (epochs_of_two, epochs_of_more) = match recipe.settings.batch {
             1 => (40.0, 25.0),

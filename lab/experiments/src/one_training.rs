@@ -8,18 +8,18 @@ use anyhow::anyhow;
 use rustix::time::{ClockId, clock_gettime};
 use training::{Curves, Dataset, Hierarchy, ImageNetwork, Network, PointNetwork, TrainSettings, Trainer, Variables};
 
-/// When training stops with a checkpoint: asked before each epoch.
+/// The condition at which training stops with a checkpoint, checked before each epoch.
 pub struct Budget<'a> {
     begin: f64,
     is_spent: Box<dyn Fn(f64) -> bool + 'a>,
 }
 
 impl<'a> Budget<'a> {
-    /// After these CPU hours; without a limit, never.
+    /// A budget of these CPU hours; unlimited for `None`.
     pub fn new(hours: Option<f64>) -> Self {
         Self::until(move |used| hours.is_some_and(|hours| used >= 3600.0 * hours))
     }
-    /// When this holds for the CPU seconds used so far.
+    /// A budget that is spent when this holds for the CPU seconds used so far.
     pub fn until(is_spent: impl Fn(f64) -> bool + 'a) -> Self {
         Self { begin: cpu_now(), is_spent: Box::new(is_spent) }
     }
@@ -38,7 +38,7 @@ fn cpu_now() -> f64 {
     now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
 }
 
-/// How a training ends, if it does.
+/// Reason for the end of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// The validation loss has not fallen for the patience.
@@ -50,7 +50,7 @@ pub enum End {
 /// fall for many epochs before the first pixel changes its class.
 pub fn end(curves: &Curves, settings: &TrainSettings) -> Option<End> {
     let losses: Vec<f64> = curves.epochs.iter().map(|epoch| epoch.validation_loss).collect();
-    // The first of equals: a constant loss is no improvement. Losses that are not numbers do not count.
+    // The first of equals: a constant loss is not an improvement. Losses that are not finite do not count.
     let best = losses.iter().enumerate().filter(|(_, loss)| loss.is_finite()).min_by(|a, b| a.1.total_cmp(b.1));
     let since_best = losses.len() - best.map_or(0, |(epoch, _)| epoch + 1);
     if since_best >= settings.patience {
@@ -60,7 +60,7 @@ pub fn end(curves: &Curves, settings: &TrainSettings) -> Option<End> {
     }
 }
 
-/// What the trainings of a table on one kind of examples share.
+/// Data that the trainings of a table on one kind of examples share.
 struct Trainings<'a, N: Network> {
     sets: &'a DataSets<N::Example>,
     task: &'a Task,
@@ -70,7 +70,7 @@ struct Trainings<'a, N: Network> {
 }
 
 impl<N: Network> Trainings<'_, N> {
-    /// A training before its first epoch, or as its checkpoint has it.
+    /// A training before its first epoch, or restored from its checkpoint.
     fn trainer(&self, recipe: &Recipe) -> anyhow::Result<Trainer<N>> {
         let mut network = (self.random)(recipe)?;
         if let Some(source) = &recipe.start {
@@ -93,7 +93,7 @@ impl<N: Network> Trainings<'_, N> {
         Ok(trainer)
     }
 
-    /// Begins or continues a training, with a checkpoint after each epoch. `None`: the budget is spent.
+    /// Starts or continues a training, with a checkpoint after each epoch. `None`: the budget is spent.
     fn train(&self, recipe: &Recipe, inputs: u64, budget: &Budget<'_>) -> anyhow::Result<Option<Outcome>> {
         let Self { sets, task, store, .. } = self;
         let mut trainer = self.trainer(recipe)?;
@@ -125,7 +125,7 @@ impl<N: Network> Trainings<'_, N> {
     }
 }
 
-/// Begins or continues a training, with a checkpoint after each epoch. `None`: the budget is spent.
+/// Starts or continues a training, with a checkpoint after each epoch. `None`: the budget is spent.
 pub fn train(
     recipe: &Recipe,
     task: &Task,

@@ -12,7 +12,7 @@ pub struct Outcome {
     pub epochs: usize,
     /// Number of the epoch with the best validation, whose weights are scored; from 1, 0 without training.
     pub best_epoch: usize,
-    /// Whether training ended by patience, not by the limit of epochs.
+    /// Whether training ended by patience rather than by the limit of epochs.
     pub converged: bool,
     /// Scores on each test scene.
     pub scenes: Vec<Scene>,
@@ -23,7 +23,7 @@ pub struct Outcome {
 #[serde(deny_unknown_fields)]
 pub struct Scene {
     pub name: String,
-    /// 0 to 1, rounded to six decimals.
+    /// Mean IoU, 0 to 1, rounded to six decimals.
     pub mean_iou: f64,
     pub overall_accuracy: f64,
     /// Number of pixels by true (rows) and predicted class.

@@ -4,7 +4,7 @@
 /// Steps of the search from 0 to 2.
 const STEPS: u32 = 200_000;
 
-/// Eq. (5.3) of one pixel with y = 1.
+/// Loss of one pixel with y = 1, eq. (5.3).
 fn loss(p: f64, power: f64) -> f64 {
     1.0 - p / (1.0 + p.powf(power) - p)
 }

@@ -10,7 +10,7 @@ pub const EPOCHS: usize = 100;
 /// Training ends if the validation loss has not fallen for this number of epochs (section 5.6.2 and the published code).
 pub const PATIENCE: usize = 5;
 
-/// A network on images or on points. In files only its own fields are seen.
+/// A network on images or on points. Files contain only the fields of its variant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Architecture {
@@ -18,7 +18,7 @@ pub enum Architecture {
     Points(PointNetworkSpec),
 }
 
-/// All that determines a training, besides the data itself.
+/// Everything that determines a training except the data itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {

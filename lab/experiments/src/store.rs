@@ -23,17 +23,17 @@ const SECONDS: &str = "cpu_seconds.json";
 /// The folder of a table.
 pub struct Store {
     folder: PathBuf,
-    /// Published results by the name of the training; those of other settings or data are removed.
+    /// Published results by the name of the training; results of other settings or data are removed.
     published: RefCell<BTreeMap<String, Line>>,
 }
 
 impl Store {
-    /// Without published results.
+    /// A store without published results.
     #[cfg(test)]
     pub fn new(folder: PathBuf) -> Self {
         Self { folder, published: RefCell::default() }
     }
-    /// With the results of a file, if it exists.
+    /// A store with the published results of a file, if it exists.
     pub fn with_published(folder: PathBuf, results: &Path) -> anyhow::Result<Self> {
         let text = match fs::read_to_string(results) {
             Err(error) if error.kind() == ErrorKind::NotFound => String::new(),
@@ -69,7 +69,7 @@ impl Store {
         }
         read(&self.path(recipe, RESULT))
     }
-    /// Whether a training is finished, with its weights if `with_weights`: published results have none.
+    /// Whether a training is finished, with its weights if `with_weights`: published results have no weights.
     pub fn is_finished(&self, recipe: &Recipe, with_weights: bool) -> anyhow::Result<bool> {
         Ok(self.result(recipe)?.is_some() && (!with_weights || self.checkpoint(recipe).exists()))
     }
@@ -84,16 +84,16 @@ impl Store {
     pub fn cpu_seconds(&self, recipe: &Recipe) -> anyhow::Result<f64> {
         Ok(read(&self.path(recipe, SECONDS))?.unwrap_or(0.0))
     }
-    /// Which settings a stored training of this name has otherwise, if any.
+    /// The settings in which a stored training of this name differs, if any.
     fn difference(&self, recipe: &Recipe) -> anyhow::Result<Option<String>> {
         let Some(stored) = read::<serde_json::Value>(&self.path(recipe, RECIPE))? else { return Ok(None) };
-        // As it is stored: in a value, numbers of 32 bits would be widened.
+        // Encoded as in the file: in a value, numbers of 32 bits would be widened.
         let wanted = serde_json::from_slice(&serde_json::to_vec(recipe)?)?;
         let mut differences = Vec::new();
         compare("", &stored, &wanted, &mut differences);
         Ok((!differences.is_empty()).then(|| differences.join("; ")))
     }
-    /// Renames the folder of a stored training with other settings, so that results are never mixed. Returns what was done, for the user.
+    /// Renames the folder of a stored training with other settings, so that results are never mixed. Returns a message for the user.
     pub fn set_aside_if_changed(&self, recipe: &Recipe) -> anyhow::Result<Option<String>> {
         let difference = self.difference(recipe)?;
         difference.map(|difference| self.set_aside(recipe, &difference)).transpose()
@@ -110,7 +110,7 @@ impl Store {
         fs::rename(&folder, &free).with_context(|| format!("cannot rename {}", folder.display()))?;
         Ok(format!("{name}: the stored training is not used ({reason}); moved to {}", free.display()))
     }
-    /// Prepares the folder of a training that begins or continues.
+    /// Prepares the folder of a training that starts or continues.
     pub fn begin(&self, recipe: &Recipe, inputs: u64) -> anyhow::Result<()> {
         fs::create_dir_all(self.folder.join(recipe.name()))?;
         write(&self.path(recipe, INPUTS), inputs.to_string().as_bytes())?;
@@ -150,7 +150,7 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     write_atomic(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// `None` if there is no such file.
+/// The parsed file; `None` if it does not exist.
 fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<Option<T>> {
     let bytes = match fs::read(path) {
         Ok(bytes) => bytes,

@@ -53,7 +53,7 @@ fn recipe((row, column): (&str, &str), (data, classes): (StreetData, &[ClassId])
     }
 }
 
-/// The simulated sweeps that were used last: the tables use the same ones for several sets of classes.
+/// The simulated sweeps that were used last: the tables use the same sweeps for several sets of classes.
 #[derive(Default)]
 pub struct Streets(RefCell<Option<(StreetData, Sweeps)>>);
 
@@ -158,7 +158,7 @@ impl Experiment for StreetTable {
     }
 }
 
-/// The losses, and the gain of the hierarchical one over the same loss without hierarchy.
+/// The losses, and the gain of the hierarchical loss over the same loss without hierarchy.
 fn hierarchy_table(results: &Results) -> String {
     let mut text = iou_table(&columns(results, |recipe| Some(recipe.row.clone())), ALL.len());
     let percent = |row: &str, seed: u64| {

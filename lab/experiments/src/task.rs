@@ -34,7 +34,7 @@ pub struct DataSets<E> {
     pub tests: Vec<(&'static str, Box<dyn Dataset<E>>)>,
 }
 
-/// Examples, and how they are read.
+/// Examples, and how they are converted.
 pub enum Examples {
     /// `fold` columns are folded into one column of the network.
     Images {
@@ -45,7 +45,7 @@ pub enum Examples {
     Points(DataSets<PointExample>),
 }
 
-/// What a training learns.
+/// The data and classes of a training.
 pub struct Task {
     pub examples: Examples,
     pub n_classes: usize,
@@ -53,7 +53,7 @@ pub struct Task {
 }
 
 impl Task {
-    /// The same task, in which images to learn and to validate have labels of some classes only.
+    /// The task with labels of only some classes in its training and validation images.
     pub fn with_labels_of(self, is_kept: &[bool]) -> Self {
         let masked = |data| -> Box<dyn Dataset> { Box::new(Masked { data, is_kept: is_kept.to_vec() }) };
         let examples = match self.examples {

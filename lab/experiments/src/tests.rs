@@ -146,7 +146,7 @@ impl Experiment for TinyPoints {
     }
 }
 
-/// Trains as far as the budget and the job allow; returns the number of trainings left and the bytes of the results.
+/// Trains within the budget and the job; returns the number of trainings left and the bytes of the results.
 fn trained(experiment: &dyn Experiment, folder: &Path, budget: &Budget<'_>, job: Job) -> (usize, String) {
     let recipes = experiment.recipes(2);
     let store = Store::new(folder.into());
@@ -238,7 +238,7 @@ fn changed_setting_sets_results_aside_by_name() {
     let text = store.set_aside_if_changed(&recipes[0]).expect("renames").expect("was changed");
     assert!(text.contains("2-filters_ce_seed-0") && text.contains("learning_rate = 0.01, now 0.02"), "{text}");
     assert!(folder.path().join("2-filters_ce_seed-0.old-1/result.json").exists());
-    // The trainings that depend on the changed one have changed, too.
+    // The trainings that depend on the changed one have also changed.
     for (recipe, key) in recipes[4..].iter().zip(["start", "tree_of"]) {
         assert!(store.set_aside_if_changed(recipe).expect("renames").expect("was changed").contains(key));
     }
@@ -249,7 +249,7 @@ fn changed_data_sets_results_aside() {
     let folder = folder();
     trained(&Tiny::new(), folder.path(), &Budget::new(None), ALL);
     let changed = Tiny { data: 4, ..Tiny::new() };
-    // As long as all results are there, no data are loaded: one missing result shows the change.
+    // If all results exist, no data are loaded: one missing result reveals the change.
     let path = folder.path().join("2-filters_jac.2_seed-1/result.json");
     std::fs::remove_file(&path).expect("removes");
     let (n_left, after) = trained(&changed, folder.path(), &Budget::new(None), ALL);
@@ -276,7 +276,7 @@ fn published_results_are_not_trained_again_unless_their_weights_or_other_data_ar
     let tiny = Tiny::new();
     assert_eq!(again(second.path(), &published, &tiny), (0, expected.clone()));
     assert_eq!(*tiny.loaded.borrow(), 0, "nothing is trained");
-    // Without a training that starts from another one, the weights of that are needed.
+    // If a training that starts from another is missing, the weights of the other are needed.
     let partial = second.path().join("partial.jsonl");
     let lines: Vec<&str> = expected.lines().collect();
     std::fs::write(&partial, lines[..5].join("\n")).expect("writes");

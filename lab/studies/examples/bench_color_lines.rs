@@ -11,7 +11,7 @@ use scores::regions::{LabelImage, boundary_scores, contour_density, explained_va
 use std::path::Path;
 
 fn main() -> anyhow::Result<()> {
-    // Hemispheres are fitted in parallel; in a pool of this thread alone its CPU time is that of the work.
+    // Hemispheres are fitted in parallel; in a pool of only this thread, its CPU time is the CPU time of the work.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build()?;
     pool.install(bench)
 }
@@ -72,9 +72,9 @@ fn bench() -> anyhow::Result<()> {
     std::fs::write(folder.join("rgb"), rgb.concat())?;
     let superpixels = slic(size, &rgb, 200, 10.0);
     std::fs::write(folder.join("slic"), bytes(&superpixels))?;
-    // The regions of the Gaussians stand for a segmentation: scores compare any two label images.
+    // The regions of the Gaussians serve as segmentation: scores compare any two label images.
     let images = [&superpixels, &fit.labels].map(|labels| LabelImage::new(size[0], labels));
-    let [Some(superpixels), Some(regions)] = images else { anyhow::bail!("labels are no image") };
+    let [Some(superpixels), Some(regions)] = images else { anyhow::bail!("the labels are not an image") };
     let of_image = |image: &LabelImage<'_>| {
         let shape = shapes(image);
         let density = contour_density(image);

@@ -1,13 +1,13 @@
-//! Speed of the convolution kernels on one thread, beside candle's own:
+//! Speed of the convolution kernels on one thread, compared with candle's own:
 //! `RAYON_NUM_THREADS=1 cargo run --release -p studies --example bench_convolution`.
-//! One line of tab-separated values for each shape, so that `lab/peers/segmentation.py` can put others beside them.
+//! One line of tab-separated values for each shape, to which `lab/peers/segmentation.py` adds other programs.
 
 use candle_core::{Device, Tensor};
 use kernels::images::{Border, Filter, Planes, Shape, convolve};
 use std::time::Instant;
 use training::derivatives::{input_gradient, transposed_filters, weight_gradient};
 
-/// In, out, height, width, side of the filter.
+/// Shapes: channels in and out, height, width, side of the filter.
 const CASES: [[usize; 5]; 9] = [
     [32, 32, 64, 1024, 3],
     [96, 32, 64, 1024, 3],
@@ -20,7 +20,7 @@ const CASES: [[usize; 5]; 9] = [
     [96, 96, 4, 64, 3],
 ];
 
-/// Repetitions; the fastest counts, since others use the machine too.
+/// Repetitions; the fastest counts, since the machine may be shared.
 const RUNS: usize = 7;
 
 fn fastest(mut run: impl FnMut()) -> f64 {

@@ -13,8 +13,7 @@ const RINGS: usize = 32;
 /// Rounds of firings of one revolution.
 const FIRINGS: usize = 2170;
 
-/// Time that the processors have spent on all threads so far, ms: unlike a clock's, it does not count those
-/// who use the machine, too.
+/// CPU time of all threads so far, ms: unlike wall time, it excludes other users of the machine.
 fn processor_ms() -> f64 {
     let threads = std::fs::read_dir("/proc/self/task").expect("a Linux kernel");
     let of_thread = |thread: std::io::Result<std::fs::DirEntry>| {
@@ -24,7 +23,7 @@ fn processor_ms() -> f64 {
     threads.filter_map(of_thread).sum::<f64>() * 1e-6
 }
 
-/// Mean of a few runs after one that fetches its memory. The kernel counts in steps of some ms: only many runs tell less.
+/// Mean of a few runs after one that fetches its memory. The kernel counts in steps of some ms: smaller times need many runs.
 fn mean_ms(n: usize, mut run: impl FnMut()) -> f64 {
     run();
     let begin = processor_ms();

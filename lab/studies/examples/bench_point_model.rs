@@ -1,7 +1,7 @@
 //! Time and memory of a model on points for one large submap, everything included: ground, cells, neighborhoods, network, votes.
 //! `cargo run --release -p studies --example bench_point_model -- MODEL SUBMAP`.
 //!
-//! `lab/peers/point_networks.py submap` writes the submap and runs the same network in `PyTorch` beside this program.
+//! `lab/peers/point_networks.py submap` writes the submap and runs the same network in `PyTorch` in addition to this program.
 
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use neighbors::{SpatialIndex, VoxelGrid};
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-/// Time that the processors have spent on all threads so far, s: unlike a clock's, it does not count those who use the machine, too.
+/// CPU time of all threads so far, s: unlike wall time, it excludes other users of the machine.
 fn processor_s() -> f64 {
     let threads = std::fs::read_dir("/proc/self/task").expect("a Linux kernel");
     let of_thread = |thread: std::io::Result<std::fs::DirEntry>| {

@@ -1,7 +1,7 @@
 //! CPU time of networks on points and of one kernel point convolution, us per point:
 //! `RAYON_NUM_THREADS=1 cargo run --release -p studies --example bench_points [FILE …]`.
 //!
-//! Files are those of `lab/peers/point_networks.py time`, which prints the times of `PyTorch` beside these.
+//! Files are written by `lab/peers/point_networks.py time`, which prints these times next to the times of `PyTorch`.
 
 use candle_core::{Device, Tensor, Var};
 use kernels::points::{Activation, KernelPoints, Lists, Neighborhood, kernel_point_convolution};
@@ -13,7 +13,7 @@ use segmentation::points::{Parameters, Pass, PointBatch, PointNetworkSpec};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Time that the processors have spent on all threads so far, us.
+/// CPU time of all threads so far, us.
 fn processor_us() -> f64 {
     let threads = std::fs::read_dir("/proc/self/task").expect("a Linux kernel");
     let of_thread = |thread: std::io::Result<std::fs::DirEntry>| {
@@ -105,7 +105,7 @@ fn network(path: &Path) {
 }
 
 fn main() {
-    // As `replica-lab train` has it.
+    // As in `replica-lab train`.
     allocator::restart_with_kept_memory(allocator::Keep::Large);
     let files: Vec<_> = std::env::args_os().skip(1).collect();
     for file in &files {

@@ -1,5 +1,5 @@
-//! Steps of training per second, of the shipped network: `cargo run --release -p studies --example bench_training`; beside `PyTorch`:
-//! `lab/peers/training.py`, which runs this. `RAYON_NUM_THREADS` sets the threads.
+//! Training steps per second of the shipped network: `cargo run --release -p studies --example bench_training`. `lab/peers/training.py`
+//! runs it for the comparison with `PyTorch`. `RAYON_NUM_THREADS` sets the threads.
 
 use kernels::images::{Border, Planes};
 use messages::ClassId;
@@ -15,7 +15,7 @@ const N_FEATURES: usize = 10;
 const N_CLASSES: usize = 19;
 const BATCH: usize = 4;
 const STEPS: usize = 4;
-/// Epochs of [`STEPS`]; the fastest counts, since others use the machine too.
+/// Epochs of [`STEPS`]; the fastest counts, since the machine may be shared.
 const EPOCHS: usize = 5;
 
 /// Examples of noise.

@@ -16,7 +16,7 @@ use town::catalogue::{Exhibit, exhibits};
 const PICTURE: [u32; 2] = [240, 180];
 /// Pictures on a sheet.
 const SHEET: [usize; 2] = [6, 4];
-/// A pixel is the mean of that many by that many rays.
+/// A pixel is the mean of this many by this many rays.
 const RAYS: usize = 3;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut pixels = vec![0_u8; 3 * wide * columns * high * rows];
         for (i, exhibit) in exhibits.iter().enumerate() {
             println!("{:2} {}", sheet + 1, description(exhibit));
-            // The camera stands: the vehicle that carries it has not begun to roll.
+            // The camera is at rest: the vehicle that carries it has not started.
             let body_from_camera = motion.pose(0.0).inverse() * viewpoint(exhibit, &lens);
             let exposure = Exposure::new(&exhibit.scene, &motion, &body_from_camera, motion.begin, 1, seed);
             let shot = camera.shoot(&exposure, camera.meter(std::slice::from_ref(&exposure)), seed);
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Of the square of [`RAYS`] whose first pixel is at the given column and row.
+/// Mean of the square of [`RAYS`] whose first pixel is at the given column and row.
 fn mean(pixels: &[u8], width: usize, [column, row]: [usize; 2]) -> [u8; 3] {
     let mut sum = [0_usize; 3];
     for v in row..row + RAYS {
@@ -82,14 +82,14 @@ fn description(exhibit: &Exhibit) -> String {
     )
 }
 
-/// 45 degrees wide.
+/// A lens with a field of view of 45 degrees.
 fn lens([width, height]: [u32; 2]) -> Pinhole {
     let focal = 1.2 * f64::from(width);
     let [cx, cy] = [width, height].map(|side| 0.5 * f64::from(side));
     Pinhole { width, height, fx: focal, fy: focal, cx, cy, distortion: [0.0; 5] }
 }
 
-/// From the front and the right, so near that all of it is just seen. The sun stands behind the camera.
+/// A viewpoint from the front right, as near as the whole model fits the picture. The sun is behind the camera.
 fn viewpoint(exhibit: &Exhibit, lens: &Pinhole) -> Pose {
     let [low, high] = exhibit.bounds.map(nalgebra::Matrix::cast::<f64>);
     let low = Vector3::new(low.x, low.y, low.z.max(-1.5));
@@ -97,7 +97,7 @@ fn viewpoint(exhibit: &Exhibit, lens: &Pinhole) -> Pose {
     let backward = Vector3::new(-0.62, -0.85, 0.32).normalize();
     let right = (-backward).cross(&Vector3::z()).normalize();
     let down = (-backward).cross(&right);
-    // Each corner of the bounds asks for the distance at which it lies on the picture's edge.
+    // Each corner of the bounds requires the distance at which it lies on the picture's edge.
     let distance = (0..8)
         .map(|i| {
             let pick = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };

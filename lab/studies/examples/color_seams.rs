@@ -1,7 +1,7 @@
 //! Measures how much colors change where one exposure ends and the next begins, with and without leveling:
 //! `cargo run --release -p studies --example color_seams -- STOPS DRIVE RECORDING [DRIVE RECORDING …]`.
 //!
-//! STOPS is a planted error: each exposure is made brighter or darker by up to so many stops, as by cameras with automatic
+//! STOPS is a planted error: each exposure is made brighter or darker by up to this many stops, as by cameras with automatic
 //! exposure.
 //!
 //! RECORDING contains the topics submap, trajectory and image of a run on DRIVE. The example compares neighbors on a ring, at most

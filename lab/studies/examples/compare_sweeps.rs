@@ -6,7 +6,7 @@
 //!   and of the simulated sweep (1 m violet to 120 m yellow, by the logarithm), intensity of both (0 black to 100 white, above
 //!   that red); no return is dark blue;
 //! - `histograms.svg`: ranges, intensities, steps of the encoder; heights are square roots of shares, so that rare things show;
-//! - and says the figures on stdout.
+//! - and prints the figures to stdout.
 
 #![allow(missing_docs, reason = "a program")]
 

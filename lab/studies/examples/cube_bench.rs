@@ -1,5 +1,5 @@
 //! Frames per second of processor time from raw mosaics to cubes and to spectrally corrected cubes, on one core:
-//! `cargo run --release -p studies --example cube_bench`; beside `NumPy`: `lab/peers/cube_numpy.py`.
+//! `cargo run --release -p studies --example cube_bench`; compared with `NumPy`: `lab/peers/cube_numpy.py`.
 
 use spectral::{Calibration, Correction, Mosaic, Reference, SpectralError, WhiteTarget};
 
@@ -33,7 +33,7 @@ fn bench(name: &str, pattern: u32, active_area: [u32; 4], n_virtual_bands: usize
     assert!(worst < 1e-4, "a reflectance is off by {worst}");
     report(name, "cube", seconds);
 
-    // Rows that sum to 1, as those of a real matrix.
+    // Rows that sum to 1, as in a real matrix.
     let n_bands = mosaic.n_bands();
     let row = |j: usize| {
         let weight = |k: usize| ((j * 7 + k * 3) % 11) as f64 / 5.0 - 1.0;

@@ -1,9 +1,9 @@
 //! Runs the odometry on a folder of sweeps (layout: `studies::sweep_folder`), for comparison with other implementations:
 //! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--algorithm imls] [--motion imu,gnss] [--untimed none] [--verbose]`.
 //!
-//! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--untimed none` takes sweeps
-//! without point times as rigid; else it is found out how the sensor turned, in 0.1 s or less. `--verbose` also prints pose, standard
-//! deviations and match of each sweep.
+//! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--untimed none` treats sweeps
+//! without point times as rigid; by default the sense of the rotation, in 0.1 s or less, is determined. `--verbose` also prints pose,
+//! standard deviations and match of each sweep.
 //!
 //! Writes `world_from_lidar` at the last shot of each sweep, or without point times in its middle, in KITTI format. Prints the CPU time of all threads per sweep for range
 //! image, features, registration and deskewed cloud, without reading.
@@ -21,7 +21,7 @@ use studies::sweep_folder::{SweepFolder, kitti_line};
 /// Longest time of a revolution of sensors without point times, s.
 const UNTIMED_TURN_S: f64 = 0.1;
 
-/// As `slam_aggregate`'s setting `max_lost_m`.
+/// Value of the setting `max_lost_m` of `slam_aggregate`.
 const MAX_LOST_M: f64 = 5.0;
 
 fn main() -> anyhow::Result<()> {
@@ -91,7 +91,7 @@ fn main() -> anyhow::Result<()> {
         ms.push(cpu_ms() - start);
         for (number, registered) in (first..).zip(&registered) {
             scores.add(&registered.moving, folder.moving(number)?.as_deref());
-            // Without point times of its own, a sweep has the pose of the direction ahead.
+            // Without its own point times, a sweep has the pose of the direction ahead.
             let pose = if n_timed > 0 { registered.motion.mid } else { registered.end() };
             text.push_str(&kitti_line(&pose));
             stretches.add(registered).into_iter().for_each(|text| println!("note: {text}"));

@@ -68,7 +68,7 @@ struct Score {
     up_m: f64,
     heading_deg: f64,
     stated: [f64; 3],
-    /// Of the submap in the middle: horizontal with two degrees of freedom, height with one.
+    /// NEES of the submap in the middle: horizontal with two degrees of freedom, height with one.
     nees: [f64; 2],
     summary: String,
     fixes: [usize; 2],

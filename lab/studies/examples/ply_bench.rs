@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let time = clock_gettime(ClockId::ProcessCPUTime);
         time.tv_sec * 1_000_000_000 + time.tv_nsec
     };
-    // Columns, as the other libraries have them.
+    // Columns, as in the other libraries.
     let value = |row: &[u8; ROW], at: usize| f32::from_ne_bytes([row[at], row[at + 1], row[at + 2], row[at + 3]]);
     let positions: Vec<[f32; 3]> = rows.iter().map(|row| [0, 4, 8].map(|at| value(row, at))).collect();
     let intensities: Vec<u8> = rows.iter().map(|row| row[12]).collect();

@@ -169,7 +169,7 @@ struct Movers {
     votes: BTreeMap<u16, (u32, u32)>,
 }
 
-/// Points of an instance that are tested in each sweep at most.
+/// Largest number of points of an instance that are tested in each sweep.
 const MAX_TESTED: usize = 8;
 
 impl Movers {

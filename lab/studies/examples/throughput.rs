@@ -49,7 +49,7 @@ fn measure(address: &str, key: &Key, megabytes: usize) -> Result<(), Box<dyn std
         let begun = Instant::now();
         message[..8].copy_from_slice(&(n_bytes as u64).to_le_bytes());
         sender.write_all(&message)?;
-        // A message of its own: what follows it is counted by messages.
+        // A separate message: the following bytes are counted by messages.
         sender.flush()?;
         let piece = vec![7; PIECE];
         for start in (0..n_bytes).step_by(PIECE) {

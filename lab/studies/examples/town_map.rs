@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// m per pixel.
 const PIXEL_M: f64 = 0.25;
-/// Around the driven way, m.
+/// Border around the path, m.
 const BORDER_M: f64 = 90.0;
 
 fn main() {
@@ -60,7 +60,7 @@ fn print_rates(simulation: &Simulation) {
     }
 }
 
-/// What a ray straight down meets, by class.
+/// The class that a vertical ray hits at each pixel.
 fn map(simulation: &Simulation) -> image::RgbImage {
     let n = (simulation.spec.seconds * 10.0) as usize;
     let way: Vec<Vector3<f64>> = (0..=n).map(|i| simulation.motion.pose(i as f64 * 0.1).translation.vector).collect();

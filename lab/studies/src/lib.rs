@@ -1,19 +1,19 @@
 //! Studies: programs that measure or picture one library, stage or run. Each is an example of this crate:
-//! `cargo run --release -p studies --example NAME -- ARGUMENTS`; the first lines of its file say what it prints.
+//! `cargo run --release -p studies --example NAME -- ARGUMENTS`; the first lines of its file describe its output.
 //!
 //! | studies | subject |
 //! |---|---|
 //! | `bench_*`, `*_bench`, `operators`, `throughput`, `live_load` | time and memory of kernels, networks, readers, the link |
 //! | `odometry`, `sweeps_of_drive`, `place_drives` | odometry next to other programs; placement of drives |
 //! | `color_truth`, `color_seams`, `offset_of_run` | colors, spectra and offsets of a run against its simulated town |
-//! | `town_scores` | instances, and what each setting is worth |
+//! | `town_scores` | instances, and the effect of each setting |
 //! | `compare_sweeps`, `gnss_error`, `town_map`, `camera_pictures`, `catalogue`, `material_spectra` | the simulator next to reality; its pictures |
 //! | `write_ground_model` | writes `models/ground.safetensors` |
 //!
-//! What a study must never do: be needed by a program or a test. What a program needs goes to a library; what must hold goes to a test.
+//! No program and no test may depend on a study. Code that a program needs belongs in a library; a property that must hold belongs in a test.
 //! Examples of *use* are not studies: they are documentation of a library, or in `examples/`.
 //!
-//! Where to begin reading: the page in `lab/notebook/` that shows the figures names the command; the tables of `lab/peers/README.md`
+//! Start reading at the page in `lab/notebook/` that shows the figures, which names the command; the tables of `lab/peers/README.md`
 //! do so for comparisons with other programs. The library has what several studies share: [`recorded`] messages of a run, a
 //! [`sweep_folder`] for other odometry programs, [`color_difference`].
 

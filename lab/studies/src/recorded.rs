@@ -10,11 +10,11 @@ use std::path::Path;
 /// All messages of a run, in order.
 #[derive(Default)]
 pub struct Recorded {
-    /// In the order of the run.
+    /// Submaps, in the order of the run.
     pub submaps: Vec<Received<SubmapTopic>>,
-    /// In the order of the run.
+    /// Images, in the order of the run.
     pub images: Vec<Received<ImageTopic>>,
-    /// Empty if cubes were not asked for.
+    /// Cubes; empty if not requested.
     pub cubes: Vec<Received<CubeTopic>>,
     /// `odom_from_body` as the run estimated it.
     pub trajectory: Trajectory,

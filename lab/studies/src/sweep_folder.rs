@@ -1,4 +1,4 @@
-//! A folder of sweeps in a layout that other odometry implementations read, too:
+//! A folder of sweeps in a layout that other odometry implementations also read:
 //!
 //! ```text
 //! velodyne/000000.bin   float32 x y z intensity, LiDAR frame at the time of the shot (or *.pcd in the folder itself)
@@ -74,7 +74,7 @@ impl SweepFolder {
         let n_rings = rings.as_ref().map_or(0, |rings| rings.iter().max().map_or(0, |&ring| u32::from(ring) + 1));
         Ok((cloud.iter().enumerate().map(point).collect(), n_rings))
     }
-    /// Truth: which points of a sweep are on moving objects.
+    /// Truth: the points of a sweep that are on moving objects.
     pub fn moving(&self, number: usize) -> anyhow::Result<Option<Vec<u8>>> {
         self.array("moving", &format!("{number:06}"))
     }
@@ -87,11 +87,11 @@ impl SweepFolder {
         let array = Tensor::read_npy(&path).and_then(|array| array.flatten_all()?.to_vec1());
         array.map(Some).with_context(|| path.display().to_string())
     }
-    /// Truth: `world_from_lidar` at the last shots; empty if the folder has none.
+    /// Truth: `world_from_lidar` at the last shots; empty without poses.txt.
     pub fn truth(&self) -> Vec<Pose> {
         poses(&self.folder.join("poses.txt")).unwrap_or_default()
     }
-    /// Where the sensors are mounted.
+    /// Mounting of the sensors.
     pub fn sensor_mounting(&self) -> anyhow::Result<SensorMounting> {
         let mut mounting = SensorMounting { body_from_lidar: self.mounting, ..SensorMounting::default() };
         if let Ok(text) = fs::read_to_string(self.folder.join("places.txt")) {
@@ -124,7 +124,7 @@ impl SweepFolder {
         };
         text.lines().map(velocity).collect()
     }
-    /// The sweep.
+    /// Reads a sweep.
     pub fn sweep(&self, number: usize) -> anyhow::Result<Sweep> {
         let (points, n_rings) = self.points(number)?;
         Ok(Sweep::new(self.stamp(number), points, n_rings))

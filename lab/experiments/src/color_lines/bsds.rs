@@ -1,4 +1,4 @@
-//! Images of BSDS500 with their segmentations by people.
+//! Images of BSDS500 with their manual segmentations.
 
 use super::ColorImage;
 use super::mat_file::{Segmentation, segmentations};

@@ -1,6 +1,6 @@
 //! MATLAB files of version 5: the arrays named `Segmentation` in structures of cells, as BSDS500 has them.
 //!
-//! Written here: crates of MATLAB files read plain arrays only.
+//! A separate reader, because crates for MATLAB files read only plain arrays.
 
 use anyhow::{Context, bail, ensure};
 use flate2::read::ZlibDecoder;
@@ -24,7 +24,7 @@ const STRUCT_CLASS: u8 = 2;
 
 /// All arrays named `Segmentation`, in the order of the file.
 pub fn segmentations(bytes: &[u8]) -> anyhow::Result<Vec<Segmentation>> {
-    ensure!(bytes.starts_with(b"MATLAB 5.0"), "is no MATLAB file of version 5");
+    ensure!(bytes.starts_with(b"MATLAB 5.0"), "is not a MATLAB file of version 5");
     let mut found = Vec::new();
     let mut elements = Elements(bytes.get(HEADER..).context("ends in its header")?);
     while let Some((kind, data)) = elements.next()? {
@@ -40,7 +40,7 @@ pub fn segmentations(bytes: &[u8]) -> anyhow::Result<Vec<Segmentation>> {
     Ok(found)
 }
 
-/// Elements one after the other: a kind and its data.
+/// A sequence of elements: a kind and its data.
 struct Elements<'a>(&'a [u8]);
 
 impl<'a> Elements<'a> {
@@ -71,7 +71,7 @@ impl<'a> Elements<'a> {
     }
 }
 
-/// Looks into cells and structures. `is_wanted`: the matrix is a field of the wanted name.
+/// Visits cells and structures. `is_wanted`: the matrix is a field of the wanted name.
 fn visit(kind: u32, data: &[u8], is_wanted: bool, found: &mut Vec<Segmentation>) -> anyhow::Result<()> {
     if kind != MATRIX || data.is_empty() {
         return Ok(());

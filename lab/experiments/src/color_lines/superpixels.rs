@@ -14,11 +14,11 @@ const N_REGIONS: usize = 150;
 const BINS: usize = 128;
 /// Superpixels that SLIC starts with, so that about as many remain.
 const N_GRID: usize = 200;
-/// Of SLIC, as its authors recommend for Lab.
+/// Compactness of SLIC, as its authors recommend for Lab.
 const COMPACTNESS: f64 = 10.0;
 /// Distance of boundaries that count as equal, px (thesis).
 const DISTANCE: usize = 2;
-/// The same of the superpixel benchmark, as a share of the diagonal.
+/// Distance of boundaries that count as equal in the superpixel benchmark, as a share of the diagonal.
 const SHARE_OF_DIAGONAL: f64 = 0.0025;
 
 /// A row of the tables.
@@ -42,7 +42,7 @@ const METHODS: [Method; 8] = [
     Method::OneRegion,
 ];
 
-/// Scores of one image; those against segmentations are means over the segmentations. "sum": of the squared error summed over bands.
+/// Scores of one image; scores against segmentations are means over the segmentations. "sum": of the squared error summed over bands.
 const NAMES: [&str; 17] = [
     "PSNR",
     "PSNR, sum",

@@ -60,12 +60,12 @@ impl Experiment for ColorOfPoints {
         let (_, _, classes, with_color) =
             kind.with_context(|| format!("no training of this table: {}", recipe.name()))?;
         if self.0.get().is_none() {
-            // Nothing else sets it.
+            // No other code sets it.
             let _ = self.0.set(TownClouds::simulate()?);
         }
         self.0.get().context("submaps are simulated above")?.task(classes, with_color)
     }
-    /// A guess.
+    /// A rough estimate.
     fn cpu_seconds(&self, _: &Recipe) -> f64 {
         200.0
     }

@@ -1,4 +1,4 @@
-//! The colors of the pixels of a sweep, as an ideal camera at the LiDAR would see them.
+//! The colors of the pixels of a sweep, as an ideal camera at the LiDAR would measure them.
 
 use geometry::NO_POINT;
 use segmentation::ModelInput;

@@ -61,7 +61,7 @@ fn n_classes(column: &Column<'_>) -> usize {
 }
 
 /// The IoU of each class in percent, as mean and range over the seeds. The last rows are the means over the classes of each column and
-/// over the `n_shared` first classes, the overall accuracy, the converged seeds of those that are done, and the best epoch.
+/// over the `n_shared` first classes, the overall accuracy, the share of finished seeds that converged, and the best epoch.
 pub fn iou_table(columns: &[Column<'_>], n_shared: usize) -> String {
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
     let mut text = format!("| class | {} |\n|---|{}\n", names.join(" | "), "---|".repeat(names.len()));

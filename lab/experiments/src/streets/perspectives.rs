@@ -8,7 +8,7 @@ use crate::experiment::{Experiment, Results};
 use crate::recipe::Recipe;
 use crate::task::Task;
 
-/// Loss of the trainings without a tree: Jac. 2 alone learns hardly a class, so its confusions would say nothing.
+/// Loss of the trainings without a tree: Jac. 2 alone learns hardly any class, so its confusions would be meaningless.
 const LOSS: &str = "CE + Jac. 2";
 const HIERARCHICAL: &str = "hierarchical CE + Jac. 2";
 const SIMPLE_FIRST: &str = "simple classes";

@@ -22,7 +22,7 @@ const N_SWEEPS: usize = 4;
 pub enum StreetData {
     /// Urban towns, the tilted HDL-32E of the L3D2 vehicle.
     Urban,
-    /// The same with colors.
+    /// Urban towns with colors, the sensor of the L3D2 vehicle.
     UrbanInColor,
     /// Urban towns, an upright HDL-64E as on KITTI's vehicle.
     UrbanUpright,

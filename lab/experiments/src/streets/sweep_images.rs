@@ -77,7 +77,7 @@ pub fn simulate(scenario: SensorScenario, seeds: RangeInclusive<u64>, n: usize) 
 /// A data set of sweeps for some classes. Points of other classes are removed.
 pub struct SweepDataset {
     sweeps: Arc<Vec<TownSweep>>,
-    /// By class id.
+    /// Output number by class id.
     output_of_class: Vec<u8>,
     with_color: bool,
 }
@@ -93,7 +93,7 @@ impl Dataset for SweepDataset {
     fn len(&self) -> usize {
         self.sweeps.len()
     }
-    /// For training, rotated at random.
+    /// An example, rotated at random for training.
     fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
         let sweep = &self.sweeps[index];
         let (turn, color_strength) = random

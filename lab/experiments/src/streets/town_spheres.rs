@@ -16,7 +16,7 @@ use training::{
     Augmentation, ClassifiedCells, Dataset, DrawnItem, Hierarchy, PointExample, TrainingSpheres, classes_of_cells,
 };
 
-/// Drives to learn from; as many submaps of each as of the others.
+/// Training drives, with the same number of submaps each.
 const TRAIN: RangeInclusive<u64> = 501..=520;
 /// Submaps of a drive.
 const N_SUBMAPS: usize = 3;
@@ -31,7 +31,7 @@ const SPHERES_PER_EPOCH: usize = 100;
 /// Largest number of spheres for validation, and for each score.
 const MOST_SPHERES: [usize; 2] = [60, 240];
 
-/// Data as they are described in recipes.
+/// Description of the data for recipes.
 pub fn description() -> String {
     format!(
         "urban, HDL-32E, points with colors in spheres of {RADIUS_M} m: {N_SUBMAPS} submaps each of drives {TRAIN:?} to learn, \
@@ -57,7 +57,7 @@ impl TownClouds {
         Ok(Self { train: clouds(TRAIN)?, validation: clouds(VALIDATION)?, test: clouds(TEST)? })
     }
 
-    /// The task of distinguishing these classes; points of others are removed.
+    /// The task of distinguishing these classes; points of other classes are removed.
     pub fn task(&self, classes: &[ClassId], with_color: bool) -> anyhow::Result<Task> {
         let features = features(with_color);
         let grid = |clouds: &[ClassifiedCells], most| -> anyhow::Result<Box<dyn Dataset<PointExample>>> {
@@ -117,7 +117,7 @@ fn example(ClassifiedCells { cloud, truth }: ClassifiedCells, features: &[PointF
 struct RandomSpheres {
     clouds: Arc<[ClassifiedCells]>,
     features: Vec<PointFeature>,
-    /// Clouds by the classes that they have.
+    /// Clouds by their classes.
     spheres: TrainingSpheres,
     augmentation: Augmentation,
 }

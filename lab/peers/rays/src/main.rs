@@ -3,9 +3,9 @@
 //!
 //! Time is the CPU time of the thread, so that other programs do not count; sharing caches still slows it.
 //!
-//! 1. The urban scene as the lidar sees it: one revolution of the mounted HDL-32E, shadows off: scene with movers, the
+//! 1. The urban scene from the lidar: one revolution of the mounted HDL-32E, shadows off: scene with movers, the
 //!    static scene, and whole firings (beam, receiver, noise). In packets, as the simulator does it, and as single rays.
-//! 2. The same rays on the same triangles beside [obvhs](https://docs.rs/obvhs) (its eight-wide tree with SIMD traversal). The triangles
+//! 2. The same rays on the same triangles with [obvhs](https://docs.rs/obvhs) (its eight-wide tree with SIMD traversal). The triangles
 //!    are the scene's; other primitives are replaced by their bounding boxes, because obvhs supports only triangles.
 //! 3. The same for COPIES copies of the scene, 60 m apart: a large town. The default is three million triangles.
 
@@ -124,7 +124,7 @@ fn beside_obvhs(name: &str, soup: &[[Vec3; 3]], rays: &[Ray]) {
     println!("  hits: {mine} and {theirs}");
 }
 
-/// Prints the best rate and gives what the work counted.
+/// Prints the best rate and returns the count of the work.
 fn report(name: &str, n_rays: usize, mut work: impl FnMut() -> usize) -> usize {
     let mut best = f64::INFINITY;
     let mut counted = 0;
@@ -142,7 +142,7 @@ fn cpu_seconds() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// A triangle as it is, anything else as its bounding box.
+/// Triangles of a shape: a triangle unchanged, any other shape as its bounding box.
 fn triangles(shape: &Shape) -> Vec<[Vec3; 3]> {
     if let Shape::Triangle { corner, edge1, edge2 } = *shape {
         return vec![[corner, corner + edge1, corner + edge2]];

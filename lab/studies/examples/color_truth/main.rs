@@ -30,9 +30,9 @@ use studies::recorded::Recorded;
 /// Defaults of the stage.
 const LIMITS: AgeLimits = AgeLimits { max_age_s: 1.0, max_moving_age_s: 0.1 };
 const MAX_AGE_NANOS: i64 = 1_000_000_000;
-/// Largest share of the sky in a color that is not seen by eye.
+/// Largest share of the sky in a color that is not visible.
 const MAX_SKY: f32 = 0.2;
-/// One of so many points is compared with all cameras; coprime to the number of rings.
+/// One point in this many is compared with all cameras; coprime to the number of rings.
 const STRIDE: usize = 23;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -97,7 +97,7 @@ pub struct Part<'a> {
     pub recorded: &'a Recorded,
     /// Header of the submap.
     pub header: &'a SubmapHeader,
-    /// As the run estimated it.
+    /// Pose of the submap, as the run estimated it.
     pub odom_from_submap: Pose,
     /// Truth of all points.
     pub truth: &'a [Option<TruePoint>],

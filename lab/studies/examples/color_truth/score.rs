@@ -9,10 +9,10 @@ pub const RANGES_M: [f64; 4] = [5.0, 10.0, 20.0, 80.0];
 /// Counts and values of the points in a span of ranges.
 #[derive(Clone, Debug, Default)]
 pub struct Score {
-    /// Points that some exposure sees, by truth, and those of them with a color.
+    /// Points that are truly visible in an exposure, and how many of them have a color.
     pub visible: usize,
     pub visible_colored: usize,
-    /// The same for points on a single surface that is not foliage.
+    /// Visible and colored points on a single surface that is not foliage.
     pub solid: usize,
     pub solid_colored: usize,
     pub colored: usize,
@@ -70,12 +70,12 @@ pub fn sum(mut a: Table, b: Table) -> Table {
     a
 }
 
-/// n of all, %.
+/// Share of `n` in `of`, %.
 fn share(n: usize, of: usize) -> f64 {
     100.0 * n as f64 / of.max(1) as f64
 }
 
-/// The rows of the ranges and one of all.
+/// The rows of the ranges, and a row for all points.
 fn rows(table: &Table) -> impl Iterator<Item = (String, Score)> {
     let mut all = Score::default();
     for score in &table.by_range {

@@ -1,4 +1,4 @@
-//! Spectra of points compared with those of their materials.
+//! Spectra of points compared with the spectra of their materials.
 
 use crate::score::Table;
 use crate::{Part, SubmapPoint};

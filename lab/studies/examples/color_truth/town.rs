@@ -28,7 +28,7 @@ pub struct Town<'a> {
 /// The truth about a point.
 #[derive(Clone, Copy)]
 pub struct TruePoint {
-    /// World frame, m.
+    /// Position in the world frame, m.
     pub p: Point3<f64>,
     pub range_m: f64,
     pub stamp: i64,

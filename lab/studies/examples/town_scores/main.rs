@@ -1,4 +1,4 @@
-//! Instances in simulated towns and what each setting is worth: with true poses and true classes (a bound of the method), with true
+//! Instances in simulated towns and the effect of each setting: with true poses and true classes (a bound of the method), with true
 //! poses and the classes of a model, or with the poses and classes of recorded runs.
 //!
 //! ```sh
@@ -7,10 +7,11 @@
 //! cargo run --release -p studies --example town_scores -- FOLDER urban,suburban 10 9401,9402 RECORDINGS [true]
 //! ```
 //!
-//! Folder of the drives, kinds of towns, length of a drive in s, seeds, then a model or a folder of recordings. Drives that are not
-//! there are simulated as `TOWN_SEED_SECONDS`, with the lidar alone. The recording of a drive is `TOWN_SEED_SECONDS.mcap` with the
-//! topics submap and class; `true` replaces its classes by the true ones. The scores are those of `replica-lab evaluate instances` over
-//! all submaps of a drive together, so an object that changes its number at a border is missed and made up; then over all drives.
+//! Folder of the drives, kinds of towns, length of a drive in s, seeds, then a model or a folder of recordings. Missing
+//! drives are simulated as `TOWN_SEED_SECONDS`, with only the lidar. The recording of a drive is `TOWN_SEED_SECONDS.mcap` with the
+//! topics submap and class; `true` replaces its classes by the true ones. The scores are as in `replica-lab evaluate instances` over
+//! all submaps of a drive together, so an object that changes its number at a border is a miss and a false positive; then over all
+//! drives.
 
 mod recorded;
 mod town;
@@ -23,7 +24,7 @@ use stage::testing::{Bench, context};
 use std::path::Path;
 use town::TownSubmap;
 
-/// Smaller true objects count for nobody: 100 returns of a drive are a car 60 m away.
+/// Smaller true objects are ignored: 100 returns of a drive are a car 60 m away.
 const MIN_POINTS: u64 = 100;
 /// Share of ground around an object by the rule of the thesis.
 const MIN_GROUND_AROUND: f64 = 0.1;
@@ -46,7 +47,7 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let variants = variants();
     for town in towns.split(',') {
-        let kind: Town = town.parse().unwrap_or_else(|_| panic!("{town:?} is no kind of town"));
+        let kind: Town = town.parse().unwrap_or_else(|_| panic!("{town:?} is not a kind of town"));
         let mut pooled: Vec<Vec<InstanceScores>> = vec![Vec::new(); variants.len()];
         let mut bound: Vec<InstanceScores> = Vec::new();
         for &seed in &seeds {

@@ -8,13 +8,13 @@ use segmentation::{ModelInput, Segmenter};
 use simulation::{DriveSpec, Town};
 use std::path::Path;
 
-/// As the stage `slam_aggregate` closes them.
+/// Length of the submaps of the stage `slam_aggregate`, m.
 const SUBMAP_M: f64 = 20.0;
 const SUBMAP_NANOS: i64 = 5_000_000_000;
 /// Rings of the simulated lidar.
 const N_RINGS: u32 = 32;
 
-/// A submap whose points are known.
+/// A submap with the truth of its points.
 pub struct TownSubmap {
     pub header: Box<SubmapHeader>,
     pub points: Vec<SubmapPoint>,
@@ -22,7 +22,7 @@ pub struct TownSubmap {
 }
 
 impl TownSubmap {
-    /// True classes, or those of a model.
+    /// True classes, or the classes of a model.
     pub fn classes(&self, model: Option<&dyn Segmenter>) -> Vec<ClassRow> {
         let class = |label: &TrueLabel| ClassRow { class_id: label.class, score: 255 };
         let mut classes: Vec<ClassRow> = self.truth.iter().map(class).collect();
@@ -84,7 +84,7 @@ struct Truth {
     body_from_lidar: Pose,
 }
 
-/// The submaps of a drive of the lidar alone, which is simulated if it does not exist.
+/// The submaps of a drive with only the lidar, which is simulated if it does not exist.
 pub fn submaps(path: &Path, town: Town, seed: u64, seconds: f64) -> Vec<TownSubmap> {
     if !path.exists() {
         let spec = DriveSpec { town, cameras: false, mosaics: false, ..DriveSpec::urban(seed, seconds) };
