@@ -146,8 +146,8 @@ pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store
     Ok(())
 }
 
-/// CPU seconds that the trainings of a column still take: for each, the mean of the finished trainings with known cost. The cost of
-/// published trainings is unknown.
+/// CPU seconds that the trainings of a column still take: for each, the mean of the finished trainings with known cost. The
+/// cost of published trainings is unknown.
 pub fn cpu_seconds_left(experiment: &dyn Experiment, column: &[&Recipe], store: &Store) -> anyhow::Result<f64> {
     let mut known = Vec::new();
     let mut left = Vec::new();

@@ -1,5 +1,6 @@
 //! Experiments: claims of the thesis, repeated on own data. One command for each table: `cargo run --release -p experiments -- TABLE`
-//! runs the unfinished trainings and prints the table; `--help` lists all tables. Results and conclusions: `lab/experiments/README.md`.
+//! runs the unfinished trainings and prints the table; `--help` lists all tables. Results and conclusions:
+//! `lab/experiments/README.md`.
 //!
 //! | idea | module |
 //! |---|---|
@@ -10,8 +11,8 @@
 //! | streets (chapter 6): perspectives, transfer, color | `streets` |
 //! | color lines (chapter 3) | `color_lines` |
 //!
-//! An experiment must never change a model or a default of the product, or read held-out seeds for a choice. An interrupted training
-//! continues, and finished trainings are not repeated: the same table gives the same bytes on one machine.
+//! An experiment must never change a model or a default of the product, or read held-out seeds for a choice. An interrupted
+//! training continues, and finished trainings are not repeated: the same table gives the same bytes on one machine.
 //!
 //! Start reading at `Table` below, which lists the tables; `experiment::run` runs one.
 

@@ -93,7 +93,8 @@ impl Store {
         compare("", &stored, &wanted, &mut differences);
         Ok((!differences.is_empty()).then(|| differences.join("; ")))
     }
-    /// Renames the folder of a stored training with other settings, so that results are never mixed. Returns a message for the user.
+    /// Renames the folder of a stored training with other settings, so that results are never mixed. Returns a message for the
+    /// user.
     pub fn set_aside_if_changed(&self, recipe: &Recipe) -> anyhow::Result<Option<String>> {
         let difference = self.difference(recipe)?;
         difference.map(|difference| self.set_aside(recipe, &difference)).transpose()

@@ -1,5 +1,5 @@
-//! Training steps per second of the shipped network: `cargo run --release -p studies --example bench_training`. `lab/peers/training.py`
-//! runs it for the comparison with `PyTorch`. `RAYON_NUM_THREADS` sets the threads.
+//! Training steps per second of the shipped network: `cargo run --release -p studies --example bench_training`.
+//! `lab/peers/training.py` runs it for the comparison with `PyTorch`. `RAYON_NUM_THREADS` sets the threads.
 
 use kernels::images::{Border, Planes};
 use messages::ClassId;

@@ -1,9 +1,9 @@
 //! Runs the odometry on a folder of sweeps (layout: `studies::sweep_folder`), for comparison with other implementations:
 //! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--algorithm imls] [--motion imu,gnss] [--untimed none] [--verbose]`.
 //!
-//! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--untimed none` treats sweeps
-//! without point times as rigid; by default the sense of the rotation, in 0.1 s or less, is determined. `--verbose` also prints pose,
-//! standard deviations and match of each sweep.
+//! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--untimed none`
+//! treats sweeps without point times as rigid; by default the sense of the rotation, in 0.1 s or less, is determined.
+//! `--verbose` also prints pose, standard deviations and match of each sweep.
 //!
 //! Writes `world_from_lidar` at the last shot of each sweep, or without point times in its middle, in KITTI format. Prints the CPU time of all threads per sweep for range
 //! image, features, registration and deskewed cloud, without reading.

@@ -10,12 +10,12 @@
 //! | `compare_sweeps`, `gnss_error`, `town_map`, `camera_pictures`, `catalogue`, `material_spectra` | the simulator next to reality; its pictures |
 //! | `write_ground_model` | writes `models/ground.safetensors` |
 //!
-//! No program and no test may depend on a study. Code that a program needs belongs in a library; a property that must hold belongs in a test.
-//! Examples of *use* are not studies: they are documentation of a library, or in `examples/`.
+//! No program and no test may depend on a study. Code that a program needs belongs in a library; a property that must hold
+//! belongs in a test. Examples of *use* are not studies: they are documentation of a library, or in `examples/`.
 //!
-//! Start reading at the page in `lab/notebook/` that shows the figures, which names the command; the tables of `lab/peers/README.md`
-//! do so for comparisons with other programs. The library has what several studies share: [`recorded`] messages of a run, a
-//! [`sweep_folder`] for other odometry programs, [`color_difference`].
+//! Start reading at the page in `lab/notebook/` that shows the figures, which names the command; the tables of
+//! `lab/peers/README.md` do so for comparisons with other programs. The library has what several studies share: [`recorded`]
+//! messages of a run, a [`sweep_folder`] for other odometry programs, [`color_difference`].
 
 pub mod color_difference;
 pub mod recorded;

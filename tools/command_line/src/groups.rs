@@ -58,8 +58,8 @@ fn names(group: &Group) -> impl Iterator<Item = &str> {
     group.command.get_subcommands().map(Command::get_name)
 }
 
-/// For tests of a program: panics if a subcommand is in no group or in several, if its summary is not one short line, if the definition
-/// of an argument contradicts another one, or if a help text does not end with a valid example.
+/// For tests of a program: panics if a subcommand is in no group or in several, if its summary is not one short line, if the
+/// definition of an argument contradicts another one, or if a help text does not end with a valid example.
 pub fn assert_consistent(command: &Command, groups: &[Group]) {
     let mut all: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
     let mut grouped: Vec<&str> = groups.iter().flat_map(names).collect();

@@ -16,7 +16,8 @@ use std::time::Duration;
 /// Observers are not notified, so they poll.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// Serves a run, across its restarts, until it ends. Messages that the clients are too slow for are left out: the run never waits.
+/// Serves a run, across its restarts, until it ends. Messages that the clients are too slow for are left out: the run never
+/// waits.
 pub fn serve(output: &Path, bind: IpAddr, port: u16, points: usize) -> anyhow::Result<()> {
     let mut run = ObservedRun::read(output)?;
     let stop = Arc::new(AtomicBool::new(false));

@@ -11,8 +11,8 @@ use std::collections::BTreeMap;
 const SMALLEST_M: f64 = 0.05;
 const COLOR: Color = Color { r: 1.0, g: 0.65, b: 0.1, a: 0.3 };
 
-/// The boxes of the instances of a submap: upright, around the shown points. An instance that continues in another submap gets the box of the
-/// later one.
+/// The boxes of the instances of a submap: upright, around the shown points. An instance that continues in another submap gets
+/// the box of the later one.
 pub fn boxes(submap: &ShownSubmap, frame_id: &str) -> SceneUpdate {
     let mut of_instance: BTreeMap<u32, Vec<&ShownPoint>> = BTreeMap::new();
     for point in submap.points.iter().filter(|point| point.instance != 0) {

@@ -8,7 +8,8 @@
 //! It must never keep shared memory of a message that its owner has given back, and never decide something that the crate `stage`
 //! decides: settings, ports and states are only passed on.
 //!
-//! Start reading at `program` (a Python class as a stage), then `session` (calls of a step) and `memory` (arrays over shared memory).
+//! Start reading at `program` (a Python class as a stage), then `session` (calls of a step) and `memory` (arrays over shared
+//! memory).
 
 mod memory;
 mod observation;

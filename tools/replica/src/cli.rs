@@ -25,8 +25,8 @@ pub struct Parsed(Cli);
 /// Commands of `replica-lab`.
 const LABORATORY: [&str; 6] = ["train", "fuse", "evaluate", "bench", "spectrum", "cube"];
 
-/// Parses the arguments of the process. The error for a command of `replica-lab` names that program; other wrong arguments end the
-/// process with exit code 2.
+/// Parses the arguments of the process. The error for a command of `replica-lab` names that program; other wrong arguments end
+/// the process with exit code 2.
 pub fn parse() -> Result<Parsed, UsageError> {
     let parsed = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
     parsed.map(Parsed).map_err(|error| match laboratory_command(&error) {

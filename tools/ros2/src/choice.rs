@@ -11,7 +11,8 @@ const CAMERA_INFO: &str = "sensor_msgs/CameraInfo";
 /// Topics with their types, as they were found.
 pub type Topics = BTreeMap<String, String>;
 
-/// Chooses topics that `--topic` does not name by type, for the given targets. Returns the choice, and lines about omitted topics.
+/// Chooses topics that `--topic` does not name by type, for the given targets. Returns the choice, and lines about omitted
+/// topics.
 pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<(BTreeMap<Role, String>, Vec<String>)> {
     let mut roles = BTreeMap::new();
     let mut notes = Vec::new();
@@ -81,7 +82,8 @@ fn cameras(topics: &Topics, images: &[&String]) -> (Vec<String>, Vec<String>) {
     (chosen, notes)
 }
 
-/// Names that the `camera_info` of an image topic may have: in its namespace, or in the namespace of the raw image of a compressed one.
+/// Names that the `camera_info` of an image topic may have: in its namespace, or in the namespace of the raw image of a
+/// compressed one.
 fn infos(topic: &str) -> Vec<String> {
     let parents = std::iter::successors(Some(topic), |topic| topic.rsplit_once('/').map(|(parent, _)| parent));
     parents.skip(1).take(2).map(|parent| format!("{parent}/camera_info")).collect()

@@ -7,8 +7,8 @@
 //! It must never change a measurement: bytes of compressed images and of packets stay as they are. Messages that are lost or left out are
 //! counted, and the exit code reports them. Clouds are refused, because a cloud has lost the times and returns of its packets.
 //!
-//! Start reading at `bridge` (finds topics, runs the subscriptions), then `choice` (a topic for each sensor) and `sinks` (targets of
-//! messages).
+//! Start reading at `bridge` (finds topics, runs the subscriptions), then `choice` (a topic for each sensor) and `sinks`
+//! (targets of messages).
 
 mod arguments;
 mod bridge;

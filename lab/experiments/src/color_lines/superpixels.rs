@@ -42,7 +42,8 @@ const METHODS: [Method; 8] = [
     Method::OneRegion,
 ];
 
-/// Scores of one image; scores against segmentations are means over the segmentations. "sum": of the squared error summed over bands.
+/// Scores of one image; scores against segmentations are means over the segmentations. "sum": of the squared error summed over
+/// bands.
 const NAMES: [&str; 17] = [
     "PSNR",
     "PSNR, sum",

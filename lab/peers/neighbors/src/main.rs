@@ -1,8 +1,9 @@
-//! Neighborhoods of every point of a cloud, compared with [kiddo](https://docs.rs/kiddo): `neighbors_peer CLOUD K RADIUS_M`. CLOUD has x y z
-//! as `f32`. Prints the seconds of each step and the sums by which results are compared; `lab/peers/neighbors.py` runs it.
+//! Neighborhoods of every point of a cloud, compared with [kiddo](https://docs.rs/kiddo): `neighbors_peer CLOUD K RADIUS_M`.
+//! CLOUD has x y z as `f32`. Prints the seconds of each step and the sums by which results are compared;
+//! `lab/peers/neighbors.py` runs it.
 //!
-//! `RAYON_NUM_THREADS` sets the threads of both. The best of two rounds counts; the radius search runs once. Each line has the wall time and
-//! the CPU time: other programs lengthen the wall time.
+//! `RAYON_NUM_THREADS` sets the threads of both. The best of two rounds counts; the radius search runs once. Each line has the
+//! wall time and the CPU time: other programs lengthen the wall time.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use neighbors::SpatialIndex;

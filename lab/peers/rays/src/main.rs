@@ -5,8 +5,8 @@
 //!
 //! 1. The urban scene from the lidar: one revolution of the mounted HDL-32E, shadows off: scene with movers, the
 //!    static scene, and whole firings (beam, receiver, noise). In packets, as the simulator does it, and as single rays.
-//! 2. The same rays on the same triangles with [obvhs](https://docs.rs/obvhs) (its eight-wide tree with SIMD traversal). The triangles
-//!    are the scene's; other primitives are replaced by their bounding boxes, because obvhs supports only triangles.
+//! 2. The same rays on the same triangles with [obvhs](https://docs.rs/obvhs) (its eight-wide tree with SIMD traversal). The
+//!    triangles are the scene's; other primitives are replaced by their bounding boxes, because obvhs supports only triangles.
 //! 3. The same for COPIES copies of the scene, 60 m apart: a large town. The default is three million triangles.
 
 use obvhs::BvhBuildParams;

@@ -1,5 +1,5 @@
-//! Instances in simulated towns and the effect of each setting: with true poses and true classes (a bound of the method), with true
-//! poses and the classes of a model, or with the poses and classes of recorded runs.
+//! Instances in simulated towns and the effect of each setting: with true poses and true classes (a bound of the method), with
+//! true poses and the classes of a model, or with the poses and classes of recorded runs.
 //!
 //! ```sh
 //! cargo run --release -p studies --example town_scores -- FOLDER urban,suburban 10 9401,9402
@@ -8,10 +8,10 @@
 //! ```
 //!
 //! Folder of the drives, kinds of towns, length of a drive in s, seeds, then a model or a folder of recordings. Missing
-//! drives are simulated as `TOWN_SEED_SECONDS`, with only the lidar. The recording of a drive is `TOWN_SEED_SECONDS.mcap` with the
-//! topics submap and class; `true` replaces its classes by the true ones. The scores are as in `replica-lab evaluate instances` over
-//! all submaps of a drive together, so an object that changes its number at a border is a miss and a false positive; then over all
-//! drives.
+//! drives are simulated as `TOWN_SEED_SECONDS`, with only the lidar. The recording of a drive is `TOWN_SEED_SECONDS.mcap` with
+//! the topics submap and class; `true` replaces its classes by the true ones. The scores are as in `replica-lab evaluate
+//! instances` over all submaps of a drive together, so an object that changes its number at a border is a miss and a false
+//! positive; then over all drives.
 
 mod recorded;
 mod town;

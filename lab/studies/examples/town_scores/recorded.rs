@@ -1,5 +1,5 @@
-//! Submaps and predicted classes of a recorded run, with the true label of each point: poses, deskewing and moving points come from
-//! the pipeline.
+//! Submaps and predicted classes of a recorded run, with the true label of each point: poses, deskewing and moving points come
+//! from the pipeline.
 
 use crate::town::TownSubmap;
 use drive::{Drive, Shot, TrueLabel, TrueLabels};

@@ -7,8 +7,8 @@ use chart::{Axis, COLORS, Chart, Series};
 /// Number of intervals of a histogram.
 const N_INTERVALS: usize = 100;
 
-/// Figures 4.3, 4.6, 4.11 and 4.13: a histogram of each channel. `channels` has the drawn channels, one list for each source; `quantity`
-/// names their values.
+/// Figures 4.3, 4.6, 4.11 and 4.13: a histogram of each channel. `channels` has the drawn channels, one list for each source;
+/// `quantity` names their values.
 pub fn histogram(sources: &[Source], channels: &[Vec<Channel>], quantity: &str) -> Chart {
     let lines = (0..).zip(sources).zip(channels).flat_map(|((group, source), channels)| {
         channels.iter().map(move |channel| histogram_line(group, &source.name, channel))

@@ -5,7 +5,8 @@ use super::source::Source;
 
 /// Width of the interval in which concentrated channels lie (thesis 4.3.1: "concentrated between 0.1 and 0.2").
 const NARROW: f64 = 0.1;
-/// With this share of a channel's values in the interval, spectra are too similar to distinguish materials. The thesis has up to 0.94.
+/// With this share of a channel's values in the interval, spectra are too similar to distinguish materials. The thesis has up
+/// to 0.94.
 const CONCENTRATED: f64 = 0.8;
 /// Values this close to the largest one are at the end of the channel. If the end has this share of the values, and this many
 /// times the values of the interval before, the channel is clipped.

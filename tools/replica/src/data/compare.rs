@@ -25,8 +25,8 @@ use std::str::FromStr;
 /// Recordings: reports the first difference of each topic and the largest difference of each field. Times of publication are
 /// ignored. Recordings that do not reach the end of their run are compared up to the end of the shorter one.
 ///
-/// Output folders of runs: reports for each class its points in both, and where the classes differ. For one run, compares `class` with
-/// the columns of `export.further_classes`; for two runs with the same submaps, each column of both.
+/// Output folders of runs: reports for each class its points in both, and where the classes differ. For one run, compares
+/// `class` with the columns of `export.further_classes`; for two runs with the same submaps, each column of both.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 equal and complete, 1 failed, 2 wrong usage, 3 different or not complete\n\n\
                   Example: replica compare a.mcap b.mcap --tolerance score=1")]

@@ -12,7 +12,8 @@ use std::process::ExitCode;
 
 /// Import a ROS bag, data set, clouds or camera calibration.
 ///
-/// Labeled clouds become a recording of submaps with their true classes, for `replica replay`. The drive folder links to the original files instead of copying them where possible. Imported and ignored data is listed.
+/// Labeled clouds become a recording of submaps with their true classes, for `replica replay`. The drive folder links to the
+/// original files instead of copying them where possible. Imported and ignored data is listed.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
                   Example: replica import recording.bag drives/mine")]

@@ -29,8 +29,8 @@ use tally::Tally;
 use town_sweeps::Mount;
 pub use towns::NOT_SCORED;
 
-/// Score classes: precision, recall and IoU of each class, mIoU, overall accuracy, confusion matrix; also for the seven classes of
-/// LiDOG and by range; calibration of the scores, and accuracy of the points with the highest scores.
+/// Score classes: precision, recall and IoU of each class, mIoU, overall accuracy, confusion matrix; also for the seven classes
+/// of LiDOG and by range; calibration of the scores, and accuracy of the points with the highest scores.
 ///
 /// Scores TRUTH against PREDICTION, or a model (--model) on simulated towns (--seeds) or on SemanticKITTI (--semantickitti).
 #[derive(Debug, clap::Args)]
@@ -52,8 +52,8 @@ pub struct Args {
     #[arg(long, requires = "model", value_delimiter = ',')]
     seeds: Vec<u64>,
     /// LiDARs and mountings in the simulated towns; each drive is scored with each of them: `rig` is the HDL-32E of the L3D2 vehicle,
-    /// `kitti` the HDL-64E of KITTI, `no_rings` the HDL-64E without ring numbers; the others are upright 1.73 m above the road, `low`
-    /// 1 m, `high` 3 m; `rings128` has the beams of an OS1-128, `rosette` a non-repeating pattern like a Livox Avia
+    /// `kitti` the HDL-64E of KITTI, `no_rings` the HDL-64E without ring numbers; the others are upright 1.73 m above the road,
+    /// `low` 1 m, `high` 3 m; `rings128` has the beams of an OS1-128, `rosette` a non-repeating pattern like a Livox Avia
     #[arg(long, requires = "seeds", value_name = "NAME", value_delimiter = ',', default_value = "rig", value_parser = sensors())]
     sensor: Vec<String>,
     /// Length of each drive, s

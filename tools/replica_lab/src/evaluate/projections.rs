@@ -17,8 +17,8 @@ use town_sweeps::{Mount, TownDrive, town_from_name};
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
                   Example: replica-lab evaluate projections --seeds 901")]
 pub struct Args {
-    /// Folder of labelled SemanticKITTI sweeps, all of which are read: velodyne/*.bin and labels/*.label, or pairs *_points_*.npy and
-    /// *_labels_*.npy
+    /// Folder of labelled SemanticKITTI sweeps, all of which are read: velodyne/*.bin and labels/*.label, or pairs
+    /// *_points_*.npy and *_labels_*.npy
     #[arg(long, value_name = "DIR", required_unless_present = "seeds")]
     semantickitti: Option<PathBuf>,
     /// Kind of simulated town; the lidar is an HDL-64E mounted as KITTI's

@@ -22,8 +22,8 @@ use report::RunReport;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// With a smaller share of points that are returns of the drive, the run belongs to another drive. If that drive has the same LiDAR and
-/// times, only points where both scenes have the same range, such as the road, are also returns of this drive.
+/// With a smaller share of points that are returns of the drive, the run belongs to another drive. If that drive has the same
+/// LiDAR and times, only points where both scenes have the same range, such as the road, are also returns of this drive.
 const MIN_SHARE_OF_DRIVE: f64 = 0.5;
 
 /// Score a run: classes, instances, color, trajectory and the deviations that it states.

@@ -13,9 +13,10 @@ use std::process::ExitCode;
 
 /// Simplify images by color lines.
 ///
-/// Models the first image, or uses the model of --apply, and projects all images. Writes for each image `NAME_lines` (the nearest point
-/// on the lines), `NAME_regions` (the mean of the region) and `NAME_labels.png` (16 bits; 0: invalid); `model.json`; and `spectrum.svg` of
-/// the first image. Color images become PNG, cubes become ENVI. The table shows how close the results are to the originals.
+/// Models the first image, or uses the model of --apply, and projects all images. Writes for each image `NAME_lines` (the
+/// nearest point on the lines), `NAME_regions` (the mean of the region) and `NAME_labels.png` (16 bits; 0: invalid);
+/// `model.json`; and `spectrum.svg` of the first image. Color images become PNG, cubes become ENVI. The table shows how close
+/// the results are to the originals.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage\n\n\
                   Example: replica-lab spectrum lines photo.png --out lines")]

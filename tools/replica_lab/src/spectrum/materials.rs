@@ -34,14 +34,15 @@ pub struct Args {
     /// Folder for the results; created if absent
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Calibration file of the manufacturer. Without a white reference, samples of TIFFs are divided by the response of the filters to
-    /// sunlight: spectra are then correct up to a factor and the color of the light
+    /// Calibration file of the manufacturer. Without a white reference, samples of TIFFs are divided by the response of the
+    /// filters to sunlight: spectra are then correct up to a factor and the color of the light
     #[arg(long, value_name = "XML")]
     sensor: Option<PathBuf>,
     /// Region to compare with the references: left column, top row, columns, rows, in cells. Several are possible
     #[arg(long, value_name = "X,Y,W,H", value_parser = rectangle::<usize>)]
     region: Vec<Region>,
-    /// How spectra are compared with the references [default: learned; angle for TIFFs, whose noise and light differ from the training data]
+    /// How spectra are compared with the references [default: learned; angle for TIFFs, whose noise and light differ from the
+    /// training data]
     #[arg(long, value_parser = PossibleValuesParser::new(Method::ALL.map(Method::name)))]
     method: Option<String>,
     /// Classify every pixel independently of its neighbors

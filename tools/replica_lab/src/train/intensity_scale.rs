@@ -15,7 +15,8 @@ pub enum IntensityScale {
 }
 
 impl IntensityScale {
-    /// Scale of a recording; `ground` has the intensities of the sources before it. Classes are predicted for drives of other sensors.
+    /// Scale of a recording; `ground` has the intensities of the sources before it. Classes are predicted for drives of other
+    /// sensors.
     pub fn of(source: &RecordingSource, ground: &GroundHistogram) -> Self {
         match source.predicted_above {
             Some(_) => Self::Foreign(ground.quantiles()),

@@ -79,8 +79,8 @@ impl SubmapJoin {
     pub fn parts(&mut self, seq: u64) -> Option<&mut Parts> {
         (seq >= self.begin).then(|| self.waiting.entry(seq).or_default())
     }
-    /// The next submap in order; `None` until more has been read. Columns arrive in the order of their submaps: parts that an earlier
-    /// submap lacks when a later one is complete, or at the end, were lost.
+    /// The next submap in order; `None` until more has been read. Columns arrive in the order of their submaps: parts that an
+    /// earlier submap lacks when a later one is complete, or at the end, were lost.
     pub fn next(&mut self, at_end: bool) -> anyhow::Result<Option<LabeledSubmap>> {
         while let Some((&seq, _)) = self.waiting.first_key_value() {
             let is_ready = at_end

@@ -12,8 +12,8 @@ struct Cameras {
     camera: Vec<CameraEntry>,
 }
 
-/// Writes `[[camera]]` entries and returns their number. `position` is the position of the housing in the body frame, m; the axes are
-/// parallel. `replica rig new` makes a complete `drive.toml`, with any rotation.
+/// Writes `[[camera]]` entries and returns their number. `position` is the position of the housing in the body frame, m; the
+/// axes are parallel. `replica rig new` makes a complete `drive.toml`, with any rotation.
 pub fn import(source: &Path, out: &Path, [x, y, z]: [f64; 3]) -> anyhow::Result<usize> {
     let options = SourceOptions { body_from_source: Some(Pose::translation(x, y, z)), ..SourceOptions::default() };
     let parts = read(source, &options, &mut FrameTree::default())?;

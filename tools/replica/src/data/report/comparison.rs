@@ -24,7 +24,8 @@ pub struct ComparedRun {
     pub outcome: Outcome,
     pub verdict: Verdict,
     pub path_m: f64,
-    /// Largest standard deviation of a submap: horizontal (m), height (m), heading (degrees). `None` without an origin on the earth.
+    /// Largest standard deviation of a submap: horizontal (m), height (m), heading (degrees). `None` without an origin on the
+    /// earth.
     pub deviations: Option<[f64; 3]>,
     pub points: Points,
     pub instances: u64,

@@ -19,7 +19,8 @@ use std::process::ExitCode;
 /// Make a drive.toml by questions, or from a calibration of another program.
 ///
 /// A source is a tf tree (`ros2 topic echo /tf_static > tf.yaml`), a folder of KITTI calibrations, `calibrated_sensor.json` of nuScenes,
-/// the .cal of a Ladybug, a camchain of Kalibr, or the YAML of OpenCV or of a `camera_info`. On a terminal, asks for missing values.
+/// the .cal of a Ladybug, a camchain of Kalibr, or the YAML of OpenCV or of a `camera_info`. On a terminal, asks for missing
+/// values.
 #[derive(clap::Args, Debug)]
 #[command(after_help = format!(
     "Rotations: {}\n\n\

@@ -1,4 +1,5 @@
-//! The points of a run as octree, and its objects. Both take longer to make than the rest, so they are kept in the folder of the run.
+//! The points of a run as octree, and its objects. Both take longer to make than the rest, so they are kept in the folder of
+//! the run.
 
 use super::scene::SceneObject;
 use crate::data::deliver::frame::ChosenFrame;

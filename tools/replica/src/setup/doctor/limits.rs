@@ -4,8 +4,8 @@ use super::check::{Check, State, at_least};
 use run::space::size_text;
 use rustix::process::{Resource, getrlimit};
 
-/// Open files that a stage of the sample needs (395), and a stage of a pipeline with twice as many stages. `replica-launch` computes the need of
-/// each launch file.
+/// Open files that a stage of the sample needs (395), and a stage of a pipeline with twice as many stages. `replica-launch`
+/// computes the need of each launch file.
 const LEAST_FILES: u64 = 400;
 const GOOD_FILES: u64 = 1024;
 

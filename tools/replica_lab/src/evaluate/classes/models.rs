@@ -10,7 +10,8 @@ use std::path::Path;
 pub struct Models {
     /// The model with the use of intensities from `--intensity`.
     pub asked: Box<dyn Segmenter>,
-    /// The model with raw intensities and without intensities, except the use of `--intensity`: a word of `--intensity` and the model.
+    /// The model with raw intensities and without intensities, except the use of `--intensity`: a word of `--intensity` and the
+    /// model.
     pub other_uses: Vec<(&'static str, Box<dyn Segmenter>)>,
 }
 

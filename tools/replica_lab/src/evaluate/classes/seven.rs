@@ -46,7 +46,8 @@ pub fn of_prediction(class: u8) -> usize {
     }
 }
 
-/// The class of an id of SemanticKITTI's benchmark, 0 to 19; `None` if it is not scored: cars are the only scored vehicles, and riders are not scored.
+/// The class of an id of SemanticKITTI's benchmark, 0 to 19; `None` if it is not scored: cars are the only scored vehicles, and
+/// riders are not scored.
 pub fn of_benchmark_id(id: u32) -> Option<usize> {
     Some(match id {
         1 => VEHICLE,

@@ -90,8 +90,8 @@ fn by_material(probabilities: &Probabilities) -> IsGreen {
     }
 }
 
-/// The class of point `i` with its spectrum. A point of vegetation that is not green gets the most frequent class of its neighbors
-/// that are not green.
+/// The class of point `i` with its spectrum. A point of vegetation that is not green gets the most frequent class of its
+/// neighbors that are not green.
 fn corrected(i: usize, classes: &[u8], is_green: &[IsGreen], others: impl Iterator<Item = usize>) -> u8 {
     let class = classes[i];
     let is_one_of = |known: &[ClassId]| known.iter().any(|known| *known as u8 == class);

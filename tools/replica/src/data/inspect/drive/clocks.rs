@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 
 /// A sensor that starts later or ends earlier than the LiDAR by more than this, s, misses a part of the drive.
 const MAX_MISSING_S: f64 = 2.0;
-/// Start and end of a sensor with another clock are off by the same time within this, s; recordings do not start at the same moment.
+/// Start and end of a sensor with another clock are off by the same time within this, s; recordings do not start at the same
+/// moment.
 const MAX_SPREAD_S: f64 = 5.0;
 /// Step of the offsets of time zones, s: some are off by half an hour.
 const ZONE_S: f64 = 1800.0;
