@@ -9,7 +9,8 @@
 //! | `network_namespaces` | connect its own networks by virtual cables (`unshare`, `ip` of Debian's iproute2) |
 //! | `chromium` | open pages in Chromium (Debian: `apt-get install chromium`) |
 //!
-//! With `REPLICA_NAMESPACES=required` `mount_namespaces` and `other_users` are set, and a test that is not allowed to do so fails.
+//! With `REPLICA_NAMESPACES=required` `mount_namespaces` and `other_users` are set, and with `REPLICA_CHROMIUM=required`
+//! `chromium`: a test that is not allowed to do so, or lacks the program, then fails.
 
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
@@ -17,18 +18,21 @@ use std::process::{Command, Stdio};
 
 fn main() {
     println!("cargo::rerun-if-changed=tests/support/build.rs");
-    println!("cargo::rerun-if-env-changed=REPLICA_NAMESPACES");
-    let is_required = std::env::var("REPLICA_NAMESPACES").is_ok_and(|value| value == "required");
+    let is_required = |variable: &str| {
+        println!("cargo::rerun-if-env-changed={variable}");
+        std::env::var(variable).is_ok_and(|value| value == "required")
+    };
+    let has_namespaces = is_required("REPLICA_NAMESPACES");
     let allowed = [
-        ("mount_namespaces", may_mount()),
+        ("mount_namespaces", has_namespaces || may_mount()),
         ("user_file_systems", may_mount() && may_serve_files()),
-        ("other_users", may_become_another_user()),
+        ("other_users", has_namespaces || may_become_another_user()),
         ("network_namespaces", may_lay_cables()),
-        ("chromium", has_chromium()),
+        ("chromium", is_required("REPLICA_CHROMIUM") || has_chromium()),
     ];
     for (name, is_allowed) in allowed {
         println!("cargo::rustc-check-cfg=cfg({name})");
-        if is_allowed || (is_required && ["mount_namespaces", "other_users"].contains(&name)) {
+        if is_allowed {
             println!("cargo::rustc-cfg={name}");
         }
     }
