@@ -41,7 +41,7 @@ fn main() -> ExitCode {
     for (name, correct, align) in RUNS {
         let output = drive.with_extension("run");
         run(root, &drive, &output, correct);
-        let scores = Scores::of(root, &drive, &output, align);
+        let scores = Scores::evaluate(root, &drive, &output, align);
         let [before, after] = memory(&output);
         println!(
             "| {name} | {:.0} | {} | {} | {:.2} | {:.2} | {:.0}, {:.0} |",
@@ -121,7 +121,7 @@ struct Scores {
 }
 
 impl Scores {
-    fn of(root: &Path, drive: &Path, output: &Path, align: &str) -> Self {
+    fn evaluate(root: &Path, drive: &Path, output: &Path, align: &str) -> Self {
         let report = output.join("evaluation");
         let status = Command::new(root.join("target/release/replica-lab"))
             .args(["evaluate", "trajectory"])

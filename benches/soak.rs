@@ -72,7 +72,7 @@ fn many_messages(messages: u64) -> bool {
     let source = format!("ticks = {messages}\npoints = 16\n");
     // Every tick is a tenth of a second of drive: a barrier every 5000.
     let settings = ["run.barrier_s=500.0", "relay.look_up=false", "sink.look_up=false", "sink.lines=false"];
-    let launch = Launch::of_misbehaving("", &source, "");
+    let launch = Launch::misbehaving("", &source, "");
     let launch = settings.iter().fold(launch, |launch, setting| launch.with("--set").with(setting));
     let running = launch.start();
     let pids = [running.pid(), running.stage("source"), running.stage("relay"), running.stage("sink")];
@@ -141,7 +141,7 @@ fn kill_one(running: &Running, random: &mut Random) -> bool {
 
 fn many_kills(kills: u64, seed: u64) -> bool {
     const SOURCE: &str = "ticks = 300\npoints = 2000";
-    let launch = || Launch::of_misbehaving("restarts = 9", SOURCE, "");
+    let launch = || Launch::misbehaving("restarts = 9", SOURCE, "");
     let undisturbed = launch();
     assert_eq!(undisturbed.start().wait(), Some(0));
     // All runs use one folder: the next run must clean up after a dead one.

@@ -19,7 +19,13 @@ const fn phrase(words: &'static [&'static [&'static str]], instead: &'static str
 const PHRASES: [Phrase; 12] = [
     phrase(&[&["that", "those"], &["of"]], "repeat the noun"),
     phrase(&[&["beside"]], "next to, in addition to, compared with"),
-    phrase(&[&["tell", "tells", "telling", "told"]], "show, report, distinguish, determine"),
+    Phrase {
+        words: &[&["tell", "tells", "telling", "told"]],
+        fine_after: &[],
+        // The method of a file.
+        fine_before: &["("],
+        instead: "show, report, distinguish, determine",
+    },
     phrase(
         &[&["the", "its", "their", "a", "each", "every", "this", "from", "at", "new"], &["begin"]],
         "start, beginning",
@@ -57,7 +63,10 @@ fn tokens(text: &str) -> Vec<Token> {
             let end = rest.find(|letter: char| !(letter.is_alphanumeric() || letter == '_')).unwrap_or(rest.len());
             let length = if end > 0 { end } else { letter.len_utf8() };
             if !letter.is_whitespace() {
-                tokens.push(Token { word: rest[..length].to_lowercase(), line: index + 1 });
+                let word = &rest[..length];
+                // The value of Rust and Python, not the word.
+                let word = if word == "None" { word.to_owned() } else { word.to_lowercase() };
+                tokens.push(Token { word, line: index + 1 });
             }
             rest = &rest[length..];
         }
@@ -123,7 +132,7 @@ fn comments_messages_and_pages_are_plain_english() {
     for file in files {
         let text = std::fs::read_to_string(&file).expect("text");
         let name = file.strip_prefix(root).expect("inside").display().to_string();
-        let is_rust = name.ends_with(".rs");
+        let is_rust = file.extension().is_some_and(|extension| extension == "rs");
         let fragments = if is_rust { lines_with_fragments(&text) } else { Vec::new() };
         found.extend(lines_with_phrases(&text).into_iter().chain(fragments).map(|line| format!("{name}:{line}")));
     }

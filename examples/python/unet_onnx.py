@@ -38,7 +38,7 @@ class OnnxImageSegmenter(replica.Stage):
 
     def step(self, inputs, outputs):
         for submap in inputs["submap"]:
-            sweeps = self.images.of(submap)
+            sweeps = self.images.project(submap)
             out = outputs.loan("class", like=submap)
             out.header["model_digest"] = self.digest
             out[:] = sweeps.classes(self.session.run(None, {self.input: images})[0] for images in sweeps.images())

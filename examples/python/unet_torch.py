@@ -60,7 +60,7 @@ class UnetSegmenter(replica.Stage):
     @torch.inference_mode()
     def step(self, inputs, outputs):
         for submap in inputs["submap"]:
-            sweeps = self.images.of(submap)
+            sweeps = self.images.project(submap)
             out = outputs.loan("class", like=submap)
             out.header["model_digest"] = self.images.digest
             out[:] = sweeps.classes(self.network(torch.from_numpy(images)) for images in sweeps.images())

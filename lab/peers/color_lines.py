@@ -67,7 +67,7 @@ def difference(model, gaussians):
     return max(abs(a - b).max() for a, b in zip(ours, (model.weights_, model.means_, model.covariances_)))
 
 
-def of_image(labels, values):
+def image_scores(labels, values):
     from skimage.measure import regionprops
     regions = regionprops(labels)
     padded = np.pad(labels, 1, constant_values=-1)
@@ -92,7 +92,7 @@ def boundary(labels):
     return find_boundaries(labels, connectivity=1, mode="thick")
 
 
-def of_distance(superpixels, segmentation, distance):
+def boundary_scores(superpixels, segmentation, distance):
     found, truth = boundary(superpixels), boundary(segmentation)
     near = lambda marks: ndimage.maximum_filter(marks, 2 * distance + 1)
     recalled, false = (truth & near(found)).sum(), (found & ~near(truth)).sum()
@@ -133,8 +133,8 @@ def compare(path, arguments):
         image = np.fromfile(f"{folder}/rgb", "u1").reshape(*shape, 3)
         labels, superpixels = (np.fromfile(f"{folder}/{name}", "<u4").reshape(shape).astype(int) for name in ("labels", "slic"))
         values = np.moveaxis(image.astype(float), 2, 0)
-        expected = [of_image(superpixels, values), of_image(labels, values), of_distance(superpixels, labels, 1),
-                    of_distance(superpixels, labels, 2), overlap(superpixels, labels)]
+        expected = [image_scores(superpixels, values), image_scores(labels, values), boundary_scores(superpixels, labels, 1),
+                    boundary_scores(superpixels, labels, 2), overlap(superpixels, labels)]
         found = json.loads(pathlib.Path(folder, "scores.json").read_text())
         scores = max(abs(a - b) for mine, theirs in zip(found, expected) for a, b in zip(mine, theirs))
         begin = time.process_time()

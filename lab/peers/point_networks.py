@@ -44,7 +44,7 @@ def nearest(queries, support, k, radius=np.inf):
     return np.concatenate(found), np.concatenate(squared)
 
 
-def of_clouds(clouds, search):
+def joined_search(clouds, search):
     """Joins the results of a search in each cloud: numbers shift, padding becomes the total number of support points."""
     total, start, parts = sum(len(support) for _, support in clouds), 0, []
     for queries, support in clouds:
@@ -217,11 +217,11 @@ class PointNet2(nn.Module):
             points, groups = np.concatenate(clouds), []
             for scale in a["scales"]:
                 search = lambda queries, support: nearest(queries, support, scale["neighbors"], scale["radius_m"])
-                index, _ = of_clouds(list(zip(centers, clouds)), search)
+                index, _ = joined_search(list(zip(centers, clouds)), search)
                 index = F.pad(index, (0, scale["neighbors"] - index.shape[1]), value=len(points))
                 index = torch.where(index == len(points), index[:, :1], index)
                 groups.append((index, torch.from_numpy(points[index.numpy()] - np.concatenate(centers)[:, None])))
-            near = of_clouds(list(zip(clouds, centers)), lambda queries, support: nearest(queries, support, 3))
+            near = joined_search(list(zip(clouds, centers)), lambda queries, support: nearest(queries, support, 3))
             levels.append({"groups": groups, "nearest": near})
             clouds = centers
         return levels
@@ -337,12 +337,12 @@ class KPFCNN(nn.Module):
             near = lambda queries, support: nearest(queries, support, self.neighbors, np.float32(2.5) * cell)
             pad = lambda index, n: F.pad(index, (0, self.neighbors - index.shape[1]), value=n)
             n = sum(map(len, clouds))
-            of = {"points": torch.from_numpy(np.concatenate(clouds)), "own": pad(of_clouds(list(zip(clouds, clouds)), near)[0], n)}
+            of = {"points": torch.from_numpy(np.concatenate(clouds)), "own": pad(joined_search(list(zip(clouds, clouds)), near)[0], n)}
             if level + 1 < self.levels:
                 coarse = [barycenters(cloud, 2 * cell) for cloud in clouds]
                 of["coarse"] = torch.from_numpy(np.concatenate(coarse))
-                of["pool"] = pad(of_clouds(list(zip(coarse, clouds)), near)[0], n)
-                of["up"] = of_clouds(list(zip(clouds, coarse)), lambda q, s: nearest(q, s, 1))[0][:, 0]
+                of["pool"] = pad(joined_search(list(zip(coarse, clouds)), near)[0], n)
+                of["up"] = joined_search(list(zip(clouds, coarse)), lambda q, s: nearest(q, s, 1))[0][:, 0]
                 clouds = coarse
             levels.append(of)
         return levels
@@ -427,7 +427,7 @@ class WaffleIron(nn.Module):
         self.classif = nn.Conv1d(width, outputs, 1)
 
     def plan(self, clouds, seed):
-        near, _ = of_clouds([(c, c) for c in clouds], lambda q, s: nearest(q, s, self.k + 1))
+        near, _ = joined_search([(c, c) for c in clouds], lambda q, s: nearest(q, s, self.k + 1))
         n_cells = np.ceil((self.high - self.low) / self.cell).astype(int)
         cell = np.clip(np.floor((np.concatenate(clouds) - self.low) / self.cell).astype(int), 0, n_cells - 1)
         cloud, planes = np.repeat(np.arange(len(clouds)), [len(c) for c in clouds]), []

@@ -54,7 +54,7 @@ def compare():
 
 
 def frozen():
-    """The labels of the unit test: SplitMix64 as `random::Random::of_stream(5, 0)` has it."""
+    """The labels of the unit test: SplitMix64 as `random::Random::for_stream(5, 0)` has it."""
     mask = (1 << 64) - 1
     state = 5
 

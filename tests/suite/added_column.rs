@@ -54,7 +54,7 @@ struct WithMoisture;
 
 impl ColumnTable for WithMoisture {
     fn ports() -> Vec<ColumnPort> {
-        [ColumnPort::all(), vec![ColumnPort::of::<MoistureTopic>(&MOISTURE)]].concat()
+        [ColumnPort::all(), vec![ColumnPort::new::<MoistureTopic>(&MOISTURE)]].concat()
     }
 }
 

@@ -27,15 +27,15 @@ struct Ended {
 
 impl Batch {
     /// The small pipeline; it does not read its drives.
-    fn of_misbehaving(source: &str, relay: &str) -> Self {
-        let batch = Self { launch: Launch::of_misbehaving("", source, relay) };
+    fn misbehaving(source: &str, relay: &str) -> Self {
+        let batch = Self { launch: Launch::misbehaving("", source, relay) };
         for drive in DRIVES {
             std::fs::create_dir_all(batch.drive(drive)).expect("made");
         }
         batch
     }
     /// The stages of a LiDAR, and three simulated drives of two seconds.
-    fn of_lidar() -> Self {
+    fn with_lidar() -> Self {
         let launch = Launch::new(&format!(
             "[run]\n{PATIENT}\nbarrier_s = 0.5\n[acquire]\n[slam_aggregate]\nsubmap_m = 1.0\n{ANY_FIXES}\n\
              [export]\n{ANY_DEVIATION}\n"
@@ -115,7 +115,7 @@ fn ended(mut command: Command) -> Ended {
 
 #[test]
 fn damaged_drive_costs_no_other_drive_its_result() {
-    let batch = Batch::of_lidar();
+    let batch = Batch::with_lidar();
     let capture = batch.drive("tuesday").join("lidar/000000.pcap");
     let recorded = std::fs::read(&capture).expect("a capture");
     std::fs::write(&capture, "no capture").expect("written");
@@ -141,7 +141,7 @@ fn damaged_drive_costs_no_other_drive_its_result() {
 
 #[test]
 fn second_call_runs_nothing() {
-    let batch = Batch::of_misbehaving(SOURCE, "");
+    let batch = Batch::misbehaving(SOURCE, "");
     let first = batch.run(&DRIVES, &[]);
     assert_eq!(first.code, Some(0), "{}", first.text);
     batch.assert_undisturbed(&DRIVES);
@@ -158,7 +158,7 @@ fn second_call_runs_nothing() {
 /// SIGKILL leaves no run behind that would lock the output, and the next call continues it from its last barrier.
 #[test]
 fn killed_batch_continues_with_the_same_bytes() {
-    let batch = Batch::of_misbehaving(SOURCE, &gate(20));
+    let batch = Batch::misbehaving(SOURCE, &gate(20));
     let gate = batch.out().join("gate");
     std::fs::create_dir(batch.out()).expect("made");
     std::fs::write(&gate, []).expect("written");
@@ -194,7 +194,7 @@ fn killed_batch_continues_with_the_same_bytes() {
 #[test]
 fn ctrl_c_drains_the_run_and_the_same_command_continues() {
     // Slow enough that the signal comes before the last drive ends.
-    let batch = Batch::of_misbehaving(&format!("{SOURCE}\npace_ms = 100"), "");
+    let batch = Batch::misbehaving(&format!("{SOURCE}\npace_ms = 100"), "");
     let mut stopped = batch.start(&DRIVES);
     batch.wait_for_barrier("monday", "source", 1);
     kill_process(Pid::from_child(&stopped), Signal::INT).expect("it lives");
@@ -209,7 +209,7 @@ fn ctrl_c_drains_the_run_and_the_same_command_continues() {
 
 #[test]
 fn jobs_of_an_array_at_once_give_what_one_batch_gives() {
-    let batch = Batch::of_lidar();
+    let batch = Batch::with_lidar();
     let one = batch.run(&DRIVES, &[]);
     assert_eq!(one.code, Some(0), "{}", one.text);
     let out = batch.launch.folder().join("of_jobs");
@@ -238,7 +238,7 @@ fn jobs_of_an_array_at_once_give_what_one_batch_gives() {
 
 #[test]
 fn results_of_other_settings_are_refused_unless_overwritten() {
-    let batch = Batch::of_misbehaving(SOURCE, "");
+    let batch = Batch::misbehaving(SOURCE, "");
     assert_eq!(batch.run(&DRIVES[..2], &[]).code, Some(0));
     let before = batch.times();
     let others = ["--set", "source.points=400"];
@@ -262,7 +262,7 @@ fn results_of_other_settings_are_refused_unless_overwritten() {
 
 #[test]
 fn all_faults_of_a_batch_are_reported_before_the_start() {
-    let batch = Batch::of_misbehaving(SOURCE, "");
+    let batch = Batch::misbehaving(SOURCE, "");
     let refused = batch.run(&["monday", "monday", "absent", "tuesday"], &[]);
     assert_eq!(refused.code, Some(78), "{}", refused.text);
     assert!(refused.text.contains("monday: is given twice"), "{}", refused.text);
@@ -278,7 +278,7 @@ fn all_faults_of_a_batch_are_reported_before_the_start() {
 
 #[test]
 fn failed_drive_ends_the_batch_only_on_request() {
-    let batch = Batch::of_misbehaving(SOURCE, "fault = \"error\"\nat_tick = 3");
+    let batch = Batch::misbehaving(SOURCE, "fault = \"error\"\nat_tick = 3");
     let settings = ["--set", "run.restarts=0"];
     let stopped = batch.run(&DRIVES, &[&settings[..], &["--stop-at-first"]].concat());
     assert_eq!(stopped.code, Some(1), "{}", stopped.text);
@@ -290,7 +290,7 @@ fn failed_drive_ends_the_batch_only_on_request() {
 
 #[test]
 fn plan_follows_from_the_drives_that_are_finished() {
-    let batch = Batch::of_misbehaving(SOURCE, "");
+    let batch = Batch::misbehaving(SOURCE, "");
     for (drive, n_bytes) in DRIVES.iter().zip([3_000_000, 1_000_000, 2_000_000]) {
         std::fs::write(batch.drive(drive).join("capture"), vec![0; n_bytes]).expect("written");
     }

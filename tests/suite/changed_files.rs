@@ -9,7 +9,7 @@ const STAGES: [&str; 3] = ["source", "relay", "sink"];
 
 /// The small pipeline with its own relay program, and a manifest of its drive.
 fn launch(relay: &str) -> Launch {
-    let launch = Launch::of_misbehaving("", SOURCE, relay);
+    let launch = Launch::misbehaving("", SOURCE, relay);
     let path = launch.folder().join("launch.toml");
     let program = binary("misbehaving-relay");
     let text = std::fs::read_to_string(&path).expect("written").replace(&program.display().to_string(), "relay");

@@ -30,7 +30,7 @@ fn assert_survives(expected: &BTreeMap<String, Vec<u8>>, launch: &Launch, stages
 fn killed_processes_do_not_change_the_result() {
     let source = "ticks = 600\npoints = 5000";
     let expected = [("sink.txt".to_owned(), undisturbed(source, ""))].into();
-    let launch = Launch::of_misbehaving("restarts = 1000", source, "");
+    let launch = Launch::misbehaving("restarts = 1000", source, "");
     assert_survives(&expected, &launch, &["source", "relay", "sink"], 45, 1);
 }
 
@@ -57,7 +57,7 @@ fn killed_processes_do_not_change_regions_and_materials() {
 /// A stage that fails once between any two barriers continues, however often it fails: each new barrier is progress.
 #[test]
 fn restart_counter_resets_at_each_new_barrier() {
-    let launch = Launch::of_misbehaving("restarts = 1", "ticks = 200\npoints = 500", "fault = \"error\"\nevery = 40");
+    let launch = Launch::misbehaving("restarts = 1", "ticks = 200\npoints = 500", "fault = \"error\"\nevery = 40");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     assert!(launch.summary()["total"]["restarts"].as_u64() == Some(4), "{}", output_text(&output));

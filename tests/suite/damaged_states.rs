@@ -10,7 +10,7 @@ const STAGES: [&str; 3] = ["source", "relay", "sink"];
 
 /// A run that was killed with its supervisor in the middle of the drive.
 fn killed() -> Launch {
-    let launch = Launch::of_misbehaving("", SOURCE, &gate(203));
+    let launch = Launch::misbehaving("", SOURCE, &gate(203));
     launch.kill_at_barrier(20, &STAGES);
     launch
 }
@@ -102,7 +102,7 @@ fn run_without_valid_states_restarts_from_the_beginning() {
 #[test]
 fn restart_skips_a_damaged_state() {
     let relay = "fault = \"stall\"\nat_tick = 203\nonce = \"struck\"";
-    let launch = Launch::of_misbehaving("", SOURCE, relay);
+    let launch = Launch::misbehaving("", SOURCE, relay);
     let mut running = launch.start();
     wait_for("the stall", || launch.output().join("struck").exists().then_some(()));
     let newest = wait_for("barrier 40", || complete_barriers(&launch).first().copied().filter(|b| *b == 40));

@@ -8,7 +8,7 @@ const ENDLESS: &str = "ticks = 1000000\npoints = 100000";
 
 #[test]
 fn finished_run_leaves_nothing_in_shared_memory() {
-    let launch = Launch::of_misbehaving("", "ticks = 5", "");
+    let launch = Launch::misbehaving("", "ticks = 5", "");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     assert_eq!(leftovers(&domain_of(&launch.output())), Vec::<String>::new());
@@ -16,7 +16,7 @@ fn finished_run_leaves_nothing_in_shared_memory() {
 
 #[test]
 fn killed_supervisor_takes_its_stages_along_and_the_next_run_cleans_up() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = launch.start();
     let stages = ["source", "relay", "sink"].map(|stage| running.stage(stage));
     launch.wait_for_barrier(1);
@@ -35,7 +35,7 @@ fn killed_supervisor_takes_its_stages_along_and_the_next_run_cleans_up() {
 /// A closed terminal closes stderr and sends SIGHUP: the run drains and leaves nothing behind.
 #[test]
 fn closed_terminal_drains_the_run() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = launch.start_with_closed_stderr();
     launch.wait_for_barrier(1);
     running.signal(Signal::HUP);
@@ -47,7 +47,7 @@ fn closed_terminal_drains_the_run() {
 #[test]
 fn simultaneous_runs_do_not_interfere() {
     let [first, second] =
-        [700, 701].map(|points| Launch::of_misbehaving("", &format!("ticks = 30\npoints = {points}"), ""));
+        [700, 701].map(|points| Launch::misbehaving("", &format!("ticks = 30\npoints = {points}"), ""));
     let runs = [first.start(), second.start()];
     for run in runs {
         assert_eq!(run.wait(), Some(0));
@@ -66,7 +66,7 @@ const NOBODY: u32 = 65534;
 #[cfg_attr(not(other_users), ignore = "needs the superuser, and programs that all users can read")]
 fn runs_of_two_users_do_not_interfere() {
     let [own, other] = [700, 701]
-        .map(|points| Launch::of_misbehaving("", &format!("ticks = 1000000\npoints = {points}\npace_ms = 1"), ""));
+        .map(|points| Launch::misbehaving("", &format!("ticks = 1000000\npoints = {points}\npace_ms = 1"), ""));
     let theirs = other.start_as(NOBODY);
     let ours = own.start();
     for launch in [&own, &other] {
@@ -95,7 +95,7 @@ fn runs_of_two_users_do_not_interfere() {
 #[test]
 #[cfg_attr(not(other_users), ignore = "needs the superuser, and programs that all users can read")]
 fn files_of_another_user_do_not_block_an_output() {
-    let launch = Launch::of_misbehaving("", "ticks = 5", "").with("--overwrite");
+    let launch = Launch::misbehaving("", "ticks = 5", "").with("--overwrite");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     for (start, end) in [("/dev/shm/replica_", ""), ("/dev/shm/replica_", "_prepared"), ("/tmp/replica_", "_control")] {
@@ -113,7 +113,7 @@ fn files_of_another_user_do_not_block_an_output() {
 
 #[test]
 fn files_of_a_run_are_not_readable_by_others() {
-    let launch = Launch::of_misbehaving("", "ticks = 5", "");
+    let launch = Launch::misbehaving("", "ticks = 5", "");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     for name in ["run", "run/lock", "run/domain"] {
@@ -124,7 +124,7 @@ fn files_of_a_run_are_not_readable_by_others() {
 
 #[test]
 fn second_run_into_the_same_output_is_refused() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = launch.start();
     let relay = running.stage("relay");
     let second = launch.run();

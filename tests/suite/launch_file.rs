@@ -79,7 +79,7 @@ fn invalid_toml_is_reported_with_its_line() {
 
 #[test]
 fn graph_shows_the_dataflow_of_the_file() {
-    let launch = Launch::of_misbehaving("", "", "").with("--graph");
+    let launch = Launch::misbehaving("", "", "").with("--graph");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     let graph = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -90,7 +90,7 @@ fn graph_shows_the_dataflow_of_the_file() {
 
 /// The small pipeline, whose source needs no drive, with `drive = "<drive>"` and the further text in the file.
 fn with_drive(drive: &str, rest: &str) -> Launch {
-    let launch = Launch::of_misbehaving("", "ticks = 3", "");
+    let launch = Launch::misbehaving("", "ticks = 3", "");
     let path = launch.folder().join("launch.toml");
     let text = std::fs::read_to_string(&path).expect("written").replace("drive = \".\"", &format!("drive = '{drive}'"));
     std::fs::write(path, format!("{text}{rest}")).expect("written");

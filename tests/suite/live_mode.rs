@@ -8,7 +8,7 @@ use rustix::process::{Pid, Signal, kill_process};
 const SENSOR: &str = "ticks = 1000000\npoints = 500\npace_ms = 2";
 
 fn live(run: &str) -> Launch {
-    Launch::of_misbehaving(&format!("mode = \"live\"\n{run}"), SENSOR, "")
+    Launch::misbehaving(&format!("mode = \"live\"\n{run}"), SENSOR, "")
 }
 
 /// Requests the end and checks it.

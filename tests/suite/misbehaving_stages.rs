@@ -13,7 +13,7 @@ fn end(mut running: Running) -> (Option<i32>, String) {
 
 /// Checks a fault that recurs after every restart: the run is given up and reports the reason.
 fn is_given_up(fault: &str, words: &str) {
-    let launch = Launch::of_misbehaving("restarts = 1", SOURCE, &format!("fault = \"{fault}\"\nat_tick = 23"));
+    let launch = Launch::misbehaving("restarts = 1", SOURCE, &format!("fault = \"{fault}\"\nat_tick = 23"));
     let output = launch.run();
     assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
     assert_eq!(output_text(&output).matches(words).count(), 2, "{words:?} twice in:\n{}", output_text(&output));
@@ -30,7 +30,7 @@ fn is_given_up(fault: &str, words: &str) {
 /// `words`.
 fn recovers_at_start(run: &str, relay: &str, fault: &str, words: &str, seconds: f64) {
     let relay = format!("fault = \"{fault}\"\nonce = \"struck\"\n{relay}");
-    let launch = Launch::of_misbehaving(run, SOURCE, &relay);
+    let launch = Launch::misbehaving(run, SOURCE, &relay);
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     assert!(reported_seconds(&output_text(&output), words) >= seconds, "{}", output_text(&output));
@@ -57,7 +57,7 @@ fn stage_that_keeps_its_loans_is_given_up_with_the_limit() {
 #[test]
 fn unsaved_state_completes_no_barrier_and_is_reported() {
     // The source ends just after the first barrier: no tick follows while the state fails.
-    let launch = Launch::of_misbehaving("restarts = 1", "ticks = 8\npoints = 500", "fault = \"relies_on_nothing\"");
+    let launch = Launch::misbehaving("restarts = 1", "ticks = 8\npoints = 500", "fault = \"relies_on_nothing\"");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
     let words = "not_there.ply: No such file or directory";
@@ -73,7 +73,7 @@ fn stage_that_floods_its_topic_is_given_up() {
 
 #[test]
 fn program_with_another_version_than_described_is_refused() {
-    let launch = Launch::of_misbehaving("restarts = 1", SOURCE, "");
+    let launch = Launch::misbehaving("restarts = 1", SOURCE, "");
     let text = std::fs::read_to_string(launch.folder().join("launch.toml")).expect("written");
     let relay = binary("misbehaving-relay").display().to_string();
     let text = text.replace(&relay, &binary("misbehaving-liar").display().to_string());
@@ -90,8 +90,8 @@ fn program_with_another_version_than_described_is_refused() {
 #[test]
 fn nan_coordinates_pass_unchanged() {
     let with_nan = format!("{SOURCE}\nnan_from = 30");
-    let first = Launch::of_misbehaving("", &with_nan, "");
-    let killed = Launch::of_misbehaving("", &with_nan, "fault = \"error\"\nat_tick = 43\nonce = \"struck\"");
+    let first = Launch::misbehaving("", &with_nan, "");
+    let killed = Launch::misbehaving("", &with_nan, "fault = \"error\"\nat_tick = 43\nonce = \"struck\"");
     for launch in [&first, &killed] {
         let output = launch.run();
         assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
@@ -103,8 +103,8 @@ fn nan_coordinates_pass_unchanged() {
 #[test]
 fn slow_consumer_applies_back_pressure_and_loses_nothing() {
     let source = "ticks = 150\npoints = 20000";
-    let fast = Launch::of_misbehaving("", source, "");
-    let slow = Launch::of_misbehaving("", source, "").with("--set").with("sink.slow_ms=10");
+    let fast = Launch::misbehaving("", source, "");
+    let slow = Launch::misbehaving("", source, "").with("--set").with("sink.slow_ms=10");
     for launch in [&fast, &slow] {
         let output = launch.run();
         assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
@@ -120,7 +120,7 @@ fn slow_consumer_applies_back_pressure_and_loses_nothing() {
 /// Two Ctrl-C stop even a stage that does not handle SIGTERM.
 #[test]
 fn stage_that_ignores_sigterm_is_killed() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"");
+    let launch = Launch::misbehaving("", ENDLESS, "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"");
     let running = launch.start();
     wait_for("the stall", || launch.output().join("struck").exists().then_some(()));
     let relay = running.stage("relay");
@@ -134,7 +134,7 @@ fn stage_that_ignores_sigterm_is_killed() {
 
 #[test]
 fn ctrl_c_while_stages_start_drains_the_run_at_once() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "fault = \"waits_at_start\"\nonce = \"../gate\"");
+    let launch = Launch::misbehaving("", ENDLESS, "fault = \"waits_at_start\"\nonce = \"../gate\"");
     let running = launch.start();
     running.stage("relay");
     running.signal(Signal::INT);
@@ -149,7 +149,7 @@ fn ctrl_c_while_stages_start_drains_the_run_at_once() {
 
 #[test]
 fn ctrl_c_in_the_pause_before_a_restart_stops_the_run() {
-    let launch = Launch::of_misbehaving("restarts = 9", SOURCE, "fault = \"error\"\nat_tick = 23")
+    let launch = Launch::misbehaving("restarts = 9", SOURCE, "fault = \"error\"\nat_tick = 23")
         .with("--set")
         .with("run.restart_delay_s=30.0");
     let running = launch.start();

@@ -31,7 +31,7 @@ fn json(text: &str) -> Value {
 
 /// A run without end, in which all stages have processed messages.
 fn endless() -> (Launch, Running) {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = launch.start();
     launch.wait_for_barrier_of("sink", 1);
     (launch, running)
@@ -353,7 +353,7 @@ fn observer_continues_after_a_restart() {
 
 #[test]
 fn metrics_are_written_during_the_run_and_at_its_end() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let file = launch.folder().join("replica.prom");
     let launch = launch.with("--metrics").with(file.to_str().expect("UTF-8"));
     let running = launch.start();
@@ -378,7 +378,7 @@ fn metrics_are_written_during_the_run_and_at_its_end() {
 #[test]
 fn json_log_has_one_object_per_line() {
     let fault = "fault = \"panic\"\nat_tick = 100\nonce = \"struck\"";
-    let launch = Launch::of_misbehaving("", ENDLESS, fault).with("--log").with("json");
+    let launch = Launch::misbehaving("", ENDLESS, fault).with("--log").with("json");
     let running = launch.start();
     let events = || -> Vec<Value> {
         // The last line may be half written.
@@ -407,7 +407,7 @@ fn json_log_has_one_object_per_line() {
         assert!(!log.is_empty() || stage != "relay", "{stage} has panicked");
         assert!(log.lines().all(|line| json(line)["level"].is_string()), "{stage}: {log}");
     }
-    let bad = Launch::of_misbehaving("", "tocks = 3", "").with("--log").with("json").run();
+    let bad = Launch::misbehaving("", "tocks = 3", "").with("--log").with("json").run();
     assert_eq!(bad.status.code(), Some(78));
     assert!(String::from_utf8_lossy(&bad.stderr).lines().map(json).any(|event| event["kind"] == "problem"));
 }

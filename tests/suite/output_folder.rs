@@ -26,7 +26,7 @@ fn files(launch: &Launch) -> Vec<(String, Vec<u8>, i64)> {
 
 #[test]
 fn second_run_into_a_used_output_is_refused_and_changes_nothing() {
-    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let launch = Launch::misbehaving("", SOURCE, "");
     assert_eq!(launch.run().status.code(), Some(0));
     let before = files(&launch);
     let second = launch.run();
@@ -39,7 +39,7 @@ fn second_run_into_a_used_output_is_refused_and_changes_nothing() {
 
 #[test]
 fn overwrite_replaces_the_results() {
-    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let launch = Launch::misbehaving("", SOURCE, "");
     assert_eq!(launch.run().status.code(), Some(0));
     std::fs::write(launch.output().join("sink.txt"), "of the first run").expect("written");
     let launch = launch.with("--overwrite");
@@ -50,7 +50,7 @@ fn overwrite_replaces_the_results() {
 
 #[test]
 fn run_that_failed_before_its_first_point_may_be_repeated() {
-    let launch = Launch::of_misbehaving("restarts = 0", SOURCE, "fault = \"error\"\nat_tick = 0");
+    let launch = Launch::misbehaving("restarts = 0", SOURCE, "fault = \"error\"\nat_tick = 0");
     for _ in 0..2 {
         let output = launch.run();
         assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
@@ -59,7 +59,7 @@ fn run_that_failed_before_its_first_point_may_be_repeated() {
 
 #[test]
 fn check_names_earlier_results() {
-    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let launch = Launch::misbehaving("", SOURCE, "");
     assert_eq!(launch.run().status.code(), Some(0));
     let checked = launch.with("--check").run();
     assert_eq!(checked.status.code(), Some(0), "{}", output_text(&checked));

@@ -23,10 +23,10 @@ struct Recorder {
 impl Recorder {
     /// Starts it with these arguments and waits until it is attached.
     fn attached(launch: &Launch, arguments: &[&str]) -> Self {
-        Self::of_topics(launch, arguments, &TOPICS)
+        Self::with_topics(launch, arguments, &TOPICS)
     }
     /// [`Recorder::attached`] for other topics.
-    fn of_topics(launch: &Launch, arguments: &[&str], topics: &[&str]) -> Self {
+    fn with_topics(launch: &Launch, arguments: &[&str], topics: &[&str]) -> Self {
         let topics = topics.join(",");
         let file = launch.folder().join(format!("recorded {topics}.mcap"));
         let mut command = Command::new(binary("replica"));
@@ -118,7 +118,7 @@ fn output_of(launch: &Launch) -> String {
 #[test]
 fn late_recorder_records_to_the_end() {
     for named in [&["--run"][..], &[]] {
-        let launch = Launch::of_misbehaving("", ENDLESS, "");
+        let launch = Launch::misbehaving("", ENDLESS, "");
         let running = started(&launch);
         let recorder = Recorder::attached(&launch, &[named, &[output_of(&launch).as_str()]].concat());
         recorder.wait_for_chunk();
@@ -136,7 +136,7 @@ fn late_recorder_records_to_the_end() {
 
 #[test]
 fn ctrl_c_finishes_the_recording_and_the_run_continues() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let recorder = Recorder::attached(&launch, &[&output_of(&launch)]);
     recorder.wait_for_chunk();
@@ -158,7 +158,7 @@ fn ctrl_c_finishes_the_recording_and_the_run_continues() {
 
 #[test]
 fn dropping_recorder_blocks_no_stage_and_counts_dropped_messages() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let recorder = Recorder::attached(&launch, &[&output_of(&launch), "--may-drop"]);
     recorder.wait_for_chunk();
@@ -188,7 +188,7 @@ fn dropping_recorder_blocks_no_stage_and_counts_dropped_messages() {
 
 #[test]
 fn recording_of_a_failed_run_is_finished() {
-    let launch = Launch::of_misbehaving("restarts = 0", ENDLESS, "fault = \"error\"\nat_tick = 100");
+    let launch = Launch::misbehaving("restarts = 0", ENDLESS, "fault = \"error\"\nat_tick = 100");
     let file = launch.folder().join("recorded.mcap");
     let launch = launch.with("--record").with(file.to_str().expect("UTF-8")).with("--topics").with("sweep,class");
     let output = launch.run();
@@ -209,7 +209,7 @@ fn recorders_of_submaps_and_of_the_trajectory_run_side_by_side() {
     let source = running.stage("acquire");
     kill_process(source, Signal::STOP).expect("it lives");
     let run = output_of(&launch);
-    let recorders = ["submap", "trajectory"].map(|topic| Recorder::of_topics(&launch, &[&run], &[topic]));
+    let recorders = ["submap", "trajectory"].map(|topic| Recorder::with_topics(&launch, &[&run], &[topic]));
     kill_process(source, Signal::CONT).expect("it lives");
     assert_eq!(running.wait(), Some(0), "{}", launch.stderr());
     for recorder in recorders {

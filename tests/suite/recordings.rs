@@ -38,8 +38,8 @@ fn same_bytes(a: &Path, b: &Path) {
 
 #[test]
 fn recordings_of_equal_runs_are_equal_and_do_not_change_the_result() {
-    let (one, a) = recorded(Launch::of_misbehaving("", SOURCE, ""), "sweep,class");
-    let (other, b) = recorded(Launch::of_misbehaving("", SOURCE, ""), "class,sweep");
+    let (one, a) = recorded(Launch::misbehaving("", SOURCE, ""), "sweep,class");
+    let (other, b) = recorded(Launch::misbehaving("", SOURCE, ""), "class,sweep");
     succeeded(&one.run());
     succeeded(&other.run());
     assert!(one.read("sink.txt") == undisturbed(SOURCE, ""), "the recording changed the result");
@@ -52,11 +52,11 @@ fn recordings_of_equal_runs_are_equal_and_do_not_change_the_result() {
 
 #[test]
 fn recording_continues_across_restarts() {
-    let (calm, expected) = recorded(Launch::of_misbehaving("", SOURCE, ""), "sweep,class");
+    let (calm, expected) = recorded(Launch::misbehaving("", SOURCE, ""), "sweep,class");
     succeeded(&calm.run());
     for fault in ["error", "panic"] {
         let relay = format!("fault = \"{fault}\"\nat_tick = 23\nonce = \"struck\"");
-        let (launch, file) = recorded(Launch::of_misbehaving("", SOURCE, &relay), "sweep,class");
+        let (launch, file) = recorded(Launch::misbehaving("", SOURCE, &relay), "sweep,class");
         let output = launch.run();
         succeeded(&output);
         assert_eq!(launch.summary()["total"]["restarts"], 1, "{}", output_text(&output));
@@ -89,9 +89,9 @@ fn survives_kills(launch: &Launch, kills: &[(&str, u64)]) {
 #[test]
 fn killed_stages_do_not_change_the_recording() {
     let source = "ticks = 400\npoints = 20000";
-    let (calm, expected) = recorded(Launch::of_misbehaving("", source, ""), "sweep,class");
+    let (calm, expected) = recorded(Launch::misbehaving("", source, ""), "sweep,class");
     succeeded(&calm.run());
-    let (launch, file) = recorded(Launch::of_misbehaving("restarts = 9", source, &gate(399)), "sweep,class");
+    let (launch, file) = recorded(Launch::misbehaving("restarts = 9", source, &gate(399)), "sweep,class");
     survives_kills(&launch, &[("source", 5), ("relay", 20), ("sink", 40)]);
     let compared = replica(&["compare"], &[&expected, &file]);
     assert_eq!(compared.status.code(), Some(0), "{}", String::from_utf8_lossy(&compared.stdout));
@@ -100,7 +100,7 @@ fn killed_stages_do_not_change_the_recording() {
 #[test]
 fn run_continues_without_its_recorder() {
     let source = "ticks = 400\npoints = 20000";
-    let (launch, file) = recorded(Launch::of_misbehaving("", source, &gate(399)), "sweep,class");
+    let (launch, file) = recorded(Launch::misbehaving("", source, &gate(399)), "sweep,class");
     let running = launch.start();
     let recorder = recorder_of(&running);
     launch.wait_for_barrier(10);
@@ -125,7 +125,7 @@ fn killed_process_leaves_a_complete_recording_or_one_that_says_that_it_is_not() 
 
 #[test]
 fn unknown_topics_are_not_recorded() {
-    let (launch, _) = recorded(Launch::of_misbehaving("", SOURCE, ""), "sweep,submap");
+    let (launch, _) = recorded(Launch::misbehaving("", SOURCE, ""), "sweep,submap");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(78), "{}", output_text(&output));
     assert!(output_text(&output).contains("no stage of this run produces topic submap"), "{}", output_text(&output));
@@ -133,8 +133,8 @@ fn unknown_topics_are_not_recorded() {
 
 #[test]
 fn compare_reports_where_recordings_differ() {
-    let (one, a) = recorded(Launch::of_misbehaving("", "ticks = 9\npoints = 5", ""), "sweep,class");
-    let (other, b) = recorded(Launch::of_misbehaving("", "ticks = 8\npoints = 5", ""), "sweep");
+    let (one, a) = recorded(Launch::misbehaving("", "ticks = 9\npoints = 5", ""), "sweep,class");
+    let (other, b) = recorded(Launch::misbehaving("", "ticks = 8\npoints = 5", ""), "sweep");
     succeeded(&one.run());
     succeeded(&other.run());
     let compared = replica(&["compare"], &[&a, &b]);
@@ -155,7 +155,7 @@ fn compare_reports_where_recordings_differ() {
 
 /// The recording's sweeps through relay and sink.
 fn replayed(recording: &Path, run: &str, relay: &str) -> Launch {
-    Launch::of_misbehaving(run, SOURCE, relay)
+    Launch::misbehaving(run, SOURCE, relay)
         .with("--source")
         .with("replay")
         .with("--set")
@@ -164,7 +164,7 @@ fn replayed(recording: &Path, run: &str, relay: &str) -> Launch {
 
 #[test]
 fn replay_reproduces_the_run_despite_killed_stages() {
-    let (original, file) = recorded(Launch::of_misbehaving("", "ticks = 400\npoints = 20000", ""), "sweep");
+    let (original, file) = recorded(Launch::misbehaving("", "ticks = 400\npoints = 20000", ""), "sweep");
     succeeded(&original.run());
     let launch = replayed(&file, "", "");
     let output = launch.run();
@@ -179,9 +179,9 @@ fn replay_reproduces_the_run_despite_killed_stages() {
 
 #[test]
 fn replay_command_keeps_its_speed() {
-    let (original, file) = recorded(Launch::of_misbehaving("", "ticks = 12\npoints = 5", ""), "sweep");
+    let (original, file) = recorded(Launch::misbehaving("", "ticks = 12\npoints = 5", ""), "sweep");
     succeeded(&original.run());
-    let launch = Launch::of_misbehaving("", "", "");
+    let launch = Launch::misbehaving("", "", "");
     let launch_file = launch.folder().join("launch.toml");
     let output = replica(&["replay", "--speed", "2", "--launch", text(&launch_file)], &[&file]);
     succeeded(&output);

@@ -52,7 +52,7 @@ fn run_ends_with_a_report_that_names_its_doubts() {
 
 #[test]
 fn report_that_cannot_be_written_is_a_warning() {
-    let launch = Launch::of_misbehaving("report = true", SOURCE, "");
+    let launch = Launch::misbehaving("report = true", SOURCE, "");
     // The temporary path of the report before it gets its name.
     std::fs::create_dir_all(launch.output().join(".report.json.partial/a")).expect("made");
     let output = launch.run();
@@ -66,7 +66,7 @@ fn report_that_cannot_be_written_is_a_warning() {
 #[test]
 fn interrupted_run_has_no_report_of_an_earlier_one() {
     let relay = gate(12);
-    let launch = Launch::of_misbehaving("report = true", SOURCE, &relay);
+    let launch = Launch::misbehaving("report = true", SOURCE, &relay);
     launch.open_gate();
     assert_eq!(launch.run().status.code(), Some(0));
     assert_eq!(written(&launch).len(), 2);
@@ -80,7 +80,7 @@ fn interrupted_run_has_no_report_of_an_earlier_one() {
 fn failed_run_has_a_red_report_and_the_setting_turns_it_off() {
     let fault = "fault = \"error\"\nat_tick = 3";
     for (run, n_files) in [("restarts = 0\nreport = true", 2), ("restarts = 0\nreport = false", 0)] {
-        let launch = Launch::of_misbehaving(run, SOURCE, fault);
+        let launch = Launch::misbehaving(run, SOURCE, fault);
         let output = launch.run();
         assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
         assert_eq!(written(&launch).len(), n_files);

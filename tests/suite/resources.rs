@@ -45,7 +45,7 @@ fn full_disk_ends_the_run_and_is_reported() {
     if !in_own_namespace!("full_disk_ends_the_run_and_is_reported") {
         return;
     }
-    let launch = Launch::of_misbehaving("", SOURCE, &gate(203));
+    let launch = Launch::misbehaving("", SOURCE, &gate(203));
     mount_tmpfs(&launch.output(), 64 << 20);
     let running = launch.start();
     launch.wait_for_barrier(20);
@@ -156,7 +156,7 @@ fn run_limited(launch: &Launch, limit: &str) -> (Option<i32>, String) {
 /// Regression: the limits ended runs within the transport, after useless restarts.
 #[test]
 fn limits_too_low_for_the_run_are_refused_before_the_start() {
-    let launch = Launch::of_misbehaving("", SHORT, "");
+    let launch = Launch::misbehaving("", SHORT, "");
     for (option, low, words, unit) in [
         ("-n", "64", "limit of open files: 64 (ulimit -n), stage ", ""),
         ("-v", "2000000", "limit of address space: 2000000 KiB (ulimit -v), stage ", " KiB"),
@@ -179,7 +179,7 @@ fn limits_too_low_for_the_run_are_refused_before_the_start() {
 #[test]
 fn unwritable_output_is_refused_before_the_start() {
     for output in ["launch.toml", "launch.toml/below", "/proc/replica", "/sys/replica"] {
-        let launch = Launch::of_misbehaving("", SHORT, "").with("--set").with(&format!("run.output={output}"));
+        let launch = Launch::misbehaving("", SHORT, "").with("--set").with(&format!("run.output={output}"));
         let ended = launch.run();
         let output_text = output_text(&ended);
         assert_eq!(ended.status.code(), Some(1), "{output_text}");
@@ -194,7 +194,7 @@ fn read_only_output_is_refused_before_the_start() {
     if !in_own_namespace!("read_only_output_is_refused_before_the_start") {
         return;
     }
-    let launch = Launch::of_misbehaving("", SHORT, "");
+    let launch = Launch::misbehaving("", SHORT, "");
     mount_tmpfs(&launch.output(), 1 << 20);
     let remount = |mode: &str| {
         let mut mount = std::process::Command::new("mount");
@@ -217,7 +217,7 @@ fn read_only_output_is_refused_before_the_start() {
 /// Asserts that the run recovers from a fault that occurs once, and that the report contains these words.
 fn recovers(fault: &str, words: &[&str]) {
     let relay = format!("fault = \"{fault}\"\nat_tick = 23\nonce = \"struck\"");
-    let launch = Launch::of_misbehaving("", SHORT, &relay);
+    let launch = Launch::misbehaving("", SHORT, &relay);
     let ended = launch.run();
     let output_text = output_text(&ended);
     assert_eq!(ended.status.code(), Some(0), "{output_text}");
@@ -256,7 +256,7 @@ fn full_shared_memory_is_reported_and_the_run_resumes() {
     let shared_memory = Path::new("/dev/shm");
     mount_tmpfs(shared_memory, 600 << 20);
     let relay = "fault = \"fills_shared_memory\"\nat_tick = 23\nonce = \"struck\"";
-    let launch = Launch::of_misbehaving("", SHORT, relay);
+    let launch = Launch::misbehaving("", SHORT, relay);
     let (code, output_text) = end(launch.start());
     assert_eq!(code, Some(1), "{output_text}");
     assert!(output_text.contains("[relay] exit: was killed by SIGBUS"), "{output_text}");

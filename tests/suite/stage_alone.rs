@@ -22,7 +22,7 @@ fn succeeded(output: &Output) -> String {
 
 #[test]
 fn stages_run_alone_in_sequence_reproduce_the_run() {
-    let launch = Launch::of_misbehaving("", "ticks = 60\npoints = 500", "");
+    let launch = Launch::misbehaving("", "ticks = 60\npoints = 500", "");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
 

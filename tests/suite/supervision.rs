@@ -9,7 +9,7 @@ const SOURCE: &str = "ticks = 60\npoints = 500";
 /// Runs with a fault that occurs once. It must not change the result, and the report, which is returned, must contain `words`.
 fn recovers_once(run: &str, fault: &str, words: &[&str]) -> String {
     let relay = format!("fault = \"{fault}\"\nat_tick = 23\nonce = \"struck\"");
-    let launch = Launch::of_misbehaving(run, SOURCE, &relay);
+    let launch = Launch::misbehaving(run, SOURCE, &relay);
     let output = launch.run();
     let text = output_text(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
@@ -58,7 +58,7 @@ fn stalled_stage_is_distinguished_from_a_hung_one() {
 #[test]
 fn doubted_result_ends_with_exit_code_3_after_a_restart_too() {
     let relay = "doubt_at_tick = 5\nfault = \"error\"\nat_tick = 43\nonce = \"struck\"";
-    let launch = Launch::of_misbehaving("", SOURCE, relay);
+    let launch = Launch::misbehaving("", SOURCE, relay);
     let output = launch.run();
     let text = output_text(&output);
     assert_eq!(output.status.code(), Some(3), "{text}");
@@ -70,7 +70,7 @@ fn doubted_result_ends_with_exit_code_3_after_a_restart_too() {
 
 #[test]
 fn restarts_are_limited() {
-    let launch = Launch::of_misbehaving("restarts = 2", SOURCE, "fault = \"error\"\nat_tick = 23");
+    let launch = Launch::misbehaving("restarts = 2", SOURCE, "fault = \"error\"\nat_tick = 23");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
     assert_eq!(output_text(&output).matches("configured to fail in tick 23").count(), 3, "{}", output_text(&output));
@@ -81,7 +81,7 @@ fn restarts_are_limited() {
 
 #[test]
 fn ctrl_c_drains_the_run_and_finishes_the_files() {
-    let launch = Launch::of_misbehaving("", "ticks = 1000000\npoints = 1000", "");
+    let launch = Launch::misbehaving("", "ticks = 1000000\npoints = 1000", "");
     let running = launch.start();
     launch.wait_for_barrier(1);
     running.signal(Signal::INT);
@@ -94,7 +94,7 @@ fn ctrl_c_drains_the_run_and_finishes_the_files() {
 
 #[test]
 fn second_ctrl_c_stops_the_run_at_once() {
-    let launch = Launch::of_misbehaving("", "ticks = 1000000\npoints = 1000", "");
+    let launch = Launch::misbehaving("", "ticks = 1000000\npoints = 1000", "");
     let running = launch.start();
     launch.wait_for_barrier(1);
     let relay = running.stage("relay");
@@ -113,7 +113,7 @@ fn stages_killed_mid_drive_do_not_change_the_result() {
     let source = "ticks = 400\npoints = 20000";
     let expected = undisturbed(source, "");
     for (stage, barriers) in [("source", [2, 31]), ("relay", [11, 47]), ("sink", [23, 60])] {
-        let launch = Launch::of_misbehaving("restarts = 9", source, &gate(399));
+        let launch = Launch::misbehaving("restarts = 9", source, &gate(399));
         let running = launch.start();
         for barrier in barriers {
             launch.wait_for_barrier(barrier);
@@ -129,7 +129,7 @@ fn stages_killed_mid_drive_do_not_change_the_result() {
 #[test]
 fn run_of_a_killed_supervisor_is_resumed() {
     let source = "ticks = 400\npoints = 20000";
-    let launch = Launch::of_misbehaving("", source, &gate(399));
+    let launch = Launch::misbehaving("", source, &gate(399));
     for barrier in [9, 40] {
         let running = if barrier == 9 { launch.start() } else { launch.start_again(&["--resume"]) };
         launch.wait_for_barrier(barrier);
@@ -149,7 +149,7 @@ fn run_of_a_killed_supervisor_is_resumed() {
 fn stall_limit_of_the_stage_replaces_that_of_the_run() {
     // The relay stalls forever, but its table allows more time; the source and the sink only wait for it.
     let relay = "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"\nstall_s = 12.0";
-    let launch = Launch::of_misbehaving("stall_s = 10.0", SOURCE, relay);
+    let launch = Launch::misbehaving("stall_s = 10.0", SOURCE, relay);
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     let output_text = output_text(&output);
@@ -162,7 +162,7 @@ fn stall_limit_of_the_stage_replaces_that_of_the_run() {
 fn stages_killed_at_their_start_do_not_change_the_result() {
     let expected = undisturbed(SOURCE, "");
     for stage in ["source", "relay", "sink"] {
-        let launch = Launch::of_misbehaving("", SOURCE, "fault = \"waits_at_start\"\nonce = \"../gate\"");
+        let launch = Launch::misbehaving("", SOURCE, "fault = \"waits_at_start\"\nonce = \"../gate\"");
         let running = launch.start();
         running.kill_stage(stage);
         launch.open_gate();
@@ -175,7 +175,7 @@ fn stages_killed_at_their_start_do_not_change_the_result() {
 #[test]
 fn stage_stopped_for_a_while_continues() {
     // Regression: SIGCONT once interrupted the sleep of a stage with an error, which caused a restart.
-    let launch = Launch::of_misbehaving("restarts = 0", "ticks = 1000000\npoints = 1000", "");
+    let launch = Launch::misbehaving("restarts = 0", "ticks = 1000000\npoints = 1000", "");
     let running = launch.start();
     launch.wait_for_barrier(1);
     let [relay, sink] = ["relay", "sink"].map(|stage| running.stage(stage));

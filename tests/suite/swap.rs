@@ -40,7 +40,7 @@ fn ticks_and_changes(swap: &Value) -> (u64, String) {
 
 #[test]
 fn swap_to_the_same_program_does_not_change_the_result() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let before = running.stage("relay");
     let text = swapped(&launch, &["relay"]);
@@ -61,7 +61,7 @@ fn swap_to_the_same_program_does_not_change_the_result() {
 
 #[test]
 fn swapped_setting_applies_from_its_barrier_without_loss() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "salt = 1");
+    let launch = Launch::misbehaving("", ENDLESS, "salt = 1");
     let running = started(&launch);
     swapped(&launch, &["relay", "--set", "salt=2"]);
     wait_for_two_barriers(&launch);
@@ -83,7 +83,7 @@ fn swapped_setting_applies_from_its_barrier_without_loss() {
 
 #[test]
 fn source_and_sink_can_be_swapped() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     for stage in ["source", "sink"] {
         swapped(&launch, &[stage]);
@@ -96,7 +96,7 @@ fn source_and_sink_can_be_swapped() {
 
 #[test]
 fn unsuitable_swap_is_refused_and_the_run_continues() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let before = ["source", "relay", "sink"].map(|stage| running.stage(stage));
     let sink = binary("misbehaving-sink").display().to_string();
@@ -122,7 +122,7 @@ fn unsuitable_swap_is_refused_and_the_run_continues() {
 
 #[test]
 fn failing_program_is_swapped_back() {
-    let launch = Launch::of_misbehaving("restarts = 0", ENDLESS, "");
+    let launch = Launch::misbehaving("restarts = 0", ENDLESS, "");
     let running = started(&launch);
     for (fault, words) in [
         ("fault=fails_at_start", "configured to fail at the start"),
@@ -150,7 +150,7 @@ fn begin_stuck_swap(launch: &Launch, running: &Running) -> Child {
 
 #[test]
 fn stage_killed_before_the_barrier_delays_the_swap() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let mut child = begin_stuck_swap(&launch, &running);
     kill_process(running.stage("sink"), Signal::KILL).expect("the sink lives");
@@ -166,7 +166,7 @@ fn stage_killed_before_the_barrier_delays_the_swap() {
 #[test]
 fn stages_killed_during_a_swap_lose_nothing() {
     for stage in ["source", "relay", "sink"] {
-        let launch = Launch::of_misbehaving("", ENDLESS, "");
+        let launch = Launch::misbehaving("", ENDLESS, "");
         let running = started(&launch);
         let old = running.stage(stage);
         let swapping = replica(&launch, &["swap", "relay"]).stderr(Stdio::null()).stdout(Stdio::null()).spawn();
@@ -184,7 +184,7 @@ fn stages_killed_during_a_swap_lose_nothing() {
 
 #[test]
 fn run_killed_after_a_swap_resumes_with_it() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     swapped(&launch, &["relay", "--set", "salt=4"]);
     running.signal(Signal::KILL);
@@ -202,7 +202,7 @@ fn run_killed_after_a_swap_resumes_with_it() {
 
 #[test]
 fn run_killed_during_a_swap_resumes_without_it() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let record = launch.output().join("run/swaps.json");
     let swapping = replica(&launch, &["swap", "relay", "--set", "salt=4"]).stderr(Stdio::null()).spawn();
@@ -235,7 +235,7 @@ fn stop_when_listening(launch: &Launch) {
 
 #[test]
 fn swap_is_refused_while_draining_or_during_another_swap() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let mut child = begin_stuck_swap(&launch, &running);
     refused(&launch, &["relay"], &["a swap of [relay] is in progress"]);
@@ -251,7 +251,7 @@ fn swap_is_refused_while_draining_or_during_another_swap() {
 
 #[test]
 fn stop_now_does_not_wait_for_in_flight_data() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     let running = started(&launch);
     // A stopped stage cannot be drained.
     kill_process(running.stage("relay"), Signal::STOP).expect("the stage lives");
@@ -271,7 +271,7 @@ fn refused_without_run(launch: &Launch, words: &str) {
 
 #[test]
 fn hung_supervisor_is_distinguished_from_an_absent_one() {
-    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let launch = Launch::misbehaving("", ENDLESS, "");
     refused_without_run(&launch, "no run in ");
     let running = started(&launch);
     running.signal(Signal::STOP);

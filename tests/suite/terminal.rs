@@ -23,7 +23,7 @@ fn screen_of_run(launch: &Launch, size: [usize; 2], environment: &[(&str, &str)]
 
 #[test]
 fn table_is_redrawn_in_place_and_stays_at_the_end() {
-    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let launch = Launch::misbehaving("", SOURCE, "");
     let screen = screen_of_run(&launch, [80, 24], &[]);
     let all = screen.lines.join("\n");
     assert!(screen.written.matches("STAGE").count() > 2, "drawn several times: {all}");
@@ -41,7 +41,7 @@ fn table_is_redrawn_in_place_and_stays_at_the_end() {
 #[test]
 fn narrow_and_low_terminals_are_redrawn_in_place() {
     for size in [[50, 24], [80, 5]] {
-        let launch = Launch::of_misbehaving("", SOURCE, "");
+        let launch = Launch::misbehaving("", SOURCE, "");
         let screen = screen_of_run(&launch, size, &[]);
         let n_progress = screen.find("[##").len();
         assert_eq!(n_progress, 1, "{size:?}: {}", screen.lines.join("\n"));
@@ -52,20 +52,20 @@ fn narrow_and_low_terminals_are_redrawn_in_place() {
 fn colors_are_for_terminals_that_want_them() {
     let source = "ticks = 100\npoints = 50\npace_ms = 10";
     let is_colored = |environment| {
-        let launch = Launch::of_misbehaving("", source, "");
+        let launch = Launch::misbehaving("", source, "");
         screen_of_run(&launch, [80, 24], environment).written.contains("\x1b[1mSTAGE")
     };
     assert!(is_colored(&[]));
     assert!(!is_colored(&[("NO_COLOR", "1")]));
     assert!(!is_colored(&[("TERM", "dumb")]));
-    let launch = Launch::of_misbehaving("", source, "");
+    let launch = Launch::misbehaving("", source, "");
     let stderr = launch.run().stderr;
     assert!(!stderr.contains(&0x1b), "a pipe gets no control sequences");
 }
 
 #[test]
 fn stage_that_holds_the_others_up_is_named_slowest() {
-    let launch = Launch::of_misbehaving("", "ticks = 200\npoints = 5000", &gate(103)).with("--log").with("json");
+    let launch = Launch::misbehaving("", "ticks = 200\npoints = 5000", &gate(103)).with("--log").with("json");
     let running = launch.start();
     let slowest = || {
         let text = launch.stderr();
@@ -83,7 +83,7 @@ fn stage_that_holds_the_others_up_is_named_slowest() {
 
 #[test]
 fn live_run_shows_rates_instead_of_a_share() {
-    let launch = Launch::of_misbehaving("mode = \"live\"", "ticks = 600\npoints = 500\npace_ms = 5", "");
+    let launch = Launch::misbehaving("mode = \"live\"", "ticks = 600\npoints = 500\npace_ms = 5", "");
     let screen = screen_of_run(&launch, [80, 24], &[]);
     let all = screen.lines.join("\n");
     assert!(!screen.written.contains("0 %"), "{all}");
@@ -104,7 +104,7 @@ fn live_run_shows_rates_instead_of_a_share() {
 /// The rates of a live run match the ticks in its events, whatever the speed of the machine.
 #[test]
 fn live_rates_are_ticks_and_points_by_time() {
-    let launch = Launch::of_misbehaving("mode = \"live\"", "ticks = 600\npoints = 5000\npace_ms = 5", "");
+    let launch = Launch::misbehaving("mode = \"live\"", "ticks = 600\npoints = 5000\npace_ms = 5", "");
     let launch = launch.with("--log").with("json");
     let code = launch.start().wait();
     assert!([Some(0), Some(3)].contains(&code), "{code:?}: {}", launch.stderr());
@@ -144,7 +144,7 @@ fn second_of_day(event: &Value) -> f64 {
 
 #[test]
 fn status_is_redrawn_in_place_on_80_by_24() {
-    let launch = Launch::of_misbehaving("", "ticks = 200\npoints = 5000", &gate(103));
+    let launch = Launch::misbehaving("", "ticks = 200\npoints = 5000", &gate(103));
     let running = launch.start();
     launch.wait_for_barrier(10);
     let mut terminal = Terminal::new(80, 24);

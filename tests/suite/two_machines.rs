@@ -23,9 +23,9 @@ fn stage_on_another_host_gives_the_same_bytes_and_the_same_summary() {
         (counters, summary["doubts"].take(), summary["ticks"].take())
     };
     let doubted = "doubt_at_tick = 5";
-    let here = Launch::of_misbehaving("", SOURCE, doubted);
+    let here = Launch::misbehaving("", SOURCE, doubted);
     assert_eq!(here.run().status.code(), Some(3), "the doubt");
-    let there = host.runs(Launch::of_misbehaving("", SOURCE, doubted), "relay", RELAY, host.address());
+    let there = host.runs(Launch::misbehaving("", SOURCE, doubted), "relay", RELAY, host.address());
     let output = there.run();
     assert_eq!(output.status.code(), Some(3), "{}\n{}", output_text(&output), host.messages());
     assert!(there.read("sink.txt") == here.read("sink.txt"), "the host changed the result");
@@ -48,7 +48,7 @@ fn cut_connections_and_killed_processes_do_not_change_the_result() {
     let expected = undisturbed(SOURCE, "");
     let mut host = OtherHost::start();
     let proxy = Proxy::start(host.address());
-    let launch = Launch::of_misbehaving("restarts = 1000", SOURCE, "");
+    let launch = Launch::misbehaving("restarts = 1000", SOURCE, "");
     let launch = host.runs(launch, "relay", RELAY, proxy.address());
     let struck = run_under_cuts(&launch, "relay", (&mut host, &proxy), 45, &mut Random::new(7));
     println!("{struck:?}");
@@ -68,7 +68,7 @@ fn pulled_cable_between_two_hosts_does_not_change_the_result() {
     }
     let host = OtherHost::in_own_network();
     let cable = Cable::to(host.process());
-    let launch = Launch::of_misbehaving("restarts = 1000\nhang_s = 3.0", SOURCE, "");
+    let launch = Launch::misbehaving("restarts = 1000\nhang_s = 3.0", SOURCE, "");
     let launch = host.runs(launch, "relay", RELAY, &format!("{}:7878", Cable::FAR));
     let running = launch.start();
     for barrier in [2, 6] {
@@ -87,7 +87,7 @@ fn pulled_cable_between_two_hosts_does_not_change_the_result() {
 fn failed_stage_on_another_host_is_reported_and_restarts() {
     let host = OtherHost::start();
     let relay = "fault = \"error\"\nat_tick = 23\nonce = \"struck\"";
-    let launch = host.runs(Launch::of_misbehaving("", SOURCE, relay), "relay", RELAY, host.address());
+    let launch = host.runs(Launch::misbehaving("", SOURCE, relay), "relay", RELAY, host.address());
     let output = launch.run();
     let text = output_text(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
@@ -99,7 +99,7 @@ fn failed_stage_on_another_host_is_reported_and_restarts() {
 #[test]
 fn stage_moves_between_hosts_by_swaps() {
     let host = OtherHost::start();
-    let launch = Launch::of_misbehaving("", "ticks = 1000000\npoints = 1000", "");
+    let launch = Launch::misbehaving("", "ticks = 1000000\npoints = 1000", "");
     let running = started(&launch);
     let key = host.key().to_string_lossy().into_owned();
     let settings = [("host", host.address()), ("host_key", &key), ("program", RELAY)];
@@ -120,7 +120,7 @@ fn stage_moves_between_hosts_by_swaps() {
 #[test]
 fn stage_on_another_host_restarts_alone_in_a_live_run() {
     let host = OtherHost::start();
-    let live = Launch::of_misbehaving("mode = \"live\"", "ticks = 1000000\npoints = 500\npace_ms = 2", "");
+    let live = Launch::misbehaving("mode = \"live\"", "ticks = 1000000\npoints = 500\npace_ms = 2", "");
     let launch = host.runs(live, "relay", RELAY, host.address());
     let running = launch.start();
     launch.wait_for_barrier_of("sink", 2);
@@ -147,7 +147,7 @@ fn changed_file_on_the_other_host_ends_the_run() {
     let model = tempfile::Builder::new().prefix("two_machines").tempfile_in(&folder).expect("a file");
     let name = model.path().file_name().expect("a name").to_string_lossy().into_owned();
     let launch = || {
-        let launch = Launch::of_misbehaving("", "ticks = 3000\npoints = 500", &format!("once = \"{name}\""));
+        let launch = Launch::misbehaving("", "ticks = 3000\npoints = 500", &format!("once = \"{name}\""));
         host.runs(launch, "relay", RELAY, host.address())
     };
     let other = launch();
@@ -177,7 +177,7 @@ fn refusal(launch: Launch) -> String {
 #[test]
 fn check_reports_what_the_other_host_refuses() {
     let host = OtherHost::start();
-    let launch = || Launch::of_misbehaving("", SOURCE, "");
+    let launch = || Launch::misbehaving("", SOURCE, "");
     let check = |address: &str, program: &str| refusal(host.runs(launch(), "relay", program, address));
     let accepted = host.runs(launch(), "relay", RELAY, host.address()).with("--check").run();
     assert_eq!(accepted.status.code(), Some(0), "{}", output_text(&accepted));
@@ -196,7 +196,7 @@ fn check_reports_what_the_other_host_refuses() {
 fn agent_with_another_key_and_key_that_others_can_read_are_refused() {
     let host = OtherHost::start();
     let other = OtherHost::start();
-    let launch = || Launch::of_misbehaving("", SOURCE, "");
+    let launch = || Launch::misbehaving("", SOURCE, "");
     let text = refusal(host.runs(launch(), "relay", RELAY, other.address()));
     assert!(text.contains("has another key"), "{text}");
     assert!(other.messages().contains("has another key"), "{}", other.messages());

@@ -14,7 +14,7 @@ struct Viewer {
 
 impl Viewer {
     /// A viewer of a run or a file.
-    fn of(path: &Path, options: &[&str]) -> Self {
+    fn spawn(path: &Path, options: &[&str]) -> Self {
         let mut child = Command::new(binary("replica"))
             .arg("view")
             .arg(path)
@@ -70,7 +70,7 @@ fn wait_for_points(browser: &Browser) {
 fn browser_draws_hides_and_picks_points() {
     let launch = pipeline(&drive(), "report = false", "").with("--set").with("colorize.materials=true");
     assert_eq!(launch.run().status.code(), Some(0));
-    let viewer = Viewer::of(&launch.output(), &["--bands"]);
+    let viewer = Viewer::spawn(&launch.output(), &["--bands"]);
     let browser = Browser::open(&viewer.url, [900, 600]);
     wait_for_points(&browser);
     let n_points = launch.summary()["total"]["points"].as_f64().expect("a number");
@@ -128,7 +128,7 @@ fn browser_draws_hides_and_picks_points() {
 #[cfg_attr(not(chromium), ignore = "needs Chromium: apt-get install chromium")]
 fn live_page_shows_submaps_while_they_are_written_and_then_the_final_cloud() {
     let launch = lidar_pipeline(&long_drive(), "report = false");
-    let viewer = Viewer::of(&launch.output(), &["--live"]);
+    let viewer = Viewer::spawn(&launch.output(), &["--live"]);
     let browser = Browser::open(&viewer.url, [900, 600]);
     let phase = || browser.evaluate("document.getElementById('phase')?.textContent ?? ''").to_string();
     wait_for("a page without a run", || phase().contains("No run is active").then_some(()));
@@ -182,7 +182,7 @@ fn files_of_other_programs_are_drawn_in_all_point_formats() {
     let black = [0; 3];
     for (format, rgb, mode) in [(6, black, "height"), (7, red, "rgb"), (8, red, "rgb"), (8, black, "height")] {
         write_foreign_copc(&path, format, rgb);
-        let viewer = Viewer::of(&path, &[]);
+        let viewer = Viewer::spawn(&path, &[]);
         let browser = Browser::open(&viewer.url, [600, 400]);
         wait_for_points(&browser);
         let n_points = (SIDE * SIDE) as f64;

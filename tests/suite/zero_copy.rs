@@ -5,7 +5,7 @@ use replica_tests::{Launch, output_text};
 
 #[test]
 fn rows_are_read_in_shared_memory() {
-    let launch = Launch::of_misbehaving("", "ticks = 20\npoints = 50000", "");
+    let launch = Launch::misbehaving("", "ticks = 20\npoints = 50000", "");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     let relay = launch.stage_summary("relay");

@@ -22,7 +22,7 @@ impl Launch {
         Self { folder, arguments: Vec::new() }
     }
     /// The small pipeline of tests/misbehaving, with the table `relay` of the relay.
-    pub fn of_misbehaving(run: &str, source: &str, relay: &str) -> Self {
+    pub fn misbehaving(run: &str, source: &str, relay: &str) -> Self {
         let mut text = format!(
             "[run]\ndrive = \".\"\noutput = \"out\"\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{}\n",
             patient(run)

@@ -65,7 +65,7 @@ impl Terminal {
         while let Ok(n @ 1..) = screen.read(&mut buffer) {
             bytes.extend_from_slice(&buffer[..n]);
         }
-        Screen::of(String::from_utf8_lossy(&bytes).into_owned(), columns, rows)
+        Screen::render(String::from_utf8_lossy(&bytes).into_owned(), columns, rows)
     }
 }
 
@@ -79,7 +79,7 @@ pub struct Screen {
 
 impl Screen {
     /// Draws the output of programs of the project: text, colors, `ESC [ n A` (up) and `ESC [ J` (clear below).
-    fn of(written: String, columns: usize, rows: usize) -> Self {
+    fn render(written: String, columns: usize, rows: usize) -> Self {
         let mut lines: Vec<Vec<char>> = vec![Vec::new()];
         let [mut row, mut column] = [0, 0];
         let mut characters = written.chars();
@@ -141,12 +141,12 @@ mod tests {
 
     #[test]
     fn redrawn_lines_replace_the_old_ones() {
-        let screen = Screen::of("a\r\nbb\r\n\x1b[1A\x1b[J\x1b[33mc\x1b[0m\r\n".to_owned(), 80, 24);
+        let screen = Screen::render("a\r\nbb\r\n\x1b[1A\x1b[J\x1b[33mc\x1b[0m\r\n".to_owned(), 80, 24);
         assert_eq!(screen.lines, ["a", "c", ""]);
     }
 
     #[test]
     fn wrapped_line_takes_two() {
-        assert_eq!(Screen::of("abc\r\n".to_owned(), 2, 24).lines, ["ab", "c", ""]);
+        assert_eq!(Screen::render("abc\r\n".to_owned(), 2, 24).lines, ["ab", "c", ""]);
     }
 }

@@ -101,7 +101,7 @@ pub fn reference(name: &str, launch: impl FnOnce() -> Launch) -> BTreeMap<String
 /// The output of the sink of the small pipeline in an undisturbed run, with the tables `source` and `relay`.
 pub fn undisturbed(source: &str, relay: &str) -> Vec<u8> {
     let name = format!("small_{:016x}", hash(&format!("{source}\n\n{relay}")));
-    reference(&name, || Launch::of_misbehaving("", source, relay)).remove("sink.txt").expect("the sink has written")
+    reference(&name, || Launch::misbehaving("", source, relay)).remove("sink.txt").expect("the sink has written")
 }
 
 /// The lines that the sink writes in an undisturbed run of `n_ticks` ticks of 1000 points: two for each tick.

@@ -38,7 +38,7 @@ impl Column {
 pub(crate) struct ColumnMap(BTreeMap<Key, Column>);
 
 impl ColumnMap {
-    pub(crate) fn of(points: &[SubmapPoint]) -> Self {
+    pub(crate) fn from_points(points: &[SubmapPoint]) -> Self {
         let mut columns: BTreeMap<Key, Column> = BTreeMap::new();
         for point in points {
             let Some(key) = key_of(point) else { continue };

@@ -73,7 +73,7 @@ impl HeightSegmenter {
     }
 
     fn label(&self, submap: &Received<SubmapTopic>, rows: &mut [ClassRow]) {
-        let map = ColumnMap::of(submap.rows());
+        let map = ColumnMap::from_points(submap.rows());
         let vehicles = self.vehicles(&map, submap.header());
         for (row, point) in rows.iter_mut().zip(submap.rows()) {
             let Some((key, column)) = map.column_of(point) else { continue };

@@ -81,11 +81,11 @@ impl<N: Network> Trainings<'_, N> {
             Some(source) => {
                 let source = self.trainer(source)?.best_trainer()?;
                 let (_, confusion) = source.evaluate(self.sets.validation.as_ref())?;
-                Hierarchy::of_confusions(&confusion, *n_classes, tree.n_used_nodes())
+                Hierarchy::from_confusions(&confusion, *n_classes, tree.n_used_nodes())
             }
             None => tree.clone(),
         };
-        let mut trainer = Trainer::of_network(recipe.settings.clone(), network, *n_classes, tree)?;
+        let mut trainer = Trainer::from_network(recipe.settings.clone(), network, *n_classes, tree)?;
         trainer.freeze(recipe.frozen.clone());
         if self.store.checkpoint(recipe).exists() {
             trainer.resume(&self.store.checkpoint(recipe))?;

@@ -23,7 +23,7 @@ impl Dataset for Rows {
         6
     }
     fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
-        let mut random = Random::of_stream(self.0, index as u64);
+        let mut random = Random::for_stream(self.0, index as u64);
         let mut input = Planes::zeros(1, SIDE, SIDE);
         let mut truth = vec![0; SIDE * SIDE];
         let bright = random.index(SIDE);
@@ -103,7 +103,7 @@ impl Dataset<PointExample> for Layers {
         4
     }
     fn example(&self, index: usize, _: Option<&mut Random>) -> PointExample {
-        let mut random = Random::of_stream(7, index as u64);
+        let mut random = Random::for_stream(7, index as u64);
         let truth: Vec<u8> = (0..40).map(|i| i % 2).collect();
         let position = |class: &u8| [random.range(-2.0, 2.0), random.range(-2.0, 2.0), f32::from(*class)];
         let positions: Vec<[f32; 3]> = truth.iter().map(position).collect();

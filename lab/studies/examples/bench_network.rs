@@ -96,7 +96,7 @@ fn main() -> Result<(), segmentation::SegmentationError> {
         (Some((RINGS - 1 - usize::from(point.ring), column)), (point.x.powi(2) + point.y.powi(2)).sqrt())
     });
     let image = RangeImage::new(RINGS, settings.columns, placed);
-    let polar = PolarImage::of(&image, true, |i| {
+    let polar = PolarImage::from_range_image(&image, true, |i| {
         let point = &points[i];
         PolarPixel { ray: [point.x, point.y, point.z], height_m: point.z + 1.8, intensity: point.intensity }
     });

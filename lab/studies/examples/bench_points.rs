@@ -49,9 +49,10 @@ fn kernel_points() {
     let sorted: Vec<[f32; 3]> = index.order().iter().map(|point| points[*point as usize]).collect();
     for (order, points) in [("Morton order", sorted), ("shuffled", points)] {
         let near = SpatialIndex::new(&points).nearest_of_own(32);
-        let lists = (0..POINTS).map(|point| near.of(point).iter().map(|neighbor| neighbor.index).collect::<Vec<_>>());
+        let lists = (0..POINTS).map(|point| near.get(point).iter().map(|neighbor| neighbor.index).collect::<Vec<_>>());
         let lists = Arc::new(Lists::new(lists, POINTS));
-        let farthest = (0..POINTS).filter_map(|point| near.of(point).last()).map(|neighbor| neighbor.squared_m2.sqrt());
+        let farthest =
+            (0..POINTS).filter_map(|point| near.get(point).last()).map(|neighbor| neighbor.squared_m2.sqrt());
         let radius = farthest.sum::<f32>() / POINTS as f32;
         let points = Arc::new(points);
         let at = Neighborhood { queries: points.clone(), support: points, lists };

@@ -25,7 +25,7 @@ impl Noise {
     fn new(n: usize) -> Self {
         let [height, width] = SIZE;
         let example = |index: usize| {
-            let mut random = Random::of_stream(1, index as u64);
+            let mut random = Random::for_stream(1, index as u64);
             let size = [FOLD * N_FEATURES, height, width];
             let input = Planes::from_fn(size, Border::Circular, |_, _, _| random.gauss());
             (input, (0..height * width * FOLD).map(|_| random.index(N_CLASSES) as u8).collect())
@@ -70,7 +70,7 @@ fn main() -> Result<(), TrainingError> {
         let outputs = FOLD * N_CLASSES;
         let spec = NetworkSpec::Unet { inputs, outputs, widths: vec![32, 48, 64, 96], head: Some(64) };
         let variables = Variables::random(&spec, 1)?;
-        let tree = Hierarchy::of_classes(&ClassId::ALL[1..=N_CLASSES]);
+        let tree = Hierarchy::from_classes(&ClassId::ALL[1..=N_CLASSES]);
         let mut trainer = Trainer::new(settings, variables, N_CLASSES, FOLD, Border::Circular, tree)?;
         let data = Noise::new(BATCH * STEPS);
         let validation = Noise::new(1);

@@ -40,10 +40,10 @@ impl Live {
         for (key, value) in [("start_s", settings.start_s), ("end_s", settings.end_s)] {
             if value != 0.0 {
                 let text = format!("value {value} is for recorded drives; must be 0 in live mode");
-                problems.push(Problem::of_key(key, text));
+                problems.push(Problem::for_key(key, text));
             }
         }
-        problems.extend(plan(settings, context).problems().into_iter().map(|(key, text)| Problem::of_key(key, text)));
+        problems.extend(plan(settings, context).problems().into_iter().map(|(key, text)| Problem::for_key(key, text)));
         problems
     }
 

@@ -27,9 +27,9 @@ impl Recorded {
         let mut problems = Vec::new();
         if settings.end_s > 0.0 && settings.end_s <= settings.start_s {
             let text = format!("value {} must be after start_s = {}, or 0", settings.end_s, settings.start_s);
-            problems.push(Problem::of_key("end_s", text));
+            problems.push(Problem::for_key("end_s", text));
         }
-        problems.extend(drive_problems(&context.drive).into_iter().map(|text| Problem::of_key("", text)));
+        problems.extend(drive_problems(&context.drive).into_iter().map(|text| Problem::for_key("", text)));
         problems
     }
 

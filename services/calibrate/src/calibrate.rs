@@ -104,8 +104,8 @@ fn cube_settings(settings: &Settings) -> Option<CubeSettings> {
 /// The cameras of the recorded drive or of the live vehicle.
 fn camera_rig(context: &Context) -> Result<CameraRig, FileError> {
     match context.mode {
-        Mode::Offline => CameraRig::of_drive(&context.drive),
-        Mode::Live => CameraRig::of_live(&context.drive),
+        Mode::Offline => CameraRig::from_drive(&context.drive),
+        Mode::Live => CameraRig::from_live(&context.drive),
     }
 }
 
@@ -178,7 +178,7 @@ impl Stage for Calibrate {
     }
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
-        let problem = |key: &str, text: String| vec![Problem::of_key(key, text)];
+        let problem = |key: &str, text: String| vec![Problem::for_key(key, text)];
         if let Ok(rig) = camera_rig(context) {
             if let Some(unknown) = unknown_camera(settings, &rig) {
                 return problem("cameras", unknown);

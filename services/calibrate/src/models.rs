@@ -54,5 +54,5 @@ pub fn read_models(
         if found == expected { Ok((camera, model)) } else { Err(ModelsError::Bands { path, camera, found, expected }) }
     };
     let models = names.iter().zip(own).map(read).collect::<Result<Vec<_>, _>>()?;
-    Ok(CubeRegions::of_models(models))
+    Ok(CubeRegions::from_models(models))
 }

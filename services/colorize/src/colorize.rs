@@ -113,7 +113,7 @@ impl Colorize {
 
     /// Reports the offset between points and images, and counts the cameras with a large one.
     fn report_offset(&self, outputs: &mut Outputs) {
-        let report = OffsetReport::of(&self.held.monitor, &self.names, &self.cameras, self.offset_limits);
+        let report = OffsetReport::from_monitor(&self.held.monitor, &self.names, &self.cameras, self.offset_limits);
         report.lines.into_iter().for_each(|line| outputs.note(line));
         for is_large in report.are_large {
             outputs.count("cameras_with_known_offset", 1);
@@ -145,7 +145,7 @@ impl Colorize {
 
 /// The cameras of the recorded drive or of the live vehicle.
 fn camera_rig(context: &Context) -> Result<CameraRig, FileError> {
-    let open = if context.mode == Mode::Live { CameraRig::of_live } else { CameraRig::of_drive };
+    let open = if context.mode == Mode::Live { CameraRig::from_live } else { CameraRig::from_drive };
     open(&context.drive)
 }
 
@@ -186,7 +186,7 @@ impl Stage for Colorize {
         // Other problems of a recorded drive are reported by its source, problems of a live rig by calibrate.
         let Ok(vehicle) = camera_rig(context) else { return Vec::new() };
         let problem = Bands::new(&vehicle.expected_bands()).err();
-        problem.map(|error| Problem::of_key("", error.to_string())).into_iter().collect()
+        problem.map(|error| Problem::for_key("", error.to_string())).into_iter().collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {

@@ -30,7 +30,7 @@ impl JoinedColumns {
             let topic = column.port.topic();
             JoinedColumn { column, is_expected: is_connected(topic) && is_wanted(topic) }
         };
-        let class = of_topic(&table, ClassTopic::TOPIC);
+        let class = by_topic(&table, ClassTopic::TOPIC);
         let further =
             class.iter().flat_map(|column| further_ports(settings).into_iter().map(|port| ColumnPort { column, port }));
         Self { further: further.collect(), columns: table.into_iter().map(joined).collect() }
@@ -73,7 +73,7 @@ impl JoinedColumns {
     fn in_clouds(&self) -> impl Iterator<Item = (Port, CloudColumn<'static>)> {
         let columns =
             self.columns.iter().filter(|joined| joined.is_expected && !joined.column.column.fields.is_empty());
-        let columns = columns.map(|joined| (joined.column.port, CloudColumn::of(joined.column.column)));
+        let columns = columns.map(|joined| (joined.column.port, CloudColumn::new(joined.column.column)));
         let renamed = |further: &ColumnPort| {
             let renamed = Some(further.port.topic());
             (further.port, CloudColumn { column: further.column, renamed })
@@ -83,7 +83,7 @@ impl JoinedColumns {
 }
 
 /// The column of the table on a topic.
-pub(crate) fn of_topic(table: &[ColumnPort], topic: &str) -> Option<&'static Column> {
+pub(crate) fn by_topic(table: &[ColumnPort], topic: &str) -> Option<&'static Column> {
     table.iter().find(|column| column.port.topic() == topic).map(|column| column.column)
 }
 

@@ -121,7 +121,7 @@ impl<C: ColumnTable> Stage for Export<C> {
         let is_unplaced = settings.frame == Frame::Utm && !context.is_connected::<PlacementTopic>();
         let no_placement = "must not be \"utm\": no stage publishes placement, which moves the clouds to the world";
         let problems = [is_coarse.then_some(text), is_unplaced.then_some(no_placement)];
-        let problems = problems.into_iter().flatten().map(|text| Problem::of_key("frame", text));
+        let problems = problems.into_iter().flatten().map(|text| Problem::for_key("frame", text));
         problems.chain(space::lacks(settings, context, &JoinedColumns::new(C::ports(), settings, context))).collect()
     }
 
@@ -131,7 +131,7 @@ impl<C: ColumnTable> Stage for Export<C> {
         let is_connected = |topic: &str| context.connected.iter().any(|connected| connected == topic);
         // Columns that a setting adds are off by default, so their absence is not reported.
         let is_reported =
-            |topic: &str| columns::of_topic(&table, topic).is_none_or(|c| c.presence == Presence::Default);
+            |topic: &str| columns::by_topic(&table, topic).is_none_or(|c| c.presence == Presence::Default);
         let is_absent = |topic: &&'static str| !is_connected(topic) && is_reported(topic);
         let absent = topics.iter().map(Port::topic).filter(is_absent).collect();
         let columns = JoinedColumns::new(table, settings, context);

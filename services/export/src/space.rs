@@ -29,5 +29,5 @@ pub(crate) fn lacks(settings: &Settings, context: &Context, columns: &JoinedColu
             size_text(need.bytes)
         )
     };
-    is_too_small.then(|| Problem::of_key("", text()))
+    is_too_small.then(|| Problem::for_key("", text()))
 }

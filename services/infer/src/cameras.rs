@@ -10,7 +10,7 @@ use std::path::Path;
 pub fn problem(file: &str, path: &Path, context: &Context) -> Option<Problem> {
     let AskedColumns { color, wavelengths_nm } = segmentation::asked_columns(path).ok()?;
     let reads = |what: &str| format!("{file} reads {what}");
-    let problem = |text: String| Some(Problem::of_key("model", text));
+    let problem = |text: String| Some(Problem::for_key("model", text));
     let add = "add [colorize] to the launch file, or name a model without cameras";
     if color && !context.is_connected::<ColorTopic>() {
         return problem(format!("{}, and no stage produces topic color; {add}", reads("colors")));
@@ -21,8 +21,8 @@ pub fn problem(file: &str, path: &Path, context: &Context) -> Option<Problem> {
     // Other problems of a drive are reported by its source; a replay needs no drive.
     let rig = match context.mode {
         _ if context.drive.as_os_str().is_empty() => return None,
-        Mode::Offline => CameraRig::of_drive(&context.drive),
-        Mode::Live => CameraRig::of_live(&context.drive),
+        Mode::Offline => CameraRig::from_drive(&context.drive),
+        Mode::Live => CameraRig::from_live(&context.drive),
     };
     let rig = rig.ok()?;
     let drive = context.drive.display();

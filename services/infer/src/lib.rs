@@ -194,12 +194,12 @@ impl Stage for Infer {
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let options = options(settings);
-        let of_device = options.device.open().err().map(|error| Problem::of_key("device", error.to_string()));
+        let of_device = options.device.open().err().map(|error| Problem::for_key("device", error.to_string()));
         let on_cpu = Options { device: ComputeDevice::Cpu, ..options };
         let mut problems: Vec<Problem> = of_device.into_iter().collect();
         let path = context.resolve(Path::new(&settings.model));
         let of_model = segmentation::load(&path, &on_cpu).err();
-        problems.extend(of_model.map(|error| Problem::of_key("model", error.to_string())));
+        problems.extend(of_model.map(|error| Problem::for_key("model", error.to_string())));
         problems.extend(cameras::problem(&settings.model, &path, context));
         problems
     }

@@ -82,13 +82,15 @@ impl InstanceStage {
         let view = self.view(submap.rows(), classes, outputs);
         let checked = submap.header().checked(submap.seq())?;
         let odom_from_submap = checked.odom_from_submap;
-        let density = Density::of(checked.sweeps, submap.rows());
+        let density = Density::from_sweeps(checked.sweeps, submap.rows());
         for kind in self.kinds.clone() {
             let Some(view) = &view else { break };
             let found = self.find(view, submap, classes, &kind);
             let class = kind.class as u8;
-            let mut tracked: Vec<TrackedObject> =
-                found.iter().map(|object| TrackedObject::of(object, class, &view.grid, &odom_from_submap)).collect();
+            let mut tracked: Vec<TrackedObject> = found
+                .iter()
+                .map(|object| TrackedObject::from_object(object, class, &view.grid, &odom_from_submap))
+                .collect();
             let known = self.tracker.associate(&tracked, self.settings.min_overlap);
             for ((object, track), known) in found.iter().zip(&mut tracked).zip(known) {
                 let required = kind.required_points(density.expected(submap.rows(), &object.points, &kind));

@@ -130,7 +130,7 @@ fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems:
         ),
         true => return (drive, false),
     };
-    problems.add("run", problems.of_value("run", "drive", text));
+    problems.add("run", problems.at_value("run", "drive", text));
     (drive, false)
 }
 
@@ -151,7 +151,7 @@ fn rig(run: &mut Run, mode: Mode, folder: &Path, problems: &mut Problems) -> Opt
         Mode::Live => (!path.is_file()).then(|| format!("{} is not a file", path.display())),
     };
     if let Some(text) = fault {
-        problems.add("run", problems.of_value("run", "rig", text));
+        problems.add("run", problems.at_value("run", "rig", text));
     }
     if mode == Mode::Live {
         run.drive.clear();

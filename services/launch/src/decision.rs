@@ -10,7 +10,7 @@
 //! | question | function | file |
 //! |---|---|---|
 //! | When did a stage exit too early, hang or stall? Which stage is to blame? | [`judge`] | [`fault`] |
-//! | Which exhausted resource caused the fault? | [`cause::Cause::of`] | [`cause`] |
+//! | Which exhausted resource caused the fault? | [`cause::Cause::from_evidence`] | [`cause`] |
 //! | Live: restart the faulty stage alone, or give up? | [`restart_stage`] | [`restart`] |
 //! | Offline: restart the run from the last barrier, or give up? | [`restart_run`] | [`restart`] |
 //! | The limits that a launch file sets | [`Policy`] | `policy` |

@@ -27,7 +27,7 @@ pub struct UnreadableFile {
 
 impl Files {
     /// The current files of the plan. Files unchanged since `known` are not read again.
-    pub fn of(plan: &Plan, known: &Self) -> Result<Self, UnreadableFile> {
+    pub fn read(plan: &Plan, known: &Self) -> Result<Self, UnreadableFile> {
         let mut files = Self::default();
         for stage in &plan.stages {
             let python = PathBuf::from(&stage.table.python);
@@ -52,7 +52,7 @@ impl Files {
         let files = self.0.entry(stage.to_owned()).or_default();
         for path in paths {
             let known = known.0.get(stage).and_then(|known| known.get(path));
-            let identity = FileIdentity::of(path, known);
+            let identity = FileIdentity::read(path, known);
             files.insert(path.clone(), identity.map_err(|source| UnreadableFile { file: path.clone(), source })?);
         }
         Ok(())
@@ -62,7 +62,7 @@ impl Files {
     fn add_remote(&mut self, stage: &str, remote: &Remote) {
         let files = self.0.entry(stage.to_owned()).or_default();
         for (file, digest) in &remote.files {
-            files.insert(format!("{}:{file}", remote.host).into(), FileIdentity::of_digest(digest));
+            files.insert(format!("{}:{file}", remote.host).into(), FileIdentity::from_digest(digest));
         }
     }
 

@@ -29,14 +29,14 @@ struct Demand {
 /// A problem for each limit that is too low for these stages.
 pub fn lacks(stages: &[PlannedStage]) -> Vec<String> {
     let mut problems = Vec::new();
-    let files = Demand::of(stages, Resource::Nofile, |index, stage| files(stages, index, stage));
+    let files = Demand::above_limit(stages, Resource::Nofile, |index, stage| files(stages, index, stage));
     if let Some(Demand { limit: Some(limit), need, stage }) = files {
         problems.push(format!(
             "limit of open files: {limit} (ulimit -n), stage {stage} needs {need}; raise it with `ulimit -n {need}`"
         ));
     }
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from) as u64;
-    let bytes = Demand::of(stages, Resource::As, |_, stage| {
+    let bytes = Demand::above_limit(stages, Resource::As, |_, stage| {
         mapped_bytes(stage) + PRIVATE_BYTES + n_cores * PRIVATE_BYTES_PER_CORE
     });
     if let Some(Demand { limit: Some(limit), need, stage }) = bytes {
@@ -52,7 +52,11 @@ pub fn lacks(stages: &[PlannedStage]) -> Vec<String> {
 
 impl Demand {
     /// The largest demand of a stage, if it is above the limit.
-    fn of(stages: &[PlannedStage], resource: Resource, need: impl Fn(usize, &PlannedStage) -> u64) -> Option<Self> {
+    fn above_limit(
+        stages: &[PlannedStage],
+        resource: Resource,
+        need: impl Fn(usize, &PlannedStage) -> u64,
+    ) -> Option<Self> {
         let limit = getrlimit(resource).current;
         let needs = stages.iter().enumerate().map(|(index, stage)| (need(index, stage), stage));
         let (need, stage) = needs.max_by_key(|(need, _)| *need)?;

@@ -106,11 +106,11 @@ impl Metrics {
         let newest = stages.iter().filter_map(|(_, health)| health.drive_time).max();
         let mut page = Page::default();
         page.family("replica_stage_ticks_total", "counter", "Ticks that the stage has finished.");
-        self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.ticks));
+        self.for_each_stage(|stage, totals| page.sample("", &[("stage", stage)], totals.ticks));
         page.family("replica_stage_points_total", "counter", "Points that the stage has processed.");
-        self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.points));
+        self.for_each_stage(|stage, totals| page.sample("", &[("stage", stage)], totals.points));
         page.family("replica_stage_cpu_seconds_total", "counter", "User and system time of the stage's processes.");
-        self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.cpu_before_s + totals.cpu_s));
+        self.for_each_stage(|stage, totals| page.sample("", &[("stage", stage)], totals.cpu_before_s + totals.cpu_s));
         page.family("replica_stage_resident_bytes", "gauge", "Resident memory, touched shared memory included.");
         for (stage, health) in stages {
             page.sample("", &[("stage", stage)], health.usage.rss_bytes);
@@ -138,9 +138,11 @@ impl Metrics {
             }
         }
         page.family("replica_topic_messages_total", "counter", "Messages published.");
-        self.of_topics(|topic, stage, (messages, _)| page.sample("", &[("topic", topic), ("stage", stage)], messages));
+        self.for_each_topic(|topic, stage, (messages, _)| {
+            page.sample("", &[("topic", topic), ("stage", stage)], messages);
+        });
         page.family("replica_topic_bytes_total", "counter", "Bytes of rows published; shared, not copied.");
-        self.of_topics(|topic, stage, (_, bytes)| page.sample("", &[("topic", topic), ("stage", stage)], bytes));
+        self.for_each_topic(|topic, stage, (_, bytes)| page.sample("", &[("topic", topic), ("stage", stage)], bytes));
         page.family("replica_topic_waiting", "gauge", "Messages that the topic's slowest consumer has not taken yet.");
         for (stage, health) in stages {
             for (topic, waiting) in &health.waiting {
@@ -172,14 +174,14 @@ impl Metrics {
         page.text
     }
 
-    fn of_stages(&self, mut each: impl FnMut(&str, &Totals)) {
+    fn for_each_stage(&self, mut each: impl FnMut(&str, &Totals)) {
         for (stage, totals) in &self.stages {
             each(stage, totals);
         }
     }
 
-    fn of_topics(&self, mut each: impl FnMut(&str, &str, (u64, u64))) {
-        self.of_stages(|stage, totals| {
+    fn for_each_topic(&self, mut each: impl FnMut(&str, &str, (u64, u64))) {
+        self.for_each_stage(|stage, totals| {
             for (topic, published) in &totals.published {
                 each(topic, stage, *published);
             }

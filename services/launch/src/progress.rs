@@ -42,7 +42,7 @@ impl Progress {
         Self {
             every,
             mode: plan.context.mode,
-            dataflow: Dataflow::of(&plan.stages),
+            dataflow: Dataflow::from_stages(&plan.stages),
             begun: Instant::now(),
             last: None,
             rates: Rates::default(),

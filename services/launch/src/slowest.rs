@@ -14,7 +14,7 @@ struct Topics {
 
 impl Dataflow {
     /// The dataflow of a plan.
-    pub fn of(stages: &[PlannedStage]) -> Self {
+    pub fn from_stages(stages: &[PlannedStage]) -> Self {
         let topics = |stage: &PlannedStage| Topics {
             inputs: stage.inputs.iter().map(|topic| topic.topic.clone()).collect(),
             outputs: stage.outputs.iter().map(|topic| topic.topic.clone()).collect(),

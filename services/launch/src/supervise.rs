@@ -203,7 +203,7 @@ impl Supervisor {
 
     /// The current files of the plan.
     fn files(&self) -> Result<Files, RunFolderError> {
-        Ok(Files::of(&self.run.plan, &self.run.files)?)
+        Ok(Files::read(&self.run.plan, &self.run.files)?)
     }
 
     /// All attempts use the same programs and models; only a swap replaces files of a stage.

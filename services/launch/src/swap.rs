@@ -216,7 +216,7 @@ impl Swaps {
             undone: None,
         };
         // Written before any process starts: a later supervisor must find that states after the barrier are on trial.
-        let files = Files::of(&plan, &run.files).map_err(RunFolderError::from)?;
+        let files = Files::read(&plan, &run.files).map_err(RunFolderError::from)?;
         self.record.trial = Some(Trial { barrier, changes: self.record.changes_with(&request), files });
         run.folder.write_swaps(&self.record)?;
         // States before the barrier belong to the old plan: the run must not fall back to them with the new one.
@@ -297,7 +297,7 @@ impl Swaps {
             .map_err(|problems| SwapError::NoLongerValid(problems.join("\n")))?;
         let context = std::mem::replace(&mut run.plan, plan).context;
         run.plan.context = context;
-        let files = Files::of(&run.plan, &run.files).map_err(RunFolderError::from)?;
+        let files = Files::read(&run.plan, &run.files).map_err(RunFolderError::from)?;
         let before = self.record.files.clone().unwrap_or_default();
         Ok(run.folder.refuse_changed_files(&files, &before, None)?)
     }

@@ -116,7 +116,7 @@ impl Stage for Replay {
     }
 
     fn check(settings: &Settings, _context: &Context) -> Vec<Problem> {
-        if settings.recording.is_empty() { vec![Problem::of_key("recording", "must be given")] } else { Vec::new() }
+        if settings.recording.is_empty() { vec![Problem::for_key("recording", "must be given")] } else { Vec::new() }
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {

@@ -44,7 +44,7 @@ pub(crate) struct SavedSubmap {
 }
 
 impl SubmapHead {
-    pub fn of(open: &LoanedSubmap) -> Self {
+    pub fn from_submap(open: &LoanedSubmap) -> Self {
         let OpenSubmap { frame, header } = &open.submap;
         let header = Bytes(pod::bytes_from_rows(std::slice::from_ref(&**header)).to_vec());
         Self { frame: *frame, header, n_rows: open.loan.rows().len() as u64 }

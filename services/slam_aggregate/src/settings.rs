@@ -110,7 +110,7 @@ impl Settings {
 
     /// The points of a sweep that go into the submap.
     pub(crate) fn kept_points(&self, sweep: &Sweep) -> KeptPoints {
-        KeptPoints::of(sweep, self.min_range_m, self.thin_m)
+        KeptPoints::select(sweep, self.min_range_m, self.thin_m)
     }
 
     /// Direction of rotation of a sensor without point times, and the time of its revolution, ns. `found`: by the

@@ -153,7 +153,7 @@ impl Stage for SlamAggregate {
     fn check(settings: &Settings, _context: &Context) -> Vec<Problem> {
         let is_cut = settings.imls_h_m > settings.imls_radius_m;
         let text = "must be at most imls_radius_m: the weights of the surface end at the radius";
-        is_cut.then(|| Problem::of_key("imls_h_m", text)).into_iter().collect()
+        is_cut.then(|| Problem::for_key("imls_h_m", text)).into_iter().collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
@@ -184,7 +184,7 @@ impl Stage for SlamAggregate {
             outputs.count("fixes", n_valid as u64);
             outputs.count("fixes_without_position", (message.rows().len() - n_valid) as u64);
             if self.settings.predicts_by(MotionSensor::Gnss) {
-                let velocities = message.rows().iter().filter_map(GroundVelocity::of_fix);
+                let velocities = message.rows().iter().filter_map(GroundVelocity::from_fix);
                 velocities.for_each(|velocity| self.odometry.add_gnss(velocity));
             }
         }
@@ -248,7 +248,7 @@ impl Stage for SlamAggregate {
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
         let (submap, rows) = match (&self.open, &self.saved_submap) {
-            (Some(open), _) => (Some(SubmapHead::of(open)), pod::bytes_from_rows(open.loan.rows())),
+            (Some(open), _) => (Some(SubmapHead::from_submap(open)), pod::bytes_from_rows(open.loan.rows())),
             (None, Some(saved)) => (Some(saved.head.clone()), &saved.rows[..]),
             (None, None) => (None, &[][..]),
         };

@@ -72,7 +72,7 @@ impl Doubts {
 
     /// An empty collection, about a secondary LiDAR.
     #[must_use]
-    pub fn of_lidar(&self, name: &str) -> Self {
+    pub fn for_lidar(&self, name: &str) -> Self {
         Self { limits: self.limits, lidar: Some(name.to_owned()), found: Vec::new() }
     }
 

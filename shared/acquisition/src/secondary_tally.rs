@@ -52,7 +52,7 @@ impl SecondaryTally {
 
     /// Collects the doubts about the LiDAR `name` and its packets.
     pub fn doubt(&self, name: &str, stats: &LidarStats, n_bytes: u64, doubts: &mut Doubts) {
-        let mut of_lidar = doubts.of_lidar(name);
+        let mut of_lidar = doubts.for_lidar(name);
         of_lidar.captures(stats, n_bytes);
         // Its stamps are matched to the stamps of the first LiDAR.
         of_lidar.clock(stats, true);

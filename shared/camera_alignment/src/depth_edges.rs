@@ -60,7 +60,7 @@ pub fn depth_edges(points: &SubmapPoints<'_>, spans: &[[f32; 2]]) -> Vec<DepthEd
         }
         let first = sweep.first_point as usize;
         let rows = points.rows.get(first..first + sweep.n_points as usize).unwrap_or_default();
-        Shots { points: rows, sweep, time: begin, n_rings: points.rings.of(sweep.lidar) as usize }.edges()
+        Shots { points: rows, sweep, time: begin, n_rings: points.rings.get(sweep.lidar) as usize }.edges()
     };
     points.sweeps.par_iter().flat_map_iter(of_sweep).collect()
 }

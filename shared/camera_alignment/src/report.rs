@@ -17,7 +17,12 @@ pub struct OffsetReport {
 
 impl OffsetReport {
     /// Creates the report; empty without profiles. `limits`: limit of the offset, rad, and of the delay, s.
-    pub fn of(monitor: &OffsetMonitor, names: &[String], cameras: &[ProjectionCamera], limits: [f32; 2]) -> Self {
+    pub fn from_monitor(
+        monitor: &OffsetMonitor,
+        names: &[String],
+        cameras: &[ProjectionCamera],
+        limits: [f32; 2],
+    ) -> Self {
         if monitor.is_empty() {
             return Self::default();
         }

@@ -40,7 +40,7 @@ pub struct CubeSettings {
 
 impl CubeRegions {
     /// Uses the given models of cameras. They serve all frames if `frames_per_model` is `u32::MAX`.
-    pub fn of_models(models: impl IntoIterator<Item = (u32, Model)>) -> Self {
+    pub fn from_models(models: impl IntoIterator<Item = (u32, Model)>) -> Self {
         let mut regions = Self::default();
         for (camera, model) in models {
             regions.insert(camera, model, 0);
@@ -59,7 +59,7 @@ impl CubeRegions {
         regions: &mut [u32],
     ) -> Result<(), ColorLinesError> {
         regions.fill(0);
-        let bands = UsableBands::of(cube);
+        let bands = UsableBands::from_header(cube);
         let values = bands.values(reflectances, masks);
         let image = Image::new([cube.width as usize, cube.height as usize], bands.numbers.len(), &values)?;
         let (shared, labels) = self.labels(cube.camera, &image, settings)?;
@@ -111,7 +111,7 @@ struct UsableBands {
 }
 
 impl UsableBands {
-    fn of(cube: &CubeHeader) -> Self {
+    fn from_header(cube: &CubeHeader) -> Self {
         let valid = cube.valid_bands;
         let numbers = (0..cube.n_bands as usize).filter(|band| valid >> band & 1 == 1).collect();
         Self { numbers, n_cells: cube.width as usize * cube.height as usize, valid }

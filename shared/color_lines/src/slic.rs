@@ -95,7 +95,7 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
         labels[start] = next;
         let mut part = vec![start];
         let mut visited = 0;
-        let mut beside = 0;
+        let mut adjacent = 0;
         while visited < part.len() && part.len() < max_size {
             let at = part[visited];
             let x = at % columns;
@@ -112,7 +112,7 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
                         break;
                     }
                 } else if labels[neighbor] > 0 && labels[neighbor] != next {
-                    beside = labels[neighbor];
+                    adjacent = labels[neighbor];
                 }
             }
             visited += 1;
@@ -120,7 +120,7 @@ fn connected([columns, rows]: [usize; 2], nearest: &[usize], n_centers: usize) -
         if part.len() < min_size {
             // Without an adjacent superpixel so far, the part is found again from its next pixel.
             for at in part {
-                labels[at] = beside;
+                labels[at] = adjacent;
             }
         } else {
             next += 1;

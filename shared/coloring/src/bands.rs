@@ -53,7 +53,10 @@ impl Bands {
     ///
     /// # Errors
     /// See [`Bands::new`].
-    pub fn of_first_cubes(expected_nm: &[Vec<f32>], first_nm: &BTreeMap<u32, Vec<f32>>) -> Result<Self, TooManyBands> {
+    pub fn from_first_cubes(
+        expected_nm: &[Vec<f32>],
+        first_nm: &BTreeMap<u32, Vec<f32>>,
+    ) -> Result<Self, TooManyBands> {
         let known = |(camera, expected): (u32, &Vec<f32>)| first_nm.get(&camera).unwrap_or(expected).clone();
         Self::new(&(0..).zip(expected_nm).map(known).collect::<Vec<_>>())
     }
@@ -87,7 +90,7 @@ impl KnownBands {
     /// # Errors
     /// See [`Bands::new`].
     pub fn resume(&mut self, first_nm: BTreeMap<u32, Vec<f32>>) -> Result<(), TooManyBands> {
-        self.bands = Bands::of_first_cubes(&self.expected_nm, &first_nm)?;
+        self.bands = Bands::from_first_cubes(&self.expected_nm, &first_nm)?;
         self.first_nm = first_nm;
         Ok(())
     }
@@ -109,7 +112,7 @@ impl KnownBands {
             return known == wavelengths_nm;
         }
         self.first_nm.insert(header.camera, wavelengths_nm.to_vec());
-        if let Ok(bands) = Bands::of_first_cubes(&self.expected_nm, &self.first_nm) {
+        if let Ok(bands) = Bands::from_first_cubes(&self.expected_nm, &self.first_nm) {
             self.bands = bands;
             return true;
         }

@@ -21,7 +21,7 @@ impl<'a> ColorImage<'a> {
     }
 
     /// `None` unless the header matches the camera and the bytes match the header.
-    pub fn of_camera(camera: &ProjectionCamera, header: &ImageHeader, bytes: &'a [u8]) -> Option<Self> {
+    pub fn for_camera(camera: &ProjectionCamera, header: &ImageHeader, bytes: &'a [u8]) -> Option<Self> {
         let fits = camera.size() == [header.width, header.height] && header.channels == 3;
         Self::new(header.camera as u8, header.width, header.height, bytes).filter(|_| fits)
     }

@@ -19,7 +19,12 @@ impl<'a> CubeImage<'a> {
 
     /// `None` unless the cells are inside the image of the camera and the rows fit the header. The filter pattern of the
     /// camera has sides of `pattern` px.
-    pub fn of_camera(camera: &ProjectionCamera, pattern: u32, header: &'a CubeHeader, rows: &'a [u32]) -> Option<Self> {
+    pub fn for_camera(
+        camera: &ProjectionCamera,
+        pattern: u32,
+        header: &'a CubeHeader,
+        rows: &'a [u32],
+    ) -> Option<Self> {
         let [width, height] = camera.size().map(u64::from);
         let end = |first: u32, n_cells: u32| u64::from(first) + u64::from(n_cells) * u64::from(header.pattern);
         let fits = end(header.x0, header.width) <= width

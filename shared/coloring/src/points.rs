@@ -49,8 +49,8 @@ impl<'a> SubmapPoints<'a> {
 
     /// Number of rings of the LiDAR with the fewest: its points have the largest spacing.
     pub fn fewest_rings(&self) -> u32 {
-        let of_sweeps = self.sweeps.iter().map(|sweep| self.rings.of(sweep.lidar)).min();
-        of_sweeps.unwrap_or_else(|| self.rings.of(0))
+        let of_sweeps = self.sweeps.iter().map(|sweep| self.rings.get(sweep.lidar)).min();
+        of_sweeps.unwrap_or_else(|| self.rings.get(0))
     }
 
     /// First and last shot, s after the submap's first. Infinite if there are no points.

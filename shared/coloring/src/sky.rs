@@ -94,7 +94,7 @@ impl Sky {
 
 /// Whether a color exceeds the reference in brightness and blueness by the least shares of the difference to the sky.
 fn shines_through(color: [u8; 3], reference: Tint, sky: Tint) -> bool {
-    let color = Tint::of(color);
+    let color = Tint::from_rgb(color);
     let rise = sky.level - reference.level;
     let blueing = sky.blue - reference.blue;
     blueing >= MIN_CONTRAST

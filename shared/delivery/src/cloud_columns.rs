@@ -24,15 +24,15 @@ pub struct CloudFields<'a> {
 
 impl CloudFields<'_> {
     /// Fields of a run with all stages and their default settings.
-    pub fn of_default_run() -> Self {
+    pub fn for_default_run() -> Self {
         let columns = COLUMNS.iter().filter(|column| column.has_own_topic() && column.presence == Presence::Default);
-        Self { coordinates: Kind::Float, columns: columns.map(CloudColumn::of).collect() }
+        Self { coordinates: Kind::Float, columns: columns.map(CloudColumn::new).collect() }
     }
 }
 
 impl<'a> CloudColumn<'a> {
     /// A column under its own name.
-    pub fn of(column: &'a Column) -> Self {
+    pub fn new(column: &'a Column) -> Self {
         Self { column, renamed: None }
     }
 
@@ -66,7 +66,7 @@ impl<'a> CloudColumn<'a> {
 pub(crate) fn point_columns<'a>(has_lidars: bool) -> impl Iterator<Item = CloudColumn<'a>> {
     let is_present =
         move |column: &&Column| !column.has_own_topic() && (has_lidars || column.presence != Presence::SeveralLidars);
-    COLUMNS.iter().filter(is_present).map(CloudColumn::of)
+    COLUMNS.iter().filter(is_present).map(CloudColumn::new)
 }
 
 /// Sorts columns by their positions in a row. Columns with equal positions keep their order.

@@ -21,7 +21,7 @@ pub(crate) struct Coordinates {
 
 impl Coordinates {
     /// The coordinates of a cloud. `None` if there are no coordinates, or they have different types.
-    pub(crate) fn of(cloud: &Header) -> Option<Self> {
+    pub(crate) fn from_header(cloud: &Header) -> Option<Self> {
         let mut triples = Vec::new();
         let mut offset = 0;
         let mut kind = None;
@@ -116,7 +116,7 @@ fn union(a: Bounds, b: Bounds) -> Bounds {
     Some([std::array::from_fn(|k| a_min[k].min(b_min[k])), std::array::from_fn(|k| a_max[k].max(b_max[k]))])
 }
 
-/// Three fields of `N` bytes. [`Coordinates::of`] guarantees that they are inside the row.
+/// Three fields of `N` bytes. [`Coordinates::from_header`] guarantees that they are inside the row.
 fn fields<const N: usize>(row: &[u8], at: usize) -> [[u8; N]; 3] {
     std::array::from_fn(|axis| {
         let from = at + axis * N;

@@ -25,7 +25,7 @@ pub struct MedianAndLargest {
 
 impl MedianAndLargest {
     /// Median and largest of values; `None` without values.
-    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+    fn from_values(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.collect();
         values.sort_by(f64::total_cmp);
         Some(Self { median: *values.get(values.len() / 2)?, largest: *values.last()? })
@@ -34,8 +34,10 @@ impl MedianAndLargest {
 
 impl Deviations {
     /// Standard deviations from the rows of the placement; `None` without submaps.
-    pub(crate) fn of(rows: &[PlacementRow]) -> Option<Self> {
-        let of = |value: fn(PoseDeviation) -> f64| MedianAndLargest::of(rows.iter().map(|row| value(row.deviation())));
+    pub(crate) fn from_rows(rows: &[PlacementRow]) -> Option<Self> {
+        let of = |value: fn(PoseDeviation) -> f64| {
+            MedianAndLargest::from_values(rows.iter().map(|row| value(row.deviation())))
+        };
         Some(Self {
             position_m: of(|deviation| deviation.position_m)?,
             height_m: of(|deviation| deviation.height_m)?,

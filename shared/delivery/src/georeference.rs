@@ -61,7 +61,7 @@ pub struct Uses {
 }
 
 impl UtmOrigin {
-    pub(crate) fn of(local: &LocalFrame, utm: &Utm) -> Result<Self, DeliveryError> {
+    pub(crate) fn new(local: &LocalFrame, utm: &Utm) -> Result<Self, DeliveryError> {
         let project = |p: Point3<f64>| utm.project(&local.geodetic_from_world(&p)).map_err(DeliveryError::from);
         let [easting_m, northing_m, _] = project(Point3::origin())?;
         let [east, north, _] = project(Point3::new(0.0, 100.0, 0.0))?;

@@ -22,7 +22,7 @@ pub(crate) struct Place<'a> {
 
 impl<'a> Place<'a> {
     /// Place of a submap; `None` if the placement does not contain the submap.
-    pub(crate) fn of(seq: u64, world: &'a World) -> Option<Self> {
+    pub(crate) fn find(seq: u64, world: &'a World) -> Option<Self> {
         let submap = world.submap(seq)?;
         Some(Self { world, submap, world_from_odom: submap.world_from_odom() })
     }
@@ -95,7 +95,7 @@ pub fn move_clouds(
     if entry.is_placed() {
         return Ok(());
     }
-    let Some(place) = Place::of(entry.seq, world) else { return Ok(()) };
+    let Some(place) = Place::find(entry.seq, world) else { return Ok(()) };
     (entry.bytes, entry.bounds) = move_file(&folder.path(&entry.file), &place, &finish)?;
     if let Some(spectra) = &mut entry.spectra {
         (spectra.bytes, _) = move_file(&folder.path(&spectra.file), &place, &finish)?;
@@ -134,5 +134,5 @@ fn move_file(
 }
 
 fn coordinates(header: &Header, path: &Path) -> Result<Coordinates, DeliveryError> {
-    Coordinates::of(header).ok_or_else(|| DeliveryError::Coordinates { path: path.to_owned() })
+    Coordinates::from_header(header).ok_or_else(|| DeliveryError::Coordinates { path: path.to_owned() })
 }

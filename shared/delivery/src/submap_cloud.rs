@@ -36,8 +36,8 @@ pub struct ReceivedColumn<'a> {
 
 impl<'a> ReceivedColumn<'a> {
     /// A column under its own name.
-    pub fn of<T: Message>(column: &'a Column, rows: &'a [T::Row]) -> Self {
-        Self { column: CloudColumn::of(column), rows: bytes_from_rows(rows) }
+    pub fn new<T: Message>(column: &'a Column, rows: &'a [T::Row]) -> Self {
+        Self { column: CloudColumn::new(column), rows: bytes_from_rows(rows) }
     }
 }
 

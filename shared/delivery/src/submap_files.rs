@@ -20,7 +20,7 @@ pub fn write_submap(
     folder: &Folder,
     world: Option<&World>,
 ) -> Result<CloudEntry, DeliveryError> {
-    let place = world.and_then(|world| Place::of(submap.seq, world));
+    let place = world.and_then(|world| Place::find(submap.seq, world));
     let place = place.as_ref();
     let columns = SubmapColumns::new(submap, coordinates)?;
     let file = format!("clouds/submap_{:04}.ply", columns.seq);

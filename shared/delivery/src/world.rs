@@ -54,9 +54,9 @@ impl World {
         });
         let origin = origin.transpose()?;
         let local = origin.map(LocalFrame::new);
-        let map = origin.as_ref().map(Utm::of).transpose()?;
-        let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::of(local, utm)).transpose()?;
-        let deviations = Deviations::of(rows);
+        let map = origin.as_ref().map(Utm::from_geodetic).transpose()?;
+        let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::new(local, utm)).transpose()?;
+        let deviations = Deviations::from_rows(rows);
         // With a wrong heading, UTM coordinates are wrong without any visible sign.
         let limit = choice.max_heading_deviation_deg;
         let is_turned = deviations.is_some_and(|deviations| deviations.undetermined_heading(limit).is_some());

@@ -19,20 +19,20 @@ pub struct CameraRig {
 
 impl CameraRig {
     /// The cameras of a recorded drive.
-    pub fn of_drive(folder: &Path) -> Result<Self, FileError> {
+    pub fn from_drive(folder: &Path) -> Result<Self, FileError> {
         Drive::open(folder).map(Self::from)
     }
 
     /// The cameras of a live vehicle. `path` is its manifest or the folder with it, as in [`LiveRig::find`]; without a manifest the vehicle
     /// has no cameras. Images and folders of images need not exist.
-    pub fn of_live(path: &Path) -> Result<Self, FileError> {
+    pub fn from_live(path: &Path) -> Result<Self, FileError> {
         let (file, manifest) = match LiveRig::find(path)? {
             LiveRig::File(file, manifest) => (file, *manifest),
             LiveRig::Simulated(_) | LiveRig::Default => return Ok(Self::none()),
         };
         let folder = file.parent().unwrap_or(Path::new("")).to_owned();
         let sensors = check::cameras(&folder, TomlFile::new(&file, "", &[]), &manifest)?;
-        let rig = manifest.rig().map_err(|error| FileProblem::of_file(&file, error.to_string()))?;
+        let rig = manifest.rig().map_err(|error| FileProblem::for_file(&file, error.to_string()))?;
         Ok(Self { folder, manifest: Some(manifest), rig, sensors })
     }
 

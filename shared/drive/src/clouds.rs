@@ -52,7 +52,7 @@ pub(super) fn load(path: &Path, format: &str, lidar: &Lidar) -> Result<CloudRetu
                 |(_, ring)| *ring,
             ))
         }
-        _ => of_pcd(&pcd::cloud_from_pcd(&bytes)?, lidar)?,
+        _ => returns_from_pcd(&pcd::cloud_from_pcd(&bytes)?, lidar)?,
     };
     let limit = SweepReader::MAX_RETURNS;
     if found.returns.len() > limit {
@@ -62,7 +62,7 @@ pub(super) fn load(path: &Path, format: &str, lidar: &Lidar) -> Result<CloudRetu
 }
 
 /// Returns as from [`returns_from_cloud`], with the rings and times of the file.
-fn of_pcd(cloud: &pcd::PcdCloud, lidar: &Lidar) -> Result<CloudReturns, CloudFault> {
+fn returns_from_pcd(cloud: &pcd::PcdCloud, lidar: &Lidar) -> Result<CloudReturns, CloudFault> {
     let n_rings = lidar.n_rings();
     let beyond = |p: &&FiredPoint| cloud.has_rings && n_rings > 0 && usize::from(p.ring) >= n_rings;
     if let Some(FiredPoint { ring, .. }) = cloud.points.iter().find(beyond) {
@@ -232,11 +232,11 @@ mod tests {
         let fired = |(ring, offset_nanos)| FiredPoint { point, ring, offset_nanos };
         let points = [(0, 50_000), (15, 0), (1, 50_000), (0, 99_000_000)].map(fired).to_vec();
         let mut cloud = pcd::PcdCloud { points, has_rings: true, has_times: true };
-        let found = of_pcd(&cloud, &Model::Vlp16.into()).expect("valid");
+        let found = returns_from_pcd(&cloud, &Model::Vlp16.into()).expect("valid");
         let order: Vec<(u8, u32)> = found.returns.iter().map(|found| (found.ring, found.offset_nanos)).collect();
         assert!(found.has_times && order == [(15, 0), (0, 50_000), (1, 50_000), (0, 99_000_000)], "{order:?}");
         cloud.points[2].ring = 16;
-        let error = of_pcd(&cloud, &Model::Vlp16.into()).expect_err("is beyond").to_string();
+        let error = returns_from_pcd(&cloud, &Model::Vlp16.into()).expect_err("is beyond").to_string();
         assert!(error.starts_with("ring 16: a vlp16 has 16 rings"), "{error}");
     }
 

@@ -15,7 +15,7 @@ const FORMATS: [&str; 4] = ["pcd", "bin", "pcap", "pcapng"];
 
 /// Fails if the first sweep of `*.bin` files is not in the layout of KITTI: rows of x y z intensity.
 fn check_rows(path: &Path) -> Result<(), FileError> {
-    let problem = |rule: String| FileError::from(FileProblem::of_file(path, rule));
+    let problem = |rule: String| FileError::from(FileProblem::for_file(path, rule));
     let hint = "without drive.toml, *.bin must be sweeps of KITTI; use `replica import` or write a drive.toml";
     if path.to_string_lossy().ends_with(".pcd.bin") {
         return Err(problem(format!("is a sweep of nuScenes; {hint}")));
@@ -27,7 +27,7 @@ fn check_rows(path: &Path) -> Result<(), FileError> {
 
 /// Infers a manifest from the files in a folder.
 pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
-    let problem = |rule: String| FileError::from(FileProblem::of_file(folder, rule));
+    let problem = |rule: String| FileError::from(FileProblem::for_file(folder, rule));
     for extension in FORMATS {
         let files = files_with_extension(folder, &[extension]).map_err(|error| problem(error.to_string()))?;
         if files.is_empty() {
@@ -45,8 +45,8 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
 }
 
 /// The drive that consists of one capture.
-pub(super) fn of_capture(file: &Path) -> Result<Drive, FileError> {
-    let problem = |rule: String| FileError::from(FileProblem::of_file(file, rule));
+pub(super) fn drive_from_capture(file: &Path) -> Result<Drive, FileError> {
+    let problem = |rule: String| FileError::from(FileProblem::for_file(file, rule));
     let extension = file.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     if !extension.is_some_and(|extension| extension.starts_with("pcap")) {
         return Err(problem(format!(
@@ -84,5 +84,5 @@ fn model_of(captures: Vec<PathBuf>) -> Result<Model, String> {
 /// The manifest of a drive with only a LiDAR. The body frame is the lidar frame.
 fn manifest(path: &Path, model: Model, format: &str) -> Manifest {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    Manifest::of_lidar(&name, LidarEntry::new(model.name(), format, ".", PoseEntry::IDENTITY))
+    Manifest::with_lidar(&name, LidarEntry::new(model.name(), format, ".", PoseEntry::IDENTITY))
 }

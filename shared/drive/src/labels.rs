@@ -30,9 +30,9 @@ impl Drive {
         let labels = self.manifest.truth.as_ref().and_then(|truth| truth.labels.as_ref());
         let Some(labels) = labels else {
             let rule = "the manifest has no [truth] labels, the folder of the labels";
-            return Err(FileProblem::of_file(&self.folder, rule));
+            return Err(FileProblem::for_file(&self.folder, rule));
         };
-        let source = self.sweeps().map_err(|error| FileProblem::of_file(&self.folder, error.to_string()))?;
+        let source = self.sweeps().map_err(|error| FileProblem::for_file(&self.folder, error.to_string()))?;
         let folder = self.folder.join(labels);
         Ok(LabelReader { drive: self.folder.clone(), folder, source, points: Vec::new(), n_files: 0 })
     }
@@ -56,7 +56,7 @@ impl LabelReader {
     /// The next sweep, with its labels if it has a label file; `None` at the end of the drive. Fails if the number of
     /// labels differs from the number of returns, or if no sweep has a file.
     pub fn next_sweep(&mut self) -> Result<Option<LabelledSweep>, FileProblem> {
-        let fault = |file: &Path, rule: String| FileProblem::of_file(file, rule);
+        let fault = |file: &Path, rule: String| FileProblem::for_file(file, rule);
         self.points.clear();
         let next = self.source.next_sweep(|found| self.points.extend_from_slice(found));
         if let Some(sweep) = next.map_err(|error| fault(&self.drive, error.to_string()))? {

@@ -84,16 +84,16 @@ impl Drive {
     /// A path to a capture instead of a folder opens a drive of this capture alone, as in a folder without `drive.toml`.
     pub fn open(folder: &Path) -> Result<Self, FileError> {
         if folder.is_file() {
-            return infer::of_capture(folder);
+            return infer::drive_from_capture(folder);
         }
         if !folder.is_dir() {
-            return Err(FileProblem::of_file(folder, "not a folder").into());
+            return Err(FileProblem::for_file(folder, "not a folder").into());
         }
         let path = folder.join(MANIFEST_FILE);
         let (read, is_inferred) = match read_text(&path, MAX_SETTINGS_BYTES) {
-            Ok(text) => (read::Read::of_text(&path, text), false),
+            Ok(text) => (read::Read::from_text(&path, text), false),
             Err(error) if error.is_absent() => (infer::read(folder)?, true),
-            Err(error) => return Err(FileProblem::of_file(&path, format!("cannot read the file: {error}")).into()),
+            Err(error) => return Err(FileProblem::for_file(&path, format!("cannot read the file: {error}")).into()),
         };
         check::drive(folder, read, is_inferred)
     }
@@ -188,9 +188,9 @@ impl Drive {
     /// Ground-truth trajectory, if the drive has one.
     pub fn true_trajectory(&self) -> Option<Result<Trajectory, FileProblem>> {
         let path = self.folder.join(&self.manifest.truth.as_ref()?.trajectory);
-        let text = fs::read_to_string(&path).map_err(|error| FileProblem::of_file(&path, error.to_string()));
+        let text = fs::read_to_string(&path).map_err(|error| FileProblem::for_file(&path, error.to_string()));
         Some(text.and_then(|text| {
-            trajectory_from_tum(&text).map_err(|error| FileProblem::of_file(&path, error.to_string()))
+            trajectory_from_tum(&text).map_err(|error| FileProblem::for_file(&path, error.to_string()))
         }))
     }
 }
@@ -199,6 +199,6 @@ impl Drive {
 /// The error contains all problems.
 pub fn read_manifest(path: &Path) -> Result<Manifest, FileError> {
     let text = read_text(path, MAX_SETTINGS_BYTES);
-    let text = text.map_err(|error| FileProblem::of_file(path, format!("cannot read the file: {error}")))?;
-    check::manifest(path.parent().unwrap_or(Path::new("")), read::Read::of_text(path, text))
+    let text = text.map_err(|error| FileProblem::for_file(path, format!("cannot read the file: {error}")))?;
+    check::manifest(path.parent().unwrap_or(Path::new("")), read::Read::from_text(path, text))
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 /// the key of the entry in the manifest, such as `lidar` or `lidar[1]`.
 pub fn lidar_of(folder: &Path, key: &str, entry: &LidarEntry) -> Result<Lidar, FileProblem> {
     let problem =
-        |name: &str, rule: String| FileProblem { key: format!("{key}.{name}"), ..FileProblem::of_file(folder, rule) };
+        |name: &str, rule: String| FileProblem { key: format!("{key}.{name}"), ..FileProblem::for_file(folder, rule) };
     let model = Model::from_name(&entry.model);
     let model =
         model.ok_or_else(|| problem("model", format!("value {:?} must be one of {}", entry.model, Model::names())))?;

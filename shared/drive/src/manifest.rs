@@ -219,7 +219,7 @@ pub struct RigError {
 
 impl Manifest {
     /// The manifest of a drive with only a LiDAR.
-    pub fn of_lidar(name: &str, lidar: LidarEntry) -> Self {
+    pub fn with_lidar(name: &str, lidar: LidarEntry) -> Self {
         Self {
             version: MANIFEST_VERSION,
             name: name.to_owned(),

@@ -59,7 +59,7 @@ impl Read {
         }
     }
 
-    pub(super) fn of_text(path: &Path, text: String) -> Self {
+    pub(super) fn from_text(path: &Path, text: String) -> Self {
         let mut file = TomlFile::new(path, text, &KEYS);
         Self {
             version: file.required("version", &[]),

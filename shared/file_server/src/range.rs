@@ -13,7 +13,7 @@ pub(crate) enum Range {
 
 impl Range {
     /// The range that the value of the header selects in a content of `n_bytes`.
-    pub(crate) fn of(value: Option<&str>, n_bytes: u64) -> Self {
+    pub(crate) fn parse(value: Option<&str>, n_bytes: u64) -> Self {
         let Some((first, last)) = value.and_then(single) else { return Self::Whole };
         let (begin, end) = match (first, last) {
             (Some(first), Some(last)) if last < first => return Self::Whole,
@@ -55,9 +55,9 @@ mod tests {
             ("bytes=10-", Range::Unsatisfiable),
             ("bytes=-0", Range::Unsatisfiable),
         ] {
-            assert_eq!(Range::of(Some(value), 10), expected, "{value}");
+            assert_eq!(Range::parse(Some(value), 10), expected, "{value}");
         }
-        assert_eq!(Range::of(Some("bytes=0-"), 0), Range::Unsatisfiable);
+        assert_eq!(Range::parse(Some("bytes=0-"), 0), Range::Unsatisfiable);
     }
 
     #[test]
@@ -65,7 +65,7 @@ mod tests {
         let others =
             ["", "bytes", "bytes=", "bytes=-", "bytes=3-2", "bytes=0-1,4-5", "lines=1-2", "bytes=+1-2", "bytes=a-"];
         for value in others.into_iter().map(Some).chain([None, Some("bytes=99999999999999999999-")]) {
-            assert_eq!(Range::of(value, 10), Range::Whole, "{value:?}");
+            assert_eq!(Range::parse(value, 10), Range::Whole, "{value:?}");
         }
     }
 }

@@ -53,7 +53,7 @@ pub(crate) fn respond(output: &mut impl Write, site: &Site, request: &Request) -
     let found = site.find(&request.name).and_then(|(name, content)| Some((name, content.open()?)));
     let Some((name, mut content)) = found else { return refuse(output, Refusal::NotFound, request.is_last) };
     let n_bytes = content.n_bytes();
-    let range = Range::of(request.range.as_deref(), n_bytes);
+    let range = Range::parse(request.range.as_deref(), n_bytes);
     let (status, (begin, end)) = match range {
         Range::Whole => ("200 OK", (0, n_bytes)),
         Range::Part(begin, end) => ("206 Partial Content", (begin, end)),

@@ -25,7 +25,7 @@ pub struct FileError {
 
 impl FileProblem {
     /// A problem of a whole file.
-    pub fn of_file(file: &Path, rule: impl Into<String>) -> Self {
+    pub fn for_file(file: &Path, rule: impl Into<String>) -> Self {
         Self { file: file.to_owned(), line: None, key: String::new(), rule: rule.into() }
     }
 }

@@ -144,7 +144,7 @@ impl TomlFile {
     pub fn into_error(mut self) -> FileError {
         if self.n_left_out > 0 {
             let rule = format!("{} or more further problems", self.n_left_out);
-            self.problems.push(FileProblem::of_file(&self.path, rule));
+            self.problems.push(FileProblem::for_file(&self.path, rule));
         }
         FileError { problems: self.problems }
     }

@@ -115,7 +115,7 @@ impl FromStr for LadybugCalibration {
             let (key, rest) = words.split_once(char::is_whitespace).unwrap_or((words, ""));
             match key {
                 "SerialNumber" => rest.trim().clone_into(&mut serial),
-                "Resolution" => resolution = Some(of_length::<2>(line, key, &numbers(line, rest)?)?),
+                "Resolution" => resolution = Some(to_array::<2>(line, key, &numbers(line, rest)?)?),
                 "BeginCamera" => blocks.push(Block { line, entries: entries(line, &mut lines, "EndCamera")? }),
                 "BeginWarp" => {
                     let (id, surface) = warp(line, &entries(line, &mut lines, "EndWarp")?)?;
@@ -175,7 +175,7 @@ impl Block {
             .entries
             .get(key)
             .ok_or_else(|| error(self.line, LadybugFault::NoEntry { block: "camera", key: key.to_owned() }))?;
-        of_length(*line, key, values)
+        to_array(*line, key, values)
     }
 }
 
@@ -188,9 +188,9 @@ fn warp(line: usize, entries: &BTreeMap<String, (usize, Vec<f64>)>) -> Result<(u
         entries.get(key).ok_or_else(|| error(line, LadybugFault::NoEntry { block: "spline", key: key.to_owned() }))
     };
     let (at, id) = get("Id")?;
-    let [id] = of_length(*at, "Id", id)?;
+    let [id] = to_array(*at, "Id", id)?;
     let (at, counts) = get("NumberCoefs")?;
-    let counts = of_length::<2>(*at, "NumberCoefs", counts)?;
+    let counts = to_array::<2>(*at, "NumberCoefs", counts)?;
     let (at, coefficients) = get("Coefs")?;
     let [n_rows, n_columns] = counts.map(|n| n as usize);
     if n_rows.checked_mul(n_columns) != Some(coefficients.len()) || n_columns == 0 {
@@ -246,7 +246,7 @@ fn numbers(line: usize, words: &str) -> Result<Vec<f64>, LadybugError> {
     words.split_whitespace().map(number).collect()
 }
 
-fn of_length<const N: usize>(line: usize, key: &str, values: &[f64]) -> Result<[f64; N], LadybugError> {
+fn to_array<const N: usize>(line: usize, key: &str, values: &[f64]) -> Result<[f64; N], LadybugError> {
     let fault = || LadybugFault::Length { key: key.to_owned(), found: values.len(), expected: N };
     values.try_into().map_err(|_| error(line, fault()))
 }

@@ -64,7 +64,7 @@ pub enum ImageFormat {
 
 impl ImageFormat {
     /// The format, detected from the first bytes of a file.
-    fn of(bytes: &[u8]) -> Option<Self> {
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let begins: [(&[u8], Self); 3] =
             [(b"\xff\xd8\xff", Self::Jpeg), (b"\x89PNG\r\n\x1a\n", Self::Png), (b"P5", Self::Pgm)];
         begins.into_iter().find(|(begin, _)| bytes.starts_with(begin)).map(|(_, format)| format)
@@ -108,7 +108,7 @@ impl<R: BufRead> MultipartReader<R> {
         let fault = match read {
             Err(error) => MultipartFault::Io(error),
             Ok(_) if found < n_bytes => MultipartFault::Cut { found, expected: n_bytes },
-            Ok(_) => match ImageFormat::of(image) {
+            Ok(_) => match ImageFormat::from_bytes(image) {
                 Some(format) => return Ok(format),
                 None => MultipartFault::Format(image.iter().copied().take(8).collect()),
             },

@@ -89,7 +89,7 @@ impl Tiff {
         limits.intermediate_buffer_size = bytes.len();
         limits.ifd_value_size = bytes.len();
         let mut decoder = Decoder::new(Cursor::new(bytes))?.with_limits(limits);
-        let layout = Layout::of(&mut decoder, bytes.len())?;
+        let layout = Layout::read(&mut decoder, bytes.len())?;
         let Layout { width, height, n_bands, bit_depth, .. } = layout;
         let mut decoded = DecodingResult::U8(Vec::new());
         decoder.read_image_to_buffer(&mut decoded)?;
@@ -125,7 +125,7 @@ struct Layout {
 
 impl Layout {
     /// Checks the tags of an image. `n_bytes`: size of the file.
-    fn of(decoder: &mut Decoder<Cursor<&[u8]>>, n_bytes: usize) -> Result<Self, TiffError> {
+    fn read(decoder: &mut Decoder<Cursor<&[u8]>>, n_bytes: usize) -> Result<Self, TiffError> {
         let mut number = |tag: Tag, default: u32, allowed: std::ops::RangeInclusive<u32>| {
             let found = decoder.find_tag_unsigned(tag)?.unwrap_or(default);
             if allowed.contains(&found) {

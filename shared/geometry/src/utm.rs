@@ -29,7 +29,7 @@ pub enum UtmError {
 impl Utm {
     /// The zone of a position between latitudes -80 and 84 degrees. A zone covers 6 degrees of longitude, except in Norway and
     /// Svalbard (DMA TM 8358.2, chapter 1).
-    pub fn of(place: &Geodetic) -> Result<Self, UtmError> {
+    pub fn from_geodetic(place: &Geodetic) -> Result<Self, UtmError> {
         let lat = place.latitude_deg;
         let lon = place.longitude_deg;
         if !(-80.0..=84.0).contains(&lat) {
@@ -83,7 +83,7 @@ mod tests {
             (83.9, 33.5, 32_637, [434_846.693_5, 9_320_042.026_1]),
         ] {
             let place = Geodetic::new(lat, lon, 12.5).expect("a position");
-            let utm = Utm::of(&place).expect("a zone");
+            let utm = Utm::from_geodetic(&place).expect("a zone");
             assert_eq!(utm.epsg(), epsg, "{lat} {lon}");
             let [east, north, height] = utm.project(&place).expect("coordinates");
             assert!((east - expected[0]).hypot(north - expected[1]) < 1e-3, "{lat} {lon}: {east} {north}");
@@ -94,7 +94,10 @@ mod tests {
     #[test]
     fn poles_have_no_zone() {
         for lat in [84.5, -80.5] {
-            assert!(matches!(Utm::of(&Geodetic::new(lat, 0.0, 0.0).expect("a position")), Err(UtmError::Latitude(_))));
+            assert!(matches!(
+                Utm::from_geodetic(&Geodetic::new(lat, 0.0, 0.0).expect("a position")),
+                Err(UtmError::Latitude(_))
+            ));
         }
     }
 }

@@ -85,7 +85,7 @@ pub(crate) enum ReceiverClass {
 }
 
 impl ReceiverClass {
-    const fn of_quality(quality: u32) -> Option<Self> {
+    const fn from_quality(quality: u32) -> Option<Self> {
         match quality {
             0 => None,
             2 => Some(Self::CorrectedCode),
@@ -124,7 +124,7 @@ impl Fix {
     /// Converts a row; `None` if it has no valid position.
     pub fn new(row: &GnssRow) -> Option<Self> {
         let place = Geodetic::new(row.latitude_deg, row.longitude_deg, row.altitude_m)?;
-        let receiver = ReceiverClass::of_quality(row.quality)?;
+        let receiver = ReceiverClass::from_quality(row.quality)?;
         let reported_hdop = (row.hdop > 0.0).then_some(f64::from(row.hdop));
         let hdop = reported_hdop.unwrap_or(DEFAULT_HDOP).max(0.5);
         Some(Self { stamp: row.stamp, place, hdop, receiver, velocity: Doppler::new(row, reported_hdop) })

@@ -4,7 +4,7 @@
 //! 2. The shape of the drive from odometry, loops, gravity and velocities.
 //! 3. The placement of that shape that agrees with the most fixes.
 //! 4. All measurements together, starting from that placement; between the solutions the errors of the fixes are
-//!   estimated from their residuals, without the fixes that disagree while most agree.
+//!    estimated from their residuals, without the fixes that disagree while most agree.
 
 use crate::deviations::{judge, majority};
 use crate::fixes::UsedFix;

@@ -36,7 +36,7 @@ impl Projection {
     pub const RULE: &str = "must be the projection of a rectified camera: fx 0 cx x 0 fy cy y 0 0 1 z";
 
     /// Parses the upper three rows of K (I | t).
-    pub fn of_rows(rows: [f64; 12]) -> Option<Self> {
+    pub fn from_rows(rows: [f64; 12]) -> Option<Self> {
         let [fx, skew, cx, x, zero, fy, cy, y, g, h, i, z] = rows;
         let is_rectified = skew == 0.0 && zero == 0.0 && [g, h, i] == [0.0, 0.0, 1.0] && fx > 0.0 && fy > 0.0;
         let x = (x - cx * z) / fx;

@@ -63,7 +63,8 @@ pub(crate) fn import(layout: Layout, source: &Path, out: &Path) -> Result<Vec<St
     let files = layout.files(source)?;
     let partial = Partial::create(out)?;
     let path = partial.folder.join("recording.mcap");
-    let columns: Vec<Columns> = files.iter().map(|file| Columns::of(layout, file)).collect::<Result<_, _>>()?;
+    let columns: Vec<Columns> =
+        files.iter().map(|file| Columns::from_layout(layout, file)).collect::<Result<_, _>>()?;
     let first = columns.first().ok_or_else(|| ImportError::at(source, "has no clouds"))?;
     let has_positions = first.has_positions();
     if let Some(other) = columns.iter().position(|other| other.has_positions() != has_positions) {

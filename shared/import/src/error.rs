@@ -45,7 +45,7 @@ impl ImportError {
     }
 
     /// A problem of a database.
-    pub(crate) fn of_database(error: SqliteError) -> Self {
+    pub(crate) fn from_sqlite(error: SqliteError) -> Self {
         let SqliteError { path, page, fault } = error;
         Self { place: format!("{}: page {page}", path.display()), rule: Rule::Fault(Box::new(fault)) }
     }
@@ -56,7 +56,7 @@ impl ImportError {
     }
 
     /// A problem of an option of the import.
-    pub(crate) fn of_option(name: &str, rule: impl Into<String>) -> Self {
+    pub(crate) fn for_option(name: &str, rule: impl Into<String>) -> Self {
         Self { place: name.to_owned(), rule: Rule::Text(rule.into()) }
     }
 }

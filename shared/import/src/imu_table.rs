@@ -25,7 +25,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<ImuSample>, ImportError> {
     let text = fs::read_to_string(path).at(path)?;
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
     let header = lines.next().map(|(_, line)| words(line.trim_start_matches('#'))).unwrap_or_default();
-    let columns = Columns::of(&header).ok_or_else(|| {
+    let columns = Columns::from_header(&header).ok_or_else(|| {
         let rule = "the first line must name the columns: timestamp (or sec and nsec), ax ay az (m/s^2 or g) and wx wy wz (rad/s)";
         ImportError::at_line(path, 1, rule)
     })?;
@@ -58,7 +58,7 @@ fn words(line: &str) -> Vec<&str> {
 }
 
 impl Columns {
-    fn of(header: &[&str]) -> Option<Self> {
+    fn from_header(header: &[&str]) -> Option<Self> {
         // Units are in brackets.
         let name = |word: &&str| -> String {
             let word = word.split(['[', '(']).next().unwrap_or_default().to_lowercase();

@@ -83,17 +83,17 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
         [("--log", options.log.is_some(), "logs"), ("--scene", options.scene.is_some(), "scenes")]
     {
         if is_given && kind != Kind::Nuscenes {
-            return Err(ImportError::of_option(name, format!("{} has no {what}", kind.title())));
+            return Err(ImportError::for_option(name, format!("{} has no {what}", kind.title())));
         }
     }
     if options.ros != RosOptions::default() && kind != Kind::Ros {
         let rule = format!("{} has no topics, frames or calibration to choose", kind.title());
-        return Err(ImportError::of_option("--topic, --body-frame, --transform and --calibration", rule));
+        return Err(ImportError::for_option("--topic, --body-frame, --transform and --calibration", rule));
     }
     if let Some(layout) = kind.clouds() {
         if options.model.is_some() || options.lidar_only {
             let rule = format!("{} has no sweeps of a LiDAR", kind.title());
-            return Err(ImportError::of_option("--model and --lidar-only", rule));
+            return Err(ImportError::for_option("--model and --lidar-only", rule));
         }
         return clouds::import(layout, source, out);
     }

@@ -44,7 +44,7 @@ impl Stamps {
     }
 
     /// The stamp of a file with a number.
-    pub fn of_number(&self, number: usize, path: &Path) -> Result<i64, ImportError> {
+    pub fn by_number(&self, number: usize, path: &Path) -> Result<i64, ImportError> {
         let line = self.lines.get(number).map(|(_, stamp)| *stamp);
         line.ok_or_else(|| {
             let n = self.lines.len();
@@ -58,7 +58,7 @@ impl Stamps {
         let mut found = Vec::new();
         for (name, path) in files(folder, end)? {
             let number = number_of(&name, end, &path)?;
-            found.push(StampedFile { number, stamp: self.of_number(number, &path)?, name, path });
+            found.push(StampedFile { number, stamp: self.by_number(number, &path)?, name, path });
         }
         found.sort_by_key(|file| file.number);
         Ok(found)

@@ -28,7 +28,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
         return scene::plan(source, &tables, options);
     }
     if options.scene.is_some() {
-        return Err(ImportError::of_option("--scene", "needs the tables: a folder v1.0-* with sample_data.json"));
+        return Err(ImportError::for_option("--scene", "needs the tables: a folder v1.0-* with sample_data.json"));
     }
     let mut plan = sweep_files::plan(source, options)?;
     if !options.lidar_only {

@@ -35,7 +35,7 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     let originals = Sweeps { files: found.files, times: found.times };
     originals.check(source)?;
     if kind == Kind::Bin {
-        rows::check(&originals.files, Rows::of_kitti(options.kind.is_some()))?;
+        rows::check(&originals.files, Rows::kitti(options.kind.is_some()))?;
     }
     let model = options.model.unwrap_or(velodyne::Model::Hdl64e.into());
     let format = if kind == Kind::Bin { "bin" } else { "pcd" };
@@ -44,8 +44,8 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     plan.read.extend(found.table);
     let interval_s = interval_s(&originals);
     match kind {
-        Kind::Ply => convert(&mut plan, model, interval_s, CloudSweep::of_ply)?,
-        Kind::Las => convert(&mut plan, model, interval_s, CloudSweep::of_las)?,
+        Kind::Ply => convert(&mut plan, model, interval_s, CloudSweep::read_ply)?,
+        Kind::Las => convert(&mut plan, model, interval_s, CloudSweep::read_las)?,
         _ => {}
     }
     if options.model.is_none() {
@@ -74,7 +74,7 @@ fn assumed(model: Model) -> String {
 }
 
 /// The first of these names in the folder of the sweeps, otherwise in the folder above.
-fn beside(source: &Path, names: &[&str]) -> Result<Option<PathBuf>, ImportError> {
+fn find_file(source: &Path, names: &[&str]) -> Result<Option<PathBuf>, ImportError> {
     let absolute = source.canonicalize().at(source)?;
     let folders = [Some(absolute.as_path()), absolute.parent()].into_iter().flatten();
     Ok(folders.flat_map(|folder| names.iter().map(|name| folder.join(name))).find(|path| path.is_file()))
@@ -98,7 +98,7 @@ fn convert(
 ) -> Result<(), ImportError> {
     let links = std::mem::take(&mut plan.links);
     let originals: Vec<&Path> = links.iter().map(|link| link.original.as_path()).collect();
-    let form = SweepForm::of(&originals, interval_s, model, read)?;
+    let form = SweepForm::from_files(&originals, interval_s, model, read)?;
     plan.report.push("the files are converted to PCD".into());
     plan.report.extend(form.report());
     for link in links {
@@ -116,7 +116,7 @@ fn convert(
 /// Adds poses with stamps as the true poses of the LiDAR. Poses without stamps often belong to a camera and are not
 /// imported.
 fn add_truth(plan: &mut Plan, source: &Path, sweeps: &Sweeps) -> Result<(), ImportError> {
-    let Some(path) = beside(source, &TRAJECTORIES)? else { return Ok(()) };
+    let Some(path) = find_file(source, &TRAJECTORIES)? else { return Ok(()) };
     let is_csv = path.extension().is_some_and(|extension| extension == "csv");
     let found =
         if is_csv { Ok(TrajectoryFile::Stamped(newer_college(&path)?)) } else { TrajectoryFile::load(&path, None) };
@@ -180,7 +180,7 @@ fn newer_college(path: &Path) -> Result<Trajectory, ImportError> {
 }
 
 fn add_imu(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
-    let Some(path) = beside(source, &["imu.csv", "imu.txt"])? else { return Ok(()) };
+    let Some(path) = find_file(source, &["imu.csv", "imu.txt"])? else { return Ok(()) };
     let mut samples = imu_table::read(&path)?;
     let note = to_metric(&mut samples).map_err(|rule| ImportError::at(&path, rule))?;
     plan.report.push(format!("imported: {} IMU samples of {}{note}", samples.len(), path.display()));

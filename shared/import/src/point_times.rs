@@ -38,7 +38,7 @@ pub(crate) struct TimeForm {
 impl TimeForm {
     /// Determines the form of the times of a cloud from their smallest and largest value and from its stamp. `None` if no
     /// unit gives the duration of a sweep.
-    pub fn of_range(min: f64, max: f64, stamp: i64) -> Option<Self> {
+    pub fn from_range(min: f64, max: f64, stamp: i64) -> Option<Self> {
         let fits = |(_, nanos): &&(&str, f64)| (SPAN_S[0]..=SPAN_S[1]).contains(&((max - min) * nanos * 1e-9));
         let (unit, unit_nanos) = *UNITS.iter().find(fits)?;
         let first_s = min * unit_nanos * 1e-9;
@@ -114,7 +114,7 @@ mod tests {
             // Time since the sensor was switched on.
             ("own clock", 5000.0, 5000.1, "s of another clock; sweeps begin at the stamps", STAMP),
         ] {
-            let form = TimeForm::of_range(first, last, STAMP).unwrap_or_else(|| panic!("{driver}"));
+            let form = TimeForm::from_range(first, last, STAMP).unwrap_or_else(|| panic!("{driver}"));
             let nanos = form.nanos([last, first].into_iter(), STAMP).expect("in range");
             assert_eq!((form.text().as_str(), nanos[1]), (text, begin), "{driver}");
             assert!((nanos[0] - nanos[1] - 100_000_000).abs() < 300, "{driver}: {nanos:?}");
@@ -123,12 +123,12 @@ mod tests {
 
     #[test]
     fn times_without_the_span_of_a_sweep_have_no_form() {
-        let form = TimeForm::of_range(1.7e9, 1.7e9 + 0.1, STAMP).expect("s");
+        let form = TimeForm::from_range(1.7e9, 1.7e9 + 0.1, STAMP).expect("s");
         assert_eq!(form.nanos([1_700_000_000.25].into_iter(), 0), Some(vec![1_700_000_000_250_000_000]));
         for (first, last) in [(0.0, 0.0), (0.0, 2.0), (5.0, 5.002), (0.0, 2e9), (f64::NAN, f64::NAN)] {
-            assert_eq!(TimeForm::of_range(first, last, STAMP), None, "{first} {last}");
+            assert_eq!(TimeForm::from_range(first, last, STAMP), None, "{first} {last}");
         }
-        let form = TimeForm::of_range(0.0, 0.1, STAMP).expect("s");
+        let form = TimeForm::from_range(0.0, 0.1, STAMP).expect("s");
         assert_eq!(form.nanos([1e300].into_iter(), STAMP), None);
         assert_eq!(form.nanos([f64::NAN].into_iter(), STAMP), None);
     }

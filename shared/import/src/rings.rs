@@ -49,7 +49,7 @@ pub(crate) fn model_of_beams(n_beams: usize) -> Model {
 
 impl Rings {
     /// The ring of a beam.
-    pub fn of(&self, beam: u16) -> Option<u8> {
+    pub fn get(&self, beam: u16) -> Option<u8> {
         self.of_beam.get(usize::from(beam)).copied().flatten()
     }
 
@@ -140,7 +140,7 @@ mod tests {
     use super::*;
 
     /// Points of beams with these elevations, deg.
-    fn of_beams(elevations_deg: &[f64]) -> Elevations {
+    fn elevations_from_beams(elevations_deg: &[f64]) -> Elevations {
         let mut elevations = Elevations::default();
         for (beam, degrees) in elevations_deg.iter().enumerate() {
             for i in 0..20 {
@@ -157,36 +157,36 @@ mod tests {
     fn drivers_that_count_from_either_end_get_rings_from_the_lowest() {
         // The highest of 16 beams has no points.
         let rising: Vec<f64> = (0..15).map(|beam| f64::from(beam) * 2.0 - 15.0).collect();
-        let rings = of_beams(&rising).rings(None, 1).expect("rings");
+        let rings = elevations_from_beams(&rising).rings(None, 1).expect("rings");
         assert_eq!(
-            (rings.of(0), rings.of(15), rings.of(16), rings.order),
+            (rings.get(0), rings.get(15), rings.get(16), rings.order),
             (Some(0), Some(15), None, "from the lowest")
         );
-        assert_eq!(of_beams(&rising).rings(None, 64).expect("rings").n_rings(), 64);
+        assert_eq!(elevations_from_beams(&rising).rings(None, 64).expect("rings").n_rings(), 64);
         let falling: Vec<f64> = rising.iter().map(|degrees| -degrees).collect();
-        let rings = of_beams(&falling).rings(None, 1).expect("rings");
-        assert_eq!((rings.of(0), rings.of(14), rings.order), (Some(15), Some(1), "from the highest"));
+        let rings = elevations_from_beams(&falling).rings(None, 1).expect("rings");
+        assert_eq!((rings.get(0), rings.get(14), rings.order), (Some(15), Some(1), "from the highest"));
     }
 
     #[test]
     fn numbers_in_firing_order_get_ranks_if_all_beams_are_seen() {
         // A VLP-16 fires -15, 1, -13, 3, ...
         let firing: Vec<f64> = (0..16).map(|i| f64::from(i / 2) * 2.0 + if i % 2 == 0 { -15.0 } else { 1.0 }).collect();
-        let rings = of_beams(&firing).rings(None, 1).expect("rings");
-        assert_eq!((0..4).map(|beam| rings.of(beam)).collect::<Vec<_>>(), [Some(0), Some(8), Some(1), Some(9)]);
-        assert_eq!(of_beams(&firing[..13]).rings(None, 1), None);
+        let rings = elevations_from_beams(&firing).rings(None, 1).expect("rings");
+        assert_eq!((0..4).map(|beam| rings.get(beam)).collect::<Vec<_>>(), [Some(0), Some(8), Some(1), Some(9)]);
+        assert_eq!(elevations_from_beams(&firing[..13]).rings(None, 1), None);
     }
 
     #[test]
     fn numbers_without_fixed_elevation_are_no_rings() {
-        let mut elevations = of_beams(&[-5.0, 0.0, 5.0]);
+        let mut elevations = elevations_from_beams(&[-5.0, 0.0, 5.0]);
         for i in 0..1000_u16 {
             let position = [5.0, 0.0, f32::from(i % 100) * 0.1 - 5.0];
             elevations.add(i % 3, position);
         }
         assert_eq!(elevations.rings(None, 1), None);
-        assert_eq!(of_beams(&[1.0; 300]).rings(None, 1), None);
-        assert_eq!(of_beams(&[1.0, 2.0, 3.0]).rings(Some(2), 1), None);
+        assert_eq!(elevations_from_beams(&[1.0; 300]).rings(None, 1), None);
+        assert_eq!(elevations_from_beams(&[1.0, 2.0, 3.0]).rings(Some(2), 1), None);
         assert_eq!(Elevations::default().rings(None, 1), None);
     }
 }

@@ -26,7 +26,7 @@ pub(crate) struct Rows {
 
 impl Rows {
     /// Rows of x y z intensity ring as f32.
-    pub const OF_NUSCENES: Self = Self {
+    pub const NUSCENES: Self = Self {
         name: "nuScenes",
         n_bytes: 20,
         max_intensity: SENSOR_INTENSITY,
@@ -34,7 +34,7 @@ impl Rows {
     };
 
     /// Rows of x y z intensity as f32. If the user names the layout, intensities may have the range of a sensor.
-    pub fn of_kitti(is_forced: bool) -> Self {
+    pub fn kitti(is_forced: bool) -> Self {
         let max_intensity = if is_forced { SENSOR_INTENSITY } else { KITTI_INTENSITY };
         Self { name: "KITTI", n_bytes: 16, max_intensity, points: |bytes| Ok(kitti::points_from_bin(bytes)?) }
     }

@@ -38,7 +38,7 @@ impl Sweeps {
     pub fn plan(&self, kind: Kind, name: &str, lidar: LidarEntry) -> Plan {
         Plan {
             kind,
-            manifest: Manifest::of_lidar(name, lidar),
+            manifest: Manifest::with_lidar(name, lidar),
             links: self.links(),
             texts: self.times_file().into_iter().collect(),
             conversions: Vec::new(),

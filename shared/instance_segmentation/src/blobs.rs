@@ -37,7 +37,12 @@ pub(crate) struct Blobs {
 
 impl Blobs {
     /// Points up to about `link_m` apart are one blob.
-    pub(crate) fn of(view: &TopView, points: &[SubmapPoint], candidates: &[Candidate], link_m: f64) -> Self {
+    pub(crate) fn from_candidates(
+        view: &TopView,
+        points: &[SubmapPoint],
+        candidates: &[Candidate],
+        link_m: f64,
+    ) -> Self {
         let begin = candidates.iter().map(|candidate| candidate.time).min().unwrap_or_default();
         let width = view.in_cells(link_m).max(1);
         let key = |(idx, candidate): (usize, &Candidate)| {

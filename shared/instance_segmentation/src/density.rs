@@ -14,7 +14,7 @@ pub struct Density {
 
 impl Density {
     /// Computes the density from the sweeps of a submap. `points` are sorted by sweep.
-    pub fn of(sweeps: &[SubmapSweep], points: &[SubmapPoint]) -> Self {
+    pub fn from_sweeps(sweeps: &[SubmapSweep], points: &[SubmapPoint]) -> Self {
         let n_lidars = sweeps.iter().map(|sweep| sweep.lidar as usize + 1).max().unwrap_or_default();
         let rays: Vec<f64> = (0..n_lidars as u32)
             .map(|lidar| {

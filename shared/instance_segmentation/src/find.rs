@@ -24,7 +24,7 @@ pub fn find(
         return Vec::new();
     }
     let all = candidates(view, points, is_class, time_of, kind);
-    let movers = Movers::of(view, points, &all, 2.0 * settings.dilation_m, kind);
+    let movers = Movers::detect(view, points, &all, 2.0 * settings.dilation_m, kind);
     let mut objects = in_place(view, all, kind, settings);
     movers.unite(&mut objects);
     if kind.join_m > 0.0 { join(objects, view, kind) } else { objects }
@@ -32,10 +32,10 @@ pub fn find(
 
 /// Objects that are one part of the footprint and one visit of it.
 fn in_place(view: &TopView, candidates: Vec<Candidate>, kind: &Kind, settings: &FootprintSettings) -> Vec<Object> {
-    let footprints = Footprints::of(view, candidates, kind, settings);
+    let footprints = Footprints::from_candidates(view, candidates, kind, settings);
     let is_timed = settings.apart_s > 0.0;
     let apart_nanos = if is_timed { (settings.apart_s * 1e9) as i64 } else { i64::MAX };
-    let visits = Visits::of(&footprints, apart_nanos);
+    let visits = Visits::from_footprints(&footprints, apart_nanos);
     let (numbers, n) = if is_timed {
         // Dilated cells touch up to this distance.
         visits.groups(&footprints, apart_nanos, 2 * view.in_cells(settings.dilation_m) + 1)

@@ -25,7 +25,12 @@ pub(crate) struct Footprints {
 impl Footprints {
     /// Occupancy, dilation, area closing and components (thesis section 6.5.2). If the class has `peak_m`, components are split into one
     /// part for each peak of the elevation.
-    pub(crate) fn of(view: &TopView, candidates: Vec<Candidate>, kind: &Kind, settings: &FootprintSettings) -> Self {
+    pub(crate) fn from_candidates(
+        view: &TopView,
+        candidates: Vec<Candidate>,
+        kind: &Kind,
+        settings: &FootprintSettings,
+    ) -> Self {
         let mut occupied = Array2::from_elem(view.seen.dim(), false);
         let mut elevation_m = Array2::from_elem(if kind.peak_m > 0.0 { view.seen.dim() } else { (0, 0) }, EMPTY_M);
         for &Candidate { cell, above_m, .. } in &candidates {

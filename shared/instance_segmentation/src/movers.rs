@@ -33,7 +33,7 @@ pub(crate) struct Movers {
 }
 
 impl Movers {
-    pub(crate) fn of(
+    pub(crate) fn detect(
         view: &TopView,
         points: &[SubmapPoint],
         candidates: &[Candidate],
@@ -43,7 +43,7 @@ impl Movers {
         if kind.max_speed_mps == 0.0 {
             return Self { of_point: Vec::new(), motions: Vec::new() };
         }
-        let blobs = Blobs::of(view, points, candidates, link_m);
+        let blobs = Blobs::from_candidates(view, points, candidates, link_m);
         let mut tracks = follow(&blobs.all, kind.max_speed_mps);
         let is_marked = points.iter().any(|point| point.flags & POINT_DYNAMIC != 0);
         let is_mover = |track: &Track| {
@@ -52,7 +52,7 @@ impl Movers {
             if is_marked { is_marked_track } else { lengths >= UNMARKED_LENGTHS }
         };
         tracks.retain(is_mover);
-        let paths: Vec<Path> = tracks.iter().map(|track| Path::of(track, &blobs)).collect();
+        let paths: Vec<Path> = tracks.iter().map(|track| Path::from_track(track, &blobs)).collect();
         let mut sets = Sets::new(tracks.len());
         for (a, path) in paths.iter().enumerate() {
             for (b, other) in paths.iter().enumerate().skip(a + 1) {
@@ -120,7 +120,7 @@ struct Path {
 }
 
 impl Path {
-    fn of(track: &Track, blobs: &Blobs) -> Self {
+    fn from_track(track: &Track, blobs: &Blobs) -> Self {
         let waypoint = |&blob: &usize| Waypoint { nanos: blobs.all[blob].nanos, center: blobs.all[blob].center };
         let centers: Vec<Waypoint> = track.blobs.iter().map(waypoint).collect();
         let n = centers.len() as f64;

@@ -51,7 +51,7 @@ pub struct TrackedObject {
 
 impl TrackedObject {
     /// The object in odom, without id.
-    pub fn of(object: &Object, class: u8, grid: &BevGrid, odom_from_submap: &Pose) -> Self {
+    pub fn from_object(object: &Object, class: u8, grid: &BevGrid, odom_from_submap: &Pose) -> Self {
         let odom_cell = |&(row, col): &(usize, usize)| {
             let (x, y) = grid.center(row, col);
             let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);

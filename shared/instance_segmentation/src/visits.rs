@@ -46,7 +46,7 @@ pub(crate) struct Visits {
 
 impl Visits {
     /// Candidates are sorted by time except within a sweep.
-    pub(crate) fn of(footprints: &Footprints, apart_nanos: i64) -> Self {
+    pub(crate) fn from_footprints(footprints: &Footprints, apart_nanos: i64) -> Self {
         let mut latest = Array2::from_elem(footprints.parts.dim(), NONE);
         let mut all: Vec<Visit> = Vec::new();
         let mut of_candidate: Vec<u32> = Vec::with_capacity(footprints.candidates.len());

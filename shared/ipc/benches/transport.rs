@@ -1,8 +1,7 @@
 //! Compares a topic with a Unix socket that copies, at 1 KB to 64 MB, between two processes:
 //!
-//! - *hand-over*: from the payload being ready at the producer to its first word being read by the consumer, which
-//! sleeps on
-//!   its wake or polls; the payload is not touched otherwise,
+//! - *hand-over*: from the payload being ready at the producer to its first word being read by the consumer,
+//!   which sleeps on its wake or polls; the payload is not touched otherwise,
 //! - *written and read*: a round trip in which the producer writes every byte and the consumer reads every byte.
 //!
 //! `cargo bench -p ipc --bench transport [-- --load]`; `--load` keeps every core busy with a separate process
@@ -59,8 +58,8 @@ fn socket_rounds(size: usize) -> usize {
 fn channels() -> [Channel; 2] {
     let name = |text: &str| text.to_owned();
     [
-        Channel::of::<Bytes>("there", "producer.wake", &[name("consumer.wake")]),
-        Channel::of::<Bytes>("back", "consumer.wake", &[name("producer.wake")]),
+        Channel::new::<Bytes>("there", "producer.wake", &[name("consumer.wake")]),
+        Channel::new::<Bytes>("back", "consumer.wake", &[name("producer.wake")]),
     ]
 }
 

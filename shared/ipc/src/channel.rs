@@ -49,7 +49,7 @@ pub struct Channel {
 
 impl Channel {
     /// The channel of `T` under the name `name`.
-    pub fn of<T: Message>(name: &str, producer: &str, consumers: &[String]) -> Self {
+    pub fn new<T: Message>(name: &str, producer: &str, consumers: &[String]) -> Self {
         Self {
             name: name.to_owned(),
             version: T::VERSION,

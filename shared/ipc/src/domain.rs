@@ -66,7 +66,7 @@ impl Domain {
         Ok(is_foreign(&self.root()) || self.entries()?.iter().any(|file| is_foreign(file)))
     }
 
-    /// Writes the output of the domain's run to a file, for [`Domain::of_output`]. The domain must have a node.
+    /// Writes the output of the domain's run to a file, for [`Domain::find_abandoned`]. The domain must have a node.
     pub fn write_output(&self, output: &Path) -> Result<(), IpcError> {
         let path = self.root().join(OUTPUT);
         let written = std::fs::write(&path, output.as_os_str().as_bytes());
@@ -74,7 +74,7 @@ impl Domain {
     }
 
     /// The domains of this user that killed runs into `output` have left.
-    pub fn of_output(output: &Path) -> Result<Vec<Self>, IpcError> {
+    pub fn find_abandoned(output: &Path) -> Result<Vec<Self>, IpcError> {
         let folders = listed("replica_")?.into_iter().filter(|path| check_private_folder(path).is_ok());
         let of_output = folders.filter(|path| {
             std::fs::read(path.join(OUTPUT)).is_ok_and(|written| written == output.as_os_str().as_bytes())

@@ -128,7 +128,7 @@ impl Search {
         if is_kept && Model::is_device_packet(payload) {
             self.devices.insert(*arrival.source.ip(), payload.to_vec());
         }
-        let named = Model::of_payload(payload);
+        let named = Model::from_payload(payload);
         let found = match wanted {
             Some(lidar) => (lidar.may_come_from(arrival.source, arrival.port) && lidar.may_have_sent(payload))
                 .then(|| lidar.clone()),

@@ -67,7 +67,7 @@ impl Model {
     }
 
     /// Model that sent a data packet. `None` for packets of an Ouster, which do not name it.
-    pub fn of_payload(payload: &[u8]) -> Option<Self> {
+    pub fn from_payload(payload: &[u8]) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.maker().is_named_by(payload))
     }
 

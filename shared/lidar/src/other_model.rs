@@ -50,7 +50,7 @@ impl OtherModel {
                     return Ok(None);
                 }
                 n_data += usize::from(Model::is_data(udp.payload));
-                let Some(found) = Model::of_payload(udp.payload) else { continue };
+                let Some(found) = Model::from_payload(udp.payload) else { continue };
                 n_others += 1;
                 first.get_or_insert_with(|| {
                     let evidence = found.maker().evidence(udp.payload);

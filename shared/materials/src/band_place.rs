@@ -13,7 +13,7 @@ pub(crate) struct BandPlace {
 
 impl BandPlace {
     /// Position of a wavelength between the ascending wavelengths of a model; `None` outside them.
-    pub fn of(model_nm: &[f32], nm: f32) -> Option<Self> {
+    pub fn find(model_nm: &[f32], nm: f32) -> Option<Self> {
         let first = *model_nm.first()?;
         let last = *model_nm.last()?;
         if !(first - MARGIN_NM..=last + MARGIN_NM).contains(&nm) {

@@ -86,7 +86,7 @@ impl Classifier {
 
     /// The Gaussians of these bands in each light; `None` if there are too few bands.
     fn whitened(&self, bands: u64) -> Option<Vec<Whitened>> {
-        (bands.count_ones() >= MIN_BANDS).then(|| self.bands.iter().map(|light| light.of_bands(bands)).collect())
+        (bands.count_ones() >= MIN_BANDS).then(|| self.bands.iter().map(|light| light.marginal(bands)).collect())
     }
 
     /// Squared distance per band to the nearest reference of each spectrum with enough bands.
@@ -105,8 +105,8 @@ impl Classifier {
             return [0.0; N_MATERIALS];
         }
         match self.method {
-            Method::Angle => self.of_nearest(|mean| angle(spectrum, bands, mean)),
-            Method::Ratios => self.of_nearest(|mean| ratio_distance(spectrum, bands, mean)),
+            Method::Angle => self.classify_nearest(|mean| angle(spectrum, bands, mean)),
+            Method::Ratios => self.classify_nearest(|mean| ratio_distance(spectrum, bands, mean)),
             Method::Learned => {
                 of_bands.get(&bands).map_or([0.0; N_MATERIALS], |lights| self.posterior(lights, spectrum.values))
             }
@@ -114,7 +114,7 @@ impl Classifier {
     }
 
     /// Full probability for the material of the nearest reference.
-    fn of_nearest(&self, distance: impl Fn(&[f64]) -> f64) -> Probabilities {
+    fn classify_nearest(&self, distance: impl Fn(&[f64]) -> f64) -> Probabilities {
         let mut probabilities = [0.0; N_MATERIALS];
         let distances = (0..self.references.len()).map(|reference| distance(self.bands[0].mean(reference)));
         if let Some((nearest, _)) = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)) {

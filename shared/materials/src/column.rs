@@ -81,7 +81,7 @@ impl PointMaterials {
         regions: Option<&[u32]>,
     ) -> (MaterialHeader, Vec<MaterialRow>) {
         let mut rows = vec![MaterialRow::default(); points.len()];
-        if let Some((indices, spectra)) = Spectra::of_column(header, spectra) {
+        if let Some((indices, spectra)) = Spectra::from_column(header, spectra) {
             let position = |index: &u32| {
                 let point = &points[*index as usize];
                 [point.x, point.y, point.z]

@@ -33,7 +33,7 @@ pub struct BandModel {
 impl BandModel {
     /// The bands in the light with this number.
     pub fn new(model: &Model, light: usize, wavelengths_nm: &[f32]) -> Self {
-        let place = |nm: &f32| BandPlace::of(&model.wavelengths_nm, *nm);
+        let place = |nm: &f32| BandPlace::find(&model.wavelengths_nm, *nm);
         let places: Vec<Option<BandPlace>> = wavelengths_nm.iter().map(place).collect();
         let n = wavelengths_nm.len();
         let covariance = DMatrix::from_fn(n, n, |row, column| {
@@ -64,7 +64,7 @@ impl BandModel {
     }
 
     /// The Gaussians of only these bands.
-    pub fn of_bands(&self, bands: u64) -> Whitened {
+    pub fn marginal(&self, bands: u64) -> Whitened {
         let bands: Vec<usize> = (0..self.covariance.nrows()).filter(|band| bands >> band & 1 == 1).collect();
         let part = self.covariance.select_rows(&bands).select_columns(&bands);
         let n = bands.len();

@@ -111,7 +111,7 @@ impl Model {
     /// the model.
     pub fn reflectance(&self, reference: usize, nm: f32) -> Option<f64> {
         let logs = &self.references[reference].log_reflectance;
-        BandPlace::of(&self.wavelengths_nm, nm).map(|place| place.value(|band| f64::from(logs[band])).exp())
+        BandPlace::find(&self.wavelengths_nm, nm).map(|place| place.value(|band| f64::from(logs[band])).exp())
     }
 
     /// Entry of the covariance in a light.

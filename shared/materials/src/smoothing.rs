@@ -60,7 +60,7 @@ pub fn neighborhoods(positions: &[[f32; 3]]) -> Neighborhoods<Neighbor> {
 
 /// Numbers of the neighbors of a position within reach.
 fn near(neighborhoods: &Neighborhoods<Neighbor>, i: usize, reach: Reach) -> impl Iterator<Item = usize> {
-    let found = neighborhoods.of(i).iter().take(reach.n);
+    let found = neighborhoods.get(i).iter().take(reach.n);
     found.take_while(move |neighbor| neighbor.squared_m2 <= reach.squared_m2).map(|neighbor| neighbor.index as usize)
 }
 

@@ -31,7 +31,7 @@ impl Spectra {
     }
 
     /// The spectra of a column, and the index of the point of each spectrum. `None` if the rows do not fit the header.
-    pub fn of_column(header: &SpectraHeader, rows: &[u32]) -> Option<(Vec<u32>, Self)> {
+    pub fn from_column(header: &SpectraHeader, rows: &[u32]) -> Option<(Vec<u32>, Self)> {
         let view = SpectraView::new(header, rows)?;
         let mut spectra = Self::new(header.wavelengths_nm.get(..header.n_bands as usize)?);
         let mut points = Vec::with_capacity(header.n_spectra as usize);

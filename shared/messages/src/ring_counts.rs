@@ -15,7 +15,7 @@ impl RingCounts {
     }
 
     /// Rings of a LiDAR.
-    pub fn of(&self, lidar: u32) -> u32 {
+    pub fn get(&self, lidar: u32) -> u32 {
         self.0.get(lidar as usize).copied().unwrap_or(0)
     }
 }

@@ -50,7 +50,7 @@ fn open_binary<T: Level>(
         areas[*label as usize] += (end - start) as usize;
     }
     for (row, mut line) in result.rows_mut().into_iter().enumerate() {
-        for run_idx in runs.of_row(row).filter(|&run_idx| areas[runs.labels[run_idx] as usize] < area) {
+        for run_idx in runs.row_range(row).filter(|&run_idx| areas[runs.labels[run_idx] as usize] < area) {
             let [start, end] = runs.ends[run_idx].map(|col| col as usize);
             line.slice_mut(ndarray::s![start..end]).fill(base);
         }

@@ -55,7 +55,7 @@ pub(crate) fn labels_of(runs: &Runs, inside: &Array2<bool>) -> Labels {
         }
         // The pixels after this row belong to the next row, which is written later.
         let line = &mut pixels[row * cols..(row + 1) * cols + BURST];
-        let of_row = runs.of_row(row);
+        let of_row = runs.row_range(row);
         wide_loops::run(
             #[inline(always)]
             || {

@@ -44,11 +44,11 @@ impl Element {
         let n = rows.unsigned_abs().max(cols.unsigned_abs()) as isize;
         // Rounded to the nearest, halves away from zero, so that the line is symmetric.
         let share = |t: isize, side: isize| (t as f64 * side as f64 / n.max(1) as f64).round() as isize;
-        Self::of_offsets((-n..=n).map(|t| (share(t, rows), share(t, cols))))
+        Self::from_offsets((-n..=n).map(|t| (share(t, rows), share(t, cols))))
     }
     /// An element with any offsets (row, column). Duplicates are ignored. With an empty element, dilation gives the
     /// lowest and erosion the highest value everywhere.
-    pub fn of_offsets(offsets: impl IntoIterator<Item = (isize, isize)>) -> Self {
+    pub fn from_offsets(offsets: impl IntoIterator<Item = (isize, isize)>) -> Self {
         let mut rows: BTreeMap<isize, Vec<isize>> = BTreeMap::new();
         for (row, col) in offsets {
             rows.entry(row).or_default().push(col);

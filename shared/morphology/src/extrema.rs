@@ -11,7 +11,7 @@ use ndarray::{Array2, Zip};
 
 /// Pixels of plateaus whose neighbors are all lower. A constant image is one maximum.
 pub fn regional_maxima<T: Level>(image: &Array2<T>, connectivity: Connectivity) -> Array2<bool> {
-    maxima(&Padded::of(image, T::LOWEST), connectivity)
+    maxima(&Padded::new(image, T::LOWEST), connectivity)
 }
 
 /// Pixels of plateaus whose neighbors are all higher. A constant image is one minimum.

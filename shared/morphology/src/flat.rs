@@ -34,7 +34,7 @@ pub fn closing<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Arra
 
 fn once<T: Level>(image: &Array2<T>, element: &Element, neutral: T, pick: impl Pick<T>) -> Array2<T> {
     let mut rows = Rows::new(&element.0, image.dim(), neutral);
-    of_pairs(image, neutral, |pixels, first, into| rows.pair(first, pixels, into, pick))
+    map_row_pairs(image, neutral, |pixels, first, into| rows.pair(first, pixels, into, pick))
 }
 
 fn twice<T: Level>(
@@ -52,7 +52,7 @@ fn twice<T: Level>(
     let span = 2 * after.reach() + 4;
     let mut between = vec![neutral[0]; span * cols];
     let mut n_between = 0;
-    of_pairs(image, neutral[1], |pixels, row, into| {
+    map_row_pairs(image, neutral[1], |pixels, row, into| {
         while n_between < rows.min(row + 2 + after.reach()) {
             let start = n_between % span * cols;
             before.pair(n_between, pixels, &mut between[start..start + 2 * cols], first);
@@ -66,7 +66,7 @@ fn twice<T: Level>(
 const BATCH: usize = 1 << 18;
 
 /// Collects the result. `pair` receives the image and the number of a row, and writes this row and the next.
-fn of_pairs<T: Level>(
+fn map_row_pairs<T: Level>(
     image: &Array2<T>,
     neutral: T,
     mut pair: impl FnMut(Source<'_, T>, usize, &mut [T]),

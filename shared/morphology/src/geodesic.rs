@@ -9,7 +9,7 @@ use std::collections::BinaryHeap;
 
 /// Length of the shortest path inside `mask` from any seed (row, column) to each pixel, pixels. Infinite without a path.
 pub fn geodesic_distances(mask: &Array2<bool>, seeds: &[(usize, usize)]) -> Array2<f64> {
-    let inside = Padded::of(mask, false);
+    let inside = Padded::new(mask, false);
     let mut walk = Walk::new(&inside);
     let seeds = seeds.iter().map(|&(row, col)| inside.row_start(row) + col).filter(|&pixel| inside.pixels[pixel]);
     walk.go(&inside, true, &seeds.collect::<Vec<_>>());
@@ -24,7 +24,7 @@ pub fn geodesic_distances(mask: &Array2<bool>, seeds: &[(usize, usize)]) -> Arra
 /// second is the pixel farthest from the first end. L is exact for components without holes and strong curvature, and never too
 /// large.
 pub fn geodesic_elongations(labels: &Labels) -> Vec<f64> {
-    let image = Padded::of(&labels.image, 0);
+    let image = Padded::new(&labels.image, 0);
     let mut walk = Walk::new(&image);
     let mut elongations = vec![0.0; labels.n()];
     let mut n_found = 0;

@@ -25,7 +25,7 @@ impl<T: Copy> Padded<T> {
         Self { rows, cols, stride, pixels: vec![value; n] }
     }
     /// An image with a frame of one value.
-    pub(crate) fn of(image: &Array2<T>, frame: T) -> Self {
+    pub(crate) fn new(image: &Array2<T>, frame: T) -> Self {
         Self::mapped(image, frame, |value| value)
     }
     /// The mapped image with a frame of one value.

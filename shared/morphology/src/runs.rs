@@ -19,7 +19,7 @@ pub(crate) struct Runs {
 
 impl Runs {
     /// Indices of the runs of a row.
-    pub(crate) fn of_row(&self, row: usize) -> std::ops::Range<usize> {
+    pub(crate) fn row_range(&self, row: usize) -> std::ops::Range<usize> {
         self.row_starts[row] as usize..self.row_starts[row + 1] as usize
     }
 }

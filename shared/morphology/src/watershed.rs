@@ -20,8 +20,8 @@ pub fn watershed<T: Level>(
 ) -> Array2<u32> {
     assert_eq!(image.dim(), markers.dim(), "image and markers differ in size");
     assert_eq!(image.dim(), mask.dim(), "image and mask differ in size");
-    let values = Padded::of(image, T::HIGHEST);
-    let mut labels = Padded::of(markers, CLOSED);
+    let values = Padded::new(image, T::HIGHEST);
+    let mut labels = Padded::new(markers, CLOSED);
     for row in 0..values.rows {
         let inside = mask.row(row);
         for (label, _) in labels.row_mut(row).iter_mut().zip(inside).filter(|(_, inside)| !**inside) {

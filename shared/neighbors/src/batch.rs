@@ -36,7 +36,7 @@ impl<T> Neighborhoods<T> {
         self.row_of.is_empty()
     }
     /// The list of a query. Empty for queries with invalid coordinates.
-    pub fn of(&self, query_idx: usize) -> &[T] {
+    pub fn get(&self, query_idx: usize) -> &[T] {
         let row = self.row_of[query_idx] as usize;
         let Some(chunk) = self.chunks.get(row / CHUNK) else { return &[] };
         let row = row % CHUNK;

@@ -37,7 +37,7 @@ pub const LONGEST_LIST: usize = 64;
 
 impl SortedList {
     /// Creates an empty list for k of at least 1.
-    pub fn of(k: usize) -> Self {
+    pub fn new(k: usize) -> Self {
         Self { keys: vec![NO_POINT; k] }
     }
     /// Removes all keys.
@@ -76,7 +76,7 @@ pub struct Heap {
 
 impl Heap {
     /// Creates an empty heap for k of at least 1.
-    pub fn of(k: usize) -> Self {
+    pub fn new(k: usize) -> Self {
         Self { keys: BinaryHeap::with_capacity(k), k }
     }
     /// Keys in ascending order; leaves the heap empty.

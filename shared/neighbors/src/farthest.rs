@@ -74,7 +74,7 @@ impl<'a> Distances<'a> {
             if !holds_chosen && u64::from(squared.to_bits()) >= self.farthest[node_idx][slot] >> 32 {
                 continue;
             }
-            self.farthest[node_idx][slot] = match Child::of(node.child[slot]) {
+            self.farthest[node_idx][slot] = match Child::from_number(node.child[slot]) {
                 Child::Node(child) => self.choose(child, place, position),
                 Child::Block(block) => self.choose_in_block(block, place, position),
             };
@@ -100,7 +100,7 @@ impl<'a> Distances<'a> {
         loop {
             let keys = &self.farthest[node_idx];
             let slot = (1..WIDTH).fold(0, |best, slot| if keys[slot] > keys[best] { slot } else { best });
-            match Child::of(self.tree.nodes[node_idx].child[slot]) {
+            match Child::from_number(self.tree.nodes[node_idx].child[slot]) {
                 Child::Node(child) => node_idx = child,
                 Child::Block(block_idx) => {
                     let start = self.tree.blocks[block_idx].start;

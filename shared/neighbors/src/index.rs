@@ -38,7 +38,7 @@ impl SpatialIndex {
             .filter(|p| is_valid(**p))
             .map(|&p| Bounds { low: p, high: p })
             .reduce(|| Bounds::EMPTY, Bounds::union);
-        let grid = MortonGrid::of(bounds);
+        let grid = MortonGrid::from_bounds(bounds);
         let mut entries: Vec<Entry> = points
             .par_iter()
             .with_min_len(1 << 14)

@@ -14,7 +14,7 @@ pub struct MortonGrid {
 
 impl MortonGrid {
     /// Creates cubic cells, 2^21 along the longest side of the bounds.
-    pub fn of(bounds: Bounds) -> Self {
+    pub fn from_bounds(bounds: Bounds) -> Self {
         let extent = bounds.extent();
         let per_m = if extent > 0.0 { f64::from((1_u32 << BITS) - 1) / extent } else { 0.0 };
         Self { low: bounds.low.map(f64::from), per_m }
@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn corners_get_the_first_and_the_last_code() {
-        let grid = MortonGrid::of(Bounds { low: [-1.0; 3], high: [3.0; 3] });
+        let grid = MortonGrid::from_bounds(Bounds { low: [-1.0; 3], high: [3.0; 3] });
         assert_eq!(grid.code([-1.0; 3]), 0);
         assert_eq!(grid.code([3.0; 3]), (1 << 63) - 1);
         assert_eq!(grid.code([f32::NAN, -9.0, -1.0]), 0);

@@ -32,7 +32,7 @@ impl<'a> NearestSearch<'a> {
     pub fn new(index: &'a SpatialIndex, k: usize) -> Self {
         let k = k.min(index.len());
         let (of_list, of_heap) = if k <= LONGEST_LIST { (k.max(1), 0) } else { (1, k) };
-        Self { index, k, list: SortedList::of(of_list), heap: Heap::of(of_heap), stack: Vec::with_capacity(64) }
+        Self { index, k, list: SortedList::new(of_list), heap: Heap::new(of_heap), stack: Vec::with_capacity(64) }
     }
     /// Number of neighbors of each query.
     pub fn k(&self) -> usize {
@@ -64,7 +64,7 @@ fn search(index: &SpatialIndex, query: [f32; 3], candidates: &mut impl Candidate
         if next >> 32 > candidates.limit() >> 32 {
             continue;
         }
-        match Child::of(next as u32) {
+        match Child::from_number(next as u32) {
             Child::Block(block) => {
                 let block = &index.tree.blocks[block];
                 let squared = block.squared_distances(query);

@@ -22,7 +22,7 @@ pub enum Child {
 impl Child {
     /// The child of this number, as nodes store it.
     #[inline(always)]
-    pub fn of(number: u32) -> Self {
+    pub fn from_number(number: u32) -> Self {
         let index = (number & !IS_BLOCK) as usize;
         if number & IS_BLOCK == 0 { Self::Node(index) } else { Self::Block(index) }
     }
@@ -33,7 +33,7 @@ impl Child {
 pub struct Node {
     low: [[f32; WIDTH]; 3],
     high: [[f32; WIDTH]; 3],
-    /// Numbers for [`Child::of`].
+    /// Numbers for [`Child::from_number`].
     pub child: [u32; WIDTH],
     /// The child's points in the order of the index: first, and one past the last.
     pub points: [[u32; 2]; WIDTH],
@@ -116,7 +116,7 @@ impl Tree {
                 if nodes[node_idx].points[slot] == [0; 2] {
                     continue;
                 }
-                let child_bounds = match Child::of(nodes[node_idx].child[slot]) {
+                let child_bounds = match Child::from_number(nodes[node_idx].child[slot]) {
                     Child::Node(child) => nodes[child].bounds(),
                     Child::Block(block) => bounds[block],
                 };
@@ -192,7 +192,7 @@ impl Outline<'_> {
                 return entries.len() / 2;
             }
             // A distant outlier makes cells large; a separate grid divides these points.
-            let grid = MortonGrid::of(bounds);
+            let grid = MortonGrid::from_bounds(bounds);
             for entry in entries.iter_mut() {
                 entry.code = grid.code(self.points[entry.point as usize]);
             }

@@ -48,16 +48,16 @@ impl VoxelGrid {
         let is_small = (0..3).all(|axis| high[axis] - low[axis] < f64::from(1 << AXIS_BITS));
         // Small integers are sorted faster.
         Ok(if is_small {
-            Self::of_entries(entries(points, |p| {
+            Self::from_entries(entries(points, |p| {
                 let voxel = voxel(p);
                 (0..3).fold(0_u64, |bits, axis| bits << AXIS_BITS | (voxel[axis] - low[axis]) as u64)
             }))
         } else {
             // Compared as bits: no voxel number is too large.
-            Self::of_entries(entries(points, |p| voxel(p).map(f64::to_bits)))
+            Self::from_entries(entries(points, |p| voxel(p).map(f64::to_bits)))
         })
     }
-    fn of_entries<V: Ord + Copy + Send>(mut entries: Vec<Entry<V>>) -> Self {
+    fn from_entries<V: Ord + Copy + Send>(mut entries: Vec<Entry<V>>) -> Self {
         entries.par_sort_unstable();
         let mut voxels: Vec<&[Entry<V>]> = entries.chunk_by(|a, b| a.voxel == b.voxel).collect();
         voxels.sort_unstable_by_key(|entries| entries[0].point);

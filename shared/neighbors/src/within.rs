@@ -20,7 +20,7 @@ impl SpatialIndex {
         if let Some(squared_radius) = squared_radius(query, radius_m) {
             let mut stack = vec![0];
             while let Some(child) = stack.pop() {
-                match Child::of(child) {
+                match Child::from_number(child) {
                     Child::Block(block) => {
                         let block = &self.tree.blocks[block];
                         take(&block.squared_distances(query), self.slots(block.start), squared_radius);
@@ -65,7 +65,7 @@ pub(crate) fn append_within(
             found.extend_from_slice(&index.order()[start as usize..end as usize]);
             continue;
         }
-        match Child::of(entry as u32) {
+        match Child::from_number(entry as u32) {
             Child::Block(block) => {
                 let block = &index.tree.blocks[block];
                 let squared = block.squared_distances(query);

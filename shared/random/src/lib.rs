@@ -3,7 +3,7 @@
 //! `SplitMix64` (Steele et al., OOPSLA 2014) is written here, not taken from a crate: every simulated town, every trained
 //! model and many tests depend on these exact numbers, and a crate may change its generator with any release.
 //!
-//! [`Random`] is a sequence. Parallel work takes one sequence for each item, [`Random::of_stream`], so that results do not depend on the
+//! [`Random`] is a sequence. Parallel work takes one sequence for each item, [`Random::for_stream`], so that results do not depend on the
 //! order in which threads run. [`hash()`], [`unit()`] and [`gauss`] are functions of a key, for values that belong to a place
 //! and not to a sequence.
 //!
@@ -34,13 +34,13 @@ impl Random {
         Self { state: seed }
     }
     /// Sequence number `stream` of a seed, in the form used by trainings.
-    pub const fn of_stream(seed: u64, stream: u64) -> Self {
+    pub const fn for_stream(seed: u64, stream: u64) -> Self {
         let first = Self::new(seed).bits();
         Self { state: first ^ stream.wrapping_mul(0xd6e8_feb8_6659_fd93) }
     }
     /// Sequence number `stream` of a seed, in the form used by simulated towns. Trainings and towns differ in this step for
     /// historical reasons only; models and towns depend on both.
-    pub const fn of_hash(seed: u64, stream: u64) -> Self {
+    pub const fn for_hashed_stream(seed: u64, stream: u64) -> Self {
         Self { state: hash(seed, stream).wrapping_add(INCREMENT) }
     }
     /// The next 64 bits.
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn streams_of_a_seed_differ_and_repeat() {
-        for stream_of in [Random::of_stream, Random::of_hash] {
+        for stream_of in [Random::for_stream, Random::for_hashed_stream] {
             let take = |seed, stream| {
                 let mut random = stream_of(seed, stream);
                 [random.bits(), random.bits(), random.bits()]

@@ -24,7 +24,7 @@ impl Bvh {
             .enumerate()
             .map(|(index, primitive)| {
                 let [low, high] = primitive.shape.bounds();
-                Item { low, high, index: index as u32, is_flat: Flat::of(&primitive.shape).is_some() }
+                Item { low, high, index: index as u32, is_flat: Flat::from_shape(&primitive.shape).is_some() }
             })
             .collect();
         let mut leaves = Vec::new();
@@ -35,7 +35,7 @@ impl Bvh {
             .into_par_iter()
             .map(|leaf| {
                 let first = leaf.start as u32;
-                Flat4::new(first, ordered[leaf].iter().filter_map(|primitive| Flat::of(&primitive.shape)))
+                Flat4::new(first, ordered[leaf].iter().filter_map(|primitive| Flat::from_shape(&primitive.shape)))
             })
             .collect();
         Self { tree, packs, primitives: ordered }
@@ -109,7 +109,7 @@ mod tests {
     use random::Random;
 
     fn random_scene(n: u32) -> Vec<Primitive> {
-        let mut random = Random::of_hash(5, 0);
+        let mut random = Random::for_hashed_stream(5, 0);
         let point = |random: &mut Random, size: f32| {
             Vec3::new(random.range(-size, size), random.range(-size, size), random.range(-size, size))
         };
@@ -130,7 +130,7 @@ mod tests {
     fn tree_hit_equals_exhaustive_search() {
         let all = random_scene(900);
         let tree = Bvh::new(all.clone());
-        let mut random = Random::of_hash(6, 0);
+        let mut random = Random::for_hashed_stream(6, 0);
         let mut hits = 0;
         for _ in 0..3000 {
             let origin = Vec3::new(random.range(-40.0, 40.0), random.range(-40.0, 40.0), random.range(-40.0, 40.0));

@@ -21,7 +21,7 @@ pub struct Flat {
 
 impl Flat {
     /// The flat primitive of a shape; `None` if the shape is not flat.
-    pub fn of(shape: &Shape) -> Option<Self> {
+    pub fn from_shape(shape: &Shape) -> Option<Self> {
         match *shape {
             Shape::Triangle { corner, edge1, edge2 } => Some(Self { corner, edge1, edge2, reach: 1.0 }),
             Shape::Panel { corner, edge1, edge2, fill } if fill >= 1.0 => {

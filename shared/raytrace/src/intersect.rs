@@ -10,7 +10,7 @@ impl Shape {
     /// Range of the first hit before `max_m`.
     pub fn range(&self, ray: &Ray, max_m: f32) -> Option<f32> {
         let range = match *self {
-            Self::Triangle { .. } => Flat::of(self)?.range(ray, max_m)?,
+            Self::Triangle { .. } => Flat::from_shape(self)?.range(ray, max_m)?,
             Self::Panel { corner, edge1, edge2, fill } => {
                 let range = Flat { corner, edge1, edge2, reach: 2.0 }.range(ray, max_m)?;
                 (fill >= 1.0 || unit(porous_hash(ray, &corner)) < fill).then_some(range)?

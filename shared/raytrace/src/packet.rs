@@ -81,7 +81,7 @@ impl Packet {
                     depth += 1;
                 }
             } else {
-                test(Leaf::of(child), rays, limits);
+                test(Leaf::decode(child), rays, limits);
             }
             let farthest = farthest(limits);
             loop {

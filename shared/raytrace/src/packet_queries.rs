@@ -145,7 +145,7 @@ mod tests {
 
     /// Uneven ground of triangles, half of them twice so that ranges tie, and primitives of all kinds on it.
     fn yard() -> Bvh {
-        let mut random = Random::of_hash(3, 0);
+        let mut random = Random::for_hashed_stream(3, 0);
         let mut heights = || [0; 41 * 41].map(|_| random.range(-0.1, 0.1));
         let heights = heights();
         let corner = |i: usize, k: usize| Vec3::new(i as f32 - 20.0, k as f32 - 20.0, heights[i * 41 + k]);
@@ -173,7 +173,7 @@ mod tests {
 
     /// A fan of coherent rays, and rays in random directions.
     fn rays() -> Vec<Ray> {
-        let mut random = Random::of_hash(4, 0);
+        let mut random = Random::for_hashed_stream(4, 0);
         let fan = (0..12_000_u64).map(|i| {
             let azimuth = (i % 1200) as f32 * 5.2e-3;
             let elevation = (i / 1200) as f32 * 0.03 - 0.25;

@@ -25,7 +25,7 @@ pub enum Leaf {
 impl Leaf {
     /// Decodes a child.
     #[inline(always)]
-    pub(crate) fn of(child: u32) -> Self {
+    pub(crate) fn decode(child: u32) -> Self {
         if child & KIND == FLATS { Self::Flats(child & !KIND) } else { Self::Single(child & !KIND) }
     }
 }
@@ -122,7 +122,7 @@ impl Tree {
                     }
                 }
                 _ => {
-                    if test(Leaf::of(child), &mut limit) {
+                    if test(Leaf::decode(child), &mut limit) {
                         return;
                     }
                 }

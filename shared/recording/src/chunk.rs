@@ -22,7 +22,7 @@ pub(super) struct Chunk {
 
 impl Chunk {
     /// A chunk of records that are already in memory.
-    pub fn of_records(bytes: Vec<u8>) -> Self {
+    pub fn from_records(bytes: Vec<u8>) -> Self {
         Self { bytes, at: 0 }
     }
 

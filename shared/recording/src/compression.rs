@@ -17,7 +17,7 @@ pub struct ContentLimit {
 
 impl ContentLimit {
     /// The limit for a file of this length.
-    pub fn of_file(n_bytes: u64) -> Self {
+    pub fn for_file(n_bytes: u64) -> Self {
         let limit = n_bytes.saturating_mul(MAX_RATIO).saturating_add(MIN_CONTENT);
         Self { limit, left: limit }
     }

@@ -83,7 +83,7 @@ impl RecordingReader {
             whole: 0,
             records: LinearReader::new_with_options(options),
             chunk: Chunk::default(),
-            limit: ContentLimit::of_file(length),
+            limit: ContentLimit::for_file(length),
             contents: Contents::default(),
             first: None,
             done: false,
@@ -143,7 +143,7 @@ impl RecordingReader {
     fn add_summary(&mut self) -> Result<(), RecordingError> {
         let records = summary::read(&self.path, self.length, MAX_RECORD as u64);
         let records = records.map_err(|cause| RecordingError::io(&self.path, cause))?;
-        let mut records = Chunk::of_records(records.unwrap_or_default());
+        let mut records = Chunk::from_records(records.unwrap_or_default());
         while let Some((opcode, body)) = records.next().map_err(|fault| self.damaged(fault))? {
             if [op::SCHEMA, op::CHANNEL].contains(&opcode) {
                 self.contents.add(opcode, body).map_err(|fault| self.damaged(fault))?;

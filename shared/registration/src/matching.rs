@@ -6,13 +6,13 @@
 //! point q and a normal n.
 //!
 //! 1. Residual: r = n · (T(s, m) p − q) − l · b, with the nuisance parameters b (ground tilt, common elevation error of
-//!   all rings, displacement during the revolution of a sensor without point times) and their levers l.
+//!    all rings, displacement during the revolution of a sensor without point times) and their levers l.
 //! 2. Cost: Σ w ρ(r / σ), with the Cauchy kernel as iterated weights w / (1 + (r / σ)²).
 //! 3. Normal equations: H = Σ w J Jᵀ, g = Σ w J r, with J = (n, arm × n) for the pose.
 //! 4. Degenerate directions: eigenvectors of S H S / Σ w, S = 1 for translations and 1 / 10 m for rotations, whose
-//!   eigenvalue is below `min_influence`. Added information keeps them at the prediction.
+//!    eigenvalue is below `min_influence`. Added information keeps them at the prediction.
 //! 5. Prior of the pose: the information of the prediction, if sensors predicted it. Prior of the motion: the motion
-//!   from the previous pose to T, with the velocity changes that a vehicle can reach.
+//!    from the previous pose to T, with the velocity changes that a vehicle can reach.
 
 pub(crate) mod normal_equations;
 
@@ -196,7 +196,7 @@ pub(crate) fn match_features(
 ) -> Option<Match> {
     let mut motion = prediction.motion;
     let way = prediction.motion.mid.translation.vector - prediction.previous.translation.vector;
-    let levers = Levers { ground: &GroundLever::of(&way), turn: &prediction.turn_lever };
+    let levers = Levers { ground: &GroundLever::for_motion(&way), turn: &prediction.turn_lever };
     let mut coarse_rounds = settings.coarse_rounds;
     for round in 0..settings.max_rounds {
         let coarse = round < coarse_rounds;
@@ -208,7 +208,7 @@ pub(crate) fn match_features(
             return None;
         }
         // Equation 4.
-        let degenerate = DegenerateDirections::of(&equations, settings.min_influence);
+        let degenerate = DegenerateDirections::from_equations(&equations, settings.min_influence);
         // Equation 5.
         let solution = solve(&equations, &degenerate, &motion, prediction, settings)?;
         let pose_step = solution.pose;
@@ -300,7 +300,7 @@ fn linearize_chunk(
         let arm = motion.rotated(&rotation, &feature.position, share);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = rotation * Vector3::from(feature.normal).cast::<f64>();
-        let Some(surface) = maps.of(feature).surface(position.into(), &normal.cast(), kernel) else {
+        let Some(surface) = maps.map_for(feature).surface(position.into(), &normal.cast(), kernel) else {
             sum.cost += 1.0;
             continue;
         };
@@ -330,7 +330,7 @@ struct DegenerateDirections {
 }
 
 impl DegenerateDirections {
-    fn of(equations: &NormalEquations, min_influence: f64) -> Self {
+    fn from_equations(equations: &NormalEquations, min_influence: f64) -> Self {
         let inverse_lever = Vector6::new(1.0, 1.0, 1.0, 1.0 / LEVER_M, 1.0 / LEVER_M, 1.0 / LEVER_M);
         let scale = Matrix6::from_diagonal(&inverse_lever);
         let eigen = (scale * equations.pose() * scale / equations.weight).symmetric_eigen();

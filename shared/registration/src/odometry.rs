@@ -306,7 +306,8 @@ impl Odometry {
     fn start(&mut self, first: &SweepFeatures, second: SweepFeatures, second_sweep: &Sweep) -> Vec<Registered> {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
-        let initial = InitialMotion::of(&self.state.log, [first.mid_stamp, second.mid_stamp], &self.settings.mounting);
+        let initial =
+            InitialMotion::from_log(&self.state.log, [first.mid_stamp, second.mid_stamp], &self.settings.mounting);
         let start = initialize(first, &second, seconds, &self.state.begin, &initial, settings)
             .filter(|start| is_plausible(&start.second));
         let Some(start) = start else {
@@ -466,7 +467,7 @@ impl Odometry {
             let pose = motion.at(f64::from(feature.share));
             let position = pose * Point3::from(feature.position).cast::<f64>();
             let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
-            self.maps.of(feature).surface(position.coords.into(), &normal.cast(), &kernel).is_some()
+            self.maps.map_for(feature).surface(position.coords.into(), &normal.cast(), &kernel).is_some()
         })
     }
 

@@ -97,7 +97,7 @@ impl OpenSubmap {
             let first = indices.first().map_or(0, |first| moving.partition_point(|&idx| (idx as usize) < *first));
             let mut moving = moving[first..].iter().map(|&idx| idx as usize).peekable();
             for (rows, indices) in rows.chunks_mut(BLOCK).zip(indices.chunks(BLOCK)) {
-                let angles = Angles::of(sweep, &kept.incidences, indices);
+                let angles = Angles::new(sweep, &kept.incidences, indices);
                 for (number, (row, &point_idx)) in rows.iter_mut().zip(indices).enumerate() {
                     *row = submap_point(&raw[point_idx], &sweep.points()[point_idx], &table, sweep_idx);
                     row.elevation = angles.elevations[number];
@@ -184,7 +184,7 @@ struct Angles {
 impl Angles {
     /// Computes the angles of at most [`BLOCK`] finite points: elevation above the LiDAR's horizontal plane within 2e-5
     /// rad, and incidence.
-    fn of(sweep: &Sweep, incidences: &[f32], indices: &[usize]) -> Self {
+    fn new(sweep: &Sweep, incidences: &[f32], indices: &[usize]) -> Self {
         let mut slopes = [[0.0; BLOCK]; 2];
         let mut cosines = [f32::NAN; BLOCK];
         for (number, &point_idx) in indices.iter().enumerate() {
@@ -253,7 +253,7 @@ mod tests {
         let incidences: Vec<f32> =
             (0..200_u8).map(|n| if n % 7 == 0 { f32::NAN } else { f32::from(n) / 199.0 }).collect();
         let indices: Vec<usize> = (0..200).step_by(3).take(BLOCK).collect();
-        let angles = Angles::of(&sweep, &incidences, &indices);
+        let angles = Angles::new(&sweep, &incidences, &indices);
         for (number, &point_idx) in indices.iter().enumerate() {
             let [x, y, z] = sweep.points()[point_idx].position;
             let elevation = (fast_atan2(z, (x * x + y * y).sqrt()).to_degrees() * 100.0).round() as i16;

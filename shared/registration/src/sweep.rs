@@ -69,7 +69,7 @@ impl Sweep {
     }
     /// Creates a sweep from the rows of topic `sweep`. `untimed`: spin direction of a sensor whose recording has no
     /// point times, and the time of a revolution, ns, see [`Sweep::spinning`]; `None` leaves the sweep rigid.
-    pub fn of_rows(
+    pub fn from_rows(
         stamp: Stamp,
         header: &SweepHeader,
         rows: &[SweepPoint],

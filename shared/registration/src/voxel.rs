@@ -19,7 +19,7 @@ impl VoxelIndex {
         bits(self.0[0]) | bits(self.0[1]) << 21 | bits(self.0[2]) << 42
     }
     /// The inverse of [`VoxelIndex::key`].
-    pub fn of_key(key: u64) -> Self {
+    pub fn from_key(key: u64) -> Self {
         // Drops the upper bits and extends the sign from bit 20.
         Self([0, 21, 42].map(|shift| ((key >> shift) as i32) << 11 >> 11))
     }

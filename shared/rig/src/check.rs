@@ -33,7 +33,7 @@ pub struct Report {
 
 impl Report {
     /// Checks a drive. `settings` are the settings of its survey.
-    pub fn of(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Self, RigError> {
+    pub fn from_survey(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Self, RigError> {
         let mut verdicts = clocks::verdicts(survey);
         let is_late = |verdicts: &[Verdict], name: &str| {
             verdicts.iter().any(|verdict| verdict.is_doubt() && verdict.subject == name)

@@ -81,7 +81,7 @@ pub struct Refined {
 
 impl Refined {
     /// Refines the rig of a drive, which was surveyed with `settings`.
-    pub fn of(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Self, RigError> {
+    pub fn from_survey(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Self, RigError> {
         let mut refined = Self { manifest: drive.manifest().clone(), lidar_file: None, changes: Vec::new() };
         cameras::refine(drive, survey, &mut refined);
         imu::refine(survey, &mut refined);

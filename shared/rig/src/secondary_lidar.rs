@@ -177,7 +177,7 @@ impl Scene<'_> {
         body_from_lidar: &Pose,
     ) -> Vec<(Pose, Feature)> {
         let untimed = self.settings.untimed_turn.filter(|_| duration_nanos > 0).map(|spin| (spin, duration_nanos));
-        let sweep = Sweep::of_rows(stamp, header, rows, untimed);
+        let sweep = Sweep::from_rows(stamp, header, rows, untimed);
         let up = (body_from_lidar.rotation.inverse() * Vector3::z()).cast();
         let settings = FeatureSettings { spacing_m: 0.4, max_range_m: 60.0, ..FeatureSettings::default() };
         let placed = |feature: Feature| {

@@ -76,8 +76,8 @@ pub fn read(path: &Path, options: &SourceOptions, tree: &mut FrameTree) -> Resul
         "json" => nuscenes::read(path, options),
         "yaml" | "yml" => {
             let text = text(path)?;
-            let all = documents(&text).map_err(|fault| of_yaml(path, &fault))?;
-            of_documents(path, &all, options, tree)
+            let all = documents(&text).map_err(|fault| yaml_error(path, &fault))?;
+            parts_from_documents(path, &all, options, tree)
         }
         _ => Err(RigError::source(
             path,
@@ -88,13 +88,13 @@ pub fn read(path: &Path, options: &SourceOptions, tree: &mut FrameTree) -> Resul
     }
 }
 
-fn of_documents(
+fn parts_from_documents(
     path: &Path,
     all: &[Node],
     options: &SourceOptions,
     tree: &mut FrameTree,
 ) -> Result<RigParts, RigError> {
-    let fault = |fault: YamlError| of_yaml(path, &fault);
+    let fault = |fault: YamlError| yaml_error(path, &fault);
     let first = all.first().ok_or_else(|| RigError::source(path, "", "is empty"))?;
     if first.get("transforms").is_some() || first.get("child_frame_id").is_some() {
         tree.add(all).map_err(fault)?;
@@ -124,7 +124,7 @@ fn text(path: &Path) -> Result<String, RigError> {
     std::fs::read_to_string(path).map_err(|error| RigError::io(path, error))
 }
 
-fn of_yaml(path: &Path, fault: &YamlError) -> RigError {
+fn yaml_error(path: &Path, fault: &YamlError) -> RigError {
     RigError::source(path, &format!("line {}", fault.line), fault.rule.clone())
 }
 
@@ -171,7 +171,7 @@ impl RigParts {
 
     /// The `drive.toml`, with the file paths of the drive folder.
     pub fn manifest(&self, name: &str, lidar: LidarEntry, origin: Option<[f64; 3]>) -> Result<Manifest, String> {
-        let mut manifest = Manifest::of_lidar(name, lidar);
+        let mut manifest = Manifest::with_lidar(name, lidar);
         for (index, camera) in self.cameras.iter().enumerate() {
             let pose = camera.body_from_camera.ok_or_else(|| {
                 format!(

@@ -123,7 +123,7 @@ pub struct Survey {
 
 impl Survey {
     /// Reads a drive.
-    pub fn of(drive: &Drive, settings: &SurveySettings) -> Result<Self, RigError> {
+    pub fn from_drive(drive: &Drive, settings: &SurveySettings) -> Result<Self, RigError> {
         let mut pass = Pass::begin(drive, settings, 0.0)?;
         pass.run(usize::MAX)?;
         if pass.bridged_share() > MAX_BRIDGED {
@@ -256,7 +256,7 @@ impl<'a> Pass<'a> {
 
     fn sweep(&self, raw: &RawSweep) -> Sweep {
         let untimed = self.settings.untimed_turn.map(|spin| (spin, raw.header.duration_nanos));
-        Sweep::of_rows(raw.stamp, &raw.header, &raw.rows, untimed)
+        Sweep::from_rows(raw.stamp, &raw.header, &raw.rows, untimed)
     }
 
     fn add_samples(&mut self, end: Stamp) {
@@ -297,7 +297,7 @@ impl<'a> Pass<'a> {
         });
         let sweep = self.sweep(&raw);
         if !self.drive.rig().cameras.is_empty() {
-            self.found.edges.extend(SweepEdges::of(&raw, &sweep, registered, &begin));
+            self.found.edges.extend(SweepEdges::from_sweep(&raw, &sweep, registered, &begin));
         }
         if let Some(kept) = self.wanted.keep(&raw, registered) {
             self.found.kept.push(kept);

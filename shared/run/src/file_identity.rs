@@ -29,7 +29,7 @@ pub struct FileIdentity {
 
 impl FileIdentity {
     /// The identity of a file on another host.
-    pub fn of_digest(digest: &str) -> Self {
+    pub fn from_digest(digest: &str) -> Self {
         Self { digest: digest.to_owned(), seen: None }
     }
 
@@ -39,7 +39,7 @@ impl FileIdentity {
     }
 
     /// The identity of a file now. The file is not read if it has not changed since `known` was computed.
-    pub fn of(path: &Path, known: Option<&Self>) -> Result<Self, Error> {
+    pub fn read(path: &Path, known: Option<&Self>) -> Result<Self, Error> {
         let metadata = std::fs::metadata(path)?;
         let seen = Some(seen(&metadata));
         if let Some(known) = known.filter(|known| known.seen == seen) {

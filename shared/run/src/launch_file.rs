@@ -32,7 +32,7 @@ impl LaunchFile {
     /// Reads the file and applies the changes of the command line in their order. All problems are reported, not only the first.
     pub fn load(path: &Path, changes: &[Change]) -> Result<Self, Vec<Problem>> {
         let text = read_text(path, MAX_SETTINGS_BYTES)
-            .map_err(|error| vec![Problem::of_key("", format!("cannot be read: {error}"))])?;
+            .map_err(|error| vec![Problem::for_key("", format!("cannot be read: {error}"))])?;
         Self::parse(path, text, changes)
     }
 
@@ -57,12 +57,12 @@ impl LaunchFile {
         let mut root = parsed.into_inner();
         if root.len() > MAX_TABLES {
             let text = format!("has {} tables, must have up to {MAX_TABLES}", root.len());
-            problems.push(Problem::of_key("", text));
+            problems.push(Problem::for_key("", text));
         }
         let written = root.clone();
         for change in changes {
             if let Err(error) = apply(&mut root, change) {
-                problems.push(Problem::of_key("", format!("{change}: {error}")));
+                problems.push(Problem::for_key("", format!("{change}: {error}")));
             }
         }
         if problems.is_empty() {

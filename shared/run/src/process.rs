@@ -27,8 +27,8 @@ pub struct Usage {
 
 /// Reads the process clock and /proc/self; values that cannot be read are zero.
 pub fn usage() -> Usage {
-    let status = Fields::of("/proc/self/status");
-    let io = Fields::of("/proc/self/io");
+    let status = Fields::read("/proc/self/status");
+    let io = Fields::read("/proc/self/io");
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     // The name of the program, in parentheses, may contain spaces.
     let numbers = stat.rsplit_once(") ").map_or("", |(_, numbers)| numbers);
@@ -52,7 +52,7 @@ const MAJOR_FAULTS: usize = 9;
 struct Fields(String);
 
 impl Fields {
-    fn of(path: &str) -> Self {
+    fn read(path: &str) -> Self {
         Self(std::fs::read_to_string(path).unwrap_or_default())
     }
     /// The first number of the line that starts with `name`; 0 without such a line.

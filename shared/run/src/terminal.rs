@@ -31,7 +31,7 @@ pub enum Style {
 
 impl Screen {
     /// The current terminal behind an output, because windows change; `None` if it is a file or a pipe.
-    pub fn of(output: &(impl AsFd + IsTerminal)) -> Option<Self> {
+    pub fn from_output(output: &(impl AsFd + IsTerminal)) -> Option<Self> {
         if !output.is_terminal() {
             return None;
         }
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn file_is_no_screen() {
-        assert_eq!(Screen::of(&tempfile::tempfile().expect("a file")), None);
+        assert_eq!(Screen::from_output(&tempfile::tempfile().expect("a file")), None);
     }
 
     #[test]

@@ -227,7 +227,7 @@ mod tests {
     /// is neither labeled nor predicted.
     #[test]
     fn scores_match_scikit_learn() {
-        let mut random = random::Random::of_stream(5, 0);
+        let mut random = random::Random::for_stream(5, 0);
         let mut confusion = Confusion::new(8);
         for _ in 0..2000 {
             let truth = random.index(6);

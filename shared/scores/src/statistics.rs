@@ -23,7 +23,7 @@ pub struct Statistics {
 
 impl Statistics {
     /// Computes the statistics; `None` without values. The values must be finite.
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+    pub fn from_values(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
         let min = *values.first()?;
@@ -72,11 +72,11 @@ mod tests {
 
     #[test]
     fn statistics_of_five_values_are_exact() {
-        let found = Statistics::of([4.0, 1.0, 2.0, 3.0, 10.0]).expect("has values");
+        let found = Statistics::from_values([4.0, 1.0, 2.0, 3.0, 10.0]).expect("has values");
         assert_eq!((found.n, found.mean, found.median, found.min, found.max), (5, 4.0, 3.0, 1.0, 10.0));
         assert!((found.rmse - 26.0_f64.sqrt()).abs() < 1e-15 && (found.deviation - 10.0_f64.sqrt()).abs() < 1e-15);
         assert!((found.p95 - 8.8).abs() < 1e-12);
-        assert_eq!(Statistics::of([1.0, 2.0]).expect("has values").times(2.0).median, 3.0);
-        assert_eq!(Statistics::of([]), None);
+        assert_eq!(Statistics::from_values([1.0, 2.0]).expect("has values").times(2.0).median, 3.0);
+        assert_eq!(Statistics::from_values([]), None);
     }
 }

@@ -21,7 +21,7 @@ impl CellProbabilities {
         Self { n_classes, of_cells, cell_of_point }
     }
     /// The probabilities at each point, in order; `None` if they are unknown.
-    pub(crate) fn of_points(&self) -> impl Iterator<Item = Option<&[f32]>> {
+    pub(crate) fn per_point(&self) -> impl Iterator<Item = Option<&[f32]>> {
         let of_cell = |cell: u32| &self.of_cells[cell as usize * self.n_classes..][..self.n_classes];
         let known = move |&cell: &u32| (cell != NO_CELL).then(|| of_cell(cell)).filter(|row| is_known(row));
         self.cell_of_point.iter().map(known)
@@ -88,7 +88,7 @@ mod tests {
         let rows: Vec<ClassRow> = cells.decide(&classes).collect();
         let pole = row(ClassId::Pole, 191);
         assert_eq!(rows, [row(ClassId::Road, 128), pole, pole, unlabeled, unlabeled]);
-        let known: Vec<Option<&[f32]>> = cells.of_points().collect();
+        let known: Vec<Option<&[f32]>> = cells.per_point().collect();
         assert_eq!(known[1], Some([0.25, 0.75].as_slice()));
         assert_eq!(known[3..], [None, None]);
     }

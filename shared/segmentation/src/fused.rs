@@ -79,7 +79,7 @@ pub(crate) fn parts(file: &ModelFile) -> Result<[ModelFile; 2], SegmentationErro
 /// classes differ, a prior names another class, or a number is outside its range.
 pub fn fuse(first: &Path, second: &Path, fusion: &Fusion) -> Result<Vec<u8>, SegmentationError> {
     let files = [ModelFile::read(first)?, ModelFile::read(second)?];
-    Fused::of_files(&files, fusion, &Options::default())?;
+    Fused::from_files(&files, fusion, &Options::default())?;
     let Fusion { share, every, priors, temperature } = fusion.clone();
     let settings = Settings { every, share, priors, temperature, models: files.each_ref().map(ModelFile::card_text) };
     let mut tensors = BTreeMap::new();
@@ -94,7 +94,7 @@ pub fn fuse(first: &Path, second: &Path, fusion: &Fusion) -> Result<Vec<u8>, Seg
 const MOST_EVERY: usize = 16;
 
 /// A model that can be fused.
-fn of_cells(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter>, SegmentationError> {
+fn cell_segmenter(file: &ModelFile, options: &Options) -> Result<Box<dyn CellSegmenter>, SegmentationError> {
     let removes_ground = || -> Result<bool, SegmentationError> {
         Ok(file.settings::<spherical::Settings>()?.ground == GroundUse::Removed)
     };
@@ -128,23 +128,18 @@ impl Fused {
     pub(crate) fn from_file(file: &ModelFile, options: &Options) -> Result<Self, SegmentationError> {
         file.expect_version(VERSION)?;
         let Settings { every, share, priors, temperature, .. } = file.settings()?;
-        let fused = Self::of_files(&parts(file)?, &Fusion { share, every, priors, temperature }, options)?;
+        let fused = Self::from_files(&parts(file)?, &Fusion { share, every, priors, temperature }, options)?;
         Ok(Self { card: file.card.clone(), ..fused })
     }
     /// Reads the files of two models. The result has the card of the first.
     ///
     /// # Errors
     /// The errors of [`fuse`].
-    pub fn of_models(
-        first: &Path,
-        second: &Path,
-        fusion: &Fusion,
-        options: &Options,
-    ) -> Result<Self, SegmentationError> {
-        Self::of_files(&[ModelFile::read(first)?, ModelFile::read(second)?], fusion, options)
+    pub fn read(first: &Path, second: &Path, fusion: &Fusion, options: &Options) -> Result<Self, SegmentationError> {
+        Self::from_files(&[ModelFile::read(first)?, ModelFile::read(second)?], fusion, options)
     }
     /// The model of two files, with the card of the first.
-    fn of_files(files: &[ModelFile; 2], fusion: &Fusion, options: &Options) -> Result<Self, SegmentationError> {
+    fn from_files(files: &[ModelFile; 2], fusion: &Fusion, options: &Options) -> Result<Self, SegmentationError> {
         let Fusion { share, every, .. } = *fusion;
         // False for NaN.
         check_rules([
@@ -154,7 +149,7 @@ impl Fused {
         ])?;
         let of_first = Options { every: options.every.saturating_mul(every), ..*options };
         let [first, second] = files;
-        Self::new([of_cells(first, &of_first)?, of_cells(second, options)?], fusion, &second.path)
+        Self::new([cell_segmenter(first, &of_first)?, cell_segmenter(second, options)?], fusion, &second.path)
     }
     /// `path` is the file of the second model.
     fn new(models: [Box<dyn CellSegmenter>; 2], fusion: &Fusion, path: &Path) -> Result<Self, SegmentationError> {
@@ -202,7 +197,7 @@ impl Fused {
         let Factors { of_models: [of_first, of_second], .. } = self.factors(input, &ground, self.shares)?;
         let n_classes = self.classes().len();
         let mut means = Vec::with_capacity(input.points.len().div_ceil(step) * n_classes);
-        for factors in of_first.of_points().zip(of_second.of_points()).map(<[_; 2]>::from).step_by(step) {
+        for factors in of_first.per_point().zip(of_second.per_point()).map(<[_; 2]>::from).step_by(step) {
             let known = if factors.iter().any(Option::is_some) { 1.0 } else { 0.0 };
             means.resize(means.len() + n_classes, known);
             let of_point = means.len() - n_classes;
@@ -276,7 +271,7 @@ impl Segmenter for Fused {
         let decided = |factors: [Option<&[f32]>; 2]| row_of(decide(&self.priors, factors), first.classes());
         // Consecutive points often share their cells.
         let mut last = ([None, None], decided([None, None]));
-        let rows = of_first.of_points().zip(of_second.of_points()).map(|(first, second)| {
+        let rows = of_first.per_point().zip(of_second.per_point()).map(|(first, second)| {
             let factors = [first, second];
             if !(0..2).all(|model| is_same(factors[model], last.0[model])) {
                 last = (factors, decided(factors));
@@ -284,7 +279,7 @@ impl Segmenter for Fused {
             last.1
         });
         let n_unseen = write_rows(rows, classes);
-        first.refinement().of_points(input.points, &ground, first.classes(), classes);
+        first.refinement().refine(input.points, &ground, first.classes(), classes);
         Ok(Report { n_unseen, ..report })
     }
 }

@@ -80,7 +80,7 @@ impl SubmapIntensities {
             intensity: point.intensity,
             height_m: *height_m,
         };
-        let ground = GroundByRing::of(sample.map(ring_return));
+        let ground = GroundByRing::from_returns(sample.map(ring_return));
         let found = ground.quantiles();
         if intensity_use != IntensityUse::Raw && ground.is_constant() {
             return UNKNOWN;
@@ -153,7 +153,7 @@ mod tests {
             let auto = find(IntensityUse::Auto, gain);
             assert_eq!(auto.foreign, Some(foreign(median)), "gain {gain}");
             assert_eq!(auto, find(IntensityUse::Normalized, gain), "gain {gain}");
-            assert_eq!(auto.map.of_intensity(0, median), 12, "gain {gain}");
+            assert_eq!(auto.map.apply(0, median), 12, "gain {gain}");
         }
         assert_eq!(find(IntensityUse::Raw, 5.0), SubmapIntensities { foreign: Some(foreign(65)), ..UNCHANGED });
         for gain in [1.0, 5.0] {
@@ -164,8 +164,8 @@ mod tests {
     #[test]
     fn normalized_intensities_of_the_ground_are_those_of_the_training() {
         let SubmapIntensities { map, .. } = find(IntensityUse::Normalized, 3.0);
-        assert_eq!([0, 33, 39, 255].map(|intensity| map.of_intensity(0, intensity)), [0, 10, 12, 255]);
-        assert!((0..=255).map(|intensity| map.of_intensity(0, intensity)).is_sorted());
+        assert_eq!([0, 33, 39, 255].map(|intensity| map.apply(0, intensity)), [0, 10, 12, 255]);
+        assert!((0..=255).map(|intensity| map.apply(0, intensity)).is_sorted());
     }
 
     #[test]

@@ -49,7 +49,7 @@ impl Refinement {
     /// Corrects the classes of the points of a submap from their heights above the ground.
     ///
     /// `of_model` are the classes that the model distinguishes.
-    pub(crate) fn of_points(
+    pub(crate) fn refine(
         self,
         points: &[SubmapPoint],
         ground: &SubmapGround,
@@ -111,7 +111,7 @@ mod tests {
         let ground = Ground::find(&SubmapHeader::default(), &points);
         let ground = SubmapGround { ground, heights_m: points.iter().map(|point| point.z).collect() };
         let refinement = Refinement { buildings: true, ..Refinement::NONE };
-        refinement.of_points(&points, &ground, &[Building], &mut rows);
+        refinement.refine(&points, &ground, &[Building], &mut rows);
         let classes: Vec<u8> = rows.iter().map(|row| row.class_id).collect();
         assert!(classes[..400].iter().all(|class| *class == Building as u8));
         assert!(classes[400..1300].iter().all(|class| *class == Vegetation as u8));
@@ -133,7 +133,7 @@ mod tests {
         let ground = SubmapGround::find(&SubmapHeader::default(), &points);
         let refined = |of_model: &[ClassId]| {
             let mut rows = before.clone();
-            Refinement::default().of_points(&points, &ground, of_model, &mut rows);
+            Refinement::default().refine(&points, &ground, of_model, &mut rows);
             rows
         };
         let rows = refined(&[Terrain, Building, Vegetation]);

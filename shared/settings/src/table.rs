@@ -18,7 +18,7 @@ pub struct Problem {
 
 impl Problem {
     /// A problem with the setting `key` of the stage. The caller adds table and place.
-    pub fn of_key(key: &str, text: impl Into<String>) -> Self {
+    pub fn for_key(key: &str, text: impl Into<String>) -> Self {
         Self { key: key.to_owned(), span: None, text: text.into() }
     }
 }

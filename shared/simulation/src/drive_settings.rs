@@ -94,7 +94,7 @@ impl DriveSettings {
         }
         let path = Path::new(&self.rig);
         let text = std::fs::read_to_string(path).map_err(|error| {
-            FileProblem::of_file(path, format!("cannot be read ({error}); a rig {}", NameOrFile.text()))
+            FileProblem::for_file(path, format!("cannot be read ({error}); a rig {}", NameOrFile.text()))
         })?;
         RigSpec::from_toml(path, &text)
     }

@@ -42,7 +42,7 @@ impl Light {
 
     /// The sky in a direction: blue, with haze at the horizon, clouds, and the sun with its glow. A white surface under the
     /// full light has the brightness 1 and 1.
-    pub fn of_sky(direction: &Vec3) -> Self {
+    pub fn sky(direction: &Vec3) -> Self {
         let up = direction.z.max(0.0);
         let to_sun = direction.dot(&sun_direction()).max(0.0);
         let cloud = clouds(direction);
@@ -104,19 +104,19 @@ mod tests {
 
     #[test]
     fn sky_is_brightest_at_sun_and_paler_at_horizon() {
-        let sun = Light::of_sky(&sun_direction());
+        let sun = Light::sky(&sun_direction());
         let mut dark = f32::INFINITY;
         for i in 0..2000_u16 {
             let z = f32::from(i) / 2000.0;
             let angle = f32::from(i) * 2.399_963;
             let across = (1.0 - z * z).sqrt();
-            let sky = Light::of_sky(&Vec3::new(across * angle.cos(), across * angle.sin(), z));
+            let sky = Light::sky(&Vec3::new(across * angle.cos(), across * angle.sin(), z));
             assert!(sky.sun >= 0.0 && sky.sky > 0.0 && sky.sun + sky.sky < sun.sun + sun.sky, "{sky:?}");
             dark = dark.min(sky.sun);
         }
         assert!(sun.sun > 20.0 && dark < 0.05, "{dark}");
-        let low = Light::of_sky(&Vec3::new(0.0, 1.0, 0.01));
-        let high = Light::of_sky(&Vec3::new(0.0, 0.6, 0.8));
+        let low = Light::sky(&Vec3::new(0.0, 1.0, 0.01));
+        let high = Light::sky(&Vec3::new(0.0, 0.6, 0.8));
         assert!(low.sun / low.sky > 0.2 && low.sky > 0.0 && high.sky > 0.1);
     }
 }

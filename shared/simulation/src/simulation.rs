@@ -59,7 +59,7 @@ impl Simulation {
         let errors = &self.spec.lidar_errors;
         let errors = LidarErrors { unit_seed: errors.unit_seed.wrapping_add(number), ..*errors };
         let seed = hash(hash(self.spec.seed, LIDAR_STREAM), number);
-        let model = LidarModel::of(spec.model);
+        let model = LidarModel::for_model(spec.model);
         let step = self.spec.lidar_step;
         Lidar::new(&self.scene, &self.motion, model, &errors, spec.body_from_lidar, seed, step)
     }

@@ -63,7 +63,7 @@ impl DriveSpec {
     }
     /// Model of the lidar of the rig.
     pub const fn lidar_model(&self) -> LidarModel {
-        LidarModel::of(self.rig.lidar.model)
+        LidarModel::for_model(self.rig.lidar.model)
     }
     /// Recorded duration, s: up to the end of the last lidar packet.
     pub fn recorded_seconds(&self) -> f64 {

@@ -32,7 +32,7 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
             if masks[*cell] >> band & 1 == 0 {
                 plane[*cell] = before[*cell];
             } else if lacking >> band & 1 == 1 {
-                plane[*cell] = of_valid(*cell, columns, &before, |near| masks[near] >> band & 1 == 1);
+                plane[*cell] = valid_median(*cell, columns, &before, |near| masks[near] >> band & 1 == 1);
             }
         }
     }
@@ -54,7 +54,7 @@ fn gaps(columns: usize, rows: usize, masks: &[u32], bands: u32) -> Vec<(usize, u
 }
 
 /// Median of the valid values around a valid cell.
-fn of_valid(cell: usize, columns: usize, before: &[f32], is_valid: impl Fn(usize) -> bool) -> f32 {
+fn valid_median(cell: usize, columns: usize, before: &[f32], is_valid: impl Fn(usize) -> bool) -> f32 {
     let x = cell % columns;
     let y = cell / columns;
     let mut around = [0.0; 9];
@@ -169,7 +169,8 @@ mod tests {
                 let cell = at % n_cells;
                 let is_valid = |near: usize| masks[near] >> band & 1 == 1;
                 let before = &cube[band * n_cells..(band + 1) * n_cells];
-                let expected = if is_valid(cell) { of_valid(cell, columns, before, is_valid) } else { before[cell] };
+                let expected =
+                    if is_valid(cell) { valid_median(cell, columns, before, is_valid) } else { before[cell] };
                 assert_eq!(*value, expected, "{columns} x {rows}, band {band}, cell {cell}");
             }
         }

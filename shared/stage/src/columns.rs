@@ -15,7 +15,7 @@ pub struct ColumnPort {
 
 impl ColumnPort {
     /// The column on the topic of `T`.
-    pub fn of<T: Message>(column: &'static Column) -> Self {
+    pub fn new<T: Message>(column: &'static Column) -> Self {
         Self { column, port: Port::of::<T>() }
     }
 
@@ -24,7 +24,7 @@ impl ColumnPort {
         struct Ports(Vec<ColumnPort>);
         impl ColumnVisitor for Ports {
             fn visit<T: Message>(&mut self, column: &'static Column) {
-                self.0.push(ColumnPort::of::<T>(column));
+                self.0.push(ColumnPort::new::<T>(column));
             }
         }
         let mut ports = Ports(Vec::new());

@@ -90,7 +90,7 @@ impl Port {
     }
 
     /// The project's topic of this name.
-    pub fn of_name(topic: &str) -> Option<Self> {
+    pub fn from_name(topic: &str) -> Option<Self> {
         Self::all().into_iter().find(|port| port.topic() == topic)
     }
 

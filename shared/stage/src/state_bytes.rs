@@ -25,7 +25,7 @@ impl From<Vec<u8>> for StateBytes<'_> {
 
 impl<'a> StateBytes<'a> {
     /// A state of these pieces, each with the bytes of a row.
-    pub(crate) fn of_pieces(pieces: Vec<(Vec<u8>, usize)>) -> Self {
+    pub(crate) fn from_pieces(pieces: Vec<(Vec<u8>, usize)>) -> Self {
         let pieces = pieces.into_iter().map(|(bytes, row_bytes)| (bytes.into(), row_bytes)).collect();
         Self { pieces, files: Vec::new() }
     }

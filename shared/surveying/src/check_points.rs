@@ -52,7 +52,7 @@ pub fn write_check_points(
 ) -> Result<Accuracy, DeliverError> {
     let sums = surfaces(run, frame, &points)?;
     let residuals: Vec<Residual> = points.into_iter().zip(sums).map(|(point, sums)| residual(point, &sums)).collect();
-    let accuracy = Accuracy::of(&residuals);
+    let accuracy = Accuracy::from_residuals(&residuals);
     let poses = run.trajectory.poses().iter();
     let path = poses.map(|(_, pose)| frame.from_local(&pose.translation.vector.into()).map(|[x, y, _]| [x, y]));
     let path: Vec<[f64; 2]> = path.collect::<Result<_, _>>()?;

@@ -51,7 +51,7 @@ pub(crate) struct Present {
 }
 
 impl Present {
-    pub(crate) fn of(table: &'static [Column], names: impl IntoIterator<Item = &'static str>) -> Self {
+    pub(crate) fn new(table: &'static [Column], names: impl IntoIterator<Item = &'static str>) -> Self {
         Self { table, names: names.into_iter().collect() }
     }
 
@@ -83,7 +83,8 @@ impl<'a> Cloud<'a> {
         }
         let path = run.cloud(entry);
         let rows = PlyRows::open(&path)?;
-        let columns = Columns::of(rows.header(), run.columns).map_err(|rule| DeliverError::content(&path, rule))?;
+        let columns =
+            Columns::from_header(rows.header(), run.columns).map_err(|rule| DeliverError::content(&path, rule))?;
         Ok(Some(Self { entry, rows, columns }))
     }
 
@@ -122,5 +123,5 @@ pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), Deliver
 
 /// The columns that at least one of the clouds has.
 pub(crate) fn present(run: &RunFolder, clouds: &[Cloud<'_>]) -> Present {
-    Present::of(run.columns, clouds.iter().flat_map(|cloud| cloud.columns.present().names))
+    Present::new(run.columns, clouds.iter().flat_map(|cloud| cloud.columns.present().names))
 }

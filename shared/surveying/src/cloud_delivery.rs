@@ -157,7 +157,7 @@ impl Encoder<'_> {
             }
             let Some(stored) = delivery.layout.stored(converter.convert(point.xyz)?) else { continue };
             let forward = self.heading.at(point.time_s, &mut near);
-            let spectrum = if delivery.bands.is_empty() { None } else { self.spectra.of(first + i) };
+            let spectrum = if delivery.bands.is_empty() { None } else { self.spectra.get(first + i) };
             let record = &mut records[keys.len() * n_bytes..][..n_bytes];
             let columns = &cloud.columns;
             let source = RecordSource { point: &point, columns, row, stored, submap, forward, spectrum };

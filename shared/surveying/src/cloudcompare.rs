@@ -79,7 +79,7 @@ fn write_cloud(
             for (place, _) in &fields {
                 row.f32(cloud.columns.extra(*place, cloud_row));
             }
-            let spectrum = if bands.is_empty() { None } else { spectra.of(first + i) };
+            let spectrum = if bands.is_empty() { None } else { spectra.get(first + i) };
             for band in 0..bands.len() {
                 row.f32(spectrum.map_or(f32::NAN, |spectrum| spectrum[band]));
             }

@@ -39,7 +39,7 @@ pub fn write_copc(
     let mut delivery = CloudDelivery::new(run, frame, options)?;
     let blocks = delivery.spool(out, block_of, &mut progress)?;
     let places: Vec<[i16; 3]> = blocks.keys().into_iter().map(|(block, _)| block).collect();
-    let octree = Octree::of(&places);
+    let octree = Octree::from_blocks(&places);
     let nodes = place(&octree, (&blocks, octree.order(places)), (out, delivery.facts.record_bytes), &mut progress)?;
     drop(blocks);
     let merged = merged(&nodes.keys());

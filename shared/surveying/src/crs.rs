@@ -128,7 +128,7 @@ impl Crs {
 
     /// WGS 84 / UTM in the zone of a position.
     pub fn utm_of(place: &Geodetic) -> Result<Self, CrsError> {
-        Self::from_epsg(Utm::of(place)?.epsg())
+        Self::from_epsg(Utm::from_geodetic(place)?.epsg())
     }
 
     /// Number in the EPSG registry.

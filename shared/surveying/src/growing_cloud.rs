@@ -52,7 +52,8 @@ pub struct Part {
 impl GrowingCloud {
     /// Creates the file with the columns of the first cloud.
     pub fn create(path: &Path, first: &PlyRows, (system, software): (&str, &str)) -> Result<Self, DeliverError> {
-        let columns = Columns::of(first.header(), COLUMNS).map_err(|rule| DeliverError::content(path, rule))?;
+        let columns =
+            Columns::from_header(first.header(), COLUMNS).map_err(|rule| DeliverError::content(path, rule))?;
         // The frame of the odometry starts at 0.
         let layout = RecordLayout::new(&columns.present(), &[], [0.0; 3]);
         let facts = HeaderFacts {
@@ -87,7 +88,8 @@ impl GrowingCloud {
         if !is_in_odometry(cloud.header()) {
             return Ok(None);
         }
-        let columns = Columns::of(cloud.header(), COLUMNS).map_err(|rule| DeliverError::content(&self.path, rule))?;
+        let columns =
+            Columns::from_header(cloud.header(), COLUMNS).map_err(|rule| DeliverError::content(&self.path, rule))?;
         let (rows, path) = sampled_rows(cloud, &columns)?;
         let (records, extent) = self.records(seq, &rows, &columns, &path);
         if extent.n_points == 0 {

@@ -35,7 +35,7 @@ pub fn exhibits(seed: u64) -> impl Iterator<Item = Exhibit> {
 
 fn exhibit(entry: &Entry, seed: u64) -> Exhibit {
     let mut builder = SceneBuilder::default();
-    (entry.build)(&mut builder, &mut Random::of_hash(seed, 1));
+    (entry.build)(&mut builder, &mut Random::for_hashed_stream(seed, 1));
     let n_primitives = builder.primitives.len();
     let none = [Vec3::repeat(f32::INFINITY), Vec3::repeat(f32::NEG_INFINITY)];
     let bounds = builder.primitives.iter().fold(none, |[low, high], p| {

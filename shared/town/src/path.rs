@@ -55,7 +55,7 @@ impl GroundPath {
     /// Frame of a vehicle `left_m` to the left of the path: x along the path, tilted with the ground, rotated by `yaw`
     /// (rad).
     pub fn frame(&self, s: f64, left_m: f64, yaw: f64) -> Isometry3<f64> {
-        let (direction, left, at) = self.beside(s, left_m);
+        let (direction, left, at) = self.offset_point(s, left_m);
         let pitch = -direction.z.atan2(direction.xy().norm());
         let roll = self.terrain.gradient(&at.xy()).dot(&left).atan();
         let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), direction.y.atan2(direction.x))
@@ -66,12 +66,12 @@ impl GroundPath {
     }
     /// Frame as in [`GroundPath::frame`], but upright, for people.
     pub fn upright(&self, s: f64, left_m: f64, yaw: f64) -> Isometry3<f64> {
-        let (direction, _, at) = self.beside(s, left_m);
+        let (direction, _, at) = self.offset_point(s, left_m);
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), direction.y.atan2(direction.x) + yaw);
         Isometry3::from_parts(Translation3::from(at), rotation)
     }
     /// Direction, the unit vector to the left, and the position.
-    fn beside(&self, s: f64, left_m: f64) -> (Vector3<f64>, Vector2<f64>, Vector3<f64>) {
+    fn offset_point(&self, s: f64, left_m: f64) -> (Vector3<f64>, Vector2<f64>, Vector3<f64>) {
         let direction = self.direction(s);
         let left = Vector2::new(-direction.y, direction.x) / direction.xy().norm().max(1e-9);
         let on_path = self.point(s);

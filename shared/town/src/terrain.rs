@@ -28,7 +28,7 @@ struct Swell {
 impl Terrain {
     /// Hills for a seed: from nearly flat to slopes of [`MAX_SLOPE`].
     pub fn new(seed: u64) -> Self {
-        let mut random = Random::of_hash(seed, 0x07e2_2a14);
+        let mut random = Random::for_hashed_stream(seed, 0x07e2_2a14);
         let steepness = MAX_SLOPE * f64::from(random.range(0.25, 1.0));
         // Shares of the slope that add up to 1; the shorter waves get smaller shares.
         let swells = [(0.4, 420.0), (0.3, 310.0), (0.2, 240.0), (0.1, 170.0)].map(|(share, length_m)| {

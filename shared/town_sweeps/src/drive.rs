@@ -64,7 +64,7 @@ impl TownDrive {
         index: usize,
         mount: Mount,
     ) -> TownSubmap {
-        let mut random = Random::of_stream(self.seed, index as u64);
+        let mut random = Random::for_stream(self.seed, index as u64);
         let mounted = mount.lidar(&mut random);
         let body_from_lidar = mounted.body_from_lidar;
         let source = Source::new(simulation, &mounted, self.seed ^ (index as u64) << 32);

@@ -31,14 +31,14 @@ pub struct IdealCamera {
 
 impl IdealCamera {
     /// A color camera with red, green and blue values of 0 to 1.
-    pub fn of_color() -> Self {
+    pub fn color() -> Self {
         let filters = COLOR_FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
         // The square root approximates the sRGB curve.
         Self::new(&filters, |signal| signal.clamp(0.0, 1.0).sqrt())
     }
     /// A camera with reflectances of 0 to 2 in bands at one or more wavelengths in [`BANDS_NM`]. They are relative to a
     /// white target in the sun, as `calibrate` measures them: a surface in the shade has lower values.
-    pub fn of_bands(wavelengths_nm: &[u16]) -> Self {
+    pub fn with_bands(wavelengths_nm: &[u16]) -> Self {
         let filters: Vec<Filter> =
             wavelengths_nm.iter().map(|nm| Filter::gauss(f32::from(*nm), BAND_SIGMA_NM)).collect();
         Self::new(&filters, |signal| signal.clamp(0.0, 2.0))

@@ -36,7 +36,7 @@ impl<'a> Source<'a> {
     pub fn new(simulation: &'a Simulation, mounted: &MountedLidar, seed: u64) -> Self {
         match mounted.unit {
             Unit::Rotating { model, errors } => {
-                let model = LidarModel::of(model);
+                let model = LidarModel::for_model(model);
                 Self::Rotating(simulation.lidar_unit(model, &errors, mounted.body_from_lidar, seed))
             }
             Unit::Pattern(pattern) => Self::Pattern(simulation.pattern_lidar(pattern, mounted.body_from_lidar, seed)),

@@ -70,7 +70,7 @@ impl BevHead {
         let run = |&(example, labels): &(usize, &BevLabels)| network.run(grid(features(example), labels, fold), None);
         let runs: Vec<Recording> = grids.par_iter().map(run).collect::<Result<_, SegmentationError>>()?;
         let outputs: Vec<&Planes> = runs.iter().map(Recording::output).collect();
-        let cells = Pixels::of(&outputs, criterion.n_classes, 1);
+        let cells = Pixels::from_images(&outputs, criterion.n_classes, 1);
         let truth: Vec<u8> = grids.iter().flat_map(|(_, labels)| labels.truth.iter().copied()).collect();
         let known = known_rows(&truth);
         let classes: Vec<u8> = known.iter().map(|&cell| truth[cell as usize]).collect();
@@ -89,7 +89,7 @@ impl BevHead {
         for (example, by) in of_examples {
             by_features[example] = Some(by);
         }
-        let gradients = self.variables.gradients(network.of_layers(by_filters))?;
+        let gradients = self.variables.gradients(network.per_layer(by_filters))?;
         let gradients = gradients.into_iter().map(|(name, by)| (format!("{PREFIX}{name}"), by)).collect();
         Ok(Some(OfGrids { loss: criterion.bev_head * loss, by_features, gradients }))
     }

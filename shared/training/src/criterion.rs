@@ -60,34 +60,34 @@ impl Criterion {
         rows
     }
     /// Loss of logits, one row per class of `classes`.
-    pub(crate) fn of_logits(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
+    pub(crate) fn loss(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
         let mut y = vec![0.0_f32; classes.len() * self.n_classes];
         for (row, &class) in y.chunks_exact_mut(self.n_classes).zip(classes) {
             row[usize::from(class)] = 1.0;
         }
         let y = Tensor::from_vec(y, (classes.len(), self.n_classes), logits.device())?;
         Ok(match &self.tree {
-            Some(tree) => self.loss.of_hierarchy(logits, &y, tree)?,
-            None => self.loss.of_logits(logits, &y)?,
+            Some(tree) => self.loss.forward_hierarchy(logits, &y, tree)?,
+            None => self.loss.forward(logits, &y)?,
         })
     }
     /// Loss of logits, one row per class of `classes`, plus the consistency of the remaining rows: their first half are
     /// logits of sparse views, their second half are logits of the same points in the full views.
-    fn of_views(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
+    fn view_loss(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
         let n_known = classes.len();
         let n_pairs = (logits.dim(0)? - n_known) / 2;
         if n_pairs == 0 {
-            return self.of_logits(logits, classes);
+            return self.loss(logits, classes);
         }
         let sparse = logits.narrow(0, n_known, n_pairs)?;
         let full = logits.narrow(0, n_known + n_pairs, n_pairs)?;
-        let loss = self.of_logits(&logits.narrow(0, 0, n_known)?, classes)?;
+        let loss = self.loss(&logits.narrow(0, 0, n_known)?, classes)?;
         Ok((loss + (consistency(&full, &sparse)? * self.consistency)?)?)
     }
-    /// The loss of [`Self::of_views`] as a scalar, and its derivatives with respect to the logits.
+    /// The loss of [`Self::view_loss`] as a scalar, and its derivatives with respect to the logits.
     pub(crate) fn derive(&self, logits: &Tensor, classes: &[u8]) -> Result<LogitDerivatives, TrainingError> {
         let logits = Var::from_tensor(logits)?;
-        let loss = self.of_views(&logits, classes)?;
+        let loss = self.view_loss(&logits, classes)?;
         let by_logits = loss.backward()?.remove(&logits).map_or_else(|| logits.zeros_like(), Ok)?;
         Ok(LogitDerivatives { loss, by_logits })
     }

@@ -103,7 +103,7 @@ impl Differential {
         InputDerivatives { by_filters, by_input }
     }
     /// Derivatives with respect to the filters of the layers: sums over several runs.
-    pub fn of_layers(&self, by_runs: Vec<Vec<Vec<Feature>>>) -> Vec<PlainFilter> {
+    pub fn per_layer(&self, by_runs: Vec<Vec<Vec<Feature>>>) -> Vec<PlainFilter> {
         let layers = self.spec.layers();
         layers.iter().zip(sum_of(by_runs)).map(|(layer, packed)| layer.shape.unpacked(&packed)).collect()
     }

@@ -63,7 +63,7 @@ impl ImageNetwork {
         mut random: Random,
     ) -> Result<Derivatives, TrainingError> {
         let network = Differential::new(self.spec(), &self.weights()?, self.border)?;
-        let streams: Vec<Random> = views.images.iter().map(|_| Random::of_stream(random.bits(), 0)).collect();
+        let streams: Vec<Random> = views.images.iter().map(|_| Random::for_stream(random.bits(), 0)).collect();
         let of_image = |(image, random): (&&Planes, Random)| network.run((*image).clone(), Some(random));
         let recordings: Vec<Recording> =
             views.images.par_iter().zip(streams).map(of_image).collect::<Result<_, SegmentationError>>()?;
@@ -88,7 +88,7 @@ impl ImageNetwork {
             None => network.backward(recording, by_output),
         };
         let by_filters = recordings.par_iter().zip(by_outputs).zip(by_features).map(backward).collect();
-        let mut gradients = self.variables.gradients(network.of_layers(by_filters))?;
+        let mut gradients = self.variables.gradients(network.per_layer(by_filters))?;
         gradients.extend(of_head);
         // Also without labeled cells or with weight 0, because Adam keeps a state of each variable.
         for (name, var) in self.bev_head.iter().flat_map(BevHead::by_name) {
@@ -126,7 +126,7 @@ impl Network for ImageNetwork {
         criterion: &Criterion,
         mut random: Random,
     ) -> Result<Option<Derivatives>, TrainingError> {
-        let Some(views) = Views::of(batch, self.fold, criterion, &mut random) else { return Ok(None) };
+        let Some(views) = Views::from_batch(batch, self.fold, criterion, &mut random) else { return Ok(None) };
         let Some(device) = &self.device else {
             return self.derive_by_kernels(batch, &views, criterion, random).map(Some);
         };
@@ -149,7 +149,7 @@ impl Network for ImageNetwork {
             }
             let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
             let images = inputs(batch);
-            let pixels = Pixels::of(&images, n_classes, self.fold);
+            let pixels = Pixels::from_images(&images, n_classes, self.fold);
             if let Some(network) = &on_device {
                 let logits = DevicePass::new(network, &images, &pixels).logits(&known)?;
                 return Ok(Some(LabeledLogits { logits, classes }));

@@ -88,31 +88,31 @@ impl Loss {
     ///
     /// # Errors
     /// If the shapes do not match.
-    pub fn of_logits(&self, logits: &Tensor, y: &Tensor) -> Result<Tensor> {
-        self.of_level(&level(logits, y)?)
+    pub fn forward(&self, logits: &Tensor, y: &Tensor) -> Result<Tensor> {
+        self.forward_level(&level(logits, y)?)
     }
 
     /// The sum of the loss on the classes and the loss on their nodes in the class tree: eq. (6.2), algorithm 3.
     ///
     /// # Errors
     /// If the shapes do not match.
-    pub fn of_hierarchy(&self, logits: &Tensor, y: &Tensor, hierarchy: &Hierarchy) -> Result<Tensor> {
+    pub fn forward_hierarchy(&self, logits: &Tensor, y: &Tensor, hierarchy: &Hierarchy) -> Result<Tensor> {
         let leaves = level(logits, y)?;
         let nodes_of_leaves = hierarchy.matrix(logits.device())?.to_dtype(logits.dtype())?;
         let p = leaves.p.matmul(&nodes_of_leaves)?;
         let nodes = Level { log_p: (&p + MIN_PROBABILITY)?.log()?, p, y: y.matmul(&nodes_of_leaves)? };
         // Weights of classes do not apply to nodes.
         let of_nodes = match self {
-            Self::WeightedCrossEntropy { .. } => Self::CrossEntropy.of_level(&nodes)?,
+            Self::WeightedCrossEntropy { .. } => Self::CrossEntropy.forward_level(&nodes)?,
             Self::WeightedCrossEntropyPowerJaccard { power, .. } => {
-                Self::CrossEntropyPowerJaccard { power: *power }.of_level(&nodes)?
+                Self::CrossEntropyPowerJaccard { power: *power }.forward_level(&nodes)?
             }
-            other => other.of_level(&nodes)?,
+            other => other.forward_level(&nodes)?,
         };
-        self.of_level(&leaves)? + of_nodes
+        self.forward_level(&leaves)? + of_nodes
     }
 
-    fn of_level(&self, level: &Level) -> Result<Tensor> {
+    fn forward_level(&self, level: &Level) -> Result<Tensor> {
         match self {
             Self::CrossEntropy => mean_of_pixels(&level.log_p, &level.y)?.neg(),
             Self::WeightedCrossEntropy { weights } => {
@@ -121,7 +121,7 @@ impl Loss {
                 mean_of_pixels(&level.log_p, &weighted)?.neg()
             }
             Self::WeightedCrossEntropyPowerJaccard { weights, power } => {
-                let entropy = Self::WeightedCrossEntropy { weights: weights.clone() }.of_level(level)?;
+                let entropy = Self::WeightedCrossEntropy { weights: weights.clone() }.forward_level(level)?;
                 entropy + level.power_jaccard(*power)?
             }
             Self::Focal { gamma } => {
@@ -133,7 +133,7 @@ impl Loss {
             Self::Jaccard => level.tversky(1.0, 1.0),
             Self::PowerJaccard { power } => level.power_jaccard(*power),
             Self::CrossEntropyPowerJaccard { power } => {
-                Self::CrossEntropy.of_level(level)? + level.power_jaccard(*power)?
+                Self::CrossEntropy.forward_level(level)? + level.power_jaccard(*power)?
             }
         }
     }

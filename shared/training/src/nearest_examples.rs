@@ -39,9 +39,9 @@ impl NearestExamples {
         per_class: usize,
         k: usize,
     ) -> Result<Self, TrainingError> {
-        let network = Inference::of_features(settings.network.clone(), weights, Border::Circular)?;
+        let network = Inference::feature_extractor(settings.network.clone(), weights, Border::Circular)?;
         let mut drawn = vec![Sample::default(); settings.fold * settings.classes.len()];
-        let mut random = Random::of_stream(0, 0);
+        let mut random = Random::for_stream(0, 0);
         let indexes: Vec<usize> = (0..data.len()).collect();
         for batch in indexes.chunks(BATCH) {
             let examples: Vec<Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();
@@ -226,7 +226,7 @@ mod tests {
 
     /// Features of length 2 or 4 with values -1, 0 and 1: all sums of the search are exact, and many are equal.
     fn features(n: usize, n_channels: usize, seed: u64) -> Vec<Vec<f32>> {
-        let mut random = Random::of_stream(seed, 0);
+        let mut random = Random::for_stream(seed, 0);
         let mut feature = || {
             let mut values = vec![0.0; n_channels];
             let places = random.permutation(n_channels);
@@ -288,15 +288,15 @@ mod tests {
             (0..60).map(at).collect()
         };
         let between = sector(30);
-        let beside = [sector(0), sector(60)].concat();
+        let adjacent = [sector(0), sector(60)].concat();
         let every_other = |features: &[Vec<f32>]| class_of(features.iter().step_by(2).cloned().collect());
-        let bank = Bank::new(&[every_other(&beside), every_other(&between)]);
+        let bank = Bank::new(&[every_other(&adjacent), every_other(&between)]);
         let right = |features: &[Vec<f32>], class: usize| {
             let nearest = bank.nearest(&row_of(features), 3);
             nearest.iter().filter(|near| bank.vote(near)[class] > 127).count()
         };
         // Near the border of a sector, some neighbors are in another sector.
-        assert!(right(&between, 1) >= 58 && right(&beside, 0) >= 118);
+        assert!(right(&between, 1) >= 58 && right(&adjacent, 0) >= 118);
     }
 
     #[test]
@@ -311,7 +311,7 @@ mod tests {
     #[test]
     fn sample_is_uniform_and_bounded() {
         let mut drawn = Sample::default();
-        let mut random = Random::of_stream(5, 0);
+        let mut random = Random::for_stream(5, 0);
         (0..10_000).for_each(|i| drawn.offer(|| vec![i as f32], 500, &mut random));
         let mean = drawn.features.iter().map(|features| features[0]).sum::<f32>() / 500.0;
         // The standard deviation of the mean is 126.

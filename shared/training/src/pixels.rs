@@ -18,7 +18,7 @@ pub(crate) struct Pixels {
 
 impl Pixels {
     /// Pixels of images, with `fold` pixels per column.
-    pub(crate) fn of(images: &[&Planes], n_classes: usize, fold: usize) -> Self {
+    pub(crate) fn from_images(images: &[&Planes], n_classes: usize, fold: usize) -> Self {
         let mut end = 0;
         let ends = images.iter().map(|image| {
             end += image.height() * image.width() * fold;

@@ -139,7 +139,7 @@ impl Trainer {
         border: Border,
         tree: Hierarchy,
     ) -> Result<Self, TrainingError> {
-        Self::of_network(settings, ImageNetwork::new(variables, fold, border), n_classes, tree)
+        Self::from_network(settings, ImageNetwork::new(variables, fold, border), n_classes, tree)
     }
 }
 
@@ -148,7 +148,7 @@ impl<N: Network> Trainer<N> {
     ///
     /// # Errors
     /// If candle fails.
-    pub fn of_network(
+    pub fn from_network(
         settings: TrainSettings,
         network: N,
         n_classes: usize,
@@ -190,7 +190,7 @@ impl<N: Network> Trainer<N> {
         let network = self.network.with_weights(weights)?;
         let n_classes = self.criterion.n_classes;
         let tree = self.criterion.tree.clone().unwrap_or_else(|| Hierarchy::new(vec![0; n_classes]));
-        Self::of_network(self.settings.clone(), network, n_classes, tree)
+        Self::from_network(self.settings.clone(), network, n_classes, tree)
     }
     /// Whether all epochs are done, or validation has not improved within `patience`.
     pub fn is_done(&self) -> bool {
@@ -209,10 +209,10 @@ impl<N: Network> Trainer<N> {
         progress: Progress<'_>,
     ) -> Result<(), TrainingError> {
         let epoch = self.curves.epochs.len();
-        let order = Random::of_stream(self.settings.seed, 1 + 2 * epoch as u64).permutation(data.len());
+        let order = Random::for_stream(self.settings.seed, 1 + 2 * epoch as u64).permutation(data.len());
         let batches: Vec<&[usize]> = order.chunks(self.settings.batch).collect();
         let seed = self.settings.seed;
-        let random = |index: usize| Random::of_stream(seed ^ (epoch as u64) << 32, 2 * index as u64);
+        let random = |index: usize| Random::for_stream(seed ^ (epoch as u64) << 32, 2 * index as u64);
         let examples_of = |batch: &[usize]| -> Vec<N::Example> {
             batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect()
         };
@@ -222,7 +222,7 @@ impl<N: Network> Trainer<N> {
             let n_steps = self.settings.epochs * batches.len();
             self.adam.rate = self.learning_rate(step, n_steps);
             self.fix_statistics(step, n_steps)?;
-            sum += self.step(&examples, Random::of_stream(seed, (epoch * data.len() + i) as u64 | 1 << 63))?;
+            sum += self.step(&examples, Random::for_stream(seed, (epoch * data.len() + i) as u64 | 1 << 63))?;
             progress(i + 1, batches.len());
             Ok(())
         })?;

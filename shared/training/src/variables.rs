@@ -30,7 +30,7 @@ impl Variables {
     pub fn random(spec: &NetworkSpec, seed: u64) -> Result<Self, TrainingError> {
         let mut vars = BTreeMap::new();
         for (stream, layer) in spec.layers().iter().enumerate() {
-            let mut random = Random::of_stream(seed, stream as u64);
+            let mut random = Random::for_stream(seed, stream as u64);
             let [weight, bias] = layer.tensors();
             let gain = if layer.shape.rectify { GAIN } else { 1.0 };
             // They have the norm of standardized filters, so that a step of Adam rotates new and trained filters equally.

@@ -22,7 +22,12 @@ pub(crate) struct Views<'a> {
 
 impl<'a> Views<'a> {
     /// Views of a batch; `None` if nothing is labeled.
-    pub(crate) fn of(batch: &'a [Example], fold: usize, criterion: &Criterion, random: &mut Random) -> Option<Self> {
+    pub(crate) fn from_batch(
+        batch: &'a [Example],
+        fold: usize,
+        criterion: &Criterion,
+        random: &mut Random,
+    ) -> Option<Self> {
         let truth = truth(batch);
         let mut used = criterion.known_rows(&truth, random);
         if used.is_empty() {
@@ -35,7 +40,7 @@ impl<'a> Views<'a> {
             batch.iter().enumerate().filter_map(of_example).filter(|_| criterion.consistency > 0.0)
         };
         images.extend(sparse().map(|(_, view)| &view.input));
-        let pixels = Pixels::of(&images, criterion.n_classes, fold);
+        let pixels = Pixels::from_images(&images, criterion.n_classes, fold);
         let pairs = sparse().enumerate().flat_map(|(n, (at, view))| {
             let [of_view, of_example] = [batch.len() + n, at].map(|image| pixels.first_of(image) as u32);
             view.pixels.iter().map(move |[sparse, full]| [of_view + sparse, of_example + full])

@@ -43,7 +43,7 @@ fn packets(model: Model, bytes: &[u8]) {
                 one.x.is_finite() && one.azimuth < 36_000 && usize::from(one.ring) < model.n_rings()
             };
             assert!(returns.iter().all(is_valid));
-            let _ = (Model::of_packet(packet), model.may_have_sent(packet), packet.return_mode(), packet.azimuth(11));
+            let _ = (Model::from_packet(packet), model.may_have_sent(packet), packet.return_mode(), packet.azimuth(11));
         }
         for length in [512, payload.len()] {
             if let Some(packet) = payload.get(..length).and_then(PositionPacket::new) {

@@ -124,7 +124,7 @@ fn rig(path: &Path) {
         accepted(&read);
         let Ok(mut parts) = read else { continue };
         if parts.mount(&tree, &options).is_ok() {
-            let lidar = drive::manifest::LidarEntry::of_captures("vlp16", geometry::Pose::identity().into());
+            let lidar = drive::manifest::LidarEntry::from_captures("vlp16", geometry::Pose::identity().into());
             let _ = parts.manifest("a", lidar, Some([48.0, 2.0, 0.0]));
         }
     }

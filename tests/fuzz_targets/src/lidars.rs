@@ -9,7 +9,7 @@ const METADATA: &str = r#"{"beam_altitude_angles": [10, -10], "beam_azimuth_angl
     "lidar_to_sensor_transform": [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 1], "udp_profile_lidar": "PROFILE"}"#;
 const PROFILES: [&str; 4] = ["LEGACY", "RNG15_RFL8_NIR8", "RNG19_RFL8_SIG16_NIR16", "RNG19_RFL8_SIG16_NIR16_DUAL"];
 
-fn of_names(names: &[&str]) -> Vec<PacketDecoder> {
+fn decoders_by_name(names: &[&str]) -> Vec<PacketDecoder> {
     let lidars = names.iter().filter_map(|name| Model::from_name(name)).map(Lidar::from);
     lidars.map(|lidar| PacketDecoder::new(&lidar)).collect()
 }
@@ -22,7 +22,7 @@ fn with_angles(name: &str, n_beams: usize) -> Option<PacketDecoder> {
 
 /// Decodes an input as one packet.
 fn packet(decoders: &mut [PacketDecoder], bytes: &[u8]) {
-    let _ = (Model::of_payload(bytes), Model::may_be_data(bytes));
+    let _ = (Model::from_payload(bytes), Model::may_be_data(bytes));
     for decoder in decoders {
         let mut returns = Vec::new();
         decoder.decode_into(bytes, &mut returns);
@@ -34,7 +34,7 @@ fn packet(decoders: &mut [PacketDecoder], bytes: &[u8]) {
 
 pub(crate) fn hesai(bytes: &[u8]) {
     thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> =
-        RefCell::new(of_names(&["pandar40p", "pandarxt32", "pandarqt64"])));
+        RefCell::new(decoders_by_name(&["pandar40p", "pandarxt32", "pandarqt64"])));
     DECODERS.with_borrow_mut(|decoders| packet(decoders, bytes));
 }
 
@@ -48,7 +48,7 @@ pub(crate) fn ouster(bytes: &[u8]) {
 
 pub(crate) fn robosense(bytes: &[u8]) {
     thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> =
-        RefCell::new(of_names(&["rs16"]).into_iter().chain(with_angles("rs32", 32)).collect()));
+        RefCell::new(decoders_by_name(&["rs16"]).into_iter().chain(with_angles("rs32", 32)).collect()));
     for name in ["rs16", "rs32"] {
         let lidar = Model::from_name(name).map(Lidar::from);
         if let Some(calibrated) = lidar.and_then(|lidar| lidar.with_device_packet(bytes)) {
@@ -59,7 +59,7 @@ pub(crate) fn robosense(bytes: &[u8]) {
 }
 
 pub(crate) fn livox(bytes: &[u8]) {
-    thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> = RefCell::new(of_names(&["mid360", "avia"])));
+    thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> = RefCell::new(decoders_by_name(&["mid360", "avia"])));
     DECODERS.with_borrow_mut(|decoders| packet(decoders, bytes));
 }
 

@@ -60,7 +60,7 @@ pub fn input(corpus: &[Vec<u8>], seed: u64, number: u64) -> Vec<u8> {
     if let Some(bytes) = usize::try_from(number).ok().and_then(|number| corpus.get(number)) {
         return bytes.clone();
     }
-    let mut random = Random::of_stream(seed, number);
+    let mut random = Random::for_stream(seed, number);
     let Some(bytes) = (!corpus.is_empty()).then(|| &corpus[random.index(corpus.len())]) else { return Vec::new() };
     let mut bytes = bytes.clone();
     for _ in 0..=random.index(4) {

@@ -196,7 +196,7 @@ impl<'a> Crash<'a> {
         let (synced, later) = self.split(folder);
         let n_survivors = match self.survives {
             Survives::Nothing | Survives::Content => 0,
-            Survives::Mixed(seed) => Random::of_stream(seed, folder).index(later.len() + 1),
+            Survives::Mixed(seed) => Random::for_stream(seed, folder).index(later.len() + 1),
             _ => later.len(),
         };
         let mut entries = BTreeMap::new();
@@ -217,7 +217,7 @@ impl<'a> Crash<'a> {
     fn kept(&self, file: u64) -> Kept<'a> {
         let (synced, later) = self.split(file);
         let survives = match self.survives {
-            Survives::Mixed(seed) => *Random::of_stream(seed, file).pick(&PLAIN),
+            Survives::Mixed(seed) => *Random::for_stream(seed, file).pick(&PLAIN),
             survives => survives,
         };
         // Synced changes survive in any case.

@@ -8,15 +8,15 @@ use std::process::ExitCode;
 pub const INCOMPLETE: u8 = run::exit::INCOMPLETE;
 
 /// The exit code of a command that failed.
-fn of_error(error: &anyhow::Error) -> ExitCode {
+fn from_error(error: &anyhow::Error) -> ExitCode {
     // clap checks arguments that are wrong for every run. Arguments that are wrong for this run get the same exit code.
     if error.is::<UsageError>() { ExitCode::from(run::exit::USAGE) } else { ExitCode::FAILURE }
 }
 
 /// The exit code of a command that has ended. Prints its error to stderr.
-pub fn of_result(done: anyhow::Result<ExitCode>) -> ExitCode {
+pub fn from_result(done: anyhow::Result<ExitCode>) -> ExitCode {
     done.unwrap_or_else(|error| {
         eprintln!("error: {}", error_text(&error));
-        of_error(&error)
+        from_error(&error)
     })
 }

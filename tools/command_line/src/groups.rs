@@ -23,7 +23,7 @@ pub struct Group {
 
 impl Group {
     /// The subcommands of `S` under a heading.
-    pub fn of<S: Subcommand>(heading: &'static str) -> Self {
+    pub fn new<S: Subcommand>(heading: &'static str) -> Self {
         Self { heading, command: S::augment_subcommands(Command::new("group")) }
     }
 }

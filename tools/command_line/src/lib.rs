@@ -11,7 +11,7 @@
 //! It must never depend on a command or its inputs. It has no file formats, no algorithms and no pictures; they are in `pictures`
 //! and in `shared/`.
 //!
-//! Start reading at [`answer::Answer`], the option of every command that prints facts, and [`exit_code::of_result`], the end of
+//! Start reading at [`answer::Answer`], the option of every command that prints facts, and [`exit_code::from_result`], the end of
 //! both programs.
 
 pub mod answer;

@@ -25,7 +25,7 @@ pub struct CostHistory(Vec<(String, Vec<Sample>)>);
 
 impl CostHistory {
     /// Reads the history of a run; `None` if the file does not exist.
-    pub fn of_run(run: &Path) -> anyhow::Result<Option<Self>> {
+    pub fn read(run: &Path) -> anyhow::Result<Option<Self>> {
         let path = run.join(FILE);
         if !path.is_file() {
             return Ok(None);
@@ -76,7 +76,7 @@ impl CostHistory {
             self.0.iter().flat_map(move |(_, lines)| of(lines)).map(|[_, value]| value)
         };
         // One slow second (a loop closure, a slow disk) must not compress the rest of the chart.
-        let top = Statistics::of(all(ms_per_tick)).map_or(1.0, |found| (2.0 * found.p95).max(1.0));
+        let top = Statistics::from_values(all(ms_per_tick)).map_or(1.0, |found| (2.0 * found.p95).max(1.0));
         let times =
             chart("CPU time per sweep (values above twice the 95th percentile are cut off)", "ms", top, ms_per_tick);
         let memory = chart("Resident memory", "MB", all(memory).fold(1.0, f64::max), memory);

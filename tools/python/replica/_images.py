@@ -22,7 +22,7 @@ class SweepImages:
 
         def step(self, inputs, outputs):
             for submap in inputs["submap"]:
-                sweeps = self.images.of(submap)
+                sweeps = self.images.project(submap)
                 out = outputs.loan("class", like=submap)
                 out.header["model_digest"] = self.images.digest
                 out[:] = sweeps.classes(self.network(images) for images in sweeps.images())
@@ -46,10 +46,10 @@ class SweepImages:
         #: Identifies the model file in the header of ``class``.
         self.digest: int = self._native.digest
 
-    def of(self, submap: Message, *, color: Message | None = None, spectra: Message | None = None) -> "SubmapImages":
+    def project(self, submap: Message, *, color: Message | None = None, spectra: Message | None = None) -> "SubmapImages":
         """The sweeps of a submap, with the columns that the model reads. The messages are not referenced afterwards."""
         columns = (message and _bytes(message) for message in (color, spectra))
-        return SubmapImages(self._native.of(_bytes(submap), *columns), self.settings["network"]["outputs"])
+        return SubmapImages(self._native.project(_bytes(submap), *columns), self.settings["network"]["outputs"])
 
 
 class SubmapImages:

@@ -84,8 +84,8 @@ impl ConfiguredStage for Configured {
         let found: Result<Vec<(String, String)>, StepError> =
             arguments(&self.values, context).and_then(|arguments| self.class.call("check", arguments));
         match found {
-            Ok(found) => found.into_iter().map(|(key, text)| Problem::of_key(&key, text)).collect(),
-            Err(error) => vec![Problem::of_key("", error.to_string())],
+            Ok(found) => found.into_iter().map(|(key, text)| Problem::for_key(&key, text)).collect(),
+            Err(error) => vec![Problem::for_key("", error.to_string())],
         }
     }
     fn settings_json(&self) -> Result<String, StepError> {

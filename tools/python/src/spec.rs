@@ -35,11 +35,11 @@ impl Setting {
     pub fn field(&self) -> Field {
         let (kind, rule) = match &self.default {
             Value::Bool(_) => ("bool", String::new()),
-            Value::Number(number) if number.is_f64() => ("f64", self.of_float().text()),
-            Value::Number(_) => ("i64", self.of_integer().text()),
+            Value::Number(number) if number.is_f64() => ("f64", self.float_rule().text()),
+            Value::Number(_) => ("i64", self.integer_rule().text()),
             Value::Array(_) if self.has_numbers() => ("Vec<f64>", String::new()),
-            Value::Array(_) => ("Vec<String>", self.of_texts().text()),
-            _ => ("String", self.of_text().text()),
+            Value::Array(_) => ("Vec<String>", self.texts_rule().text()),
+            _ => ("String", self.text_rule().text()),
         };
         Field {
             key: self.key.clone(),
@@ -54,11 +54,11 @@ impl Setting {
     pub fn read(&self, value: Spanned<DeValue<'_>>) -> Result<Value, String> {
         match &self.default {
             Value::Bool(_) => json(value, &*any::<bool>()),
-            Value::Number(number) if number.is_f64() => json(value, &*self.of_float()),
-            Value::Number(_) => json(value, &*self.of_integer()),
+            Value::Number(number) if number.is_f64() => json(value, &*self.float_rule()),
+            Value::Number(_) => json(value, &*self.integer_rule()),
             Value::Array(_) if self.has_numbers() => json(value, &*any::<Vec<f64>>()),
-            Value::Array(_) => json(value, &*self.of_texts()),
-            _ => json(value, &*self.of_text()),
+            Value::Array(_) => json(value, &*self.texts_rule()),
+            _ => json(value, &*self.text_rule()),
         }
     }
 
@@ -66,7 +66,7 @@ impl Setting {
         self.default.as_array().is_some_and(|values| values.iter().any(Value::is_number))
     }
 
-    fn of_float(&self) -> Box<dyn Rule<f64>> {
+    fn float_rule(&self) -> Box<dyn Rule<f64>> {
         match (self.within, self.at_least) {
             (Some([low, high]), _) => Box::new(stage::within(low, high)),
             (_, Some(low)) => Box::new(stage::at_least(low)),
@@ -74,7 +74,7 @@ impl Setting {
         }
     }
 
-    fn of_integer(&self) -> Box<dyn Rule<i64>> {
+    fn integer_rule(&self) -> Box<dyn Rule<i64>> {
         match (self.within, self.at_least) {
             (Some([low, high]), _) => Box::new(stage::within(low.ceil() as i64, high.floor() as i64)),
             (_, Some(low)) => Box::new(stage::at_least(low.ceil() as i64)),
@@ -82,14 +82,14 @@ impl Setting {
         }
     }
 
-    fn of_text(&self) -> Box<dyn Rule<String>> {
+    fn text_rule(&self) -> Box<dyn Rule<String>> {
         match self.words() {
             Some(words) => Box::new(one_of(words)),
             None => any(),
         }
     }
 
-    fn of_texts(&self) -> Box<dyn Rule<Vec<String>>> {
+    fn texts_rule(&self) -> Box<dyn Rule<Vec<String>>> {
         match self.words() {
             Some(words) => Box::new(each_one_of(words)),
             None => any(),

@@ -47,7 +47,7 @@ impl SweepImages {
 
     /// A submap, and the columns that the model reads, copied.
     #[allow(clippy::needless_pass_by_value, reason = "Python has no buffers to borrow")]
-    fn of(
+    fn project(
         &self,
         py: Python<'_>,
         submap: MessageBytes,

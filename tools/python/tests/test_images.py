@@ -62,7 +62,7 @@ def test_images_have_the_layout_of_the_network_in_batches_of_any_size(submaps):
     images = replica.SweepImages(STREET)
     fold, n_features = images.settings["fold"], 10
     submap = next(replica.open_recording(submaps).messages("submap"))
-    sweeps = images.of(submap)
+    sweeps = images.project(submap)
     single, batches = list(sweeps.images()), list(sweeps.images(batch=3))
     assert len(single) == len(sweeps) == submap.header["n_sweeps"] and len(batches) == -(-len(sweeps) // 3)
     every = np.concatenate(batches)
@@ -80,7 +80,7 @@ def test_scores_and_models_that_do_not_fit_are_refused(submaps):
         replica.SweepImages(ROOT / "models/points.safetensors")
     with pytest.raises(ValueError, match="must be one of auto, normalized, raw, off"):
         replica.SweepImages(STREET, intensity="bright")
-    sweeps = replica.SweepImages(STREET).of(next(replica.open_recording(submaps).messages("submap")))
+    sweeps = replica.SweepImages(STREET).project(next(replica.open_recording(submaps).messages("submap")))
     with pytest.raises(ValueError, match=r"scores of sweep 0 of \d+: shape \(32, 512, 76\), expected \(76, 32, 512\)"):
         sweeps.classes([np.zeros((1, 32, 512, 76), "f4")])
     with pytest.raises(ValueError, match=r"scores of 1 sweeps; the submap has \d+"):

@@ -58,9 +58,9 @@ impl Parsed {
 
 fn groups() -> [Group; 3] {
     [
-        Group::of::<control::Command>("Run control"),
-        Group::of::<data::Command>("Data"),
-        Group::of::<setup::Command>("Setup"),
+        Group::new::<control::Command>("Run control"),
+        Group::new::<data::Command>("Data"),
+        Group::new::<setup::Command>("Setup"),
     ]
 }
 

@@ -25,5 +25,5 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let done = cli::parse().map_err(anyhow::Error::from).and_then(cli::Parsed::run);
-    command_line::exit_code::of_result(done)
+    command_line::exit_code::from_result(done)
 }

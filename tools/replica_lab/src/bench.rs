@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let machine = Machine::detect(&args.launch_file);
     let configurations = configurations(args, machine.cores)?;
     let output = tempfile::tempdir().context("cannot create a temporary folder")?;
-    let mut series: Vec<Series> = configurations.iter().map(|configuration| Series::of(*configuration)).collect();
+    let mut series: Vec<Series> = configurations.iter().map(|configuration| Series::new(*configuration)).collect();
     // The first run is not measured: it simulates the drive if necessary, and fills the disk caches.
     for round in 0..=args.runs {
         let measured = round > 0;

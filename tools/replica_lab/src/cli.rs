@@ -84,10 +84,10 @@ impl Parsed {
 
 fn groups() -> [Group; 4] {
     [
-        Group::of::<Models>("Models"),
-        Group::of::<Scores>("Scores and cost"),
-        Group::of::<Reflectances>("Reflectances"),
-        Group::of::<Setup>("Setup"),
+        Group::new::<Models>("Models"),
+        Group::new::<Scores>("Scores and cost"),
+        Group::new::<Reflectances>("Reflectances"),
+        Group::new::<Setup>("Setup"),
     ]
 }
 

@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut written = std::collections::BTreeSet::new();
     for input in &args.inputs {
         let (drive, frames) = if input.is_dir() {
-            let (setup, frames) = CameraSetup::of_drive(input, args)?;
+            let (setup, frames) = CameraSetup::from_drive(input, args)?;
             (Some(setup), frames)
         } else {
             (None, vec![input.clone()])
@@ -100,7 +100,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             let frame = RawMosaic::read(&path)?;
             match &drive {
                 Some(setup) => write_cube(&frame, setup, &out, args).with_context(about)?,
-                None => write_cube(&frame, &CameraSetup::of_frame(&frame, args).with_context(about)?, &out, args)
+                None => write_cube(&frame, &CameraSetup::from_frame(&frame, args).with_context(about)?, &out, args)
                     .with_context(about)?,
             }
         }

@@ -29,5 +29,5 @@ mod true_points;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    command_line::exit_code::of_result(cli::parse().run())
+    command_line::exit_code::from_result(cli::parse().run())
 }

@@ -213,8 +213,8 @@ fn folder_of(recipe: &Path) -> &Path {
 fn trainer<R: TrainingRecipe>(recipe: &R, path: &Path, device: ComputeDevice) -> anyhow::Result<Trainer<R::Network>> {
     let network = recipe.network(folder_of(path), device)?;
     let classes: Vec<ClassId> = recipe.shared().classes.iter().filter_map(|name| ClassId::from_name(name)).collect();
-    let tree = Hierarchy::of_classes(&classes);
-    let mut trainer = Trainer::of_network(recipe.shared().train.clone(), network, classes.len(), tree)?;
+    let tree = Hierarchy::from_classes(&classes);
+    let mut trainer = Trainer::from_network(recipe.shared().train.clone(), network, classes.len(), tree)?;
     trainer.freeze(recipe.shared().frozen.to_vec());
     Ok(trainer)
 }

@@ -119,7 +119,7 @@ impl Bridge<'_> {
         }
         let wishes = self.args.topics.iter();
         let mut found: Vec<(Role, String)> = wishes.filter(|(_, topic)| offers.contains_key(topic)).cloned().collect();
-        let has_sensor = offers.values().any(|offer| LiveSensor::of_type(&offer.kind).is_some());
+        let has_sensor = offers.values().any(|offer| LiveSensor::from_type(&offer.kind).is_some());
         if has_sensor && self.found.is_none() {
             self.found = Some(Instant::now());
         }

@@ -1,7 +1,7 @@
 //! The choice of a topic for each sensor.
 
 use crate::arguments::Args;
-use crate::roles::{Role, of_clouds};
+use crate::roles::{Role, clouds_refusal};
 use anyhow::bail;
 use import::LiveSensor;
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<(BTreeMap<Role, St
     let is_wished = |role: &Role| args.topics.iter().any(|(wished, _)| wished == role);
     let of = |sensor: LiveSensor| -> Vec<&String> {
         let is_free = |topic: &&String| args.topics.iter().all(|(_, wished)| wished != *topic);
-        let found = topics.iter().filter(|(_, kind)| LiveSensor::of_type(kind) == Some(sensor));
+        let found = topics.iter().filter(|(_, kind)| LiveSensor::from_type(kind) == Some(sensor));
         found.map(|(topic, _)| topic).filter(is_free).collect()
     };
     let receiver_is_wished = is_wished(&Role::Nmea) || is_wished(&Role::Gnss);
@@ -48,7 +48,9 @@ pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<(BTreeMap<Role, St
     }
     let wants_lidar = args.has_target(&Role::Lidar(0)) && !is_wished(&Role::Lidar(0));
     if wants_lidar && !roles.contains_key(&Role::Lidar(0)) {
-        notes.extend(of(LiveSensor::Clouds).into_iter().map(|topic| format!("{topic}: {}", of_clouds(&topics[topic]))));
+        notes.extend(
+            of(LiveSensor::Clouds).into_iter().map(|topic| format!("{topic}: {}", clouds_refusal(&topics[topic]))),
+        );
     }
     let names_cameras = args.topics.iter().any(|(role, _)| matches!(role, Role::Camera(_) | Role::Mosaic(_)));
     if args.cameras.is_some() && !names_cameras {

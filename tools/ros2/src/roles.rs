@@ -85,9 +85,9 @@ impl Role {
 
     /// Rejects types that do not fit the role.
     pub fn check(&self, topic: &str, kind: &str) -> anyhow::Result<()> {
-        let sensor = LiveSensor::of_type(kind);
+        let sensor = LiveSensor::from_type(kind);
         if matches!(self, Self::Lidar(_)) && sensor == Some(LiveSensor::Clouds) {
-            bail!("{self}={topic}: {}", of_clouds(kind));
+            bail!("{self}={topic}: {}", clouds_refusal(kind));
         }
         let fits = match self {
             Self::Camera(_) | Self::Mosaic(_) => LiveSensor::Camera,
@@ -102,7 +102,7 @@ impl Role {
 }
 
 /// Explains why clouds are refused, with a remedy.
-pub fn of_clouds(kind: &str) -> String {
+pub fn clouds_refusal(kind: &str) -> String {
     format!(
         "{kind} is not taken live, because a cloud has lost the packets' times and returns; let acquire.listen receive the packets of \
          the sensor itself or take the driver's topic of packets, or record a bag and import it with `replica import`"

@@ -12,7 +12,7 @@ pub fn colors(simulation: &Simulation, cloud: &ModelInput<'_>, sweep: &RangeSwee
         .filter(|(_, point)| **point != NO_POINT)
         .map(|(pixel, point)| (pixel, sweep.points.start + *point as usize))
         .unzip();
-    let values = IdealCamera::of_color().values(simulation, cloud.header, cloud.points, &shown);
+    let values = IdealCamera::color().values(simulation, cloud.header, cloud.points, &shown);
     let mut colors = vec![[0.0; 3]; sweep.image.nearest.len()];
     for (pixel, value) in pixels.into_iter().zip(values.as_chunks::<3>().0) {
         if !value[0].is_nan() {

@@ -51,7 +51,7 @@ impl Column<'_> {
 }
 
 /// Scores of a class that the network learns and that occurs.
-fn of_class(confusion: &Confusion, n_classes: usize, class: ClassId) -> Option<ClassScores> {
+fn class_scores(confusion: &Confusion, n_classes: usize, class: ClassId) -> Option<ClassScores> {
     let index = ALL.iter().position(|of| *of == class).filter(|index| *index < n_classes)?;
     Some(confusion.class(index)).filter(|scores| scores.n_truth > 0)
 }
@@ -70,13 +70,13 @@ pub fn iou_table(columns: &[Column<'_>], n_shared: usize) -> String {
         let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
     };
     for class in ALL {
-        row(class.name(), &|column| column.cell(|confusion| of_class(confusion, n_classes(column), class)?.iou));
+        row(class.name(), &|column| column.cell(|confusion| class_scores(confusion, n_classes(column), class)?.iou));
     }
     row("mean of own classes", &|column| column.cell(Confusion::mean_iou));
     if n_shared < ALL.len() {
         row(&format!("mean of {n_shared}"), &|column| {
             column.cell(|confusion| {
-                let of = |class: &ClassId| of_class(confusion, n_classes(column), *class)?.iou;
+                let of = |class: &ClassId| class_scores(confusion, n_classes(column), *class)?.iou;
                 let ious: Vec<f64> = ALL[..n_shared].iter().filter_map(of).collect();
                 (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64)
             })
@@ -103,7 +103,8 @@ pub fn precision_table(columns: &[Column<'_>]) -> String {
     // Scores of a class without predictions are 0, as in the thesis.
     let values = |column: &Column<'_>, score: Score, class: ClassId| -> Vec<f64> {
         let of = |outcome: &&Outcome| {
-            of_class(&outcome.confusion(), n_classes(column), class).map(|scores| 100.0 * score(&scores).unwrap_or(0.0))
+            class_scores(&outcome.confusion(), n_classes(column), class)
+                .map(|scores| 100.0 * score(&scores).unwrap_or(0.0))
         };
         column.outcomes.iter().filter_map(of).collect()
     };

@@ -89,6 +89,6 @@ impl Sweeps {
             tests: vec![(self.scene, data(&self.test))],
         };
         let examples = Examples::Images { sets, fold: FOLD, border: Border::Circular };
-        Task { examples, n_classes: classes.len(), tree: Hierarchy::of_classes(classes) }
+        Task { examples, n_classes: classes.len(), tree: Hierarchy::from_classes(classes) }
     }
 }

@@ -68,7 +68,7 @@ impl TownClouds {
             validation: grid(&self.validation, MOST_SPHERES[0])?,
             tests: vec![("urban", grid(&self.test, MOST_SPHERES[1])?)],
         };
-        Ok(Task { examples: Examples::Points(sets), n_classes: classes.len(), tree: Hierarchy::of_classes(classes) })
+        Ok(Task { examples: Examples::Points(sets), n_classes: classes.len(), tree: Hierarchy::from_classes(classes) })
     }
 }
 
@@ -88,9 +88,9 @@ fn clouds(seeds: RangeInclusive<u64>) -> anyhow::Result<Vec<ClassifiedCells>> {
 fn town_cloud(simulation: &Simulation, submap: &TownSubmap) -> anyhow::Result<ClassifiedCells> {
     let input = ModelInput::new(&submap.header, &submap.points);
     let (mut cloud, grid) =
-        CellCloud::of(&input, &input.ground().heights(input.points), &IntensityMap::Unknown, CELL_M)?;
+        CellCloud::from_input(&input, &input.ground().heights(input.points), &IntensityMap::Unknown, CELL_M)?;
     let firsts: Vec<usize> = (0..grid.len()).map(|cell| grid.points_of(cell)[0] as usize).collect();
-    let levels = IdealCamera::of_color().values(simulation, &submap.header, &submap.points, &firsts);
+    let levels = IdealCamera::color().values(simulation, &submap.header, &submap.points, &firsts);
     let colors = levels.as_chunks::<3>().0.iter();
     cloud.colors = colors.map(|rgb| if rgb[0].is_nan() { [0.0; 3] } else { *rgb }).collect();
     Ok(ClassifiedCells { cloud, truth: classes_of_cells(&grid, &submap.truth) })
@@ -144,7 +144,7 @@ impl Dataset<PointExample> for RandomSpheres {
         SPHERES_PER_EPOCH
     }
     fn example(&self, index: usize, random: Option<&mut Random>) -> PointExample {
-        let mut fixed = Random::of_stream(0, index as u64);
+        let mut fixed = Random::for_stream(0, index as u64);
         let random = random.unwrap_or(&mut fixed);
         let Some(DrawnItem { class, item: number }) = self.spheres.draw(index, random) else {
             return PointExample { positions: Vec::new(), features: Vec::new(), truth: Vec::new() };

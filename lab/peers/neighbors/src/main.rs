@@ -35,7 +35,7 @@ fn main() {
     if only != "kiddo" {
         let index = timed("ours build", 2, || SpatialIndex::new(&points));
         let own = timed("ours nearest", 2, || index.nearest_of_own(k));
-        let of = |i| f64::from(own.of(i).last().expect("has k points").squared_m2);
+        let of = |i| f64::from(own.get(i).last().expect("has k points").squared_m2);
         println!("ours sum: {:.6}", (0..points.len()).map(of).sum::<f64>());
         drop(own);
         let each = timed("ours nearest, as queries", 2, || index.nearest_of_each(&points, k));

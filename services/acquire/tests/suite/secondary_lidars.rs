@@ -36,10 +36,10 @@ pub fn rear_packets(keep: impl Fn(i64) -> bool) -> Vec<(geometry::Stamp, Vec<u8>
 }
 
 pub fn manifest(rear: LidarEntry) -> Manifest {
-    let front = LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY);
+    let front = LidarEntry::from_captures("hdl32e", PoseEntry::IDENTITY);
     let name = |name: &str| Some(name.to_owned());
     let rear = LidarEntry { name: name("rear"), ..rear };
-    Manifest { other_lidars: vec![rear], ..Manifest::of_lidar("two", LidarEntry { name: name("front"), ..front }) }
+    Manifest { other_lidars: vec![rear], ..Manifest::with_lidar("two", LidarEntry { name: name("front"), ..front }) }
 }
 
 fn write_manifest(folder: &Path, rear: LidarEntry) {
@@ -69,7 +69,7 @@ fn open(folder: &Path) -> Bench<Acquire> {
 }
 
 /// All messages of the second LiDAR, as bytes, and their ticks.
-fn of_rear(bench: &mut Bench<Acquire>) -> Vec<(usize, Vec<u8>)> {
+fn rear_messages(bench: &mut Bench<Acquire>) -> Vec<(usize, Vec<u8>)> {
     let mut found = Vec::new();
     for tick in 0.. {
         if bench.tick().expect("steps") == Flow::End {
@@ -130,7 +130,7 @@ fn returns_of_second_lidar_are_published_in_the_tick_of_their_time() {
 fn restart_between_ticks_gives_the_same_bytes_of_second_lidar() {
     let folder = drive_of(|_| true);
     let settings = Settings::default();
-    let reference = of_rear(&mut open(folder.path()));
+    let reference = rear_messages(&mut open(folder.path()));
     assert_eq!(reference.len(), 39);
     for cut in [0, 1, 2, 17, 38, 41] {
         let mut bench = open(folder.path());
@@ -139,7 +139,7 @@ fn restart_between_ticks_gives_the_same_bytes_of_second_lidar() {
             bench.take::<SweepTopic>();
         }
         let mut bench = bench.restarted(&settings, &context(folder.path())).expect("restarts");
-        let found: Vec<_> = of_rear(&mut bench).into_iter().map(|(tick, bytes)| (tick + cut, bytes)).collect();
+        let found: Vec<_> = rear_messages(&mut bench).into_iter().map(|(tick, bytes)| (tick + cut, bytes)).collect();
         assert!(found == reference[cut.min(39)..], "cut at {cut}");
         assert_eq!(bench.counter("lidar_rear_data_packets"), N_REAR_PACKETS as u64);
     }
@@ -156,7 +156,7 @@ fn restart_between_ticks_gives_the_same_bytes_of_second_lidar() {
 #[test]
 fn lidars_in_one_capture_are_told_apart_and_give_the_same_sweeps() {
     let folder = drive_of(|_| true);
-    let reference = of_rear(&mut open(folder.path()));
+    let reference = rear_messages(&mut open(folder.path()));
     let mut front = PacketReader::open(&folder.path().join("lidar/0.pcap")).expect("opens");
     let mut all = Vec::new();
     while let Some(packet) = front.next().expect("reads") {
@@ -176,7 +176,7 @@ fn lidars_in_one_capture_are_told_apart_and_give_the_same_sweeps() {
     for entry in [by_model, by_sender, by_port] {
         write_manifest(folder.path(), entry.clone());
         let mut bench = open(folder.path());
-        assert!(of_rear(&mut bench) == reference, "{entry:?}");
+        assert!(rear_messages(&mut bench) == reference, "{entry:?}");
         bench.finish().expect("finishes");
         assert_eq!(bench.counter("data_packets"), N_PACKETS as u64);
         // Packets of the other LiDAR are not foreign.
@@ -194,7 +194,7 @@ fn gaps_of_second_lidar_are_counted_and_doubted_with_its_name() {
     // Half a second in the middle.
     let folder = drive_of(|packet| !(1000..1377).contains(&packet));
     let mut bench = open(folder.path());
-    assert_eq!(of_rear(&mut bench).len(), 35);
+    assert_eq!(rear_messages(&mut bench).len(), 35);
     bench.finish().expect("finishes");
     assert_eq!(bench.counter("lidar_rear_lost_packets"), 377);
     assert_eq!(bench.counter("lidar_rear_sweeps_missing"), 7);
@@ -208,7 +208,7 @@ fn absent_second_lidar_is_a_silent_sensor() {
     let folder = drive_of(|_| true);
     fs::remove_file(folder.path().join("rear/0.pcap")).expect("removes");
     let mut bench = open(folder.path());
-    assert!(of_rear(&mut bench).is_empty());
+    assert!(rear_messages(&mut bench).is_empty());
     bench.finish().expect("finishes");
     assert_eq!(bench.doubt("silent_sensors"), Some(1.0));
     // Packets of another device.
@@ -216,7 +216,7 @@ fn absent_second_lidar_is_a_silent_sensor() {
     writer.write_udp(BEGIN, DATA_PORT, b"no LiDAR").expect("writes");
     fs::write(folder.path().join("rear/0.pcap"), writer.finish().expect("writes")).expect("writes");
     let mut bench = open(folder.path());
-    assert!(of_rear(&mut bench).is_empty());
+    assert!(rear_messages(&mut bench).is_empty());
     bench.finish().expect("finishes");
     assert_eq!(bench.doubt("silent_sensors"), Some(1.0));
 }

@@ -41,9 +41,9 @@ pub fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
 }
 
 pub fn manifest() -> Manifest {
-    let lidar = LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY);
+    let lidar = LidarEntry::from_captures("hdl32e", PoseEntry::IDENTITY);
     let mosaics = vec![entry("hs02", 5, [1, 2, 42, 27]), entry("hs03", 4, [3, 1, 40, 28])];
-    Manifest { mosaics, ..Manifest::of_lidar("test", lidar) }
+    Manifest { mosaics, ..Manifest::with_lidar("test", lidar) }
 }
 
 /// Counts per ms of a white surface, different for every pixel.

@@ -53,13 +53,13 @@ impl Colorize {
     /// The pixels of an image; `None` if its header does not match the rig.
     pub(super) fn color_image<'a>(&self, image: &'a Received<ImageTopic>) -> Option<ColorImage<'a>> {
         let header = image.header();
-        ColorImage::of_camera(self.cameras.get(header.camera as usize)?, header, image.rows())
+        ColorImage::for_camera(self.cameras.get(header.camera as usize)?, header, image.rows())
     }
 
     /// The cells of a cube; `None` if its header does not match the rig.
     pub(super) fn cube_image<'a>(&self, cube: &'a Received<CubeTopic>) -> Option<CubeImage<'a>> {
         let header = cube.header();
         let camera = cube.header().camera as usize;
-        CubeImage::of_camera(self.mosaics.get(camera)?, *self.patterns.get(camera)?, header, cube.rows())
+        CubeImage::for_camera(self.mosaics.get(camera)?, *self.patterns.get(camera)?, header, cube.rows())
     }
 }

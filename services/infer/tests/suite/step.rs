@@ -477,7 +477,7 @@ fn color_model(with_band: bool) -> (tempfile::TempDir, Settings) {
     let network = NetworkSpec::Unet { inputs: 2 * features.len(), outputs: 6, widths: vec![16, 16], head: None };
     let mut weights = Weights::default();
     for (stream, layer) in (0..).zip(network.layers()) {
-        let mut random = Random::of_stream(5, stream);
+        let mut random = Random::for_stream(5, stream);
         for TensorShape { name, shape } in layer.tensors() {
             let values = (0..shape.iter().product()).map(|_| 0.3 * random.gauss()).collect();
             weights.tensors.insert(name, WeightTensor { shape, values });

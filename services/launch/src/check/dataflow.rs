@@ -115,7 +115,7 @@ fn channels<'a>(
     TopicChannels {
         ticks: Channel {
             drops_oldest,
-            ..Channel::of::<TickTopic>(&format!("{}.tick", port.topic), &producer, &consumers)
+            ..Channel::new::<TickTopic>(&format!("{}.tick", port.topic), &producer, &consumers)
         },
         messages: Channel {
             name: port.topic.clone(),

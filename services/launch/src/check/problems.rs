@@ -56,7 +56,7 @@ impl<'a> Problems<'a> {
 
     /// Adds a problem of the file as a whole.
     pub fn add_without_place(&mut self, text: impl Into<String>) {
-        self.add("", Problem::of_key("", text));
+        self.add("", Problem::for_key("", text));
     }
 
     /// Adds problems with positions that a program has determined.
@@ -83,7 +83,7 @@ impl<'a> Problems<'a> {
     }
 
     /// A problem at the position of a value, or at the table if the key is absent.
-    pub fn of_value(&self, table: &str, key: &str, text: String) -> Problem {
+    pub fn at_value(&self, table: &str, key: &str, text: String) -> Problem {
         let span = self.file.table(table).ok().and_then(|table| {
             let (_, value) = table.iter().find(|(name, _)| name.get_ref() == key)?;
             Some(value.span())
@@ -94,7 +94,7 @@ impl<'a> Problems<'a> {
     /// A path of `[run]`, relative to `folder`.
     pub fn path(&mut self, key: &str, value: &str, folder: &Path) -> PathBuf {
         if value.is_empty() {
-            let problem = self.of_value("run", key, "must be given".to_owned());
+            let problem = self.at_value("run", key, "must be given".to_owned());
             self.add("run", problem);
         }
         let path = folder.join(value);

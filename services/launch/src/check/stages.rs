@@ -97,7 +97,7 @@ fn planned(
         problems.add_at(&name, span.clone(), text);
     }
     for text in keys.remap.apply(&mut description) {
-        let problem = problems.of_value(&name, "remap", text);
+        let problem = problems.at_value(&name, "remap", text);
         problems.add(&name, problem);
     }
     let remote = remote.map(|remote| Remote { files: description.files.clone(), ..remote });

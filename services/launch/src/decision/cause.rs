@@ -55,7 +55,7 @@ pub enum Cause {
 
 impl Cause {
     /// The exhausted resource that explains a fault, if any. `signal`: the signal that ended the stage.
-    pub fn of(signal: Option<i32>, evidence: &Evidence) -> Option<Self> {
+    pub fn from_evidence(signal: Option<i32>, evidence: &Evidence) -> Option<Self> {
         let is_logged = |error: &str| evidence.log_lines.iter().any(|line| line.contains(error));
         if let Some((_, advice)) = OS_ERRORS.iter().find(|(error, _)| is_logged(error)) {
             return Some(Self::Disk { advice, free: evidence.free_disk });

@@ -236,7 +236,7 @@ fn exhausted_resource_decides_whether_a_restart_can_help() {
     ] {
         let mut fault = exit_fault(exit);
         let before = fault.text();
-        fault.cause = Cause::of(fault.signal(), &evidence);
+        fault.cause = Cause::from_evidence(fault.signal(), &evidence);
         let added = fault.text();
         let added = added.strip_prefix(&before).expect("the cause is appended");
         assert!(added.starts_with(expected) && (added.is_empty() == expected.is_empty()), "{exit:?}: {added}");
@@ -245,7 +245,7 @@ fn exhausted_resource_decides_whether_a_restart_can_help() {
     // A stage that stalls because its disk is full.
     let stalled = FaultKind::Stall { seconds: 61.0, activity: Saving, ticks: 3 };
     let fault = Fault { stage: "relay".to_owned(), kind: stalled, cause: None };
-    assert!(Cause::of(fault.signal(), &logged("x (os error 28)")).is_some());
+    assert!(Cause::from_evidence(fault.signal(), &logged("x (os error 28)")).is_some());
 }
 
 fn failed_attempt(fault: &Fault, barrier: Option<u64>, budget: RestartBudget) -> FailedAttempt<'_> {

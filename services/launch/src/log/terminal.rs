@@ -59,7 +59,7 @@ impl<S: Subscriber> Layer<S> for TerminalLayer {
         event.record(&mut fields);
         let message = fields.take_text("message").unwrap_or_default();
         let kind = fields.take_text("kind").unwrap_or_default();
-        let screen = Screen::of(&std::io::stderr());
+        let screen = Screen::from_output(&std::io::stderr());
         if let Some(screen) = screen.filter(|_| kind == "progress" && self.has_table) {
             let slowest = fields.take_text("slowest").unwrap_or_default();
             let stages = fields.0.remove("stages").unwrap_or_default();

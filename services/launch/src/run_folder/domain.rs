@@ -25,7 +25,7 @@ pub fn take(file: &Path, output: &Path) -> Result<Domain, RunFolderError> {
         }
     };
     // A folder that was removed and created again has lost its names.
-    for left in Domain::of_output(output)?.into_iter().filter(|left| *left != domain) {
+    for left in Domain::find_abandoned(output)?.into_iter().filter(|left| *left != domain) {
         left.wipe()?;
     }
     Ok(domain)

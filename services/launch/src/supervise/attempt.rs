@@ -139,7 +139,7 @@ impl Supervisor {
     fn handle_fault(&mut self, mut fault: Fault, processes: &mut Processes, policy: &Policy) -> Option<Ending> {
         let _span = tracing::info_span!("stage", stage = %fault.stage).entered();
         let log_lines = processes.find(&fault.stage).map(|process| process.last_log_lines()).unwrap_or_default();
-        fault.cause = Cause::of(fault.signal(), &self.resources.evidence(&log_lines));
+        fault.cause = Cause::from_evidence(fault.signal(), &self.resources.evidence(&log_lines));
         let history = self.stage_restarts.history(&fault.stage);
         let faulty = FaultyStage {
             fault: &fault,

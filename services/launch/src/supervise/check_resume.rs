@@ -31,6 +31,6 @@ fn refuse_other_run(mut plan: Plan) -> Result<(), SuperviseError> {
     if !folder.has_begun() {
         return Ok(folder.refuse_earlier_results()?);
     }
-    let files = Files::of(&plan, &Files::default()).map_err(RunFolderError::from)?;
+    let files = Files::read(&plan, &Files::default()).map_err(RunFolderError::from)?;
     Ok(folder.refuse_other_plan(&plan, &files)?)
 }

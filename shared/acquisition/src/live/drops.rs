@@ -8,11 +8,11 @@ const TABLE: &str = "/proc/net/udp";
 /// Number of packets that a socket has dropped since it was bound; `None` if the kernel does not report it.
 pub(crate) fn dropped(socket: &UdpSocket) -> Option<u64> {
     let inode = rustix::fs::fstat(socket).ok()?.st_ino;
-    of_table(&std::fs::read_to_string(TABLE).ok()?, inode)
+    parse_drops(&std::fs::read_to_string(TABLE).ok()?, inode)
 }
 
 /// Column `drops` of the line with the socket's inode.
-fn of_table(table: &str, inode: u64) -> Option<u64> {
+fn parse_drops(table: &str, inode: u64) -> Option<u64> {
     let columns = |line: &str| -> Option<(u64, u64)> {
         let mut columns = line.split_whitespace();
         Some((columns.nth(9)?.parse().ok()?, columns.nth(2)?.parse().ok()?))

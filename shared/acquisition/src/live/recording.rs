@@ -11,7 +11,7 @@ use lidar::pcap::Recorder;
 use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
-/// Folder of the captures of the first LiDAR in the recording, as in [`LidarEntry::of_captures`].
+/// Folder of the captures of the first LiDAR in the recording, as in [`LidarEntry::from_captures`].
 pub(crate) const LIDAR: &str = "lidar";
 /// Largest number of captures. Names have three digits, so that they sort by number.
 const MAX_CAPTURES: u32 = 1000;
@@ -96,7 +96,7 @@ impl Recording {
             Ok::<_, LiveError>(LidarEntry { name, calibration, ..entry })
         };
         let first = entry(lidar, LIDAR, mounting.name(), mounting.body_from_lidar())?;
-        let mut manifest = Manifest::of_lidar("live recording", first);
+        let mut manifest = Manifest::with_lidar("live recording", first);
         for other in &mounting.secondary_lidars {
             let name = other.name();
             let found = entry(&other.lidar, &folder_of(name), Some(name.to_owned()), other.entry.body_from_lidar)?;

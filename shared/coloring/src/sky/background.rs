@@ -72,5 +72,5 @@ fn reference(image: &ColorImage<'_>, pixel: [f32; 2], step: usize) -> Tint {
         let sum = darker.iter().chain([&*darkest]).map(|rgb| u32::from(rgb[c])).sum::<u32>();
         sum as f32 / n_dark as f32
     };
-    Tint::of([0, 1, 2].map(of_channel))
+    Tint::from_rgb([0, 1, 2].map(of_channel))
 }

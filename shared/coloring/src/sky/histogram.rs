@@ -85,7 +85,7 @@ impl Counts {
         let of_sky = || (0..N_BINS).filter(|bin| is_sky[*bin]).map(|bin| (middle(bin), self.empty[bin] as f32));
         let n_sky: f32 = of_sky().map(|(_, n)| n).sum();
         let mean = |c: usize| of_sky().map(|(color, n)| color[c] * n / n_sky).sum::<f32>();
-        let mean = (n_sky > 0.0).then(|| Tint::of([0, 1, 2].map(mean)));
+        let mean = (n_sky > 0.0).then(|| Tint::from_rgb([0, 1, 2].map(mean)));
         ColorSet { contains: is_sky, mean }
     }
 }

@@ -11,7 +11,7 @@ pub struct Tint {
 
 impl Tint {
     /// Computes the tint of red, green and blue, 0 to 255.
-    pub fn of(rgb: [impl Into<f32>; 3]) -> Self {
+    pub fn from_rgb(rgb: [impl Into<f32>; 3]) -> Self {
         let [r, g, b] = rgb.map(Into::into);
         Self { level: (r + 2.0 * g + b) / 4.0, blue: b / (r + g + b).max(1.0) }
     }

@@ -48,7 +48,7 @@ impl LidarEntry {
         }
     }
     /// Entry of the packet captures of a model in the folder `lidar`.
-    pub fn of_captures(model: &str, body_from_lidar: PoseEntry) -> Self {
+    pub fn from_captures(model: &str, body_from_lidar: PoseEntry) -> Self {
         Self::new(model, "pcap", "lidar", body_from_lidar)
     }
 }

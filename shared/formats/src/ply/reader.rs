@@ -59,7 +59,7 @@ impl Vertices {
     }
 
     /// Packed rows of a file with this header.
-    pub(super) fn of_rows(path: &Path, header: &Header, bytes: Vec<u8>) -> Self {
+    pub(super) fn from_rows(path: &Path, header: &Header, bytes: Vec<u8>) -> Self {
         let row_size = header.row_size();
         Self {
             path: path.to_owned(),

@@ -77,7 +77,7 @@ impl PlyRows {
             bytes.resize(filled + range.len() * row_size, 0);
             self.read_into(range.start, &mut bytes[filled..])?;
         }
-        Ok(Vertices::of_rows(&self.path, &self.header, bytes))
+        Ok(Vertices::from_rows(&self.path, &self.header, bytes))
     }
 
     /// About every `step`-th row: the first of every `step` groups of `GROUP` neighboring rows, which are read together.

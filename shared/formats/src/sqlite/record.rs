@@ -50,7 +50,7 @@ pub(super) fn value(record: &[u8], column: usize) -> Result<Option<Value<'_>>, S
         let end = begin.checked_add(n_bytes);
         if index == column {
             let bytes = end.and_then(|end| record.get(begin..end)).ok_or(outside)?;
-            return Ok(Some(of_kind(kind, bytes)));
+            return Ok(Some(decode_value(kind, bytes)));
         }
         let Some(end) = end else { return Err(outside) };
         begin = end;
@@ -69,7 +69,7 @@ fn size(kind: u64) -> Option<usize> {
     }
 }
 
-fn of_kind(kind: u64, bytes: &[u8]) -> Value<'_> {
+fn decode_value(kind: u64, bytes: &[u8]) -> Value<'_> {
     let integer = || {
         let first = if bytes.first().is_some_and(|byte| byte & 0x80 != 0) { -1 } else { 0 };
         bytes.iter().fold(first, |sum: i64, byte| sum << 8 | i64::from(*byte))

@@ -30,10 +30,10 @@ impl TrajectoryFile {
         }
         if let Some(times) = times {
             let rule = format!("the file has stamps; {} is for KITTI files without stamps", times.display());
-            return Err(FileProblem::of_file(path, rule));
+            return Err(FileProblem::for_file(path, rule));
         }
         if first.is_empty() {
-            return Err(FileProblem::of_file(path, "the file contains no poses"));
+            return Err(FileProblem::for_file(path, "the file contains no poses"));
         }
         let is_csv = first.contains(',');
         let trajectory = if is_csv { trajectory_from_csv(&text) } else { trajectory_from_tum(&text) };
@@ -45,7 +45,7 @@ fn with_times(poses: &[Pose], path: &Path, times: &Path) -> Result<TrajectoryFil
     let stamps = times_from_kitti(&read(times)?).map_err(|error| problem(times, &error))?;
     if stamps.len() != poses.len() {
         let rule = format!("{} times for the {} poses of {}", stamps.len(), poses.len(), path.display());
-        return Err(FileProblem::of_file(times, rule));
+        return Err(FileProblem::for_file(times, rule));
     }
     let mut trajectory = Trajectory::default();
     for (stamp, pose) in stamps.into_iter().zip(poses) {
@@ -64,11 +64,11 @@ pub fn numbered(poses: &[Pose], period_nanos: i64) -> Trajectory {
 }
 
 fn read(path: &Path) -> Result<String, FileProblem> {
-    std::fs::read_to_string(path).map_err(|error| FileProblem::of_file(path, format!("cannot read the file: {error}")))
+    std::fs::read_to_string(path).map_err(|error| FileProblem::for_file(path, format!("cannot read the file: {error}")))
 }
 
 fn problem(path: &Path, error: &TrajectoryError) -> FileProblem {
-    FileProblem { line: Some(error.line), ..FileProblem::of_file(path, error.fault.to_string()) }
+    FileProblem { line: Some(error.line), ..FileProblem::for_file(path, error.fault.to_string()) }
 }
 
 #[cfg(test)]

@@ -41,7 +41,7 @@ impl RelativeFactor {
 }
 
 impl UnaryFactor {
-    pub fn of_position(position: &AntennaPosition, world_from_submap: &Pose) -> Self {
+    pub fn from_position(position: &AntennaPosition, world_from_submap: &Pose) -> Self {
         let axes = world_from_submap.rotation.to_rotation_matrix();
         let error = world_from_submap * position.p_in_submap - position.p_in_world;
         let mut sigma_m = Vector3::from(position.sigma_m);
@@ -55,7 +55,7 @@ impl UnaryFactor {
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(per_sigma * by_rotation));
         Self { residual: per_sigma * error, jacobian }
     }
-    pub fn of_velocity(velocity: &HorizontalVelocity, world_from_submap: &Pose) -> Self {
+    pub fn from_velocity(velocity: &HorizontalVelocity, world_from_submap: &Pose) -> Self {
         let axes = world_from_submap.rotation.to_rotation_matrix();
         let [east, north] = velocity.v_in_world;
         let mut error = axes * velocity.v_in_submap - Vector3::new(east, north, 0.0);
@@ -67,7 +67,7 @@ impl UnaryFactor {
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(by_rotation / velocity.sigma_mps));
         Self { residual: error / velocity.sigma_mps, jacobian }
     }
-    pub fn of_up_direction(up_direction: &UpDirection, world_from_submap: &Pose) -> Self {
+    pub fn from_up_direction(up_direction: &UpDirection, world_from_submap: &Pose) -> Self {
         let up = world_from_submap.rotation.inverse() * Vector3::z();
         let mut jacobian = Matrix3x6::zeros();
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(skew(&up) / up_direction.sigma_rad));
@@ -134,12 +134,12 @@ mod tests {
             let by_source = change(RelativeFactor::new(&relative, &a, &moved(&b, &step(axis))));
             assert!((by_source - factor.by_source.column(axis)).norm() < 1e-4, "source {axis}");
             for (before, after) in [
-                (UnaryFactor::of_position(&position, &a), UnaryFactor::of_position(&position, &moved_a)),
-                (UnaryFactor::of_position(&above, &a), UnaryFactor::of_position(&above, &moved_a)),
-                (UnaryFactor::of_velocity(&velocity, &a), UnaryFactor::of_velocity(&velocity, &moved_a)),
+                (UnaryFactor::from_position(&position, &a), UnaryFactor::from_position(&position, &moved_a)),
+                (UnaryFactor::from_position(&above, &a), UnaryFactor::from_position(&above, &moved_a)),
+                (UnaryFactor::from_velocity(&velocity, &a), UnaryFactor::from_velocity(&velocity, &moved_a)),
                 (
-                    UnaryFactor::of_up_direction(&up_direction, &a),
-                    UnaryFactor::of_up_direction(&up_direction, &moved_a),
+                    UnaryFactor::from_up_direction(&up_direction, &a),
+                    UnaryFactor::from_up_direction(&up_direction, &moved_a),
                 ),
             ] {
                 let change = (after.residual - before.residual) * 1e6;

@@ -153,7 +153,7 @@ impl Problem<'_> {
 
     fn chi_of_position(&self, number: usize, poses: &[Pose]) -> f64 {
         let position = &self.graph.positions[number];
-        UnaryFactor::of_position(position, &poses[position.submap]).chi_squared()
+        UnaryFactor::from_position(position, &poses[position.submap]).chi_squared()
     }
 
     /// Chi squared of a position for the outlier test.
@@ -165,7 +165,7 @@ impl Problem<'_> {
 
     fn chi_of_velocity(&self, number: usize, poses: &[Pose]) -> f64 {
         let velocity = &self.graph.velocities[number];
-        UnaryFactor::of_velocity(velocity, &poses[velocity.submap]).chi_squared()
+        UnaryFactor::from_velocity(velocity, &poses[velocity.submap]).chi_squared()
     }
 
     /// Quantile `share` of the chi squared of the measurements, in units of its scale; the largest of all kinds of
@@ -240,14 +240,14 @@ impl Problem<'_> {
             system.add_gradient(submap, &(weighted * factor.residual));
         };
         for (position, weight) in self.graph.positions.iter().zip(&weights.positions) {
-            let factor = UnaryFactor::of_position(position, &poses[position.submap]);
+            let factor = UnaryFactor::from_position(position, &poses[position.submap]);
             add(position.submap, factor, weight * position.share);
         }
         for (velocity, weight) in self.graph.velocities.iter().zip(&weights.velocities) {
-            add(velocity.submap, UnaryFactor::of_velocity(velocity, &poses[velocity.submap]), *weight);
+            add(velocity.submap, UnaryFactor::from_velocity(velocity, &poses[velocity.submap]), *weight);
         }
         for up_direction in &self.graph.up_directions {
-            add(up_direction.submap, UnaryFactor::of_up_direction(up_direction, &poses[up_direction.submap]), 1.0);
+            add(up_direction.submap, UnaryFactor::from_up_direction(up_direction, &poses[up_direction.submap]), 1.0);
         }
         let (information, residual, jacobian) = self.gauge_prior(&poses[0]);
         let weighted = jacobian.transpose() * information;
@@ -286,7 +286,7 @@ impl Problem<'_> {
             .positions
             .iter()
             .zip(&weights.positions)
-            .map(|(p, weight)| weight * p.share * UnaryFactor::of_position(p, &poses[p.submap]).chi_squared())
+            .map(|(p, weight)| weight * p.share * UnaryFactor::from_position(p, &poses[p.submap]).chi_squared())
             .sum();
         let velocities: f64 =
             weights.velocities.iter().enumerate().map(|(n, weight)| weight * self.chi_of_velocity(n, poses)).sum();
@@ -294,7 +294,7 @@ impl Problem<'_> {
             .graph
             .up_directions
             .iter()
-            .map(|u| UnaryFactor::of_up_direction(u, &poses[u.submap]).chi_squared())
+            .map(|u| UnaryFactor::from_up_direction(u, &poses[u.submap]).chi_squared())
             .sum();
         let (information, residual, _) = self.gauge_prior(&poses[0]);
         odometry + loops + positions + velocities + up_directions + residual.dot(&(information * residual))

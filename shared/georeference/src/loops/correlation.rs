@@ -61,8 +61,8 @@ impl TopView {
             {
                 let index = (index / SIDE + MARGIN) * WALL_SIDE + index % SIDE + MARGIN;
                 walls[index] = 2;
-                for beside in [index - 1, index + 1, index - WALL_SIDE, index + WALL_SIDE] {
-                    walls[beside] = walls[beside].max(1);
+                for neighbor in [index - 1, index + 1, index - WALL_SIDE, index + WALL_SIDE] {
+                    walls[neighbor] = walls[neighbor].max(1);
                 }
             }
             if is_ground(surface)

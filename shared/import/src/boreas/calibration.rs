@@ -19,7 +19,7 @@ pub(super) fn transform(path: &Path) -> Result<Pose, ImportError> {
 pub(super) fn projection(path: &Path) -> Result<Projection, ImportError> {
     let rows = rows(path, 3..=4)?;
     let upper = rows.first_chunk().copied();
-    upper.and_then(Projection::of_rows).ok_or_else(|| ImportError::at(path, Projection::RULE))
+    upper.and_then(Projection::from_rows).ok_or_else(|| ImportError::at(path, Projection::RULE))
 }
 
 /// The numbers of this many rows of four.

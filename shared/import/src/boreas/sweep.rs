@@ -76,7 +76,7 @@ impl SweepFile {
         let mut points = Vec::with_capacity(self.points.len());
         for ((point, laser), time) in self.points.iter().zip(&self.lasers).zip(&self.times) {
             let ring = match rings {
-                Some(rings) => rings.of(*laser).ok_or_else(|| {
+                Some(rings) => rings.get(*laser).ok_or_else(|| {
                     let rule = format!("a point is of laser {laser}; the LiDAR has {}", rings.n_rings());
                     ImportError::at(&self.path, rule)
                 })?,

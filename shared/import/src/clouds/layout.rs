@@ -132,7 +132,7 @@ pub(super) struct Columns {
 
 impl Columns {
     /// The columns of a file.
-    pub fn of(layout: Layout, file: &Path) -> Result<Self, ImportError> {
+    pub fn from_layout(layout: Layout, file: &Path) -> Result<Self, ImportError> {
         if layout == Layout::Street3d {
             let position = [0, 1, 2];
             let scanner = None;

@@ -32,7 +32,7 @@ pub(super) struct CloudPoint {
 impl CloudPoint {
     /// The point in a row of values, whose positions are in `columns`. If the class column is beyond the row, the last
     /// value is used.
-    pub fn of(columns: &Columns, values: &[f64]) -> Self {
+    pub fn from_row(columns: &Columns, values: &[f64]) -> Self {
         let value = |at: usize| values[at.min(values.len() - 1)];
         let triple = |at: [usize; 3]| at.map(value);
         let integer = |value: f64| if value.fract() == 0.0 && value.abs() < 9e15 { value as i64 } else { -1 };
@@ -61,7 +61,7 @@ pub(super) fn each_point(
     mut take: impl FnMut(&CloudPoint) -> Result<(), ImportError>,
 ) -> Result<(), ImportError> {
     if columns.layout == Layout::Street3d {
-        return text_points::each_row(file, |values| take(&CloudPoint::of(columns, values)));
+        return text_points::each_row(file, |values| take(&CloudPoint::from_row(columns, values)));
     }
     let rows = PlyRows::open(file).at(file)?;
     let kinds: Vec<Kind> = rows.header().properties.iter().map(|property| property.kind).collect();
@@ -80,7 +80,7 @@ pub(super) fn each_point(
                 *value = kind.value(&row[at..]);
                 at += kind.size();
             }
-            take(&CloudPoint::of(columns, &values))?;
+            take(&CloudPoint::from_row(columns, &values))?;
         }
         first += n;
     }

@@ -73,7 +73,7 @@ impl Calibration {
     pub fn projection(&self, key: &str) -> Result<Projection, ImportError> {
         let rows = self.numbers::<12>(key)?;
         let (line, _) = self.entry(key)?;
-        Projection::of_rows(rows)
+        Projection::from_rows(rows)
             .ok_or_else(|| ImportError::at_line(&self.path, line, format!("{key} {}", Projection::RULE)))
     }
 }

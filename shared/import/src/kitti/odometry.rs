@@ -90,8 +90,8 @@ impl Others {
 fn poses(source: &Path) -> Result<Option<PathBuf>, ImportError> {
     let absolute = source.canonicalize().at(source)?;
     let sequence = absolute.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let beside = absolute.parent().and_then(Path::parent).map(|root| root.join(format!("poses/{sequence}.txt")));
-    Ok([beside, Some(absolute.join("poses.txt"))].into_iter().flatten().find(|path| path.is_file()))
+    let of_sequence = absolute.parent().and_then(Path::parent).map(|root| root.join(format!("poses/{sequence}.txt")));
+    Ok([of_sequence, Some(absolute.join("poses.txt"))].into_iter().flatten().find(|path| path.is_file()))
 }
 
 fn calibration(source: &Path) -> Result<Calibration, ImportError> {
@@ -135,7 +135,7 @@ fn add_truth(plan: &mut Plan, path: &Path, stamps: &Stamps, body_from_camera: &P
     let mut trajectory = Trajectory::default();
     for (number, first_from_camera) in poses.iter().enumerate() {
         let pose = body_from_camera * first_from_camera * body_from_camera.inverse();
-        if !trajectory.push(Stamp(stamps.of_number(number, path)?), pose) {
+        if !trajectory.push(Stamp(stamps.by_number(number, path)?), pose) {
             return Err(ImportError::at(stamps.path(), format!("time {number} is earlier than the previous one")));
         }
     }

@@ -50,7 +50,7 @@ pub(crate) fn read(
         (Sweeps { files: files(data, ".bin")?, times: None }, Vec::new(), None)
     };
     sweeps.check(data)?;
-    rows::check(&sweeps.files, Rows::of_kitti(options.kind.is_some()))?;
+    rows::check(&sweeps.files, Rows::kitti(options.kind.is_some()))?;
     Ok(KittiSweeps { sweeps, numbers, times, notes })
 }
 

@@ -93,7 +93,7 @@ pub(super) fn plan(source: &Path, versions: &[PathBuf], options: &Options) -> Re
         times: Some(sweep_frames.iter().map(|frame| frame.stamp.0).collect()),
     };
     sweeps.check(source)?;
-    rows::check(&sweeps.files, Rows::OF_NUSCENES)?;
+    rows::check(&sweeps.files, Rows::NUSCENES)?;
     let name = format!("{} ({})", choice.name, Kind::Nuscenes.title());
     let mut plan = sweeps.plan(Kind::Nuscenes, &name, lidar(options, body_from_lidar.into()));
     plan.report.push("the body frame is the ego frame: at the rear axle, on the ground".into());

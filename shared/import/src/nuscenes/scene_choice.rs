@@ -68,6 +68,6 @@ impl SceneChoice {
                 return Err(ImportError::at(source, rule));
             }
         };
-        Err(ImportError::of_option(option, format!("{wanted} in {}; it has {names}{more}", source.display())))
+        Err(ImportError::for_option(option, format!("{wanted} in {}; it has {names}{more}", source.display())))
     }
 }

@@ -36,7 +36,7 @@ pub(super) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
             logs.entry(name.log).or_default().push((name.end.0, file_name, path));
         }
     }
-    let mut found = of_log(source, logs, options.log.as_deref())?;
+    let mut found = select_log(source, logs, options.log.as_deref())?;
     found.sort();
     let times: Vec<i64> = found.iter().map(|(time, ..)| *time).collect();
     let n_gaps = times.windows(2).filter(|pair| pair[1] - pair[0] > GAP_NANOS).count();
@@ -44,7 +44,7 @@ pub(super) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     let file = |(number, (_, name, path)): (usize, (i64, String, PathBuf))| (format!("{number:06}_{name}"), path);
     let sweeps = Sweeps { files: found.into_iter().enumerate().map(file).collect(), times: Some(times) };
     sweeps.check(source)?;
-    rows::check(&sweeps.files, Rows::OF_NUSCENES)?;
+    rows::check(&sweeps.files, Rows::NUSCENES)?;
     let name = crate::drive_name(source, Kind::Nuscenes);
     let mut plan = sweeps.plan(Kind::Nuscenes, &name, lidar(options, BODY_FROM_LIDAR));
     plan.report.push("the body frame is at the LiDAR, with x forward; its height above the ground is not known".into());
@@ -55,7 +55,7 @@ pub(super) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
 }
 
 /// The sweeps of the chosen log, or of the only one.
-fn of_log<T>(source: &Path, mut logs: BTreeMap<String, Vec<T>>, log: Option<&str>) -> Result<Vec<T>, ImportError> {
+fn select_log<T>(source: &Path, mut logs: BTreeMap<String, Vec<T>>, log: Option<&str>) -> Result<Vec<T>, ImportError> {
     match (log, logs.len()) {
         (Some(log), _) => logs.remove(log).ok_or_else(|| ImportError::at(source, format!("no log {log}"))),
         (None, 0 | 1) => Ok(logs.pop_first().map(|(_, sweeps)| sweeps).unwrap_or_default()),

@@ -46,7 +46,7 @@ pub(super) struct SweepForm {
 
 impl CloudSweep {
     /// Reads a PLY file.
-    pub fn of_ply(path: &Path) -> Result<Self, ImportError> {
+    pub fn read_ply(path: &Path) -> Result<Self, ImportError> {
         let file = std::fs::read(path).at(path)?;
         // The errors of the reader name the file.
         let cloud = Vertices::decode(file, Path::new("PLY")).at(path)?;
@@ -78,7 +78,7 @@ impl CloudSweep {
     }
 
     /// Reads a LAS or LAZ file.
-    pub fn of_las(path: &Path) -> Result<Self, ImportError> {
+    pub fn read_las(path: &Path) -> Result<Self, ImportError> {
         let mut points = Vec::new();
         let mut times = Vec::new();
         each_block(path, |block| {
@@ -103,7 +103,7 @@ impl CloudSweep {
 impl SweepForm {
     /// Determines the form from the first files. `interval_s`: shortest time from one stamp to the next; a longer span
     /// does not belong to one sweep.
-    pub fn of(
+    pub fn from_files(
         files: &[&Path],
         interval_s: Option<f64>,
         model: Model,
@@ -118,7 +118,7 @@ impl SweepForm {
             if let Some(Column { name, values }) = &sweep.times {
                 let range = values.iter().copied().reduce(f64::min).zip(values.iter().copied().reduce(f64::max));
                 // Separate clock: the first point of a file is at the stamp of the sweep.
-                let form = range.and_then(|(min, max)| TimeForm::of_range(min, max, i64::MAX));
+                let form = range.and_then(|(min, max)| TimeForm::from_range(min, max, i64::MAX));
                 // The times of LAS are in s.
                 let form = form.filter(|form| *name != GPS_TIME || form.unit() == "s");
                 let span_s = range.zip(form).map(|((min, max), form)| form.seconds(max - min));
@@ -169,7 +169,7 @@ impl SweepForm {
         let ring = |index: usize| -> Result<u8, String> {
             let Some(rings) = rings else { return Ok(0) };
             let beam = sweep.rings.as_ref().map_or(u16::MAX, |column| column.values[index]);
-            rings.of(beam).ok_or_else(|| format!("point {index} is of beam {beam}; the LiDAR has {}", rings.n_rings()))
+            rings.get(beam).ok_or_else(|| format!("point {index} is of beam {beam}; the LiDAR has {}", rings.n_rings()))
         };
         let mut points = Vec::with_capacity(n);
         for (index, (point, offset_nanos)) in sweep.points.iter().zip(offsets).enumerate() {

@@ -1,6 +1,6 @@
 //! Stamps of sweeps: from a table in their folder or next to it, otherwise from their names.
 
-use super::beside;
+use super::find_file;
 use crate::error::{At, ImportError};
 use crate::stamp_text::{nanos, nanos_of_name};
 use std::collections::BTreeMap;
@@ -21,9 +21,9 @@ pub(super) struct Stamped {
 
 /// Finds the stamps of files that are sorted by name.
 pub(super) fn stamped(source: &Path, files: Vec<(String, PathBuf)>) -> Result<Stamped, ImportError> {
-    let table = beside(source, &TABLES)?;
+    let table = find_file(source, &TABLES)?;
     let stamps: Option<Vec<i64>> = match &table {
-        Some(path) => Some(of_table(path, &files)?),
+        Some(path) => Some(read_table(path, &files)?),
         None => files.iter().map(|(name, _)| nanos_of_name(stem(name))).collect(),
     };
     let Some(stamps) = stamps else { return Ok(Stamped { files, times: None, table }) };
@@ -41,7 +41,7 @@ fn stem(name: &str) -> &str {
 }
 
 /// Stamps by line, or by the names of the sweeps if the lines contain them.
-fn of_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, ImportError> {
+fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, ImportError> {
     let text = fs::read_to_string(path).at(path)?;
     let names: BTreeMap<&str, usize> =
         files.iter().enumerate().flat_map(|(index, (name, _))| [(name.as_str(), index), (stem(name), index)]).collect();

@@ -70,7 +70,7 @@ enum Kind {
 }
 
 impl Kind {
-    fn of_file(path: &Path) -> io::Result<Option<Self>> {
+    fn from_file(path: &Path) -> io::Result<Option<Self>> {
         let mut begin = Vec::new();
         File::open(path)?.take(16).read_to_end(&mut begin)?;
         let kinds = [(Self::Ros1, &b"#ROSBAG V"[..]), (Self::Mcap, mcap::MAGIC), (Self::Sqlite, b"SQLite format 3\0")];
@@ -80,7 +80,7 @@ impl Kind {
 
 /// Whether this is a bag or a folder that contains one.
 pub(crate) fn is_bag(source: &Path) -> bool {
-    if source.is_dir() { folder::is_bag(source) } else { matches!(Kind::of_file(source), Ok(Some(_))) }
+    if source.is_dir() { folder::is_bag(source) } else { matches!(Kind::from_file(source), Ok(Some(_))) }
 }
 
 impl Bag {
@@ -160,7 +160,7 @@ impl Bag {
 }
 
 fn open(path: &Path) -> Result<Box<dyn Container>, ImportError> {
-    let kind = Kind::of_file(path).map_err(|error| ImportError::at(path, error.to_string()))?;
+    let kind = Kind::from_file(path).map_err(|error| ImportError::at(path, error.to_string()))?;
     match kind {
         Some(Kind::Ros1) => Ok(Box::new(ros1::Ros1::open(path)?)),
         Some(Kind::Mcap) => Ok(Box::new(mcap::Mcap::open(path)?)),

@@ -69,7 +69,7 @@ impl Images {
 
 /// The image as PNG, without loss except for 16 bits.
 pub(crate) fn png(image: &Image<'_>) -> Result<Vec<u8>, String> {
-    let (pixels, color) = match pixels::of_image(image)? {
+    let (pixels, color) = match pixels::from_image(image)? {
         Pixels::Gray(pixels) => (pixels, ExtendedColorType::L8),
         Pixels::Rgb(pixels) => (pixels, ExtendedColorType::Rgb8),
     };

@@ -63,8 +63,8 @@ pub enum LiveSensor {
 
 impl LiveSensor {
     /// The sensor of a type (`sensor_msgs/Image`); `None` for other types.
-    pub fn of_type(name: &str) -> Option<Self> {
-        let sensor = match Kind::of_type(name) {
+    pub fn from_type(name: &str) -> Option<Self> {
+        let sensor = match Kind::from_type(name) {
             Some(Kind::Image | Kind::CompressedImage) => Self::Camera,
             Some(Kind::Imu) => Self::Imu,
             Some(Kind::Fix) => Self::Fixes,
@@ -78,14 +78,14 @@ impl LiveSensor {
 }
 
 impl Kind {
-    fn of_type(name: &str) -> Option<Self> {
+    fn from_type(name: &str) -> Option<Self> {
         match name {
             "sensor_msgs/Image" => Some(Self::Image),
             "sensor_msgs/CompressedImage" => Some(Self::CompressedImage),
             "sensor_msgs/Imu" => Some(Self::Imu),
             "sensor_msgs/NavSatFix" => Some(Self::Fix),
             "nmea_msgs/Sentence" => Some(Self::Sentence),
-            _ => PacketsKind::of_type(name).map(Self::Packets),
+            _ => PacketsKind::from_type(name).map(Self::Packets),
         }
     }
 }
@@ -106,7 +106,7 @@ impl LiveTopic {
     /// Reads messages of a type (`sensor_msgs/Image`); `None` if a live run does not accept them. Images of a mosaic
     /// camera keep their samples unchanged, as PGM.
     pub fn new(type_name: &str, is_mosaic: bool) -> Option<Self> {
-        let kind = Kind::of_type(type_name)?;
+        let kind = Kind::from_type(type_name)?;
         Some(Self { kind, is_mosaic, imu: ImuLines::new(EXAMINED), last_image: None, n_unstamped: 0 })
     }
 

@@ -29,7 +29,7 @@ const PANDAR_BYTES: usize = 1500;
 
 impl PacketsKind {
     /// Layout of a type; `None` for other types.
-    pub fn of_type(kind: &str) -> Option<Self> {
+    pub fn from_type(kind: &str) -> Option<Self> {
         match kind {
             "velodyne_msgs/VelodyneScan" => Some(Self::Velodyne),
             "pandar_msgs/PandarScan" | "hesai_lidar/PandarScan" => Some(Self::Pandar),

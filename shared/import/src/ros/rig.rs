@@ -28,7 +28,7 @@ impl<'a> Mountings<'a> {
             let translation = Translation3::new(*x, *y, *z);
             if (quaternion.norm() - 1.0).abs() >= 1e-3 || !translation.vector.iter().all(|v| v.is_finite()) {
                 let rule = format!("{frame}: {:?} must be a unit quaternion x y z w", [qx, qy, qz, qw]);
-                return Err(ImportError::of_option("--transform", rule));
+                return Err(ImportError::for_option("--transform", rule));
             }
             let rotation = UnitQuaternion::from_quaternion(quaternion);
             given.insert(frame.as_str(), Isometry3::from_parts(translation, rotation));

@@ -61,7 +61,7 @@ impl Role {
     /// Whether messages of this type fit the role.
     fn fits(self, kind: &str) -> bool {
         match self {
-            Self::Lidar | Self::SecondaryLidar(_) => CLOUDS.contains(&kind) || PacketsKind::of_type(kind).is_some(),
+            Self::Lidar | Self::SecondaryLidar(_) => CLOUDS.contains(&kind) || PacketsKind::from_type(kind).is_some(),
             Self::Metadata => kind == "std_msgs/String",
             Self::Camera(_) => IMAGES.contains(&kind),
             Self::CameraInfo(_) => kind == CAMERA_INFO,
@@ -121,9 +121,9 @@ impl Roles {
 
     /// Topics that may be of further LiDARs, packets before clouds.
     pub fn possible_lidars(&self, topics: &[Topic]) -> Vec<usize> {
-        let is_ouster = |topic: &Topic| PacketsKind::of_type(&topic.kind) == Some(PacketsKind::Ouster);
+        let is_ouster = |topic: &Topic| PacketsKind::from_type(&topic.kind) == Some(PacketsKind::Ouster);
         let mut found = self.candidates(topics, Role::SecondaryLidar(1), |topic| !is_ouster(topic));
-        found.sort_by_key(|topic| PacketsKind::of_type(&topics[*topic].kind).is_none());
+        found.sort_by_key(|topic| PacketsKind::from_type(&topics[*topic].kind).is_none());
         found
     }
 
@@ -138,7 +138,7 @@ impl Roles {
 
     /// Applies the choices of the user. Returns the names of roles that are left out.
     fn take_wishes(&mut self, topics: &[Topic], wishes: &[(String, String)]) -> Result<Vec<String>, ImportError> {
-        let fault = |rule: String| Err(ImportError::of_option("--topic", rule));
+        let fault = |rule: String| Err(ImportError::for_option("--topic", rule));
         let mut left_out = Vec::new();
         for (name, wish) in wishes {
             if wish == NONE && matches!(name.as_str(), "camera" | "imu" | "gnss" | "nmea") {
@@ -211,7 +211,7 @@ impl Roles {
     /// Finds the metadata of an Ouster next to its packets.
     fn find_metadata(&mut self, topics: &[Topic]) {
         let Some(&lidar) = self.topics.get(&Role::Lidar) else { return };
-        let is_ouster = PacketsKind::of_type(&topics[lidar].kind) == Some(PacketsKind::Ouster);
+        let is_ouster = PacketsKind::from_type(&topics[lidar].kind) == Some(PacketsKind::Ouster);
         let name = format!("{}/metadata", parent(&topics[lidar].name));
         if is_ouster
             && !self.has(Role::Metadata)

@@ -118,7 +118,7 @@ impl<'a> Writers<'a> {
             let model = options.model.filter(|_| *role == Role::Lidar);
             let kind = topics[*topic].kind.as_str();
             let path = folder(&place)?;
-            let writer = match PacketsKind::of_type(kind) {
+            let writer = match PacketsKind::from_type(kind) {
                 Some(PacketsKind::Ouster) if *role != Role::Lidar => {
                     let rule =
                         "packets of an Ouster need their metadata, which only the role lidar has; take its clouds";

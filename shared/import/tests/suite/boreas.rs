@@ -1,6 +1,6 @@
 //! Imports of Boreas sequences, written by the tests in the published format.
 
-use super::support::{Import, error, folder, of, png, write_file};
+use super::support::{Import, error, folder, import_from, png, write_file};
 use drive::Drive;
 use geometry::{CameraModel, Point3, Vector3};
 use import::Kind;
@@ -115,7 +115,7 @@ fn sequence_of_boreas_is_recognized_and_taken() {
     let folder = folder();
     let root = sequence(&folder);
     assert_eq!(Kind::recognize(&root).expect("is known"), Kind::Boreas);
-    let (report, drive) = imported(&of(&root, &folder));
+    let (report, drive) = imported(&import_from(&root, &folder));
     for line in [
         "imported: 3 sweeps and their times",
         "imported: 3 true poses of applanix/lidar_poses.csv",
@@ -151,7 +151,7 @@ fn sequence_of_boreas_is_recognized_and_taken() {
 fn poses_camera_and_imu_are_in_a_body_frame_with_x_forward() {
     let folder = folder();
     let root = sequence(&folder);
-    let (_, drive) = imported(&of(&root, &folder));
+    let (_, drive) = imported(&import_from(&root, &folder));
     let truth = drive.true_trajectory().expect("has one").expect("reads");
     let [first, .., last] = truth.poses() else { panic!("{} poses", truth.poses().len()) };
     assert_eq!(first.0.0, STAMP_US * 1000);
@@ -193,7 +193,7 @@ fn imu_without_gravity_or_with_other_axes_is_left_with_the_reason() {
         let folder = folder();
         let root = sequence(&folder);
         write_file(&root.join("applanix/imu_raw.csv"), imu(gravity));
-        let (report, drive) = imported(&of(&root, &folder));
+        let (report, drive) = imported(&import_from(&root, &folder));
         let line = format!("not imported: applanix/imu_raw.csv: {rule}");
         assert!(report.iter().any(|found| found.starts_with(&line)), "{line}: {report:?}");
         assert_eq!(drive.manifest().imu, None);
@@ -205,7 +205,7 @@ fn sweeps_alone_need_no_calibration() {
     let folder = folder();
     let root = sequence(&folder);
     std::fs::remove_dir_all(root.join("calib")).expect("removes");
-    let mut import = of(&root, &folder);
+    let mut import = import_from(&root, &folder);
     assert!(error(&import).contains("T_applanix_lidar.txt: is absent; poses, images and the IMU need it"));
     import.options.lidar_only = true;
     let (report, drive) = imported(&import);
@@ -257,7 +257,7 @@ fn files_that_do_not_fit_are_refused_with_file_and_rule() {
         let folder = folder();
         let root = sequence(&folder);
         write_file(&root.join(file), bytes);
-        let text = error(&of(&root, &folder));
+        let text = error(&import_from(&root, &folder));
         assert!(text.contains(rule), "{rule}: {text}");
     }
     // Laser numbers from 1 to 128 are not rings of an Alpha Prime.
@@ -266,6 +266,6 @@ fn files_that_do_not_fit_are_refused_with_file_and_rule() {
     for k in 0..3 {
         write_file(&root.join(format!("lidar/{}.bin", STAMP_US + k * PERIOD_US)), bytes(&many));
     }
-    let (report, _) = imported(&of(&root, &folder));
+    let (report, _) = imported(&import_from(&root, &folder));
     assert!(report.iter().any(|line| line.starts_with("no rings: ")), "{report:?}");
 }

@@ -1,6 +1,6 @@
 //! Labeled clouds of other data sets, in the format in which they are published.
 
-use crate::support::{error, folder, of, write_file};
+use crate::support::{error, folder, import_from, write_file};
 use messages::pod::rows_from_bytes;
 use messages::{
     ClassId, ClassRow, Envelope, MAX_SWEEPS_PER_SUBMAP, Message, StampedPose, SubmapHeader, SubmapPoint, SubmapTopic,
@@ -170,7 +170,7 @@ fn paris_carla_becomes_submaps_with_true_positions_and_classes() {
     // Published files need not be sorted by time.
     points.reverse();
     write_file(&source.join("Soufflot0.ply"), paris_carla(&points));
-    let mut import = of(&source, &folder);
+    let mut import = import_from(&source, &folder);
     let refused = error(&import);
     assert!(refused.contains("Paris-CARLA-3D becomes a recording; its name must end in .mcap"), "{refused}");
     import.out = folder.path().join("drive.mcap");
@@ -222,7 +222,7 @@ fn files_that_begin_at_the_same_time_follow_each_other() {
     let source = folder.path().join("CARLA");
     write_file(&source.join("Town01.ply"), paris_carla(&street()));
     write_file(&source.join("Town02.ply"), paris_carla(&street()));
-    let mut import = of(&source, &folder);
+    let mut import = import_from(&source, &folder);
     import.out = folder.path().join("drive.mcap");
     import.run().expect("imports");
     let tiles = tiles(&import.out);
@@ -266,7 +266,7 @@ fn paris_lille_is_read_in_both_forms() {
     ];
     let whole = folder.path().join("Lille1.ply");
     write_file(&whole, ply(&list.join("\n"), street().len(), &rows));
-    let mut import = of(&whole, &folder);
+    let mut import = import_from(&whole, &folder);
     import.out = folder.path().join("whole.mcap");
     let report = import.run().expect("imports").join("\n");
     assert!(report.contains("(Paris-Lille-3D)") && report.contains("as 100 sweeps"), "{report}");
@@ -321,7 +321,7 @@ fn toronto_gets_positions_above_its_densest_ground() {
     ];
     let source = folder.path().join("Toronto_3D");
     write_file(&source.join("L001.ply"), ply(&list.join("\n"), street().len(), &rows));
-    let mut import = of(&source, &folder);
+    let mut import = import_from(&source, &folder);
     import.out = folder.path().join("toronto.mcap");
     let report = import.run().expect("imports").join("\n");
     assert!(report.contains("coordinates are reduced by 627000 4841000 m (x, y)"), "{report}");
@@ -355,7 +355,7 @@ fn street3d_is_read_as_text_with_or_without_a_title() {
     let text: String = street().into_iter().map(line).collect();
     let source = folder.path().join("train");
     write_file(&source.join("5D4KVPBP.txt"), &text);
-    let mut import = of(&source, &folder);
+    let mut import = import_from(&source, &folder);
     import.out = folder.path().join("a.mcap");
     import.run().expect("imports");
     let ground = |thing: Thing| if thing == Thing::Ground { ClassId::Ground } else { class_of(thing) };
@@ -380,7 +380,7 @@ fn damaged_or_foreign_clouds_are_refused() {
     let folder = folder();
     let source = folder.path().join("Soufflot0.ply");
     let whole = paris_carla(&street());
-    let mut import = of(&source, &folder);
+    let mut import = import_from(&source, &folder);
     import.out = folder.path().join("drive.mcap");
     write_file(&source, &whole[..whole.len() / 2]);
     import.options.kind = import::Kind::from_name("paris-carla-3d");

@@ -1,6 +1,6 @@
 //! Imports of small folders in the layouts of the data sets, and of real sweeps.
 
-use super::support::{error, folder, of, write_file};
+use super::support::{error, folder, import_from, write_file};
 use drive::Drive;
 use formats::cloud::CloudPoint;
 use formats::{kitti, nuscenes};
@@ -29,7 +29,7 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
     write_file(&raw.join("image_02/timestamps.txt"), dates);
     write_file(&raw.join("oxts/data/0000000000.txt"), "1 2 3\n");
     write_file(&folder.path().join("day/calib_velo_to_cam.txt"), "R: 1\n");
-    let mut import = of(&raw, &folder);
+    let mut import = import_from(&raw, &folder);
     import.options.lidar_only = true;
     let report = import.run().expect("imports");
     assert!(report[0].ends_with("drive: 3 sweeps of hdl64e (KITTI raw)"), "{report:?}");
@@ -65,7 +65,7 @@ fn nuscenes_folder_is_imported_in_the_order_of_times_with_its_rings() {
         write_file(&root.join(name), rows_with_ring());
     }
     write_file(&root.join("samples/CAM_FRONT/n015__CAM_FRONT__1000100000.jpg"), "");
-    let import = of(&root, &folder);
+    let import = import_from(&root, &folder);
     let report = import.run().expect("imports");
     assert!(report[0].ends_with("3 sweeps of hdl32e (nuScenes)"), "{report:?}");
     assert!(report.contains(&"not imported: 1 file in samples/CAM_FRONT (camera images)".to_owned()), "{report:?}");
@@ -91,7 +91,7 @@ fn sweeps_of_several_logs_need_a_choice() {
     for log in ["n008-a", "n015-b"] {
         write_file(&root.join(format!("{log}__LIDAR_TOP__1000050000.pcd.bin")), rows_with_ring());
     }
-    let mut import = of(&root, &folder);
+    let mut import = import_from(&root, &folder);
     assert!(error(&import).contains("2 logs; choose one with --log: n008-a, n015-b"), "{}", error(&import));
     import.options.log = Some("n015-b".into());
     import.run().expect("imports");
@@ -109,11 +109,11 @@ fn rows_of_another_layout_are_refused() {
     ] {
         let source = folder.path().join(name);
         write_file(&source.join("0.bin"), bytes);
-        let error = error(&of(&source, &folder));
+        let error = error(&import_from(&source, &folder));
         assert!(error.contains(words) && error.contains("0.bin"), "{name}: {error}");
         assert_eq!(error.contains("--kind nuscenes"), name == "ring", "{error}");
     }
-    assert!(error(&of(folder.path(), &folder)).contains("no known layout"));
+    assert!(error(&import_from(folder.path(), &folder)).contains("no known layout"));
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn kind_and_model_of_the_command_line_are_used() {
     let folder = folder();
     let source = folder.path().join("bare");
     write_file(&source.join("0.bin"), kitti::bin_from_points(&points(200.0)));
-    let mut import = of(&source, &folder);
+    let mut import = import_from(&source, &folder);
     assert!(error(&import).contains("intensity 200 must be 0 to 1"));
     import.options.kind = Some(Kind::Bin);
     import.options.model = Some(lidar::velodyne::Model::Vlp16.into());
@@ -135,7 +135,7 @@ fn bare_sweeps_report_the_assumed_model() {
     let folder = folder();
     let source = folder.path().join("bare");
     write_file(&source.join("0.pcd"), formats::pcd::pcd_from_points(&points(0.5)));
-    let report = of(&source, &folder).run().expect("imports");
+    let report = import_from(&source, &folder).run().expect("imports");
     assert!(report.iter().any(|line| line.contains("hdl64e is assumed")), "{report:?}");
 }
 
@@ -147,7 +147,7 @@ fn real_folders_are_recognized() {
         ("kitti_raw_0048", "22 sweeps of hdl64e (bare sweeps)", 22),
     ] {
         let folder = folder();
-        let import = of(real_data::path(name), &folder);
+        let import = import_from(real_data::path(name), &folder);
         let report = import.run().expect("imports");
         assert!(report[0].contains(kind), "{report:?}");
         assert!(report.iter().any(|line| line.starts_with("not imported")), "{report:?}");

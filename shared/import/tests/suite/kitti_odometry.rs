@@ -1,6 +1,6 @@
 //! Imports of a sequence of KITTI odometry with the labels of SemanticKITTI, in the published format.
 
-use super::support::{Import, error, first_label, folder, of, png, write_file};
+use super::support::{Import, error, first_label, folder, import_from, png, write_file};
 use drive::{Drive, NoLabel};
 use formats::cloud::CloudPoint;
 use formats::kitti::{Label, bin_from_points, bytes_from_labels, labels_from_bytes};
@@ -59,7 +59,7 @@ fn imported(import: &Import) -> (Vec<String>, Drive) {
 #[test]
 fn images_and_poses_of_kitti_odometry_are_imported() {
     let folder = folder();
-    let (report, drive) = imported(&of(sequence(&folder), &folder));
+    let (report, drive) = imported(&import_from(sequence(&folder), &folder));
     assert_eq!(report[2], "imported: 3 images of camera image_2", "{report:?}");
     assert!(report[3].starts_with("imported: 3 true poses of ") && report[3].ends_with("poses/00.txt"), "{report:?}");
     assert_eq!(report.len(), 4, "nothing is left: {report:?}");
@@ -89,7 +89,7 @@ fn tr() -> Pose {
 #[test]
 fn true_poses_of_kitti_odometry_are_those_of_the_lidar() {
     let folder = folder();
-    let (_, drive) = imported(&of(sequence(&folder), &folder));
+    let (_, drive) = imported(&import_from(sequence(&folder), &folder));
     let truth = drive.true_trajectory().expect("has one").expect("reads");
     let cameras = poses_from_kitti(POSES).expect("parses");
     let still = Point3::new(20.0, 5.0, 1.0);
@@ -109,7 +109,7 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
     let sequence = sequence(&folder);
     write_file(&sequence.join("labels/000001.label"), labels(&[10, 40, 252, 70, 80]));
     write_file(&sequence.join("labels/000002.label"), labels(&[254, 40, 99, 99, 48]));
-    let (report, drive) = imported(&of(sequence, &folder));
+    let (report, drive) = imported(&import_from(sequence, &folder));
     assert!(report.contains(&"imported: 2 label files, in the classes of this project".to_owned()), "{report:?}");
     let bytes = |seq: usize| std::fs::read(drive.folder().join(format!("truth/labels/{seq:06}.label"))).expect("reads");
     let classes = |seq: usize| -> Vec<(u16, u16)> {
@@ -139,7 +139,7 @@ fn poses_beside_the_labels_are_used_without_those_of_the_data_set() {
     let folder = folder();
     let sequence = sequence(&folder);
     std::fs::rename(folder.path().join("dataset/poses/00.txt"), sequence.join("poses.txt")).expect("moves");
-    let (report, drive) = imported(&of(sequence, &folder));
+    let (report, drive) = imported(&import_from(sequence, &folder));
     assert!(report[3].ends_with("sequences/00/poses.txt"), "{report:?}");
     assert_eq!(drive.true_trajectory().expect("has one").expect("reads").poses().len(), 3);
 }
@@ -192,7 +192,7 @@ fn damaged_kitti_odometry_is_refused_with_file_and_rule() {
         let folder = folder();
         let sequence = sequence(&folder);
         damage(&sequence);
-        let text = error(&of(sequence, &folder));
+        let text = error(&import_from(sequence, &folder));
         assert!(text.contains(rule), "{name}: {text}");
     }
 }
@@ -223,7 +223,7 @@ fn real_sweeps_calibration_and_poses_become_a_drive() {
         let bytes = std::fs::read(source.join(format!("{:06}.bin", 94 + k))).expect("reads");
         write_file(&sequence.join(format!("velodyne/{k:06}.bin")), bytes);
     }
-    let (_, drive) = imported(&of(sequence, &folder));
+    let (_, drive) = imported(&import_from(sequence, &folder));
     let truth = drive.true_trajectory().expect("has one").expect("reads");
     let first = truth.poses()[0].1;
     let second = truth.poses()[1].1;

@@ -1,6 +1,6 @@
 //! Imports of a drive of KITTI raw in the published format, with the calibration of its day.
 
-use super::support::{Import, error, folder, of, png, write_file};
+use super::support::{Import, error, folder, import_from, png, write_file};
 use drive::Drive;
 use geometry::{Point3, Stamp, Trajectory};
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ fn imported(import: &Import) -> (Vec<String>, Drive) {
 #[test]
 fn all_sensors_of_kitti_raw_are_imported() {
     let folder = folder();
-    let import = of(drive(&folder), &folder);
+    let import = import_from(drive(&folder), &folder);
     let (report, drive) = imported(&import);
     assert_eq!(
         report[1..],
@@ -110,7 +110,7 @@ fn all_sensors_of_kitti_raw_are_imported() {
 #[test]
 fn points_of_kitti_raw_project_as_in_its_devkit() {
     let folder = folder();
-    let (_, drive) = imported(&of(drive(&folder), &folder));
+    let (_, drive) = imported(&import_from(drive(&folder), &folder));
     let p = [12.0, 3.0, -0.75, 1.0];
     for (index, name) in ["P_rect_02", "P_rect_03"].into_iter().enumerate() {
         let in_camera_0 = rows(&numbers(VELO_TO_CAM, "R"), &numbers(VELO_TO_CAM, "T"), p);
@@ -143,7 +143,7 @@ fn rows(rotation: &[f64], translation: &[f64], p: [f64; 4]) -> [f64; 4] {
 #[test]
 fn true_poses_of_kitti_raw_agree_with_the_mercator_projection_of_its_devkit() {
     let folder = folder();
-    let (_, drive) = imported(&of(drive(&folder), &folder));
+    let (_, drive) = imported(&import_from(drive(&folder), &folder));
     let truth: Trajectory = drive.true_trajectory().expect("has one").expect("reads");
     let poses = truth.poses();
     assert_eq!(poses.len(), 4);
@@ -170,7 +170,7 @@ fn sweeps_that_the_data_set_lost_are_reported_and_the_others_keep_their_stamps()
     let raw = drive(&folder);
     std::fs::remove_file(raw.join("velodyne_points/data/0000000001.bin")).expect("removes");
     std::fs::remove_file(raw.join("image_03/data/0000000003.png")).expect("removes");
-    let (report, drive) = imported(&of(raw, &folder));
+    let (report, drive) = imported(&import_from(raw, &folder));
     assert!(report.contains(&"1 of 4 stamps have no sweep".to_owned()), "{report:?}");
     assert!(report.contains(&"imported: 3 images of camera image_03; 1 stamps have no image".to_owned()), "{report:?}");
     let mut sweeps = drive.sweeps().expect("opens");
@@ -236,7 +236,7 @@ fn damaged_kitti_raw_is_refused_with_file_and_rule() {
         let folder = folder();
         let raw = drive(&folder);
         damage(&raw);
-        let text = error(&of(raw, &folder));
+        let text = error(&import_from(raw, &folder));
         assert!(text.contains(rule), "{name}: {text}");
     }
 }
@@ -250,7 +250,7 @@ fn stamps_that_do_not_increase_are_refused_for_sweeps_and_left_out_for_records()
         let text = std::fs::read_to_string(&times).expect("reads");
         let lines: Vec<&str> = text.lines().collect();
         write_file(&times, [lines[0], lines[1], lines[1], lines[3]].join("\n"));
-        let import = of(raw, &folder);
+        let import = import_from(raw, &folder);
         if is_refused {
             let text = error(&import);
             assert!(text.contains("timestamps.txt:3: the stamp must be later than the stamp of 0000000001"), "{text}");
@@ -268,7 +268,7 @@ fn lidar_alone_needs_no_calibration() {
     let folder = folder();
     let raw = drive(&folder);
     remove(&raw.join("../calib_velo_to_cam.txt"));
-    let mut import = of(raw, &folder);
+    let mut import = import_from(raw, &folder);
     import.options.lidar_only = true;
     let (report, drive) = imported(&import);
     assert!(drive.manifest().cameras.is_empty() && drive.manifest().gnss.is_none() && drive.manifest().truth.is_none());

@@ -1,7 +1,7 @@
 //! Imports of `MandEye` folders and of LAS and LAZ sweeps, written by the tests in the published formats.
 
 use super::las_file::{RECORD_BYTES, Row, las, layered_laz};
-use super::support::{Import, error, folder, of, write_file};
+use super::support::{Import, error, folder, import_from, write_file};
 use drive::Drive;
 use lidar::SweepPoint;
 use std::path::PathBuf;
@@ -41,7 +41,7 @@ pub(super) fn imported(import: &Import) -> (Vec<String>, Drive) {
 #[test]
 fn chunks_of_mandeye_are_cut_into_sweeps_with_times() {
     let folder = folder();
-    let (report, drive) = imported(&of(recording(&folder), &folder));
+    let (report, drive) = imported(&import_from(recording(&folder), &folder));
     assert!(report[0].ends_with("16 sweeps of mid360 (MandEye)"), "{report:?}");
     assert_eq!(report[1], "imported: 16 sweeps and their times");
     let line = "imported: 3 IMU samples, with accelerations in g; 1 of other units are left out; \
@@ -82,7 +82,7 @@ fn las_and_laz_sweeps_are_converted() {
     for (name, is_compressed) in [("1583836591.1.las", false), ("1583836591.2.laz", true)] {
         write_file(&source.join(name), las(&rows()[..300], is_compressed));
     }
-    let (report, drive) = imported(&of(&source, &folder));
+    let (report, drive) = imported(&import_from(&source, &folder));
     assert!(report[0].ends_with("2 sweeps of hdl64e (bare sweeps)"), "{report:?}");
     assert!(!report.iter().any(|line| line.starts_with("not imported")), "{report:?}");
     let mut sweeps = drive.sweeps().expect("opens");
@@ -105,7 +105,7 @@ fn laz_in_layers_has_the_same_points() {
     {
         write_file(&source.join(format!("{}.laz", number + 2)), layered_laz(format, &rows()[..300], chunk));
     }
-    let (_, drive) = imported(&of(&source, &folder));
+    let (_, drive) = imported(&import_from(&source, &folder));
     let mut sweeps = drive.sweeps().expect("opens");
     let mut found = Vec::new();
     loop {
@@ -125,7 +125,7 @@ fn laz_in_layers_has_the_same_points() {
 fn layers_that_the_file_does_not_hold_are_refused_before_memory_is_reserved() {
     let folder = folder();
     let path = folder.path().join("recording/0.laz");
-    let import = of(folder.path().join("recording"), &folder);
+    let import = import_from(folder.path().join("recording"), &folder);
     let whole = layered_laz(6, &rows()[..300], Some(100));
     let data_at = u32::from_le_bytes(*whole[96..].first_chunk().expect("is there")) as usize;
     // The first chunk: a record of 32 bytes, the number of points, then the lengths of nine layers and of two extra bytes.
@@ -162,7 +162,7 @@ fn layers_that_the_file_does_not_hold_are_refused_before_memory_is_reserved() {
 fn table_of_chunks_that_only_the_end_of_the_file_names_is_checked() {
     let folder = folder();
     let path = folder.path().join("recording/0.laz");
-    let import = of(folder.path().join("recording"), &folder);
+    let import = import_from(folder.path().join("recording"), &folder);
     for whole in [las(&rows()[..300], true), layered_laz(6, &rows()[..300], Some(100))] {
         let data_at = u32::from_le_bytes(*whole[96..].first_chunk().expect("is there")) as usize;
         for place in [-1_i64, 0, data_at as i64] {
@@ -180,7 +180,7 @@ fn table_of_chunks_that_only_the_end_of_the_file_names_is_checked() {
 fn damaged_las_files_are_refused_at_each_length_and_byte() {
     let folder = folder();
     let path = folder.path().join("recording/0.laz");
-    let import = of(folder.path().join("recording"), &folder);
+    let import = import_from(folder.path().join("recording"), &folder);
     let whole = las(&rows()[..300], true);
     for length in (0..whole.len()).step_by(61) {
         write_file(&path, &whole[..length]);
@@ -223,7 +223,7 @@ fn damaged_las_files_are_refused_at_each_length_and_byte() {
 fn compressed_records_that_need_more_memory_or_time_than_the_file_explains_are_refused() {
     let folder = folder();
     let path = folder.path().join("recording/0.laz");
-    let import = of(folder.path().join("recording"), &folder);
+    let import = import_from(folder.path().join("recording"), &folder);
     let whole = las(&rows()[..300], true);
     for (record_bytes, n_points, rule) in [
         (2000_u16, 300, "compressed records of 2000 bytes; at most 1024 are read".to_owned()),
@@ -253,7 +253,7 @@ fn damaged_mandeye_folders_are_refused_with_file_and_rule() {
         let folder = folder();
         let root = recording(&folder);
         write_file(&root.join(file), bytes);
-        let text = error(&of(root, &folder));
+        let text = error(&import_from(root, &folder));
         assert!(text.contains(rule), "{rule}: {text}");
     }
 }

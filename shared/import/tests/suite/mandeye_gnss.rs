@@ -1,7 +1,7 @@
 //! Fixes of `MandEye` folders, written by the tests in the format of the recorder.
 
 use super::mandeye::{imported, recording};
-use super::support::{Import, folder, of, write_file};
+use super::support::{Import, folder, import_from, write_file};
 use drive::Drive;
 use lidar::nmea::{Fix, LogStats};
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ fn with(folder: &TempDir, files: &[(&str, &[u8])]) -> (PathBuf, Import) {
     for (name, bytes) in files {
         write_file(&root.join(name), bytes);
     }
-    let import = of(&root, folder);
+    let import = import_from(&root, folder);
     (root, import)
 }
 

@@ -1,6 +1,6 @@
 //! Imports of scenes of nuScenes with their tables, written in the published schema.
 
-use super::support::{Import, error, first_label, folder, of, write_file};
+use super::support::{Import, error, first_label, folder, import_from, write_file};
 use drive::{Drive, NoLabel};
 use formats::cloud::CloudPoint;
 use formats::kitti::labels_from_bytes;
@@ -182,7 +182,7 @@ fn scene_becomes_drive_with_cameras_and_poses() {
     let folder = folder();
     let mut data = DataSet::new(&folder);
     data.scene("scene-0061", BEGIN);
-    let (report, drive) = imported(&of(data.write(), &folder));
+    let (report, drive) = imported(&import_from(data.write(), &folder));
     assert!(report[0].ends_with("3 sweeps of hdl32e (nuScenes)"), "{report:?}");
     assert!(report.contains(&"imported: 2 images of camera CAM_FRONT".to_owned()), "{report:?}");
     assert!(report.contains(&"imported: 5 true poses of ego_pose.json".to_owned()), "{report:?}");
@@ -210,7 +210,7 @@ fn sweeps_alone_have_the_stamps_of_the_tables() {
     let folder = folder();
     let mut data = DataSet::new(&folder);
     data.scene("scene-0061", BEGIN);
-    let mut import = of(data.write(), &folder);
+    let mut import = import_from(data.write(), &folder);
     import.options.lidar_only = true;
     let (_, drive) = imported(&import);
     assert_eq!(stamps(&drive), [0, 50_000, 100_000]);
@@ -223,7 +223,7 @@ fn labels_of_segments_and_boxes_belong_to_their_key_frame() {
     data.scene("scene-0061", BEGIN);
     data.boxed_car("scene-0061");
     data.segmentation("scene-0061", &[0, 0, 1]);
-    let (report, drive) = imported(&of(data.write(), &folder));
+    let (report, drive) = imported(&import_from(data.write(), &folder));
     let line =
         "imported: labels of 1 key frames: classes of lidarseg and instances of the boxes; other sweeps have no labels";
     assert!(report.iter().any(|found| found == line), "{report:?}");
@@ -240,7 +240,7 @@ fn boxes_alone_label_the_points_inside() {
     let mut data = DataSet::new(&folder);
     data.scene("scene-0061", BEGIN);
     data.boxed_car("scene-0061");
-    let (report, drive) = imported(&of(data.write(), &folder));
+    let (report, drive) = imported(&import_from(data.write(), &folder));
     assert!(report.iter().any(|line| line.contains("points outside are unlabeled")), "{report:?}");
     assert_eq!(labels(&drive, 2), [(ClassId::Vehicles as u16, 1), (ClassId::Unlabeled as u16, 0)]);
 }
@@ -256,7 +256,7 @@ fn scene_or_log_is_chosen_among_several() {
     let mut data = DataSet::new(&folder);
     data.scene("scene-0061", BEGIN);
     data.scene("scene-0103", BEGIN + 20_000_000);
-    let mut import = of(data.write(), &folder);
+    let mut import = import_from(data.write(), &folder);
     let text = error(&import);
     assert!(
         text.contains("2 scenes; choose one with --scene, or all of a drive with --log: scene-0061, scene-0103"),
@@ -321,7 +321,7 @@ fn damaged_tables_are_refused_with_file_and_rule() {
         if !removed.is_empty() {
             std::fs::remove_dir_all(root.join(removed)).expect("removes");
         }
-        let text = error(&of(root, &folder));
+        let text = error(&import_from(root, &folder));
         assert!(text.contains(rule), "{name}: {text}");
     }
 }
@@ -336,7 +336,7 @@ fn cut_table_is_refused_at_each_length() {
     let whole = std::fs::read(&path).expect("reads");
     for length in (0..whole.len()).step_by(97) {
         write_file(&path, &whole[..length]);
-        let text = error(&of(&root, &folder));
+        let text = error(&import_from(&root, &folder));
         assert!(text.contains("sample_data.json: EOF while parsing"), "{length}: {text}");
     }
 }
@@ -387,7 +387,7 @@ fn real_sample_projects_as_published() {
             "filename": file}),
         );
     }
-    let (_, drive) = imported(&of(data.write(), &folder));
+    let (_, drive) = imported(&import_from(data.write(), &folder));
     assert_eq!(drive.rig().cameras.len(), 6);
     for (entry, camera) in drive.manifest().cameras.iter().zip(&drive.rig().cameras) {
         let camera_from_lidar = camera.body_from_camera.inverse() * drive.rig().body_from_lidar;

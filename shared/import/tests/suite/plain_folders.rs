@@ -1,7 +1,7 @@
 //! Imports of folders of sweeps with stamps, poses and IMU samples next to them.
 
 use super::las_file;
-use super::support::{Import, error, folder, of, write_file};
+use super::support::{Import, error, folder, import_from, write_file};
 use drive::Drive;
 use formats::cloud::CloudPoint;
 use formats::pcd::pcd_from_points;
@@ -51,7 +51,7 @@ fn stamps_in_names_give_the_order_of_the_sweeps() {
         ["1583836591.182590976", "1583836591.282590976", "1583836592.082590976"],
     ] {
         let source = sweeps(&folder, &names);
-        let import = of(&source, &folder);
+        let import = import_from(&source, &folder);
         let (report, drive) = imported(&import);
         assert!(report[1].contains("3 sweeps and their times"), "{report:?}");
         assert_eq!(sweeps_of(&drive), [(0, 5.0), (100_000_000, 6.0), (900_000_000, 7.0)]);
@@ -70,7 +70,7 @@ fn stamps_of_a_table_are_those_of_the_lines_or_of_the_names() {
         let folder = folder();
         let source = sweeps(&folder, &["0", "1", "2"]);
         write_file(&source.join(place), text);
-        let (report, drive) = imported(&of(&source, &folder));
+        let (report, drive) = imported(&import_from(&source, &folder));
         assert_eq!(sweeps_of(&drive), [(0, 5.0), (100_000_000, 6.0), (900_000_000, 7.0)], "{place}");
         assert!(!report.iter().any(|line| line.starts_with("not imported")), "{report:?}");
     }
@@ -85,7 +85,7 @@ fn poses_and_imu_beside_the_sweeps_are_imported() {
     write_file(&source.join("../registered_poses.csv"), poses);
     let imu = "sec,nsec,wx,wy,wz,ax,ay,az\n1583836591,190000000,0.1,0.2,0.3,0.01,-0.02,1.0\n1583836591,200000000,0.1,0.2,0.3,0,0,1\n";
     write_file(&source.join("imu.csv"), imu);
-    let (report, drive) = imported(&of(&source, &folder));
+    let (report, drive) = imported(&import_from(&source, &folder));
     assert!(report.iter().any(|line| line.starts_with("imported: 2 true poses of ")), "{report:?}");
     let line = report.iter().find(|line| line.starts_with("imported: 2 IMU samples")).expect("is reported");
     assert!(line.ends_with("with accelerations in g"), "{line}");
@@ -101,7 +101,7 @@ fn poses_without_stamps_are_left_out() {
     let folder = folder();
     let source = sweeps(&folder, &["1583836591.182590976"]);
     write_file(&source.join("poses.txt"), "1 0 0 0 0 1 0 0 0 0 1 0\n");
-    let (report, drive) = imported(&of(&source, &folder));
+    let (report, drive) = imported(&import_from(&source, &folder));
     assert!(report.iter().any(|line| line.ends_with("poses.txt, poses without stamps")), "{report:?}");
     assert!(drive.manifest().truth.is_none());
 }
@@ -115,7 +115,7 @@ fn ply_sweeps_are_converted_with_their_intensities() {
                       property uchar red\nproperty float scalar_intensity\nend_header\n";
         write_file(&source.join(format!("{name}.ply")), format!("{header}{}.5 1 2 9 7\n3 -1 2 9 200\n", k + 5));
     }
-    let (report, drive) = imported(&of(&source, &folder));
+    let (report, drive) = imported(&import_from(&source, &folder));
     assert!(report.iter().any(|line| line.starts_with("the files are converted")), "{report:?}");
     assert!(!report.iter().any(|line| line.starts_with("not imported")), "{report:?}");
     assert_eq!(sweeps_of(&drive), [(0, 5.5), (100_000_000, 6.5)]);
@@ -174,7 +174,7 @@ fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
         };
         let rows: Vec<String> = fired().into_iter().map(row).collect();
         write_file(&source.join("1583836591182590976.ply"), head + &rows.concat());
-        let mut import = of(&source, &folder);
+        let mut import = import_from(&source, &folder);
         import.out = folder.path().join(format!("{name}.drive"));
         import.options.model = lidar::Model::from_name("hdl32e");
         let (report, drive) = imported(&import);
@@ -194,7 +194,7 @@ fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
     for (end, is_compressed) in [("las", false), ("laz", true)] {
         let source = folder.path().join(end);
         write_file(&source.join(format!("1583836591182590976.{end}")), las_file::las(&rows, is_compressed));
-        let mut import = of(&source, &folder);
+        let mut import = import_from(&source, &folder);
         import.options.kind = import::Kind::from_name("las");
         import.out = folder.path().join(format!("{end}.drive"));
         let (report, drive) = imported(&import);
@@ -208,7 +208,7 @@ fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
     let slow: Vec<las_file::Row> = rows.iter().map(|(p, i, time_s)| (*p, *i, (time_s - 300_000.0) * 100.0)).collect();
     let source = folder.path().join("slow");
     write_file(&source.join("1583836591182590976.las"), las_file::las(&slow, false));
-    let mut import = of(&source, &folder);
+    let mut import = import_from(&source, &folder);
     import.out = folder.path().join("slow.drive");
     let (report, drive) = imported(&import);
     assert!(report.iter().any(|line| line.contains("no point times: GPS time does not span")), "{report:?}");
@@ -238,16 +238,16 @@ fn damaged_plain_folders_are_refused_with_file_and_rule() {
         let folder = folder();
         let source = sweeps(&folder, &["0", "1"]);
         write_file(&source.join(file), text);
-        let found = error(&of(&source, &folder));
+        let found = error(&import_from(&source, &folder));
         assert!(found.contains(rule), "{rule}: {found}");
     }
     let folder = folder();
     let source = sweeps(&folder, &["1583836591.2", "1583836591.3"]);
     write_file(&source.join("trajectory.txt"), "99.5 0 0 0 0 0 0 1\n");
-    assert!(error(&of(&source, &folder)).contains("no pose lies between the first and the last sweep"));
+    assert!(error(&import_from(&source, &folder)).contains("no pose lies between the first and the last sweep"));
     let cut = folder.path().join("cut");
     write_file(&cut.join("0.ply"), "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\n");
-    assert!(error(&of(&cut, &folder)).contains("0.ply: "), "{}", error(&of(&cut, &folder)));
+    assert!(error(&import_from(&cut, &folder)).contains("0.ply: "), "{}", error(&import_from(&cut, &folder)));
 }
 
 /// Real sweeps under names with stamps.
@@ -261,7 +261,7 @@ fn real_sweeps_with_stamps_in_their_names_are_imported() {
         let link: PathBuf = source.join(format!("{}.pcd", BEGIN + k * 100_000_000));
         std::os::unix::fs::symlink(absolute(&original), link).expect("links");
     }
-    let (_, drive) = imported(&of(&source, &folder));
+    let (_, drive) = imported(&import_from(&source, &folder));
     assert_eq!(sweeps_of(&drive).iter().map(|(stamp, _)| *stamp).collect::<Vec<_>>(), [0, 100_000_000, 200_000_000]);
 }
 

@@ -1,6 +1,6 @@
 //! Imports of the bags that `tests/bags/make_bags.py` wrote with the Python package rosbags.
 
-use super::support::{Import, folder, of};
+use super::support::{Import, folder, import_from};
 use drive::{Drive, SweepInfo};
 use geometry::{CameraModel, Vector3};
 use lidar::SweepPoint;
@@ -22,7 +22,7 @@ pub const STREETS: [&str; 6] =
     ["street.bag", "street_bz2.bag", "street_lz4.bag", "street_sqlite", "street_mcap", "street_zstd"];
 
 fn imported(name: &str, folder: &TempDir) -> (Import, Vec<String>, Drive) {
-    let import = of(bag(name), folder);
+    let import = import_from(bag(name), folder);
     let report = import.run().unwrap_or_else(|error| panic!("{name}: {error}"));
     let drive = Drive::open(&import.out).expect("opens");
     (import, report, drive)
@@ -105,7 +105,7 @@ fn bags_of_all_containers_become_the_same_drive() {
     let mut first = None;
     // Files or messages compressed as a whole; two files that follow each other against the order of their names.
     for name in STREETS.into_iter().chain(["street_file", "street_message", "street_split"]) {
-        let mut import = of(bag(name), &folder);
+        let mut import = import_from(bag(name), &folder);
         import.out = folder.path().join(format!("{name}.drive"));
         let report = import.run().unwrap_or_else(|error| panic!("{name}: {error}"));
         let found = (files(&import.out), report[1..].to_vec());
@@ -200,7 +200,7 @@ fn clouds_of_all_drivers_give_the_same_sweeps() {
 #[test]
 fn parts_of_a_split_recording_are_named_one_by_one() {
     let folder = folder();
-    let mut import = of(bag("street_split/a.bag"), &folder);
+    let mut import = import_from(bag("street_split/a.bag"), &folder);
     import.run().expect("imports the end alone");
     assert_eq!(Drive::open(&import.out).expect("opens").sweep_files().len(), 2);
     import.out = folder.path().join("street_split.drive");
@@ -262,7 +262,7 @@ fn rings_counted_from_the_highest_are_reported() {
 #[test]
 fn sensors_without_transform_are_left_out_unless_it_is_given_or_they_are_asked_for() {
     let folder = folder();
-    let mut import = of(bag("cameras.bag"), &folder);
+    let mut import = import_from(bag("cameras.bag"), &folder);
     let report = import.run().expect("imports");
     let left_out: Vec<&String> = report.iter().filter(|line| line.starts_with("not imported")).collect();
     assert_eq!(left_out.len(), 3, "{report:?}");
@@ -302,7 +302,7 @@ fn sensors_without_transform_are_left_out_unless_it_is_given_or_they_are_asked_f
 #[test]
 fn options_that_do_not_fit_are_refused_by_name() {
     let folder = folder();
-    let mut import = of(bag("street.bag"), &folder);
+    let mut import = import_from(bag("street.bag"), &folder);
     for (role, name, words) in [
         ("lidar", "/imu/data", "--topic: lidar=/imu/data: messages of type sensor_msgs/Imu cannot have this role"),
         (
@@ -327,7 +327,7 @@ fn options_that_do_not_fit_are_refused_by_name() {
 #[test]
 fn further_lidar_in_a_frame_of_its_own_is_named_with_the_option_that_takes_it() {
     let folder = folder();
-    let mut import = of(bag("two_lidars.bag"), &folder);
+    let mut import = import_from(bag("two_lidars.bag"), &folder);
     let choice = |role: &str, name: &str| (role.to_owned(), name.to_owned());
     import.options.ros.topics = vec![choice("lidar", "/front/points")];
     let report = import.run().expect("imports");
@@ -353,7 +353,7 @@ fn further_lidar_in_a_frame_of_its_own_is_named_with_the_option_that_takes_it() 
 #[test]
 fn second_lidar_of_bag_is_one_of_the_drive() {
     let folder = folder();
-    let mut import = of(bag("street_mcap"), &folder);
+    let mut import = import_from(bag("street_mcap"), &folder);
     let topic = |role: &str| (role.to_owned(), "/velodyne_points".to_owned());
     import.options.ros.topics = vec![topic("lidar"), topic("lidar.1")];
     let report = import.run().expect("imports");
@@ -364,7 +364,7 @@ fn second_lidar_of_bag_is_one_of_the_drive() {
     assert_eq!(drive.manifest().lidar_name(1), "velodyne_points_1");
     assert_eq!(lidars[0].stamps, lidars[1].stamps);
     assert_eq!(drive.rig().body_from_other_lidars, [drive.rig().body_from_lidar]);
-    let mut gap = of(bag("street_mcap"), &folder);
+    let mut gap = import_from(bag("street_mcap"), &folder);
     gap.out = folder.path().join("gap");
     gap.options.ros.topics = vec![topic("lidar"), topic("lidar.2")];
     let error = gap.run().expect_err("has no lidar.1").to_string();

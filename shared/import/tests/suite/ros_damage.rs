@@ -1,7 +1,7 @@
 //! Imports of damaged bags.
 
 use super::ros::{STREETS, bag};
-use super::support::{folder, of, write_file};
+use super::support::{folder, import_from, write_file};
 use std::path::{Path, PathBuf};
 
 /// Places at which a file is cut, and at which a byte is changed.
@@ -21,7 +21,7 @@ fn file_of(name: &str) -> PathBuf {
 /// The error of an import, if there is one.
 fn import(path: &Path, bytes: &[u8], folder: &tempfile::TempDir) -> Option<String> {
     write_file(path, bytes);
-    let import = of(path, folder);
+    let import = import_from(path, folder);
     let error = import.run().err().map(|error| error.to_string());
     assert_eq!(import.out.exists(), error.is_none());
     let _ = std::fs::remove_dir_all(&import.out);
@@ -115,6 +115,6 @@ fn compressed_folders_are_refused_with_their_metadata() {
         })
         .collect();
     write_file(&source.join("metadata.yaml"), text);
-    let error = of(&source, &folder).run().expect_err("is refused").to_string();
+    let error = import_from(&source, &folder).run().expect_err("is refused").to_string();
     assert!(error.contains("metadata.yaml: compression_mode FILE"), "{error}");
 }

@@ -1,6 +1,6 @@
 //! Bags that would take more time than their size explains.
 
-use super::support::{folder, of, write_file};
+use super::support::{folder, import_from, write_file};
 use std::io::Write;
 
 /// Content of a chunk that exceeds the limit of a small file, bytes.
@@ -10,7 +10,7 @@ fn error(bytes: &[u8]) -> String {
     let folder = folder();
     let path = folder.path().join("bag");
     write_file(&path, bytes);
-    of(&path, &folder).run().expect_err("is refused").to_string()
+    import_from(&path, &folder).run().expect_err("is refused").to_string()
 }
 
 /// Zeros: empty records in all formats.

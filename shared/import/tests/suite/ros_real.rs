@@ -1,6 +1,6 @@
 //! Imports of real bags with packets. The expected checksums of their packets were computed with the Python package rosbags.
 
-use super::support::{folder, of};
+use super::support::{folder, import_from};
 use drive::Drive;
 use geometry::{Point3, Vector3};
 use lidar::Model;
@@ -41,14 +41,14 @@ fn packets_of_real_ros2_bags_are_those_that_rosbags_reads() {
         ("xt32/1673400677802009732", "pandarxt32", 2000, 0xfa09_0926),
     ] {
         let folder = folder();
-        let import = of(real_data::path(&format!("lidars/nebula/{name}")), &folder);
+        let import = import_from(real_data::path(&format!("lidars/nebula/{name}")), &folder);
         let report = import.run().unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(report[0].ends_with(&format!("1 capture of {model} (ROS bag)")), "{report:?}");
         assert!(report[1].starts_with(&format!("imported: {n} packets from /")), "{report:?}");
         assert_eq!(sum(&import.out.join("lidar/packets.pcap")), (n, crc), "{name}");
         // The file alone is also a bag.
         let file = Path::new(name).file_name().expect("has one").to_string_lossy().into_owned();
-        let mut of_file = of(real_data::path(&format!("lidars/nebula/{name}/{file}_0.db3")), &folder);
+        let mut of_file = import_from(real_data::path(&format!("lidars/nebula/{name}/{file}_0.db3")), &folder);
         of_file.out = folder.path().join("file");
         of_file.run().expect("imports");
         assert_eq!(sum(&of_file.out.join("lidar/packets.pcap")), (n, crc), "{name}");
@@ -64,7 +64,7 @@ fn points_of_real_bags_are_those_of_the_driver_in_its_frame() {
         ("qt64/1673401195788312575", "qt64/1673401196087570870.pcd", "PandarQT64.csv", 2, 0.1),
     ] {
         let folder = folder();
-        let mut import = of(real_data::path(&format!("lidars/nebula/{bag}")), &folder);
+        let mut import = import_from(real_data::path(&format!("lidars/nebula/{bag}")), &folder);
         import.options.ros.calibration = Some(real_data::path(&format!("lidars/nebula/calibration/{calibration}")));
         import.run().unwrap_or_else(|error| panic!("{bag}: {error}"));
         let drive = Drive::open(&import.out).expect("opens");
@@ -98,7 +98,7 @@ fn points_of_real_bags_are_those_of_the_driver_in_its_frame() {
 #[real_data::test("lidars/ouster/512x10_raw.bag")]
 fn real_ros1_bag_of_an_ouster_is_decoded_with_its_metadata() {
     let folder = folder();
-    let import = of(real_data::path("lidars/ouster/512x10_raw.bag"), &folder);
+    let import = import_from(real_data::path("lidars/ouster/512x10_raw.bag"), &folder);
     let report = import.run().expect("imports");
     assert!(report[0].ends_with("1 capture of ouster (ROS bag)"), "{report:?}");
     assert!(report[1].starts_with("imported: 32 packets from /os_node0/lidar_packets"), "{report:?}");

@@ -28,7 +28,7 @@ pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) {
     fs::write(path, bytes).expect("writes");
 }
 
-pub fn of(source: impl Into<PathBuf>, folder: &TempDir) -> Import {
+pub fn import_from(source: impl Into<PathBuf>, folder: &TempDir) -> Import {
     Import { source: source.into(), out: folder.path().join("drive"), options: Options::default() }
 }
 

@@ -130,7 +130,7 @@ fn ends_of_another_layout_or_version_are_refused() {
     let domain = TestDomain::new("layout");
     let pair = pair(&domain.0);
     let node = domain.0.node("stranger").expect("node");
-    let mut channel = Channel::of::<messages::SweepTopic>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
+    let mut channel = Channel::new::<messages::SweepTopic>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
     channel.version += 1;
     assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
     channel.version -= 1;
@@ -226,9 +226,9 @@ fn domains_of_an_output_are_found() {
     let domain = TestDomain::new("found");
     let output = std::path::Path::new("/nowhere/of/this/test").join(std::process::id().to_string());
     let _node = domain.0.node("node").expect("a node");
-    assert_eq!(Domain::of_output(&output).expect("listed"), []);
+    assert_eq!(Domain::find_abandoned(&output).expect("listed"), []);
     domain.0.write_output(&output).expect("written");
-    assert_eq!(Domain::of_output(&output).expect("listed"), std::slice::from_ref(&domain.0));
+    assert_eq!(Domain::find_abandoned(&output).expect("listed"), std::slice::from_ref(&domain.0));
     assert_ne!(Domain::random().expect("a name"), Domain::random().expect("a name"));
     assert!(!domain.0.is_taken().expect("listed"));
 }

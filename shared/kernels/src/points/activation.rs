@@ -24,7 +24,7 @@ impl Activation {
     pub const LEAKY: Self = Self { slope: 0.1 };
 
     #[inline(always)]
-    pub(super) fn of(self, x: f32) -> f32 {
+    pub(super) fn value(self, x: f32) -> f32 {
         // Outside the branch: both values are then vectors, and random signs cost no mispredicted jumps.
         let scaled = self.slope * x;
         if x > 0.0 { x } else { scaled }
@@ -36,7 +36,7 @@ impl Activation {
                 #[inline(always)]
                 || {
                     for value in values {
-                        *value = self.of(*value);
+                        *value = self.value(*value);
                     }
                 },
             );
@@ -102,7 +102,7 @@ impl CustomOp2 for AddActivated {
                     let a = &a[..n];
                     let b = &b[..n];
                     for i in 0..n {
-                        out[i] = self.0.of(a[i] + b[i]);
+                        out[i] = self.0.value(a[i] + b[i]);
                     }
                 },
             );

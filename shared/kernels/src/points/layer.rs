@@ -18,7 +18,7 @@ impl Layer {
         if bias.dims() != [n_out] {
             bail!("linear layer: weight {:?}, bias {:?}", weight.shape(), bias.shape());
         }
-        let weight = read(weight, |weight| Packed::new(Matrix::of_rows(weight, n_in).transposed(), n_in, n_out))?;
+        let weight = read(weight, |weight| Packed::new(Matrix::from_rows(weight, n_in).transposed(), n_in, n_out))?;
         Ok(Self { weight, n_in, bias: bias.to_vec1()? })
     }
     /// Columns of the input and of the output.
@@ -33,6 +33,6 @@ impl Layer {
     }
     /// Adds the products of `rows` with the weight to `out`.
     pub(super) fn add_product(&self, rows: &[f32], out: &mut [f32]) {
-        self.weight.add_product(Matrix::of_rows(rows, self.n_in), out);
+        self.weight.add_product(Matrix::from_rows(rows, self.n_in), out);
     }
 }

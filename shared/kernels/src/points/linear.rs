@@ -44,7 +44,7 @@ impl CustomOp3 for Linear {
         let rows = values(rows, rows_layout)?;
         let weight = values(weight, weight_layout)?;
         let bias = values(bias, bias_layout)?;
-        let right = Packed::new(Matrix::of_rows(weight, n_in).transposed(), n_in, n_out);
+        let right = Packed::new(Matrix::from_rows(weight, n_in).transposed(), n_in, n_out);
         Ok((CpuStorage::F32(products(rows, n, n_in, &right, Some(bias), self.0)), (n, n_out).into()))
     }
     fn bwd(
@@ -59,7 +59,7 @@ impl CustomOp3 for Linear {
         let (n, n_in) = rows.dims2()?;
         let n_out = weight.dim(0)?;
         let of_rows = || {
-            let right = read(weight, |weight| Packed::new(Matrix::of_rows(weight, n_in), n_out, n_in))?;
+            let right = read(weight, |weight| Packed::new(Matrix::from_rows(weight, n_in), n_out, n_in))?;
             tensor(read(&gradient, |g| products(g, n, n_out, &right, None, Activation::NONE))?, (n, n_in))
         };
         let of_weight = || {
@@ -89,7 +89,7 @@ fn products(
         if let Some(bias) = bias {
             out.chunks_exact_mut(n_out).for_each(|row| row.copy_from_slice(bias));
         }
-        right.add_product(Matrix::of_rows(&rows[first * depth..], depth), out);
+        right.add_product(Matrix::from_rows(&rows[first * depth..], depth), out);
         activation.apply(out);
     });
     out
@@ -100,11 +100,11 @@ pub(super) fn transposed_product(a: &[f32], b: &[f32], n: usize, a_columns: usiz
     let part = n.div_ceil(PARTS).next_multiple_of(BLOCK);
     let of_part = |start: usize| {
         let mut out = vec![0.0; a_columns * b_columns];
-        let mut right = Packed::new(Matrix::of_rows(&[], b_columns), 0, b_columns);
+        let mut right = Packed::new(Matrix::from_rows(&[], b_columns), 0, b_columns);
         for first in (start..(start + part).min(n)).step_by(BLOCK) {
             let rows = BLOCK.min(n - first);
-            right.pack(Matrix::of_rows(&b[first * b_columns..], b_columns), rows, b_columns);
-            right.add_product(Matrix::of_rows(&a[first * a_columns..], a_columns).transposed(), &mut out);
+            right.pack(Matrix::from_rows(&b[first * b_columns..], b_columns), rows, b_columns);
+            right.add_product(Matrix::from_rows(&a[first * a_columns..], a_columns).transposed(), &mut out);
         }
         out
     };

@@ -78,7 +78,7 @@ impl Lists {
     }
     /// The rows of a list.
     #[inline(always)]
-    pub fn of(&self, list: usize) -> &[u32] {
+    pub fn get(&self, list: usize) -> &[u32] {
         &self.items[self.places(list)]
     }
     /// For each row the lists that contain it, ascending, and the indices of the row in the items.
@@ -120,7 +120,7 @@ mod tests {
     fn transposed_lists_contain_each_pair_once() {
         let lists = Lists::new([vec![2, 0], vec![], vec![2], vec![3, 2]], 5);
         let Transposed { lists: transposed, places } = lists.transposed();
-        let all: Vec<&[u32]> = (0..5).map(|row| transposed.of(row)).collect();
+        let all: Vec<&[u32]> = (0..5).map(|row| transposed.get(row)).collect();
         assert_eq!(all, [&[0][..], &[], &[0, 2, 3], &[3], &[]]);
         assert_eq!(places, &[1, 0, 2, 4, 3]);
         assert_eq!(transposed.n_rows(), 4);

@@ -40,7 +40,7 @@ impl CustomOp1 for Maximum {
                 #[inline(always)]
                 || {
                     for (list, out) in out.chunks_exact_mut(n_columns).enumerate() {
-                        let list = self.lists.of(first + list);
+                        let list = self.lists.get(first + list);
                         if list.len() >= self.full && !list.is_empty() {
                             out.fill(f32::NEG_INFINITY);
                         }
@@ -68,7 +68,7 @@ impl CustomOp1 for Maximum {
                     || {
                         for (row, out) in out.chunks_exact_mut(n_columns).enumerate() {
                             let mut last = u32::MAX;
-                            for list in lists.of(first + row) {
+                            for list in lists.get(first + row) {
                                 // A row that occurs twice in a list gets its gradient once.
                                 if std::mem::replace(&mut last, *list) == *list {
                                     continue;
@@ -103,7 +103,7 @@ impl Maximum {
             wide_loops::run(
                 #[inline(always)]
                 || {
-                    for row in self.lists.of(list).iter().rev() {
+                    for row in self.lists.get(list).iter().rev() {
                         let values = &rows[*row as usize * n_columns..(*row as usize + 1) * n_columns];
                         for c in 0..n_columns {
                             chosen[c] = if result[c] == values[c] { *row } else { chosen[c] };

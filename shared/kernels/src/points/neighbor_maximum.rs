@@ -42,7 +42,7 @@ impl CustomOp1 for NeighborMaximum {
         let mut out = vec![0.0; n * n_out];
         for_each_block(&mut out, n_out, BLOCK, |first, out| {
             let points = first..first + out.len() / n_out;
-            let n_pairs = points.clone().map(|point| neighbors.of(point).len()).sum::<usize>();
+            let n_pairs = points.clone().map(|point| neighbors.get(point).len()).sum::<usize>();
             let mut hidden = vec![0.0; n_pairs * width];
             wide_loops::run(
                 #[inline(always)]
@@ -56,7 +56,7 @@ impl CustomOp1 for NeighborMaximum {
                     let mut pairs = of_pairs.chunks_exact(n_out);
                     for (point, out) in points.zip(out.chunks_exact_mut(n_out)) {
                         out.fill(f32::NEG_INFINITY);
-                        for pair in pairs.by_ref().take(neighbors.of(point).len()) {
+                        for pair in pairs.by_ref().take(neighbors.get(point).len()) {
                             for (out, value) in out.iter_mut().zip(pair) {
                                 *out = if *value > *out { *value } else { *out };
                             }
@@ -78,7 +78,7 @@ impl NeighborMaximum {
         let mut out = out.chunks_exact_mut(width);
         for point in points {
             let own = &rows[point * width..][..width];
-            for (neighbor, out) in self.neighbors.of(point).iter().zip(out.by_ref()) {
+            for (neighbor, out) in self.neighbors.get(point).iter().zip(out.by_ref()) {
                 let row = &rows[*neighbor as usize * width..][..width];
                 for (((out, row), own), shift) in out.iter_mut().zip(row).zip(own).zip(&self.shift) {
                     *out = (row - own + shift).max(0.0);

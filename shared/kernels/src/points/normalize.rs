@@ -34,7 +34,7 @@ pub struct ColumnStatistics {
 
 impl ColumnStatistics {
     /// The statistics of rows.
-    pub fn of(rows: &Tensor) -> Result<Self> {
+    pub fn from_rows(rows: &Tensor) -> Result<Self> {
         let (n_rows, n_columns) = rows.dims2()?;
         let per_row = 1.0 / n_rows.max(1) as f64;
         let statistics = |values: &[f32]| {
@@ -145,7 +145,7 @@ impl CustomOp3 for Normalize {
                     for (out, row) in out.chunks_exact_mut(n_columns).zip(rows) {
                         for c in 0..n_columns {
                             let standard = (row[c] - means[c]) * inverses[c];
-                            out[c] = self.activation.of(standard * weight[c] + bias[c]);
+                            out[c] = self.activation.value(standard * weight[c] + bias[c]);
                         }
                     }
                 },

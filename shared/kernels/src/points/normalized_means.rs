@@ -44,7 +44,7 @@ impl CustomOp1 for NormalizedMeans {
                 #[inline(always)]
                 || {
                     for (list, out) in out.chunks_exact_mut(n_columns).enumerate() {
-                        let list = self.lists.of(first + list);
+                        let list = self.lists.get(first + list);
                         for row in list {
                             let row = &rows[*row as usize * n_columns..][..n_columns];
                             for c in 0..n_columns {

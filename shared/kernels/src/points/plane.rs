@@ -144,7 +144,7 @@ impl CustomOp3 for Dense {
         let weight = values(weight, weight_layout)?;
         let by_tap = |i: usize| weight[(i % n_out * n_in + i / n_out % n_in) * TAPS + i / n_out / n_in];
         let by_tap: Vec<f32> = (0..weight.len()).map(by_tap).collect();
-        let right = Packed::new(Matrix::of_rows(&by_tap, n_out), TAPS * n_in, n_out);
+        let right = Packed::new(Matrix::from_rows(&by_tap, n_out), TAPS * n_in, n_out);
         let bias = Some(values(bias, bias_layout)?);
         let out = convolve(&self.shape, cells, n_in, &right, bias, self.activation);
         Ok((CpuStorage::F32(out), (self.shape.n_cells(), n_out).into()))
@@ -164,7 +164,7 @@ impl CustomOp3 for Dense {
             let by_tap = |weight: &[f32]| {
                 let at = |i: usize| weight[(i / n_in % n_out * n_in + i % n_in) * TAPS + TAPS - 1 - i / n_in / n_out];
                 let by_tap: Vec<f32> = (0..weight.len()).map(at).collect();
-                Packed::new(Matrix::of_rows(&by_tap, n_in), TAPS * n_out, n_in)
+                Packed::new(Matrix::from_rows(&by_tap, n_in), TAPS * n_out, n_in)
             };
             let right = read(weight, by_tap)?;
             let out = read(&gradient, |g| convolve(&self.shape, g, n_out, &right, None, Activation::NONE))?;

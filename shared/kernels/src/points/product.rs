@@ -23,7 +23,7 @@ pub(super) struct Matrix<'a> {
 
 impl<'a> Matrix<'a> {
     /// A matrix from rows of `n_columns` values.
-    pub fn of_rows(values: &'a [f32], n_columns: usize) -> Self {
+    pub fn from_rows(values: &'a [f32], n_columns: usize) -> Self {
         Self { values, row_step: n_columns, column_step: 1 }
     }
     /// Rows and columns exchanged.
@@ -208,9 +208,9 @@ mod tests {
             let a = matrix(m * k);
             let b = matrix(k * n);
             let a_transposed: Vec<f32> = (0..k * m).map(|i| a[i % m * k + i / m]).collect();
-            for left in [Matrix::of_rows(&a, k), Matrix::of_rows(&a_transposed, m).transposed()] {
+            for left in [Matrix::from_rows(&a, k), Matrix::from_rows(&a_transposed, m).transposed()] {
                 let mut out = vec![1.0; m * n];
-                Packed::new(Matrix::of_rows(&b, n), k, n).add_product(left, &mut out);
+                Packed::new(Matrix::from_rows(&b, n), k, n).add_product(left, &mut out);
                 for (i, out) in out.into_iter().enumerate() {
                     let row = i / n;
                     let column = i % n;

@@ -45,7 +45,7 @@ pub(super) fn convolve(
             }
             let n_rows = out.len() / n_out;
             collect(taps, input, n_columns, block_idx * block, &mut collected[..n_rows * depth]);
-            right.add_product(Matrix::of_rows(collected, depth), out);
+            right.add_product(Matrix::from_rows(collected, depth), out);
             activation.apply(out);
         },
     );
@@ -95,12 +95,12 @@ pub(super) fn weight_gradient(
     let of_part = |start: usize| {
         let mut out = vec![0.0; depth * n_out];
         let mut collected = vec![0.0; block * depth];
-        let mut right = Packed::new(Matrix::of_rows(&[], n_out), 0, n_out);
+        let mut right = Packed::new(Matrix::from_rows(&[], n_out), 0, n_out);
         for first in (start..(start + part).min(n)).step_by(block) {
             let rows = block.min(n - first);
             collect(taps, input, n_columns, first, &mut collected[..rows * depth]);
-            right.pack(Matrix::of_rows(&gradient[first * n_out..], n_out), rows, n_out);
-            right.add_product(Matrix::of_rows(&collected, depth).transposed(), &mut out);
+            right.pack(Matrix::from_rows(&gradient[first * n_out..], n_out), rows, n_out);
+            right.add_product(Matrix::from_rows(&collected, depth).transposed(), &mut out);
         }
         out
     };
@@ -160,7 +160,7 @@ impl CustomOp3 for KernelPointConvolution {
         }
         let features = values(features, features_layout)?;
         let weights = values(weights, weights_layout)?;
-        let right = Packed::new(Matrix::of_rows(weights, n_out), n_points * n_in, n_out);
+        let right = Packed::new(Matrix::from_rows(weights, n_out), n_points * n_in, n_out);
         let taps = KernelTaps::forward(&self.at, &self.kernel);
         let bias = Some(values(bias, bias_layout)?);
         let out = convolve(&taps, features, n_in, &right, bias, self.activation);
@@ -179,7 +179,7 @@ impl CustomOp3 for KernelPointConvolution {
         // A support point reads the gradients of its queries through the same kernel, with the weights of each tap transposed.
         let of_features = || {
             let exchanged = weights.transpose(1, 2)?;
-            let right = read(&exchanged, |w| Packed::new(Matrix::of_rows(w, n_in), n_points * n_out, n_in))?;
+            let right = read(&exchanged, |w| Packed::new(Matrix::from_rows(w, n_in), n_points * n_out, n_in))?;
             let taps = KernelTaps::backward(&self.at, &self.kernel);
             let out = read(&gradient, |gradient| convolve(&taps, gradient, n_out, &right, None, Activation::NONE))?;
             tensor(out, features.shape().clone())

@@ -94,7 +94,7 @@ impl Taps for KernelTaps<'_> {
     #[inline(always)]
     fn add<S: Simd>(&self, simd: S, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]) {
         let center = self.rows[row];
-        for item in self.lists.of(row) {
+        for item in self.lists.get(row) {
             let position = self.items[*item as usize];
             let offset = [
                 self.sign * (position[0] - center[0]),

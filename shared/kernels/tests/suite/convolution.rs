@@ -23,7 +23,7 @@ impl Image {
         let mut values = self.values.iter();
         Planes::from_fn(self.size, border, |_, _, _| *values.next().expect("one for each pixel"))
     }
-    fn of(planes: &Planes) -> Self {
+    fn from_planes(planes: &Planes) -> Self {
         let size = [planes.channels(), planes.height(), planes.width()];
         let value = |i: usize| {
             let channel = i / (size[1] * size[2]);
@@ -127,7 +127,7 @@ fn convolution_equals_sum_of_products() {
     for case in cases() {
         let made = make(&case, &mut random);
         let out = run(&case, &made);
-        let got = Image::of(&out);
+        let got = Image::from_planes(&out);
         let expected = by_definition(&case, &made);
         assert!(expected.iter().any(|(sum, _)| *sum > 0.1));
         for (got, (sum, size)) in got.values.iter().zip(expected) {

@@ -108,7 +108,7 @@ fn normalization_gradient_equals_finite_difference() {
     let mut random = Random::new(4);
     let inputs = [gauss(&mut random, &[6, 3]), gauss(&mut random, &[3]), gauss(&mut random, &[3])];
     let of_rows = |t: &[Tensor]| {
-        let statistics = ColumnStatistics::of(&t[0])?;
+        let statistics = ColumnStatistics::from_rows(&t[0])?;
         let by = Normalization { statistics: &statistics, source: Source::Rows, epsilon: 1e-5 };
         normalize(&t[0], by, &t[1], &t[2], Activation::NONE)
     };

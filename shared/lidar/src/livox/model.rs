@@ -63,7 +63,7 @@ impl Model {
     }
 
     /// The model that sent a data packet.
-    pub fn of_payload(payload: &[u8]) -> Option<Self> {
+    pub fn from_payload(payload: &[u8]) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.is_data(payload))
     }
 

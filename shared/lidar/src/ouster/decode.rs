@@ -119,7 +119,7 @@ impl Decoder {
 
     /// A column with data.
     fn column<'a>(&self, payload: &'a [u8], index: usize) -> Option<Column<'a>> {
-        let column = Column::of(payload, self.metadata.profile, self.metadata.n_beams(), index)?;
+        let column = Column::from_payload(payload, self.metadata.profile, self.metadata.n_beams(), index)?;
         (column.is_valid() && column.number() < self.metadata.columns_per_turn).then_some(column)
     }
 }
@@ -188,7 +188,7 @@ impl Metadata {
     /// Time of the first column with data by the clock of the sensor, ns.
     fn first_nanos(&self, payload: &[u8]) -> i64 {
         let mut columns =
-            (0..self.n_columns).filter_map(|index| Column::of(payload, self.profile, self.n_beams(), index));
+            (0..self.n_columns).filter_map(|index| Column::from_payload(payload, self.profile, self.n_beams(), index));
         let valid = columns.find(|column| column.is_valid() && column.number() < self.columns_per_turn);
         valid.map_or(0, |column| to_i64(column.nanos()))
     }

@@ -67,7 +67,7 @@ fn field(packets: &[Vec<u8>], metadata: &Metadata, value: impl Fn([Echo; 2]) -> 
     for packet in packets {
         for beam in 0..n_beams {
             for column in 0..metadata.n_columns {
-                let column = Column::of(packet, profile, n_beams, column).expect("a column");
+                let column = Column::from_payload(packet, profile, n_beams, column).expect("a column");
                 bytes.extend(value(profile.echoes(column.pixels().nth(beam).expect("a pixel"))));
             }
         }
@@ -94,7 +94,9 @@ fn check_digest(name: &str, has_two_echoes: bool) {
         fields.push(("REFLECTIVITY2", field(&packets, &metadata, |echoes| reflectivity(echoes[1]))));
     }
     let columns = || {
-        let column = |packet, index| Column::of(packet, metadata.profile, metadata.n_beams(), index).expect("a column");
+        let column = |packet, index| {
+            Column::from_payload(packet, metadata.profile, metadata.n_beams(), index).expect("a column")
+        };
         packets.iter().flat_map(move |packet| (0..16).map(move |index| column(packet, index)))
     };
     fields.push(("TIMESTAMP", columns().flat_map(|column| column.nanos().to_le_bytes()).collect()));
@@ -123,7 +125,7 @@ fn check_points(name: &str, metadata: &Metadata, packets: &[Vec<u8>]) {
     let up_mm = metadata.sensor_from_lidar.1[2] * 1e3;
     for packet in packets {
         for index in 0..16 {
-            let column = Column::of(packet, metadata.profile, metadata.n_beams(), index).expect("a column");
+            let column = Column::from_payload(packet, metadata.profile, metadata.n_beams(), index).expect("a column");
             let encoder = std::f64::consts::TAU * (1.0 - f64::from(column.number()) / n);
             for (beam, pixel) in column.pixels().enumerate() {
                 let [first, second] = metadata.profile.echoes(pixel);
@@ -157,7 +159,7 @@ fn check_points(name: &str, metadata: &Metadata, packets: &[Vec<u8>]) {
 }
 
 fn first_nanos(packets: &[Vec<u8>], metadata: &Metadata) -> i64 {
-    Column::of(&packets[0], metadata.profile, metadata.n_beams(), 0).expect("a column").nanos() as i64
+    Column::from_payload(&packets[0], metadata.profile, metadata.n_beams(), 0).expect("a column").nanos() as i64
 }
 
 #[real_data::test("lidars/ouster/OS-0-32-U1_v2.2.0_1024x10.pcap")]

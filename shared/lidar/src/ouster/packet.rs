@@ -97,7 +97,7 @@ impl Profile {
 
 impl<'a> Column<'a> {
     /// A column of a packet of [`Profile::packet_bytes`].
-    pub(super) fn of(payload: &'a [u8], profile: Profile, n_beams: usize, index: usize) -> Option<Self> {
+    pub(super) fn from_payload(payload: &'a [u8], profile: Profile, n_beams: usize, index: usize) -> Option<Self> {
         let n_bytes = profile.column_bytes(n_beams);
         let bytes = payload.get(profile.frame_bytes() + index * n_bytes..)?.get(..n_bytes)?;
         Some(Self { bytes, profile })

@@ -24,7 +24,7 @@ impl MakerModel for Model {
     }
 
     fn is_named_by(&self, payload: &[u8]) -> bool {
-        Model::of_payload(payload) == Some(*self)
+        Model::from_payload(payload) == Some(*self)
     }
 
     fn is_device_packet(&self, payload: &[u8]) -> bool {

@@ -51,7 +51,7 @@ impl Model {
     }
 
     /// The model that a data packet names.
-    pub fn of_payload(payload: &[u8]) -> Option<Self> {
+    pub fn from_payload(payload: &[u8]) -> Option<Self> {
         match (is_data(payload), payload.get(MODEL_AT)) {
             (true, Some(1)) => Some(Model::Rs16),
             (true, Some(2)) => Some(Model::Rs32),
@@ -61,7 +61,7 @@ impl Model {
 
     /// Whether a payload is a data packet that does not name the other model: some firmware leaves the model 0.
     pub fn is_data(self, payload: &[u8]) -> bool {
-        is_data(payload) && Self::of_payload(payload).is_none_or(|model| model == self)
+        is_data(payload) && Self::from_payload(payload).is_none_or(|model| model == self)
     }
 
     /// Number of lasers.

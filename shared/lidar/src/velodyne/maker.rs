@@ -27,7 +27,7 @@ impl MakerModel for Model {
     }
 
     fn is_named_by(&self, payload: &[u8]) -> bool {
-        DataPacket::new(payload).and_then(Model::of_packet) == Some(*self)
+        DataPacket::new(payload).and_then(Model::from_packet) == Some(*self)
     }
 
     fn is_data_of_maker(&self, payload: &[u8]) -> bool {

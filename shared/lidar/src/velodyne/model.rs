@@ -76,7 +76,7 @@ impl Model {
         Self::ALL.into_iter().find(|model| model.name() == name)
     }
     /// Model that sent a packet. An HDL-64E is recognized by its lower blocks, the others by their product byte.
-    pub fn of_packet(packet: DataPacket<'_>) -> Option<Self> {
+    pub fn from_packet(packet: DataPacket<'_>) -> Option<Self> {
         match packet.product() {
             _ if packet.has_lower_blocks() => Some(Model::Hdl64e),
             0x21 => Some(Model::Hdl32e),
@@ -88,7 +88,7 @@ impl Model {
     }
     /// Whether this model may have sent a packet. Early firmware leaves the product byte 0; an HDL-64E sends a status there.
     pub fn may_have_sent(self, packet: DataPacket<'_>) -> bool {
-        match Self::of_packet(packet) {
+        match Self::from_packet(packet) {
             Some(sender) => sender == self || self == Model::Hdl64e,
             None => packet.product() == 0 || self == Model::Hdl64e,
         }

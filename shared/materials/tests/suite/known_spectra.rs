@@ -17,7 +17,7 @@ fn measured(truth: &[f32; 10], is_sunlit: bool, noise: f32, random: &mut Random)
 }
 
 fn spectra(truths: &[&[f32; 10]], noise: f32, seed: u64) -> Spectra {
-    let mut random = Random::of_stream(seed, 0);
+    let mut random = Random::for_stream(seed, 0);
     let mut spectra = Spectra::new(&BANDS_NM);
     for (i, truth) in truths.iter().enumerate() {
         spectra.push(0x3ff, &measured(truth, i % 2 == 0, noise, &mut random));

@@ -51,7 +51,7 @@ fn rectangles_of_all_sizes() {
         let c = col_radius as isize;
         let offsets: Vec<_> = (-r..=r).flat_map(|row| (-c..=c).map(move |col| (row, col))).collect();
         check(&offsets, &Element::rectangle(row_radius, col_radius));
-        check(&offsets, &Element::of_offsets(offsets.iter().copied()));
+        check(&offsets, &Element::from_offsets(offsets.iter().copied()));
     }
 }
 
@@ -80,7 +80,7 @@ fn batches_of_rows_have_no_seams() {
             let element = if is_box {
                 Element::rectangle(rows as usize, cols as usize)
             } else {
-                Element::of_offsets(offsets.iter().copied())
+                Element::from_offsets(offsets.iter().copied())
             };
             assert_eq!(dilate(&image, &element), extremum(&image, offsets, -1, 0, u16::sup), "{element:?}");
             assert_eq!(erode(&floats, &element), extremum(&floats, offsets, 1, f32::INFINITY, f32::min), "{element:?}");
@@ -120,10 +120,10 @@ fn lines_have_one_pixel_per_step_and_are_symmetric() {
 fn element_off_its_origin_shifts_the_image() {
     // Dilation by one offset is a shift by it; erosion shifts back.
     let image = array![[0_u8, 0, 0], [5, 0, 0], [0, 0, 0]];
-    let right = Element::of_offsets([(-1, 2)]);
+    let right = Element::from_offsets([(-1, 2)]);
     assert_eq!(dilate(&image, &right), array![[0, 0, 5], [0, 0, 0], [0, 0, 0]]);
     check(&[(-1, 2)], &right);
-    check(&[(0, 4), (0, 1), (3, -2), (0, 4)], &Element::of_offsets([(0, 4), (0, 1), (3, -2), (0, 4)]));
-    check(&[(0, 500)], &Element::of_offsets([(0, 500)]));
-    check(&[], &Element::of_offsets([]));
+    check(&[(0, 4), (0, 1), (3, -2), (0, 4)], &Element::from_offsets([(0, 4), (0, 1), (3, -2), (0, 4)]));
+    check(&[(0, 500)], &Element::from_offsets([(0, 500)]));
+    check(&[], &Element::from_offsets([]));
 }

@@ -24,7 +24,7 @@ fn element(text: &str) -> Element {
 }
 
 /// Applies operators that support all pixel types to the mapped image; `None` for other operators.
-fn of_any_type<T: Level>(
+fn apply_generic<T: Level>(
     photo: &Array2<u8>,
     [operator, argument]: [&str; 2],
     connectivity: Connectivity,
@@ -63,12 +63,12 @@ fn results_equal_scikit_image() {
         let truth = image_of(shape, words[3]);
         let connectivity = if words[2] == "4" { Connectivity::Four } else { Connectivity::Eight };
         n += 1;
-        if let Some(result) = of_any_type(&photo, job, connectivity, |v| v) {
+        if let Some(result) = apply_generic(&photo, job, connectivity, |v| v) {
             assert_eq!(result, truth, "{words:?}");
             let wide = |v: u8| u16::from(v) * 201;
-            assert_eq!(of_any_type(&photo, job, connectivity, wide), Some(truth.mapv(wide)), "{words:?}");
+            assert_eq!(apply_generic(&photo, job, connectivity, wide), Some(truth.mapv(wide)), "{words:?}");
             let real = |v: u8| f32::from(v) * 0.5 - 20.0;
-            assert_eq!(of_any_type(&photo, job, connectivity, real), Some(truth.mapv(real)), "{words:?}");
+            assert_eq!(apply_generic(&photo, job, connectivity, real), Some(truth.mapv(real)), "{words:?}");
             continue;
         }
         let result = match operator {

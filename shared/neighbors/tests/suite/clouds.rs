@@ -47,9 +47,9 @@ pub fn queries(points: &[[f32; 3]], n: usize, seed: u64) -> Vec<[f32; 3]> {
     let mut random = Random::new(seed);
     let valid: Vec<[f32; 3]> =
         points.iter().copied().filter(|p| p.iter().all(|v| v.abs() <= neighbors::LIMIT_M)).collect();
-    let beside = |i: usize, random: &mut Random| {
+    let near = |i: usize, random: &mut Random| {
         let p = *random.pick(&valid);
         if i.is_multiple_of(2) { p } else { p.map(|v| v + random.range(-2.0, 2.0)) }
     };
-    (0..n).map(|i| beside(i, &mut random)).collect()
+    (0..n).map(|i| near(i, &mut random)).collect()
 }

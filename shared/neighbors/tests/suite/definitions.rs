@@ -11,7 +11,7 @@ fn empty_cloud_has_no_neighbors_and_no_samples() {
         assert_eq!(index.n_cloud(), points.len());
         assert_eq!(index.nearest([0.0; 3], 5), []);
         assert_eq!(index.within([0.0; 3], f32::INFINITY), []);
-        assert_eq!(index.nearest_of_each(&[[0.0; 3]], 5).of(0), []);
+        assert_eq!(index.nearest_of_each(&[[0.0; 3]], 5).get(0), []);
         assert_eq!(index.within_of_own(1.0).n_items(), 0);
         assert_eq!(index.farthest_points(5, 1), []);
         assert!(VoxelGrid::new(&points, 1.0).expect("a valid cell").is_empty());
@@ -26,9 +26,9 @@ fn points_and_queries_that_are_not_finite_have_no_neighbors() {
     assert_eq!(index.len(), points.len() - 3);
     let own = index.nearest_of_own(500);
     for point_idx in points.len() - 3..points.len() {
-        assert_eq!(own.of(point_idx), []);
+        assert_eq!(own.get(point_idx), []);
     }
-    assert!((0..points.len() - 3).all(|point_idx| own.of(point_idx).len() == index.len()));
+    assert!((0..points.len() - 3).all(|point_idx| own.get(point_idx).len() == index.len()));
     for query in [[f32::NAN, 0.0, 0.0], [0.0, f32::NEG_INFINITY, 0.0], [0.0, 0.0, 1.1 * LIMIT_M]] {
         assert_eq!(index.nearest(query, 3), []);
         assert_eq!(index.within(query, f32::INFINITY), []);
@@ -39,10 +39,10 @@ fn points_and_queries_that_are_not_finite_have_no_neighbors() {
 fn k_of_zero_and_invalid_radii_find_nothing() {
     let index = SpatialIndex::new(&[[0.0; 3]; 3]);
     assert_eq!(index.nearest([0.0; 3], 0), []);
-    assert_eq!(index.nearest_of_own(0).of(1), []);
+    assert_eq!(index.nearest_of_own(0).get(1), []);
     for radius_m in [-1.0, f32::NAN, f32::NEG_INFINITY] {
         assert_eq!(index.within([0.0; 3], radius_m), []);
-        assert_eq!(index.within_of_own(radius_m).of(1), []);
+        assert_eq!(index.within_of_own(radius_m).get(1), []);
     }
 }
 

@@ -14,7 +14,7 @@ fn check(points: &[[f32; 3]], n_queries: usize, seed: u64) {
             let all = sorted_by_distance(points, *query);
             let expected = &all[..k.min(all.len())];
             assert_eq!(pairs(&index.nearest(*query, k)), expected, "k {k}, query {query:?}, seed {seed}");
-            assert_eq!(pairs(batch.of(query_idx)), expected, "batch, k {k}, query {query:?}, seed {seed}");
+            assert_eq!(pairs(batch.get(query_idx)), expected, "batch, k {k}, query {query:?}, seed {seed}");
         }
     }
 }
@@ -41,7 +41,7 @@ fn nearest_of_own_equal_those_of_the_same_queries() {
         let each = index.nearest_of_each(&points, 16);
         assert_eq!(own.len(), points.len());
         for point_idx in 0..points.len() {
-            assert_eq!(own.of(point_idx), each.of(point_idx), "{point_idx}");
+            assert_eq!(own.get(point_idx), each.get(point_idx), "{point_idx}");
         }
     }
 }

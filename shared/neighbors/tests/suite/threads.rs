@@ -10,8 +10,8 @@ fn results_are_equal_for_one_and_two_threads() {
             let index = SpatialIndex::new(&points);
             let nearest = index.nearest_of_own(8);
             let within = index.within_of_own(1e-3);
-            let lists =
-                (0..points.len()).map(|i| (nearest.of(i).to_vec(), within.of(i).len(), within.of(i).first().copied()));
+            let lists = (0..points.len())
+                .map(|i| (nearest.get(i).to_vec(), within.get(i).len(), within.get(i).first().copied()));
             let mapped =
                 index.map_within_of_own(1e-3, |point_idx, found| (point_idx, found.len(), found.last().copied()));
             let voxels = VoxelGrid::new(&points, 0.1).expect("a valid cell");

@@ -20,7 +20,7 @@ fn check(points: &[[f32; 3]], n_queries: usize, seed: u64) {
             assert_eq!(pairs, expected, "{radius_m} m around {query:?}, seed {seed}");
             let mut numbers: Vec<u32> = expected.iter().map(|(_, point)| *point).collect();
             numbers.sort_unstable_by_key(|point| place[*point as usize]);
-            assert_eq!(batch.of(query_idx), numbers, "batch, {radius_m} m around {query:?}, seed {seed}");
+            assert_eq!(batch.get(query_idx), numbers, "batch, {radius_m} m around {query:?}, seed {seed}");
             assert_eq!(mapped[query_idx], (query_idx, numbers), "mapped, {radius_m} m around {query:?}, seed {seed}");
         }
     }
@@ -50,8 +50,8 @@ fn within_of_own_equal_those_of_the_same_queries() {
     assert_eq!(own.n_items(), each.n_items());
     assert_eq!(mapped.len(), points.len());
     for (point_idx, mapped) in mapped.into_iter().enumerate() {
-        assert_eq!(own.of(point_idx), each.of(point_idx), "{point_idx}");
-        assert_eq!(mapped, (point_idx, own.of(point_idx).to_vec()));
+        assert_eq!(own.get(point_idx), each.get(point_idx), "{point_idx}");
+        assert_eq!(mapped, (point_idx, own.get(point_idx).to_vec()));
     }
 }
 
@@ -71,7 +71,7 @@ fn spheres_equal_a_search_over_the_voxel_grid_of_their_scale_and_keep_the_cap() 
                 let mut expected = kept.clone();
                 expected.retain(|point| to_query(point) <= radius_m * radius_m);
                 assert!(expected.len() <= scales.most_points(), "{} points", expected.len());
-                let mut of_batch = batch.of(query_idx).to_vec();
+                let mut of_batch = batch.get(query_idx).to_vec();
                 of_batch.sort_unstable();
                 assert_eq!(of_batch, expected);
                 expected.sort_by(|a, b| to_query(a).total_cmp(&to_query(b)).then(a.cmp(b)));

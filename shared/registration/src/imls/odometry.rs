@@ -166,7 +166,7 @@ impl ImlsOdometry {
     fn start(&mut self, first: &First, second: SweepFeatures, second_sweep: &Sweep) -> Vec<Registered> {
         let stamps = [first.features.mid_stamp, second.mid_stamp];
         let seconds = stamps[1].seconds_since(stamps[0]);
-        let initial = InitialMotion::of(&self.state.log, stamps, &self.settings.mounting);
+        let initial = InitialMotion::from_log(&self.state.log, stamps, &self.settings.mounting);
         let begin = &self.state.begin;
         let matching = &self.settings.matching;
         let Some(start) = initialize(&first.features, &second, seconds, begin, &initial, matching) else {

@@ -83,7 +83,7 @@ impl LocalMap {
             let at = met.entry(key).or_default();
             let (position, normal, [lever, turn_lever]) = self.cells[&key].get(*at);
             *at += 1;
-            let corner = VoxelIndex::of_key(key).0;
+            let corner = VoxelIndex::from_key(key).0;
             let position = std::array::from_fn(|axis| f64::from(corner[axis]) * CELL_M + f64::from(position[axis]));
             MapPoint { position, normal, lever, turn_lever, batch }
         };

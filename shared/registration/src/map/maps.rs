@@ -20,7 +20,7 @@ pub(crate) struct SavedMaps {
 
 impl Maps {
     /// The map that a feature is matched to.
-    pub fn of(&self, feature: &Feature) -> &LocalMap {
+    pub fn map_for(&self, feature: &Feature) -> &LocalMap {
         if feature.is_rough { &self.rough } else { &self.smooth }
     }
     /// Adds the features of a sweep, see [`LocalMap::insert`].
@@ -37,7 +37,7 @@ impl Maps {
         self.rough.insert(batch, &points(true), settings);
     }
     /// Maps with the features of one sweep.
-    pub fn of_sweep(features: &[Feature], motion: &SweepMotion) -> Self {
+    pub fn from_sweep(features: &[Feature], motion: &SweepMotion) -> Self {
         let map = |is_rough| LocalMap::from_points(&map_points(features, is_rough, motion, &TurnLever::NONE, 0));
         let [smooth, rough] = [false, true].map(map);
         Self { smooth, rough }

@@ -53,7 +53,7 @@ pub(crate) fn along_track_contrast(
             let pose = motion.at(f64::from(feature.share));
             let position = pose * Point3::from(feature.position).cast::<f64>() + way * shift_m;
             let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
-            let surface = maps.of(feature).surface(position.coords.into(), &normal.cast(), &kernel);
+            let surface = maps.map_for(feature).surface(position.coords.into(), &normal.cast(), &kernel);
             surface.map_or(1.0, |surface| (surface.distance_m / scale_m).powi(2).min(1.0))
         };
         facing.iter().map(of_feature).sum::<f64>() / facing.len() as f64

@@ -72,7 +72,7 @@ fn growth(
         let arm = motion.rotated(&mid, &feature.position, share);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = mid * Vector3::from(feature.normal).cast::<f64>();
-        let map = maps.of(feature);
+        let map = maps.map_for(feature);
         let surface = |position: Vector3<f64>| map.surface(position.into(), &normal.cast(), &kernel);
         let shift = translation + rotation.cross(&arm);
         let weight = feature.weight();
@@ -97,7 +97,7 @@ mod tests {
     /// Ground and two walls along x, whose normals err by 3 degrees, and the given share of posts that face along the
     /// track.
     fn features(posts: f64, n: usize, seed: u64) -> Vec<Feature> {
-        let mut random = Random::of_hash(seed, 0);
+        let mut random = Random::for_hashed_stream(seed, 0);
         let mut found = Vec::new();
         let mut add = |position: [f32; 3], normal: [f32; 3], random: &mut Random| {
             let noise: [f32; 3] = std::array::from_fn(|_| 0.05 * random.range(-1.0, 1.0) * 1.73);
@@ -137,7 +137,7 @@ mod tests {
     fn along_and_across(posts: f64) -> [[f64; 2]; 2] {
         let motion = SweepMotion::still(geometry::Pose::identity());
         // One point every 10 cm.
-        let maps = Maps::of_sweep(&features(posts, 80_000, 1), &motion);
+        let maps = Maps::from_sweep(&features(posts, 80_000, 1), &motion);
         let features = features(posts, 1200, 2);
         let settings = MatchSettings::default();
         let mut claimed = Matrix6::zeros();

@@ -44,7 +44,7 @@ pub(crate) struct InitialMotion {
 }
 
 impl InitialMotion {
-    pub fn of(log: &SensorLog, [begin, end]: [Stamp; 2], mounting: &SensorMounting) -> Self {
+    pub fn from_log(log: &SensorLog, [begin, end]: [Stamp; 2], mounting: &SensorMounting) -> Self {
         let inertial = log.mean(begin, end).filter(|_| log.covers(begin, end));
         let lidar_from_body = mounting.body_from_lidar.rotation.inverse();
         let angular = inertial.map_or_else(Vector3::zeros, |(_, rate)| lidar_from_body * rate);
@@ -66,7 +66,7 @@ pub(crate) fn initialize(
     let forward_in_lidar = begin.rotation.inverse() * Vector3::x();
     let attempt = |velocity: Velocity| {
         let motion = motion_from_begin(begin, &velocity, first.duration_s);
-        let maps = Maps::of_sweep(&first.features, &motion);
+        let maps = Maps::from_sweep(&first.features, &motion);
         let mid = velocity.advance(&motion.mid, seconds);
         let prediction = Prediction {
             motion: velocity.motion_at(mid, second.duration_s),

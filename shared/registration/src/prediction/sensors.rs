@@ -89,7 +89,7 @@ impl GroundVelocity {
         is_number.then_some(Self { stamp, east_north: [speed * east, speed * north], sigma })
     }
     /// Velocity of a fix; `None` if the receiver reports no velocity.
-    pub fn of_fix(row: &GnssRow) -> Option<Self> {
+    pub fn from_fix(row: &GnssRow) -> Option<Self> {
         let reported = |value: f64| (value >= 0.0).then_some(value);
         let hdop = Some(f64::from(row.hdop)).filter(|hdop| *hdop > 0.0);
         Self::new(Stamp(row.stamp), reported(row.speed_mps)?, reported(row.course_deg), hdop)

@@ -44,7 +44,7 @@ pub(crate) struct GroundLever {
 
 impl GroundLever {
     /// Lever for the displacement `way`, odom axes, m.
-    pub fn of(way: &Vector3<f64>) -> Self {
+    pub fn for_motion(way: &Vector3<f64>) -> Self {
         let horizontal = Vector3::new(way.x, way.y, 0.0);
         let length = horizontal.norm();
         Self { left: if length > MIN_WAY_M { Vector3::z().cross(&horizontal) / length } else { Vector3::zeros() } }
@@ -62,12 +62,12 @@ mod tests {
 
     #[test]
     fn lever_of_the_ground_is_the_way_ahead() {
-        let lever = GroundLever::of(&Vector3::new(0.0, 0.7, 0.1));
+        let lever = GroundLever::for_motion(&Vector3::new(0.0, 0.7, 0.1));
         let at = |x, y, normal: Vector3<f64>| lever.at(&Vector3::new(x, y, -1.8), &normal);
         assert!((at(3.0, 12.0, Vector3::z()) - 12.0).abs() < 1e-12);
         assert!((at(-4.0, -9.0, Vector3::z()) + 9.0).abs() < 1e-12);
         assert_eq!(at(3.0, 12.0, Vector3::x()), 0.0);
-        assert_eq!(GroundLever::of(&Vector3::zeros()).at(&Vector3::x(), &Vector3::z()), 0.0);
+        assert_eq!(GroundLever::for_motion(&Vector3::zeros()).at(&Vector3::x(), &Vector3::z()), 0.0);
     }
 
     #[test]

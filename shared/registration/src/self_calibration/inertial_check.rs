@@ -59,7 +59,7 @@ impl InertialCorrection {
         late_s: 0.0,
     };
 
-    fn of(&self, sample: &InertialSample) -> InertialSample {
+    fn apply(&self, sample: &InertialSample) -> InertialSample {
         if *self == Self::NONE {
             return *sample;
         }
@@ -172,7 +172,7 @@ impl InertialCheck {
         if self.on_probation && self.trust == Trust::Assumed {
             return Vec::new();
         }
-        samples.iter().map(|sample| self.correction.of(sample)).collect()
+        samples.iter().map(|sample| self.correction.apply(sample)).collect()
     }
 
     /// Reason why means over the time of a sweep are implausible for a vehicle.

@@ -15,7 +15,7 @@ pub struct KeptPoints {
 
 impl KeptPoints {
     /// Selects the finite points from `min_range_m` on. One of each voxel of `thin_m` is kept; 0 keeps all.
-    pub fn of(sweep: &Sweep, min_range_m: f64, thin_m: f64) -> Self {
+    pub fn select(sweep: &Sweep, min_range_m: f64, thin_m: f64) -> Self {
         let points = sweep.points();
         let is_in_range = |idx: &usize| {
             let [x, y, z] = points[*idx].position;

@@ -27,9 +27,9 @@ pub struct PreparedSweep {
 }
 
 impl RawSweep<'_> {
-    /// Converts the points for the odometry. `untimed` is as in [`Sweep::of_rows`].
+    /// Converts the points for the odometry. `untimed` is as in [`Sweep::from_rows`].
     pub fn sweep(&self, untimed: Option<(SpinDirection, u32)>) -> Sweep {
-        Sweep::of_rows(self.stamp, self.header, self.rows, untimed)
+        Sweep::from_rows(self.stamp, self.header, self.rows, untimed)
     }
     /// Whether another sweep begins during this one.
     fn is_during(&self, other: &Self) -> bool {
@@ -57,7 +57,7 @@ pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> 
 mod tests {
     use super::*;
 
-    fn of(message: &(SweepHeader, i64)) -> RawSweep<'_> {
+    fn raw_sweep_from(message: &(SweepHeader, i64)) -> RawSweep<'_> {
         RawSweep { seq: 0, stamp: Stamp(message.1), header: &message.0, rows: &[] }
     }
 
@@ -66,7 +66,7 @@ mod tests {
         let header = |lidar| SweepHeader { duration_nanos: 100, lidar, ..SweepHeader::default() };
         let messages = [(1, 40), (0, 50), (2, 50), (1, 151), (0, 150), (1, 160), (2, 250)];
         let messages: Vec<(SweepHeader, i64)> = messages.map(|(lidar, stamp)| (header(lidar), stamp)).to_vec();
-        let (ticks, n_dropped) = sweeps_by_tick(messages, of);
+        let (ticks, n_dropped) = sweeps_by_tick(messages, raw_sweep_from);
         let stamps: Vec<Vec<i64>> = ticks.iter().map(|tick| tick.iter().map(|message| message.1).collect()).collect();
         assert_eq!((stamps, n_dropped), (vec![vec![50, 50], vec![150, 160, 250]], 2));
     }

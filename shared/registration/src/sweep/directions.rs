@@ -15,7 +15,7 @@ pub(crate) struct Directions {
 }
 
 impl Directions {
-    pub fn of(points: &[TimedPoint]) -> Self {
+    pub fn from_points(points: &[TimedPoint]) -> Self {
         let mut directions = Self { slopes: vec![0.0; points.len()], azimuths: vec![0.0; points.len()] };
         let chunks = directions.slopes.chunks_mut(CHUNK).zip(directions.azimuths.chunks_mut(CHUNK));
         wide_loops::run(

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 /// Distance in columns of the neighbors that span the surface: neighbors one column apart are often closer than the
 /// range noise.
-const BESIDE: isize = 2;
+const NEIGHBOR_STEP: isize = 2;
 
 /// Computes the values of [`crate::Sweep::incidences`]. The neighbors of a cell in its row and in its column span the
 /// surface. Several points of one surface in a cell share a value.
@@ -44,7 +44,7 @@ fn gate(range: f32) -> f32 {
 #[inline(always)]
 fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
     let center = planes.block(row, first, 0);
-    let (left, right) = (planes.block(row, first, BESIDE), planes.block(row, first, -BESIDE));
+    let (left, right) = (planes.block(row, first, NEIGHBOR_STEP), planes.block(row, first, -NEIGHBOR_STEP));
     // At the edge of the image the cell itself replaces the missing neighbor.
     let above = planes.above(row).unwrap_or(row);
     let below = planes.below(row).unwrap_or(row);

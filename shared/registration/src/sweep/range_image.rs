@@ -48,7 +48,7 @@ impl RangeImage {
         let are_numbered = (2..=256).contains(&n_rings)
             && points.iter().all(|point| u32::from(point.ring) < n_rings)
             && points.iter().any(|point| point.ring != points[0].ring);
-        let directions = Directions::of(points);
+        let directions = Directions::from_points(points);
         let by_order = if are_numbered { None } else { rings_by_order(&directions) };
         let rings_known = are_numbered || by_order.is_some();
         let rows = match &by_order {

@@ -33,7 +33,7 @@ pub(crate) fn rings_by_order(directions: &Directions) -> Option<Rings> {
 
 #[inline(always)]
 fn rings(directions: &Directions) -> Option<Rings> {
-    let turns = Turns::of(directions)?;
+    let turns = Turns::from_directions(directions)?;
     let cut = turns.cut(&directions.slopes);
     let ring_at = |turned: f32| ((turned - cut) / TAU).floor() as i32;
     // The cut is accurate to a sector: a shorter piece before the first or after the last cut belongs to its neighbor.
@@ -76,7 +76,7 @@ struct Turns {
 
 impl Turns {
     #[inline(always)]
-    fn of(directions: &Directions) -> Option<Self> {
+    fn from_directions(directions: &Directions) -> Option<Self> {
         let mut turned = Vec::with_capacity(directions.slopes.len());
         let mut total = 0.0_f64;
         let mut last = None;
@@ -160,7 +160,8 @@ mod tests {
     fn points_stored_ring_by_ring_get_their_rings() {
         for begin in [0.0, 2.0, -PI] {
             let (points, truth) = ring_by_ring(64, begin);
-            let Rings { by_point: rings, n } = rings_by_order(&Directions::of(&points)).expect("rings in order");
+            let Rings { by_point: rings, n } =
+                rings_by_order(&Directions::from_points(&points)).expect("rings in order");
             let n_wrong = rings.iter().zip(&truth).filter(|(ring, truth)| ring != truth).count();
             assert!(n == 64 && n_wrong * 50 < points.len(), "begin {begin}: {n} rings, {n_wrong} wrong");
         }
@@ -172,7 +173,7 @@ mod tests {
         points.sort_by(|a, b| {
             f32::atan2(a.position[1], a.position[0]).total_cmp(&f32::atan2(b.position[1], b.position[0]))
         });
-        assert_eq!(rings_by_order(&Directions::of(&points)), None);
-        assert_eq!(rings_by_order(&Directions::of(&[])), None);
+        assert_eq!(rings_by_order(&Directions::from_points(&points)), None);
+        assert_eq!(rings_by_order(&Directions::from_points(&[])), None);
     }
 }

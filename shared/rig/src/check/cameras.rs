@@ -41,7 +41,7 @@ pub struct CameraScores<'a> {
 
 impl<'a> CameraScores<'a> {
     /// Compares the images of the cameras that are on time.
-    pub fn of(drive: &'a Drive, survey: &'a Survey, on_time: &[bool]) -> Self {
+    pub fn from_survey(drive: &'a Drive, survey: &'a Survey, on_time: &[bool]) -> Self {
         let frames: Vec<Vec<&Frame>> = (0..drive.rig().cameras.len())
             .map(|camera| if on_time[camera] { exposures(drive, survey, camera) } else { Vec::new() })
             .collect();
@@ -49,7 +49,7 @@ impl<'a> CameraScores<'a> {
         let mut peaks = Vec::new();
         for (camera, frames) in frames.iter().enumerate() {
             let stated = ProjectionCamera::from(&drive.rig().cameras[camera]);
-            let profiles = of_frames(frames, &drive.manifest().cameras[camera], |frame, pixels| {
+            let profiles = frame_profiles(frames, &drive.manifest().cameras[camera], |frame, pixels| {
                 profiles(survey, &stated, frame.stamp, pixels)
             });
             peaks.push(peak(&profiles));
@@ -117,7 +117,7 @@ fn exposures<'a>(drive: &'a Drive, survey: &Survey, camera: usize) -> Vec<&'a Fr
     all.into_iter().step_by(every).collect()
 }
 
-fn of_frames(
+fn frame_profiles(
     frames: &[&Frame],
     entry: &drive::manifest::CameraEntry,
     of: impl Fn(&Frame, &PixelBuffer) -> Vec<Profile> + Sync,
@@ -165,7 +165,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<
     if names.is_empty() {
         return Vec::new();
     }
-    let scores = CameraScores::of(drive, survey, on_time);
+    let scores = CameraScores::from_survey(drive, survey, on_time);
     let lost: Vec<usize> = (0..names.len())
         .filter(|camera| !scores.offset.cameras[*camera].is_observable() && !scores.frames[*camera].is_empty())
         .collect();
@@ -176,7 +176,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<
     }
     let mut verdicts = vec![common_delay(&scores.offset)];
     for (camera, name) in names.iter().enumerate().filter(|(camera, _)| on_time[*camera]) {
-        verdicts.push(of_camera(&scores, camera, name, &names));
+        verdicts.push(camera_verdict(&scores, camera, name, &names));
     }
     verdicts
 }
@@ -188,7 +188,7 @@ fn delay(late_s: f64, height: f32) -> Verdict {
     } else {
         format!("add {:+.1} s to the names of all images", -late_s)
     };
-    Verdict::of("delay", "cameras", false, [value, format!("{:.0} ms", MAX_DELAY_S * 1e3), advice])
+    Verdict::new("delay", "cameras", false, [value, format!("{:.0} ms", MAX_DELAY_S * 1e3), advice])
 }
 
 fn common_delay(offset: &Offset) -> Verdict {
@@ -198,23 +198,23 @@ fn common_delay(offset: &Offset) -> Verdict {
             let value = format!("exposures {:.1} +- {:.1} ms after their stamps", delay_s * 1e3, sigma_s * 1e3);
             let advice = format!("add {:+.0} ms to delay_nanos of all cameras", -delay_s * 1e3);
             let is_within = delay_s.abs() - 3.0 * sigma_s <= f64::from(MAX_DELAY_S);
-            Verdict::of("delay", "cameras", is_within, [value, limit, advice])
+            Verdict::new("delay", "cameras", is_within, [value, limit, advice])
         }
         None if offset.is_delay_observable => {
-            Verdict::of("delay", "cameras", true, ["none found".to_owned(), limit, String::new()])
+            Verdict::new("delay", "cameras", true, ["none found".to_owned(), limit, String::new()])
         }
         None => Verdict::unknown("delay", "cameras", "not observable: outlines move too little across the images"),
     }
 }
 
-fn of_camera(scores: &CameraScores<'_>, camera: usize, name: &str, names: &[String]) -> Verdict {
+fn camera_verdict(scores: &CameraScores<'_>, camera: usize, name: &str, names: &[String]) -> Verdict {
     let rig = scores.drive.rig();
     let stated = &rig.cameras[camera];
     let found = &scores.offset.cameras[camera];
     let of_hypothesis = |(hypothesis, height): (Hypothesis, f32)| {
         let value = format!("{} (peak {height:.0}, as stated {:.0})", hypothesis.text, scores.peaks[camera]);
         let limit = format!("peak {MIN_GAIN:.0} above the stated one");
-        Verdict::of(hypothesis.check, name, false, [value, limit, hypothesis.advice])
+        Verdict::new(hypothesis.check, name, false, [value, limit, hypothesis.advice])
     };
     let mut hypotheses = lenses(stated);
     if !found.is_observable() {
@@ -235,5 +235,5 @@ fn of_camera(scores: &CameraScores<'_>, camera: usize, name: &str, names: &[Stri
     );
     let advice = "`replica rig calibrate` refines the rotation".to_owned();
     let limit = format!("{:.0} mrad", MAX_OFFSET_RAD * 1e3);
-    Verdict::of("mounting", name, !found.exceeds(MAX_OFFSET_RAD), [value, limit, advice])
+    Verdict::new("mounting", name, !found.exceeds(MAX_OFFSET_RAD), [value, limit, advice])
 }

@@ -10,7 +10,7 @@ const MIN_SHARE: f64 = -0.5;
 
 /// Verdict from the course of the receiver, or from the axes of the inertial unit.
 pub(super) fn verdict(survey: &Survey) -> Verdict {
-    let by_course = Turning::of(survey);
+    let by_course = Turning::from_survey(survey);
     let by_unit = axes(survey);
     let advice = "the points of the LiDAR are mirrored: one axis of its frame has the wrong sense (y points to the left, \
                   azimuths rise clockwise); correct the files, no mounting can";
@@ -21,7 +21,7 @@ pub(super) fn verdict(survey: &Survey) -> Verdict {
             turning.share,
             turning.turned.to_degrees()
         );
-        return Verdict::of("handedness", "lidar", turning.share > MIN_SHARE, [value, limit, advice.to_owned()]);
+        return Verdict::new("handedness", "lidar", turning.share > MIN_SHARE, [value, limit, advice.to_owned()]);
     }
     match by_unit {
         Some([rate, force]) => {
@@ -33,7 +33,7 @@ pub(super) fn verdict(survey: &Survey) -> Verdict {
             } else {
                 "angular rates and accelerations of the inertial unit fit with different axes"
             };
-            Verdict::of("handedness", "lidar", is_sound, [value.to_owned(), limit, advice.to_owned()])
+            Verdict::new("handedness", "lidar", is_sound, [value.to_owned(), limit, advice.to_owned()])
         }
         None => Verdict::unknown("handedness", "lidar", "no turn that a receiver or an inertial unit also measured"),
     }

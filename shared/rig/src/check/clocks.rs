@@ -28,7 +28,7 @@ pub(super) fn verdicts(survey: &Survey) -> Vec<Verdict> {
     if let Some(seconds) = common.filter(|_| offsets.len() > 1 && offsets.iter().all(|offset| *offset == common)) {
         let value = format!("the stamps of all other sensors are {seconds} s later");
         let advice = format!("the clock of the LiDAR is off by {} s: {}", -seconds, reason(-seconds));
-        return vec![Verdict::of("clock", LIDAR, false, [value, format!("{MAX_APART_S} s"), advice])];
+        return vec![Verdict::new("clock", LIDAR, false, [value, format!("{MAX_APART_S} s"), advice])];
     }
     judged.into_iter().map(|(sensor, judgment)| judgment.verdict(&sensor.name)).collect()
 }
@@ -83,7 +83,7 @@ impl Judgment {
             Some(seconds) => format!("subtract {seconds} s from its stamps: {}", reason(seconds)),
             None => format!("its stamps are on another clock, {:.1} s off at the start; check its clock", self.begin_s),
         };
-        Verdict::of("clock", name, self.answer == Answer::Fits, [value, limit, advice])
+        Verdict::new("clock", name, self.answer == Answer::Fits, [value, limit, advice])
     }
 }
 

@@ -33,7 +33,7 @@ pub(super) struct Turning {
 
 impl Turning {
     /// Compares the two; `None` if the vehicle hardly turned, or without a receiver.
-    pub fn of(survey: &Survey) -> Option<Self> {
+    pub fn from_survey(survey: &Survey) -> Option<Self> {
         let mut squares = 0.0;
         let mut products = 0.0;
         for pair in survey.fixes.windows(2) {
@@ -84,7 +84,7 @@ pub(super) fn place(drive: &Drive, survey: &Survey, is_height_right: bool) -> Ve
     let limit = format!("{MAX_ALONG_M} m ahead or behind, {MAX_ACROSS_M} m to the side, 0 to {MAX_ABOVE_M} m above");
     let advice =
         "measure gnss.antenna_in_body again: m along x (forward), y (left), z (up) from the origin of the body";
-    verdicts.push(Verdict::of("antenna", "gnss", is_possible, [value, limit, advice.to_owned()]));
+    verdicts.push(Verdict::new("antenna", "gnss", is_possible, [value, limit, advice.to_owned()]));
     verdicts
 }
 
@@ -107,7 +107,7 @@ fn origin([latitude, longitude, height]: [f64; 3], fixes: &[Fix]) -> Option<Verd
     };
     let value = format!("the fixes are {:.1} km from gnss.origin", distance_m * 1e-3);
     let limit = format!("{:.0} km", MAX_ORIGIN_M * 1e-3);
-    Some(Verdict::of("origin", "gnss", distance_m < MAX_ORIGIN_M, [value, limit, advice]))
+    Some(Verdict::new("origin", "gnss", distance_m < MAX_ORIGIN_M, [value, limit, advice]))
 }
 
 /// Verdict about the speeds of receiver and LiDAR.
@@ -130,7 +130,7 @@ pub(super) fn motion(survey: &Survey) -> Vec<Verdict> {
     } else {
         "speeds of receiver and LiDAR differ: check the clock of the receiver and the unit of the ranges"
     };
-    vec![Verdict::of(
+    vec![Verdict::new(
         "speed",
         "gnss",
         (least..most).contains(&share),

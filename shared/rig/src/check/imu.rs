@@ -24,7 +24,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     if let Some(reason) = check.why_withheld() {
         let value = format!("does not fit the LiDAR: {reason}");
         let advice = "check the units of imu.csv (m/s^2, rad/s), its axes (imu.body_from_imu) and its clock";
-        return vec![Verdict::of("motion", "imu", false, [value, String::new(), advice.to_owned()])];
+        return vec![Verdict::new("motion", "imu", false, [value, String::new(), advice.to_owned()])];
     }
     let mut verdicts = units(check);
     verdicts.push(axes(drive, check));
@@ -35,7 +35,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     let value = format!("stamps {:.1} +- {:.1} ms late", found.late_s * 1e3, found.late_sigma_s * 1e3);
     let is_on_time = found.late_s.abs() - 3.0 * found.late_sigma_s <= MAX_LATE_S;
     let advice = format!("add {:.0} ms to imu.delay_nanos", found.late_s * 1e3);
-    verdicts.push(Verdict::of("delay", "imu", is_on_time, [value, format!("{:.0} ms", MAX_LATE_S * 1e3), advice]));
+    verdicts.push(Verdict::new("delay", "imu", is_on_time, [value, format!("{:.0} ms", MAX_LATE_S * 1e3), advice]));
     if found.rotation_sigma.max() < 1.0 {
         let list =
             |v: &geometry::Vector3<f64>| format!("{:.2}, {:.2}, {:.2}", v.x / DEGREE, v.y / DEGREE, v.z / DEGREE);
@@ -49,7 +49,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
         let rotation = UnitQuaternion::from_scaled_axis(found.rotation) * stated(drive);
         let advice = format!("set imu.body_from_imu.rotation = {}", quaternion(&rotation));
         let limit = format!("{:.1} degrees", MAX_ROTATION / DEGREE);
-        verdicts.push(Verdict::of("mounting", "imu", is_within, [value, limit, advice]));
+        verdicts.push(Verdict::new("mounting", "imu", is_within, [value, limit, advice]));
     }
     verdicts
 }
@@ -68,7 +68,7 @@ fn units(check: &InertialCheck) -> Vec<Verdict> {
     if wrong.is_empty() && !check.is_verified() {
         return Vec::new();
     }
-    vec![Verdict::of("units", "imu", wrong.is_empty(), [value, String::new(), advice])]
+    vec![Verdict::new("units", "imu", wrong.is_empty(), [value, String::new(), advice])]
 }
 
 fn axes(drive: &Drive, check: &InertialCheck) -> Verdict {
@@ -77,7 +77,7 @@ fn axes(drive: &Drive, check: &InertialCheck) -> Verdict {
         return Verdict::unknown("axes", "imu", NO_TURN);
     }
     if rate == Axes::BODY && force == Axes::BODY {
-        return Verdict::of("axes", "imu", true, ["body axes".to_owned(), String::new(), String::new()]);
+        return Verdict::new("axes", "imu", true, ["body axes".to_owned(), String::new(), String::new()]);
     }
     let value = if rate == force { rate.to_string() } else { format!("angular rates: {rate}; accelerations: {force}") };
     let matrix = rate.matrix();
@@ -89,7 +89,7 @@ fn axes(drive: &Drive, check: &InertialCheck) -> Verdict {
         let rotation = rotation_of(matrix) * stated(drive);
         format!("set imu.body_from_imu.rotation = {}", quaternion(&rotation))
     };
-    Verdict::of("axes", "imu", false, [value, String::new(), advice])
+    Verdict::new("axes", "imu", false, [value, String::new(), advice])
 }
 
 /// The stated rotation from unit axes to body axes.

@@ -89,7 +89,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     );
     let limit = format!("{:.0} degrees", MAX_TILT.to_degrees());
     let is_level = tilt - 3.0 * found.sigma <= MAX_TILT;
-    let mut verdicts = vec![Verdict::of("level", "lidar", is_level, [value, limit, advice])];
+    let mut verdicts = vec![Verdict::new("level", "lidar", is_level, [value, limit, advice])];
     if is_level {
         verdicts.push(height(&found, body_from_lidar.translation.z));
     }
@@ -108,5 +108,5 @@ fn height(found: &Level, lidar_z: f64) -> Verdict {
         found.height_m
     );
     let limit = format!("origin {least} to {most} m");
-    Verdict::of("height", "lidar", (least..most).contains(&of_body_m), [value, limit, advice])
+    Verdict::new("height", "lidar", (least..most).contains(&of_body_m), [value, limit, advice])
 }

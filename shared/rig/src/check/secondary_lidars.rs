@@ -57,5 +57,5 @@ fn verdict(name: &str, index: usize, found: &SecondaryMounting) -> Verdict {
     );
     let limit =
         format!("{:.0} cm, {:.1} degrees, {:.0} %", MAX_SHIFT_M * 100.0, MAX_TURN.to_degrees(), MIN_ON_SURFACE * 100.0);
-    Verdict::of("mounting", name, is_within, [value, limit, advice])
+    Verdict::new("mounting", name, is_within, [value, limit, advice])
 }

@@ -31,7 +31,7 @@ enum Times {
 
 impl SpinCosts {
     /// Registers the stretch of a survey with each kind of times; `None` if the vehicle did not move long enough.
-    pub fn of(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinDirection>) -> Option<Self> {
+    pub fn measure(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinDirection>) -> Option<Self> {
         let stretch = &survey.stretch;
         if stretch.len() <= SETTLED + 2 {
             return None;
@@ -78,7 +78,7 @@ fn timed(raw: &RawSweep, times: Times) -> Sweep {
         Times::Turning(spin) => Some((spin, raw.header.duration_nanos)),
         _ => None,
     };
-    let sweep = Sweep::of_rows(raw.stamp, &raw.header, &raw.rows, untimed);
+    let sweep = Sweep::from_rows(raw.stamp, &raw.header, &raw.rows, untimed);
     if times != Times::Reversed {
         return sweep;
     }
@@ -88,7 +88,7 @@ fn timed(raw: &RawSweep, times: Times) -> Sweep {
 }
 
 pub(super) fn verdict(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinDirection>) -> Verdict {
-    let costs = SpinCosts::of(drive, survey, untimed_turn);
+    let costs = SpinCosts::measure(drive, survey, untimed_turn);
     let Some(SpinCosts { by_spin }) = costs else {
         return Verdict::unknown("spin", "lidar", "the vehicle did not move for two seconds");
     };
@@ -106,5 +106,5 @@ pub(super) fn verdict(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinD
         None => String::new(),
     };
     let limit = format!("another below {MAX_SHARE} of the first");
-    Verdict::of("spin", "lidar", better.is_none(), [value, limit, advice])
+    Verdict::new("spin", "lidar", better.is_none(), [value, limit, advice])
 }

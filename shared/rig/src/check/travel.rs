@@ -72,5 +72,5 @@ pub(super) fn verdict(survey: &Survey) -> Verdict {
     );
     let limit = format!("{:.0} degrees", MAX_ANGLE.to_degrees());
     let is_within = found.yaw.abs() - 3.0 * found.sigma <= MAX_ANGLE;
-    Verdict::of("heading", "lidar", is_within, [value, limit, advice])
+    Verdict::new("heading", "lidar", is_within, [value, limit, advice])
 }

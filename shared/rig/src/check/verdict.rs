@@ -45,7 +45,12 @@ pub struct Verdict {
 
 impl Verdict {
     /// A measured value within or beyond its limit.
-    pub(crate) fn of(check: &'static str, subject: &str, is_within: bool, [value, limit, advice]: [String; 3]) -> Self {
+    pub(crate) fn new(
+        check: &'static str,
+        subject: &str,
+        is_within: bool,
+        [value, limit, advice]: [String; 3],
+    ) -> Self {
         let answer = if is_within { Answer::Fits } else { Answer::Doubt };
         let advice = if is_within { String::new() } else { advice };
         Self { check, subject: subject.to_owned(), answer, value, limit, advice }

@@ -28,7 +28,7 @@ fn color_cameras(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     if n_cameras == 0 {
         return;
     }
-    let scores = CameraScores::of(drive, survey, &vec![true; n_cameras]);
+    let scores = CameraScores::from_survey(drive, survey, &vec![true; n_cameras]);
     for (camera, found) in scores.offset.cameras.iter().enumerate() {
         let name = drive.manifest().cameras[camera].name.clone();
         let unknown = |quantity: &str, text: String| Change {

@@ -15,11 +15,11 @@ type Table = BTreeMap<String, Vec<f64>>;
 pub(super) fn read(folder: &Path, options: &SourceOptions) -> Result<RigParts, RigError> {
     let odometry = folder.join("calib.txt");
     if odometry.is_file() {
-        return of_odometry(&odometry, options);
+        return read_odometry(&odometry, options);
     }
     let cameras = folder.join("calib_cam_to_cam.txt");
     if cameras.is_file() {
-        return of_raw(folder, &cameras, options);
+        return read_raw(folder, &cameras, options);
     }
     let rule = "has no calibration of KITTI; must have calib.txt (odometry), or calib_cam_to_cam.txt and calib_velo_to_cam.txt (raw)";
     Err(RigError::source(folder, "", rule))
@@ -54,7 +54,7 @@ fn numbers<'a>(path: &Path, table: &'a Table, key: &str, n: usize) -> Result<&'a
 }
 
 /// The body is the LiDAR unless the source frame, which is the LiDAR's frame, is mounted otherwise.
-fn of_odometry(path: &Path, options: &SourceOptions) -> Result<RigParts, RigError> {
+fn read_odometry(path: &Path, options: &SourceOptions) -> Result<RigParts, RigError> {
     let table = table(path)?;
     let key = if table.contains_key("Tr") { "Tr" } else { "Tr_velo_to_cam" };
     let rectified_from_lidar = pose(path, key, numbers(path, &table, key, 12)?)?;
@@ -69,7 +69,7 @@ fn of_odometry(path: &Path, options: &SourceOptions) -> Result<RigParts, RigErro
 }
 
 /// The body is the inertial unit if the folder has `calib_imu_to_velo.txt`, otherwise the LiDAR.
-fn of_raw(folder: &Path, path: &Path, options: &SourceOptions) -> Result<RigParts, RigError> {
+fn read_raw(folder: &Path, path: &Path, options: &SourceOptions) -> Result<RigParts, RigError> {
     let of_cameras = table(path)?;
     let lidar_path = folder.join("calib_velo_to_cam.txt");
     let camera_from_lidar = rigid(&lidar_path)?;

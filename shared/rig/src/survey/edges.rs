@@ -27,7 +27,7 @@ pub struct SweepEdges {
 
 impl SweepEdges {
     /// The edges of a registered sweep; `None` if it has no match, because its points are then not deskewed.
-    pub(super) fn of(raw: &RawSweep, sweep: &Sweep, registered: &Registered, begin: &Pose) -> Option<Self> {
+    pub(super) fn from_sweep(raw: &RawSweep, sweep: &Sweep, registered: &Registered, begin: &Pose) -> Option<Self> {
         registered.matched.as_ref()?;
         let (submap, rows) = deskewed(raw, sweep, registered, begin);
         let mut buffers = PointBuffers::default();
@@ -59,7 +59,7 @@ pub(super) fn deskewed(
     registered: &Registered,
     begin: &Pose,
 ) -> (OneSweep, Vec<SubmapPoint>) {
-    let kept = KeptPoints::of(sweep, MIN_RANGE_M, 0.0);
+    let kept = KeptPoints::select(sweep, MIN_RANGE_M, 0.0);
     let mut rows = vec![SubmapPoint::default(); kept.indices.len()];
     let mut submap = OpenSubmap::new(begin, 1);
     let body = begin.translation.vector;

@@ -38,7 +38,7 @@ pub struct SensorStamps {
 }
 
 impl SensorStamps {
-    fn of(kind: SensorKind, name: &str, mut stamps: Vec<i64>) -> Self {
+    fn new(kind: SensorKind, name: &str, mut stamps: Vec<i64>) -> Self {
         stamps.sort_unstable();
         let mut gaps: Vec<i64> = stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
         gaps.sort_unstable();
@@ -66,7 +66,7 @@ pub fn stamps_of(
         n: n_sweeps,
         interval_s: span[1].seconds_since(span[0]) / n_sweeps.max(1) as f64,
         span: Some(span),
-        ..SensorStamps::of(SensorKind::Lidar, &manifest.lidar.model, Vec::new())
+        ..SensorStamps::new(SensorKind::Lidar, &manifest.lidar.model, Vec::new())
     };
     let mut all = vec![lidar];
     let of_camera = |frames: &[Frame], camera: usize| -> Vec<i64> {
@@ -74,19 +74,19 @@ pub fn stamps_of(
     };
     for (index, entry) in manifest.cameras.iter().enumerate() {
         let stamps = of_camera(drive.camera_frames(), index);
-        all.push(SensorStamps::of(SensorKind::Camera(index), &entry.name, stamps));
+        all.push(SensorStamps::new(SensorKind::Camera(index), &entry.name, stamps));
     }
     for (index, entry) in manifest.mosaics.iter().enumerate() {
         let stamps = of_camera(drive.mosaic_frames(), index);
-        all.push(SensorStamps::of(SensorKind::Mosaic(index), &entry.name, stamps));
+        all.push(SensorStamps::new(SensorKind::Mosaic(index), &entry.name, stamps));
     }
     if manifest.gnss.is_some() || !fixes.is_empty() {
         let stamps = fixes.iter().map(|fix| fix.stamp.0).collect();
-        all.push(SensorStamps::of(SensorKind::Gnss, "gnss", stamps));
+        all.push(SensorStamps::new(SensorKind::Gnss, "gnss", stamps));
     }
     if let Some(reader) = drive.imu().map_err(|error| RigError::log(drive, &error))? {
         let stamps = reader.flatten().map(|sample| sample.stamp.0).collect();
-        all.push(SensorStamps::of(SensorKind::Imu, "imu", stamps));
+        all.push(SensorStamps::new(SensorKind::Imu, "imu", stamps));
     }
     Ok(all)
 }
@@ -98,10 +98,10 @@ mod tests {
     #[test]
     fn interval_is_the_median_and_gap_the_longest() {
         let stamps = [0, 100, 200, 900, 1000].map(|i| i * 1_000_000).to_vec();
-        let found = SensorStamps::of(SensorKind::Imu, "imu", stamps);
+        let found = SensorStamps::new(SensorKind::Imu, "imu", stamps);
         assert_eq!((found.n, found.interval_s), (5, 0.1));
         assert!((found.gap_s - 0.7).abs() < 1e-9, "{found:?}");
         assert_eq!(found.span, Some([Stamp(0), Stamp(1_000_000_000)]));
-        assert_eq!(SensorStamps::of(SensorKind::Gnss, "gnss", Vec::new()).span, None);
+        assert_eq!(SensorStamps::new(SensorKind::Gnss, "gnss", Vec::new()).span, None);
     }
 }

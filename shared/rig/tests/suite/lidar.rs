@@ -12,27 +12,27 @@ use std::fs;
 
 #[test]
 fn right_rig_has_no_doubt() {
-    assert_eq!(Copied::of(with_turns()).doubts(), [""; 0]);
+    assert_eq!(Copied::from_recorded(with_turns()).doubts(), [""; 0]);
 }
 
 #[test]
 fn wrong_mounting_of_the_lidar_is_found() {
     let turned = |axis, degrees| {
-        let mut copied = Copied::of(with_turns());
+        let mut copied = Copied::from_recorded(with_turns());
         turn(&mut copied.manifest.lidar.body_from_lidar, axis, degrees, true);
         copied.doubts()
     };
     assert_eq!(turned(Vector3::y(), 6.0), ["lidar level"]);
     assert_eq!(turned(Vector3::z(), 8.0), ["lidar heading"]);
     assert_eq!(turned(Vector3::z(), 90.0), ["lidar heading"]);
-    let mut copied = Copied::of(with_turns());
+    let mut copied = Copied::from_recorded(with_turns());
     copied.manifest.lidar.body_from_lidar.translation[2] += 5.0;
     assert_eq!(copied.doubts(), ["lidar height"]);
 }
 
 /// The drive as KITTI sweeps without times, cut at the rear. `is_mirrored`: left and right are exchanged.
 fn as_clouds(is_mirrored: bool) -> Copied {
-    let mut copied = Copied::of(with_turns());
+    let mut copied = Copied::from_recorded(with_turns());
     let drive = Drive::open(&with_turns().path()).expect("a drive");
     let mut source = drive.sweeps().expect("opens");
     let mut times = String::new();
@@ -85,7 +85,9 @@ fn direction_of_turning_of_points_without_times_is_found() {
 
 #[test]
 fn wrong_units_axes_and_stamps_of_the_inertial_unit_are_found() {
-    let with = |change: fn(i64, [f64; 3], [f64; 3]) -> Sample| Copied::of(with_turns()).with_samples(change).doubts();
+    let with = |change: fn(i64, [f64; 3], [f64; 3]) -> Sample| {
+        Copied::from_recorded(with_turns()).with_samples(change).doubts()
+    };
     assert_eq!(with(|stamp, force, rate| (stamp, force.map(|v| v / 9.806_65), rate)), ["imu units"]);
     assert_eq!(with(|stamp, force, rate| (stamp, force, rate.map(f64::to_degrees))), ["imu units"]);
     assert_eq!(with(|stamp, [x, y, z], rate| (stamp, [y, -x, z], [rate[1], -rate[0], rate[2]])), ["imu axes"]);
@@ -96,10 +98,10 @@ fn wrong_units_axes_and_stamps_of_the_inertial_unit_are_found() {
 
 #[test]
 fn impossible_place_of_antenna_and_origin_are_found() {
-    let mut copied = Copied::of(with_turns());
+    let mut copied = Copied::from_recorded(with_turns());
     copied.manifest.gnss.as_mut().expect("a receiver").antenna_in_body = [0.6, 20.0, 1.75];
     assert_eq!(copied.doubts(), ["gnss antenna"]);
-    let mut copied = Copied::of(with_turns());
+    let mut copied = Copied::from_recorded(with_turns());
     let origin = &mut copied.manifest.gnss.as_mut().expect("a receiver").origin;
     origin.swap(0, 1);
     assert_eq!(copied.doubts(), ["gnss origin"]);

@@ -23,7 +23,7 @@ fn street(axis: Vector3<f64>, degrees: f64) -> (TempDir, Drive) {
     let mounted = Pose::from_parts(Translation3::new(0.0, 0.0, LIDAR_HEIGHT_M), Pose::identity().rotation);
     let mut mounting = PoseEntry::from(mounted);
     turn(&mut mounting, axis, degrees, true);
-    let manifest = Manifest::of_lidar("a street", LidarEntry::new("hdl64e", "pcd", "lidar", mounting));
+    let manifest = Manifest::with_lidar("a street", LidarEntry::new("hdl64e", "pcd", "lidar", mounting));
     std::fs::write(folder.path().join(MANIFEST_FILE), toml::to_string(&manifest).expect("TOML")).expect("writes");
     let drive = Drive::open(folder.path()).expect("a drive");
     (folder, drive)
@@ -32,8 +32,8 @@ fn street(axis: Vector3<f64>, degrees: f64) -> (TempDir, Drive) {
 /// Doubts, and all verdicts as text.
 fn checked(drive: &Drive, untimed_turn: Option<SpinDirection>) -> (Vec<String>, String) {
     let settings = SurveySettings { untimed_turn, ..SurveySettings::default() };
-    let survey = Survey::of(drive, &settings).expect("surveyed");
-    let report = Report::of(drive, &survey, &settings).expect("checked");
+    let survey = Survey::from_drive(drive, &settings).expect("surveyed");
+    let report = Report::from_survey(drive, &survey, &settings).expect("checked");
     let doubts = report.doubts().map(|verdict| format!("{} {}", verdict.subject, verdict.check));
     let lines: Vec<String> = report.verdicts.iter().map(ToString::to_string).collect();
     (doubts.collect(), lines.join("\n"))
@@ -69,8 +69,8 @@ fn wrong_mountings_of_the_lidar_of_a_real_street_are_found() {
 fn refined_rig_of_a_real_street_keeps_what_it_does_not_show() {
     let (_folder, drive) = street(Vector3::z(), 0.0);
     let settings = SurveySettings { untimed_turn: Some(SpinDirection::Clockwise), ..SurveySettings::default() };
-    let survey = Survey::of(&drive, &settings).expect("surveyed");
-    let refined = Refined::of(&drive, &survey, &settings).expect("refined");
+    let survey = Survey::from_drive(&drive, &settings).expect("surveyed");
+    let refined = Refined::from_survey(&drive, &survey, &settings).expect("refined");
     assert!(!refined.changes.is_empty());
     assert!(refined.changes.iter().all(|change| change.subject == "lidar"), "{:?}", refined.changes);
     let is_moved =

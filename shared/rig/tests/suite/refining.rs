@@ -9,11 +9,11 @@ use simulation::{DriveSpec, RigSpec, write_drive};
 
 fn refined(copied: &Copied) -> Refined {
     let drive = copied.open();
-    let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
-    Refined::of(&drive, &survey, &SurveySettings::default()).expect("refined")
+    let survey = Survey::from_drive(&drive, &SurveySettings::default()).expect("surveyed");
+    Refined::from_survey(&drive, &survey, &SurveySettings::default()).expect("refined")
 }
 
-fn of<'a>(refined: &'a Refined, subject: &str, quantity: &str) -> &'a Change {
+fn find_change<'a>(refined: &'a Refined, subject: &str, quantity: &str) -> &'a Change {
     let found = refined.changes.iter().find(|change| change.subject == subject && change.quantity == quantity);
     found.unwrap_or_else(|| panic!("no {quantity} of {subject}"))
 }
@@ -40,21 +40,21 @@ fn off(refined: &Refined, truth: &Copied) -> f64 {
 
 #[test]
 fn turned_camera_is_turned_back_within_the_deviation() {
-    let right = Copied::of(with_cameras());
-    let mut wrong = Copied::of(with_cameras());
+    let right = Copied::from_recorded(with_cameras());
+    let mut wrong = Copied::from_recorded(with_cameras());
     turn(&mut wrong.manifest.cameras[0].body_from_camera, Vector3::y(), 1.0, false);
     let found = refined(&wrong);
-    let change = of(&found, "CAM_FRONT", "rotation about y");
+    let change = find_change(&found, "CAM_FRONT", "rotation about y");
     let planted = 1.0_f64.to_radians() * 1e3;
     assert_eq!(change.outcome, Outcome::Replaced);
     assert_finds(change, planted, 1.0, 0.6);
-    assert_eq!(of(&found, "CAM_FRONT", "position").outcome, Outcome::NotObservable);
+    assert_eq!(find_change(&found, "CAM_FRONT", "position").outcome, Outcome::NotObservable);
     assert!(off(&found, &right) < 1.0, "{} mrad", off(&found, &right));
 }
 
 #[test]
 fn right_cameras_stay_within_their_deviations() {
-    let right = Copied::of(with_cameras());
+    let right = Copied::from_recorded(with_cameras());
     let found = refined(&right);
     let is_rotation = |change: &&Change| change.unit == "mrad" && change.outcome != Outcome::NotObservable;
     let rotations: Vec<&Change> = found.changes.iter().filter(is_rotation).collect();
@@ -64,13 +64,13 @@ fn right_cameras_stay_within_their_deviations() {
         assert_finds(change, 0.0, 1.0, 0.8);
     }
     assert_eq!(off(&found, &right), 0.0, "the mountings are as they were");
-    assert_eq!(of(&found, "cameras", "delay").outcome, Outcome::Kept);
+    assert_eq!(find_change(&found, "cameras", "delay").outcome, Outcome::Kept);
 }
 
 #[test]
 fn late_images_get_their_delay() {
-    let found = refined(&Copied::of(with_cameras()).with_images_late(-40_000_000));
-    let change = of(&found, "cameras", "delay");
+    let found = refined(&Copied::from_recorded(with_cameras()).with_images_late(-40_000_000));
+    let change = find_change(&found, "cameras", "delay");
     assert_eq!(change.outcome, Outcome::Replaced);
     assert_finds(change, 40.0, 4.0, 2.0);
     // The exposures are after their stamps: the stamps are early.
@@ -84,18 +84,18 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
     let body_from_unit = UnitQuaternion::from_scaled_axis(Vector3::new(0.06, -0.05, 0.0));
     let turned = |v: [f64; 3]| -> [f64; 3] { (body_from_unit.inverse() * Vector3::from(v)).into() };
     let late_ms = 30.0;
-    let copied = Copied::of(with_turns())
+    let copied = Copied::from_recorded(with_turns())
         .with_samples(|stamp, force, rate| (stamp + (late_ms * 1e6) as i64, turned(force), turned(rate)));
     let found = refined(&copied);
     for (quantity, planted) in [("rotation about x", 0.06_f64), ("rotation about y", -0.05)] {
-        let change = of(&found, "imu", quantity);
+        let change = find_change(&found, "imu", quantity);
         let planted = planted.to_degrees();
         assert_eq!(change.outcome, Outcome::Replaced, "{change}");
         assert_finds(change, planted, 0.2, 0.7);
     }
     // Turns about the vertical alone do not determine the heading of the unit.
-    assert_eq!(of(&found, "imu", "rotation about z").outcome, Outcome::NotObservable);
-    let change = of(&found, "imu", "delay");
+    assert_eq!(find_change(&found, "imu", "rotation about z").outcome, Outcome::NotObservable);
+    let change = find_change(&found, "imu", "delay");
     assert_eq!(change.outcome, Outcome::Replaced, "{change}");
     assert_finds(change, late_ms, 5.0, 13.0);
     let new = found.manifest.imu.as_ref().expect("a unit");
@@ -109,12 +109,12 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
 #[test]
 fn late_receiver_gets_its_delay() {
     for planted_ms in [0.0, 200.0, -350.0] {
-        let mut late = Copied::of(with_turns());
+        let mut late = Copied::from_recorded(with_turns());
         // The stamps of the log are correct: a stated delay that is too small leaves them late.
         let receiver = late.manifest.gnss.as_mut().expect("a receiver");
         receiver.delay_nanos = (-planted_ms * 1e6) as i64;
         let found = refined(&late);
-        let change = of(&found, "gnss", "delay");
+        let change = find_change(&found, "gnss", "delay");
         assert_finds(change, planted_ms, 30.0, 50.0);
         let new = found.manifest.gnss.as_ref().expect("a receiver").delay_nanos;
         // An insignificant delay is kept: the receiver of this drive has no delay.
@@ -148,8 +148,8 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     let spec = DriveSpec { rig, lidar_errors, ..DriveSpec::urban(1, 14.0).sparse(1) };
     write_drive(&spec, &path, &mut |_| {}).expect("simulated");
     let drive = drive::Drive::open(&path).expect("a drive");
-    let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
-    let found = Refined::of(&drive, &survey, &SurveySettings::default()).expect("refined");
+    let survey = Survey::from_drive(&drive, &SurveySettings::default()).expect("surveyed");
+    let found = Refined::from_survey(&drive, &survey, &SurveySettings::default()).expect("refined");
     let truth = std::fs::read_to_string(path.join("truth/lidar_errors.csv")).expect("reads");
     let truth: Vec<f64> = truth
         .lines()
@@ -169,5 +169,5 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     let before = rms(&detrended(&truth));
     let after = rms(&detrended(&rest));
     assert!(after < 0.8 * before, "{after} after {before} degrees: {corrections:?}");
-    assert_eq!(of(&found, "lidar", "elevation of all rings").outcome, Outcome::NotObservable);
+    assert_eq!(find_change(&found, "lidar", "elevation of all rings").outcome, Outcome::NotObservable);
 }

@@ -7,7 +7,7 @@ use rig::refine::{Outcome, Refined};
 use rig::survey::{Survey, SurveySettings};
 
 fn copied() -> Copied {
-    Copied::of(with_two_lidars())
+    Copied::from_recorded(with_two_lidars())
 }
 
 fn mounting(manifest: &drive::manifest::Manifest) -> Pose {
@@ -28,8 +28,8 @@ fn moved(degrees: f64, shift_m: [f64; 3]) -> Copied {
 fn verdict_of_rear(copied: &Copied) -> (bool, String) {
     let drive = copied.open();
     let settings = SurveySettings::default();
-    let survey = Survey::of(&drive, &settings).expect("surveyed");
-    let report = Report::of(&drive, &survey, &settings).expect("checked");
+    let survey = Survey::from_drive(&drive, &settings).expect("surveyed");
+    let report = Report::from_survey(&drive, &survey, &settings).expect("checked");
     let rear = report.verdicts.iter().find(|verdict| verdict.subject == "rear").expect("is judged");
     (rear.is_doubt(), rear.to_string())
 }
@@ -56,8 +56,8 @@ fn refined_mounting_of_second_lidar_is_the_true_one_within_its_deviations() {
         let before = mounting(&copied.manifest);
         let drive = copied.open();
         let settings = SurveySettings::default();
-        let survey = Survey::of(&drive, &settings).expect("surveyed");
-        let found = Refined::of(&drive, &survey, &settings).expect("refined");
+        let survey = Survey::from_drive(&drive, &settings).expect("surveyed");
+        let found = Refined::from_survey(&drive, &survey, &settings).expect("refined");
         let changes: Vec<_> = found.changes.iter().filter(|change| change.subject == "rear").collect();
         assert_eq!(changes.len(), 6, "{changes:?}");
         let after = mounting(&found.manifest);

@@ -118,7 +118,7 @@ distortion_coefficients: {rows: 1, cols: 5, data: [-0.2, 0.05, 0.0, 0.0, 0.0]}
     let pose = camera.body_from_camera.expect("mounted");
     assert!((pose * Vector3::z() - Vector3::x()).norm() < 1e-9, "it looks ahead");
     assert_eq!(parts.body_from_lidar.map(|pose| pose.translation.z), Some(1.8));
-    let lidar = drive::manifest::LidarEntry::of_captures("vlp16", parts.body_from_lidar.expect("mounted").into());
+    let lidar = drive::manifest::LidarEntry::from_captures("vlp16", parts.body_from_lidar.expect("mounted").into());
     let manifest = parts.manifest("a street", lidar, None).expect("complete");
     let text = toml::to_string(&manifest).expect("TOML");
     assert_eq!(toml::from_str::<drive::manifest::Manifest>(&text).expect("reads"), manifest);

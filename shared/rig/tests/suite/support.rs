@@ -19,7 +19,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    fn of(spec: &DriveSpec) -> Self {
+    fn simulate(spec: &DriveSpec) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         write_drive(spec, &folder.path().join("drive"), &mut |_| {}).expect("simulated");
         Self { folder }
@@ -39,7 +39,7 @@ pub fn with_two_lidars() -> &'static Recorded {
     static DRIVE: OnceLock<Recorded> = OnceLock::new();
     DRIVE.get_or_init(|| {
         let rig = RigSpec::built_in("twin").expect("built in");
-        Recorded::of(&DriveSpec { rig, ..DriveSpec::urban(TURNS_SEED, 9.0).sparse(2) })
+        Recorded::simulate(&DriveSpec { rig, ..DriveSpec::urban(TURNS_SEED, 9.0).sparse(2) })
     })
 }
 
@@ -49,7 +49,7 @@ pub fn with_cameras() -> &'static Recorded {
     DRIVE.get_or_init(|| {
         let mut rig = RigSpec::built_in("nuscenes").expect("built in");
         rig.cameras = [0, 2, 3].map(|index| rig.cameras[index].clone()).to_vec();
-        Recorded::of(&DriveSpec { rig, mosaics: false, ..DriveSpec::urban(8, 6.0) })
+        Recorded::simulate(&DriveSpec { rig, mosaics: false, ..DriveSpec::urban(8, 6.0) })
     })
 }
 
@@ -58,7 +58,7 @@ pub fn with_turns() -> &'static Recorded {
     static DRIVE: OnceLock<Recorded> = OnceLock::new();
     DRIVE.get_or_init(|| {
         let rig = RigSpec::built_in("nuscenes").expect("built in");
-        Recorded::of(&DriveSpec { rig, ..DriveSpec::urban(TURNS_SEED, TURNS_SECONDS).sparse(2) })
+        Recorded::simulate(&DriveSpec { rig, ..DriveSpec::urban(TURNS_SEED, TURNS_SECONDS).sparse(2) })
     })
 }
 
@@ -75,7 +75,7 @@ pub struct Copied {
 }
 
 impl Copied {
-    pub fn of(recorded: &Recorded) -> Self {
+    pub fn from_recorded(recorded: &Recorded) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         for entry in fs::read_dir(recorded.path()).expect("lists").flatten() {
             symlink(entry.path(), folder.path().join(entry.file_name())).expect("links");
@@ -141,8 +141,8 @@ impl Copied {
 }
 
 pub fn doubts(drive: &Drive, settings: &SurveySettings) -> Vec<String> {
-    let survey = Survey::of(drive, settings).expect("surveyed");
-    let report = Report::of(drive, &survey, settings).expect("checked");
+    let survey = Survey::from_drive(drive, settings).expect("surveyed");
+    let report = Report::from_survey(drive, &survey, settings).expect("checked");
     report.doubts().map(|verdict| format!("{} {}", verdict.subject, verdict.check)).collect()
 }
 

@@ -78,9 +78,9 @@ pub fn crispness(index: &PointIndex, settings: &CrispnessSettings) -> Crispness 
         .map(|center| Patch::around(index, center, radius_m))
         .map(|patch| patch.filter(|patch| patch.n_points >= settings.min_points).map(|patch| patch.entropy()))
         .collect();
-    let entropies = Statistics::of(entropies.into_iter().flatten());
+    let entropies = Statistics::from_values(entropies.into_iter().flatten());
     Crispness {
-        thickness_m: Statistics::of(thin),
+        thickness_m: Statistics::from_values(thin),
         n_too_thick: thick.len(),
         mean_entropy: entropies.map(|entropies| entropies.mean),
         n_entropies: entropies.map_or(0, |entropies| entropies.n),

@@ -38,7 +38,7 @@ pub fn distances(from: &PointIndex, to: &PointIndex, settings: &DistanceSettings
     Distances {
         far: (found.len() - near.len()) as f64 / n,
         within: WITHIN_M.map(|limit| near.iter().filter(|distance| **distance <= limit).count() as f64 / n),
-        near_m: Statistics::of(near),
+        near_m: Statistics::from_values(near),
     }
 }
 

@@ -14,7 +14,7 @@ pub enum IntensityMap {
 
 impl IntensityMap {
     /// Converts a known intensity.
-    pub fn of_intensity(&self, ring: usize, intensity: u8) -> u8 {
+    pub fn apply(&self, ring: usize, intensity: u8) -> u8 {
         match self {
             Self::Unchanged => intensity,
             Self::ByRing(maps) => {

@@ -25,7 +25,7 @@ pub struct RingReturn {
 
 impl GroundByRing {
     /// Counts the returns from the ground.
-    pub fn of(returns: impl Iterator<Item = RingReturn>) -> Self {
+    pub fn from_returns(returns: impl Iterator<Item = RingReturn>) -> Self {
         let mut rings = Vec::new();
         for RingReturn { ring, intensity, height_m } in returns {
             if rings.len() <= ring {
@@ -132,20 +132,21 @@ mod tests {
         let ground = |ring, intensity| RingReturn { ring, intensity, height_m: 0.0 };
         let of_ring = |ring: usize| [10_u8, 18, 20, 22, 40].map(|intensity| ground(ring, intensity * (1 + ring as u8)));
         let points = (0..4).flat_map(|ring| of_ring(ring).into_iter().cycle().take(1000));
-        let counted =
-            GroundByRing::of(points.chain([RingReturn { ring: 9, intensity: 7, height_m: 3.0 }, ground(5, 200)]));
+        let counted = GroundByRing::from_returns(
+            points.chain([RingReturn { ring: 9, intensity: 7, height_m: 3.0 }, ground(5, 200)]),
+        );
         let map = counted.normalizing(TRAINED).expect("ground");
         for ring in 0..4 {
             let median = 20 * (1 + ring as u8);
-            assert!(map.of_intensity(ring, median).abs_diff(12) <= 1, "ring {ring}");
-            assert!(map.of_intensity(ring, 2 * median) >= 25, "paint of ring {ring}");
+            assert!(map.apply(ring, median).abs_diff(12) <= 1, "ring {ring}");
+            assert!(map.apply(ring, 2 * median) >= 25, "paint of ring {ring}");
         }
         // Without ground, rings keep their gain; rings that were not counted use the last one.
-        let high = map.of_intensity(9, 50);
-        assert!(high == map.of_intensity(5, 50) && high == map.of_intensity(200, 50));
-        let equal = GroundByRing::of((0..5000).map(|_| ground(0, 76)));
+        let high = map.apply(9, 50);
+        assert!(high == map.apply(5, 50) && high == map.apply(200, 50));
+        let equal = GroundByRing::from_returns((0..5000).map(|_| ground(0, 76)));
         assert_eq!(equal.normalizing(TRAINED), Some(IntensityMap::Unknown));
-        let few = GroundByRing::of((0..1999).map(|_| ground(0, 10)));
+        let few = GroundByRing::from_returns((0..1999).map(|_| ground(0, 10)));
         assert!(few.normalizing(TRAINED).is_none());
     }
 }

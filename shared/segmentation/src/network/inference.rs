@@ -43,7 +43,7 @@ impl Inference {
     ///
     /// # Errors
     /// The errors of [`Self::new`].
-    pub fn of_features(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, SegmentationError> {
+    pub fn feature_extractor(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, SegmentationError> {
         let mut network = Self::new(spec, weights, border)?;
         let last = network.filters.last_mut().expect("a network has layers");
         let n: usize = last.shape.in_channels.iter().sum();

@@ -25,7 +25,7 @@ impl CellCloud {
     ///
     /// # Errors
     /// If the side of the cells is not a positive number.
-    pub fn of(
+    pub fn from_input(
         input: &ModelInput<'_>,
         heights_m: &[f32],
         intensities: &IntensityMap,
@@ -49,7 +49,7 @@ impl CellCloud {
             intensities: if has_intensity {
                 mean(&|point| {
                     let SubmapPoint { ring, intensity, .. } = input.points[point];
-                    f32::from(intensities.of_intensity(usize::from(ring), intensity))
+                    f32::from(intensities.apply(usize::from(ring), intensity))
                 })
             } else {
                 Vec::new()

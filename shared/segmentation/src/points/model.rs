@@ -69,7 +69,7 @@ impl PointModel {
     }
     /// The probabilities of the classes in each cell. A cell without votes gets the probabilities of the nearest cell
     /// with votes, if there is one.
-    fn of_cells(&self, cloud: &CellCloud) -> Result<Vec<f32>, SegmentationError> {
+    fn per_cell(&self, cloud: &CellCloud) -> Result<Vec<f32>, SegmentationError> {
         let settings = &self.settings;
         let prediction = CloudPrediction {
             network: &settings.network,
@@ -78,7 +78,7 @@ impl PointModel {
             temperature: settings.temperature,
             seed: SEED,
         };
-        let mut probabilities = prediction.of_cloud(&cloud.positions, |region| {
+        let mut probabilities = prediction.per_point(&cloud.positions, |region| {
             let cells = cloud.around(region.center, &region.points);
             let features = cells.features(&settings.features);
             RegionInput { positions: cells.positions, features }
@@ -92,7 +92,7 @@ impl PointModel {
         let positions = |cells: &[usize]| cells.iter().map(|cell| cloud.positions[*cell]).collect::<Vec<_>>();
         let nearest = SpatialIndex::new(&positions(&voted)).nearest_of_each(&positions(&open), 1);
         for (query, cell) in open.into_iter().enumerate() {
-            if let Some(neighbor) = nearest.of(query).first() {
+            if let Some(neighbor) = nearest.get(query).first() {
                 let from = voted[neighbor.index as usize] * n_classes;
                 probabilities.copy_within(from..from + n_classes, cell * n_classes);
             }
@@ -111,7 +111,7 @@ impl Segmenter for PointModel {
         let ground = SubmapGround::find(input.header, input.points);
         let SubmapProbabilities { cells, report } = self.probabilities(input, &ground)?;
         let n_unseen = write_rows(cells.decide(&self.classes), classes);
-        self.options.refinement.of_points(input.points, &ground, &self.classes, classes);
+        self.options.refinement.refine(input.points, &ground, &self.classes, classes);
         Ok(Report { n_unseen, ..report })
     }
 }
@@ -131,10 +131,10 @@ impl CellSegmenter for PointModel {
         let trained = self.settings.ground_intensities;
         let SubmapIntensities { map, foreign } =
             SubmapIntensities::find(self.options.intensity, input.points, &ground.heights_m, trained);
-        let (cloud, grid) = CellCloud::of(input, &ground.heights_m, &map, self.settings.cell_m)?;
+        let (cloud, grid) = CellCloud::from_input(input, &ground.heights_m, &map, self.settings.cell_m)?;
         let cell_of_point = cell_of_each(&grid, input.points.len());
         drop(grid);
-        let cells = CellProbabilities::new(self.classes.len(), self.of_cells(&cloud)?, cell_of_point);
+        let cells = CellProbabilities::new(self.classes.len(), self.per_cell(&cloud)?, cell_of_point);
         let report = Report { coarsened: 1, foreign_intensity: foreign, ..Report::default() };
         Ok(SubmapProbabilities { cells, report })
     }

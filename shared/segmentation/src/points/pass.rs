@@ -124,7 +124,7 @@ impl<'a> Pass<'a> {
             let by = Normalization { statistics: &running, source: Source::Constant, epsilon: EPSILON };
             return Ok(normalize(rows, by, weight, bias, activation)?);
         }
-        let statistics = ColumnStatistics::of(rows)?;
+        let statistics = ColumnStatistics::from_rows(rows)?;
         if statistics.n_rows < 2 {
             return Err(SegmentationError::TooFewRows { name: name.to_owned() });
         }

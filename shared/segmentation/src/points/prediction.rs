@@ -37,7 +37,7 @@ pub enum Regions {
 
 impl Regions {
     /// The regions of a cloud. Each valid point is in at least one.
-    fn of<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Region> + 'a>, SegmentationError> {
+    fn cover<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Region> + 'a>, SegmentationError> {
         Ok(match self {
             Self::Spheres(spheres) => {
                 let index = SpatialIndex::new(positions);
@@ -69,13 +69,13 @@ impl CloudPrediction<'_> {
     ///
     /// # Errors
     /// If settings, network or rows do not fit each other.
-    pub fn of_cloud(
+    pub fn per_point(
         &self,
         positions: &[[f32; 3]],
         input: impl Fn(&Region) -> RegionInput + Sync,
     ) -> Result<Vec<f32>, SegmentationError> {
         let mut votes = Votes::new(positions.len(), self.network.outputs());
-        let mut regions = self.regions.of(positions)?.peekable();
+        let mut regions = self.regions.cover(positions)?.peekable();
         while regions.peek().is_some() {
             let mut together = Vec::new();
             let mut n_points = 0;

@@ -36,7 +36,7 @@ impl Clouds {
             let n_queries = range.len();
             let found = index.nearest_of_each(&queries.positions[range], k);
             for query in 0..n_queries {
-                let accepted = found.of(query).iter().take_while(|neighbor| accept(neighbor.squared_m2));
+                let accepted = found.get(query).iter().take_while(|neighbor| accept(neighbor.squared_m2));
                 let in_batch = accepted.map(|neighbor| Neighbor { index: start + neighbor.index, ..*neighbor });
                 out.push(in_batch.collect());
             }
@@ -50,7 +50,7 @@ impl Clouds {
         let starts = ranges(&self.lengths).map(|range| range.start as u32);
         let lists = starts.zip(&found).flat_map(|(start, found)| {
             // The first is the point itself, or a copy of it.
-            let others = move |point| found.of(point).iter().skip(1).map(move |neighbor| start + neighbor.index);
+            let others = move |point| found.get(point).iter().skip(1).map(move |neighbor| start + neighbor.index);
             (0..found.len()).map(others)
         });
         Lists::new(lists, self.positions.len())

@@ -48,8 +48,8 @@ impl SphereSettings {
         let mut centers = Vec::new();
         let mut cover = |center: [f32; 3], covered: &mut [bool]| {
             let members = index.within_of_each(&[center], self.radius_m);
-            members.of(0).iter().for_each(|point| covered[*point as usize] = true);
-            if !members.of(0).is_empty() {
+            members.get(0).iter().for_each(|point| covered[*point as usize] = true);
+            if !members.get(0).is_empty() {
                 centers.push(center);
             }
         };
@@ -82,5 +82,5 @@ fn first_points(points: &[[f32; 3]], cell_m: f32) -> Result<Vec<u32>, Segmentati
 
 /// Numbers of the points of a sphere, in Morton order.
 pub fn sphere(index: &SpatialIndex, center: [f32; 3], radius_m: f32) -> Vec<u32> {
-    index.within_of_each(&[center], radius_m).of(0).to_vec()
+    index.within_of_each(&[center], radius_m).get(0).to_vec()
 }

@@ -117,7 +117,7 @@ impl WaffleIron {
         }
         let clouds = Clouds::new(batch.positions().to_vec(), batch.lengths().to_vec());
         let neighbors = clouds.neighbors(self.neighbors);
-        if let Some(point) = (0..neighbors.len()).find(|point| neighbors.of(*point).is_empty()) {
+        if let Some(point) = (0..neighbors.len()).find(|point| neighbors.get(*point).is_empty()) {
             return Err(SegmentationError::Settings(format!(
                 "the cloud of point {point} has one point; a neighborhood needs two"
             )));

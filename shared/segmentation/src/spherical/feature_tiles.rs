@@ -22,7 +22,7 @@ pub(super) fn write_folded(of_row: &[f32], n_channels: usize, row: usize, planes
 
 /// The default features.
 #[inline(always)]
-pub(super) fn of_tile(
+pub(super) fn default_features(
     surface: &SurfaceTile,
     height_m: &Tile,
     intensity: &Tile,

@@ -6,7 +6,7 @@
 )]
 
 use super::feature::{Features, N_FEATURES};
-use super::feature_tiles::{of_tile, write_folded};
+use super::feature_tiles::{default_features, write_folded};
 use super::named_features::NamedFeatures;
 use super::polar_image::PolarImage;
 use super::surface::Surface;
@@ -52,7 +52,7 @@ impl NullaryFnOnce for Job<'_> {
     fn call(self) {
         let Self { image, mut planes } = self;
         let fold = planes.channels() / N_FEATURES;
-        let surface = Surface::of(image);
+        let surface = Surface::from_image(image);
         let mut of_row = vec![[0.0_f32; N_FEATURES]; image.columns.next_multiple_of(LANES)];
         for row in 0..image.rows {
             let pixels = &image.pixels[row * image.columns..][..image.columns];
@@ -63,7 +63,7 @@ impl NullaryFnOnce for Job<'_> {
                     (height_m[i], intensity[i]) = (pixel.height_m, f32::from(pixel.intensity));
                 }
                 let surface = surface.tile(row, tile * LANES);
-                let features = of_tile(&surface, &height_m, &intensity, image.has_intensity);
+                let features = default_features(&surface, &height_m, &intensity, image.has_intensity);
                 for i in 0..LANES {
                     for feature in 0..N_FEATURES {
                         values[i][feature] = features[feature][i];

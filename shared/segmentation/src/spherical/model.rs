@@ -33,7 +33,7 @@ pub struct SphericalModel {
 
 impl SphericalModel {
     pub(crate) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
-        let settings = Settings::of_file(file)?;
+        let settings = Settings::from_file(file)?;
         let weights = Weights::from_file(&settings.network, file)?;
         Self::new(file.card.clone(), settings, &weights)
     }
@@ -65,7 +65,7 @@ impl SphericalModel {
         classifier: Box<dyn PixelClassifier>,
         weights: &Weights,
     ) -> Result<Self, SegmentationError> {
-        let network = Inference::of_features(self.settings().network.clone(), weights, Border::Circular)?;
+        let network = Inference::feature_extractor(self.settings().network.clone(), weights, Border::Circular)?;
         let options = *self.images.options();
         Self { network, classifier: Some(classifier), ..self }.with_options(options)
     }

@@ -7,7 +7,7 @@
 )]
 
 use super::feature::{Feature, Features, N_FEATURES};
-use super::feature_tiles::{of_tile, write_folded};
+use super::feature_tiles::{default_features, write_folded};
 use super::polar_image::PolarImage;
 use super::surface::{Surface, SurfaceTile, Tile};
 use kernels::images::{LANES, PlanesMut};
@@ -42,7 +42,7 @@ impl NullaryFnOnce for NamedFeatures<'_> {
         let Self { image, features, mut planes } = self;
         let n = features.len();
         let sources = sources(features);
-        let surface = Surface::of(image);
+        let surface = Surface::from_image(image);
         let mut of_row = vec![0.0_f32; n * image.columns.next_multiple_of(LANES)];
         for row in 0..image.rows {
             let first = row * image.columns;
@@ -54,7 +54,7 @@ impl NullaryFnOnce for NamedFeatures<'_> {
                     (height_m[i], intensity[i]) = (pixel.height_m, f32::from(pixel.intensity));
                 }
                 let surface = surface.tile(row, tile * LANES);
-                let usual = of_tile(&surface, &height_m, &intensity, image.has_intensity);
+                let usual = default_features(&surface, &height_m, &intensity, image.has_intensity);
                 for (feature, source) in sources.iter().enumerate() {
                     let pixels = first + tile * LANES..first + tile * LANES + pixels.len();
                     let of_feature = match *source {

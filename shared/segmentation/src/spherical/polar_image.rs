@@ -46,7 +46,7 @@ pub struct PolarImage {
 
 impl PolarImage {
     /// The nearest point of every pixel. `pixel` converts a point, given by its index.
-    pub fn of(image: &RangeImage, has_intensity: bool, pixel: impl Fn(usize) -> PolarPixel) -> Self {
+    pub fn from_range_image(image: &RangeImage, has_intensity: bool, pixel: impl Fn(usize) -> PolarPixel) -> Self {
         Self::showing(&image.nearest, image.columns, has_intensity, pixel)
     }
     /// Creates the image from the given point of every pixel, [`NO_POINT`] for no point, in raster order.
@@ -68,7 +68,7 @@ impl PolarImage {
             IntensityMap::ByRing(_) => {
                 for (ring, row) in self.pixels.chunks_exact_mut(self.columns.max(1)).rev().enumerate() {
                     for pixel in row {
-                        pixel.intensity = map.of_intensity(ring, pixel.intensity);
+                        pixel.intensity = map.apply(ring, pixel.intensity);
                     }
                 }
             }
@@ -132,7 +132,7 @@ mod tests {
     #[test]
     fn normals_of_floor_and_wall_are_perpendicular() {
         let room = room();
-        let surface = Surface::of(&room);
+        let surface = Surface::from_image(&room);
         let normal = |row, column| surface.tile(row, column / 16 * 16).normal.map(|of_tile| of_tile[column % 16]);
         let mut n_floor = 0;
         let mut n_wall = 0;

@@ -59,7 +59,7 @@ pub fn rows_of(header: &SubmapHeader, sweep: &SubmapSweep) -> usize {
 
 /// Number of rings of the LiDAR of a sweep. Sensors with non-repetitive patterns have no rings.
 fn n_rings(header: &SubmapHeader, sweep: &SubmapSweep) -> Option<usize> {
-    Some(header.ring_counts().of(sweep.lidar) as usize).filter(|n_rings| *n_rings > 1)
+    Some(header.ring_counts().get(sweep.lidar) as usize).filter(|n_rings| *n_rings > 1)
 }
 
 /// Rows of points without rings: equal steps from the highest to the lowest elevation of a sweep.
@@ -69,7 +69,7 @@ struct ElevationRows {
 }
 
 impl ElevationRows {
-    fn of(points: &[SubmapPoint]) -> Self {
+    fn from_points(points: &[SubmapPoint]) -> Self {
         let elevations = || points.iter().map(|point| point.elevation);
         let highest = elevations().max().unwrap_or(0);
         let lowest = elevations().min().unwrap_or(0);
@@ -128,7 +128,7 @@ fn range_sweep(source: &ImageSource<'_>, sweep: &SubmapSweep, points: Range<usiz
         let origin = |i: usize| begin[i] + share.min(1.0) * (end[i] - begin[i]);
         [point.x - origin(0), point.y - origin(1), point.z - origin(2)]
     };
-    let elevation_rows = n_rings(input.header, sweep).is_none().then(|| ElevationRows::of(of_sweep));
+    let elevation_rows = n_rings(input.header, sweep).is_none().then(|| ElevationRows::from_points(of_sweep));
     let placed = of_sweep.iter().enumerate().map(|(index, point)| {
         let [x, y, z] = ray(point);
         let range_m = (x * x + y * y + z * z).sqrt();

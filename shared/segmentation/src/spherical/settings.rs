@@ -64,7 +64,7 @@ impl GroundUse {
 
 impl Settings {
     /// The valid settings of a model file.
-    pub(super) fn of_file(file: &ModelFile) -> Result<Self, SegmentationError> {
+    pub(super) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
         if file.card.architecture != ARCHITECTURE {
             let path = file.path.clone();
             let found = file.card.architecture.clone();

@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn votes_equal_softmax_probabilities() {
-        let mut random = random::Random::of_stream(1, 0);
+        let mut random = random::Random::for_stream(1, 0);
         for n_classes in [1, 3, 19, 32] {
             let logits: Vec<Tile> = (0..n_classes).map(|_| [(); LANES].map(|()| 4.0 * random.gauss())).collect();
             let words = softmax(&logits, 0.5);

@@ -45,7 +45,7 @@ pub(super) struct Surface {
 
 impl Surface {
     #[inline(always)]
-    pub(super) fn of(image: &PolarImage) -> Self {
+    pub(super) fn from_image(image: &PolarImage) -> Self {
         let pitch = image.columns.next_multiple_of(LANES) + 2 * PAD;
         let mut rays = [(); 4].map(|()| vec![0.0; (image.rows + 2) * pitch]);
         for (row, pixels) in image.pixels.chunks_exact(image.columns).enumerate() {

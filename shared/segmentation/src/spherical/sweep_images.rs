@@ -65,7 +65,7 @@ impl SweepImages {
     /// If the file cannot be read, or has another architecture or invalid settings.
     pub fn load(path: &Path) -> Result<(Self, ModelCard), SegmentationError> {
         let file = ModelFile::read(path)?;
-        Ok((Self::new(Settings::of_file(&file)?)?, file.card))
+        Ok((Self::new(Settings::from_file(&file)?)?, file.card))
     }
     /// Sets the options. Points of sweeps that do not go through the network get the votes of their cells.
     #[must_use]
@@ -153,7 +153,7 @@ impl SweepImages {
         };
         let rows = cells.decide(&self.classes).enumerate().map(|(point, decided)| given(point).unwrap_or(decided));
         let n_unseen = write_rows(rows, classes);
-        self.options.refinement.of_points(input.points, &prepared.ground, &self.classes, classes);
+        self.options.refinement.refine(input.points, &prepared.ground, &self.classes, classes);
         Report { n_unseen, ..prepared.report() }
     }
 }

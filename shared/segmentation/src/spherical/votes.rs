@@ -214,7 +214,7 @@ mod tests {
         let of_points = [[200, 55], [100, 155], none, [10, 245], [255, 0], none].map(vote);
         let votes = Votes { of_points: &of_points };
         let shares = votes.shares(&points, 0.2, 2);
-        let shares: Vec<Option<&[f32]>> = shares.of_points().collect();
+        let shares: Vec<Option<&[f32]>> = shares.per_point().collect();
         let of = |votes: [u16; 2]| votes.map(|of_class| f32::from(of_class) / f32::from(votes[0] + votes[1]));
         let expected = [[300, 210], [300, 210], [300, 210], [10, 245], [255, 0]].map(of);
         for (share, expected) in shares.iter().zip(&expected) {
@@ -233,7 +233,7 @@ mod tests {
         let votes = Votes { of_points: &of_points };
         let best = |shares: &[f32]| usize::from(shares[1] > shares[0]);
         let classes: Vec<Option<usize>> =
-            votes.shares(&points, 0.2, 2).of_points().map(|shares| shares.map(best)).collect();
+            votes.shares(&points, 0.2, 2).per_point().map(|shares| shares.map(best)).collect();
         assert_eq!(classes, [Some(0), Some(0), Some(1), Some(1), Some(0), None]);
     }
 }

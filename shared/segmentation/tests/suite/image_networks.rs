@@ -42,7 +42,7 @@ fn networks_on_operations_of_candle_give_outputs_of_kernels() {
     for (spec, border) in specs().iter().flat_map(|spec| BORDERS.map(|border| (spec, border))) {
         let weights = weights(spec, &mut random);
         let kernels = Inference::new(spec.clone(), &weights, border).expect("fits");
-        let features = Inference::of_features(spec.clone(), &weights, border).expect("fits");
+        let features = Inference::feature_extractor(spec.clone(), &weights, border).expect("fits");
         // The last image has another size: it cannot be in one tensor with the others.
         let images = [[8, 16], [8, 16], [8, 16], [16, 24]].map(|[height, width]| {
             image([spec.inputs(), height, width], border, &mut random).to_tensor().expect("an image")

@@ -109,7 +109,7 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
         let values = region.points.iter().flat_map(|p| features[4 * *p as usize..][..4].to_vec());
         RegionInput { positions: region.points.iter().map(position).collect(), features: values.collect() }
     };
-    let means = prediction.of_cloud(&points, input).expect("runs");
+    let means = prediction.per_point(&points, input).expect("runs");
     assert_eq!(means.len(), 4500);
     assert!(means.chunks(3).all(|means| (means.iter().sum::<f32>() - 1.0).abs() < 1e-5));
 
@@ -136,8 +136,8 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
         assert!((means[3 * 77 + class] - sum[class] / n as f32).abs() < 1e-5);
     }
     let short = |region: &Region| RegionInput { features: vec![0.0], ..input(region) };
-    assert!(prediction.of_cloud(&points, short).is_err());
-    let flat = CloudPrediction { temperature: 1e6, ..prediction }.of_cloud(&points, input).expect("runs");
+    assert!(prediction.per_point(&points, short).is_err());
+    let flat = CloudPrediction { temperature: 1e6, ..prediction }.per_point(&points, input).expect("runs");
     assert_eq!(flat.len(), means.len());
     assert!(flat.iter().all(|probability| (probability - 1.0 / 3.0).abs() < 1e-3), "a large temperature");
 }

@@ -41,7 +41,7 @@ fn pooled(ignored: &[i32]) -> GroundConfusion {
         let points = folder.join(format!("kitti_01_points_00000{number}.npy"));
         let ids = folder.join(format!("kitti_01_labels_00000{number}.npy"));
         let cloud = labeled_sweep(&points, &ids, ignored);
-        let confusion = GroundConfusion::of(&cloud, &classes_of(model.as_ref(), &cloud.points));
+        let confusion = GroundConfusion::new(&cloud, &classes_of(model.as_ref(), &cloud.points));
         println!("{number}: {confusion:?} accuracy {:.4} IoU {:.4}", confusion.accuracy(), confusion.iou());
         pooled = pooled.plus(confusion);
     }

@@ -65,7 +65,7 @@ fn street(seed: u64) -> LabeledCloud {
 fn ground_of_sloped_street_is_found() {
     let model = segmentation::load(&shipped_model(), &segmentation::Options::default()).expect("loads");
     let cloud = street(1);
-    let confusion = GroundConfusion::of(&cloud, &classes_of(model.as_ref(), &cloud.points));
+    let confusion = GroundConfusion::new(&cloud, &classes_of(model.as_ref(), &cloud.points));
     println!("{confusion:?} accuracy {:.4}", confusion.accuracy());
     assert!(confusion.accuracy() > 0.997, "{confusion:?}");
     assert!(confusion.recall() > 0.995, "{confusion:?}");
@@ -207,6 +207,6 @@ fn too_large_grid_is_coarsened() {
     let input = segmentation::ModelInput::new(&header, &cloud.points);
     let report = model.segment(&input, &mut classes).expect("segments");
     assert_eq!((report.n_unseen, report.coarsened), (0, 8));
-    let confusion = GroundConfusion::of(&cloud, &classes);
+    let confusion = GroundConfusion::new(&cloud, &classes);
     assert!(confusion.accuracy() > 0.98, "{confusion:?}");
 }

@@ -38,7 +38,7 @@ fn settings() -> Settings {
 fn weights(settings: &Settings) -> Weights {
     let mut weights = Weights::default();
     for (stream, layer) in (0..).zip(settings.network.layers()) {
-        let mut random = Random::of_stream(1, stream);
+        let mut random = Random::for_stream(1, stream);
         let [weight, bias] = layer.tensors();
         let fan_in: usize = weight.shape[1..].iter().product();
         let gain = if layer.shape.rectify { 1.713_858 } else { 1.0 };

@@ -20,7 +20,7 @@ pub struct Folder {
 
 impl Folder {
     /// Creates the folder; removes the remains of an interrupted run.
-    pub fn beside(out: &Path) -> Result<Self, SimulationError> {
+    pub fn next_to(out: &Path) -> Result<Self, SimulationError> {
         let mut name = out.file_name().map_or_else(|| OsString::from("drive"), OsString::from);
         name.push(".partial");
         let path = out.with_file_name(name);

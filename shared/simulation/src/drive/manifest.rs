@@ -24,7 +24,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
     let name = format!("simulated {} drive, seed {}, {} s", spec.town, spec.seed, spec.seconds);
     let lidar = LidarEntry {
         name: rig.lidar_name.clone(),
-        ..LidarEntry::of_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into())
+        ..LidarEntry::from_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into())
     };
     Manifest {
         other_lidars: rig.other_lidars.iter().map(other_lidar).collect(),
@@ -47,7 +47,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
             position_in_body: imu.position_in_body,
             body_from_imu: None,
         }),
-        ..Manifest::of_lidar(&name, lidar)
+        ..Manifest::with_lidar(&name, lidar)
     }
 }
 

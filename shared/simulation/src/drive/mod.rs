@@ -39,7 +39,7 @@ pub fn write_simulation(
     progress: &mut dyn FnMut(f64),
 ) -> Result<DriveReport, SimulationError> {
     refuse_existing(out)?;
-    let folder = Folder::beside(out)?;
+    let folder = Folder::next_to(out)?;
     let mut report = DriveReport {
         n_sweeps: 0,
         n_packets: 0,

@@ -29,7 +29,7 @@ impl<'a> Progress<'a> {
     pub fn new(simulation: &Simulation, n_exposures: usize, report: &'a mut dyn FnMut(f64)) -> Self {
         let Simulation { spec, rig, .. } = simulation;
         let models = std::iter::once(rig.lidar.model).chain(rig.other_lidars.iter().map(|other| other.lidar.model));
-        let n_packets: u64 = models.map(|model| LidarModel::of(model).n_packets(spec.seconds)).sum();
+        let n_packets: u64 = models.map(|model| LidarModel::for_model(model).n_packets(spec.seconds)).sum();
         let packets = n_packets as f64 * PACKET_WORK;
         let images: f64 = rig.cameras.iter().map(|camera| image_work(&camera.lens)).sum();
         let mosaics = rig.mosaics.len() as f64 * MOSAIC_WORK;

@@ -143,8 +143,8 @@ mod tests {
                 }
                 let p = Point3::from(origin + direction * f64::from(hit.range_m));
                 // Positions of the return that differ by at most a hundredth of a millimetre.
-                let beside = (0..40).map(|k| p + Vector3::x() * f64::from(k) * 2.5e-7);
-                let n_seen = beside.filter(|p| is_seen(&simulation, &exposure, view, p)).count();
+                let shifted = (0..40).map(|k| p + Vector3::x() * f64::from(k) * 2.5e-7);
+                let n_seen = shifted.filter(|p| is_seen(&simulation, &exposure, view, p)).count();
                 n_leaves += 1;
                 n_mixed += usize::from((1..40).contains(&n_seen));
             }

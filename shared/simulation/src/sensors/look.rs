@@ -146,7 +146,7 @@ impl Palette {
         let mut suns = sun_on(exposure.scene, &met, |k| exposure.snapshot(timed_rays[places[k]].1)).into_iter();
         let part = |(i, hit): (usize, &Option<SceneHit>)| {
             let Some((hit, sun)) = hit.as_ref().zip(hit.and_then(|_| suns.next())) else {
-                return Part { material: WHITE, light: Light::of_sky(&rays[i].direction) };
+                return Part { material: WHITE, light: Light::sky(&rays[i].direction) };
             };
             let (open, kept) = place(i, hit);
             self.part(hit, sun, open, kept)

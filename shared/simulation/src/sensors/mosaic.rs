@@ -139,8 +139,8 @@ impl MosaicCamera {
             let ray = self.rays.get(neighbor).copied().flatten();
             ray.map_or_else(Vec3::zeros, |ray| (ray - center) * (unit(random) - 0.5))
         };
-        let beside = if x + 1 < columns { toward(i + 1, random) } else { Vec3::zeros() };
-        let direction = (center + beside + toward(i + columns, random << 24)).normalize();
+        let across = if x + 1 < columns { toward(i + 1, random) } else { Vec3::zeros() };
+        let direction = (center + across + toward(i + columns, random << 24)).normalize();
         let instant = stratified(x % 3 + 3 * (y % 3), STRATA, random);
         let ray = exposure.ray(instant, &direction, i as u64);
         Some(Sample { instant, ray, at: [x as f32, y as f32] })

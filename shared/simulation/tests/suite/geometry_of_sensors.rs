@@ -70,9 +70,9 @@ fn decoded_points_lie_on_scene_at_true_poses_only() {
     // Without deskewing, and shifted by half a meter.
     let middle = sweep[sweep.len() / 2].seconds;
     let frozen = share_on_surfaces(&simulation, sweep, |_| at(middle));
-    let beside = share_on_surfaces(&simulation, sweep, |s| nalgebra::Translation3::new(0.0, 0.5, 0.0) * at(s));
+    let shifted = share_on_surfaces(&simulation, sweep, |s| nalgebra::Translation3::new(0.0, 0.5, 0.0) * at(s));
     // Measured 0.910 and 0.747. A shift leaves most road points on the road.
-    assert!(frozen < right - 0.05 && beside < right - 0.2, "{right} {frozen} {beside}");
+    assert!(frozen < right - 0.05 && shifted < right - 0.2, "{right} {frozen} {shifted}");
 }
 
 /// Error of each sent range, and the range of a ray along the middle of the beam, for one revolution of a stationary

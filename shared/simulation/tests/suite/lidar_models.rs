@@ -15,7 +15,7 @@ fn decoded_points_of_every_lidar_model_match_hits() {
     // Upright on the roof.
     let body_from_lidar = Isometry3::from(Translation3::new(0.0, 0.0, 1.2));
     for model in Model::ALL {
-        let lidar = simulation.lidar_of(LidarModel::of(model), body_from_lidar, 1);
+        let lidar = simulation.lidar_of(LidarModel::for_model(model), body_from_lidar, 1);
         let path = folder.path().join(model.name());
         let mut capture = Writer::new(std::fs::File::create(&path).expect("a file")).expect("writes");
         let mut expected = Vec::new();
@@ -46,7 +46,7 @@ fn decoded_points_of_every_lidar_model_match_hits() {
             // Encoder error: three sigmas and the truncated count.
             let off = (at.coords - point.cast::<f64>()).norm();
             assert!(off < 0.006 + 5e-4 * range_m, "{model:?} {off} m at {range_m} m");
-            assert!(*noise < 4.0 * LidarModel::of(model).optics.range_sigma_m, "{noise}");
+            assert!(*noise < 4.0 * LidarModel::for_model(model).optics.range_sigma_m, "{noise}");
             assert_eq!(found.intensity, *intensity);
             // Both halves of an HDL-64E fire simultaneously; packets resolve microseconds.
             let late = info.stamp.0 + i64::from(found.offset_nanos) - nanos;

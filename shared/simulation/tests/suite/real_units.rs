@@ -29,7 +29,7 @@ fn beams_of_imperfect_unit_differ_from_nominal_by_its_table() {
     for model in [Model::Hdl32e, Model::Hdl64e] {
         let [perfect, poor] = [unit(LidarErrors::NONE, 1), unit(LidarErrors::POOR, 5)];
         let mounting = perfect.rig.lidar.body_from_lidar;
-        let [nominal, real] = [&perfect, &poor].map(|drive| drive.lidar_of(LidarModel::of(model), mounting, 1));
+        let [nominal, real] = [&perfect, &poor].map(|drive| drive.lidar_of(LidarModel::for_model(model), mounting, 1));
         let table = table(&poor.spec.lidar_errors, model);
         let rings = model.rings();
         let world_from_lidar = perfect.motion.pose(0.0) * mounting;
@@ -154,9 +154,9 @@ fn queues_of_dense_traffic_stand_in_the_lanes_of_the_street() {
             let place = from_ego * Point3::from(mover.pose(0.0).cast::<f64>().translation.vector);
             (place.x.abs() < 12.0 && (0.0..5.0).contains(&place.y)).then_some(place.y)
         });
-        let beside: Vec<f64> = near.filter(|left| *left > 1.5).collect();
-        assert!(beside.len() > 1, "{town:?}: {beside:.2?}");
-        assert!(beside.iter().all(|left| (left - left_m).abs() < 0.35), "{town:?}: {beside:.2?}");
+        let alongside: Vec<f64> = near.filter(|left| *left > 1.5).collect();
+        assert!(alongside.len() > 1, "{town:?}: {alongside:.2?}");
+        assert!(alongside.iter().all(|left| (left - left_m).abs() < 0.35), "{town:?}: {alongside:.2?}");
     }
 }
 

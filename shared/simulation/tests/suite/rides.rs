@@ -189,16 +189,16 @@ fn fields_are_empty_and_tunnels_are_closed() {
     let seen = |kind, from: f64, to: f64| {
         let simulation = town(kind, 2, to);
         let mut above = 0;
-        let mut beside = 0;
+        let mut alongside = 0;
         for i in 0..20 {
             let seconds = from + (to - from) * f64::from(i) / 20.0;
             let pose = simulation.motion.pose(seconds);
             let from = pose * Point3::new(0.0, 0.0, 1.5);
             above += usize::from(look(&simulation, seconds, &from, &Vector3::z()).is_some());
             let left = pose.rotation * Vector3::new(0.0, 1.0, 0.1);
-            beside += usize::from(look(&simulation, seconds, &from, &left).is_some());
+            alongside += usize::from(look(&simulation, seconds, &from, &left).is_some());
         }
-        (above, beside)
+        (above, alongside)
     };
     assert_eq!(seen(Town::Field, 2.0, 14.0), (0, 0));
     // The portal is 28 m behind the first mouth.

@@ -188,7 +188,7 @@ mod tests {
     }
 
     /// The topics of a stage that a recording of one topic contains.
-    fn of_recording(folder: &Path, table: ByteTable) -> Result<Vec<String>, ConfigurationError> {
+    fn topics_from_recording(folder: &Path, table: ByteTable) -> Result<Vec<String>, ConfigurationError> {
         let path = folder.join("in.mcap");
         let topic = table.topic.clone();
         let mut writer = RecordingWriter::create(&path, &BTreeMap::new(), &[table]).expect("creates");
@@ -200,9 +200,10 @@ mod tests {
     #[test]
     fn recording_without_any_input_of_the_stage_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
-        let found = of_recording(folder.path(), ByteTable::of::<ImuTopic>()).expect("has an input");
+        let found = topics_from_recording(folder.path(), ByteTable::of::<ImuTopic>()).expect("has an input");
         assert_eq!(found, ["imu"]);
-        let error = of_recording(folder.path(), ByteTable::of::<ClassTopic>()).expect_err("refused").to_string();
+        let error =
+            topics_from_recording(folder.path(), ByteTable::of::<ClassTopic>()).expect_err("refused").to_string();
         assert!(
             error.ends_with("in.mcap: has no input of optional: topics gnss, imu are missing; the recording has class"),
             "{error}"

@@ -31,7 +31,7 @@ pub(super) fn port(topic: &str) -> Result<Port, StepError> {
             "{topic} is not a topic of the project; a stage on another host supports no third-party topics"
         ))
     };
-    Port::of_name(topic).ok_or_else(unknown)
+    Port::from_name(topic).ok_or_else(unknown)
 }
 
 impl LaunchText {

@@ -122,7 +122,7 @@ impl<'a> Far<'a> {
             };
             self.answers.is_awaited.store(true, Ordering::Relaxed);
             if let Err(error) = self.answer(request) {
-                let failed = Answer::Failed(Failure::of(&error), error.to_string());
+                let failed = Answer::Failed(Failure::from_error(&error), error.to_string());
                 // Whether or not the run receives it, the error is in the log.
                 let _ = self.answers.finish(&failed, []);
                 return Err(error);
@@ -183,7 +183,7 @@ impl<'a> Far<'a> {
         let mut paths = files_of_settings(file, table, settings, &self.folder);
         paths.insert(std::env::current_exe().map_err(StepError::io)?);
         let digest = |path: PathBuf| {
-            let identity = FileIdentity::of(&path, None).map_err(|error| StepError::io(error).at(path.display()))?;
+            let identity = FileIdentity::read(&path, None).map_err(|error| StepError::io(error).at(path.display()))?;
             let shown = path.strip_prefix(&self.folder).unwrap_or(&path).to_string_lossy().into_owned();
             Ok((shown, identity.digest().to_owned()))
         };
@@ -225,7 +225,7 @@ impl<'a> Far<'a> {
 
     /// Answers with the messages that the step has published.
     fn publish(&mut self) -> Result<(), StepError> {
-        self.answers.send(&Answer::Reported(Report::of(&self.outputs)), [])?;
+        self.answers.send(&Answer::Reported(Report::from_outputs(&self.outputs)), [])?;
         for (topic, output) in &mut self.outputs.by_topic {
             output.take_published(&mut |envelope, column, header, rows| {
                 let topic = (*topic).to_owned();

@@ -25,7 +25,9 @@ pub fn run(arguments: Vec<OsString>, connect: Connect) -> u8 {
             parse(request.as_bytes()).and_then(|request| check(&request, connect)).map(|p| print_json(&p))
         }
         [_, "run", assignment] => {
-            return match read_assignment(Path::new(assignment)).and_then(|a| RemoteProgram::of(&a, connect)) {
+            return match read_assignment(Path::new(assignment))
+                .and_then(|a| RemoteProgram::from_assignment(&a, connect))
+            {
                 Ok(program) => run_program(&program, arguments),
                 Err(error) => refuse(&error),
             };
@@ -91,7 +93,7 @@ fn check(request: &CheckRequest, connect: Connect) -> Result<Vec<Problem>, StepE
     }
     let folder = &request.context.launch_folder;
     problems.extend(
-        different_file(&description.files, folder, &remote.host).map(|text| Problem::of_key(&request.table, text)),
+        different_file(&description.files, folder, &remote.host).map(|text| Problem::for_key(&request.table, text)),
     );
     Ok(problems)
 }
@@ -102,7 +104,7 @@ fn different_file(files: &BTreeMap<String, String>, folder: &Path, host: &str) -
         let here = folder.join(file);
         // The programs of the two hosts may be built differently.
         let may_compare = Path::new(file).is_relative() && here.is_file() && !is_program(&here);
-        let identity = may_compare.then(|| FileIdentity::of(&here, None).ok()).flatten()?;
+        let identity = may_compare.then(|| FileIdentity::read(&here, None).ok()).flatten()?;
         (identity.digest() != digest)
             .then(|| format!("{file} on {host} differs from {}; copy one of them", here.display()))
     })

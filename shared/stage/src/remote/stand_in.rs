@@ -29,7 +29,7 @@ struct ConfiguredRemote {
 }
 
 impl RemoteProgram {
-    pub(super) fn of(assignment: &Assignment, connect: Connect) -> Result<Self, StepError> {
+    pub(super) fn from_assignment(assignment: &Assignment, connect: Connect) -> Result<Self, StepError> {
         let Assignment { stage, domain, launch_file, changes, .. } = assignment;
         // Keyed by the stage's own names; several topics of the run may be merged in one of them.
         let ports = |topics: &[TopicChannels]| {
@@ -117,7 +117,7 @@ impl RunningStage for RemoteStage {
             topic: (*topic).to_owned(),
             n_bytes: parts.iter().map(|part| part.len() as u64).sum(),
         });
-        let request = Request::Step(Report::of(outputs), blocks.collect());
+        let request = Request::Step(Report::from_outputs(outputs), blocks.collect());
         let far = &mut self.far;
         far.send(&request, parts.into_iter().flatten())?;
         // Their slots are free for the producers while the other host works.
@@ -128,14 +128,14 @@ impl RunningStage for RemoteStage {
 
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         let far = &mut self.far;
-        far.send(&Request::Finish(Report::of(outputs)), [])?;
+        far.send(&Request::Finish(Report::from_outputs(outputs)), [])?;
         far.publish_answers(outputs)
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
         let far = &mut self.far;
         match far.ask(&Request::Save, [])? {
-            Answer::State(lengths) => Ok(StateBytes::of_pieces(far.read_pieces(lengths)?)),
+            Answer::State(lengths) => Ok(StateBytes::from_pieces(far.read_pieces(lengths)?)),
             other => Err(far.unexpected(&other)),
         }
     }

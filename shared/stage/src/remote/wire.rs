@@ -82,7 +82,7 @@ pub(super) enum Failure {
 }
 
 impl Failure {
-    pub(super) fn of(error: &StepError) -> Self {
+    pub(super) fn from_error(error: &StepError) -> Self {
         match error {
             StepError::Data(_) => Self::Data,
             StepError::Io(_) | StepError::Stopped { .. } | StepError::Ipc(_) => Self::Io,
@@ -110,7 +110,7 @@ pub(super) struct Report {
 }
 
 impl Report {
-    pub(super) fn of(outputs: &Outputs) -> Self {
+    pub(super) fn from_outputs(outputs: &Outputs) -> Self {
         Self { counters: outputs.counters.clone(), notes: outputs.notes.clone(), doubts: outputs.doubts.clone() }
     }
 

@@ -27,7 +27,7 @@ pub struct AxisAccuracy {
 }
 
 impl AxisAccuracy {
-    fn of(residuals: &[f64]) -> Self {
+    fn from_residuals(residuals: &[f64]) -> Self {
         let n = residuals.len();
         let mean = |value: fn(f64) -> f64| residuals.iter().map(|r| value(*r)).sum::<f64>() / n.max(1) as f64;
         Self { n, mean_m: mean(|r| r), rmse_m: mean(|r| r * r).sqrt() }
@@ -35,12 +35,13 @@ impl AxisAccuracy {
 }
 
 impl Accuracy {
-    pub(super) fn of(residuals: &[Residual]) -> Self {
+    pub(super) fn from_residuals(residuals: &[Residual]) -> Self {
         let horizontal: Vec<[f64; 2]> = residuals.iter().filter_map(|residual| residual.horizontal_m).collect();
         let up: Vec<f64> = residuals.iter().filter_map(|residual| residual.up_m).collect();
-        let axis = |k: usize| AxisAccuracy::of(&horizontal.iter().map(|residual| residual[k]).collect::<Vec<_>>());
+        let axis =
+            |k: usize| AxisAccuracy::from_residuals(&horizontal.iter().map(|residual| residual[k]).collect::<Vec<_>>());
         Self {
-            axes: [axis(0), axis(1), AxisAccuracy::of(&up)],
+            axes: [axis(0), axis(1), AxisAccuracy::from_residuals(&up)],
             ce90_m: percentile_90(horizontal.iter().map(|[x, y]| x.hypot(*y)).collect()),
             le90_m: percentile_90(up.iter().map(|up| up.abs()).collect()),
         }
@@ -110,7 +111,7 @@ mod tests {
             residual(None, Some(0.04)),
             residual(None, None),
         ];
-        let accuracy = Accuracy::of(&residuals);
+        let accuracy = Accuracy::from_residuals(&residuals);
         assert_eq!(accuracy.axes.map(|axis| axis.n), [2, 2, 3]);
         assert!((accuracy.axes[0].rmse_m - 0.03).abs() < 1e-12 && accuracy.axes[0].mean_m.abs() < 1e-12);
         assert!((accuracy.axes[2].rmse_m - (0.0036_f64 / 3.0).sqrt()).abs() < 1e-12);
@@ -121,6 +122,6 @@ mod tests {
         assert_eq!(text.lines().nth(1), Some("A,1,2.5,3,0.0300,0.0400,-0.0200,20,0.0100"));
         assert_eq!(text.lines().nth(4), Some("A,1,2.5,3,,,,20,0.0100"));
         assert!(accuracy.table().contains("rmse_x,2,0.0300\n") && accuracy.table().contains("le90,3,0.0400\n"));
-        assert!(Accuracy::of(&[]).table().contains("rmse_z,0,\n"));
+        assert!(Accuracy::from_residuals(&[]).table().contains("rmse_z,0,\n"));
     }
 }

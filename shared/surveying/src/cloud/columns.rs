@@ -47,7 +47,7 @@ struct ExtraColumn {
 impl Columns {
     /// The columns of a cloud. The error is the rule that its header violates. `table` has all columns that may be
     /// present.
-    pub(crate) fn of(header: &Header, table: &'static [Column]) -> Result<Self, String> {
+    pub(crate) fn from_header(header: &Header, table: &'static [Column]) -> Result<Self, String> {
         let find = |name: &str| {
             let mut at = 0;
             for property in &header.properties {
@@ -103,7 +103,7 @@ impl Columns {
             none: field.none.unwrap_or(0.0),
         };
         Ok(Self {
-            present: Present::of(table, present),
+            present: Present::new(table, present),
             row_size: header.row_size(),
             coordinates,
             xyz,
@@ -200,7 +200,7 @@ fn share(row: &[u8], at: usize) -> u8 {
     (f32::from_le_bytes(field(row, at)) * 255.0).round() as u8
 }
 
-/// `N` bytes of a row. [`Columns::of`] guarantees that they are inside the row.
+/// `N` bytes of a row. [`Columns::from_header`] guarantees that they are inside the row.
 #[inline]
 fn field<const N: usize>(row: &[u8], at: usize) -> [u8; N] {
     row[at..at + N].try_into().expect("N bytes")
@@ -227,7 +227,7 @@ mod tests {
         let columns = |change: fn(&mut Header)| {
             let mut header = header();
             change(&mut header);
-            let present = Columns::of(&header, COLUMNS)?.present();
+            let present = Columns::from_header(&header, COLUMNS)?.present();
             Ok::<_, String>(
                 COLUMNS.iter().map(|column| column.name).filter(|name| present.has(name)).collect::<Vec<_>>(),
             )
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn fields_of_absent_columns_have_their_value_for_none() {
-        let columns = Columns::of(&header(), COLUMNS).expect("is complete");
+        let columns = Columns::from_header(&header(), COLUMNS).expect("is complete");
         let row = vec![7; columns.row_size()];
         for (place, (column, field)) in extra_fields(COLUMNS).into_iter().enumerate() {
             let mut bytes = Vec::new();

@@ -70,7 +70,7 @@ impl Spectra {
 
     /// Reflectances of a point by its number; NaN = not measured. `None` if no camera recorded the point.
     #[inline]
-    pub(crate) fn of(&self, point: usize) -> Option<&[f32]> {
+    pub(crate) fn get(&self, point: usize) -> Option<&[f32]> {
         let k = self.points.binary_search(&(point as u32)).ok()?;
         self.values.get(k * self.n_bands..(k + 1) * self.n_bands)
     }

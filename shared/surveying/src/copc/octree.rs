@@ -42,7 +42,7 @@ pub(super) struct Octree {
 
 impl Octree {
     /// The smallest cube around blocks whose side is a power of two of blocks.
-    pub(super) fn of(blocks: &[[i16; 3]]) -> Self {
+    pub(super) fn from_blocks(blocks: &[[i16; 3]]) -> Self {
         let low = [0, 1, 2].map(|axis| blocks.iter().map(|block| block[axis]).min().unwrap_or(0));
         let high = [0, 1, 2].map(|axis| blocks.iter().map(|block| block[axis]).max().unwrap_or(0));
         let widest = (0..3).map(|axis| (i32::from(high[axis]) - i32::from(low[axis]) + 1) as u32).max().unwrap_or(1);
@@ -162,10 +162,10 @@ mod tests {
     #[test]
     fn root_is_a_power_of_two_of_blocks() {
         let blocks = [[-3_i16, 5, 0], [1, 5, 0]];
-        let octree = Octree::of(&blocks);
+        let octree = Octree::from_blocks(&blocks);
         // Five blocks in x are rounded up to eight.
         assert_eq!(octree, Octree { low: [-3 << 16, 5 << 16, 0], side_bits: 19 });
-        assert_eq!(Octree::of(&blocks[..1]).side_bits, 16);
+        assert_eq!(Octree::from_blocks(&blocks[..1]).side_bits, 16);
         assert_eq!(block_of([-1, 65_536, 65_535]), [-1, 1, 0]);
     }
 

@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn description_has_the_layout_of_the_specification() {
         let bands = vec!["band_0623nm".to_owned()];
-        let extra = ExtraBytes::new(&Present::of(COLUMNS, ["points", "class"]), &bands);
+        let extra = ExtraBytes::new(&Present::new(COLUMNS, ["points", "class"]), &bands);
         assert_eq!(extra.fields.len(), 6);
         assert_eq!(extra.n_bytes(), 10);
         let Vlr { data, .. } = extra.vlr();

@@ -211,7 +211,7 @@ mod tests {
             header.properties.push(Property::new(name, kind));
             (header, [&row[..], bytes].concat())
         });
-        let columns = Columns::of(&header, COLUMNS).expect("is complete");
+        let columns = Columns::from_header(&header, COLUMNS).expect("is complete");
         let layout = RecordLayout::new(&columns.present(), &["band_0700nm".to_owned()], [0.0; 3]);
         let stored = layout.stored(point.xyz).expect("fits");
         assert_eq!(stored, [101_000, 102_000, 97_000]);

@@ -19,7 +19,7 @@ pub enum BlockUse {
 
 impl BlockUse {
     /// The uses of the blocks of a town: one in seven is a square, one in seven a park.
-    pub fn of_blocks(network: &Network, kind: Town, random: &mut Random) -> Vec<Self> {
+    pub fn per_block(network: &Network, kind: Town, random: &mut Random) -> Vec<Self> {
         let usual = if kind == Town::Urban { Self::Houses } else { Self::Gardens };
         let draw = |random: &mut Random| match random.index(7) {
             0 if kind == Town::Urban => Self::Square,

@@ -43,7 +43,7 @@ pub struct Drive {
 /// Builds the town of a kind and seed, and a drive of `seconds` through it. Only the surroundings of the driven path are
 /// built.
 pub fn build(kind: Town, seed: u64, seconds: f64, traffic: Traffic) -> Drive {
-    let mut random = Random::of_hash(seed, 0x00c1_7100);
+    let mut random = Random::for_hashed_stream(seed, 0x00c1_7100);
     let (mut town, tour) = plan(kind, seed, seconds, &mut random);
     town.traffic = traffic;
     town.pave();
@@ -82,7 +82,7 @@ fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilde
     let reach = Reach::new(&path, speed.distance_m(0.0), speed.distance_m(seconds + 0.2));
     let mut builder = SceneBuilder::default();
     let pavings = Pavings::new(&mut builder);
-    let uses = BlockUse::of_blocks(&network, kind, random);
+    let uses = BlockUse::per_block(&network, kind, random);
     let traffic = Traffic::Normal;
     let town = TownBuilder {
         kind,
@@ -189,7 +189,7 @@ mod tests {
 
     /// The bare ground of a town.
     fn ground(kind: Town, seed: u64) -> (TownBuilder, Bvh) {
-        let (mut town, _) = plan(kind, seed, 25.0, &mut Random::of_hash(seed, 1));
+        let (mut town, _) = plan(kind, seed, 25.0, &mut Random::for_hashed_stream(seed, 1));
         town.pave();
         let primitives: Vec<Primitive> = std::mem::take(&mut town.builder.primitives);
         (town, Bvh::new(primitives))

@@ -64,20 +64,20 @@ impl TownBuilder {
         let own = QueueLane { tour, left_m: 0.0, earlier_s: 0.0 };
         let delay = f64::from(random.range(-LANE_DELAY_S, LANE_DELAY_S));
         let left_m = self.network.left_lane_m();
-        let beside = QueueLane { tour, left_m, earlier_s: delay };
+        let second_lane = QueueLane { tour, left_m, earlier_s: delay };
         let mut movers = Vec::new();
         for direction in [1.0, -1.0] {
             self.fill_lane(&own, direction * EGO_HALF_M, direction, clearance, random, &mut movers);
         }
         let alongside_m = f64::from(random.range(ALONGSIDE_M[0], ALONGSIDE_M[1]));
         let mut ends = [alongside_m; 2];
-        if let Some(bus) = self.queued(&beside, Size::Bus, |_| alongside_m, clearance, random) {
+        if let Some(bus) = self.queued(&second_lane, Size::Bus, |_| alongside_m, clearance, random) {
             let half_m = half_length(&bus);
             ends = [alongside_m - half_m, alongside_m + half_m];
             movers.push(bus);
         }
         for (end_m, direction) in ends.into_iter().zip([-1.0, 1.0]) {
-            self.fill_lane(&beside, end_m, direction, clearance, random, &mut movers);
+            self.fill_lane(&second_lane, end_m, direction, clearance, random, &mut movers);
         }
         if self.has_parking_on_round() {
             let delay = f64::from(random.range(-LANE_DELAY_S, LANE_DELAY_S));

@@ -20,7 +20,7 @@ pub struct Properties {
 
 impl Properties {
     /// A rough surface with this spectrum and pattern.
-    pub(super) const fn of(spectrum: Spectrum, pattern: Pattern) -> Self {
+    pub(super) const fn new(spectrum: Spectrum, pattern: Pattern) -> Self {
         Self { spectrum, specular_loss: 0.0, retroreflection: 0.0, gloss: 0.0, pattern }
     }
     pub(super) const fn loses(mut self, specular_loss: f32) -> Self {

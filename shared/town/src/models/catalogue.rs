@@ -232,7 +232,7 @@ mod tests {
 
     fn built(entry: &Entry, seed: u64) -> SceneBuilder {
         let mut b = SceneBuilder::default();
-        (entry.build)(&mut b, &mut Random::of_hash(seed, 1));
+        (entry.build)(&mut b, &mut Random::for_hashed_stream(seed, 1));
         b
     }
 

@@ -149,7 +149,7 @@ mod tests {
         let mut b = SceneBuilder::default();
         build(&mut b, &[Vec3::new(-10.0, 0.0, 0.0), Vec3::new(10.0, 0.0, 0.0)]);
         let tree = Bvh::new(b.primitives);
-        let mut random = Random::of_hash(2, 0);
+        let mut random = Random::for_hashed_stream(2, 0);
         let n = 4000;
         let passed = (0..n)
             .filter(|i| {
@@ -166,7 +166,11 @@ mod tests {
             ("railing", passing(railing, [0.2, 1.0]), 0.80..0.90),
             ("bar fence", passing(bar_fence, [0.6, 1.7]), 0.76..0.88),
             ("mesh", passing(mesh_fence, [0.1, 1.7]), 0.68..0.77),
-            ("planks", passing(|b, feet| wooden_fence(b, feet, &mut Random::of_hash(1, 0)), [0.2, 1.4]), 0.10..0.35),
+            (
+                "planks",
+                passing(|b, feet| wooden_fence(b, feet, &mut Random::for_hashed_stream(1, 0)), [0.2, 1.4]),
+                0.10..0.35,
+            ),
             ("plinth", passing(bar_fence, [0.0, 0.4]), 0.0..1e-6),
         ] {
             assert!(expected.contains(&share), "{name}: {share}");

@@ -24,7 +24,7 @@ impl<'a> Frame<'a> {
         Self { builder, pose: *pose, instance: 0, first }
     }
     /// Frame of a movable object. Its primitives get the instance, and [`Frame::model`] removes them from the builder.
-    pub fn of_instance(builder: &'a mut SceneBuilder, instance: u16) -> Self {
+    pub fn for_instance(builder: &'a mut SceneBuilder, instance: u16) -> Self {
         let first = builder.primitives.len();
         Self { builder, pose: Isometry3::identity(), instance, first }
     }

@@ -295,7 +295,7 @@ mod tests {
     const DEPTH: f32 = 11.0;
 
     fn house(style: fn(&mut Random) -> Style, gate: bool, seed: u64) -> (Bvh, Style, SceneBuilder) {
-        let mut random = Random::of_hash(seed, 0);
+        let mut random = Random::for_hashed_stream(seed, 0);
         let mut b = SceneBuilder::default();
         let style = style(&mut random);
         let lot = Lot { width: WIDTH, depth: DEPTH, floors: 4, open: [false, false], gate };
@@ -307,7 +307,7 @@ mod tests {
     fn no_ray_from_outside_enters_house() {
         for style in [Style::haussmann, Style::faubourg, Style::brick, Style::modern, Style::office] {
             let (tree, style, _) = house(style, false, 4);
-            let mut random = Random::of_hash(8, 0);
+            let mut random = Random::for_hashed_stream(8, 0);
             let top = style.height(4);
             for _ in 0..4000 {
                 let u = random.range(0.05, WIDTH - 0.05);

@@ -154,7 +154,7 @@ impl Posture {
 
 /// A walker at a phase of the stride, 0 to 1. Movers show 4 to 8 phases in turn, [`PersonAppearance::stride_m`] apart.
 pub fn walker(b: &mut SceneBuilder, instance: u16, phase: f32, appearance: &PersonAppearance) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     figure(&mut f, appearance, &Posture::walking(phase));
     f.model()
 }
@@ -168,7 +168,7 @@ pub fn model(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Pr
 /// A standing person.
 pub fn standing(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let appearance = PersonAppearance::random(random);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     figure(&mut f, &appearance, &Posture::standing(random));
     f.model()
 }
@@ -176,14 +176,14 @@ pub fn standing(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec
 /// A person on a seat of 0.46 m height at the origin, facing x.
 pub fn sitting(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let appearance = PersonAppearance::random(random).without_luggage(random.range(1.55, 1.9));
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     figure(&mut f, &appearance, &Posture::sitting(0.46));
     f.model()
 }
 
 /// A walker at a phase of the stride who pushes a buggy; the buggy is class dynamic with the same instance.
 pub fn with_buggy(b: &mut SceneBuilder, instance: u16, phase: f32, appearance: &PersonAppearance) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     let appearance = PersonAppearance { bag: Bag::None, ..*appearance };
     let walking = Posture::walking(phase);
     figure(&mut f, &appearance, &Posture { shoulders: [0.55; 2], elbows: [0.75; 2], lean: 0.1, ..walking });
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn standing_foot_moves_back_by_half_a_stride() {
-        let appearance = PersonAppearance::random(&mut Random::of_hash(3, 0));
+        let appearance = PersonAppearance::random(&mut Random::for_hashed_stream(3, 0));
         // The left foot stands between its foremost position at a quarter and its rearmost position at three quarters.
         let back = ankle(&appearance, 0.25) - ankle(&appearance, 0.75);
         assert!(
@@ -383,7 +383,7 @@ mod tests {
     fn walker_keeps_soles_on_ground_and_head_at_height() {
         for i in 0..60_u64 {
             let mut b = SceneBuilder::default();
-            let appearance = PersonAppearance::random(&mut Random::of_hash(hash(1, i), 0));
+            let appearance = PersonAppearance::random(&mut Random::for_hashed_stream(hash(1, i), 0));
             let model = walker(&mut b, 1, i as f32 / 60.0, &appearance);
             let low = model.iter().map(|p| p.shape.bounds()[0].z).fold(f32::INFINITY, f32::min);
             let high = model.iter().map(|p| p.shape.bounds()[1].z).fold(f32::NEG_INFINITY, f32::max);

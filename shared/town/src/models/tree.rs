@@ -289,9 +289,9 @@ mod tests {
             [(deciduous as fn(&mut SceneBuilder, &Isometry3<f32>, &mut Random), [4.0, 6.0]), (plane_tree, [6.0, 9.0])]
         {
             let mut b = SceneBuilder::default();
-            grow(&mut b, &Isometry3::identity(), &mut Random::of_hash(6, 0));
+            grow(&mut b, &Isometry3::identity(), &mut Random::for_hashed_stream(6, 0));
             let tree = Bvh::new(b.primitives);
-            let mut random = Random::of_hash(7, 0);
+            let mut random = Random::for_hashed_stream(7, 0);
             let n = 3000;
             let passed = (0..n)
                 .filter(|i| {

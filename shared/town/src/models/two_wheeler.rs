@@ -14,7 +14,7 @@ use std::f32::consts::TAU;
 
 /// A bicycle on its stand.
 pub fn bicycle(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     draw_bicycle(&mut f, random, 0.1);
     let metal = f.surface(Vehicles, Material::Steel);
     f.tube([-0.1, 0.0, 0.3], [-0.12, 0.16, 0.0], 0.012, metal);
@@ -23,7 +23,7 @@ pub fn bicycle(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<
 
 /// A cyclist at a phase of the pedals, 0 to 1.
 pub fn cyclist(b: &mut SceneBuilder, instance: u16, phase: f32, random: &mut Random) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     draw_bicycle(&mut f, random, phase);
     let (sin, cos) = (TAU * phase).sin_cos();
     let posture = Posture {
@@ -41,14 +41,14 @@ pub fn cyclist(b: &mut SceneBuilder, instance: u16, phase: f32, random: &mut Ran
 
 /// A motor scooter on its stand.
 pub fn scooter(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     draw_scooter(&mut f, random);
     f.model()
 }
 
 /// A motor scooter with its rider.
 pub fn scooter_rider(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     draw_scooter(&mut f, random);
     let posture = Posture {
         hips_m: Some(0.86),
@@ -65,14 +65,14 @@ pub fn scooter_rider(b: &mut SceneBuilder, instance: u16, random: &mut Random) -
 
 /// A motorcycle on its stand.
 pub fn motorcycle(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     draw_motorcycle(&mut f, random);
     f.model()
 }
 
 /// A motorcycle with its rider.
 pub fn motorcyclist(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     draw_motorcycle(&mut f, random);
     let posture = Posture {
         hips_m: Some(0.90),

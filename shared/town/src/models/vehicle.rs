@@ -28,7 +28,7 @@ pub fn random_model(b: &mut SceneBuilder, instance: u16, random: &mut Random) ->
 pub fn car(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let body = *random.pick(&[&HATCHBACK, &HATCHBACK, &SALOON, &ESTATE, &SUV, &SUV, &CITY_CAR]);
     let paint = car_paint(random);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     build(&mut f, body, paint);
     if random.chance(0.2) {
         roof_bars(&mut f, body);
@@ -39,7 +39,7 @@ pub fn car(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Prim
 /// A saloon with a lit sign on its roof.
 pub fn taxi(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let paint = *random.pick(&[Material::PaintBlack, Material::PaintBeige, Material::PaintYellow]);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     let body = if random.index(2) == 0 { &SALOON } else { &ESTATE };
     build(&mut f, body, paint);
     let lamp = f.surface(Vehicles, Material::Lamp);
@@ -57,7 +57,7 @@ pub fn van_model(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Ve
         Material::PaintYellow,
         Material::PaintBlue,
     ]);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     build(&mut f, &VAN, paint);
     if random.chance(0.35) {
         let stripe = *random.pick(&[Material::PaintRed, Material::PaintBlue, Material::PaintGreen]);
@@ -70,7 +70,7 @@ pub fn van_model(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Ve
 /// A van with windows all around.
 pub fn minibus(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let paint = car_paint(random);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     build(&mut f, &MINIBUS, paint);
     f.model()
 }
@@ -78,7 +78,7 @@ pub fn minibus(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<
 /// A city bus of 12 m; its doors are on the right.
 pub fn bus(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let paint = *random.pick(&[Material::PaintGreen, Material::PaintWhite, Material::PaintRed, Material::PaintBlue]);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     build(&mut f, &BUS, paint);
     let [dark, glass, amber, white] =
         [Material::BlackPlastic, Material::CarGlass, Material::LightAmber, Material::PaintWhite]
@@ -99,7 +99,7 @@ pub fn bus(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Prim
 pub fn truck(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let paint = *random.pick(&[Material::PaintWhite, Material::PaintRed, Material::PaintBlue, Material::PaintGray]);
     let cargo = *random.pick(&[Material::WhitePlastic, Material::WhitePlastic, Material::BlueCloth, Material::Steel]);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     build(&mut f, &TRUCK_CAB, paint);
     let [cargo, dark, lamp, plate] = [cargo, Material::BlackPlastic, Material::TailLamp, Material::Licence]
         .map(|material| f.surface(Vehicles, material));
@@ -120,7 +120,7 @@ pub fn truck(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Pr
 /// A tram of 24 m in three parts, its current collector up.
 pub fn tram(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let paint = *random.pick(&[Material::PaintWhite, Material::PaintGreen, Material::PaintSilver, Material::PaintRed]);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     build(&mut f, &TRAM, paint);
     let [dark, glass, metal] =
         [Material::BlackPlastic, Material::CarGlass, Material::DarkMetal].map(|material| f.surface(Vehicles, material));
@@ -153,7 +153,7 @@ pub fn tram(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Pri
 /// A farm tractor with a cab, half of them with a trailer.
 pub fn tractor(b: &mut SceneBuilder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     let paint = *random.pick(&[Material::PaintGreen, Material::PaintRed, Material::PaintBlue]);
-    let mut f = Frame::of_instance(b, instance);
+    let mut f = Frame::for_instance(b, instance);
     let [paint, glass, dark, rim, lamp] =
         [paint, Material::CarGlass, Material::BlackPlastic, Material::PaintYellow, Material::Lamp]
             .map(|material| f.surface(Vehicles, material));
@@ -229,7 +229,7 @@ mod tests {
             (&BUS, 12.0, 2.95),
         ] {
             let mut builder = SceneBuilder::default();
-            let mut f = Frame::of_instance(&mut builder, 7);
+            let mut f = Frame::for_instance(&mut builder, 7);
             build(&mut f, body, Material::PaintRed);
             let tree = Bvh::new(f.model());
             let [low, high] = tree.bounds().expect("has primitives");

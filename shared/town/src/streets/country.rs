@@ -40,7 +40,7 @@ pub fn stretches(all: Option<Stretch>) -> [Stretch; N] {
 
 /// The map for a seed: streets 0 to 6 form the round of about 1.6 km, the others are lanes that end after 90 to 130 m.
 pub fn build(seed: u64, stretches: [Stretch; N]) -> Network {
-    let mut random = Random::of_hash(seed, 0x000c_0a27);
+    let mut random = Random::for_hashed_stream(seed, 0x000c_0a27);
     let terrain = Terrain::new(seed);
     let (mut places, headings) = RING.nodes(N, &mut random);
     let mut streets = Vec::new();

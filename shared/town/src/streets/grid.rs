@@ -34,7 +34,7 @@ const NODES: usize = N + 1;
 
 /// The map for a seed. Its round is about 1.5 km long, turns both ways and passes 16 junctions.
 pub fn build(seed: u64, style: &GridStyle) -> Network {
-    let mut random = Random::of_hash(seed, 0x0006_71d0);
+    let mut random = Random::for_hashed_stream(seed, 0x0006_71d0);
     let terrain = Terrain::new(seed);
     let places = places(style, &mut random);
     // Streets that continue across a node keep their direction there.

@@ -14,7 +14,7 @@ const RING: Ring = Ring { radius_m: 900.0, along: 0.1, radii: [0.98, 1.02], head
 
 /// The map for a seed: a round of about 5.7 km with two or three lanes each way.
 pub fn build(seed: u64) -> Network {
-    let mut random = Random::of_hash(seed, 0x0307_042a);
+    let mut random = Random::for_hashed_stream(seed, 0x0307_042a);
     let terrain = Terrain::new(seed);
     let profile = Profile::motorway(if random.chance(0.6) { 2 } else { 3 });
     let (places, headings) = RING.nodes(N, &mut random);

@@ -11,7 +11,7 @@ fn further_rays_reach_leaves_and_change_no_other_values() {
     let submap = &drive.submaps_in(&simulation, 1, 1, 1, Mount::Rig).expect("long enough")[0];
     let shown: Vec<usize> = (0..submap.points.len()).collect();
     let values = |n_rays: u64| {
-        let camera = IdealCamera::of_bands(&[650]).with_rays(n_rays);
+        let camera = IdealCamera::with_bands(&[650]).with_rays(n_rays);
         camera.values(&simulation, &submap.header, &submap.points, &shown)
     };
     let one = values(1);
@@ -36,8 +36,8 @@ fn vegetation_is_green_and_bright_in_infrared() {
     let submap = &drive.submaps_in(&simulation, 1, 2, 5, Mount::Rig).expect("long enough")[0];
     let shown: Vec<usize> = (0..submap.points.len()).step_by(7).collect();
     let values = |camera: &IdealCamera| camera.values(&simulation, &submap.header, &submap.points, &shown);
-    let colors = values(&IdealCamera::of_color());
-    let bands = values(&IdealCamera::of_bands(&[670, 800]));
+    let colors = values(&IdealCamera::color());
+    let bands = values(&IdealCamera::with_bands(&[670, 800]));
     assert_eq!((colors.len(), bands.len()), (3 * shown.len(), 2 * shown.len()));
     let n_seen = colors.chunks_exact(3).filter(|color| !color[0].is_nan()).count();
     assert!(n_seen * 10 > shown.len() * 9, "{n_seen} of {} points", shown.len());

@@ -34,7 +34,7 @@ impl Hierarchy {
         Self { node_of_class, n_nodes }
     }
     /// The tree of figure 6.11. A class that is not in the tree is its own node.
-    pub fn of_classes(classes: &[ClassId]) -> Self {
+    pub fn from_classes(classes: &[ClassId]) -> Self {
         let mut n_nodes = TREE.len();
         let node = |class: &ClassId| {
             TREE.iter().position(|(_, leaves)| leaves.contains(class)).unwrap_or_else(|| {
@@ -47,7 +47,7 @@ impl Hierarchy {
     /// A tree grown from confusions: while there are more than `n_nodes` nodes, the two nodes with the largest confusion
     /// are joined. The confusion of two nodes is the mean, over their pairs of classes, of the share of each class that
     /// is predicted as the other. Ties are resolved by the order of the classes.
-    pub fn of_confusions(confusion: &Confusion, n_classes: usize, n_nodes: usize) -> Self {
+    pub fn from_confusions(confusion: &Confusion, n_classes: usize, n_nodes: usize) -> Self {
         let share = |truth: usize, predicted: usize| {
             let n: u64 = (0..n_classes).map(|class| confusion.count(truth, class)).sum();
             confusion.count(truth, predicted) as f64 / n.max(1) as f64
@@ -103,11 +103,15 @@ mod tests {
         {
             confusion.add_n(truth, predicted, n);
         }
-        let nodes = |n| Hierarchy::of_confusions(&confusion, 5, n).node_of_class;
+        let nodes = |n| Hierarchy::from_confusions(&confusion, 5, n).node_of_class;
         assert_eq!(nodes(5), [0, 1, 2, 3, 4]);
         assert_eq!(nodes(4), [0, 1, 2, 3, 1], "half of class 1 is taken for class 4");
         assert_eq!(nodes(3), [0, 1, 2, 0, 1]);
         assert_eq!(nodes(0), [0; 5]);
-        assert_eq!(Hierarchy::of_confusions(&Confusion::new(3), 3, 2).node_of_class, [0, 0, 1], "nothing is confused");
+        assert_eq!(
+            Hierarchy::from_confusions(&Confusion::new(3), 3, 2).node_of_class,
+            [0, 0, 1],
+            "nothing is confused"
+        );
     }
 }

@@ -26,7 +26,7 @@ impl<N: Network> Trainer<N> {
         let mut sum = 0.0;
         let mut n = 0;
         self.each_batch(data, &mut |logits, classes| {
-            sum += f64::from(self.criterion.of_logits(logits, classes)?.to_scalar::<f32>()?);
+            sum += f64::from(self.criterion.loss(logits, classes)?.to_scalar::<f32>()?);
             n += 1;
             for (&truth, predicted) in classes.iter().zip(logits.argmax(D::Minus1)?.to_vec1::<u32>()?) {
                 confusion.add(usize::from(truth), predicted as usize);

@@ -33,7 +33,7 @@ fn specs() -> [NetworkSpec; 3] {
 
 /// Random inputs that f32 and f64 represent exactly.
 fn inputs() -> Vec<Image> {
-    let mut random = Random::of_stream(2, 0);
+    let mut random = Random::for_stream(2, 0);
     let mut input = || {
         let mut image = Image::zeros(CHANNELS, SIZE[0], SIZE[1]);
         image.values.iter_mut().for_each(|value| *value = f64::from(random.gauss()));

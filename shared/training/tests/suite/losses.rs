@@ -63,8 +63,8 @@ fn loss_derivatives_equal_central_differences() {
     let (logits, truth) = pixels(&mut Random::new(1));
     let tree = Hierarchy::new(vec![0, 0, 1, 1, 2, 3]);
     for loss in all() {
-        let flat = |logits: &Tensor, y: &Tensor| loss.of_logits(logits, y).expect("a loss");
-        let deep = |logits: &Tensor, y: &Tensor| loss.of_hierarchy(logits, y, &tree).expect("a loss");
+        let flat = |logits: &Tensor, y: &Tensor| loss.forward(logits, y).expect("a loss");
+        let deep = |logits: &Tensor, y: &Tensor| loss.forward_hierarchy(logits, y, &tree).expect("a loss");
         for (error, size) in [gradient_error(&flat, &logits, &truth), gradient_error(&deep, &logits, &truth)] {
             assert!(size > 1e-3, "{loss:?}: no derivative");
             assert!(error < 1e-8, "{loss:?}: off by {error} of {size}");
@@ -98,7 +98,8 @@ fn pixels_without_label_are_ignored() {
         }
     }
     for loss in all() {
-        let of = |logits: &[f64]| value(&loss.of_hierarchy(&matrix(logits), &matrix(&truth), &tree).expect("a loss"));
+        let of =
+            |logits: &[f64]| value(&loss.forward_hierarchy(&matrix(logits), &matrix(&truth), &tree).expect("a loss"));
         assert!((of(&logits) - of(&other)).abs() < 1e-12, "{loss:?}");
     }
 }
@@ -110,7 +111,7 @@ fn correct_prediction_has_lowest_loss() {
     let wrong: Vec<f64> =
         sure.iter().enumerate().map(|(i, _)| sure[i / CLASSES * CLASSES + (i + 1) % CLASSES]).collect();
     for loss in all() {
-        let of = |logits: &[f64]| value(&loss.of_logits(&matrix(logits), &matrix(&truth)).expect("a loss"));
+        let of = |logits: &[f64]| value(&loss.forward(&matrix(logits), &matrix(&truth)).expect("a loss"));
         let best = of(&sure);
         let unsure = of(&vec![0.0; sure.len()]);
         let worst = of(&wrong);
@@ -122,7 +123,7 @@ fn correct_prediction_has_lowest_loss() {
 #[test]
 fn special_cases_of_losses_agree() {
     let (logits, truth) = pixels(&mut Random::new(4));
-    let of = |loss: Loss| value(&loss.of_logits(&matrix(&logits), &matrix(&truth)).expect("a loss"));
+    let of = |loss: Loss| value(&loss.forward(&matrix(&logits), &matrix(&truth)).expect("a loss"));
     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
     near(of(Loss::PowerJaccard { power: 1.0 }), of(Loss::Jaccard));
     near(of(Loss::Tversky { alpha: 1.0, beta: 1.0 }), of(Loss::Jaccard));
@@ -166,7 +167,7 @@ fn power_above_two_penalizes_certainty() {
         (0..n).flat_map(|i| (0..CLASSES).map(move |c| f64::from(u8::from(c == i % CLASSES)))).collect();
     let of = |power: f64, logit: f64| {
         let logits: Vec<f64> = truth.iter().map(|y| logit * y).collect();
-        value(&Loss::PowerJaccard { power }.of_logits(&matrix(&logits), &matrix(&truth)).expect("a loss"))
+        value(&Loss::PowerJaccard { power }.forward(&matrix(&logits), &matrix(&truth)).expect("a loss"))
     };
     let nearly = 4.0;
     let sure = 40.0;
@@ -182,7 +183,7 @@ fn power_jaccard_never_rises_with_its_power() {
     for _ in 0..20 {
         let (logits, truth) = pixels(&mut random);
         let of_power = |power: f64| {
-            let loss = Loss::PowerJaccard { power }.of_logits(&matrix(&logits), &matrix(&truth)).expect("a loss");
+            let loss = Loss::PowerJaccard { power }.forward(&matrix(&logits), &matrix(&truth)).expect("a loss");
             value(&loss)
         };
         let losses: Vec<f64> = (0..=20).map(|i| of_power(1.0 + 0.1 * f64::from(i))).collect();
@@ -201,11 +202,11 @@ fn class_tree_equals_figure_6_11() {
     assert_eq!(n_in_tree, 19);
     // Confusing classes of one node costs less than confusing classes of different nodes.
     let classes = [Road, RoadLine, Building, Vegetation, Pole, TrafficLight];
-    let tree = Hierarchy::of_classes(&classes);
+    let tree = Hierarchy::from_classes(&classes);
     let truth = matrix(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let cost = |predicted: usize| {
         let logits: Vec<f64> = (0..CLASSES).map(|c| if c == predicted { 9.0 } else { 0.0 }).collect();
-        value(&Loss::CrossEntropy.of_hierarchy(&matrix(&logits), &truth, &tree).expect("a loss"))
+        value(&Loss::CrossEntropy.forward_hierarchy(&matrix(&logits), &truth, &tree).expect("a loss"))
     };
     assert!(cost(0) < cost(1) && cost(1) + 1.0 < cost(2));
 }

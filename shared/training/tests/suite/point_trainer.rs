@@ -15,7 +15,7 @@ impl Dataset<PointExample> for Streets {
         self.0
     }
     fn example(&self, index: usize, random: Option<&mut Random>) -> PointExample {
-        let mut own = Random::of_stream(9, index as u64);
+        let mut own = Random::for_stream(9, index as u64);
         let mut positions = Vec::new();
         let mut features = Vec::new();
         let mut truth = Vec::new();
@@ -80,7 +80,7 @@ const NETWORKS: [&str; 4] = [
 fn trainer(network: &str, settings: TrainSettings) -> Trainer<PointNetwork> {
     let spec: PointNetworkSpec = network_of(network);
     let network = PointNetwork::random(&spec, settings.seed).expect("a network");
-    Trainer::of_network(settings, network, CLASSES, Hierarchy::new(vec![0, 1, 1])).expect("a trainer")
+    Trainer::from_network(settings, network, CLASSES, Hierarchy::new(vec![0, 1, 1])).expect("a trainer")
 }
 
 /// The settings of a network as the metadata of a model file.

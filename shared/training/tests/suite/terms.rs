@@ -99,7 +99,7 @@ fn grid(case: &Case, features: &Image) -> Image {
 }
 
 /// Variables of the head, with their names in the head.
-fn of_head(values: &Values) -> Values {
+fn head_variables(values: &Values) -> Values {
     let of_head = values.iter().filter_map(|(name, of)| Some((name.strip_prefix("bev_head.")?.to_owned(), of.clone())));
     of_head.collect()
 }
@@ -116,7 +116,7 @@ fn reference_loss(case: &Case, values: &Values, constant: &Values) -> f64 {
     };
     let consistency = case.pixels.iter().map(divergence).sum::<f64>() / case.pixels.len() as f64;
     let head = NetworkSpec::Unet { inputs: FEATURES, outputs: CLASSES, widths: vec![32], head: None };
-    let [_, of_cells] = run_to_features(&head, &of_head(values), grid(case, &features), Border::Zero);
+    let [_, of_cells] = run_to_features(&head, &head_variables(values), grid(case, &features), Border::Zero);
     cross_entropy(&output, &case.truth, FOLD)
         + CONSISTENCY * consistency
         + BEV * cross_entropy(&of_cells, &case.of_cells, 1)

@@ -21,7 +21,7 @@ impl Dataset for Bars {
     }
     fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
         let [height, width] = SIZE;
-        let mut own = Random::of_stream(9, index as u64);
+        let mut own = Random::for_stream(9, index as u64);
         let mut input = Planes::zeros(1, height, width);
         let mut truth = vec![0; height * width];
         for y in 0..height {
@@ -95,7 +95,7 @@ fn trainer_with_head(consistency: f64, bev_head: f64) -> Trainer {
     let spec = NetworkSpec::Unet { inputs: 1, outputs: CLASSES, widths: vec![8, 8], head: None };
     let network = ImageNetwork::new(Variables::random(&spec, settings.seed).expect("variables"), 1, Border::Circular);
     let network = network.with_bev_head(BevHead::random(8, CLASSES, 6).expect("a head"));
-    Trainer::of_network(settings, network, CLASSES, Hierarchy::new(vec![0, 1, 1])).expect("a trainer")
+    Trainer::from_network(settings, network, CLASSES, Hierarchy::new(vec![0, 1, 1])).expect("a trainer")
 }
 
 fn train_with_views(trainer: &mut Trainer, epochs: usize) {

@@ -24,7 +24,7 @@ fn inference_gives_the_bits_of_training() {
             let weights = Variables::random(&spec, 7).expect("variables").weights().expect("weights");
             let differential = Differential::new(&spec, &weights, border).expect("fits");
             let inference = Inference::new(spec.clone(), &weights, border).expect("fits");
-            let mut random = Random::of_stream(1, 0);
+            let mut random = Random::for_stream(1, 0);
             for input in [input(&mut random, border), input(&mut random, border)] {
                 let recording = differential.run(input.clone(), None).expect("runs");
                 // Exact equality, because both run the same kernels in the same order.

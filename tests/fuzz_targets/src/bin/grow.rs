@@ -51,7 +51,7 @@ fn main() -> ExitCode {
         files.retain(|file| !file.is_empty() && file.len() < SMALL);
         let mut most = 0.0_f64;
         for number in args.from..args.from + args.count {
-            let mut random = Random::of_stream(args.seed, number);
+            let mut random = Random::for_stream(args.seed, number);
             let Some(file) = (!files.is_empty()).then(|| random.pick(&files)) else { break };
             let (at, n) = piece(file, &mut random);
             let is_numbered = random.chance(0.3);

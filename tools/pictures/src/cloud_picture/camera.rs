@@ -20,7 +20,7 @@ const NEAR_M: f64 = 1.0;
 const NEAR_SHARE: f64 = 0.55;
 
 /// Margin around the path in the top view, m.
-const BESIDE_PATH_M: f64 = 30.0;
+const PATH_MARGIN_M: f64 = 30.0;
 
 /// Projects points to pixels.
 pub struct Camera {
@@ -111,8 +111,8 @@ impl Camera {
     /// Extent of the top view: smallest and largest x, and y, m.
     pub fn surroundings([min, max]: [[f64; 3]; 2], path: &[[f64; 3]]) -> [[f64; 2]; 2] {
         [0, 1].map(|k| {
-            let low = path.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min) - BESIDE_PATH_M;
-            let high = path.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max) + BESIDE_PATH_M;
+            let low = path.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min) - PATH_MARGIN_M;
+            let high = path.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max) + PATH_MARGIN_M;
             if path.is_empty() { [min[k], max[k]] } else { [low.max(min[k]), high.min(max[k])] }
         })
     }

@@ -59,15 +59,15 @@ const OTHERS: [(&str, ColorBy, &str); 4] = [
 
 impl ColorBy {
     /// The attribute of a word: a field of `table` that is shown, or a property of the clouds. `None` if it cannot be a property.
-    pub fn of_word(word: &str, table: &'static [Column]) -> Option<Self> {
+    pub fn from_word(word: &str, table: &'static [Column]) -> Option<Self> {
         let other = OTHERS.into_iter().find(|(name, ..)| *name == word).map(|(_, by, _)| by);
-        let field = || fields(table).find(|(name, _)| *name == word).map(|(_, field)| Self::of_field(field));
+        let field = || fields(table).find(|(name, _)| *name == word).map(|(_, field)| Self::from_field(field));
         let is_name = |word: &str| word.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
-        let property = || (!word.is_empty() && is_name(word)).then(|| Self::Field(ShownField::of_property(word)));
+        let property = || (!word.is_empty() && is_name(word)).then(|| Self::Field(ShownField::from_property(word)));
         other.or_else(field).or_else(property)
     }
 
-    fn of_field(field: &ColumnField) -> Self {
+    fn from_field(field: &ColumnField) -> Self {
         match (field.shown, field.name) {
             (Shown::Color, _) => Self::Color,
             (_, "class") => Self::Class,
@@ -75,13 +75,13 @@ impl ColorBy {
             (_, "material") => Self::Material,
             (_, "instance") => Self::Instance,
             (_, "time") => Self::Time,
-            _ => Self::Field(ShownField::of(field)),
+            _ => Self::Field(ShownField::from_field(field)),
         }
     }
 }
 
 impl ShownField {
-    fn of(field: &ColumnField) -> Self {
+    fn from_field(field: &ColumnField) -> Self {
         let unit = if field.unit.is_empty() { String::new() } else { format!(", {}", field.unit) };
         Self {
             name: format!("{}{unit}", field.name),
@@ -94,7 +94,7 @@ impl ShownField {
     }
 
     /// A property that the table does not have.
-    fn of_property(name: &str) -> Self {
+    fn from_property(name: &str) -> Self {
         let (name, property) = (name.to_owned(), name.to_owned());
         Self { name, property, shown: Shown::Ramp, none: None, range: None, names: None }
     }
@@ -123,7 +123,7 @@ impl TypedValueParser for ColorByParser {
         value: &OsStr,
     ) -> Result<ColorBy, clap::Error> {
         let word = value.to_string_lossy();
-        ColorBy::of_word(&word, COLUMNS).ok_or_else(|| {
+        ColorBy::from_word(&word, COLUMNS).ok_or_else(|| {
             let mut error = clap::Error::new(ErrorKind::InvalidValue).with_cmd(command);
             if let Some(argument) = argument {
                 error.insert(ContextKind::InvalidArg, ContextValue::String(argument.to_string()));
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn words_of_the_table_have_their_colorings_and_other_words_are_properties() {
-        let of_word = |word| ColorBy::of_word(word, COLUMNS);
+        let of_word = |word| ColorBy::from_word(word, COLUMNS);
         assert_eq!((of_word("color"), of_word("class")), (Some(ColorBy::Color), Some(ColorBy::Class)));
         assert_eq!((of_word("height"), of_word("time")), (Some(ColorBy::Height), Some(ColorBy::Time)));
         for (word, property, shown) in [

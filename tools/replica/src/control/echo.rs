@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             Some(TopicEvent::Message(message, missed)) => {
                 n_printed += 1;
                 n_missed += missed;
-                stdout.write_all(message_text.of(&message, missed)?.as_bytes())?;
+                stdout.write_all(message_text.format(&message, missed)?.as_bytes())?;
                 // A reader of a pipe gets each message as it arrives.
                 stdout.flush()?;
             }

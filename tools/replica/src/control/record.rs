@@ -52,7 +52,7 @@ impl Args {
     fn run_and_file(&self) -> Result<(RunArgument, &Path), UsageError> {
         match self.paths.as_slice() {
             [file] => Ok((self.run.clone(), file)),
-            [output, file] if self.run.is_default() => Ok((RunArgument::of(output), file)),
+            [output, file] if self.run.is_default() => Ok((RunArgument::from_output(output), file)),
             [output, _] => {
                 Err(UsageError(format!("{} and --run both select the run: give one of them", output.display())))
             }

@@ -64,7 +64,7 @@ fn show(run: &Run, heartbeats: &Heartbeats, args: &Args, shown_lines: usize) -> 
         stdout.flush()?;
         return Ok(0);
     }
-    let screen = Screen::of(&stdout).filter(|_| args.watch);
+    let screen = Screen::from_output(&stdout).filter(|_| args.watch);
     let text = match screen {
         Some(screen) => fitting(&block(&metrics, screen.columns), screen),
         None => block(&metrics, usize::MAX),

@@ -67,11 +67,11 @@ impl FromStr for Tolerance {
 /// Compares the recordings and prints the result.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let is_fine = if is_recording(&args.a) {
-        let compared = Comparison::of(args)?;
+        let compared = Comparison::from_args(args)?;
         args.answer.print(&compared, || compared.text())?;
         compared.is_equal && compared.is_complete
     } else {
-        let compared = ClassComparison::of(args)?;
+        let compared = ClassComparison::from_args(args)?;
         args.answer.print(&compared, || compared.text())?;
         compared.is_equal
     };
@@ -111,7 +111,7 @@ enum TopicResult {
 const FILES: [&str; 2] = ["a", "b"];
 
 impl Comparison {
-    fn of(args: &Args) -> anyhow::Result<Self> {
+    fn from_args(args: &Args) -> anyhow::Result<Self> {
         let Some(b) = &args.b else {
             return Err(UsageError("a recording needs a second one to be compared with".to_owned()).into());
         };
@@ -233,7 +233,7 @@ fn compare_topic(args: &Args, paths: [&PathBuf; 2], topic: &RecordedTopic) -> an
     let mut files = [open(paths[0])?, open(paths[1])?];
     let mut compared = TopicComparison::default();
     let tolerance = |field: &str| args.tolerances.iter().find(|t| t.field == field).map_or(0.0, |t| t.value);
-    let rules = FieldRule::of_table(&topic.table, tolerance);
+    let rules = FieldRule::from_table(&topic.table, tolerance);
     loop {
         let only_in = match [files[0].envelope, files[1].envelope] {
             [None, None] => {

@@ -97,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     if args.path.extension().is_some_and(|extension| extension == "mcap") {
-        let recording = RecordingFacts::of(&args.path)?;
+        let recording = RecordingFacts::read(&args.path)?;
         args.answer.print(&recording, || recording.table())?;
         return Ok(if recording.complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
     }
@@ -112,7 +112,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let files = cloud_files(&args.path)?;
     let summary = summarize(&files, args.by.as_ref(), args.band_nm)?;
-    let result = ResultFacts::of(&args.path, summary.facts());
+    let result = ResultFacts::new(&args.path, summary.facts());
     args.answer.print(&result, || result.text())?;
     if let (Some(request), Some(picture)) = (&args.bev, &args.picture) {
         let line = render_bev(&files, &summary, request, args.background, picture)
@@ -146,12 +146,12 @@ struct ResultFacts {
 }
 
 impl ResultFacts {
-    fn of(path: &Path, clouds: CloudFacts) -> Self {
+    fn new(path: &Path, clouds: CloudFacts) -> Self {
         Self {
             path: path.display().to_string(),
             clouds,
             georeference: georeference::load(path),
-            doubts: StageDoubt::of(&Summary::load(path).unwrap_or_default()),
+            doubts: StageDoubt::from_summary(&Summary::load(path).unwrap_or_default()),
         }
     }
 

@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         write(args.out.as_deref().unwrap_or(&run.folder), REPORT_FILES, &page, &facts)?;
         args.answer.print(&facts, String::new)?;
     } else {
-        let comparison = Comparison { version: 1, runs: runs.iter().map(ComparedRun::of).collect() };
+        let comparison = Comparison { version: 1, runs: runs.iter().map(ComparedRun::from_run).collect() };
         let out = args.out.as_deref().unwrap_or(Path::new("."));
         write(out, ["comparison.html", "comparison.json"], &comparison.page(), &comparison)?;
         args.answer.print(&comparison, String::new)?;
@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 /// Page and facts of a run.
 fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
-    let material = Material::of(run)?;
+    let material = Material::from_run(run)?;
     let fixes = material.drive_report.as_ref().map(|report| report.fixes.as_slice()).unwrap_or_default();
     let survey = material.survey.as_ref();
     let summary = &run.summary;
@@ -85,18 +85,18 @@ fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
         replica_version: env!("CARGO_PKG_VERSION"),
         run: run.folder.clone(),
         outcome: summary.outcome,
-        verdict: Verdict::of(run),
-        input: run.drive().zip(material.drive_report.as_ref()).map(|(drive, report)| Input::of(drive, report)),
-        path: Place::of(run, material.drive.as_ref(), fixes),
+        verdict: Verdict::from_run(run),
+        input: run.drive().zip(material.drive_report.as_ref()).map(|(drive, report)| Input::from_report(drive, report)),
+        path: Place::from_run(run, material.drive.as_ref(), fixes),
         georeference: run.georeference.clone(),
-        points: Points::of(run, survey.and_then(|survey| survey.area_m2)),
+        points: Points::from_run(run, survey.and_then(|survey| survey.area_m2)),
         bands: material.bands.as_ref().map(|bands| bands.bands.clone()).unwrap_or_default(),
         diagnosis: material.bands.as_ref().map(|bands| bands.diagnosis.clone()).unwrap_or_default(),
-        objects: survey.iter().flat_map(|survey| &survey.objects).map(ObjectFacts::of).collect(),
+        objects: survey.iter().flat_map(|survey| &survey.objects).map(ObjectFacts::from_summary).collect(),
         n_objects: survey.map_or(0, |survey| survey.objects.len()),
         colored_by: survey.map(|survey| uncertain::camera_shares(survey, material.drive.as_ref())).unwrap_or_default(),
         losses: uncertain::losses(run),
-        doubts: StageDoubt::of(summary),
+        doubts: StageDoubt::from_summary(summary),
         notes: summary
             .stages
             .iter()
@@ -105,8 +105,8 @@ fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
             .collect(),
         faults: summary.faults.clone(),
         total: summary.total.clone(),
-        stages: StageCosts::of(run),
-        settings: Settings::of(run),
+        stages: StageCosts::from_run(run),
+        settings: Settings::from_run(run),
     };
     Ok((sections::page(run, &facts, &material), facts))
 }

@@ -216,7 +216,7 @@ impl Player<'_> {
     }
 
     fn play_round(&mut self, files: &[PathBuf]) -> anyhow::Result<()> {
-        let mut others = AuxiliarySensors::of(self.drive, self.targets)?;
+        let mut others = AuxiliarySensors::from_drive(self.drive, self.targets)?;
         let mut first = None;
         let mut at = Duration::ZERO;
         let mut last_gap = Duration::ZERO;

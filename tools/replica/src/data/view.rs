@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let server = bind(args)?;
     let stop = StopFlag::register(run::exit::DONE)?;
     if args.live {
-        let live = LiveSite::of(&args.path)?;
+        let live = LiveSite::new(&args.path)?;
         announce(&server)?;
         if live.serve(&server, &stop)? {
             // The page has requested the final cloud. It waits for the answer while the octree is made.
@@ -161,7 +161,7 @@ fn add_run(args: &Args, site: &mut Site) -> anyhow::Result<()> {
     let summary = Summary::load(&args.path).context("the run is not finished")?;
     let run = RunFolder::open(&args.path)?;
     let frame = utm_or_local(&run, &summary)?;
-    let CachedCloud { cloud, objects } = CachedCloud::of(&run, &frame, args.bands)?;
+    let CachedCloud { cloud, objects } = CachedCloud::open_or_create(&run, &frame, args.bands)?;
     site.add(COPC_FILE, Content::File(cloud));
     let folder = args.path.canonicalize().with_context(|| args.path.display().to_string())?;
     let mut scene = Scene::new(title(&folder));

@@ -207,9 +207,9 @@ impl Submap {
             header: &self.header,
             points: &self.points,
             columns: &[
-                ReceivedColumn::of::<ColorTopic>(column("color"), &colors),
-                ReceivedColumn::of::<ClassTopic>(column("class"), &classes),
-                ReceivedColumn::of::<InstanceTopic>(column("instance"), &instances),
+                ReceivedColumn::new::<ColorTopic>(column("color"), &colors),
+                ReceivedColumn::new::<ClassTopic>(column("class"), &classes),
+                ReceivedColumn::new::<InstanceTopic>(column("instance"), &instances),
             ],
             spectra: None,
             lost: &[],

@@ -11,7 +11,7 @@ fn list_has_a_line_for_each_instance() {
     let drive = folder.path().join("drive");
     let run = folder.path().join("run");
     succeeded(&replica(&["simulate", "--seed", "1", "--seconds", "0.3", "--out", text(&drive)]));
-    let returns = Returns::of(&drive);
+    let returns = Returns::read(&drive);
     returns.write(&run.join("clouds/00000.ply"));
     let objects = replica(&["instances", text(&run)]);
     assert!(objects.status.success(), "{}", printed(&objects));

@@ -9,7 +9,7 @@ pub struct Returns(pub Vec<(f64, u8, u8, i32)>);
 
 impl Returns {
     /// The returns of a drive with labels.
-    pub fn of(drive: &Path) -> Self {
+    pub fn read(drive: &Path) -> Self {
         let drive = Drive::open(drive).expect("opens");
         let labels = drive.true_labels().expect("has labels");
         let mut source = drive.sweeps().expect("opens");

@@ -26,7 +26,7 @@ pub struct Spread {
 
 impl Series {
     /// A series without runs.
-    pub fn of(configuration: Configuration) -> Self {
+    pub fn new(configuration: Configuration) -> Self {
         Self { configuration, runs: Vec::new() }
     }
     /// Median and range of a value over the runs.
@@ -50,7 +50,7 @@ mod tests {
     #[test]
     fn spread_has_median_and_range_of_the_runs() {
         let run = |cpu_s: f64| Summary { total: Total { cpu_s, ..Total::default() }, ..Summary::default() };
-        let mut series = Series::of(Configuration { cores: 2 });
+        let mut series = Series::new(Configuration { cores: 2 });
         assert_eq!(series.median(|run| run.total.cpu_s), 0.0);
         series.runs = [5.0, 1.0, 3.0].map(run).to_vec();
         assert_eq!(series.spread(|run| run.total.cpu_s), Spread { median: 3.0, min: 1.0, max: 5.0 });

@@ -28,7 +28,7 @@ const SHARE: &str = "share of the full scale, not a reflectance: no white refere
 
 impl CameraSetup {
     /// The camera of a drive, and its frames.
-    pub fn of_drive(folder: &Path, args: &Args) -> anyhow::Result<(Self, Vec<PathBuf>)> {
+    pub fn from_drive(folder: &Path, args: &Args) -> anyhow::Result<(Self, Vec<PathBuf>)> {
         let drive = Drive::open(folder)?;
         let mosaics = &drive.manifest().mosaics;
         let index = match &args.camera {
@@ -54,7 +54,7 @@ impl CameraSetup {
     }
 
     /// The camera of a single frame, with the references from the arguments.
-    pub fn of_frame(frame: &RawMosaic, args: &Args) -> anyhow::Result<Self> {
+    pub fn from_frame(frame: &RawMosaic, args: &Args) -> anyhow::Result<Self> {
         let sensor = args.sensor.as_deref().map(crate::sensor_calibration::read).transpose()?;
         let size = [frame.width, frame.height];
         let (pattern, area) = match &sensor {

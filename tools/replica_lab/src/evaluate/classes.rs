@@ -137,7 +137,7 @@ enum Format {
 
 /// Runs the command. Scores go to stdout, diagnostics to stderr.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let empty = if args.ground { Tally::of_ground() } else { Tally::new() };
+    let empty = if args.ground { Tally::ground_only() } else { Tally::new() };
     let mut sources = Vec::new();
     if let (Some(truth), Some(prediction)) = (&args.truth, &args.prediction) {
         sources = label_files::sources(truth, prediction, &empty)?;

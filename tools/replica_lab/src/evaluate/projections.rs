@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut text = String::new();
     let mut facts = Vec::new();
     for (name, sweeps) in &sets {
-        let losses: Vec<Losses> = SIZES.iter().map(|size| Losses::of(*size, sweeps)).collect();
+        let losses: Vec<Losses> = SIZES.iter().map(|size| Losses::measure(*size, sweeps)).collect();
         text += &table(&format!("{name}, {} sweeps", sweeps.len()), &losses);
         facts.push(json!({"name": name, "sweeps": sweeps.len(), "sizes": facts_of(&losses)}));
         charts.extend(figures(name, &losses));
@@ -97,7 +97,7 @@ fn town_sweeps(args: &Args) -> anyhow::Result<Vec<LabelledSweep>> {
 }
 
 impl Losses {
-    fn of([rows, columns]: [usize; 2], sweeps: &[LabelledSweep]) -> Self {
+    fn measure([rows, columns]: [usize; 2], sweeps: &[LabelledSweep]) -> Self {
         let grid = SphericalGrid { rows, columns, ..semantic_kitti::GRID };
         let share = 1.0 / sweeps.len() as f64;
         let mut losses =

@@ -73,8 +73,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Some(truth) = &drive.manifest().truth else {
         bail!("{}: the drive has no ground truth: {MANIFEST_FILE} has no [truth]", args.truth.display())
     };
-    let points = if truth.labels.is_some() { Some(scored(args, TrueLabels::of_drive(drive.clone())?)?) } else { None };
-    let poses = errors::PoseScores::of(&drive, &args.run)?;
+    let points =
+        if truth.labels.is_some() { Some(scored(args, TrueLabels::from_drive(drive.clone())?)?) } else { None };
+    let poses = errors::PoseScores::from_run(&drive, &args.run)?;
     finish(args, points, poses)
 }
 

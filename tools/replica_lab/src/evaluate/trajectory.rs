@@ -216,7 +216,7 @@ fn write(out: &Path, report: &Report, args: &Args) -> anyhow::Result<()> {
     write("segments.csv", report.segments_csv())?;
     write("trajectory.svg", error_charts::map(report))?;
     write("errors.svg", error_charts::errors(report))?;
-    if let Some(costs) = CostHistory::of_run(&args.estimate)? {
+    if let Some(costs) = CostHistory::read(&args.estimate)? {
         write("costs.svg", costs.svg())?;
     }
     let Some(format) = args.write else { return Ok(()) };

@@ -59,7 +59,7 @@ impl PriorRecipe {
         let mut groups = Vec::new();
         for group in &self.group {
             let options = Options { intensity: group.intensity, refinement: Refinement::NONE, ..Options::default() };
-            let fused = Fused::of_models(first, second, fusion, &options)?;
+            let fused = Fused::read(first, second, fusion, &options)?;
             groups.push(group.means(&fused)?);
             classes = fused.classes().to_vec();
         }

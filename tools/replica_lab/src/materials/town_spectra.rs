@@ -69,7 +69,7 @@ impl TownArgs {
                 let mut n_spectra = 0;
                 for submap in drive.submaps_in(&simulation, self.submaps, self.sweeps, 1, Mount::Rig)? {
                     let found = cameras.spectra(&simulation, &submap.header, &submap.points, color_lines.as_ref())?;
-                    let (points, spectra) = Spectra::of_column(&found.header, &found.rows)
+                    let (points, spectra) = Spectra::from_column(&found.header, &found.rows)
                         .context("a column of spectra does not fit its header")?;
                     let shown: Vec<usize> = points.iter().map(|point| *point as usize).collect();
                     let surfaces = true_surfaces(&simulation, &submap.header, &submap.points, &shown);

@@ -16,7 +16,7 @@ pub struct CameraNeeds {
 
 impl CameraNeeds {
     /// Needs of a network on images.
-    pub fn of_images(features: &Features) -> Self {
+    pub fn for_images(features: &Features) -> Self {
         let mut needs = Self::default();
         for feature in features.as_slice() {
             match feature.camera_band() {
@@ -31,7 +31,7 @@ impl CameraNeeds {
         needs
     }
     /// Needs of a network on points.
-    pub fn of_points(features: &[PointFeature]) -> Self {
+    pub fn for_points(features: &[PointFeature]) -> Self {
         let color = features.contains(&PointFeature::ColorHeight).then(|| "color_height".to_owned());
         Self { color, bands: Vec::new() }
     }
@@ -76,10 +76,10 @@ mod tests {
         let features: Vec<_> = ["valid", "green", "has_color", "has_band_650", "band_650", "band_800"]
             .map(|name| name.to_owned().try_into().expect("a feature"))
             .into();
-        let needs = CameraNeeds::of_images(&Features::new(features));
+        let needs = CameraNeeds::for_images(&Features::new(features));
         assert_eq!(needs.color.as_deref(), Some("green"));
         assert_eq!(needs.bands, [(650, "has_band_650".to_owned()), (800, "band_800".to_owned())]);
-        assert_eq!(CameraNeeds::of_images(&Features::default()), CameraNeeds::default());
+        assert_eq!(CameraNeeds::for_images(&Features::default()), CameraNeeds::default());
         let mut header = SpectraHeader { n_bands: 2, ..SpectraHeader::default() };
         header.wavelengths_nm[..3].copy_from_slice(&[660.0, 780.0, 900.0]);
         assert_eq!(needs.without_band(&header), None);

@@ -17,8 +17,8 @@ impl IdealCameras {
         let mut wavelengths_nm = needs.wavelengths_nm();
         wavelengths_nm.truncate(MAX_BANDS);
         Self {
-            color: needs.color.as_ref().map(|_| IdealCamera::of_color()),
-            bands: (!wavelengths_nm.is_empty()).then(|| IdealCamera::of_bands(&wavelengths_nm)),
+            color: needs.color.as_ref().map(|_| IdealCamera::color()),
+            bands: (!wavelengths_nm.is_empty()).then(|| IdealCamera::with_bands(&wavelengths_nm)),
             wavelengths_nm,
         }
     }
@@ -90,13 +90,13 @@ mod tests {
         let values = |camera: IdealCamera| camera.values(&simulation, &submap.header, &submap.points, &shown);
         let colors = columns.colors.expect("colors");
         let spectra = columns.spectra.expect("spectra");
-        let of_color = values(IdealCamera::of_color());
+        let of_color = values(IdealCamera::color());
         for (row, values) in colors.iter().zip(of_color.chunks_exact(3)) {
             assert_eq!(row.camera == UNSEEN, values[0].is_nan());
             assert!(values[0].is_nan() || (f32::from(row.g) / 255.0 - values[1]).abs() < 0.002, "{row:?} {values:?}");
         }
         let view = SpectraView::new(&spectra.0, &spectra.1).expect("rows that fit the header");
-        let of_bands = values(IdealCamera::of_bands(&[550, 800]));
+        let of_bands = values(IdealCamera::with_bands(&[550, 800]));
         let mut n_seen = 0;
         for (point, values) in of_bands.chunks_exact(2).enumerate() {
             match view.spectrum(point) {

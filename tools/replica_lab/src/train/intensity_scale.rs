@@ -17,7 +17,7 @@ pub enum IntensityScale {
 impl IntensityScale {
     /// Scale of a recording; `ground` has the intensities of the sources before it. Classes are predicted for drives of other
     /// sensors.
-    pub fn of(source: &RecordingSource, ground: &GroundHistogram) -> Self {
+    pub fn for_source(source: &RecordingSource, ground: &GroundHistogram) -> Self {
         match source.predicted_above {
             Some(_) => Self::Foreign(ground.quantiles()),
             None => Self::Own,
@@ -48,15 +48,15 @@ mod tests {
         };
         let mut ground = GroundHistogram::default();
         ground.add((0..5000).map(|i| (8 + (i % 9) as u8, 0.0)));
-        assert_eq!(IntensityScale::of(&source(None), &ground), IntensityScale::Own);
-        let scale = IntensityScale::of(&source(Some(0.9)), &ground);
+        assert_eq!(IntensityScale::for_source(&source(None), &ground), IntensityScale::Own);
+        let scale = IntensityScale::for_source(&source(Some(0.9)), &ground);
         assert_eq!(scale, IntensityScale::Foreign(ground.quantiles()));
         // Five times as bright.
         let point = |i: usize| SubmapPoint { intensity: 40 + 5 * (i % 9) as u8, ..SubmapPoint::default() };
         let points: Vec<SubmapPoint> = (0..5000).map(point).collect();
         let heights_m = vec![0.0; points.len()];
         let map = scale.map(&points, &heights_m);
-        assert_eq!([40, 60, 80].map(|intensity| map.of_intensity(0, intensity)), [8, 12, 16]);
+        assert_eq!([40, 60, 80].map(|intensity| map.apply(0, intensity)), [8, 12, 16]);
         assert_eq!(IntensityScale::Own.map(&points, &heights_m), IntensityMap::Unchanged);
     }
 }

@@ -53,8 +53,8 @@ impl PointDataset {
             counts: vec![0; settings.classes.len()],
             ground: GroundHistogram::default(),
             outputs: ClassId::ALL.iter().map(|class| output(class).map_or(UNKNOWN, |output| output as u8)).collect(),
-            needs: CameraNeeds::of_points(&settings.features),
-            removed_classes: RemovedClasses::of_names(&recipe.data.removed_classes, &settings.classes)?,
+            needs: CameraNeeds::for_points(&settings.features),
+            removed_classes: RemovedClasses::from_names(&recipe.data.removed_classes, &settings.classes)?,
             augmentation: recipe.augmentation.clone(),
             without_intensity: recipe.data.without_intensity,
             n_spheres: if validation { recipe.spheres.validation } else { recipe.spheres.epoch },
@@ -111,7 +111,8 @@ fn cells_of(
     let colors = whole.colors.map(|colors| removed_classes.kept(colors, classes));
     let kept_classes = removed_classes.kept(classes, classes);
     let input = ModelInput { points: &points, colors: colors.as_deref(), spectra: None, ..*whole };
-    let (cloud, grid) = CellCloud::of(&input, &heights_m, &scale.map(whole.points, &of_all_m), settings.cell_m)?;
+    let (cloud, grid) =
+        CellCloud::from_input(&input, &heights_m, &scale.map(whole.points, &of_all_m), settings.cell_m)?;
     let kept_outputs: Vec<u8> = kept_classes.iter().map(|class| outputs[usize::from(*class)]).collect();
     let truth = classes_of_cells(&grid, &kept_outputs);
     let mut ground = GroundHistogram::default();
@@ -133,7 +134,7 @@ impl TrainingData for PointDataset {
 
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
         let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
-        let scale = IntensityScale::of(source, &self.ground);
+        let scale = IntensityScale::for_source(source, &self.ground);
         let mut n_submaps = 0;
         let mut n_labeled = 0;
         while let Some(submap) = recording.next()? {
@@ -192,7 +193,7 @@ impl Dataset<PointExample> for PointDataset {
                 Some(submap.sphere(center, self.settings.spheres.radius_m))
             }
             (None, Some(random)) => self.training_sphere(index, random),
-            (None, None) => self.training_sphere(index, &mut Random::of_stream(0, index as u64)),
+            (None, None) => self.training_sphere(index, &mut Random::for_stream(0, index as u64)),
         };
         let Some(ClassifiedCells { cloud, truth }) = sphere else {
             return PointExample { positions: Vec::new(), features: Vec::new(), truth: Vec::new() };

@@ -109,7 +109,7 @@ impl Recipe {
         if let Some(problem) = self.augmentation.problem() {
             anyhow::bail!("[augmentation] {problem}");
         }
-        let needs = CameraNeeds::of_images(&self.model.features);
+        let needs = CameraNeeds::for_images(&self.model.features);
         let beyond = needs.bands.iter().find(|(nm, _)| !BANDS_NM.contains(nm) && !self.data.towns.is_empty());
         if let Some((_, feature)) = beyond {
             let [first, last] = [BANDS_NM.start(), BANDS_NM.end()];

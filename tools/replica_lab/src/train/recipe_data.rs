@@ -136,7 +136,7 @@ pub fn check_data_and_training(data: &Data, train: &TrainSettings, classes: &[St
     if let Some(problem) = train.problem() {
         anyhow::bail!("[train] {problem}");
     }
-    RemovedClasses::of_names(&data.removed_classes, classes)?;
+    RemovedClasses::from_names(&data.removed_classes, classes)?;
     data.check()
 }
 

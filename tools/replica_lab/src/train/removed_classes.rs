@@ -9,7 +9,7 @@ pub struct RemovedClasses(Vec<ClassId>);
 
 impl RemovedClasses {
     /// The classes of these names, which the model must not have.
-    pub fn of_names(names: &[String], of_model: &[String]) -> anyhow::Result<Self> {
+    pub fn from_names(names: &[String], of_model: &[String]) -> anyhow::Result<Self> {
         let class = |name: &String| {
             ensure!(
                 !of_model.contains(name),
@@ -50,7 +50,7 @@ mod tests {
     #[test]
     fn points_of_removed_classes_join_those_removed_before() {
         let names = ["road".to_owned(), "unlabeled".to_owned()];
-        let removed = RemovedClasses::of_names(&names, &["pole".to_owned()]).expect("known names");
+        let removed = RemovedClasses::from_names(&names, &["pole".to_owned()]).expect("known names");
         let classes = [ClassId::Pole, ClassId::Road, ClassId::Unlabeled, ClassId::Wall].map(|class| class as u8);
         assert!(removed.has_ground());
         assert_eq!(removed.with_points(None, &classes), Some(vec![false, true, true, false]));

@@ -61,8 +61,8 @@ impl SweepDataset {
             counts: vec![0; settings.classes.len()],
             ground: GroundHistogram::default(),
             ground_intensities: None,
-            needs: CameraNeeds::of_images(&settings.features),
-            removed_classes: RemovedClasses::of_names(&recipe.data.removed_classes, &settings.classes)?,
+            needs: CameraNeeds::for_images(&settings.features),
+            removed_classes: RemovedClasses::from_names(&recipe.data.removed_classes, &settings.classes)?,
             augmentation: recipe.augmentation,
             without_intensity: recipe.data.without_intensity,
             has_sparse_views: recipe.train.consistency > 0.0,
@@ -141,7 +141,7 @@ impl TrainingData for SweepDataset {
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
         let first = self.file.len();
         let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
-        let scale = IntensityScale::of(source, &self.ground);
+        let scale = IntensityScale::for_source(source, &self.ground);
         let mut n_sweeps = 0;
         let mut n_labeled = 0;
         while let Some(submap) = recording.next()? {

@@ -23,7 +23,7 @@ fn true_labels_score_100_and_errors_are_reported() {
     let drive = folder.path().join("drive");
     let run = folder.path().join("run");
     simulate(&DriveSpec::urban(1, 0.3), &drive);
-    let mut returns = Returns::of(&drive);
+    let mut returns = Returns::read(&drive);
     returns.write(&run.join("clouds/00000.ply"));
 
     let evaluate = |run: &Path, more: &[&str]| {

@@ -107,7 +107,7 @@ fn manifest() -> Manifest {
         body_from_camera: PoseEntry::IDENTITY,
         model: model.clone(),
     };
-    let lidar = LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY);
+    let lidar = LidarEntry::from_captures("hdl32e", PoseEntry::IDENTITY);
     Manifest {
         cameras: vec![camera(0), camera(1)],
         mosaics: vec![MosaicEntry {
@@ -134,6 +134,6 @@ fn manifest() -> Manifest {
             antenna_in_body: [0.0; 3],
         }),
         imu: Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None }),
-        ..Manifest::of_lidar("made by hand", lidar)
+        ..Manifest::with_lidar("made by hand", lidar)
     }
 }

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 /// A drive with a LiDAR only.
 pub fn bare_manifest() -> Manifest {
-    Manifest::of_lidar("test", LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY))
+    Manifest::with_lidar("test", LidarEntry::from_captures("hdl32e", PoseEntry::IDENTITY))
 }
 
 pub fn camera(name: &str, body_from_camera: Pose, model: CameraModel) -> CameraEntry {

@@ -60,7 +60,7 @@ impl AuxiliarySources {
             problems.push(LiveError::NoFolder(folder.clone()));
         }
         if cameras.is_some() && has_cameras {
-            problems.extend(CameraRig::of_live(rig).err().map(LiveError::from));
+            problems.extend(CameraRig::from_live(rig).err().map(LiveError::from));
         }
         let mut address = |key: &'static str, text: &str| {
             let parsed = (!text.is_empty()).then(|| text.parse::<LineAddress>())?;

@@ -35,7 +35,7 @@ pub(super) fn is_bag(folder: &Path) -> bool {
 /// Bags of ROS 1 in a folder, by name.
 fn ros1_files(folder: &Path) -> Vec<PathBuf> {
     let found = files_of(folder, ".bag").unwrap_or_default().into_iter().map(|(_, path)| path);
-    found.filter(|path| matches!(Kind::of_file(path), Ok(Some(Kind::Ros1)))).collect()
+    found.filter(|path| matches!(Kind::from_file(path), Ok(Some(Kind::Ros1)))).collect()
 }
 
 /// The files of a bag.

@@ -127,7 +127,7 @@ impl Mcap {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
         let mut at = MAGIC.len() as u64;
         file.seek(SeekFrom::Start(at)).at(&self.path)?;
-        let content_limit = ContentLimit::of_file(self.end);
+        let content_limit = ContentLimit::for_file(self.end);
         let mut pass = Pass { path: &self.path, at, index, wanted, each, content_limit, bytes: Vec::new() };
         while at < self.end {
             let (kind, length) = self.head(&mut file, at)?;

@@ -88,7 +88,7 @@ impl Ros1 {
             match header.kind() {
                 Some(CONNECTION) => {
                     let connection = header.u32("conn").at_byte(&path, at)?;
-                    let fields = Header::of_bytes(&data).at_byte(&path, at)?;
+                    let fields = Header::from_bytes(&data).at_byte(&path, at)?;
                     let topic = header.text("topic");
                     let kind = fields.text("type");
                     let index =
@@ -189,7 +189,7 @@ impl Container for Ros1 {
 
     fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
-        let mut content_limit = ContentLimit::of_file(file.get_ref().metadata().at(&self.path)?.len());
+        let mut content_limit = ContentLimit::for_file(file.get_ref().metadata().at(&self.path)?.len());
         let mut end = 0;
         for at in &self.chunks {
             // Nested chunks would make the time grow with the square of the file size.

@@ -26,26 +26,26 @@ pub(super) struct Sqlite {
 
 impl Sqlite {
     pub fn open(path: &Path) -> Result<Self, ImportError> {
-        let database = Database::open(path).map_err(ImportError::of_database)?;
+        let database = Database::open(path).map_err(ImportError::from_sqlite)?;
         let mut topics = Topics::default();
         let mut ids = BTreeMap::new();
         let mut rows = table(&database, path, "topics")?;
-        while let Some(mut row) = rows.next_row().map_err(ImportError::of_database)? {
-            rows.load(&mut row).map_err(ImportError::of_database)?;
+        while let Some(mut row) = rows.next_row().map_err(ImportError::from_sqlite)? {
+            rows.load(&mut row).map_err(ImportError::from_sqlite)?;
             let text = |column| match row.value(column) {
                 Ok(Some(Value::Text(text))) => Ok(String::from_utf8_lossy(text).into_owned()),
                 Ok(value) => {
                     let rule = format!("column {column} is {value:?}; must be text");
                     Err(ImportError::at_part(path, &format!("row {} of topics", row.id()), rule))
                 }
-                Err(error) => Err(ImportError::of_database(error)),
+                Err(error) => Err(ImportError::from_sqlite(error)),
             };
             let encoding = (text(FORMAT)? == "cdr").then_some(Encoding::Cdr);
             ids.insert(row.id(), topics.add(&text(NAME)?, &text(TYPE)?, encoding));
         }
         let mut found = Self { path: path.to_owned(), topics, ids };
         let mut rows = table(&database, path, "messages")?;
-        while let Some(row) = rows.next_row().map_err(ImportError::of_database)? {
+        while let Some(row) = rows.next_row().map_err(ImportError::from_sqlite)? {
             let topic = found.topic(&row)?;
             found.topics.count(topic, 1);
         }
@@ -58,7 +58,7 @@ impl Sqlite {
     }
 
     fn int(&self, row: &Row<'_>, column: usize) -> Result<i64, ImportError> {
-        match row.value(column).map_err(ImportError::of_database)? {
+        match row.value(column).map_err(ImportError::from_sqlite)? {
             Some(Value::Int(value)) => Ok(value),
             value => Err(self.fault(row, format!("column {column} is {value:?}; must be an integer"))),
         }
@@ -70,7 +70,7 @@ impl Sqlite {
 }
 
 fn table<'a>(database: &'a Database, path: &Path, name: &str) -> Result<Rows<'a>, ImportError> {
-    let rows = database.rows(name).map_err(ImportError::of_database)?;
+    let rows = database.rows(name).map_err(ImportError::from_sqlite)?;
     rows.ok_or_else(|| ImportError::at(path, format!("has no table {name}: it is not a ROS 2 bag")))
 }
 
@@ -80,16 +80,16 @@ impl Container for Sqlite {
     }
 
     fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
-        let database = Database::open(&self.path).map_err(ImportError::of_database)?;
+        let database = Database::open(&self.path).map_err(ImportError::from_sqlite)?;
         let mut rows = table(&database, &self.path, "messages")?;
-        while let Some(mut row) = rows.next_row().map_err(ImportError::of_database)? {
+        while let Some(mut row) = rows.next_row().map_err(ImportError::from_sqlite)? {
             let topic = self.topic(&row)?;
             if !wanted[topic].get() {
                 continue;
             }
             let received = self.int(&row, TIMESTAMP)?;
-            rows.load(&mut row).map_err(ImportError::of_database)?;
-            match row.value(DATA).map_err(ImportError::of_database)? {
+            rows.load(&mut row).map_err(ImportError::from_sqlite)?;
+            match row.value(DATA).map_err(ImportError::from_sqlite)? {
                 Some(Value::Blob(data)) => each(Message { topic, received, data })?,
                 _ => return Err(self.fault(&row, "the message is not a blob".into())),
             }

@@ -29,7 +29,7 @@ const ENCODINGS: &str = "rgb8, rgba8, bgr8, bgra8, 8UC3, mono8, 8UC1, mono16, yu
 const RAW_ENCODINGS: &str = "mono8, 8UC1, mono16, 16UC1, bayer_rggb8, bayer_bggr8, bayer_gbrg8, bayer_grbg8, bayer_rggb16, \
                              bayer_bggr16, bayer_gbrg16, bayer_grbg16";
 
-pub(super) fn of_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
+pub(super) fn from_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
     // Positions of red, green and blue in a pixel.
     let color = |n_bytes: usize, places: [usize; 3]| {
         let rows = rows(image, n_bytes)?;
@@ -171,16 +171,16 @@ mod tests {
             ("rgba8", &[1, 2, 3, 7]),
             ("bgra8", &[3, 2, 1, 7]),
         ] {
-            assert_eq!(of_image(&image(encoding, [1, 1, 4], data)), Ok(rgb(&[1, 2, 3])), "{encoding}");
+            assert_eq!(from_image(&image(encoding, [1, 1, 4], data)), Ok(rgb(&[1, 2, 3])), "{encoding}");
         }
-        let gray = of_image(&image("mono8", [2, 2, 3], &[1, 2, 0, 3, 4])).expect("converts");
+        let gray = from_image(&image("mono8", [2, 2, 3], &[1, 2, 0, 3, 4])).expect("converts");
         assert_eq!(gray, Pixels::Gray(vec![1, 2, 3, 4].into()));
     }
 
     #[test]
     fn values_of_16_bits_keep_their_full_scale() {
         let data = [0, 0, 0xff, 0xff, 0x00, 0x80, 0x01, 0x01];
-        let gray = |is_big| of_image(&Image { is_big, ..image("mono16", [2, 2, 4], &data) });
+        let gray = |is_big| from_image(&Image { is_big, ..image("mono16", [2, 2, 4], &data) });
         assert_eq!(gray(false), Ok(Pixels::Gray(vec![0, 255, 128, 1].into())));
         assert_eq!(gray(true), Ok(Pixels::Gray(vec![0, 255, 0, 1].into())));
         assert!(is_reduced("mono16") && !is_reduced("mono8"));
@@ -193,12 +193,12 @@ mod tests {
         let uyvy = [128, 16, 128, 235, 90, 81, 240, 81];
         let yuyv = [16, 128, 235, 128, 81, 90, 81, 240];
         for encoding in ["yuv422", "uyvy"] {
-            assert_eq!(of_image(&image(encoding, [4, 1, 8], &uyvy)), expected, "{encoding}");
+            assert_eq!(from_image(&image(encoding, [4, 1, 8], &uyvy)), expected, "{encoding}");
         }
         for encoding in ["yuv422_yuy2", "yuyv"] {
-            assert_eq!(of_image(&image(encoding, [2, 2, 4], &yuyv)), expected, "{encoding}");
+            assert_eq!(from_image(&image(encoding, [2, 2, 4], &yuyv)), expected, "{encoding}");
         }
-        let error = of_image(&image("yuyv", [3, 1, 6], &[0; 6])).expect_err("has no pairs");
+        let error = from_image(&image("yuyv", [3, 1, 6], &[0; 6])).expect_err("has no pairs");
         assert!(error.contains("3 pixels in a row"), "{error}");
     }
 
@@ -212,7 +212,7 @@ mod tests {
         ] {
             let [a, b, c, d] = cells;
             let data: Vec<u8> = (0..3).flat_map(|_| [[a, b].repeat(4), [c, d].repeat(4)].concat()).collect();
-            let pixels = of_image(&image(encoding, [8, 6, 8], &data)).expect("converts");
+            let pixels = from_image(&image(encoding, [8, 6, 8], &data)).expect("converts");
             assert!(
                 pixels.len() == 144 && pixels.chunks(3).all(|pixel| pixel == [10, 20, 30]),
                 "{encoding}: {pixels:?}"
@@ -230,7 +230,7 @@ mod tests {
             ("16UC1", [2, 2, 4], "encoding \"16UC1\" must be one of rgb8"),
             ("bayer_rggb8", [3, 2, 3], "complete cells"),
         ] {
-            let error = of_image(&image(encoding, size, &[0; 11])).expect_err(rule);
+            let error = from_image(&image(encoding, size, &[0; 11])).expect_err(rule);
             assert!(error.contains(rule), "{error}");
         }
     }

@@ -39,7 +39,7 @@ impl Capture {
         match model {
             Some(model) => Ok(model),
             None => SweepReader::open(vec![self.path.clone()], None).map(|reader| reader.model()).map_err(|error| {
-                ImportError::of_option("--model", format!("the packets do not name a supported LiDAR: {error}"))
+                ImportError::for_option("--model", format!("the packets do not name a supported LiDAR: {error}"))
             }),
         }
     }

@@ -89,7 +89,7 @@ impl Sweeps {
         let form = self
             .waiting
             .iter()
-            .find_map(|cloud| time_range(cloud).and_then(|[a, b]| TimeForm::of_range(a, b, cloud.stamp)));
+            .find_map(|cloud| time_range(cloud).and_then(|[a, b]| TimeForm::from_range(a, b, cloud.stamp)));
         let mut elevations = Elevations::default();
         for point in self.waiting.iter().flat_map(|cloud| &cloud.points) {
             if let Some(ring) = point.ring {
@@ -129,7 +129,7 @@ impl Sweeps {
         let mut n_without = 0;
         for (point, time) in cloud.points.iter().zip(times) {
             let ring = match &decision.rings {
-                Some(rings) => point.ring.and_then(|beam| rings.of(beam)),
+                Some(rings) => point.ring.and_then(|beam| rings.get(beam)),
                 None => Some(0),
             };
             let Some(ring) = ring else {

@@ -208,9 +208,9 @@ fn cut_messages_are_left_out_and_the_next_is_read() {
 
 #[test]
 fn types_are_those_of_sensors() {
-    assert_eq!(LiveSensor::of_type("sensor_msgs/CompressedImage"), Some(LiveSensor::Camera));
-    assert_eq!(LiveSensor::of_type("nebula_msgs/NebulaPackets"), Some(LiveSensor::Packets));
-    assert_eq!(LiveSensor::of_type("sensor_msgs/PointCloud2"), Some(LiveSensor::Clouds));
-    assert_eq!(LiveSensor::of_type("std_msgs/String"), None);
+    assert_eq!(LiveSensor::from_type("sensor_msgs/CompressedImage"), Some(LiveSensor::Camera));
+    assert_eq!(LiveSensor::from_type("nebula_msgs/NebulaPackets"), Some(LiveSensor::Packets));
+    assert_eq!(LiveSensor::from_type("sensor_msgs/PointCloud2"), Some(LiveSensor::Clouds));
+    assert_eq!(LiveSensor::from_type("std_msgs/String"), None);
     assert!(LiveTopic::new("sensor_msgs/PointCloud2", false).is_none());
 }

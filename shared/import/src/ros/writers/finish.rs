@@ -91,7 +91,7 @@ impl Writers<'_> {
         let mut entries = entries.into_iter();
         let first = entries.next().ok_or_else(|| ImportError::at(source, "no LiDAR"))?;
         let mut parts = Parts {
-            manifest: Manifest::of_lidar(&drive_name(source, Kind::Ros), first),
+            manifest: Manifest::with_lidar(&drive_name(source, Kind::Ros), first),
             links: Vec::new(),
             texts,
             report,

@@ -30,7 +30,7 @@ pub struct Pair<T: Message = SweepTopic> {
 }
 
 fn channel_of<T: Message>() -> Channel {
-    Channel::of::<T>(T::TOPIC, "producer.wake", &["consumer.wake".to_owned()])
+    Channel::new::<T>(T::TOPIC, "producer.wake", &["consumer.wake".to_owned()])
 }
 
 pub fn pair(domain: &Domain) -> Pair {

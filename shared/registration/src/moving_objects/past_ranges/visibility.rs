@@ -12,7 +12,7 @@ const TOLERANCE_SHARE: f32 = 0.01;
 /// a pole or the edge of an object.
 const REACH_COLUMNS: usize = 3;
 /// Offsets of those columns from the middle outwards, counted from the leftmost.
-const BESIDE_COLUMNS: [usize; 7] = [3, 2, 4, 1, 5, 0, 6];
+const NEARBY_COLUMNS: [usize; 7] = [3, 2, 4, 1, 5, 0, 6];
 /// Rays compared at once: the rays of a row and one extra, one register of 16 bytes.
 const RAYS: usize = 8;
 /// Mask of the rays that count.
@@ -184,7 +184,7 @@ impl PlacedRanges<'_> {
             n_before += u32::from((range_m > 0.0) & (range_m < range)) & is_counted[at];
         }
         if n_hits > 0 {
-            let in_order = (0..3).flat_map(|number| BESIDE_COLUMNS.map(|beside| number * RAYS + beside));
+            let in_order = (0..3).flat_map(|number| NEARBY_COLUMNS.map(|offset| number * RAYS + offset));
             let first = in_order.into_iter().find(|at| is_hit[*at] == 1);
             return first.map_or(Visibility::Unknown, |at| hit_by(rays[at]));
         }
@@ -278,8 +278,8 @@ mod tests {
         for row in
             [Some(row), row.checked_sub(1), Some(row + 1)].into_iter().flatten().filter(|row| *row < past.slopes.len())
         {
-            for beside in BESIDE_COLUMNS {
-                let stored = past.ranges[row * cols + (col + cols + beside - REACH_COLUMNS) % cols];
+            for offset in NEARBY_COLUMNS {
+                let stored = past.ranges[row * cols + (col + cols + offset - REACH_COLUMNS) % cols];
                 let range_m = f32::from(stored & !DYNAMIC) * UNIT_M;
                 if (range_m - range).abs() < TOLERANCE_M + TOLERANCE_SHARE * range {
                     return if stored & DYNAMIC == 0 { Visibility::Occupied } else { Visibility::Dynamic };

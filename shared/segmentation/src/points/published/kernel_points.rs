@@ -17,7 +17,7 @@ const SETTLED: f64 = 1e-7;
 
 /// Kernel points in a sphere of radius 1. The first is the center.
 pub(super) fn kernel_points(n: usize, seed: u64) -> Vec<[f64; 3]> {
-    let mut random = Random::of_stream(seed, 0);
+    let mut random = Random::for_stream(seed, 0);
     let mut points = vec![[0.0; 3]];
     while points.len() < n {
         let point: [f64; 3] = std::array::from_fn(|_| f64::from(random.range(-1.0, 1.0)));
@@ -50,7 +50,7 @@ pub(super) fn kernel_points(n: usize, seed: u64) -> Vec<[f64; 3]> {
 
 /// The points with a random rotation.
 pub(super) fn turned(points: &[[f64; 3]], seed: u64) -> Vec<[f64; 3]> {
-    let mut random = Random::of_stream(seed, 1);
+    let mut random = Random::for_stream(seed, 1);
     // A random unit quaternion, uniformly distributed.
     let [w, x, y, z] = loop {
         let q: [f64; 4] = std::array::from_fn(|_| f64::from(random.range(-1.0, 1.0)));

@@ -30,7 +30,7 @@ impl WaffleIron {
         plane: &Plane,
     ) -> Result<Tensor, SegmentationError> {
         let y = pass.norm(x, &format!("waffleiron.spatial_mix.{block}.norm"), NONE)?;
-        let lists = (0..plane.points.len()).map(|cell| plane.points.of(cell));
+        let lists = (0..plane.points.len()).map(|cell| plane.points.get(cell));
         let weights: Vec<f32> = lists.flat_map(|points| vec![1.0 / points.len() as f32; points.len()]).collect();
         let means = weighted_sum(&y, &plane.points, Some(&Arc::new(weights)))?;
         let cells = self.convolved(pass, means, block, plane.shape)?;
@@ -51,10 +51,10 @@ fn embedding(pass: &mut Pass<'_>, neighbors: &Lists, features: &Tensor) -> Resul
     // Each neighbor and its point, with weights 1 and -1: a row for each pair, all at once because of the batch
     // statistics.
     let pairs =
-        (0..neighbors.len()).flat_map(|point| neighbors.of(point).iter().map(move |near| [*near, point as u32]));
+        (0..neighbors.len()).flat_map(|point| neighbors.get(point).iter().map(move |near| [*near, point as u32]));
     let pairs = Arc::new(Lists::new(pairs, neighbors.n_rows()));
     let signs = Arc::new([1.0, -1.0].repeat(pairs.len()));
-    let lengths: Vec<usize> = (0..neighbors.len()).map(|point| neighbors.of(point).len()).collect();
+    let lengths: Vec<usize> = (0..neighbors.len()).map(|point| neighbors.get(point).len()).collect();
     let differences = weighted_sum(&x, &pairs, Some(&signs))?;
     let y = pass.norm(&differences, "embed.conv2.0", NONE)?;
     let y = pass.linear_norm(&y, "embed.conv2.1", "embed.conv2.2", RELU)?;

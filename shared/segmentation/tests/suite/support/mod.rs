@@ -30,7 +30,7 @@ pub struct GroundConfusion {
 }
 
 impl GroundConfusion {
-    pub fn of(cloud: &LabeledCloud, classes: &[ClassRow]) -> Self {
+    pub fn new(cloud: &LabeledCloud, classes: &[ClassRow]) -> Self {
         let mut confusion = Self::default();
         for (truth, row) in cloud.is_ground.iter().zip(classes) {
             match (truth, row.class_id == ClassId::Ground as u8) {

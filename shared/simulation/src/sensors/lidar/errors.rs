@@ -80,7 +80,7 @@ impl LidarErrors {
     };
 
     /// Errors of the lasers of a unit, by their number in [`Model::lasers`].
-    pub(super) fn of_lasers(&self, model: Model) -> Vec<LaserError> {
+    pub(super) fn per_laser(&self, model: Model) -> Vec<LaserError> {
         let random = |kind: u64, sigma: f64| {
             let sigmas = gauss(hash(self.unit_seed ^ 0x0011_da12, kind)).clamp(-LARGEST_SIGMAS, LARGEST_SIGMAS);
             f64::from(sigmas) * sigma
@@ -102,7 +102,7 @@ impl LidarErrors {
         if is_perfect {
             return None;
         }
-        let mut lasers: Vec<_> = model.rings().into_iter().zip(self.of_lasers(model)).collect();
+        let mut lasers: Vec<_> = model.rings().into_iter().zip(self.per_laser(model)).collect();
         lasers.sort_by_key(|(ring, _)| *ring);
         let mut text = String::from("ring,elevation_error_deg,range_error_m,intensity_gain\n");
         for (ring, LaserError { elevation_deg, range_m, gain }) in lasers {
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn unit_errors_repeat_with_their_seed_and_differ_between_seeds() {
-        let unit = |unit_seed| LidarErrors { unit_seed, ..LidarErrors::POOR }.of_lasers(Model::Hdl64e);
+        let unit = |unit_seed| LidarErrors { unit_seed, ..LidarErrors::POOR }.per_laser(Model::Hdl64e);
         assert_eq!(unit(7), unit(7));
         assert_ne!(unit(7), unit(8));
         assert_eq!(LidarErrors::NONE.csv(Model::Hdl64e), None);
@@ -157,14 +157,14 @@ mod tests {
     fn unit_errors_have_the_sizes_of_their_grade() {
         let mut signs = [0; 2];
         for unit_seed in 0..40 {
-            let poor = LidarErrors { unit_seed, ..LidarErrors::POOR }.of_lasers(Model::Hdl64e);
+            let poor = LidarErrors { unit_seed, ..LidarErrors::POOR }.per_laser(Model::Hdl64e);
             let (common, ring) = deviation(poor.iter().map(|laser| laser.elevation_deg));
             signs[usize::from(common > 0.0)] += 1;
             assert!((0.06..0.26).contains(&common.abs()), "{common}");
             assert!((0.06..0.13).contains(&ring), "{ring}");
             let (_, range) = deviation(poor.iter().map(|laser| laser.range_m));
             assert!((0.009..0.02).contains(&range), "{range}");
-            let typical = LidarErrors { unit_seed, ..LidarErrors::TYPICAL }.of_lasers(Model::Hdl32e);
+            let typical = LidarErrors { unit_seed, ..LidarErrors::TYPICAL }.per_laser(Model::Hdl32e);
             assert_eq!(typical.len(), 32);
             assert!(typical.iter().all(|laser| laser.elevation_deg.abs() <= 0.1 && laser.range_m.abs() <= 0.02));
         }

@@ -86,7 +86,7 @@ impl<'a> Lidar<'a> {
         seed: u64,
         step: u32,
     ) -> Self {
-        let errors = errors.of_lasers(model.model);
+        let errors = errors.per_laser(model.model);
         let beams = Beams::new(&model, &errors);
         let receiver = Receiver::new(&model, &errors);
         Self { scene, motion, model, beams, receiver, body_from_lidar, seed, step: step.max(1) }
@@ -222,9 +222,10 @@ impl<'a> Lidar<'a> {
         let slot = &self.beams.slots[number];
         let neighbor = |other: Option<usize>| other.and_then(|other| shots[other].as_ref());
         // If the neighbor is in another packet, its hit is unknown and the side is traced.
-        let beside = slot.beside.map(|other| neighbor(other).is_none_or(|other| shot.jumps_to(other, JUMP_SHARES[0])));
+        let row_neighbors =
+            slot.row_neighbors.map(|other| neighbor(other).is_none_or(|other| shot.jumps_to(other, JUMP_SHARES[0])));
         let above = slot.above.map(|other| neighbor(other).is_some_and(|other| shot.jumps_to(other, JUMP_SHARES[1])));
-        [beside[0], beside[1], above[0], above[1]]
+        [row_neighbors[0], row_neighbors[1], above[0], above[1]]
     }
 
     /// Side rays of a beam.

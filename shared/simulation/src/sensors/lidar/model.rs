@@ -32,7 +32,7 @@ impl LidarModel {
     pub const HDL64E: Self = Self { model: Model::Hdl64e, encoder_sigma: 0.0, optics: Optics::HDL64E, ..Self::HDL32E };
 
     /// Parameters of a model.
-    pub const fn of(model: Model) -> Self {
+    pub const fn for_model(model: Model) -> Self {
         match model {
             Model::Hdl32e => Self::HDL32E,
             Model::Vlp16 => Self::VLP16,
@@ -63,7 +63,7 @@ pub struct Slot {
     /// Time of its firing, ns after the stamp of the packet.
     pub firing_nanos: u32,
     /// Slots of the same laser one round earlier and later; `None` if that round is in another packet.
-    pub beside: [Option<usize>; 2],
+    pub row_neighbors: [Option<usize>; 2],
     /// Slots of the same round one ring lower and higher; `None` at the edge of the fan.
     pub above: [Option<usize>; 2],
 }
@@ -104,7 +104,7 @@ pub fn slots(model: Model) -> Vec<Slot> {
                 laser,
                 block_nanos: model.firing_nanos(block, 0),
                 firing_nanos: model.firing_nanos(block, in_block),
-                beside: [number.checked_sub(1).and_then(at_round), at_round(number + 1)],
+                row_neighbors: [number.checked_sub(1).and_then(at_round), at_round(number + 1)],
                 above: [at_ring(rings[laser].checked_sub(1)), at_ring(Some(rings[laser] + 1))],
             }
         })
@@ -130,8 +130,8 @@ mod tests {
             let mut n_beside = 0;
             for (number, slot) in slots.iter().enumerate() {
                 for side in 0..2 {
-                    if let Some(other) = slot.beside[side] {
-                        assert_eq!(slots[other].beside[1 - side], Some(number));
+                    if let Some(other) = slot.row_neighbors[side] {
+                        assert_eq!(slots[other].row_neighbors[1 - side], Some(number));
                         assert_eq!(slots[other].laser, slot.laser);
                         assert_eq!(slots[other].firing_nanos > slot.firing_nanos, side == 1);
                         n_beside += 1;

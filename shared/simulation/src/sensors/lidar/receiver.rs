@@ -173,7 +173,7 @@ mod tests {
     fn receiver() -> Receiver {
         let optics = Optics { range_sigma_m: 0.0, ..Optics::HDL32E };
         let model = LidarModel { optics, ..LidarModel::HDL32E };
-        Receiver::new(&model, &LidarErrors::NONE.of_lasers(model.model))
+        Receiver::new(&model, &LidarErrors::NONE.per_laser(model.model))
     }
 
     #[test]

@@ -50,7 +50,7 @@ impl Chip {
 
     /// Defect of a pixel, if any.
     pub fn defect(self, u: usize, v: usize) -> Option<Defect> {
-        match self.of_pixel(u, v) % (2 * DEFECT_EVERY) {
+        match self.pixel_hash(u, v) % (2 * DEFECT_EVERY) {
             0 => Some(Defect::Hot),
             1 => Some(Defect::Dead),
             _ => None,
@@ -64,7 +64,7 @@ impl Chip {
             Some(Defect::Dead) => return 0,
             None => {}
         }
-        let pixel = self.of_pixel(u, v);
+        let pixel = self.pixel_hash(u, v);
         let around_zero = |random: u64| 2.0 * unit(random) - 1.0;
         let column = hash(self.0 ^ 0xc0_1000, u as u64);
         let bias = BIAS + FIXED_PATTERN[0] * around_zero(pixel << 8) + FIXED_PATTERN[1] * around_zero(column);
@@ -76,7 +76,7 @@ impl Chip {
         (bias + dark + light + noise).round().clamp(0.0, FULL) as u16
     }
 
-    fn of_pixel(self, u: usize, v: usize) -> u64 {
+    fn pixel_hash(self, u: usize, v: usize) -> u64 {
         hash(self.0, (v * SIZE[0] + u) as u64)
     }
 }

@@ -19,7 +19,7 @@ pub struct RunArgument {
 
 impl RunArgument {
     /// The run with this output folder.
-    pub fn of(output: &Path) -> Self {
+    pub fn from_output(output: &Path) -> Self {
         Self { run: Some(output.to_owned()) }
     }
 

@@ -25,7 +25,7 @@ impl Cost {
     }
 
     /// The cost of a drive with these bytes, in proportion.
-    fn of_bytes(self, read_bytes: f64) -> Self {
+    fn scaled_to(self, read_bytes: f64) -> Self {
         let share = read_bytes / self.read_bytes;
         Self { seconds: self.seconds * share, read_bytes, kept_bytes: self.kept_bytes * share }
     }
@@ -41,7 +41,7 @@ pub fn text(drives: &[BatchDrive], n_machines: usize) -> anyhow::Result<String> 
             "no drive is finished: the plan needs the time of at least one\nhint: run the batch with one drive first"
         );
     }
-    let costs: Vec<Cost> = costs.iter().map(|(bytes, cost)| cost.unwrap_or(sum.of_bytes(*bytes))).collect();
+    let costs: Vec<Cost> = costs.iter().map(|(bytes, cost)| cost.unwrap_or(sum.scaled_to(*bytes))).collect();
     let mut text = format!(
         "{} drives, {} of them measured: {:.1} MB/s read, {:.2} bytes of results for each byte of a drive\n\
          machines   seconds  efficiency  GB read  GB of results (of the machine with the most)\n",

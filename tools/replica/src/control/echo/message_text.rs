@@ -76,7 +76,7 @@ impl MessageText {
     }
 
     /// The text of one message, before which `missed` messages were missed.
-    pub fn of(&self, message: &Observed, missed: u64) -> anyhow::Result<String> {
+    pub fn format(&self, message: &Observed, missed: u64) -> anyhow::Result<String> {
         self.write(message.envelope(), message.header(), message.rows(), missed)
     }
 

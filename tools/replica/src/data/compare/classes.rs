@@ -64,7 +64,7 @@ struct Difference {
 
 impl ClassComparison {
     /// Compares the columns that the arguments name; both are in one run if no second run is given.
-    pub fn of(args: &Args) -> anyhow::Result<Self> {
+    pub fn from_args(args: &Args) -> anyhow::Result<Self> {
         if !args.tolerances.is_empty() {
             return Err(UsageError("--tolerance is for recordings; clouds are compared by class".to_owned()).into());
         }

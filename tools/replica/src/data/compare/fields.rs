@@ -20,7 +20,7 @@ pub struct FieldRule {
 
 impl FieldRule {
     /// Rules for envelope, header and row. Field names of the first two start with `envelope.` and `header.`.
-    pub fn of_table(table: &ByteTable, tolerance: impl Fn(&str) -> f64) -> [Vec<Self>; 3] {
+    pub fn from_table(table: &ByteTable, tolerance: impl Fn(&str) -> f64) -> [Vec<Self>; 3] {
         [("envelope.", &table.envelope), ("header.", &table.header), ("", &table.row)].map(|(part, fields)| {
             let compared = fields.iter().filter(|field| !CLOCK_FIELDS.contains(&field.name.as_str()));
             compared
@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn first_and_largest_difference_are_reported_by_field() {
         let table = ByteTable::of::<ImuTopic>();
-        let rules = FieldRule::of_table(&table, |field| if field == "angular_rate" { 0.5 } else { 0.0 });
+        let rules = FieldRule::from_table(&table, |field| if field == "angular_rate" { 0.5 } else { 0.0 });
         let a = [ImuRow { stamp: -5, ..ImuRow::default() }; 4];
         let mut b = a;
         (b[1].acceleration[2], b[3].acceleration[0]) = (0.25, -2.0);

@@ -105,10 +105,10 @@ pub fn is_drive(path: &Path) -> bool {
 
 /// Prints the report and writes the page.
 pub fn run(path: &Path, reading: Reading, page: Option<&Path>, answer: Answer) -> anyhow::Result<ExitCode> {
-    let report = DriveReport::of(&Drive::open(path)?, path, reading)?;
-    answer.print(&DriveFacts::of(&report), || text::of(&report))?;
+    let report = DriveReport::from_drive(&Drive::open(path)?, path, reading)?;
+    answer.print(&DriveFacts::from_report(&report), || text::render(&report))?;
     if let Some(page) = page {
-        std::fs::write(page, page::of(&report)).with_context(|| page.display().to_string())?;
+        std::fs::write(page, page::render(&report)).with_context(|| page.display().to_string())?;
         eprintln!("wrote {}", page.display());
     }
     Ok(if report.doubts.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
@@ -116,7 +116,7 @@ pub fn run(path: &Path, reading: Reading, page: Option<&Path>, answer: Answer) -
 
 impl DriveReport {
     /// Reads a drive.
-    pub fn of(drive: &Drive, path: &Path, reading: Reading) -> anyhow::Result<Self> {
+    pub fn from_drive(drive: &Drive, path: &Path, reading: Reading) -> anyhow::Result<Self> {
         let mut report = Self {
             name: drive.manifest().name.clone(),
             folder: path.display().to_string(),

@@ -45,7 +45,7 @@ struct TopicFacts {
 
 impl RecordingFacts {
     /// Reads the whole recording.
-    pub fn of(path: &Path) -> Result<Self, RecordingError> {
+    pub fn read(path: &Path) -> Result<Self, RecordingError> {
         let mut reader = RecordingReader::open(path)?;
         let mut counted: BTreeMap<String, TopicTotals> = BTreeMap::new();
         let cut = loop {

@@ -39,7 +39,7 @@ pub struct Band {
 
 impl Bands {
     /// `None` without spectra.
-    pub fn of(run: &FinishedRun, drive: Option<&Drive>) -> anyhow::Result<Option<Self>> {
+    pub fn from_run(run: &FinishedRun, drive: Option<&Drive>) -> anyhow::Result<Option<Self>> {
         let clouds = run.index.iter().flat_map(|index| &index.clouds);
         let spectra: Vec<_> = clouds.filter_map(|cloud| cloud.spectra.as_ref()).filter(|s| s.n_spectra > 0).collect();
         let n_spectra: u64 = spectra.iter().map(|spectra| spectra.n_spectra).sum();
@@ -70,7 +70,7 @@ impl Bands {
             .iter()
             .map(|source| Diagnosis { camera: source.name.clone(), findings: diagnose(source) })
             .collect();
-        diagnosis.extend(of_raw_samples(run));
+        diagnosis.extend(raw_sample_diagnosis(run));
         let bands = sources.iter().flat_map(|source| {
             source.channels.iter().map(|channel| Band {
                 camera: source.name.clone(),
@@ -90,7 +90,7 @@ impl Bands {
 }
 
 /// Diagnosis of the raw samples of all cameras, from the counts of `calibrate`.
-fn of_raw_samples(run: &FinishedRun) -> Option<Diagnosis> {
+fn raw_sample_diagnosis(run: &FinishedRun) -> Option<Diagnosis> {
     let counter = |name: &str| run.counter("calibrate", name);
     let counts = FrameCounts {
         dead: counter("dead_samples"),

@@ -63,7 +63,7 @@ impl CloudSurvey {
     pub const COLORINGS: [ColorBy; 3] = [ColorBy::Color, ColorBy::Class, ColorBy::Instance];
 
     /// `None` without points.
-    pub fn of(run: &FinishedRun) -> anyhow::Result<Option<Self>> {
+    pub fn from_run(run: &FinishedRun) -> anyhow::Result<Option<Self>> {
         let clouds = run.index.iter().flat_map(|index| &index.clouds).filter(|cloud| cloud.n_points > 0);
         let files = clouds.clone().map(|cloud| run.folder.join(&cloud.file)).collect();
         let thinned = Thinned { files, n_points: clouds.map(|cloud| cloud.n_points).sum() };

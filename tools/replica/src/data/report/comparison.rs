@@ -33,17 +33,17 @@ pub struct ComparedRun {
 }
 
 impl ComparedRun {
-    pub fn of(run: &FinishedRun) -> Self {
+    pub fn from_run(run: &FinishedRun) -> Self {
         let georeference = run.georeference.as_ref().filter(|_| run.has_north());
         let deviations = georeference.and_then(|found| found.standard_deviations.as_ref());
         Self {
             run: run.folder.clone(),
             outcome: run.summary.outcome,
-            verdict: Verdict::of(run),
+            verdict: Verdict::from_run(run),
             path_m: run.trajectory.length_m(),
             deviations: deviations
                 .map(|found| [found.position_m.largest, found.height_m.largest, found.heading_deg.largest]),
-            points: Points::of(run, None),
+            points: Points::from_run(run, None),
             instances: run.n_instances(),
             total: run.summary.total.clone(),
         }
@@ -145,10 +145,10 @@ mod tests {
     #[test]
     fn each_run_has_a_row_and_its_name_is_escaped() {
         let run = |name: &str, outcome: Outcome| {
-            let mut run = FinishedRun::of_summary(Summary { outcome, ..Summary::default() });
+            let mut run = FinishedRun::from_summary(Summary { outcome, ..Summary::default() });
             run.folder = name.into();
             run.summary.total.points = 1_230_000;
-            ComparedRun::of(&run)
+            ComparedRun::from_run(&run)
         };
         let comparison =
             Comparison { version: 1, runs: vec![run("out/<a>", Outcome::Done), run("out/b", Outcome::Failed)] };

@@ -73,7 +73,7 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    pub fn of(stream: &Stream) -> Self {
+    pub fn from_stream(stream: &Stream) -> Self {
         let gaps = stream.gaps();
         Self {
             name: stream.name.clone(),
@@ -89,8 +89,8 @@ impl Sensor {
 }
 
 impl Input {
-    pub fn of(drive: PathBuf, report: &DriveReport) -> Self {
-        let sensors = report.streams.iter().map(Sensor::of).collect();
+    pub fn from_report(drive: PathBuf, report: &DriveReport) -> Self {
+        let sensors = report.streams.iter().map(Sensor::from_stream).collect();
         Self { drive, name: report.name.clone(), sensors, remarks: report.doubts.clone() }
     }
 }
@@ -108,7 +108,7 @@ pub struct Points {
 }
 
 impl Points {
-    pub fn of(run: &FinishedRun, area_m2: Option<f64>) -> Self {
+    pub fn from_run(run: &FinishedRun, area_m2: Option<f64>) -> Self {
         let clouds = || run.index.iter().flat_map(|index| &index.clouds);
         let mut classes = BTreeMap::new();
         for (name, n) in clouds().filter_map(|cloud| cloud.classes.as_ref()).flatten() {
@@ -139,7 +139,7 @@ pub struct ObjectFacts {
 }
 
 impl ObjectFacts {
-    pub fn of(object: &ObjectSummary) -> Self {
+    pub fn from_summary(object: &ObjectSummary) -> Self {
         let footprint = &object.footprint;
         Self {
             id: object.id,
@@ -161,7 +161,7 @@ pub struct StageDoubt {
 
 impl StageDoubt {
     /// All doubts of a run.
-    pub fn of(summary: &Summary) -> Vec<Self> {
+    pub fn from_summary(summary: &Summary) -> Vec<Self> {
         summary.doubts().map(|(stage, doubt)| Self { stage: stage.to_owned(), doubt: doubt.clone() }).collect()
     }
 }
@@ -180,7 +180,7 @@ pub struct StageCosts {
 }
 
 impl StageCosts {
-    pub fn of(run: &FinishedRun) -> Vec<Self> {
+    pub fn from_run(run: &FinishedRun) -> Vec<Self> {
         let stages = run.summary.stages.iter().map(|stage| {
             let [working_s, waiting_for_output_s, waiting_for_input_s] = pieces_s(stage);
             Self {
@@ -209,7 +209,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    pub fn of(run: &FinishedRun) -> Self {
+    pub fn from_run(run: &FinishedRun) -> Self {
         let begun = run.begun.as_ref();
         let command = begun.and_then(|begun| {
             let changes = begun.changes.as_ref()?;

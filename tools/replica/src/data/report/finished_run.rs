@@ -110,7 +110,7 @@ fn json<T: DeserializeOwned>(path: &Path) -> Option<T> {
 #[cfg(test)]
 impl FinishedRun {
     /// A run of which only the summary exists.
-    pub fn of_summary(summary: Summary) -> Self {
+    pub fn from_summary(summary: Summary) -> Self {
         let trajectory = Trajectory::default();
         Self { folder: "out".into(), summary, index: None, georeference: None, trajectory, begun: None }
     }

@@ -28,7 +28,7 @@ pub struct Material {
 
 impl Material {
     /// Reads drive and clouds in parallel.
-    pub fn of(run: &FinishedRun) -> anyhow::Result<Self> {
+    pub fn from_run(run: &FinishedRun) -> anyhow::Result<Self> {
         let folder = run.drive();
         // A drive that was moved is not an error: the results exist.
         let drive = folder.as_ref().and_then(|folder| Drive::open(folder).ok());
@@ -36,10 +36,10 @@ impl Material {
             let report = drive
                 .as_ref()
                 .zip(folder.as_ref())
-                .and_then(|(drive, folder)| DriveReport::of(drive, folder, Reading::Stamps).ok());
-            (report, Bands::of(run, drive.as_ref()))
+                .and_then(|(drive, folder)| DriveReport::from_drive(drive, folder, Reading::Stamps).ok());
+            (report, Bands::from_run(run, drive.as_ref()))
         };
-        let of_clouds = || (CloudSurvey::of(run), pictures(run, drive.as_ref()));
+        let of_clouds = || (CloudSurvey::from_run(run), pictures(run, drive.as_ref()));
         let ((drive_report, bands), (survey, (overlays, without_overlays, range_picture))) =
             rayon::join(of_drive, of_clouds);
         let bands = bands?;

@@ -139,7 +139,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let origin = Geodetic::new(48.8, 2.3, 50.0).expect("valid");
         let local = LocalFrame::new(origin);
-        let utm = Utm::of(&origin).expect("has a zone");
+        let utm = Utm::from_geodetic(&origin).expect("has a zone");
         let expected = [Point3::new(300.0, -400.0, 5.0), Point3::new(290.0, -390.0, 2.0)];
         let [point, lidar] = expected.map(|p| utm.project(&local.geodetic_from_world(&p)).expect("projects"));
         let path = folder.path().join("a.ply");

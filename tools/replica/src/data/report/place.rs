@@ -43,7 +43,7 @@ pub struct FixDeviations {
 
 impl Place {
     /// `None` without a trajectory.
-    pub fn of(run: &FinishedRun, drive: Option<&Drive>, fixes: &[Fix]) -> Option<Self> {
+    pub fn from_run(run: &FinishedRun, drive: Option<&Drive>, fixes: &[Fix]) -> Option<Self> {
         let poses = run.trajectory.poses();
         let first = poses.first()?;
         let last = poses.last()?;
@@ -55,7 +55,7 @@ impl Place {
         Some(Self {
             length_m: run.trajectory.length_m(),
             seconds: last.0.seconds_since(first.0),
-            fixes: FixDeviations::of(&offsets),
+            fixes: FixDeviations::from_offsets(&offsets),
             offsets: offsets.into_iter().map(|(on_path, fix, _)| (on_path, fix)).collect(),
             path,
             has_north: origin.is_some(),
@@ -100,7 +100,7 @@ fn offsets(
 }
 
 impl FixDeviations {
-    fn of(offsets: &[(Point3<f64>, Point3<f64>, bool)]) -> Option<Self> {
+    fn from_offsets(offsets: &[(Point3<f64>, Point3<f64>, bool)]) -> Option<Self> {
         let differences: Vec<(Vector3<f64>, bool)> =
             offsets.iter().map(|(on_path, fix, has_height)| (on_path - fix, *has_height)).collect();
         let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
@@ -131,12 +131,12 @@ mod tests {
             (at(0.0, 4.0, 9.0), at(0.0, 0.0, 0.0), false),
             (at(1.0, 0.0, 0.0), at(1.0, 0.0, 0.0), true),
         ];
-        let found = FixDeviations::of(&offsets).expect("has fixes");
+        let found = FixDeviations::from_offsets(&offsets).expect("has fixes");
         assert_eq!((found.n, found.median_horizontal_m, found.largest_horizontal_m), (3, 3.0, 4.0));
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
         near(found.rms_east_m, 3.0_f64.sqrt());
         near(found.rms_north_m, (16.0_f64 / 3.0).sqrt());
         near(found.rms_up_m.expect("two have a height"), 2.0_f64.sqrt());
-        assert!(FixDeviations::of(&[]).is_none());
+        assert!(FixDeviations::from_offsets(&[]).is_none());
     }
 }

@@ -287,7 +287,7 @@ fn timings(page: &mut Page, run: &FinishedRun, facts: &Facts) {
     }
     page.table(&table);
     // Live runs keep no history.
-    if let Ok(Some(history)) = CostHistory::of_run(&run.folder) {
+    if let Ok(Some(history)) = CostHistory::read(&run.folder) {
         page.drawing(&history.svg(), "");
     }
     if !facts.faults.is_empty() {

@@ -59,7 +59,7 @@ fn title(subject: Subject) -> &'static str {
 
 impl Verdict {
     /// Verdict on a run.
-    pub fn of(run: &FinishedRun) -> Self {
+    pub fn from_run(run: &FinishedRun) -> Self {
         let exit_code = run.summary.exit_code(run.is_live());
         let findings: Vec<Finding> = Subject::ALL.map(|subject| finding(run, subject, exit_code)).into();
         let level = findings.iter().map(|finding| finding.level).max().unwrap_or(Level::Green);
@@ -193,7 +193,7 @@ mod tests {
         let stages = doubts.iter().map(stage).collect();
         let mut summary = Summary { outcome, stages, ..Summary::default() };
         summary.total.points = 7;
-        Verdict::of(&FinishedRun::of_summary(summary))
+        Verdict::from_run(&FinishedRun::from_summary(summary))
     }
 
     fn level(verdict: &Verdict, subject: &str) -> Level {

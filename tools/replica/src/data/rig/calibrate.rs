@@ -41,8 +41,8 @@ struct Found<'a> {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let drive = Drive::open(&args.part.drive)?;
     let settings = args.part.settings();
-    let survey = Survey::of(&drive, &settings)?;
-    let refined = Refined::of(&drive, &survey, &settings)?;
+    let survey = Survey::from_drive(&drive, &settings)?;
+    let refined = Refined::from_survey(&drive, &survey, &settings)?;
     let in_place = args.write.then(|| drive.folder().join(MANIFEST_FILE));
     let out = args.out.clone().or(in_place);
     let has_out = out.is_some();

@@ -52,7 +52,7 @@ struct Sensor<'a> {
 }
 
 impl<'a> Sensor<'a> {
-    fn of(SensorStamps { name, n, span, interval_s, gap_s, .. }: &'a SensorStamps) -> Self {
+    fn from_stamps(SensorStamps { name, n, span, interval_s, gap_s, .. }: &'a SensorStamps) -> Self {
         let [first, last] = span.map_or([None, None], |span| span.map(|stamp| Some(stamp.to_string())));
         Self { name, n: *n, first, last, interval_s: *interval_s, gap_s: *gap_s }
     }
@@ -61,14 +61,14 @@ impl<'a> Sensor<'a> {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let drive = Drive::open(&args.part.drive)?;
     let settings = args.part.settings();
-    let survey = Survey::of(&drive, &settings)?;
-    let report = Report::of(&drive, &survey, &settings)?;
+    let survey = Survey::from_drive(&drive, &settings)?;
+    let report = Report::from_survey(&drive, &survey, &settings)?;
     let n_pictures = match &args.pictures {
         Some(folder) => picture::write(folder, &drive, &survey, &report)?,
         None => 0,
     };
     let found = Found {
-        sensors: survey.stamps.iter().map(Sensor::of).collect(),
+        sensors: survey.stamps.iter().map(Sensor::from_stamps).collect(),
         verdicts: &report.verdicts,
         n_doubts: report.doubts().count(),
         pictures: args.pictures.as_ref().map(|folder| folder.join("rig.html")),

@@ -147,7 +147,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Some(body_from_lidar) = answers.body_from_lidar else {
         bail!("the mounting of the LiDAR is unknown; give --lidar-position X,Y,Z and --lidar-rotation ROTATION");
     };
-    let mut lidar = LidarEntry::of_captures(model.name(), body_from_lidar.into());
+    let mut lidar = LidarEntry::from_captures(model.name(), body_from_lidar.into());
     lidar.format.clone_from(&args.format);
     let name = answers.name.clone().unwrap_or_else(|| default_name(&out));
     let parts = RigParts { body_from_imu: answers.body_from_imu, antenna_in_body: answers.antenna_in_body, ..parts };

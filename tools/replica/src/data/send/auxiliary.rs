@@ -37,7 +37,7 @@ enum Due {
 
 impl<'a> AuxiliarySensors<'a> {
     /// All measurements of the drive; empty without a drive.
-    pub(super) fn of(drive: Option<&'a Drive>, targets: &'a Targets) -> anyhow::Result<Self> {
+    pub(super) fn from_drive(drive: Option<&'a Drive>, targets: &'a Targets) -> anyhow::Result<Self> {
         let mut others = Self { targets, frames: Vec::new(), next_frame: 0, nmea: None, imu: None };
         let Some(drive) = drive else { return Ok(others) };
         let manifest = drive.manifest();

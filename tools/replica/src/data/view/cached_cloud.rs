@@ -30,7 +30,7 @@ pub struct CachedCloud {
 
 impl CachedCloud {
     /// Reuses the cache if it was made from the same files with the same options, else makes it.
-    pub fn of(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool) -> anyhow::Result<Self> {
+    pub fn open_or_create(run: &RunFolder, frame: &ChosenFrame<'_>, has_bands: bool) -> anyhow::Result<Self> {
         let folder = run.path().join(FOLDER);
         let sources = sources(run, frame, has_bands)?;
         let cloud = folder.join(COPC_FILE);
@@ -48,7 +48,7 @@ impl CachedCloud {
         write_cloud(run, frame, has_bands, &folder)?;
         let objects = objects_of(run)?.unwrap_or_default();
         let objects: Vec<SceneObject> =
-            objects.iter().map(|object| SceneObject::of(object, &frame.target)).collect::<Result<_, _>>()?;
+            objects.iter().map(|object| SceneObject::from_summary(object, &frame.target)).collect::<Result<_, _>>()?;
         write(&objects_file, &serde_json::to_vec(&objects)?)?;
         write(&sources_file, sources.as_bytes())?;
         Ok(Self { cloud, objects })

@@ -36,7 +36,7 @@ pub struct LiveSite {
 
 impl LiveSite {
     /// The site for the run into `output`.
-    pub fn of(output: &Path) -> anyhow::Result<Self> {
+    pub fn new(output: &Path) -> anyhow::Result<Self> {
         let folder = tempfile::tempdir().context("cannot create a temporary folder")?;
         let points = folder.path().join(POINTS);
         let parts = folder.path().join(PARTS);

@@ -98,7 +98,7 @@ impl Scene {
             path: Vec::new(),
             images: Vec::new(),
             objects: Vec::new(),
-            materials: town::Material::ALL.iter().copied().map(SceneMaterial::of).collect(),
+            materials: town::Material::ALL.iter().copied().map(SceneMaterial::from_material).collect(),
             columns: COLUMNS.iter().flat_map(|column| column.fields).collect(),
         }
     }
@@ -130,7 +130,7 @@ impl Scene {
 
 impl SceneObject {
     /// An object of the clouds in the coordinates of the points.
-    pub fn of(object: &ObjectSummary, frame: &TargetFrame<'_>) -> Result<Self, CrsError> {
+    pub fn from_summary(object: &ObjectSummary, frame: &TargetFrame<'_>) -> Result<Self, CrsError> {
         let corners = [object.low_m, object.high_m].into_iter().flat_map(|z| object.corners().map(|[x, y]| [x, y, z]));
         Ok(Self {
             id: object.id,
@@ -143,7 +143,7 @@ impl SceneObject {
 }
 
 impl SceneMaterial {
-    fn of(material: town::Material) -> Self {
+    fn from_material(material: town::Material) -> Self {
         // Three digits exceed the accuracy of the spectra.
         let rounded = |value: &f32| (value * 1000.0).round() / 1000.0;
         Self {

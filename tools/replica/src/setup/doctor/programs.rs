@@ -33,7 +33,7 @@ impl PlannedRun {
 
     /// Space for clouds with all columns; `None` if the drive cannot be read yet.
     pub fn space_need(&self) -> Option<SpaceNeed> {
-        space_need(&Drive::open(&self.drive).ok()?, &CloudFields::of_default_run(), true).ok()
+        space_need(&Drive::open(&self.drive).ok()?, &CloudFields::for_default_run(), true).ok()
     }
 }
 

@@ -35,7 +35,7 @@ pub fn sources(truth: &Path, prediction: &Path, empty: &Tally) -> anyhow::Result
         let mut tally = empty.clone();
         for (class, found) in true_classes.into_iter().zip(predicted) {
             if class != ClassId::Unlabeled as u8 {
-                tally.add_class(TrueClass::of(class), found);
+                tally.add_class(TrueClass::from_id(class), found);
             }
         }
         let name = truth.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -26,7 +26,7 @@ impl Default for OfRange {
 }
 
 /// Index of the range of a distance. NaN is beyond all ends.
-pub fn of_distance(range_m: f32) -> usize {
+pub fn index_for(range_m: f32) -> usize {
     ENDS_M.iter().position(|end_m| range_m < *end_m).unwrap_or(ENDS_M.len())
 }
 
@@ -36,7 +36,7 @@ mod tests {
 
     #[test]
     fn ranges_contain_their_begin_and_not_their_end() {
-        let found = [0.0, 9.99, 10.0, 39.9, 40.0, f32::NAN].map(of_distance);
+        let found = [0.0, 9.99, 10.0, 39.9, 40.0, f32::NAN].map(index_for);
         assert_eq!(found, [0, 0, 1, 2, 3, 3]);
     }
 }

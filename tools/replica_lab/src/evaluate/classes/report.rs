@@ -116,7 +116,7 @@ mod tests {
     fn tally(points: &[(ClassId, ClassId, u8, f32)]) -> Tally {
         let mut tally = Tally::new();
         for &(truth, class, score, range_m) in points {
-            tally.add(TrueClass::of(truth as u8), ClassRow { class_id: class as u8, score }, range_m);
+            tally.add(TrueClass::from_id(truth as u8), ClassRow { class_id: class as u8, score }, range_m);
         }
         tally
     }
@@ -190,7 +190,7 @@ mod tests {
         let svg = report().chart().expect("has scores");
         assert!(svg.contains("simulated, rig") && svg.contains("simulated, kitti") && svg.contains("SemanticKITTI"));
         let mut labels = Tally::new();
-        labels.add_class(TrueClass::of(7), 7);
+        labels.add_class(TrueClass::from_id(7), 7);
         let files = ClassReport::new(vec![source("a", Origin::Files, 0, labels)], "auto");
         assert_eq!(files.chart(), None);
         let text = files.markdown();

@@ -98,7 +98,7 @@ fn add(tally: &mut Tally, model: &dyn Segmenter, sweep: &LabelledSweep) -> anyho
     for ((&id, row), [x, y, z]) in sweep.ids.iter().zip(classes).zip(&sweep.points) {
         let class = CLASS_OF_BENCHMARK_ID[id as usize];
         if class != Unlabeled {
-            let truth = TrueClass { class: class as u8, seven: seven::of_benchmark_id(id) };
+            let truth = TrueClass { class: class as u8, seven: seven::from_benchmark_id(id) };
             let predicted = ClassRow { class_id: as_labelled(row.class_id), ..row };
             tally.add(truth, predicted, (x * x + y * y + z * z).sqrt());
         }

@@ -25,7 +25,7 @@ const MANMADE: usize = 5;
 const VEGETATION: usize = 6;
 
 /// The class of a true class; `None` if it is not scored.
-pub fn of_truth(class: u8) -> Option<usize> {
+pub fn from_truth(class: u8) -> Option<usize> {
     Some(match ClassId::from_id(class)? {
         Vehicles => VEHICLE,
         Pedestrian => PERSON,
@@ -39,16 +39,16 @@ pub fn of_truth(class: u8) -> Option<usize> {
 }
 
 /// Number of the seven classes that a predicted class id counts as; [`N`] for ids outside of the seven.
-pub fn of_prediction(class: u8) -> usize {
+pub fn from_prediction(class: u8) -> usize {
     match ClassId::from_id(class) {
         Some(TrafficLight | Static) => MANMADE,
-        _ => of_truth(class).unwrap_or(N),
+        _ => from_truth(class).unwrap_or(N),
     }
 }
 
 /// The class of an id of SemanticKITTI's benchmark, 0 to 19; `None` if it is not scored: cars are the only scored vehicles, and
 /// riders are not scored.
-pub fn of_benchmark_id(id: u32) -> Option<usize> {
+pub fn from_benchmark_id(id: u32) -> Option<usize> {
     Some(match id {
         1 => VEHICLE,
         6 => PERSON,
@@ -69,22 +69,24 @@ mod tests {
     #[test]
     fn both_maps_agree_where_benchmark_class_is_scored() {
         for (id, class) in (0..).zip(CLASS_OF_BENCHMARK_ID) {
-            if let Some(scored) = of_benchmark_id(id) {
-                assert_eq!(of_truth(class as u8), Some(scored), "id {id}");
+            if let Some(scored) = from_benchmark_id(id) {
+                assert_eq!(from_truth(class as u8), Some(scored), "id {id}");
             }
         }
-        let n_scored = (0..20).filter(|id| of_benchmark_id(*id).is_some()).count();
+        let n_scored = (0..20).filter(|id| from_benchmark_id(*id).is_some()).count();
         assert_eq!(n_scored, 12);
     }
 
     #[test]
     fn predictions_beyond_the_seven_are_wrong_or_manmade() {
-        let by_truth = |class: ClassId| of_truth(class as u8);
+        let by_truth = |class: ClassId| from_truth(class as u8);
         assert_eq!([Static, TrafficLight, ClassId::Ground, ClassId::Unlabeled].map(by_truth), [None; 4]);
-        let by_prediction = |class: ClassId| of_prediction(class as u8);
+        let by_prediction = |class: ClassId| from_prediction(class as u8);
         assert_eq!([Static, TrafficLight, ClassId::Ground, ClassId::Unlabeled].map(by_prediction), [5, 5, N, N]);
         assert!(
-            ClassId::ALL.iter().all(|class| of_truth(*class as u8).is_none_or(|of| of == of_prediction(*class as u8)))
+            ClassId::ALL
+                .iter()
+                .all(|class| from_truth(*class as u8).is_none_or(|of| of == from_prediction(*class as u8)))
         );
     }
 }

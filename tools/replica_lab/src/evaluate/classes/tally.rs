@@ -10,7 +10,7 @@ use scores::Confusion;
 /// Counts of points whose true class is scored.
 #[derive(Clone)]
 pub struct Tally {
-    /// Confusion of the classes of this project; with [`Self::of_ground`], of ground and other.
+    /// Confusion of the classes of this project; with [`Self::ground_only`], of ground and other.
     pub classes: Confusion,
     /// Confusion of the seven classes.
     pub seven: Confusion,
@@ -20,7 +20,7 @@ pub struct Tally {
     pub coverage: Coverage,
     /// Counts by range; without points if positions are unknown.
     pub ranges: [OfRange; ranges::NAMES.len()],
-    /// Points without a predicted class; not counted with [`Self::of_ground`].
+    /// Points without a predicted class; not counted with [`Self::ground_only`].
     pub n_unknown: u64,
     ground_only: bool,
 }
@@ -36,8 +36,8 @@ pub struct TrueClass {
 
 impl TrueClass {
     /// The truth of a point with a class id.
-    pub fn of(class: u8) -> Self {
-        Self { class, seven: seven::of_truth(class) }
+    pub fn from_id(class: u8) -> Self {
+        Self { class, seven: seven::from_truth(class) }
     }
 }
 
@@ -56,7 +56,7 @@ impl Tally {
     }
     /// A tally without points that scores ground against all other classes. Neither the seven classes nor the scores are counted,
     /// because a score belongs to one class.
-    pub fn of_ground() -> Self {
+    pub fn ground_only() -> Self {
         Self { ground_only: true, ..Self::new() }
     }
     /// Adds a point without score and position.
@@ -66,7 +66,7 @@ impl Tally {
         // Ground against the rest: a point without class is not ground.
         self.n_unknown += u64::from(!self.ground_only && predicted == ClassId::Unlabeled as u8);
         if let Some(truth) = self.scored_seven(truth) {
-            self.seven.add(truth, seven::of_prediction(predicted));
+            self.seven.add(truth, seven::from_prediction(predicted));
         }
     }
     /// Adds a point. A point without class counts with score 0.
@@ -74,10 +74,10 @@ impl Tally {
         self.add_class(truth, predicted.class_id);
         let [true_class, found] = self.merged(truth.class, predicted.class_id);
         let seven = self.scored_seven(truth);
-        let range = &mut self.ranges[ranges::of_distance(range_m)];
+        let range = &mut self.ranges[ranges::index_for(range_m)];
         range.classes.add(true_class, found);
         if let Some(truth) = seven {
-            range.seven.add(truth, seven::of_prediction(predicted.class_id));
+            range.seven.add(truth, seven::from_prediction(predicted.class_id));
         }
         if !self.ground_only {
             let score = if predicted.class_id == ClassId::Unlabeled as u8 { 0 } else { predicted.score };
@@ -130,7 +130,7 @@ mod tests {
     use messages::ClassId::{Bridge, Building, Road, RoadLine, Unlabeled, Vegetation, Wall};
 
     fn tally(ground_only: bool) -> Tally {
-        let mut tally = if ground_only { Tally::of_ground() } else { Tally::new() };
+        let mut tally = if ground_only { Tally::ground_only() } else { Tally::new() };
         let points = [
             (Road, RoadLine, 255, 5.0),
             (Building, Wall, 204, 15.0),
@@ -138,7 +138,7 @@ mod tests {
             (Bridge, Unlabeled, 100, 60.0),
         ];
         for (truth, class, score, range_m) in points {
-            tally.add(TrueClass::of(truth as u8), ClassRow { class_id: class as u8, score }, range_m);
+            tally.add(TrueClass::from_id(truth as u8), ClassRow { class_id: class as u8, score }, range_m);
         }
         tally
     }
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn labels_without_scores_have_no_calibration() {
         let mut tally = Tally::new();
-        tally.add_class(TrueClass::of(Road as u8), Road as u8);
+        tally.add_class(TrueClass::from_id(Road as u8), Road as u8);
         assert_eq!((tally.calibration_error(), tally.ranges[0].classes.n()), (None, 0));
         assert_eq!(tally.seven.mean_iou(), Some(1.0));
     }

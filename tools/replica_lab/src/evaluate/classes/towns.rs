@@ -72,7 +72,7 @@ fn add(
             let [x, y, z, ..] = header.sweeps[usize::from(point.sweep_idx)].submap_from_lidar_begin;
             let [x, y, z] = [point.x - x, point.y - y, point.z - z];
             let range_m = (x * x + y * y + z * z).sqrt();
-            tally.add(TrueClass::of(class), row, range_m);
+            tally.add(TrueClass::from_id(class), row, range_m);
         }
     }
     Ok(time)

@@ -66,7 +66,7 @@ impl FusedClasses {
         let corrections = [None, Some(by_index), Some(by_material), Some(where_unsure)];
         for (confusion, is_green) in self.classes.iter_mut().zip(corrections) {
             for i in (0..of_network.len()).filter(is_scored) {
-                let others = || near.of(i).iter().map(|neighbor| neighbor.index as usize);
+                let others = || near.get(i).iter().map(|neighbor| neighbor.index as usize);
                 let class =
                     is_green.as_ref().map_or(of_network[i], |is_green| corrected(i, &of_network, is_green, others()));
                 confusion.add(usize::from(truth(i)), usize::from(class));

@@ -44,7 +44,7 @@ pub struct Comparison {
 
 impl SubmapErrors {
     /// `None` if no submap states deviations or has a true pose.
-    pub fn of(truth: &Trajectory, place: &RunPlace, clouds: &[CloudEntry]) -> anyhow::Result<Option<Self>> {
+    pub fn from_clouds(truth: &Trajectory, place: &RunPlace, clouds: &[CloudEntry]) -> anyhow::Result<Option<Self>> {
         let mut n_without_truth = 0;
         let mut submaps: Vec<(Pose, Pose, PoseDeviation)> = Vec::new();
         for cloud in clouds {
@@ -71,7 +71,8 @@ impl SubmapErrors {
             .iter()
             .map(|(truth, pose, deviation)| (PoseError::between(truth, &(truth_from_run * pose)), *deviation))
             .collect();
-        let compare = |value: fn(&(PoseError, PoseDeviation)) -> (f64, f64)| Comparison::of(errors.iter().map(value));
+        let compare =
+            |value: fn(&(PoseError, PoseDeviation)) -> (f64, f64)| Comparison::from_pairs(errors.iter().map(value));
         Ok(Some(Self {
             is_in_world,
             n_submaps: submaps.len(),
@@ -92,7 +93,7 @@ impl SubmapErrors {
 
 impl Comparison {
     /// Comparison of pairs of an error and its deviation. The submap that defines the frame has the deviation 0 and is left out.
-    fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
+    fn from_pairs(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
         let pairs: Vec<(f64, f64)> = pairs.filter(|(_, stated)| *stated > 0.0 && stated.is_finite()).collect();
         let rms = |value: fn(&(f64, f64)) -> f64| {
             let sum: f64 = pairs.iter().map(|pair| value(pair).powi(2)).sum();
@@ -117,10 +118,10 @@ mod tests {
 
     #[test]
     fn comparison_matches_manual_calculation() {
-        let found = Comparison::of([(3.0, 1.0), (8.0, 2.0), (5.0, 0.0)].into_iter());
+        let found = Comparison::from_pairs([(3.0, 1.0), (8.0, 2.0), (5.0, 0.0)].into_iter());
         assert_eq!((found.n, found.real_max, found.ratio_max, found.n_beyond), (2, 8.0, 4.0, 1));
         assert!((found.real_rms - 36.5_f64.sqrt()).abs() < 1e-12 && (found.stated_rms - 2.5_f64.sqrt()).abs() < 1e-12);
         assert!((found.ratio_rms - 12.5_f64.sqrt()).abs() < 1e-12);
-        assert_eq!(Comparison::of(std::iter::empty()), Comparison::default());
+        assert_eq!(Comparison::from_pairs(std::iter::empty()), Comparison::default());
     }
 }

@@ -42,7 +42,7 @@ pub struct AbsoluteErrors {
 
 impl PoseScores {
     /// `None` if the run has no trajectory, or none of its poses has a true pose.
-    pub fn of(drive: &Drive, run: &Path) -> anyhow::Result<Option<Self>> {
+    pub fn from_run(drive: &Drive, run: &Path) -> anyhow::Result<Option<Self>> {
         let truth = true_trajectory(drive)?;
         let path = run.join(RUN_TRAJECTORY);
         if !path.exists() {
@@ -56,9 +56,9 @@ impl PoseScores {
         if found.pairs.is_empty() {
             return Ok(None);
         }
-        let place = RunPlace::of(drive, run)?;
+        let place = RunPlace::from_run(drive, run)?;
         let absolute = match &place {
-            RunPlace::World { truth_from_run } => Some(AbsoluteErrors::of(&found.pairs, truth_from_run)),
+            RunPlace::World { truth_from_run } => Some(AbsoluteErrors::from_pairs(&found.pairs, truth_from_run)),
             RunPlace::Own(_) | RunPlace::Odometry => None,
         };
         let without_absolute = match &place {
@@ -73,10 +73,10 @@ impl PoseScores {
 }
 
 impl AbsoluteErrors {
-    fn of(pairs: &[PosePair], truth_from_run: &Pose) -> Self {
+    fn from_pairs(pairs: &[PosePair], truth_from_run: &Pose) -> Self {
         let errors: Vec<PoseError> =
             pairs.iter().map(|pair| PoseError::between(&pair.truth, &(truth_from_run * pair.estimate))).collect();
-        let of = |value: fn(&PoseError) -> f64| Statistics::of(errors.iter().map(value));
+        let of = |value: fn(&PoseError) -> f64| Statistics::from_values(errors.iter().map(value));
         Self {
             horizontal: of(|error| error.horizontal_m),
             height: of(|error| error.height_m),
@@ -92,6 +92,6 @@ fn submap_errors(truth: &Trajectory, place: &RunPlace, run: &Path) -> anyhow::Re
     }
     let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
     let index: Index = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-    let errors = SubmapErrors::of(truth, place, &index.clouds);
+    let errors = SubmapErrors::from_clouds(truth, place, &index.clouds);
     errors.with_context(|| path.display().to_string())
 }

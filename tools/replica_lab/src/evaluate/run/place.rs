@@ -22,7 +22,7 @@ pub enum RunPlace {
 
 impl RunPlace {
     /// Determines the place from `georeference.json` of the run and the origin of the drive.
-    pub fn of(drive: &Drive, run: &Path) -> anyhow::Result<Self> {
+    pub fn from_run(drive: &Drive, run: &Path) -> anyhow::Result<Self> {
         let path = run.join(GEOREFERENCE);
         if !path.exists() {
             return Ok(Self::Odometry);

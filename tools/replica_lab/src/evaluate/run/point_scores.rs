@@ -174,7 +174,7 @@ impl PointScores {
 
 impl TrueLabels {
     /// The labels of a drive.
-    pub fn of_drive(drive: Drive) -> anyhow::Result<Self> {
+    pub fn from_drive(drive: Drive) -> anyhow::Result<Self> {
         Ok(Self::Drive(Box::new(TruePoints::open(drive)?)))
     }
 

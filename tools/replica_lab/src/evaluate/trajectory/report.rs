@@ -37,13 +37,13 @@ impl Report {
     /// Absolute and relative errors.
     fn rows(&self) -> Vec<Row> {
         let degrees = 180.0 / std::f64::consts::PI;
-        let in_degrees = |values: Vec<f64>| Statistics::of(values).map(|found| found.times(degrees));
+        let in_degrees = |values: Vec<f64>| Statistics::from_values(values).map(|found| found.times(degrees));
         let mut rows = vec![
-            ("position (ATE)".to_owned(), "m", Statistics::of(position_errors(&self.pairs))),
+            ("position (ATE)".to_owned(), "m", Statistics::from_values(position_errors(&self.pairs))),
             ("rotation".to_owned(), "deg", in_degrees(rotation_errors(&self.pairs))),
         ];
         for (name, errors) in &self.relative {
-            let translation = Statistics::of(errors.iter().map(|error| error.translation_m));
+            let translation = Statistics::from_values(errors.iter().map(|error| error.translation_m));
             let rotation = in_degrees(errors.iter().map(|error| error.rotation_rad).collect());
             rows.push((format!("{name}, translation"), "m", translation));
             rows.push((format!("{name}, rotation"), "deg", rotation));

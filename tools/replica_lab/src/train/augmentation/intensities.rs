@@ -42,7 +42,7 @@ pub fn augment_intensities(
         intensity: pixel.intensity,
         height_m: pixel.height_m,
     });
-    let ground = GroundByRing::of(returns);
+    let ground = GroundByRing::from_returns(returns);
     match ground.normalizing(trained) {
         Some(map) => image.apply_intensities(&map),
         None => image.has_intensity = false,

@@ -30,10 +30,10 @@ impl Header {
         }
         let mut bytes = Vec::new();
         read_bytes(reader, u64::from(n_bytes), &mut bytes)?;
-        Self::of_bytes(&bytes)
+        Self::from_bytes(&bytes)
     }
 
-    pub fn of_bytes(mut bytes: &[u8]) -> io::Result<Self> {
+    pub fn from_bytes(mut bytes: &[u8]) -> io::Result<Self> {
         let mut fields = BTreeMap::new();
         while let Some((length, rest)) = bytes.split_first_chunk() {
             let (field, rest) =

@@ -30,14 +30,14 @@ pub fn add(drive: &Drive, reading: Reading, report: &mut DriveReport) {
         let (width, height) = entry.model.size();
         let camera = Camera { name, kind: format!("{width} x {height}"), folder: &entry.folder, sound: BRIGHTNESS };
         let load = |frame: &Frame| color(frame, entry);
-        lines.extend(camera.add(&of_camera(drive.camera_frames(), index), reading, load, report));
+        lines.extend(camera.add(&camera_frames(drive.camera_frames(), index), reading, load, report));
     }
     for (index, entry) in manifest.mosaics.iter().enumerate() {
         let name = format!("mosaic {index} ({})", entry.name);
         let kind = format!("{0} x {0} bands", entry.pattern);
         let camera = Camera { name, kind, folder: &entry.folder, sound: MOSAIC_BRIGHTNESS };
         let load = |frame: &Frame| mosaic(frame, entry);
-        lines.extend(camera.add(&of_camera(drive.mosaic_frames(), index), reading, load, report));
+        lines.extend(camera.add(&camera_frames(drive.mosaic_frames(), index), reading, load, report));
         for reference in ["dark", "white"] {
             let folder = drive.folder().join(&entry.folder).join(reference);
             if folder.read_dir().is_ok_and(|mut files| files.next().is_some()) {
@@ -52,7 +52,7 @@ pub fn add(drive: &Drive, reading: Reading, report: &mut DriveReport) {
     report.section("Cameras", lines);
 }
 
-fn of_camera(frames: &[Frame], index: usize) -> Vec<&Frame> {
+fn camera_frames(frames: &[Frame], index: usize) -> Vec<&Frame> {
     frames.iter().filter(|frame| frame.camera == index).collect()
 }
 

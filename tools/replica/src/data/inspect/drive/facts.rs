@@ -41,12 +41,12 @@ struct GapFacts {
 }
 
 impl<'a> DriveFacts<'a> {
-    pub fn of(report: &'a DriveReport) -> Self {
+    pub fn from_report(report: &'a DriveReport) -> Self {
         let origin = report.origin();
         Self {
             path: &report.folder,
             name: &report.name,
-            sensors: report.streams.iter().map(|stream| SensorFacts::of(stream, origin)).collect(),
+            sensors: report.streams.iter().map(|stream| SensorFacts::from_stream(stream, origin)).collect(),
             sections: &report.sections,
             doubts: &report.doubts,
         }
@@ -54,7 +54,7 @@ impl<'a> DriveFacts<'a> {
 }
 
 impl SensorFacts {
-    fn of(stream: &Stream, origin: Stamp) -> Self {
+    fn from_stream(stream: &Stream, origin: Stamp) -> Self {
         let gaps = stream.gaps();
         Self {
             name: stream.name.clone(),

@@ -12,7 +12,7 @@ use page::{Level, Page, Table};
 const RATE_SPREAD: f64 = 3.0;
 
 /// The page.
-pub fn of(report: &DriveReport) -> String {
+pub fn render(report: &DriveReport) -> String {
     let origin = report.origin();
     let mut page = Page::new(&format!("{} ({})", report.folder, report.name));
     if report.doubts.is_empty() {

@@ -22,7 +22,7 @@ pub fn add(drive: &Drive, path: &Path, report: &mut DriveReport) {
     }
     let options = without.iter().map(|stage| format!(" --without {stage}")).collect::<Vec<_>>().concat();
     lines.push(format!("run: replica-launch launch.toml --set run.drive={}{options}", path.display()));
-    let mut fields = CloudFields::of_default_run();
+    let mut fields = CloudFields::for_default_run();
     if manifest.cameras.is_empty() {
         fields.columns.retain(|column| column.column.topic != ColorTopic::TOPIC);
     }

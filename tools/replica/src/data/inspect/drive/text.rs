@@ -7,7 +7,7 @@ use run::space::size_text;
 use std::fmt::Write;
 
 /// The whole report.
-pub fn of(report: &DriveReport) -> String {
+pub fn render(report: &DriveReport) -> String {
     let mut text = format!("{} ({})\n\n", report.folder, report.name);
     let origin = report.origin();
     let rows: Vec<[String; 9]> = report.streams.iter().map(row).collect();

@@ -15,7 +15,7 @@ pub fn extend(cloud: &mut Value, tally: &Tally) {
     cloud["seven_classes"] = if tally.seven.n() > 0 { seven_classes(&tally.seven) } else { Value::Null };
     cloud["calibration_error"] = tally.calibration_error().into();
     cloud["coverage"] = if has_scores { coverage(&tally.coverage) } else { Value::Null };
-    cloud["ranges"] = if has_ranges { of_ranges(tally) } else { Value::Null };
+    cloud["ranges"] = if has_ranges { ranges_json(tally) } else { Value::Null };
 }
 
 /// Adds the facts of a single source. `note` states whether its figures can be compared with published ones.
@@ -59,7 +59,7 @@ fn coverage(coverage: &Coverage) -> Value {
     json!({ "area": coverage.area(), "thresholds": THRESHOLDS.map(at) })
 }
 
-fn of_ranges(tally: &Tally) -> Value {
+fn ranges_json(tally: &Tally) -> Value {
     let range = |(name, range): (&&str, &ranges::OfRange)| {
         json!({
             "range": name,

@@ -27,7 +27,7 @@ impl LabelledSweep {
     /// Reads points and labels.
     pub fn read(files: &SweepFiles) -> anyhow::Result<Self> {
         let is_array = files.points.extension().is_some_and(|extension| extension == "npy");
-        let sweep = if is_array { of_arrays(files)? } else { of_kitti(files)? };
+        let sweep = if is_array { read_arrays(files)? } else { read_kitti(files)? };
         let n_points = sweep.points.len();
         let n_labels = sweep.ids.len();
         anyhow::ensure!(
@@ -40,7 +40,7 @@ impl LabelledSweep {
     }
 }
 
-fn of_kitti(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
+fn read_kitti(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
     let about = || files.points.display().to_string();
     let cloud = points_from_bin(&std::fs::read(&files.points).with_context(about)?).with_context(about)?;
     let about = || files.labels.display().to_string();
@@ -58,7 +58,7 @@ fn of_kitti(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
     })
 }
 
-fn of_arrays(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
+fn read_arrays(files: &SweepFiles) -> anyhow::Result<LabelledSweep> {
     let coordinates: Vec<f32> = read_npy(&files.points)?;
     let points = coordinates.as_chunks::<3>().0.to_vec();
     let ids: Vec<i32> = read_npy(&files.labels)?;
