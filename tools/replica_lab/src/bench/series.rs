@@ -16,7 +16,7 @@ pub struct Series {
 /// Median and range of a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Median; for an even number of runs the upper one of the middle two.
+    /// Median; the mean of the middle two for an even number of runs.
     pub median: f64,
     /// Smallest.
     pub min: f64,
@@ -34,7 +34,8 @@ impl Series {
         let mut values: Vec<f64> = self.runs.iter().map(value).collect();
         values.sort_unstable_by(f64::total_cmp);
         let at = |index: usize| values.get(index).copied().unwrap_or_default();
-        Spread { median: at(values.len() / 2), min: at(0), max: at(values.len().saturating_sub(1)) }
+        let middle = at(values.len().saturating_sub(1) / 2).midpoint(at(values.len() / 2));
+        Spread { median: middle, min: at(0), max: at(values.len().saturating_sub(1)) }
     }
     /// Median of a value over the runs.
     pub fn median(&self, value: impl Fn(&Summary) -> f64) -> f64 {
@@ -54,6 +55,8 @@ mod tests {
         assert_eq!(series.median(|run| run.total.cpu_s), 0.0);
         series.runs = [5.0, 1.0, 3.0].map(run).to_vec();
         assert_eq!(series.spread(|run| run.total.cpu_s), Spread { median: 3.0, min: 1.0, max: 5.0 });
+        series.runs.push(run(4.0));
+        assert_eq!(series.median(|run| run.total.cpu_s), 3.5);
         assert_eq!(series.configuration.to_string(), "2 cores");
     }
 }
