@@ -62,11 +62,6 @@ impl Model {
         }
     }
 
-    /// The model that sent a data packet.
-    pub fn from_payload(payload: &[u8]) -> Option<Self> {
-        Self::ALL.into_iter().find(|model| model.is_data(payload))
-    }
-
     /// Whether a payload has size and header of its data packets.
     pub fn is_data(self, payload: &[u8]) -> bool {
         self.points(payload).is_some()
