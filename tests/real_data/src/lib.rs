@@ -1,4 +1,5 @@
-//! Third-party recordings for tests. They are in `../shared/data` next to the project.
+//! Third-party recordings for tests. They are in `../shared/data` next to the project;
+//! `fetch.py` downloads them (`docs/guide/test_data.md`).
 //!
 //! | `REPLICA_DATA` | folder | a test whose data is absent |
 //! |---|---|---|
