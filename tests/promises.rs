@@ -104,3 +104,22 @@ fn process_tests_are_listed() {
     }
     assert!(unlisted.is_empty(), "{PAGE} does not list these process tests: {unlisted:#?}");
 }
+
+/// The tests that only run every night, and those that the page names.
+#[test]
+fn long_tests_are_listed() {
+    let page = std::fs::read_to_string(root().join(PAGE)).expect("the page exists");
+    let (_, section) = page.split_once("\n## Long tests\n").expect("a section");
+    let mut n_tests = 0;
+    for file in ["shared", "services", "tools", "tests"].iter().flat_map(|folder| files(&root().join(folder), &["rs"]))
+    {
+        let text = std::fs::read_to_string(&file).expect("text");
+        for (index, _) in text.match_indices(concat!("#[ignore = ", "\"long: ")) {
+            n_tests += 1;
+            let (_, signature) = text[index..].split_once("fn ").expect("a function");
+            let name = signature.split('(').next().unwrap_or_default();
+            assert!(section.contains(&format!("::{name}`")), "{PAGE} does not list the long test {name}");
+        }
+    }
+    assert!(n_tests > 0);
+}

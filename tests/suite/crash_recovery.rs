@@ -44,6 +44,7 @@ fn killed_processes_do_not_change_the_clouds() {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn killed_processes_do_not_change_regions_and_materials() {
     let launch = |run: &str| {
         let settings = ["calibrate.color_lines='simplified'", "colorize.regions=true", "colorize.materials=true"];

@@ -89,6 +89,7 @@ fn scored(recording: &Path, out: &Path, topics: &str) -> Value {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     let folder = tempfile::tempdir().expect("a folder");
     let cloud = folder.path().join("Soufflot0.ply");

@@ -28,7 +28,7 @@ fn power_loss_at_any_moment_never_changes_the_clouds_unnoticed() {
 }
 
 #[test]
-#[cfg_attr(not(user_file_systems), ignore = "needs a mount namespace (unshare) and /dev/fuse")]
+#[ignore = "long: .ci/run --nightly"]
 fn power_loss_never_mixes_a_run_with_the_one_that_it_replaces() {
     if !in_own_namespace!("power_loss_never_mixes_a_run_with_the_one_that_it_replaces") {
         return;

@@ -115,6 +115,7 @@ fn run_continues_without_its_recorder() {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn killed_process_leaves_a_complete_recording_or_one_that_says_that_it_is_not() {
     // One kill of each: a stage must leave the recording complete, the other processes need not.
     let kills = kill_while_recording(&long_drive(), RECORDED_VICTIMS.len(), &mut Random::new(6));

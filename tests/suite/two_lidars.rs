@@ -9,6 +9,7 @@ fn launch() -> Launch {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn clouds_of_two_lidars_are_the_same_after_a_kill() {
     let calm = launch();
     let output = calm.run();

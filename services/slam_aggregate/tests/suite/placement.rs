@@ -212,6 +212,7 @@ fn stamps_more_than_a_second_late_or_early_are_doubted_with_the_least_delay() {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn delays_that_are_corrected_are_not_doubted() {
     for late_nanos in [0, 200_000_000, -350_000_000] {
         assert_eq!(receiver_delay_doubt(&settings(&[Correction::Gnss]), late_nanos), None, "{late_nanos} ns");

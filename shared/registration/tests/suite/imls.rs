@@ -30,6 +30,7 @@ fn truth_at_end(sweep: &Registered) -> Pose {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn imls_on_street_at_10_mps_follows_the_truth() {
     let registered = register_all(&mut odometry(&STREET), &sweeps(0..25));
     assert_eq!(registered.len(), 25);
@@ -52,6 +53,7 @@ fn imls_on_street_at_10_mps_follows_the_truth() {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn imls_without_point_times_has_twice_the_error() {
     let timed = sweeps(0..20);
     let untimed = |sweep: &Sweep| {

@@ -58,6 +58,7 @@ fn street_at_10_mps_is_tracked_from_the_first_shot() {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn sweeps_without_point_times_have_three_times_the_error() {
     let sweeps = sweeps_of(&STREET, 0..30);
     let untimed = |sweep: &Sweep| {
@@ -95,6 +96,7 @@ fn from_rear_to_rear(sweeps: &[Sweep]) -> Vec<Sweep> {
 
 /// The LiDAR is upright: the spin direction is estimated about the vertical.
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn sense_of_turning_is_found_in_sweeps_without_times_and_not_in_deskewed_ones() {
     let world_from_lidar = |t: f64| STREET.world_from_body(t) * Isometry3::translation(0.3, 0.0, 2.1);
     let sweeps: Vec<Sweep> = (0..41).map(|number| STREET.sweep_at(&world_from_lidar, number)).collect();

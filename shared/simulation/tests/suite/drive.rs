@@ -210,6 +210,7 @@ fn heights_around(drive: &Drive) -> Vec<f64> {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn built_in_rigs_of_other_data_sets_produce_drives() {
     for (name, model, n_cameras) in [("nuscenes", Model::Hdl32e, 6), ("kitti", Model::Hdl64e, 2)] {
         let rig = RigSpec::built_in(name).expect("built in");

@@ -130,6 +130,7 @@ fn moving_instances(simulation: &Simulation) -> std::collections::BTreeSet<u16> 
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn near_returns_of_dense_traffic_move_along_with_the_vehicle() {
     for (town, seed) in [(Town::Urban, 1), (Town::Urban, 2), (Town::Urban, 7), (Town::Suburban, 3), (Town::Rural, 4)] {
         let spec = DriveSpec { town, traffic: Traffic::Dense, ..DriveSpec::urban(seed, 20.0) };

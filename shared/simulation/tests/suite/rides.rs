@@ -18,6 +18,7 @@ fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &V
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn wheels_stay_on_road() {
     for (kind, seed) in
         [(Town::Urban, 1), (Town::Suburban, 2), (Town::Rural, 3), (Town::Tunnel, 4), (Town::Motorway, 5)]
@@ -70,6 +71,7 @@ fn no_mover_intersects_ego_vehicle() {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn rides_are_gentle_and_stop_at_red_lights() {
     for (kind, seed) in [(Town::Urban, 1), (Town::Urban, 7), (Town::Suburban, 2), (Town::Rural, 3), (Town::Motorway, 4)]
     {

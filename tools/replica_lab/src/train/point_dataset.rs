@@ -300,6 +300,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: .ci/run --nightly"]
     fn training_resumed_after_an_epoch_gives_same_files() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let data = "towns = ['urban']\nseeds = { first = 1, last = 1 }\nvalidation_seeds = { first = 2, last = 2 }\nseconds = 2.0\n\

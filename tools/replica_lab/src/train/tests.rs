@@ -234,6 +234,7 @@ fn model_has_the_temperature_of_the_recipe() {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn model_is_a_mean_of_the_weights_before_and_after_training() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let weights = |name: &str, model: &str| {

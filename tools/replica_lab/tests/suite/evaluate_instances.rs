@@ -18,6 +18,7 @@ fn lines(table: &str) -> Vec<(String, u32, u32, String)> {
 }
 
 #[test]
+#[ignore = "long: .ci/run --nightly"]
 fn true_labels_score_100_and_errors_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let drive = folder.path().join("drive");
