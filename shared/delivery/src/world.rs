@@ -23,6 +23,8 @@ pub struct World {
     local: Option<LocalFrame>,
     /// Projection of the coordinates, if the frame is UTM.
     utm: Option<Utm>,
+    /// Reason why the place has no UTM coordinates.
+    outside_utm: Option<String>,
 }
 
 /// Pose of a submap before and after the correction.
@@ -54,7 +56,11 @@ impl World {
         });
         let origin = origin.transpose()?;
         let local = origin.map(LocalFrame::new);
-        let map = origin.as_ref().map(Utm::from_geodetic).transpose()?;
+        // Near the poles there is no UTM: the results stay in the local frame.
+        let (map, outside_utm) = match origin.as_ref().map(Utm::from_geodetic).transpose() {
+            Err(error @ UtmError::Latitude(_)) => (None, Some(error.to_string())),
+            found => (found?, None),
+        };
         let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::new(local, utm)).transpose()?;
         let deviations = Deviations::from_rows(rows);
         // With a wrong heading, UTM coordinates are wrong without any visible sign.
@@ -78,7 +84,7 @@ impl World {
             fixes: Uses { used: header.n_fixes, refused: header.n_fixes_refused },
             uprights: header.n_uprights,
         };
-        Ok(Self { choice, submaps, georeference, local, utm })
+        Ok(Self { choice, submaps, georeference, local, utm, outside_utm })
     }
     /// Description of the frame of the clouds.
     pub fn frame(&self) -> &str {
@@ -92,6 +98,9 @@ impl World {
     pub fn lacks_utm(&self) -> Option<String> {
         if !self.choice.wants_utm || self.utm.is_some() {
             return None;
+        }
+        if let Some(reason) = &self.outside_utm {
+            return Some(reason.clone());
         }
         let limit = self.choice.max_heading_deviation_deg;
         let heading = self.deviations().and_then(|deviations| deviations.undetermined_heading(limit));
@@ -145,4 +154,28 @@ fn utm_frame(utm: &Utm) -> String {
     let hemisphere = utm.hemisphere();
     let epsg = utm.epsg();
     format!("UTM {zone}{hemisphere} (EPSG:{epsg}) easting northing, height above the WGS84 ellipsoid, m")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reference: UTM covers latitudes -80 to 84 degrees (DMA TM 8358.2, chapter 1).
+    #[test]
+    fn results_near_a_pole_stay_in_the_local_frame() {
+        for (latitude_deg, wants_utm, reason) in [
+            (85.0, true, Some("latitude 85 degrees is outside UTM; expected -80 to 84")),
+            (-80.5, true, Some("latitude -80.5 degrees is outside UTM; expected -80 to 84")),
+            (85.0, false, None),
+            (83.9, true, None),
+        ] {
+            let header = PlacementHeader { latitude_deg, frame: FRAME_EAST_NORTH_UP, ..PlacementHeader::default() };
+            let choice = FrameChoice { wants_utm, max_heading_deviation_deg: 5.0 };
+            let world = World::new(&header, &[], choice).expect("has a frame");
+            assert_eq!(world.lacks_utm().as_deref(), reason);
+            assert_eq!(world.crs().is_some(), wants_utm && reason.is_none(), "{latitude_deg}");
+            let place = world.georeference.origin.map(|origin| origin.latitude_deg);
+            assert_eq!((place, world.georeference.utm.is_some()), (Some(latitude_deg), latitude_deg == 83.9));
+        }
+    }
 }

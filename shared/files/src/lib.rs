@@ -8,6 +8,7 @@
 //! - [`text_file`]: read a text of at most a given size; devices, folders and larger files are refused.
 //! - [`toml_file`], [`toml_nesting`]: parse TOML with the line of each key; deep nesting is refused before it is parsed.
 //! - [`problems`]: all faults of one file, reported together.
+//! - [`csv`]: a text of a user as a cell of a table.
 //! - [`calendar`]: dates and times of day to and from days since 1970.
 //!
 //! **Never**: file formats of sensors or of other programs (see the crates `formats`, `lidar`, `drive` and `recording`).
@@ -16,6 +17,7 @@
 
 pub mod atomic_file;
 pub mod calendar;
+pub mod csv;
 pub mod problems;
 pub mod text_file;
 pub mod toml_file;

@@ -42,6 +42,68 @@ pub struct Residual {
     pub roughness_m: Option<f64>,
 }
 
+/// The comparison of a cloud with check points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// Accuracy over all check points.
+    pub accuracy: Accuracy,
+    /// Residuals of each check point.
+    pub residuals: Vec<Residual>,
+}
+
+impl Comparison {
+    /// The check points without points of the cloud near them.
+    pub fn outside(&self) -> impl Iterator<Item = &CheckPoint> {
+        self.residuals.iter().filter(|residual| residual.n_points == 0).map(|residual| &residual.point)
+    }
+
+    /// Why no check point says anything about the cloud: all lie outside of it, or none has a residual. `cloud` are the smallest
+    /// and largest coordinates of the cloud. `None` if at least one check point is usable.
+    pub fn unusable(&self, cloud: [[f64; 3]; 2]) -> Option<String> {
+        let n = self.residuals.len();
+        let has_residual = |residual: &Residual| residual.up_m.is_some() || residual.horizontal_m.is_some();
+        if self.residuals.iter().any(|residual| residual.n_points > 0) {
+            return (!self.residuals.iter().any(has_residual)).then(|| {
+                format!(
+                    "none of {n} check points has a residual: a plane needs {MIN_POINTS} points of the cloud within {RADIUS_M} m, \
+                     the most are {}",
+                    self.residuals.iter().map(|residual| residual.n_points).max().unwrap_or_default()
+                )
+            });
+        }
+        let points = bounds(self.residuals.iter().map(|residual| residual.point.xyz))?;
+        let is_in = |from: usize, to: usize| cloud[0][to] <= points[1][from] && points[0][from] <= cloud[1][to];
+        let hint = if is_in(0, 0) && is_in(1, 1) && !is_in(2, 2) {
+            "heights of the table and of the delivery refer to different surfaces; see --geoid"
+        } else if is_in(0, 1) && is_in(1, 0) && !(is_in(0, 0) && is_in(1, 1)) {
+            "x and y of the table are swapped; x is the easting, y the northing"
+        } else {
+            "write the table in the coordinates of the delivery, or choose the system of the table with --crs"
+        };
+        Some(format!(
+            "none of {n} check points lies in the cloud, so nothing is known about its accuracy: the check points have {}; the \
+             cloud has {}; a check point needs points of the cloud within {RADIUS_M} m and within {MAX_HEIGHT_M} m of height\n\
+             hint: {hint}",
+            range_text(points),
+            range_text(cloud)
+        ))
+    }
+}
+
+/// Smallest and largest coordinates. `None` without points.
+fn bounds(points: impl Iterator<Item = [f64; 3]>) -> Option<[[f64; 3]; 2]> {
+    points.map(|xyz| [xyz; 2]).reduce(|[low, high], [a, b]| {
+        [std::array::from_fn(|axis| low[axis].min(a[axis])), std::array::from_fn(|axis| high[axis].max(b[axis]))]
+    })
+}
+
+fn range_text([low, high]: [[f64; 3]; 2]) -> String {
+    let axes = ["x", "y", "z"].iter().enumerate();
+    let ranges: Vec<String> =
+        axes.map(|(axis, name)| format!("{name} {:.2} to {:.2}", low[axis], high[axis])).collect();
+    ranges.join(", ")
+}
+
 /// Compares the cloud with check points. Writes `check_points.csv`, `check_points_summary.csv` and the map
 /// `check_points.svg` into the existing folder `out`.
 pub fn write_check_points(
@@ -49,7 +111,7 @@ pub fn write_check_points(
     frame: &TargetFrame<'_>,
     points: Vec<CheckPoint>,
     out: &Path,
-) -> Result<Accuracy, DeliverError> {
+) -> Result<Comparison, DeliverError> {
     let sums = surfaces(run, frame, &points)?;
     let residuals: Vec<Residual> = points.into_iter().zip(sums).map(|(point, sums)| residual(point, &sums)).collect();
     let accuracy = Accuracy::from_residuals(&residuals);
@@ -64,7 +126,7 @@ pub fn write_check_points(
         let path = out.join(name);
         write_atomic(&path, text.as_bytes()).map_err(DeliverError::file(&path, "write"))?;
     }
-    Ok(accuracy)
+    Ok(Comparison { accuracy, residuals })
 }
 
 fn residual(point: CheckPoint, sums: &PlaneSums) -> Residual {

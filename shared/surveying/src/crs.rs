@@ -1,7 +1,9 @@
 //! Coordinate reference systems: the supported systems of the EPSG registry and their WKT.
 
+mod area;
 mod vertical;
 
+pub use area::{Area, MARGIN_DEG};
 pub use vertical::VerticalDatum;
 
 use geometry::{Geodetic, Projection, ProjectionError, Utm, UtmError};
@@ -38,6 +40,20 @@ pub enum CrsError {
     /// The projection failed.
     #[error(transparent)]
     Projection(#[from] ProjectionError),
+    /// The projection gave coordinates that are not finite.
+    #[error(
+        "latitude {latitude_deg:.6} longitude {longitude_deg:.6} has no coordinates in EPSG:{epsg}: {found:?}; expected finite numbers"
+    )]
+    NotFinite {
+        /// Number of the system.
+        epsg: u32,
+        /// Degrees, north positive.
+        latitude_deg: f64,
+        /// Degrees, east positive.
+        longitude_deg: f64,
+        /// Easting, northing and height, m.
+        found: [f64; 3],
+    },
     /// The position has no UTM zone.
     #[error(transparent)]
     Utm(#[from] UtmError),
@@ -134,6 +150,17 @@ impl Crs {
     /// Number in the EPSG registry.
     pub const fn epsg(&self) -> u32 {
         self.epsg
+    }
+    /// Where the system is defined.
+    pub fn area(&self) -> Area {
+        Area::from_epsg(self.epsg)
+    }
+    /// The systems whose area of use contains a position: WGS 84 / UTM of its zone first. Empty near the poles.
+    pub fn containing(place: &Geodetic) -> Vec<Self> {
+        let utm = Self::utm_of(place).ok();
+        let national = (25_828..=25_838).chain([2154]).chain(3942..=3950).chain([3812]);
+        let national = national.filter_map(|epsg| Self::from_epsg(epsg).ok());
+        utm.into_iter().chain(national.filter(|crs| crs.area().contains(place))).collect()
     }
     /// Name in the EPSG registry.
     pub fn name(&self) -> &str {

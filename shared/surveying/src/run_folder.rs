@@ -36,6 +36,11 @@ impl RunFolder {
     /// Reads the folder of a run whose clouds may have these columns.
     pub fn open_with(path: &Path, columns: &'static [Column]) -> Result<Self, DeliverError> {
         let index_path = path.join(INDEX);
+        if !index_path.exists() {
+            let rule = "has no clouds/index.json: the run wrote no clouds\nhint: run the drive with the stages acquire, \
+                        slam_aggregate and export";
+            return Err(DeliverError::content(path, rule));
+        }
         let text = std::fs::read_to_string(&index_path).map_err(DeliverError::file(&index_path, "read"))?;
         let index: Index =
             serde_json::from_str(&text).map_err(|error| DeliverError::content(&index_path, error.to_string()))?;

@@ -3,6 +3,7 @@
 mod quadratic;
 
 use crate::crs::{Crs, CrsError, VerticalDatum};
+use crate::geojson::unwrapped;
 use crate::run_folder::Georeference;
 use formats::gtx::GeoidGrid;
 use geometry::{Geodetic, Point3, Projection};
@@ -90,11 +91,11 @@ impl<'a> TargetFrame<'a> {
 
     /// Coordinates of a geographic position. `None` if the delivery is not georeferenced.
     pub fn from_geodetic(&self, place: &Geodetic) -> Result<Option<[f64; 3]>, CrsError> {
-        let Some(MapSystem { projection, geoid, .. }) = self.map() else {
+        let Some(MapSystem { crs, projection, geoid }) = self.map() else {
             let local = self.georeference.and_then(Georeference::local);
             return Ok(local.map(|local| local.world_from_geodetic(place).coords.into()));
         };
-        let [east, north, height] = projection.project(place)?;
+        let [east, north, height] = map_coordinates(crs, projection, place)?;
         let undulation = geoid.as_ref().map_or(Ok(0.0), |(_, geoid)| {
             let Geodetic { latitude_deg, longitude_deg, .. } = *place;
             let height = geoid.height(latitude_deg, longitude_deg);
@@ -119,13 +120,25 @@ impl<'a> TargetFrame<'a> {
     fn smooth(&self, xyz: [f64; 3]) -> Result<[f64; 5], CrsError> {
         let geodetic =
             self.georeference.map(|georeference| georeference.geodetic_from_cloud(xyz)).transpose()?.flatten();
-        let (Some(place), Some(MapSystem { projection, .. })) = (geodetic, self.map()) else {
+        let (Some(place), Some(MapSystem { crs, projection, .. })) = (geodetic, self.map()) else {
             let [x, y, z] = self.from_cloud(xyz)?;
             return Ok([x, y, z, 0.0, 0.0]);
         };
-        let [east, north, height] = projection.project(&place)?;
-        Ok([east, north, height, place.latitude_deg, place.longitude_deg])
+        let [east, north, height] = map_coordinates(crs, projection, &place)?;
+        // Longitudes of a cell must not jump by 360 degrees at the antimeridian.
+        let near = self.georeference.and_then(Georeference::local).map_or(0.0, |local| local.origin().longitude_deg);
+        Ok([east, north, height, place.latitude_deg, unwrapped(place.longitude_deg, near)])
     }
+}
+
+/// Easting, northing and height above the ellipsoid, m. Projections of the library may give infinite coordinates.
+fn map_coordinates(crs: &Crs, projection: &Projection, place: &Geodetic) -> Result<[f64; 3], CrsError> {
+    let found = projection.project(place)?;
+    let Geodetic { latitude_deg, longitude_deg, .. } = *place;
+    if found.iter().any(|value| !value.is_finite()) {
+        return Err(CrsError::NotFinite { epsg: crs.epsg(), latitude_deg, longitude_deg, found });
+    }
+    Ok(found)
 }
 
 /// Converts points that are close together. The projection is computed exactly at a few positions of each cell of 1 km,

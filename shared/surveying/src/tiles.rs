@@ -34,6 +34,50 @@ pub struct PointFile {
     pub bounds: [[f64; 3]; 2],
 }
 
+/// Names of tiles, without extension. Sorted names are sorted by easting, then northing.
+struct TileNames {
+    /// Side of a tile, m; 0 = one file.
+    side: i64,
+    /// Smallest column and row.
+    first: (i64, i64),
+    /// Least number of digits of both numbers.
+    digits: (usize, usize),
+}
+
+/// Digits of the easting and northing of UTM.
+const UTM_DIGITS: (usize, usize) = (6, 7);
+/// Least number of digits of a column or row.
+const INDEX_DIGITS: usize = 4;
+
+impl TileNames {
+    fn new(tiles: impl Iterator<Item = (i64, i64)> + Clone, side: i64) -> Self {
+        let least = |axis: fn((i64, i64)) -> i64| tiles.clone().map(axis).min().unwrap_or(0);
+        let most = |axis: fn((i64, i64)) -> i64| tiles.clone().map(axis).max().unwrap_or(0);
+        let first = (least(|tile| tile.0), least(|tile| tile.1));
+        let last = (most(|tile| tile.0), most(|tile| tile.1));
+        let n_digits = |number: i64| number.to_string().len();
+        let digits = if first.0 < 0 || first.1 < 0 {
+            (n_digits(last.0 - first.0).max(INDEX_DIGITS), n_digits(last.1 - first.1).max(INDEX_DIGITS))
+        } else {
+            (n_digits(last.0 * side).max(UTM_DIGITS.0), n_digits(last.1 * side).max(UTM_DIGITS.1))
+        };
+        Self { side, first, digits }
+    }
+
+    /// The lower left corner in m. If the delivery has negative coordinates, column and row, counted from its lower left: a name
+    /// with a minus would be read as an option, and would not sort.
+    fn name(&self, (column, row): (i64, i64)) -> String {
+        let Self { side, first, digits: (x_digits, y_digits) } = *self;
+        if side == 0 {
+            "points".to_owned()
+        } else if first.0 < 0 || first.1 < 0 {
+            format!("column{:0x_digits$}_row{:0y_digits$}", column - first.0, row - first.1)
+        } else {
+            format!("{:0x_digits$}_{:0y_digits$}", column * side, row * side)
+        }
+    }
+}
+
 /// Writes the points of a run as tiles into the existing folder `out`. A point on an edge belongs to the tile to the
 /// right or above, so each point is in exactly one tile. `progress` receives numbers of points read, then numbers of
 /// points written.
@@ -52,14 +96,10 @@ pub fn write_tiles(
         (number(x, x0), number(y, y0))
     };
     let spool = delivery.spool(out, tile_of, &mut progress)?;
-    let name = |(column, row): (i64, i64)| {
-        let extension = if tiling.is_compressed { "laz" } else { "las" };
-        match i64::from(tiling.side_m) {
-            0 => format!("points.{extension}"),
-            side => format!("{}_{}.{extension}", column * side, row * side),
-        }
-    };
     let tiles = spool.keys();
+    let names = TileNames::new(tiles.iter().map(|(tile, _)| *tile), i64::from(tiling.side_m));
+    let extension = if tiling.is_compressed { "laz" } else { "las" };
+    let name = |tile| format!("{}.{extension}", names.name(tile));
     let mut files = Vec::new();
     // As many tiles at a time as there are threads, so that progress is reported in between.
     for tiles in tiles.chunks(rayon::current_num_threads()) {
@@ -77,4 +117,31 @@ pub fn write_tiles(
         progress(tiles.iter().map(|(_, n_points)| n_points).sum());
     }
     Ok((files, delivery.left_out))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_tiles_sort_and_have_no_minus() {
+        for (tiles, side, expected) in [
+            (&[(9043, 108_214), (9043, 108_215)][..], 50, &["452150_5410700", "452150_5410750"][..]),
+            // Lambert-93 in Alsace, UTM at the equator.
+            (&[(19_999, 137_000), (20_000, 137_000)], 50, &["0999950_6850000", "1000000_6850000"]),
+            (&[(3320, 0), (3320, 1)], 50, &["166000_0000000", "166000_0000050"]),
+            (
+                &[(-2, 0), (-1, 0), (0, 0), (9, 0)],
+                50,
+                &["column0000_row0000", "column0001_row0000", "column0002_row0000", "column0011_row0000"],
+            ),
+            (&[(5, -1), (5, 0)], 50, &["column0000_row0000", "column0000_row0001"]),
+            (&[(0, 0)], 0, &["points"]),
+        ] {
+            let names = TileNames::new(tiles.iter().copied(), side);
+            let found: Vec<String> = tiles.iter().map(|tile| names.name(*tile)).collect();
+            assert_eq!(found, expected);
+            assert!(found.is_sorted(), "{found:?}");
+        }
+    }
 }

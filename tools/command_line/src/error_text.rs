@@ -2,7 +2,8 @@
 
 const HINT: &str = "\nhint: ";
 
-/// The error and its causes, separated by colons. Hints follow on separate lines.
+/// The error and its causes, separated by colons. Hints follow on separate lines. A cause that the text of its error
+/// already ends with is not repeated.
 pub fn error_text(error: &anyhow::Error) -> String {
     let mut causes = Vec::new();
     let mut hints = String::new();
@@ -13,6 +14,7 @@ pub fn error_text(error: &anyhow::Error) -> String {
                 hints.push_str(HINT);
                 hints.push_str(hint);
             }
+            None if causes.last().is_some_and(|error: &String| error.ends_with(&message)) => {}
             None => causes.push(message),
         }
     }
@@ -23,6 +25,13 @@ pub fn error_text(error: &anyhow::Error) -> String {
 mod tests {
     use super::*;
     use anyhow::anyhow;
+
+    #[test]
+    fn cause_that_its_error_names_is_printed_once() {
+        let cause = "No such file or directory (os error 2)";
+        let error = anyhow!(cause).context(format!("out/summary.json: {cause}")).context("the run is not finished");
+        assert_eq!(error_text(&error), format!("the run is not finished: out/summary.json: {cause}"));
+    }
 
     #[test]
     fn hint_follows_all_causes() {

@@ -36,7 +36,18 @@ pub fn with_groups(command: Command, groups: &[Group], example: &str) -> Command
         grouped_subcommands(groups),
         command.get_name()
     );
-    command.help_template(format!("{HELP_TEMPLATE}{EXAMPLE}{example}")).after_help(after_help)
+    let command = command.help_template(format!("{HELP_TEMPLATE}{EXAMPLE}{example}")).after_help(after_help);
+    with_negative_values(command)
+}
+
+/// The same command line, where a negative number after an option is its value. The parser of the value then states the
+/// rule; otherwise clap takes `-1` for an unknown option.
+fn with_negative_values(command: Command) -> Command {
+    let command = command.mut_args(|arg| {
+        let takes_value = arg.get_action().takes_values() && !arg.is_positional();
+        if takes_value { arg.allow_negative_numbers(true) } else { arg }
+    });
+    command.mut_subcommands(with_negative_values)
 }
 
 fn grouped_subcommands(groups: &[Group]) -> String {

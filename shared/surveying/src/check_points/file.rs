@@ -19,10 +19,25 @@ const REQUIRED: [&str; 4] = ["name", "x", "y", "z"];
 /// Columns of the position in the cloud; a file has all of them or lacks all of them.
 const IN_CLOUD: [&str; 3] = ["cloud_x", "cloud_y", "cloud_z"];
 
-/// Reads a CSV file whose first line names the columns, in any order. Other columns are ignored.
+/// Reads a CSV file whose first line names the columns, in any order and in upper or lower case. Other columns are ignored.
+/// Fields are separated by commas, semicolons or tabs and may be quoted. Numbers may have decimal commas.
 pub fn load_check_points(path: &Path) -> Result<Vec<CheckPoint>, DeliverError> {
-    let text = std::fs::read_to_string(path).map_err(DeliverError::file(path, "read"))?;
-    check_points_from_csv(&text).map_err(|rule| DeliverError::content(path, rule))
+    let bytes = std::fs::read(path).map_err(DeliverError::file(path, "read"))?;
+    let text = text_from_bytes(&bytes).map_err(|rule| DeliverError::content(path, rule))?;
+    check_points_from_csv(text).map_err(|rule| DeliverError::content(path, rule))
+}
+
+/// The content of a file as text. The error is the violated rule.
+fn text_from_bytes(bytes: &[u8]) -> Result<&str, String> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err("is UTF-16 text; save it as CSV in UTF-8".to_owned());
+    }
+    std::str::from_utf8(bytes).map_err(|error| {
+        let (before, rest) = bytes.split_at(error.valid_up_to());
+        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+        let byte = rest.first().copied().unwrap_or_default();
+        format!("line {line}: byte {byte:#04x} is not UTF-8; save the file as CSV in UTF-8")
+    })
 }
 
 /// The check points in the text of such a file. The error is the violated rule, with the line.
@@ -30,45 +45,160 @@ pub fn check_points_from_csv(text: &str) -> Result<Vec<CheckPoint>, String> {
     parse(text).map_err(|(line, rule)| if line == 0 { rule } else { format!("line {line}: {rule}") })
 }
 
-fn parse(text: &str) -> Result<Vec<CheckPoint>, (usize, String)> {
+/// A violated rule, and its line; 0 = the whole file.
+type Fault = (usize, String);
+
+fn parse(text: &str) -> Result<Vec<CheckPoint>, Fault> {
     // Spreadsheets put a byte order mark before the first name.
     let text = text.trim_start_matches('\u{feff}');
-    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
-    let (line, names) = lines.next().ok_or((0, "has no line with names".to_owned()))?;
-    let names: Vec<&str> = names.split(',').map(str::trim).collect();
-    let column = |name: &str| names.iter().position(|found| *found == name);
-    let required = |name: &str| column(name).ok_or_else(|| (line, format!("no column `{name}`; needs name,x,y,z")));
-    let [name_at, x, y, z] =
-        [required(REQUIRED[0])?, required(REQUIRED[1])?, required(REQUIRED[2])?, required(REQUIRED[3])?];
-    let in_cloud: Vec<usize> = IN_CLOUD.iter().filter_map(|name| column(name)).collect();
-    if !in_cloud.is_empty() && in_cloud.len() != IN_CLOUD.len() {
-        return Err((line, "needs all or none of cloud_x, cloud_y, cloud_z".to_owned()));
-    }
+    // Excel reads the separator from a first line such as "sep=;".
+    let is_used = |line: &str| !line.trim().is_empty() && !line.starts_with("sep=");
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| is_used(line));
+    let mut found = lines.by_ref().filter(|(_, line)| !line.starts_with('#'));
+    let (line, header) = found.next().ok_or((0, "has no line with names".to_owned()))?;
+    let table = Table::new(line, header)?;
     let mut points = Vec::new();
+    let mut decimals = Decimals::default();
     for (line, row) in lines {
-        let fields: Vec<&str> = row.split(',').map(str::trim).collect();
-        if fields.len() != names.len() {
-            return Err((line, format!("{} fields, the first line names {}", fields.len(), names.len())));
+        let fields = fields(row, table.separator).map_err(|rule| (line, rule))?;
+        if row.starts_with('#') {
+            // A comment must not hide a point that is named "#12".
+            if fields.len() == table.names.len() && table.point(line, &fields, &mut Decimals::default()).is_ok() {
+                return Err((line, "a comment, or a point whose name begins with `#`; rename the point".to_owned()));
+            }
+        } else if fields.iter().any(|field| !field.is_empty()) {
+            points.push(table.point(line, &fields, &mut decimals)?);
         }
-        let number = |at: usize| {
-            let value = fields[at].parse().ok().filter(|value: &f64| value.is_finite());
-            value.ok_or_else(|| (line, format!("{}: {:?} is not a number", names[at], fields[at])))
-        };
-        let is_found = !in_cloud.is_empty() && in_cloud.iter().any(|at| !fields[*at].is_empty());
-        points.push(CheckPoint {
-            name: fields[name_at].to_owned(),
-            xyz: [number(x)?, number(y)?, number(z)?],
-            in_cloud: if is_found {
-                Some([number(in_cloud[0])?, number(in_cloud[1])?, number(in_cloud[2])?])
-            } else {
-                None
-            },
-        });
     }
     if points.is_empty() {
         return Err((0, "has no points".to_owned()));
     }
     Ok(points)
+}
+
+/// The columns of a file.
+struct Table {
+    separator: char,
+    /// Lower case.
+    names: Vec<String>,
+    name_at: usize,
+    /// Indices of x, y and z.
+    xyz: [usize; 3],
+    /// Indices of the position in the cloud.
+    in_cloud: Option<[usize; 3]>,
+}
+
+impl Table {
+    fn new(line: usize, header: &str) -> Result<Self, Fault> {
+        let separator = [';', '\t'].into_iter().find(|separator| header.contains(*separator)).unwrap_or(',');
+        let names = fields(header, separator).map_err(|rule| (line, rule))?;
+        let names: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
+        let column = |name: &str| {
+            let mut found = names.iter().enumerate().filter(|(_, found)| *found == name).map(|(at, _)| at);
+            let at = found.next();
+            if found.next().is_some() { Err((line, format!("two columns `{name}`"))) } else { Ok(at) }
+        };
+        let required = |name: &str| {
+            let missing = || (line, format!("no column `{name}` in {names:?}; needs name,x,y,z"));
+            column(name)?.ok_or_else(missing)
+        };
+        let [name_at, x, y, z] =
+            [required(REQUIRED[0])?, required(REQUIRED[1])?, required(REQUIRED[2])?, required(REQUIRED[3])?];
+        let in_cloud = match [column(IN_CLOUD[0])?, column(IN_CLOUD[1])?, column(IN_CLOUD[2])?] {
+            [None, None, None] => None,
+            [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+            _ => return Err((line, "needs all or none of cloud_x, cloud_y, cloud_z".to_owned())),
+        };
+        Ok(Self { separator, name_at, xyz: [x, y, z], in_cloud, names })
+    }
+
+    fn point(&self, line: usize, fields: &[String], decimals: &mut Decimals) -> Result<CheckPoint, Fault> {
+        let Self { separator, names, name_at, xyz, in_cloud } = self;
+        if fields.len() != names.len() {
+            let hint = match (separator, fields.len() > names.len()) {
+                (',', true) => "; numbers with decimal commas need semicolons between the fields",
+                _ => "",
+            };
+            return Err((line, format!("{} fields, the first line names {}{hint}", fields.len(), names.len())));
+        }
+        let mut numbers = |at: &[usize; 3]| -> Result<[f64; 3], Fault> {
+            let mut found = [0.0; 3];
+            for (value, at) in found.iter_mut().zip(at) {
+                let number = decimals.number(&fields[*at], *separator);
+                *value = number.map_err(|rule| (line, format!("{}: {:?} {rule}", names[*at], fields[*at])))?;
+            }
+            Ok(found)
+        };
+        let in_cloud = in_cloud.as_ref().filter(|at| at.iter().any(|at| !fields[*at].is_empty()));
+        Ok(CheckPoint {
+            name: fields[*name_at].clone(),
+            xyz: numbers(xyz)?,
+            in_cloud: in_cloud.map(&mut numbers).transpose()?,
+        })
+    }
+}
+
+/// The decimal separators seen so far. A file with both could have thousands separators, which change the value.
+#[derive(Default)]
+struct Decimals {
+    has_points: bool,
+    has_commas: bool,
+}
+
+impl Decimals {
+    /// The number in a field. The error is the violated rule.
+    fn number(&mut self, field: &str, separator: char) -> Result<f64, &'static str> {
+        self.has_points |= field.contains('.');
+        self.has_commas |= field.contains(',');
+        if self.has_points && self.has_commas {
+            return Err("mixes decimal commas and decimal points; write all numbers with decimal points");
+        }
+        let value = field.replacen(',', ".", 1).parse().ok().filter(|value: &f64| value.is_finite());
+        let groups = field.trim_start_matches(['-', '+']).split_once(',');
+        let may_be_thousands = groups.is_some_and(|(whole, rest)| whole.len() <= 3 && rest.len() == 3);
+        if value.is_some() && separator == ',' && may_be_thousands {
+            return Err("has a decimal comma or a separator of thousands; write all numbers with decimal points");
+        }
+        value.ok_or("is not a number")
+    }
+}
+
+/// The fields of a line, without quotes and blanks around them (RFC 4180). The error is the violated rule.
+fn fields(line: &str, separator: char) -> Result<Vec<String>, String> {
+    let mut fields = Vec::new();
+    let mut rest = line;
+    loop {
+        let text = rest.trim_start_matches(|c: char| c.is_whitespace() && c != separator);
+        let Some(quoted) = text.strip_prefix('"') else {
+            let (field, after) = text.split_once(separator).map_or((text, None), |(field, after)| (field, Some(after)));
+            fields.push(field.trim().to_owned());
+            match after {
+                Some(after) => rest = after,
+                None => return Ok(fields),
+            }
+            continue;
+        };
+        let (field, after) = unquoted(quoted).ok_or("a field has an opening quote without a closing one")?;
+        fields.push(field.trim().to_owned());
+        let after = after.trim_start_matches(|c: char| c.is_whitespace() && c != separator);
+        if after.is_empty() {
+            return Ok(fields);
+        }
+        rest = after.strip_prefix(separator).ok_or_else(|| format!("text after a closing quote: {after:?}"))?;
+    }
+}
+
+/// The text up to the closing quote, and the text after it. A doubled quote is a quote of the text.
+fn unquoted(text: &str) -> Option<(String, &str)> {
+    let mut field = String::new();
+    let mut rest = text;
+    loop {
+        let (before, after) = rest.split_once('"')?;
+        field.push_str(before);
+        let Some(next) = after.strip_prefix('"') else { return Some((field, after)) };
+        field.push('"');
+        rest = next;
+    }
 }
 
 #[cfg(test)]
@@ -85,10 +215,50 @@ mod tests {
     }
 
     #[test]
+    fn tables_of_spreadsheets_are_read() {
+        let expected = [("P 1", [452_060.5, 5_410_567.25, 50.0]), ("P2", [452_080.0, 5_410_569.0, -1.5])];
+        for text in [
+            "name,x,y,z\nP 1,452060.5,5410567.25,50\nP2,452080,5410569,-1.5\n",
+            "name;x;y;z\r\nP 1;452060,5;5410567,25;50,0\r\nP2;452080,0;5410569,0;-1,5\r\n;;;\r\n",
+            "\u{feff}sep=;\nName;X;Y;Z\nP 1;452060.5;5410567.25;50\nP2;452080;5410569;-1.5\n",
+            "name\tx\ty\tz\nP 1\t452060.5\t5410567.25\t50\nP2\t452080\t5410569\t-1.5\n",
+            "\"name\", \"x\",\"y\",\"z\"\n\"P 1\",\"452060,5\",\"5410567,25\",50\n\"P2\" ,452080,5410569,\"-1,5\"\n",
+            "\u{feff}\"Name\";\"X\";\"Y\";\"Z\"\n\"P 1\";452060,5;5410567,25;50\nP2;452080;5410569;-1,5\n",
+        ] {
+            let points = parse(text).unwrap_or_else(|fault| panic!("{text}: {fault:?}"));
+            let found: Vec<(&str, [f64; 3])> = points.iter().map(|point| (point.name.as_str(), point.xyz)).collect();
+            assert_eq!(found, expected, "{text}");
+        }
+        let points = parse("name,x,y,z\n\"a, \"\"b\"\"\",1,2,3\n").expect("parses");
+        assert_eq!(points[0].name, "a, \"b\"");
+    }
+
+    #[test]
+    fn text_in_another_encoding_is_refused_with_its_line() {
+        let error = |bytes: &[u8]| text_from_bytes(bytes).expect_err("is refused");
+        assert_eq!(error(b"\xff\xfen\0a\0"), "is UTF-16 text; save it as CSV in UTF-8");
+        let latin = error(b"name,x,y,z\nStra\xdfe,1,2,3\n");
+        assert_eq!(latin, "line 2: byte 0xdf is not UTF-8; save the file as CSV in UTF-8");
+    }
+
+    #[test]
     fn invalid_lines_are_reported() {
         for (text, line, rule) in [
             ("", 0, "has no line with names"),
-            ("name,x,y\n", 1, "no column `z`"),
+            ("name,x,y\n", 1, "no column `z` in [\"name\", \"x\", \"y\"]; needs name,x,y,z"),
+            ("name,x,X,y,z\n", 1, "two columns `x`"),
+            ("sep=;\n\"name;x;y;z\n", 2, "an opening quote without a closing one"),
+            ("name,x,y,z\n\"A\"b,1,2,3\n", 2, "text after a closing quote: \"b,1,2,3\""),
+            (
+                "name,x,y,z\nP1,452060,0,5410567,2,50,0\n",
+                2,
+                "7 fields, the first line names 4; numbers with decimal commas",
+            ),
+            ("name;x;y;z\nA;1.234,5;2;3\n", 2, "x: \"1.234,5\" mixes decimal commas and decimal points"),
+            ("name;x;y;z\nA;452,060;1;2\nB;3.5;1;2\n", 3, "x: \"3.5\" mixes decimal commas"),
+            ("name,x,y,z\nA,\"1,234\",2,3\n", 2, "x: \"1,234\" has a decimal comma or a separator of thousands"),
+            ("name;x;y;z\nA;1,2,3;2;3\n", 2, "x: \"1,2,3\" is not a number"),
+            ("name,x,y,z\nA,1,2,3\n#12,1,2,3\n", 3, "a comment, or a point whose name begins with `#`"),
             ("name,x,y,z,cloud_x\n", 1, "needs all or none"),
             ("name,x,y,z\n", 0, "has no points"),
             ("name,x,y,z\nA,1,2\n", 2, "3 fields, the first line names 4"),

@@ -1,6 +1,7 @@
 //! Tables of residuals.
 
 use super::Residual;
+use files::csv::csv_cell;
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -81,7 +82,8 @@ pub(super) fn table(residuals: &[Residual]) -> String {
         let [dx, dy] = [0, 1].map(|axis| metres(horizontal_m.map(|residual| residual[axis])));
         let dz = metres(*up_m);
         let roughness = metres(*roughness_m);
-        let _ = writeln!(text, "{},{x},{y},{z},{dx},{dy},{dz},{n_points},{roughness}", point.name);
+        let name = csv_cell(&point.name);
+        let _ = writeln!(text, "{name},{x},{y},{z},{dx},{dy},{dz},{n_points},{roughness}");
     }
     text
 }
@@ -121,6 +123,9 @@ mod tests {
         let text = table(&residuals);
         assert_eq!(text.lines().nth(1), Some("A,1,2.5,3,0.0300,0.0400,-0.0200,20,0.0100"));
         assert_eq!(text.lines().nth(4), Some("A,1,2.5,3,,,,20,0.0100"));
+        let mut named = residual(None, None);
+        named.point.name = "=1+2".to_owned();
+        assert_eq!(table(&[named]).lines().nth(1), Some("'=1+2,1,2.5,3,,,,20,0.0100"));
         assert!(accuracy.table().contains("rmse_x,2,0.0300\n") && accuracy.table().contains("le90,3,0.0400\n"));
         assert!(Accuracy::from_residuals(&[]).table().contains("rmse_z,0,\n"));
     }

@@ -89,7 +89,7 @@ impl ExtraField {
             }
             Self::Band(band) => Description {
                 name: &bands[band],
-                text: "reflectance, 1 = white diffuser",
+                text: "reflectance; -3.2768 = no data",
                 // i16.
                 data_type: 4,
                 no_data: Some(i64::from(NO_REFLECTANCE).to_le_bytes()),
@@ -139,6 +139,6 @@ mod tests {
         assert!(band[4..].starts_with(b"band_0623nm\0"));
         assert_eq!(band[40..48], i64::from(i16::MIN).to_le_bytes());
         assert_eq!(band[112..120], 1e-4_f64.to_le_bytes());
-        assert!(band[160..].starts_with(b"reflectance, 1 = white diffuser"));
+        assert!(band[160..].starts_with(b"reflectance; -3.2768 = no data"));
     }
 }

@@ -2,11 +2,11 @@
 
 use super::ObjectSummary;
 use crate::crs::CrsError;
-use crate::geojson::{position, rounded};
+use crate::geojson::{convex_polygon, rounded};
 use crate::run_folder::Georeference;
 use serde_json::{Value, json};
 
-/// One feature per object: the footprint as a polygon, at the ellipsoidal height of the lowest point. `None` if the run
+/// One feature per object: the footprint as a polygon, cut at the antimeridian, at the ellipsoidal height of the lowest point. `None` if the run
 /// is not georeferenced.
 pub fn geojson(summaries: &[ObjectSummary], georeference: &Georeference) -> Result<Option<String>, CrsError> {
     if georeference.local().is_none() {
@@ -22,13 +22,12 @@ fn feature(summary: &ObjectSummary, georeference: &Georeference) -> Result<Optio
     let mut ring = Vec::new();
     for [x, y] in summary.corners() {
         let Some(place) = georeference.geodetic_from_cloud([x, y, *low_m])? else { return Ok(None) };
-        ring.push(position(&place));
+        ring.push(place);
     }
-    ring.extend(ring.first().cloned());
     Ok(Some(json!({
         "type": "Feature",
         "id": id,
-        "geometry": { "type": "Polygon", "coordinates": [ring] },
+        "geometry": convex_polygon(&ring),
         "properties": {
             "id": id, "class": class, "points": n_points, "clouds": n_clouds,
             "length_m": rounded(footprint.length_m, 1e2), "width_m": rounded(footprint.width_m, 1e2),

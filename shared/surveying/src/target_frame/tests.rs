@@ -74,3 +74,37 @@ fn place_outside_of_the_geoid_is_an_error() {
     let error = frame.converter().convert([-40_000.0, 0.0, 0.0]).expect_err("is outside").to_string();
     assert!(error.contains("is outside of the geoid grid"), "{error}");
 }
+
+#[test]
+fn heights_and_eastings_have_no_jump_at_the_antimeridian() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("georeference.json");
+    let text = r#"{"frame":"FRAME","trajectory_frame":"local",
+        "origin":{"latitude_deg":-16.8,"longitude_deg":179.9999,"altitude_m":10.0},
+        "utm":{"epsg":32760,"convergence_deg":-0.867}}"#;
+    // A geoid of 50 m + 1 m per degree of longitude from 170 to 190 degrees.
+    let doubles = [-20.0, 170.0, 10.0, 10.0].into_iter().flat_map(f64::to_be_bytes);
+    let sizes = [2_i32, 3].into_iter().flat_map(i32::to_be_bytes);
+    let values = [50.0_f32, 60.0, 70.0, 50.0, 60.0, 70.0].into_iter().flat_map(f32::to_be_bytes);
+    let grid: Vec<u8> = doubles.chain(sizes).chain(values).collect();
+    let crs = || Crs::from_epsg(32_760).expect("is supported");
+    let mut start = [0.0; 3];
+    for frame in ["local", "UTM 60S"] {
+        std::fs::write(&path, text.replace("FRAME", frame)).expect("writes");
+        let georeference = Georeference::load(&path).expect("is sound");
+        let geoid = ("global.gtx".to_owned(), GeoidGrid::decode(&grid).expect("is a grid"));
+        let frame = TargetFrame::projected(&georeference, crs(), Some(geoid)).expect("a frame");
+        let mut converter = frame.converter();
+        let mut last = frame.from_cloud(start).expect("converts");
+        for i in 0..100 {
+            let p = [start[0] + f64::from(i), start[1], start[2]];
+            let fast = converter.convert(p).expect("converts");
+            let exact = frame.from_cloud(p).expect("converts");
+            assert!((0..3).all(|k| (fast[k] - exact[k]).abs() < 1e-5), "{p:?}: {fast:?} {exact:?}");
+            assert!((exact[0] - last[0]).abs() < 1.01 && (exact[2] - (10.0 - 60.0)).abs() < 0.01, "{p:?}: {exact:?}");
+            last = exact;
+        }
+        let utm = TargetFrame::projected(&georeference, crs(), None).expect("a frame");
+        start = utm.from_cloud(start).expect("converts");
+    }
+}

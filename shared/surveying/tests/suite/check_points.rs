@@ -3,7 +3,7 @@
 use crate::support::{utm, write_run};
 use std::fmt::Write as _;
 use surveying::RunFolder;
-use surveying::check_points::{load_check_points, write_check_points};
+use surveying::check_points::{CheckPoint, load_check_points, write_check_points};
 
 #[test]
 fn surface_of_the_cloud_gives_the_residual_of_the_height() {
@@ -37,8 +37,11 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     }
     let _ = writeln!(text, "D,{0},{1},{2},{3},{1},{2}", d.0, d.1, d.2, d.0 + 0.04);
     std::fs::write(&file, text).expect("writes");
-    let accuracy =
+    let comparison =
         write_check_points(&opened, &frame, load_check_points(&file).expect("loads"), &out).expect("compares");
+    let accuracy = &comparison.accuracy;
+    let outside: Vec<&str> = comparison.outside().map(|point| point.name.as_str()).collect();
+    assert_eq!((outside, comparison.unusable([[0.0; 3]; 2])), (vec!["C"], None));
     let table = std::fs::read_to_string(out.join("check_points.csv")).expect("was written");
     let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
     let number = |row: usize, column: usize| rows[row][column].parse::<f64>().expect("a number");
@@ -54,4 +57,32 @@ fn surface_of_the_cloud_gives_the_residual_of_the_height() {
     std::fs::write(&file, "name,x,y\n").expect("writes");
     let error = load_check_points(&file).expect_err("is refused").to_string();
     assert!(error.contains("points.csv: line 1: no column `z`"), "{error}");
+}
+
+#[test]
+fn check_points_outside_of_the_cloud_are_reported_with_the_probable_cause() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = folder.path().join("run");
+    let road = |i: usize| ([(i % 200) as f64 * 0.1, (i / 200) as f64 * 0.1, 0.0], 7);
+    write_run(&run, &[((0..8000).map(road).collect(), true)]);
+    let opened = RunFolder::open(&run).expect("opens");
+    let frame = utm(opened.georeference.as_ref().expect("is placed"));
+    let corner = |xyz| frame.from_cloud(xyz).expect("converts");
+    let [east, north, up] = corner([10.0, 2.0, 0.0]);
+    let cloud = [corner([0.0, 0.0, -0.1]), corner([20.0, 4.0, 0.1])];
+    for (xyz, hint) in [
+        ([north, east, up], "hint: x and y of the table are swapped"),
+        (
+            [east, north, up - 44.0],
+            "hint: heights of the table and of the delivery refer to different surfaces; see --geoid",
+        ),
+        ([10.0, 2.0, 0.0], "hint: write the table in the coordinates of the delivery"),
+    ] {
+        let points = vec![CheckPoint { name: "A".to_owned(), xyz, in_cloud: None }];
+        let comparison = write_check_points(&opened, &frame, points, folder.path()).expect("compares");
+        let text = comparison.unusable(cloud).expect("is not usable");
+        assert!(text.contains("none of 1 check points lies in the cloud") && text.contains(hint), "{text}");
+        let x = format!("the check points have x {:.2} to {:.2}", xyz[0], xyz[0]);
+        assert!(text.contains(&x), "{text}");
+    }
 }

@@ -69,6 +69,50 @@ fn objects_have_scores_and_places_on_the_earth() {
     assert_eq!(geojson["features"].as_array().map(Vec::len), Some(3));
 }
 
+/// Longitudes of all positions of a geometry.
+fn longitudes(value: &serde_json::Value) -> Vec<f64> {
+    match value.as_array().map(Vec::as_slice) {
+        Some([lon, lat, _]) if lon.is_number() && lat.is_number() => vec![lon.as_f64().expect("a number")],
+        Some(parts) => parts.iter().flat_map(longitudes).collect(),
+        None => Vec::new(),
+    }
+}
+
+#[test]
+fn path_and_footprints_are_cut_at_the_antimeridian() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, out) = prepare(folder.path());
+    let georeference = r#"{"frame":"local east-north-up","trajectory_frame":"local east-north-up",
+        "origin":{"latitude_deg":-16.8,"longitude_deg":179.99999,"altitude_m":10.0}}"#;
+    std::fs::write(run.join("georeference.json"), georeference).expect("writes");
+    let run = RunFolder::open(&run).expect("opens");
+    let frame = utm(run.georeference.as_ref().expect("is placed"));
+    write_trajectory(&run, &frame, &out).expect("writes");
+    write_objects(&run, &frame, &out).expect("writes");
+    let read = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(out.join(name)).expect("was written")).expect("JSON")
+    };
+    let path = &read("trajectory.geojson")["features"][0]["geometry"];
+    assert_eq!(path["type"], "MultiLineString");
+    let parts: Vec<Vec<f64>> = path["coordinates"].as_array().expect("parts").iter().map(longitudes).collect();
+    assert_eq!(parts.len(), 2);
+    assert!(parts[0].iter().all(|lon| (179.9..=180.0).contains(lon)) && parts[0].last() == Some(&180.0), "{parts:?}");
+    assert!(parts[1].iter().all(|lon| (-180.0..=-179.9).contains(lon)) && parts[1][0] == -180.0, "{parts:?}");
+    assert_eq!(parts.iter().map(Vec::len).sum::<usize>(), 40 + 2);
+    for feature in read("objects.geojson")["features"].as_array().expect("a list") {
+        let geometry = &feature["geometry"];
+        assert_eq!(geometry["type"], "MultiPolygon");
+        for polygon in geometry["coordinates"].as_array().expect("polygons") {
+            let found = longitudes(polygon);
+            assert!(found.iter().all(|lon| *lon > 0.0) || found.iter().all(|lon| *lon < 0.0), "{found:?}");
+        }
+    }
+    // The other files have no jump.
+    let text = std::fs::read_to_string(out.join("trajectory.txt")).expect("was written");
+    let poses = trajectory_from_tum(&text).expect("parses");
+    assert!((poses.length_m() - 39.0).abs() < 0.1, "{}", poses.length_m());
+}
+
 #[test]
 fn fields_for_cloudcompare_are_floats_with_relative_times() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -2,26 +2,29 @@
 
 mod delivered;
 mod facts;
+mod finished;
 pub mod frame;
+
+pub use finished::open_finished_run;
 
 use anyhow::{Context, ensure};
 use command_line::answer::Answer;
 use command_line::argument::InvalidValue;
+use command_line::exit_code::INCOMPLETE;
 use command_line::usage_error::UsageError;
 use delivered::{Delivered, Folder, Others};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pictures::class_color::class_color;
-use run::summary::Summary;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use surveying::check_points::{CheckPoint, load_check_points, write_check_points};
 use surveying::objects::write_objects;
 use surveying::{
-    CloudOptions, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc, write_rasters,
-    write_semantic_kitti, write_tiles, write_trajectory,
+    CloudOptions, PointFile, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc,
+    write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
 };
 
 /// Largest side of a tile, m.
@@ -38,8 +41,11 @@ pub const SOFTWARE: &str = concat!("REPLICA ", env!("CARGO_PKG_VERSION"));
 /// Write a finished run for surveyors: LAZ, COPC, path, objects.
 #[derive(clap::Args, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "a flag for each kind of file")]
-#[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage\n\n\
-                  Example: replica deliver out/sample --out delivery --copc")]
+#[command(
+    after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage, or outside of the area of \
+                  --crs; 3 done, but no check point lies in the cloud\n\n\
+                  Example: replica deliver out/sample --out delivery --copc"
+)]
 pub struct Args {
     /// Output folder of a finished run
     run: PathBuf,
@@ -49,6 +55,9 @@ pub struct Args {
     /// Coordinates: auto (UTM of the place), local (east, north, up at the origin of the run), or EPSG:N
     #[arg(long, default_value = "auto")]
     crs: CrsChoice,
+    /// Use the system of --crs also outside of its area of use
+    #[arg(long)]
+    force_crs: bool,
     /// Heights above the geoid of this grid (.gtx) instead of the ellipsoid
     #[arg(long, value_name = "GTX")]
     geoid: Option<PathBuf>,
@@ -108,13 +117,20 @@ fn system(text: &str) -> Result<String, InvalidValue> {
 
 /// Writes all files.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let summary = Summary::load(&args.run).context("the run is not finished")?;
-    let run = RunFolder::open(&args.run)?;
+    let (summary, run) = open_finished_run(&args.run, "deliver")?;
+    ensure!(
+        run.index.n_points > 0,
+        "{}: the run has {} clouds with 0 points; `deliver` needs points\nhint: `replica inspect {}` shows which sensors of the \
+         drive were used",
+        args.run.display(),
+        run.index.clouds.len(),
+        args.run.display()
+    );
     // Errors of files are reported before the clouds are read, which takes longer.
     let check_points = args.check_points.as_deref().map(load_check_points).transpose()?;
     let frame = frame::choose(args, &run, &summary)?;
     create_empty(&args.out)?;
-    let ChosenFrame { target, unreferenced } = &frame;
+    let ChosenFrame { target, unreferenced, .. } = &frame;
     if let Some(reasons) = unreferenced {
         eprintln!("warning: coordinates are local, without coordinate reference system: {reasons}");
     }
@@ -135,11 +151,23 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     bar.finish_and_clear();
     let others = write_others(args, &run, (target, &options), check_points)?;
-    let facts = Facts::new(&run, target, unreferenced.as_deref(), (n_points, &files), left_out);
+    let unusable = others.check_points.as_ref().and_then(|found| found.unusable(bounds(&files)));
+    let facts = Facts::new(&run, &frame, (n_points, &files), left_out);
     facts.write(&args.out)?;
     let delivered = Delivered { out: &args.out, facts, others };
     args.answer.print(&delivered, || delivered.text(n_tiles))?;
-    Ok(ExitCode::SUCCESS)
+    let Some(reason) = unusable else { return Ok(ExitCode::SUCCESS) };
+    let table = args.check_points.as_deref().unwrap_or(Path::new("--check-points"));
+    eprintln!("warning: {}: {reason}", table.display());
+    Ok(ExitCode::from(INCOMPLETE))
+}
+
+/// Smallest and largest coordinates of the points of files, m.
+fn bounds(files: &[PointFile]) -> [[f64; 3]; 2] {
+    let start = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    files.iter().fold(start, |[low, high], PointFile { bounds: [a, b], .. }| {
+        [std::array::from_fn(|axis| low[axis].min(a[axis])), std::array::from_fn(|axis| high[axis].max(b[axis]))]
+    })
 }
 
 /// Writes all files except LAS and COPC.
@@ -160,7 +188,7 @@ fn write_others(
         others.rasters = write_rasters(run, target, options, rasters, &args.out)?;
     }
     if let Some(points) = check_points {
-        others.accuracy = Some(write_check_points(run, target, points, &args.out)?);
+        others.set_check_points(write_check_points(run, target, points, &args.out)?);
     }
     if args.cloudcompare {
         let folder = folder(&args.out, "cloudcompare")?;

@@ -16,7 +16,7 @@ mod page_files;
 mod scene;
 
 use super::deliver::frame::utm_or_local;
-use super::deliver::{COPC_FILE, create_empty, progress_bar};
+use super::deliver::{COPC_FILE, create_empty, open_finished_run, progress_bar};
 use super::report::finished_run::FinishedRun;
 use anyhow::{Context, ensure};
 use cached_cloud::CachedCloud;
@@ -27,7 +27,6 @@ use command_line::terminal::StopFlag;
 use command_line::usage_error::UsageError;
 use file_server::{Content, Server, Site};
 use live_site::LiveSite;
-use run::summary::Summary;
 use scene::Scene;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};
@@ -35,7 +34,6 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use surveying::RunFolder;
 
 /// Default port, if it is free.
 const PORT: u16 = 8099;
@@ -158,8 +156,7 @@ fn first_bytes(path: &Path) -> io::Result<Vec<u8>> {
 }
 
 fn add_run(args: &Args, site: &mut Site) -> anyhow::Result<()> {
-    let summary = Summary::load(&args.path).context("the run is not finished")?;
-    let run = RunFolder::open(&args.path)?;
+    let (summary, run) = open_finished_run(&args.path, "view")?;
     let frame = utm_or_local(&run, &summary)?;
     let CachedCloud { cloud, objects } = CachedCloud::open_or_create(&run, &frame, args.bands)?;
     site.add(COPC_FILE, Content::File(cloud));

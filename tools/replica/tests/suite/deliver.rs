@@ -57,7 +57,7 @@ fn everything_is_written_in_utm_of_the_place() {
     let out = folder.path().join("out");
     let points = folder.path().join("points.csv");
     std::fs::write(&points, "name,x,y,z\nA,0,0,0\n").expect("writes");
-    let said = succeeded(&replica(&[
+    let delivered = replica(&[
         "deliver",
         text(&run),
         "--out",
@@ -68,7 +68,11 @@ fn everything_is_written_in_utm_of_the_place() {
         "--semantic-kitti",
         "--check-points",
         text(&points),
-    ]));
+    ]);
+    let said = printed(&delivered);
+    assert_eq!(delivered.status.code(), Some(3), "{said}");
+    assert!(said.contains("points.csv: none of 1 check points lies in the cloud"), "{said}");
+    assert!(said.contains("check points outside of the cloud: A\n"), "{said}");
     assert!(said.contains("WGS 84 / UTM zone 31N (EPSG:32631), ellipsoidal height, m"), "{said}");
     let facts = facts(&out);
     assert_eq!((facts["epsg"].as_u64(), facts["n_points"].as_u64()), (Some(32_631), Some(written.n_points)));
@@ -150,6 +154,10 @@ fn wrong_arguments_are_refused_before_anything_is_written() {
         (&["--crs", "utm"], 2, "must be auto, local or EPSG:N"),
         (&["--crs", "local", "--geoid", text(&grid)], 2, "--geoid: needs a coordinate reference system"),
         (&["--geoid", text(&grid)], 1, "grid.gtx: is not a GTX grid: 7 bytes"),
+        (&["--tile-m", "-1"], 2, "invalid value '-1' for '--tile-m <M>': must be a whole number, 0 to 100000"),
+        (&["--tile-m", "NaN"], 2, "invalid value 'NaN' for '--tile-m <M>': must be a whole number, 0 to 100000"),
+        (&["--rasters", "--cell-m", "-1"], 2, "invalid value '-1' for '--cell-m <M>': must be 0.01 to 100"),
+        (&["--force-crs"], 2, "--force-crs: needs --crs EPSG:N"),
         (&["--tile-m", "0.5"], 2, "must be a whole number, 0 to 100000"),
         (&["--cell-m", "0.5"], 2, "--rasters"),
         (&["--rasters", "--cell-m", "0"], 2, "must be 0.01 to 100"),
@@ -159,5 +167,133 @@ fn wrong_arguments_are_refused_before_anything_is_written() {
         assert_eq!(refused.status.code(), Some(code), "{more:?}: {}", printed(&refused));
         assert!(printed(&refused).contains(rule), "{more:?}: {}", printed(&refused));
         assert!(!out.exists(), "{more:?}");
+    }
+}
+
+/// Moves the origin of a run.
+fn place_at(run: &Path, latitude_deg: f64, longitude_deg: f64) {
+    let path = run.join("georeference.json");
+    let mut georeference: Value = serde_json::from_slice(&std::fs::read(&path).expect("is there")).expect("JSON");
+    georeference["origin"] =
+        json!({ "latitude_deg": latitude_deg, "longitude_deg": longitude_deg, "altitude_m": 50.0 });
+    std::fs::write(&path, georeference.to_string()).expect("writes");
+}
+
+#[test]
+fn crs_is_refused_outside_of_its_area_unless_forced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, _) = run_with_doubts(folder.path(), &json!([]));
+    let out = folder.path().join("out");
+    let deliver = |more: &[&str]| replica(&[&["deliver", text(&run), "--out", text(&out)][..], more].concat());
+    let refused = deliver(&["--crs", "EPSG:32760"]);
+    let said = printed(&refused);
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    for part in [
+        "EPSG:32760 (WGS 84 / UTM zone 60S) is for latitude -80 to 0, longitude 174 to 180 degrees",
+        "the drive is at latitude 48.846222 longitude 2.346414",
+        "systems that fit: EPSG:32631 (WGS 84 / UTM zone 31N), EPSG:25831 (ETRS89 / UTM zone 31N), EPSG:2154 (RGF93 v1 / Lambert-93)",
+        "hint: --crs EPSG:32631; --force-crs writes EPSG:32760 nevertheless",
+    ] {
+        assert!(said.contains(part), "{part}\nis not in\n{said}");
+    }
+    assert!(!out.exists());
+    let said = succeeded(&deliver(&["--crs", "EPSG:32760", "--force-crs"]));
+    assert!(said.contains("warning: EPSG:32760"), "{said}");
+    assert!(facts(&out)["outside_area"].as_str().is_some_and(|text| text.contains("48.846222")), "{}", facts(&out));
+
+    // (latitude, longitude, system, exit code, warning)
+    for (k, (lat, lon, crs, code, warning)) in [
+        (48.846_222, 2.346_414, "EPSG:2154", 0, false),
+        (48.846_222, 2.346_414, "EPSG:3812", 2, false),
+        (48.6, 13.4, "EPSG:25832", 0, true),
+        (48.6, 14.2, "EPSG:25832", 2, false),
+        (60.39, 5.32, "EPSG:32632", 0, false),
+        (-16.8, -179.999, "EPSG:32760", 0, true),
+        (-16.8, 179.999, "EPSG:32760", 0, false),
+        (85.0, 10.0, "EPSG:32632", 2, false),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        place_at(&run, lat, lon);
+        let out = folder.path().join(format!("out{k}"));
+        let delivered = replica(&["deliver", text(&run), "--out", text(&out), "--crs", crs]);
+        let said = printed(&delivered);
+        assert_eq!(delivered.status.code(), Some(code), "{lat} {lon} {crs}: {said}");
+        assert_eq!(said.contains("warning: EPSG"), warning, "{lat} {lon} {crs}: {said}");
+        if code == 0 {
+            assert_eq!(facts(&out)["outside_area"], Value::Null, "{lat} {lon} {crs}");
+        }
+    }
+}
+
+#[test]
+fn run_near_a_pole_is_delivered_in_local_coordinates_only() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, _) = run_with_doubts(folder.path(), &json!([]));
+    place_at(&run, 85.0, 10.0);
+    let out = folder.path().join("out");
+    let refused = replica(&["deliver", text(&run), "--out", text(&out)]);
+    let said = printed(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("latitude 85 degrees is outside UTM; expected -80 to 84"), "{said}");
+    assert!(said.contains("hint: --crs local") && said.contains("EPSG:5041") && !out.exists(), "{said}");
+    let forced = replica(&["deliver", text(&run), "--out", text(&out), "--crs", "EPSG:2154"]);
+    assert!(
+        printed(&forced).contains("no supported system fits, UTM ends at latitudes -80 and 84"),
+        "{}",
+        printed(&forced)
+    );
+    succeeded(&replica(&["deliver", text(&run), "--out", text(&out), "--crs", "local"]));
+    assert!(facts(&out)["frame"].as_str().is_some_and(|frame| frame.contains("around 85 10 50")), "{}", facts(&out));
+    // Tiles on both sides of the origin have names without a minus.
+    assert!(names(&out).iter().all(|name| !name.starts_with('-')), "{:?}", names(&out));
+    assert!(names(&out).contains(&"column0000_row0000.laz".to_owned()), "{:?}", names(&out));
+}
+
+#[test]
+fn folder_that_is_no_finished_run_is_named_with_the_next_step() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (run, _) = run_with_doubts(folder.path(), &json!([]));
+    let drive = folder.path().join("drive");
+    let missing = folder.path().join("missing");
+    let empty = folder.path().join("empty");
+    std::fs::create_dir(&empty).expect("made");
+    let delivery = folder.path().join("delivery");
+    succeeded(&replica(&["deliver", text(&run), "--out", text(&delivery)]));
+    let images = folder.path().join("images");
+    std::fs::create_dir(&images).expect("made");
+    std::fs::copy(run.join("summary.json"), images.join("summary.json")).expect("copied");
+    let no_points = folder.path().join("no_points");
+    std::fs::create_dir_all(no_points.join("clouds")).expect("made");
+    for name in ["summary.json", "georeference.json", "trajectory.txt"] {
+        std::fs::copy(run.join(name), no_points.join(name)).expect("copied");
+    }
+    std::fs::write(no_points.join("clouds/index.json"), delivery::Index::new(&[], "local").to_json()).expect("writes");
+    let needs = "`deliver` needs the output folder of a finished run";
+    for (path, parts) in [
+        (
+            &drive,
+            &["drive: is a drive, it has drive.toml", needs, "hint: `replica-launch launch.toml --set run.drive="][..],
+        ),
+        (&missing, &["missing: no such folder", needs]),
+        (&empty, &["empty: is not a run, it has no summary.json", needs]),
+        (&run.join("summary.json"), &["summary.json: is a file", needs]),
+        (&delivery, &["delivery: is a delivery, it has delivery.json", needs]),
+        (
+            &images,
+            &["images: has no clouds/index.json: the run wrote no clouds", "hint: run the drive with the stages"],
+        ),
+        (
+            &no_points,
+            &["no_points: the run has 0 clouds with 0 points; `deliver` needs points", "hint: `replica inspect "],
+        ),
+    ] {
+        let out = folder.path().join("out");
+        let refused = replica(&["deliver", text(path), "--out", text(&out)]);
+        let said = printed(&refused);
+        assert_eq!(refused.status.code(), Some(1), "{said}");
+        assert!(parts.iter().all(|part| said.contains(part)), "{parts:?}\n{said}");
+        assert!(said.matches("os error").count() <= 1 && !out.exists(), "{said}");
     }
 }

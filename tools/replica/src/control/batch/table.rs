@@ -1,6 +1,7 @@
 //! The table of the results as text, CSV or JSON.
 
 use super::results::{DriveOutcome, Row, doubt_names};
+use files::csv::csv_cell;
 use std::fmt::Write;
 
 /// How the table is printed.
@@ -79,7 +80,7 @@ fn csv(rows: &[Row]) -> String {
     let mut text = "drive,outcome,drive_s,wall_s,times_real_time,points,cpu_s,doubts\n".to_owned();
     for row in rows {
         let Row { drive_s, wall_s, times_real_time, points, cpu_s, .. } = row;
-        let drive = quoted(&row.drive);
+        let drive = csv_cell(&row.drive);
         let outcome = row.outcome.text();
         let doubts = doubt_names(&row.doubts);
         let _ = writeln!(
@@ -88,15 +89,6 @@ fn csv(rows: &[Row]) -> String {
         );
     }
     text
-}
-
-/// A field of a CSV line, quoted as RFC 4180 requires.
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
-    }
 }
 
 #[cfg(test)]
@@ -128,6 +120,13 @@ mod tests {
         let rows = [row("mon,\"day\"", DriveOutcome::Complete, 1.0)];
         let text = text(&rows, Format::Csv).expect("text");
         assert_eq!(text.lines().nth(1), Some("\"mon,\"\"day\"\"\",complete,3.000,1.000,0.000,7000000,0.000,"));
+    }
+
+    #[test]
+    fn name_of_a_drive_is_no_formula() {
+        let rows = [row("=1+2", DriveOutcome::Complete, 1.0)];
+        let text = text(&rows, Format::Csv).expect("text");
+        assert!(text.lines().nth(1).is_some_and(|line| line.starts_with("'=1+2,complete,")), "{text}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::facts::Facts;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use surveying::check_points::Accuracy;
+use surveying::check_points::{Accuracy, Comparison};
 
 /// A delivery.
 #[derive(Serialize)]
@@ -26,8 +26,20 @@ pub struct Others {
     /// Raster files.
     pub rasters: Vec<&'static str>,
     pub accuracy: Option<Accuracy>,
+    /// Names of the check points without points of the cloud near them.
+    pub check_points_outside: Vec<String>,
+    #[serde(skip)]
+    pub check_points: Option<Comparison>,
     pub cloudcompare: Option<Folder>,
     pub semantic_kitti: Option<Folder>,
+}
+
+impl Others {
+    pub fn set_check_points(&mut self, comparison: Comparison) {
+        self.accuracy = Some(comparison.accuracy.clone());
+        self.check_points_outside = comparison.outside().map(|point| point.name.clone()).collect();
+        self.check_points = Some(comparison);
+    }
 }
 
 /// A folder with clouds or sweeps.
@@ -40,7 +52,8 @@ pub struct Folder {
 impl Delivered<'_> {
     /// The answer as text. `n_tiles` counts the files of points without the octree.
     pub fn text(&self, n_tiles: usize) -> String {
-        let Others { path, n_objects, rasters, accuracy, cloudcompare, semantic_kitti } = &self.others;
+        let Others { path, n_objects, rasters, accuracy, check_points_outside, cloudcompare, semantic_kitti, .. } =
+            &self.others;
         let mut text = String::new();
         let facts = &self.facts;
         // Writing to a string cannot fail.
@@ -61,6 +74,9 @@ impl Delivered<'_> {
         }
         if let Some(accuracy) = accuracy {
             text.push_str(&accuracy_text(accuracy));
+        }
+        if !check_points_outside.is_empty() {
+            let _ = writeln!(text, "check points outside of the cloud: {}", check_points_outside.join(", "));
         }
         for (folder, what) in [(cloudcompare, "clouds"), (semantic_kitti, "sweeps")] {
             if let Some(Folder { folder, n }) = folder {

@@ -1,11 +1,12 @@
 //! `delivery.json`: what was delivered.
 
+use super::frame::ChosenFrame;
 use anyhow::Context;
 use files::atomic_file::write_atomic;
 use geometry::Stamp;
 use serde::Serialize;
 use std::path::Path;
-use surveying::{LeftOut, PointFile, RunFolder, TargetFrame};
+use surveying::{LeftOut, PointFile, RunFolder};
 
 /// Name of the file.
 const FILE: &str = "delivery.json";
@@ -24,6 +25,9 @@ pub struct Facts<'a> {
     heights: Option<String>,
     /// Why coordinates are local although a reference system was wanted.
     unreferenced: Option<&'a str>,
+    /// Where the drive is outside of the area of use of the reference system; left out if it is inside.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    outside_area: Option<&'a str>,
     /// Time of the first shot, s since the Unix epoch.
     begin_s: Option<String>,
     pub n_points: u64,
@@ -42,8 +46,7 @@ pub struct Left {
 impl<'a> Facts<'a> {
     pub fn new(
         run: &RunFolder,
-        target: &TargetFrame<'_>,
-        unreferenced: Option<&'a str>,
+        ChosenFrame { target, unreferenced, outside_area }: &'a ChosenFrame<'_>,
         (n_points, files): (u64, &'a [PointFile]),
         LeftOut { without_place, not_finite }: LeftOut,
     ) -> Self {
@@ -54,7 +57,8 @@ impl<'a> Facts<'a> {
             frame: target.description(),
             epsg: crs.as_ref().map(|(crs, _)| crs.epsg()),
             heights: crs.as_ref().map(|(_, vertical)| vertical.name()),
-            unreferenced,
+            unreferenced: unreferenced.as_deref(),
+            outside_area: outside_area.as_deref(),
             begin_s: run.begin_nanos().map(|nanos| Stamp(nanos).to_string()),
             n_points,
             left_out: Left { without_place, not_finite },
