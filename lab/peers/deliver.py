@@ -77,7 +77,7 @@ def projected(run, xyz, epsg):
 
 def points(run, out, facts):
     """All LAZ tiles against the clouds."""
-    tiles = sorted(out.glob("[0-9-]*.laz"))
+    tiles = sorted(out.glob("[0-9c]*_*.laz"))
     read = [laspy.read(tile) for tile in tiles]
     header = read[0].header
     crs = header.parse_crs()

@@ -40,7 +40,7 @@ pub fn with_groups(command: Command, groups: &[Group], example: &str) -> Command
     with_negative_values(command)
 }
 
-/// The same command line, where a negative number after an option is its value. The parser of the value then states the
+/// Makes a negative number after an option the value of the option. The parser of the value then states the
 /// rule; otherwise clap takes `-1` for an unknown option.
 fn with_negative_values(command: Command) -> Command {
     let command = command.mut_args(|arg| {

@@ -248,7 +248,7 @@ fn run_near_a_pole_is_delivered_in_local_coordinates_only() {
     assert!(facts(&out)["frame"].as_str().is_some_and(|frame| frame.contains("around 85 10 50")), "{}", facts(&out));
     // Tiles on both sides of the origin have names without a minus.
     assert!(names(&out).iter().all(|name| !name.starts_with('-')), "{:?}", names(&out));
-    assert!(names(&out).contains(&"column0000_row0000.laz".to_owned()), "{:?}", names(&out));
+    assert!(names(&out).iter().any(|name| name.starts_with("column0000_row")), "{:?}", names(&out));
 }
 
 #[test]

@@ -124,9 +124,9 @@ fn origin(run: &RunFolder) -> Option<Geodetic> {
 /// The origin and the path of the vehicle. Empty if the run is not placed on the Earth.
 fn path(run: &RunFolder) -> impl Iterator<Item = Geodetic> + '_ {
     let local = run.georeference.as_ref().and_then(Georeference::local);
-    let poses = local.into_iter().flat_map(|local| {
+    let poses = local.into_iter().flat_map(move |local| {
         let poses = run.trajectory.poses().iter();
-        poses.map(|(_, pose)| local.geodetic_from_world(&pose.translation.vector.into()))
+        poses.map(move |(_, pose)| local.geodetic_from_world(&pose.translation.vector.into()))
     });
     origin(run).into_iter().chain(poses)
 }
