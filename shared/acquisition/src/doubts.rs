@@ -1,6 +1,7 @@
 //! Doubts about the data of a drive: shares of damaged, foreign or missing data, against limits.
 
 use doubts::Doubt;
+use drive::Missing;
 use lidar::LidarStats;
 use lidar::nmea::LogStats;
 use serde::{Deserialize, Serialize};
@@ -117,6 +118,19 @@ impl Doubts {
         self.add_damage(share, |limit| Doubt::UnreadCaptures { share, limit });
         if stats.cut_captures > 0 {
             self.add(Doubt::CutCaptures { n_captures: stats.cut_captures });
+        }
+        if stats.clocks_set_back > 0 {
+            self.add(Doubt::ClocksSetBack {
+                n_steps: stats.clocks_set_back,
+                back_s: stats.set_back_ms as f64 / 1000.0,
+            });
+        }
+    }
+
+    /// Checks the numbers of the files of a LiDAR.
+    pub fn numbers(&mut self, missing: &Missing) {
+        if let Some(first) = missing.texts.first() {
+            self.add(Doubt::MissingFiles { n_files: missing.n_files, first: first.clone() });
         }
     }
 

@@ -133,6 +133,20 @@ pub enum Doubt {
         /// Captures that end inside a packet.
         n_captures: u64,
     },
+    /// [`DoubtKind::ClocksSetBack`].
+    ClocksSetBack {
+        /// Number of steps back.
+        n_steps: u64,
+        /// Sum of the steps, s.
+        back_s: f64,
+    },
+    /// [`DoubtKind::MissingFiles`].
+    MissingFiles {
+        /// Number of missing files.
+        n_files: u64,
+        /// The first gap: files around it and missing numbers.
+        first: String,
+    },
     /// [`DoubtKind::ClockOffset`].
     ClockOffset {
         /// The sensor.
@@ -344,6 +358,8 @@ impl Doubt {
             Self::LateExposures { .. } => DoubtKind::LateExposures,
             Self::PpsNotLocked { .. } => DoubtKind::PpsNotLocked,
             Self::CutCaptures { .. } => DoubtKind::CutCaptures,
+            Self::ClocksSetBack { .. } => DoubtKind::ClocksSetBack,
+            Self::MissingFiles { .. } => DoubtKind::MissingFiles,
             Self::ClockOffset { .. } => DoubtKind::ClockOffset,
             Self::SilentSensors { .. } => DoubtKind::SilentSensors,
             Self::NoSweep { .. } => DoubtKind::NoSweep,
@@ -403,6 +419,8 @@ impl Doubt {
             | Self::CubesUnused { share, .. }
             | Self::PointsUnseen { share, .. } => *share,
             Self::CutCaptures { n_captures } => *n_captures as f64,
+            Self::ClocksSetBack { back_s, .. } => *back_s,
+            Self::MissingFiles { n_files, .. } => *n_files as f64,
             Self::ClockOffset { behind_s, .. } => behind_s.abs(),
             Self::SilentSensors { sensors } => sensors.len() as f64,
             Self::NoSweep { n_packets } => *n_packets as f64,
@@ -483,6 +501,12 @@ impl Display for Doubt {
                 "{n_captures} capture(s) end inside a packet: the recorder did not finish them, and an unknown part of the drive is \
                  missing"
             ),
+            Self::ClocksSetBack { n_steps, back_s } => write!(
+                f,
+                "the clocks of LiDAR and recorder step back together {n_steps} time(s), by {back_s:.1} s in all; the stamps after a \
+                 step continue without a gap and are late by the step, so other sensors do not match"
+            ),
+            Self::MissingFiles { n_files, first } => write!(f, "{n_files} file(s) of sweeps are missing: {first}"),
             Self::ClockOffset { sensor, behind_s, limit_s, delay_s } => {
                 clock_offset(f, sensor, *behind_s, *limit_s, *delay_s)
             }

@@ -145,6 +145,11 @@ kinds! {
         "Check antenna, PPS cable and baud rate of the receiver, or the PTP master."
     /// Captures that end inside a packet.
     CutCaptures "cut_captures" Acquire Input Check "Copy them again."
+    /// Captures in which the clocks of sensor and recorder step back.
+    ClocksSetBack "clocks_set_back" Acquire Input Check
+        "Process each part in a folder of its own; check the names of the captures."
+    /// Files of sweeps that are missing in a counted series.
+    MissingFiles "missing_files" Acquire Input Check "Copy the missing files."
     /// Live: the clock of a sensor differs from the clock of the first LiDAR.
     ClockOffset "clock_offset" Acquire Input Check "Synchronize both by PTP, or by GNSS with PPS."
     /// Sensors of `drive.toml` without data.
@@ -252,6 +257,8 @@ impl DoubtKind {
                 | Self::DamagedPackets
                 | Self::UnreadCaptures
                 | Self::CutCaptures
+                | Self::ClocksSetBack
+                | Self::MissingFiles
                 | Self::PpsNotLocked
                 | Self::BadSweeps
                 | Self::MissingSweeps

@@ -2,7 +2,7 @@
 //!
 //! `drive.toml` ([`manifest`]) describes the folder: sensors, mounting, files. [`Drive::open`] checks it against the
 //! files, so that all faults of a folder are reported before a run starts, each with file, line, key and rule. A folder
-//! of `*.pcd`, `*.bin` or `*.pcap` files without `drive.toml` is read as a LiDAR recording.
+//! of `*.pcd`, `*.bin` or `*.pcap` files, of one kind only, without `drive.toml` is read as a LiDAR recording.
 //!
 //! A [`Drive`] lists frames and opens readers: [`SweepSource`] for sweeps of packets or of clouds, [`imu`] for samples, [`LabelReader`] for
 //! ground truth. It holds no image and no cloud in memory.
@@ -26,12 +26,14 @@ mod lidars;
 mod listing;
 mod live_rig;
 pub mod manifest;
+mod numbering;
 mod read;
 mod slices;
 mod sweeps;
 
 pub use camera_rig::CameraRig;
 pub use clouds::{is_return, returns_from_cloud};
+pub use infer::KindOfFiles;
 pub use labelled_sweep::{LabelledSweep, NoLabel, Shot, TrueLabel};
 pub use labels::{LabelReader, TrueLabels, find_label};
 pub use lidar::SweepInfo;
@@ -39,6 +41,7 @@ pub use lidar_file::lidar_of;
 pub use lidars::DriveLidar;
 pub use listing::{Frame, frame_stamp, is_image_name, is_mosaic_name};
 pub use live_rig::LiveRig;
+pub use numbering::Missing;
 pub use sweeps::{SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
@@ -126,7 +129,7 @@ impl Drive {
     pub fn is_inferred(&self) -> bool {
         self.is_inferred
     }
-    /// Captures or clouds of the first LiDAR, in the order of their names.
+    /// Captures of the first LiDAR in the order of their times, or clouds in the natural order of their names.
     pub fn sweep_files(&self) -> &[PathBuf] {
         &self.first_lidar.files
     }

@@ -3,11 +3,13 @@
 use super::TIMES_FILE;
 use super::check::{Check, numbered};
 use super::lidar_file::lidar_of;
-use super::listing::files_with_extension;
+use super::listing::{captures, files_with_extension};
+use super::numbering::{Missing, missing_files, positions};
 use crate::manifest::{LidarEntry, rules};
 use files::text_file::read_text;
 use geometry::Stamp;
 use lidar::Lidar;
+use lidar::pcap::sort_by_time;
 use messages::MAX_LIDARS;
 use std::path::{Path, PathBuf};
 
@@ -21,10 +23,12 @@ pub struct DriveLidar {
     pub lidar: Lidar,
     /// Format of its files, as in [`LidarEntry::format`].
     pub format: String,
-    /// Captures or clouds in the order of their names.
+    /// Captures in the order of their times, or clouds in the natural order of their names.
     pub files: Vec<PathBuf>,
     /// Stamps of clouds, one per file; empty for captures.
     pub stamps: Vec<Stamp>,
+    /// Files that are missing by the numbers in the names; none for clouds with stamps.
+    pub missing: Missing,
 }
 
 impl Check<'_> {
@@ -35,9 +39,9 @@ impl Check<'_> {
         for (index, entry) in numbered(entries) {
             let lidar = self.lidar(&keys[index], entry);
             // If another LiDAR has no data, the drive still has ticks.
-            let (files, stamps) = self.sweeps(&keys[index], entry, index == 0);
+            let Sweeps { files, stamps, missing } = self.sweeps(&keys[index], entry, index == 0);
             let lidar = lidar.map(|lidar| self.calibrated(&keys[index], entry, lidar, &files));
-            found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps }));
+            found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps, missing }));
         }
         let mut found = found.into_iter().collect::<Option<Vec<_>>>()?.into_iter();
         Some((found.next()?, found.collect()))
@@ -121,11 +125,11 @@ impl Check<'_> {
     }
 
     /// Files of the sweeps and, for clouds, their stamps.
-    fn sweeps(&mut self, key: &str, entry: &LidarEntry, is_first: bool) -> (Vec<PathBuf>, Vec<Stamp>) {
-        let none = (Vec::new(), Vec::new());
+    fn sweeps(&mut self, key: &str, entry: &LidarEntry, is_first: bool) -> Sweeps {
+        let none = Sweeps::default();
         let key_of = |name: &str| format!("{key}.{name}");
         let extensions: &[&str] = match entry.format.as_str() {
-            "pcap" => &["pcap", "pcapng"],
+            "pcap" => &["pcap", "pcapng", "pcap1, *.pcap2, ..."],
             "pcd" => &["pcd"],
             "bin" | "nuscenes" => &["bin"],
             other => {
@@ -134,7 +138,12 @@ impl Check<'_> {
             }
         };
         let Some(folder) = self.folder(&key_of("folder"), &entry.folder) else { return none };
-        let files = self.listed(&key_of("folder"), files_with_extension(&folder, extensions)).unwrap_or_default();
+        let is_capture = entry.format == "pcap";
+        let listed = if is_capture { captures(&folder) } else { files_with_extension(&folder, extensions) };
+        let mut files = self.listed(&key_of("folder"), listed).unwrap_or_default();
+        if is_capture && let Err(rule) = sort_by_time(&mut files) {
+            self.file.fault(&key_of("folder"), format!("{}: {rule}", folder.display()));
+        }
         self.file.rule(&key_of("folder"), !files.is_empty() || !is_first, || {
             format!("{} contains no *.{}", folder.display(), extensions.join(", *."))
         });
@@ -142,25 +151,28 @@ impl Check<'_> {
         self.file.rule(&key_of("format"), entry.format != "bin" || !files.iter().any(is_nuscenes), || {
             "value \"bin\" is for sweeps of KITTI; *.pcd.bin are sweeps of nuScenes: set \"nuscenes\"".into()
         });
-        let stamps =
-            if entry.format == "pcap" { Vec::new() } else { self.times(&key_of("folder"), &folder, files.len()) };
-        (files, stamps)
+        if is_capture {
+            return Sweeps { missing: missing_files(&files), files, stamps: Vec::new() };
+        }
+        match self.times(&key_of("folder"), &folder, files.len()) {
+            Some(stamps) => Sweeps { files, stamps, missing: Missing::default() },
+            None => Sweeps { stamps: assumed_stamps(&files), missing: missing_files(&files), files },
+        }
     }
 
-    fn times(&mut self, key: &str, folder: &Path, n_sweeps: usize) -> Vec<Stamp> {
+    /// Stamps of `times.txt`; `None` without this file.
+    fn times(&mut self, key: &str, folder: &Path, n_sweeps: usize) -> Option<Vec<Stamp>> {
         let path = folder.join(TIMES_FILE);
         // A stamp in ns has up to 20 characters.
         let limit = 64 * (n_sweeps as u64 + 16);
         let text = match read_text(&path, limit) {
             Err(error) if !error.is_absent() => {
                 self.file.fault(key, format!("{}: {error}", path.display()));
-                return Vec::new();
+                return Some(Vec::new());
             }
             read => read.ok(),
         };
-        let Some(text) = text else {
-            return (0..n_sweeps as i64).map(|k| Stamp(k * SWEEP_NANOS)).collect();
-        };
+        let text = text?;
         let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
         let stamps: Option<Vec<Stamp>> = lines.map(|line| line.parse().ok().map(Stamp)).collect();
         let rising = |stamps: &Vec<Stamp>| stamps.windows(2).all(|pair| pair[0] < pair[1]);
@@ -168,8 +180,23 @@ impl Check<'_> {
         self.file.rule(key, stamps.is_some(), || {
             format!("{} must have {n_sweeps} increasing stamps in ns, one per line for each sweep", path.display())
         });
-        stamps.unwrap_or_default()
+        Some(stamps.unwrap_or_default())
     }
+}
+
+/// Files of the sweeps of a LiDAR.
+#[derive(Default)]
+struct Sweeps {
+    files: Vec<PathBuf>,
+    /// Stamps of clouds.
+    stamps: Vec<Stamp>,
+    missing: Missing,
+}
+
+/// Stamps of clouds without `times.txt`: 10 sweeps per second. Missing numbers in the names leave their time.
+fn assumed_stamps(files: &[PathBuf]) -> Vec<Stamp> {
+    let positions = positions(files).unwrap_or_else(|| (0..files.len() as u64).collect());
+    positions.into_iter().map(|k| Stamp(i64::try_from(k).unwrap_or(i64::MAX).saturating_mul(SWEEP_NANOS))).collect()
 }
 
 /// Whether the packets of two LiDARs in the same captures can be distinguished.

@@ -1,6 +1,8 @@
 //! Lists the files of a drive.
 
+use files::names::sort_by_name;
 use geometry::Stamp;
+use lidar::pcap::is_capture_name;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -48,17 +50,27 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     !hidden && extension.is_some_and(|extension| extensions.contains(&extension.as_str()))
 }
 
+/// Captures in a folder, sorted by name. Hidden files are skipped.
+pub(super) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    files_with_name(folder, is_capture_name)
+}
+
 /// Files in a folder with one of the extensions (in any case), sorted by name. Hidden files are skipped.
 pub(super) fn files_with_extension(folder: &Path, extensions: &[&str]) -> io::Result<Vec<PathBuf>> {
+    files_with_name(folder, |path| has_extension(path, extensions))
+}
+
+/// Files in a folder, sorted by name in natural order: `2.pcd` comes before `10.pcd`.
+pub(super) fn files_with_name(folder: &Path, is_one: impl Fn(&Path) -> bool) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in folder.read_dir()? {
         let path = entry?.path();
         // Links are followed: importers link instead of copying.
-        if has_extension(&path, extensions) && path.is_file() {
+        if is_one(&path) && path.is_file() {
             files.push(path);
         }
     }
-    files.sort();
+    sort_by_name(&mut files);
     Ok(files)
 }
 

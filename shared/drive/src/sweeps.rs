@@ -63,7 +63,7 @@ pub enum SourcePosition {
 impl SweepSource {
     /// A reader of the sweeps of a LiDAR, at the first.
     pub fn open(of: &DriveLidar) -> Result<Self, SweepError> {
-        let DriveLidar { lidar, format, files, stamps } = of.clone();
+        let DriveLidar { lidar, format, files, stamps, missing: _ } = of.clone();
         if format == "pcap" {
             let size = |path: &PathBuf| path.metadata().map_or(0, |metadata| metadata.len());
             let sizes = files.iter().map(size).collect();

@@ -33,9 +33,24 @@ pub fn date_from_days(days: i64) -> (i64, i64, i64) {
     (year_of_era + era * 400 + i64::from(month <= 2), month, day_of_year - (153 * shifted + 2) / 5 + 1)
 }
 
+/// Date and time of a stamp in ns since 1970, to the millisecond: `2023-11-14 22:13:20.302 UTC`.
+pub fn text_of_nanos(nanos: i64) -> String {
+    let (year, month, day) = date_from_days(nanos.div_euclid(DAY_NANOS));
+    let millis = nanos.rem_euclid(DAY_NANOS) / 1_000_000;
+    let (seconds, millis) = (millis / 1000, millis % 1000);
+    let (hours, minutes, seconds) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    format!("{year:04}-{month:02}-{day:02} {hours:02}:{minutes:02}:{seconds:02}.{millis:03} UTC")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn stamps_are_written_as_dates() {
+        assert_eq!(text_of_nanos(1_700_000_000_302_999_999), "2023-11-14 22:13:20.302 UTC");
+        assert_eq!(text_of_nanos(-1_000_000), "1969-12-31 23:59:59.999 UTC");
+    }
 
     #[test]
     fn every_day_of_two_centuries_converts_both_ways() {

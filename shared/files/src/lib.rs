@@ -9,6 +9,7 @@
 //! - [`toml_file`], [`toml_nesting`]: parse TOML with the line of each key; deep nesting is refused before it is parsed.
 //! - [`problems`]: all faults of one file, reported together.
 //! - [`csv`]: a text of a user as a cell of a table.
+//! - [`names`]: natural order of file names, numbers in names and missing numbers.
 //! - [`calendar`]: dates and times of day to and from days since 1970.
 //!
 //! **Never**: file formats of sensors or of other programs (see the crates `formats`, `lidar`, `drive` and `recording`).
@@ -18,6 +19,7 @@
 pub mod atomic_file;
 pub mod calendar;
 pub mod csv;
+pub mod names;
 pub mod problems;
 pub mod text_file;
 pub mod toml_file;

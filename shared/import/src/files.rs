@@ -1,9 +1,10 @@
 //! Files of a source.
 
 use crate::error::{At, ImportError};
+use files::names::natural_order;
 use std::path::{Path, PathBuf};
 
-/// Names and absolute paths of the files of a folder with this ending, sorted by name. Empty for a file.
+/// Names and absolute paths of the files of a folder with this ending, in natural order of their names. Empty for a file.
 pub(crate) fn files(folder: &Path, end: &str) -> Result<Vec<(String, PathBuf)>, ImportError> {
     let mut files = Vec::new();
     if !folder.is_dir() {
@@ -17,6 +18,6 @@ pub(crate) fn files(folder: &Path, end: &str) -> Result<Vec<(String, PathBuf)>, 
             files.push((name, absolute));
         }
     }
-    files.sort();
+    files.sort_by(|a: &(String, PathBuf), b| natural_order(&a.0, &b.0));
     Ok(files)
 }

@@ -4,6 +4,7 @@ use crate::clouds::Layout;
 use crate::error::{At, ImportError};
 use crate::files::files;
 use crate::{boreas, mandeye, nuscenes, ros};
+use drive::KindOfFiles;
 use std::path::Path;
 
 /// A layout.
@@ -155,10 +156,33 @@ impl Kind {
         source.metadata().at(source)?;
         for kind in Self::ALL {
             if kind.fits(source)? {
+                kind.check_alone(source)?;
                 return Ok(kind);
             }
         }
         let marks = Self::ALL.map(Self::mark).join(", ");
-        Err(ImportError::at(source, format!("no known layout; must contain one of {marks}")))
+        let found = if source.is_dir() { KindOfFiles::list(source).at(source)? } else { Vec::new() };
+        let found = if found.is_empty() { String::new() } else { format!("; found {}", KindOfFiles::texts(&found)) };
+        Err(ImportError::at(source, format!("no known layout; must contain one of {marks}{found}")))
+    }
+
+    /// Fails if the folder of a layout that is recognized by the kind of its files also contains other recordings or clouds.
+    fn check_alone(self, source: &Path) -> Result<(), ImportError> {
+        let has_own_names =
+            matches!(self, Self::KittiRaw | Self::KittiOdometry | Self::Nuscenes | Self::Mandeye | Self::Boreas);
+        if has_own_names || !source.is_dir() {
+            return Ok(());
+        }
+        let found = KindOfFiles::list(source).at(source)?;
+        let is_las = |kind: &KindOfFiles| matches!(kind.extension, "las" | "laz");
+        if found.len() < 2 || found.iter().all(is_las) {
+            return Ok(());
+        }
+        let rule = format!(
+            "has several kinds of recordings: {}; import each from a folder of its own, or choose one with --kind, which leaves \
+             out the others",
+            KindOfFiles::texts(&found)
+        );
+        Err(ImportError::at(source, rule))
     }
 }

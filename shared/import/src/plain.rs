@@ -14,6 +14,7 @@ use crate::{Kind, Options};
 use cloud_sweep::{CloudSweep, SweepForm};
 use drive::imu::csv_from_samples;
 use drive::manifest::{ImuEntry, LidarEntry, PoseEntry};
+use files::names::natural_order;
 use formats::trajectory::TrajectoryFile;
 use geometry::Trajectory;
 use lidar::{Model, velodyne};
@@ -29,7 +30,7 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     let mut sweeps = files(source, &format!(".{}", kind.name()))?;
     if kind == Kind::Las {
         sweeps.extend(files(source, ".laz")?);
-        sweeps.sort();
+        sweeps.sort_by(|a, b| natural_order(&a.0, &b.0));
     }
     let found = stamped(source, sweeps)?;
     let originals = Sweeps { files: found.files, times: found.times };
@@ -41,6 +42,7 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     let format = if kind == Kind::Bin { "bin" } else { "pcd" };
     let lidar = LidarEntry::new(model.name(), format, LIDAR_FOLDER, PoseEntry::IDENTITY);
     let mut plan = numbered(&originals).plan(kind, &crate::drive_name(source, kind), lidar);
+    plan.report.extend(found.note);
     plan.read.extend(found.table);
     let interval_s = interval_s(&originals);
     match kind {
@@ -61,7 +63,7 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
 /// Drives read their sweeps in the order of the names. Names are kept if their order is the order of the stamps.
 fn numbered(sweeps: &Sweeps) -> Sweeps {
     let name = |(number, (name, path)): (usize, &(String, PathBuf))| (format!("{number:06}_{name}"), path.clone());
-    let files = if sweeps.files.is_sorted() {
+    let files = if sweeps.files.is_sorted_by(|a, b| natural_order(&a.0, &b.0).is_le()) {
         sweeps.files.clone()
     } else {
         sweeps.files.iter().enumerate().map(name).collect()
@@ -163,8 +165,8 @@ fn newer_college(path: &Path) -> Result<Trajectory, ImportError> {
     for (number, line) in (1..).zip(text.lines().map(str::trim)) {
         let is_header = number == 1 && line.contains(|c: char| c.is_ascii_alphabetic());
         if is_header || line.is_empty() || line.starts_with('#') {
-            // An empty line keeps the line numbers.
-            tum.push('\n');
+            // A comment keeps the line numbers, and the order of the quaternion that a header names.
+            tum.extend(["#", &line.replace(',', " "), "\n"]);
             continue;
         }
         let (seconds, rest) = line.split_once(',').unwrap_or((line, ""));

@@ -59,6 +59,8 @@ pub(super) enum Step {
     Forward { stamp: Stamp, nanos: i64 },
     /// It follows the previous packet, but the clock of the sensor jumped.
     Jump { stamp: Stamp },
+    /// It was recorded after the previous packet, but both clocks show earlier times, the clock of the capture by `nanos`.
+    SetBack { stamp: Stamp, nanos: i64 },
     /// It has the time of the previous packet.
     Repeated { stamp: Stamp },
     /// It is older than the previous packet.
@@ -87,7 +89,7 @@ impl Clock {
             (TimeBase::Sensor, None) => Step::Forward { stamp: first_stamp(nanos, self.epoch, captured), nanos: 0 },
             (TimeBase::Sensor, Some(last)) => last.step(nanos, self.epoch, captured),
         };
-        if let Step::Forward { stamp, .. } | Step::Jump { stamp } = step {
+        if let Step::Forward { stamp, .. } | Step::Jump { stamp } | Step::SetBack { stamp, .. } = step {
             self.last = Some(Reading { nanos, captured, stamp });
         }
         step
@@ -111,6 +113,10 @@ impl Reading {
             0 if is_plausible => Step::Repeated { stamp: self.stamp },
             1.. if is_plausible => Step::Forward { stamp: self.stamp.plus_nanos(delta), nanos: delta },
             _ if is_plausible && delta > -LATE_NANOS => Step::Late,
+            // A sensor whose clock went on counts, even if the clock of the capture was set back.
+            _ if captured_delta < -TOLERANCE_NANOS && !(is_valid && (0..TOLERANCE_NANOS).contains(&delta)) => {
+                Step::SetBack { stamp: self.stamp.plus_nanos(1000), nanos: captured_delta.saturating_neg() }
+            }
             _ => Step::Jump { stamp: self.stamp.plus_nanos(captured_delta.max(1000)) },
         }
     }
@@ -177,7 +183,24 @@ mod tests {
         assert_eq!(next, Step::Forward { stamp: at(1_800_001_106), nanos: 553_000 });
         // An invalid time, then a capture whose clock was set back.
         assert_eq!(clock.step(i64::from(u32::MAX) * 1000, at(1_800_001_700)), Step::Jump { stamp: at(1_800_001_696) });
-        assert_eq!(clock.step(5_000, at(0)), Step::Jump { stamp: at(1_800_001_697) });
+        let back = Step::SetBack { stamp: at(1_800_001_697), nanos: 1_800_001_700_000 };
+        assert_eq!(clock.step(5_000, at(0)), back);
+    }
+
+    #[test]
+    fn step_back_of_both_clocks_differs_from_a_step_back_of_one() {
+        let at = |micros: i64| HOUR.plus_nanos(micros * 1000);
+        let begun = || {
+            let mut clock = sensor();
+            clock.step(1_800_000_000_000, at(1_800_000_000));
+            clock
+        };
+        let expected = Step::SetBack { stamp: at(1_800_000_001), nanos: 600_000_000_000 };
+        assert_eq!(begun().step(1_200_000_553_000, at(1_200_000_000)), expected);
+        // Only the clock of the sensor, then only the clock of the capture.
+        let stamp = at(1_800_000_553);
+        assert_eq!(begun().step(1_200_000_553_000, at(1_800_000_553)), Step::Jump { stamp });
+        assert!(matches!(begun().step(1_800_000_553_000, at(1_200_000_000)), Step::Jump { .. }));
     }
 
     #[test]

@@ -12,12 +12,14 @@ mod blocks;
 mod damage;
 mod fragments;
 mod link;
+mod order;
 mod reader;
 mod recorder;
 mod tail;
 mod writer;
 
 pub use damage::Damage;
+pub use order::{has_capture_magic, is_capture_name, sort_by_time};
 pub use reader::{PacketReader, ReadStats, UdpPacket};
 pub use recorder::{Frontier, Recorder};
 pub use tail::last_stamp;

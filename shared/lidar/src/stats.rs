@@ -30,6 +30,10 @@ pub struct LidarStats {
     pub bad_blocks: u64,
     /// Jumps of the sensor clock: backwards, or forwards by more than the clock of the capture.
     pub clock_jumps: u64,
+    /// Jumps at which both clocks, of the sensor and of the capture, show earlier times than before.
+    pub clocks_set_back: u64,
+    /// Sum of these steps by the clock of the capture, ms.
+    pub set_back_ms: u64,
     /// Revolutions that ended because of a gap, a stopped motor or too many returns.
     pub forced_ends: u64,
     /// Captures that end inside a packet.
@@ -47,7 +51,7 @@ impl LidarStats {
     }
 
     /// All counters by name.
-    pub fn counts(&self) -> [(&'static str, u64); 15] {
+    pub fn counts(&self) -> [(&'static str, u64); 16] {
         [
             ("data_packets", self.data_packets),
             ("position_packets", self.position_packets),
@@ -60,6 +64,7 @@ impl LidarStats {
             ("foreign_packets", self.foreign_packets),
             ("bad_blocks", self.bad_blocks),
             ("clock_jumps", self.clock_jumps),
+            ("clocks_set_back", self.clocks_set_back),
             ("forced_ends", self.forced_ends),
             ("cut_captures", self.cut_captures),
             ("damaged_captures", self.damaged_captures),

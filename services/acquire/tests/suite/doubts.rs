@@ -26,11 +26,13 @@ fn at_end(folder: &Path) -> Bench<Acquire> {
 }
 
 /// All doubts of the stage.
-const DOUBTS: [&str; 12] = [
+const DOUBTS: [&str; 14] = [
     "foreign_packets",
     "damaged_packets",
     "unread_captures",
     "cut_captures",
+    "clocks_set_back",
+    "missing_files",
     "bad_nmea_lines",
     "few_fixes",
     "bad_images",
@@ -116,6 +118,72 @@ fn cut_capture_is_a_doubt() {
     let bytes = fs::read(&path).expect("reads");
     fs::write(&path, &bytes[..bytes.len() - 700]).expect("writes");
     assert!((doubt_of(folder.path(), "cut_captures") - 1.0).abs() < 1e-9);
+}
+
+/// Writes the packets of the capture from one to before another number to a file, with both clocks set back.
+fn write_part(packets: &[(geometry::Stamp, Vec<u8>)], path: &Path, back_s: i64) {
+    let mut writer = Writer::new(Vec::new()).expect("writes");
+    for (stamp, payload) in packets {
+        let mut payload = payload.clone();
+        let micros = u32::from_le_bytes(payload[1200..1204].try_into().expect("4 bytes"));
+        let past_hour = (i64::from(micros) - back_s * 1_000_000).rem_euclid(3_600_000_000);
+        payload[1200..1204].copy_from_slice(&(past_hour as u32).to_le_bytes());
+        writer.write_udp(stamp.plus_nanos(-back_s * 1_000_000_000), 2368, &payload).expect("writes");
+    }
+    fs::write(path, writer.finish().expect("writes")).expect("writes");
+}
+
+fn data_packets(path: &Path) -> Vec<(geometry::Stamp, Vec<u8>)> {
+    let mut reader = PacketReader::open(path).expect("opens");
+    let mut packets = Vec::new();
+    while let Some(packet) = reader.next().expect("reads") {
+        if packet.payload.len() == 1206 {
+            packets.push((packet.stamp, packet.payload.to_vec()));
+        }
+    }
+    packets
+}
+
+#[test]
+fn clocks_that_step_back_together_are_a_doubt_with_the_seconds() {
+    let folder = drive();
+    let path = capture(folder.path());
+    let packets = data_packets(&path);
+    let (first, second) = packets.split_at(packets.len() / 2);
+    let later = path.with_file_name("later.pcap");
+    write_part(first, &path, 0);
+    write_part(second, &later, 600);
+    // One capture that contains both parts.
+    let tail = fs::read(&later).expect("reads");
+    let mut bytes = fs::read(&path).expect("reads");
+    bytes.extend_from_slice(&tail[24..]);
+    fs::write(&path, bytes).expect("writes");
+    fs::remove_file(later).expect("removes");
+    let back_s = at_end(folder.path()).doubt("clocks_set_back").expect("is a doubt");
+    assert!((back_s - 600.0).abs() < 0.1, "{back_s}");
+}
+
+#[test]
+fn captures_with_numbers_against_their_times_are_refused_and_a_missing_one_is_a_doubt() {
+    let folder = drive();
+    let path = capture(folder.path());
+    let packets = data_packets(&path);
+    fs::remove_file(&path).expect("removes");
+    let quarter = packets.len() / 4;
+    let part = |number: usize| path.with_file_name(format!("x.pcap{number}"));
+    for number in [0, 1, 3] {
+        write_part(&packets[number * quarter..(number + 1) * quarter], &part(number), 0);
+    }
+    assert_eq!(at_end(folder.path()).doubt("missing_files"), Some(1.0));
+    write_part(&packets[2 * quarter..3 * quarter], &part(2), 0);
+    assert_eq!(doubts(&at_end(folder.path())), []);
+    write_part(&packets[3 * quarter..], &part(3), 600);
+    let error = Bench::<Acquire>::new(&Settings::default(), &context(folder.path())).err().expect("is refused");
+    let error = error.to_string();
+    assert!(
+        error.contains("x.pcap3 (") && error.contains("has the higher number, but its times are earlier"),
+        "{error}"
+    );
 }
 
 #[test]

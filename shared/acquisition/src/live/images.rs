@@ -8,6 +8,7 @@ use super::now;
 use super::record_file::{Recorded, record_file};
 use crate::error::LiveError;
 use drive::{Frame, frame_stamp, is_image_name, is_mosaic_name};
+use files::names::sort_by_name;
 use geometry::Stamp;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::inotify;
@@ -225,7 +226,7 @@ impl Watcher {
             // A folder that was removed has no files.
             let Ok(entries) = fs::read_dir(&camera.source) else { continue };
             let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-            paths.sort();
+            sort_by_name(&mut paths);
             for path in paths {
                 if frame_stamp(&path).is_none() || camera.is_recorded(&path) {
                     continue;

@@ -1,5 +1,6 @@
 //! Records a file of another program.
 
+use files::names::sort_by_name;
 use std::fs::{self, File};
 use std::io;
 use std::os::unix::fs::MetadataExt;
@@ -56,7 +57,7 @@ pub(super) fn record_folder(source: &Path, target: &Path, depth: usize) -> io::R
     let Ok(entries) = fs::read_dir(source) else { return Ok(()) };
     fs::create_dir_all(target)?;
     let mut paths: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.sort();
+    sort_by_name(&mut paths);
     for (path, name) in paths.iter().filter_map(|path| Some((path, path.file_name()?))) {
         if path.is_file() {
             record_file(path, &target.join(name))?;

@@ -6,6 +6,7 @@ use crate::error::LiveError;
 use drive::MANIFEST_FILE;
 use drive::manifest::{LidarEntry, Manifest, PoseEntry};
 use files::atomic_file::write_atomic;
+use files::names::sort_by_name;
 use lidar::Lidar;
 use lidar::pcap::Recorder;
 use std::path::{Component, Path, PathBuf};
@@ -42,7 +43,7 @@ fn captures_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let paths = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<PathBuf>>>()?;
     let is_capture = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "pcap");
     let mut captures: Vec<PathBuf> = paths.into_iter().filter(is_capture).collect();
-    captures.sort();
+    sort_by_name(&mut captures);
     Ok(captures)
 }
 

@@ -140,6 +140,9 @@ impl DriveAccount {
         let initial = reader.initial_counts();
         let tally = &self.tally;
         doubts.captures(&source.lidar_stats(), source.capture_bytes());
+        if let Some(first) = reader.drive().lidars().next() {
+            doubts.numbers(&first.missing);
+        }
         let manifest = reader.drive().manifest();
         let has_cameras = !manifest.cameras.is_empty() || !manifest.mosaics.is_empty();
         let has_others = has_cameras || manifest.imu.is_some() || tally.fixes > 0 || reader.n_secondary_lidars() > 0;

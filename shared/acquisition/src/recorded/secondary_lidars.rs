@@ -4,7 +4,7 @@ use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
 use crate::error::DriveError;
 use crate::secondary_tally::{SecondaryTally, named};
-use drive::{Drive, SourcePosition, SweepInfo, SweepSource};
+use drive::{Drive, Missing, SourcePosition, SweepInfo, SweepSource};
 use lidar::nmea::LogStats;
 use lidar::{SweepError, SweepPoint};
 use messages::SweepHeader;
@@ -22,6 +22,7 @@ struct SecondaryLidar {
     tally: SecondaryTally,
     reported_tally: SecondaryTally,
     n_damage_reported: usize,
+    missing: Missing,
 }
 
 enum Source {
@@ -58,6 +59,7 @@ impl SecondaryLidars {
                     tally: SecondaryTally::default(),
                     reported_tally: SecondaryTally::default(),
                     n_damage_reported: 0,
+                    missing: of_drive.missing.clone(),
                 })
             })
             .collect::<Result<Vec<_>, DriveError>>()?;
@@ -113,6 +115,9 @@ impl SecondaryLidars {
         for lidar in &self.0 {
             let Source::Sweeps(source) = &lidar.source else { continue };
             lidar.tally.doubt(&lidar.name, &source.lidar_stats(), source.capture_bytes(), doubts);
+            let mut of_lidar = doubts.for_lidar(&lidar.name);
+            of_lidar.numbers(&lidar.missing);
+            doubts.add_all(of_lidar);
         }
     }
 

@@ -17,7 +17,7 @@ pub struct LidarEntry {
     /// `pcap`: packet captures. `pcd`, `bin` (KITTI) or `nuscenes`: one file per sweep, 10 sweeps per second unless the folder has a
     /// `times.txt`.
     pub format: String,
-    /// Folder of the files, which are read in the order of their names.
+    /// Folder of the files: captures, which are read in the order of their times, or clouds, in the natural order of their names.
     pub folder: String,
     /// Captures with several LiDARs: address from which this LiDAR sends.
     #[serde(default, skip_serializing_if = "Option::is_none")]

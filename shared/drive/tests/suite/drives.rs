@@ -221,6 +221,72 @@ fn cloud_files_with_times_are_sweeps_with_times() {
     assert!(damage.len() == 1 && damage[0].contains(words), "{damage:?}");
 }
 
+fn write_clouds(folder: &Path, names: &[&str]) {
+    for (k, name) in (1..).zip(names) {
+        let point = CloudPoint { x: k as f32, y: 0.0, z: 0.0, intensity: 0.5 };
+        fs::write(folder.join(name), formats::kitti::bin_from_points(&[point])).expect("writes");
+    }
+}
+
+/// Stamps in ms and distances of the sweeps of a folder.
+fn sweeps_of(folder: &Path) -> Vec<(i64, f32)> {
+    let drive = Drive::open(folder).expect("opens");
+    let mut sweeps = drive.sweeps().expect("opens");
+    let mut found = Vec::new();
+    let mut x_m = 0.0;
+    while let Some(sweep) = sweeps.next_sweep(|piece| x_m = piece[0].x).expect("reads") {
+        found.push((sweep.stamp.0 / 1_000_000, x_m));
+    }
+    found
+}
+
+#[test]
+fn sweeps_are_in_natural_order_of_their_names_and_missing_numbers_leave_their_time() {
+    for form in ["", "full", "frame_"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let names: Vec<String> = [0, 1, 2, 9, 10, 11].iter().map(|number| format!("{form}{number}.bin")).collect();
+        write_clouds(folder.path(), &names.iter().map(String::as_str).collect::<Vec<_>>());
+        let expected = [(0, 1.0), (100, 2.0), (200, 3.0), (900, 4.0), (1000, 5.0), (1100, 6.0)];
+        assert_eq!(sweeps_of(folder.path()), expected);
+        let drive = Drive::open(folder.path()).expect("opens");
+        let missing = &drive.lidars().next().expect("has one").missing;
+        assert_eq!(missing.n_files, 6);
+        assert!(
+            missing.texts[0].contains(&format!("6 between {} (16 bytes) and {}", names[2], names[3])),
+            "{missing:?}"
+        );
+        // Stamps state the times.
+        let stamps = "5000000\n105000000\n205000000\n305000000\n405000000\n505000000\n";
+        fs::write(folder.path().join(TIMES_FILE), stamps).expect("writes");
+        assert_eq!(sweeps_of(folder.path())[3..], [(305, 4.0), (405, 5.0), (505, 6.0)]);
+        assert_eq!(Drive::open(folder.path()).expect("opens").lidars().next().expect("has one").missing.n_files, 0);
+    }
+}
+
+#[test]
+fn folder_with_several_kinds_of_recordings_is_refused_with_their_names() {
+    for (other, words) in
+        [("a.bag", "1 *.bag (first: a.bag; 3 bytes)"), ("a.pcap1", "1 *.pcap (first: a.pcap1; 3 bytes)")]
+    {
+        let folder = tempfile::tempdir().expect("a folder");
+        write_clouds(folder.path(), &["0.bin", "1.bin"]);
+        fs::write(folder.path().join(other), "bag").expect("writes");
+        let found = problems(folder.path());
+        let rule = found[0].to_string();
+        assert!(
+            found.len() == 1 && rule.contains("2 *.bin (first: 0.bin; 32 bytes)") && rule.contains(words),
+            "{rule}"
+        );
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("dump-1700000000"), [0xd4, 0xc3, 0xb2, 0xa1, 0, 0]).expect("writes");
+    let rule = problems(folder.path())[0].to_string();
+    assert!(
+        rule.contains("captures by their first bytes") && rule.contains("dump-1700000000; name them *.pcap"),
+        "{rule}"
+    );
+}
+
 #[real_data::test("kitti_raw_0048")]
 fn folder_of_real_sweeps_without_manifest_opens_as_drive() {
     let folder = real_data::path("kitti_raw_0048");

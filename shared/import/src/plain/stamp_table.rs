@@ -3,12 +3,18 @@
 use super::find_file;
 use crate::error::{At, ImportError};
 use crate::stamp_text::{nanos, nanos_of_name};
+use files::names::{natural_order, numbers};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Names of tables.
 const TABLES: [&str; 5] = ["times.txt", "timestamps.txt", "stamps.txt", "times.csv", "timestamps.csv"];
+
+/// Least median time between sweeps, ns: no LiDAR has more than 500 sweeps per second.
+const MIN_INTERVAL_NANOS: i64 = 2_000_000;
+/// Names of columns that contain ns past a whole second.
+const NANOS_COLUMNS: [&str; 5] = ["nsec", "nsecs", "nanosec", "nanoseconds", "nanos"];
 
 /// Sweeps in the order of their stamps.
 pub(super) struct Stamped {
@@ -17,6 +23,8 @@ pub(super) struct Stamped {
     pub times: Option<Vec<i64>>,
     /// The table, if there is one.
     pub table: Option<PathBuf>,
+    /// Line of the report: the numbers in the names contradict the stamps.
+    pub note: Option<String>,
 }
 
 /// Finds the stamps of files that are sorted by name.
@@ -26,18 +34,109 @@ pub(super) fn stamped(source: &Path, files: Vec<(String, PathBuf)>) -> Result<St
         Some(path) => Some(read_table(path, &files)?),
         None => files.iter().map(|(name, _)| nanos_of_name(stem(name))).collect(),
     };
-    let Some(stamps) = stamps else { return Ok(Stamped { files, times: None, table }) };
+    let Some(stamps) = stamps else { return Ok(Stamped { files, times: None, table, note: None }) };
+    let note = contradiction(&files, &stamps);
     let mut both: Vec<(i64, (String, PathBuf))> = stamps.into_iter().zip(files).collect();
-    both.sort();
+    both.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| natural_order(&a.1.0, &b.1.0)));
     if let Some(pair) = both.windows(2).find(|pair| pair[0].0 == pair[1].0) {
         return Err(ImportError::at(&pair[1].1.1, format!("has the stamp of {}, {} ns", pair[0].1.0, pair[0].0)));
     }
-    let (times, files) = both.into_iter().unzip();
-    Ok(Stamped { files, times: Some(times), table })
+    let place = table.as_deref().unwrap_or(source);
+    if table.is_none() {
+        check_decimals(source, both.iter().map(|(_, (name, _))| name.as_str()))?;
+    }
+    let (times, files): (Vec<i64>, Vec<_>) = both.into_iter().unzip();
+    check_intervals(place, &times)?;
+    Ok(Stamped { files, times: Some(times), table, note })
+}
+
+/// Fails if there are more sweeps per second than any LiDAR measures: the unit of the stamps is another one.
+fn check_intervals(place: &Path, times: &[i64]) -> Result<(), ImportError> {
+    let mut intervals: Vec<i64> = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
+    intervals.sort_unstable();
+    match intervals.get(intervals.len() / 2) {
+        Some(median) if *median < MIN_INTERVAL_NANOS => Err(ImportError::at(
+            place,
+            format!(
+                "{} stamps from {} to {} ns have a median interval of {median} ns; sweeps are at least {MIN_INTERVAL_NANOS} ns \
+                 apart: check the unit and the decimals of the stamps",
+                times.len(),
+                times[0],
+                times[times.len() - 1]
+            ),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Fails if names such as `1700000000.5000000` may contain seconds and ns without leading zeros instead of decimals: the
+/// decimals have different lengths, none begins with a zero, and some end with one.
+fn check_decimals<'a>(source: &Path, names: impl Iterator<Item = &'a str>) -> Result<(), ImportError> {
+    let decimals = |name: &'a str| stem(name).rsplit('_').next()?.split_once('.').map(|(_, decimals)| (name, decimals));
+    let all: Vec<(&str, &str)> = names.filter_map(decimals).collect();
+    let lengths = |(_, decimals): &(&str, &str)| decimals.len();
+    let (shortest, longest) = (all.iter().map(lengths).min(), all.iter().map(lengths).max());
+    let is_cut =
+        |(_, decimals): &&(&str, &str)| Some(decimals.len()) < longest && decimals.len() > 1 && decimals.ends_with('0');
+    let has_leading = all.iter().any(|(_, decimals)| decimals.len() > 1 && decimals.starts_with('0'));
+    match all.iter().find(is_cut) {
+        Some((name, decimals)) if shortest != longest && !has_leading => Err(ImportError::at(
+            &source.join(name),
+            format!(
+                "the decimals {decimals:?} may be a number of ns without leading zeros: other names have up to {} digits. Write all \
+                 names with 9 decimals, or add a table times.txt",
+                longest.unwrap_or_default()
+            ),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Line of the report if sweeps are counted and their stamps have another order.
+fn contradiction(files: &[(String, PathBuf)], stamps: &[i64]) -> Option<String> {
+    numbers(files.iter().map(|(name, _)| name.as_str()))?;
+    let at = stamps.windows(2).position(|pair| pair[1] < pair[0])?;
+    Some(format!(
+        "the numbers in the names contradict the stamps: {} has {} ns, {} has {} ns; the order of the stamps is used",
+        files[at].0,
+        stamps[at],
+        files[at + 1].0,
+        stamps[at + 1]
+    ))
 }
 
 fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}
+
+/// The stamp of a line. `file`: the word that is the name of a sweep. `has_nanos`: the header names a column of ns past a second.
+fn stamp_of(words: &[&str], file: Option<usize>, has_nanos: bool) -> Result<Option<i64>, String> {
+    let others: Vec<&str> =
+        words.iter().enumerate().filter(|(at, _)| Some(*at) != file).map(|(_, word)| *word).collect();
+    let stamp = |word: &&str| nanos(word).or_else(|| decimal_comma(word));
+    let Some(at) = others.iter().position(|word| stamp(word).is_some()) else { return Ok(None) };
+    let found = stamp(&others[at]);
+    let is_digits = |word: &str| !word.is_empty() && word.bytes().all(|byte| byte.is_ascii_digit());
+    // A whole second and digits: ns, or the decimals after a decimal comma.
+    let Some(next) =
+        others.get(at + 1).filter(|next| others[at].len() <= 10 && is_digits(others[at]) && is_digits(next))
+    else {
+        return Ok(found);
+    };
+    if next.len() == 9 || has_nanos && next.len() < 9 {
+        return Ok(found.zip(next.parse::<i64>().ok()).map(|(second, nanos)| second + nanos));
+    }
+    Err(format!(
+        "{:?} and {next:?} may be seconds and ns, or a number with a decimal comma: write seconds with a decimal point, name the \
+         column nsec, or write ns with 9 digits",
+        others[at]
+    ))
+}
+
+/// The stamp of seconds with a decimal comma.
+fn decimal_comma(word: &str) -> Option<i64> {
+    let (whole, decimals) = word.split_once(',')?;
+    nanos(&format!("{whole}.{decimals}"))
 }
 
 /// Stamps by line, or by the names of the sweeps if the lines contain them.
@@ -46,22 +145,26 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
     let names: BTreeMap<&str, usize> =
         files.iter().enumerate().flat_map(|(index, (name, _))| [(name.as_str(), index), (stem(name), index)]).collect();
     let mut by_name: Vec<Option<i64>> = vec![None; files.len()];
-    let mut in_order = Vec::new();
+    let mut in_order: Vec<i64> = Vec::new();
     let mut has_header = false;
+    let mut has_nanos = false;
     for (number, line) in (1..).zip(text.lines().map(str::trim)) {
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
-        let words: Vec<&str> = line.split([',', ';', '\t']).map(str::trim).collect();
+        // Next to other separators, a comma is a decimal comma.
+        let separators: &[char] = if line.contains([';', '\t']) { &[';', '\t'] } else { &[','] };
+        let words: Vec<&str> = line.split(separators).map(str::trim).collect();
         // Dates contain a space, so a line is first parsed as one stamp.
         let words = if words.len() == 1 && nanos(line).is_none() { line.split_whitespace().collect() } else { words };
         let file =
             words.iter().position(|word| names.contains_key(*word) && (words.len() > 1 || nanos(word).is_none()));
-        let stamp = words.iter().enumerate().filter(|(at, _)| Some(*at) != file).find_map(|(_, word)| nanos(word));
+        let stamp = stamp_of(&words, file, has_nanos).map_err(|rule| ImportError::at_line(path, number, rule))?;
         let Some(stamp) = stamp else {
             let is_header = !has_header && in_order.is_empty() && by_name.iter().all(Option::is_none);
             if is_header && line.contains(|c: char| c.is_ascii_alphabetic()) {
                 has_header = true;
+                has_nanos = words.iter().any(|word| NANOS_COLUMNS.contains(&word.to_lowercase().as_str()));
                 continue;
             }
             let rule = "must be a stamp: seconds with decimals, a date, or an integer since 1970 in s, ms, us or ns";
@@ -69,7 +172,17 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
         };
         match file {
             Some(at) => by_name[names[words[at]]] = Some(stamp),
-            None => in_order.push(stamp),
+            None => {
+                if let Some(previous) = in_order.last().filter(|previous| **previous > stamp) {
+                    let rule = format!(
+                        "stamp {stamp} ns is {:.6} s before the previous one, {previous} ns; stamps without names must increase: \
+                         write the name of its sweep on each line, or correct the stamps",
+                        previous.saturating_sub(stamp) as f64 * 1e-9
+                    );
+                    return Err(ImportError::at_line(path, number, rule));
+                }
+                in_order.push(stamp);
+            }
         }
     }
     if by_name.iter().any(Option::is_some) {

@@ -77,6 +77,98 @@ fn stamps_of_a_table_are_those_of_the_lines_or_of_the_names() {
 }
 
 #[test]
+fn numbers_without_zeros_are_in_the_order_of_their_values_and_get_the_stamps_of_their_lines() {
+    let folder = folder();
+    let names: Vec<String> = (0..12).map(|number| format!("full{number}")).collect();
+    let source = sweeps(&folder, &names.iter().map(String::as_str).collect::<Vec<_>>());
+    let lines: Vec<String> = (0..12).map(|k| format!("{}.{}", 1_583_836_591 + k / 10, k % 10)).collect();
+    write_file(&source.join("times.txt"), lines.join("\n"));
+    let (_, drive) = imported(&import_from(&source, &folder));
+    let found = sweeps_of(&drive);
+    assert!(found.iter().enumerate().all(|(k, (_, x))| *x == 5.0 + k as f32), "{found:?}");
+    assert!(found.windows(2).all(|pair| pair[1].0 - pair[0].0 == 100_000_000), "{found:?}");
+}
+
+#[test]
+fn decimal_commas_and_columns_of_ns_give_the_fraction_of_the_second() {
+    let comma = "name;stamp\n0.pcd;1583836591,25\n1.pcd;1583836592,5\n2.pcd;1583836593,75\n";
+    let nsec = "file,sec,nsec\n0.pcd,1583836591,250000000\n1.pcd,1583836592,500000000\n2.pcd,1583836593,750000000\n";
+    for text in [comma, nsec] {
+        let folder = folder();
+        let source = sweeps(&folder, &["0", "1", "2"]);
+        write_file(&source.join("timestamps.csv"), text);
+        let (_, drive) = imported(&import_from(&source, &folder));
+        let stamps: Vec<i64> = sweeps_of(&drive).into_iter().map(|(stamp, _)| stamp - 67_409_024).collect();
+        assert_eq!(stamps, [0, 1_250_000_000, 2_500_000_000], "{text}");
+    }
+}
+
+#[test]
+fn implausible_stamps_are_refused() {
+    for (file, text, rule) in [
+        (
+            "times.csv",
+            "0.pcd,1583836591,4\n1.pcd,1583836592,11\n2.pcd,1583836593,18\n",
+            "times.csv:1: \"1583836591\" and \"4\" may be",
+        ),
+        (
+            "times.txt",
+            "1583836591.1\n1583836591.2\n1583835991.3\n",
+            "times.txt:3: stamp 1583835991300000000 ns is 599.900000 s before",
+        ),
+        ("times.txt", "1583836591.0001\n1583836591.0002\n1583836591.0003\n", "have a median interval of 100000 ns"),
+    ] {
+        let folder = folder();
+        let source = sweeps(&folder, &["0", "1", "2"]);
+        write_file(&source.join(file), text);
+        let found = error(&import_from(&source, &folder));
+        assert!(found.contains(rule), "{rule}: {found}");
+    }
+    // 5 ms, 105 ms, 950 ms as ns without leading zeros.
+    let folder = folder();
+    let source = sweeps(&folder, &["1583836591.5000000", "1583836591.105000000", "1583836591.950000000"]);
+    let found = error(&import_from(&source, &folder));
+    assert!(found.contains("1583836591.5000000.pcd: the decimals \"5000000\" may be a number of ns"), "{found}");
+}
+
+#[test]
+fn names_that_contradict_the_stamps_are_reported() {
+    let folder = folder();
+    let source = sweeps(&folder, &["0", "1"]);
+    write_file(&source.join("times.csv"), "0.pcd,1583836591.2\n1.pcd,1583836591.1\n");
+    let (report, drive) = imported(&import_from(&source, &folder));
+    assert!(
+        report.iter().any(|line| line.contains("the numbers in the names contradict the stamps: 0.pcd has")),
+        "{report:?}"
+    );
+    assert_eq!(sweeps_of(&drive).iter().map(|(_, x)| *x).collect::<Vec<_>>(), [6.0, 5.0]);
+}
+
+#[test]
+fn folder_with_several_kinds_is_refused_unless_one_is_chosen() {
+    let folder = folder();
+    let source = sweeps(&folder, &["0", "1"]);
+    write_file(&source.join("drive.bag"), "#ROSBAG V2.0\n");
+    write_file(&source.join("more.mcap"), "x");
+    let mut import = import_from(&source, &folder);
+    let found = error(&import);
+    let words = [
+        "2 *.pcd (first: 0.pcd; ",
+        "1 *.bag (first: drive.bag; 13 bytes)",
+        "1 *.mcap (first: more.mcap; 1 bytes)",
+        "--kind",
+    ];
+    assert!(words.iter().all(|words| found.contains(words)), "{found}");
+    import.options.kind = Some(import::Kind::Pcd);
+    let (report, _) = imported(&import);
+    assert!(
+        report.contains(&"not imported: drive.bag".to_owned())
+            && report.contains(&"not imported: more.mcap".to_owned()),
+        "{report:?}"
+    );
+}
+
+#[test]
 fn poses_and_imu_beside_the_sweeps_are_imported() {
     let folder = folder();
     let source = sweeps(&folder, &["cloud_1583836591_182590976", "cloud_1583836591_282590976"]);

@@ -119,6 +119,12 @@ impl SweepReader {
                 stats.clock_jumps += 1;
                 stamp
             }
+            Step::SetBack { stamp, nanos } => {
+                stats.clock_jumps += 1;
+                stats.clocks_set_back += 1;
+                stats.set_back_ms += nanos.unsigned_abs() / 1_000_000;
+                stamp
+            }
         };
         let delay = |(stamp, captured): (Stamp, Stamp)| captured.0.saturating_sub(stamp.0);
         if self.arrival.is_none_or(|least| delay((stamp, held.captured)) < delay(least)) {

@@ -2,6 +2,7 @@
 //! because the cubes of a run use the references of its start.
 
 use crate::live::record_file::record_folder;
+use files::names::sort_by_name;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{fs, io};
@@ -74,7 +75,7 @@ impl References {
 fn later_files(source: &Path, recorded: &Path, depth: usize) -> Vec<PathBuf> {
     let entries = fs::read_dir(source).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    paths.sort();
+    sort_by_name(&mut paths);
     let mut later = Vec::new();
     for (path, name) in paths.iter().filter_map(|path| Some((path, path.file_name()?))) {
         let target = recorded.join(name);

@@ -39,6 +39,8 @@ pub(super) struct Mcap {
     index: Index,
     /// Start of the footer.
     end: u64,
+    /// Time of the first message.
+    begin: Option<i64>,
 }
 
 /// Channels and their topics.
@@ -67,10 +69,10 @@ impl Mcap {
             return Err(not_closed());
         }
         let summary = Body::new(&footer[HEAD_BYTES as usize..]).u64().at_byte(path, end)?;
-        let mut mcap = Self { path: path.to_owned(), index: Index::default(), end };
+        let mut mcap = Self { path: path.to_owned(), index: Index::default(), end, begin: None };
         if summary == 0 || !mcap.read_summary(&mut file, summary)? {
             let mut index = Index::default();
-            mcap.pass(&mut index, &[], &mut |_| Ok(()))?;
+            mcap.begin = mcap.pass(&mut index, &[], &mut |_| Ok(()))?;
             mcap.index = index;
         }
         Ok(mcap)
@@ -93,7 +95,9 @@ impl Mcap {
                     read_bytes(file, length, &mut bytes).at_byte(&self.path, at)?;
                     let body = Body::new(&bytes);
                     if kind == STATISTICS {
-                        counts = Some(body.counts().at_byte(&self.path, at)?);
+                        let (begin, of_channels) = body.statistics().at_byte(&self.path, at)?;
+                        self.begin = begin;
+                        counts = Some(of_channels);
                     } else {
                         self.index.add(kind, body).at_byte(&self.path, at)?;
                     }
@@ -122,13 +126,14 @@ impl Mcap {
         Ok((kind, length))
     }
 
-    /// Reads the complete file. Adds its channels and counts to `index`.
-    fn pass(&self, index: &mut Index, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
+    /// Reads the complete file. Adds its channels and counts to `index`. Returns the time of the earliest message.
+    fn pass(&self, index: &mut Index, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<Option<i64>, ImportError> {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
         let mut at = MAGIC.len() as u64;
         file.seek(SeekFrom::Start(at)).at(&self.path)?;
         let content_limit = ContentLimit::for_file(self.end);
-        let mut pass = Pass { path: &self.path, at, index, wanted, each, content_limit, bytes: Vec::new() };
+        let mut pass =
+            Pass { path: &self.path, at, index, wanted, each, content_limit, bytes: Vec::new(), begin: None };
         while at < self.end {
             let (kind, length) = self.head(&mut file, at)?;
             pass.at = at;
@@ -139,7 +144,7 @@ impl Mcap {
             }
             at += HEAD_BYTES + length;
         }
-        Ok(())
+        Ok(pass.begin)
     }
 }
 
@@ -154,9 +159,13 @@ impl Container for Mcap {
         &self.index.topics
     }
 
+    fn begin(&self) -> Option<i64> {
+        self.begin
+    }
+
     fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
         // The topics keep their order: the channels of the index exist from the start.
-        self.pass(&mut self.index.clone(), wanted, each)
+        self.pass(&mut self.index.clone(), wanted, each).map(|_| ())
     }
 }
 
@@ -193,6 +202,7 @@ struct Pass<'a, 'b> {
     each: &'a mut Each<'b>,
     content_limit: ContentLimit,
     bytes: Vec<u8>,
+    begin: Option<i64>,
 }
 
 impl Pass<'_, '_> {
@@ -235,6 +245,7 @@ impl Pass<'_, '_> {
                     return Err(ImportError::at_part(path, &format!("byte {at}"), rule));
                 };
                 self.index.topics.count(topic, 1);
+                self.begin = Some(self.begin.map_or(received, |begin| begin.min(received)));
                 if !self.wanted.get(topic).is_some_and(Cell::get) {
                     return reader.skip(data_bytes).at_byte(path, at);
                 }

@@ -22,6 +22,8 @@ pub(super) struct Sqlite {
     topics: Topics,
     /// Topics by the id of their row.
     ids: BTreeMap<i64, usize>,
+    /// Time of the first message.
+    begin: Option<i64>,
 }
 
 impl Sqlite {
@@ -43,11 +45,14 @@ impl Sqlite {
             let encoding = (text(FORMAT)? == "cdr").then_some(Encoding::Cdr);
             ids.insert(row.id(), topics.add(&text(NAME)?, &text(TYPE)?, encoding));
         }
-        let mut found = Self { path: path.to_owned(), topics, ids };
+        let mut found = Self { path: path.to_owned(), topics, ids, begin: None };
         let mut rows = table(&database, path, "messages")?;
         while let Some(row) = rows.next_row().map_err(ImportError::from_sqlite)? {
             let topic = found.topic(&row)?;
             found.topics.count(topic, 1);
+            if found.begin.is_none() {
+                found.begin = Some(found.int(&row, TIMESTAMP)?);
+            }
         }
         Ok(found)
     }
@@ -77,6 +82,10 @@ fn table<'a>(database: &'a Database, path: &Path, name: &str) -> Result<Rows<'a>
 impl Container for Sqlite {
     fn topics(&self) -> &Topics {
         &self.topics
+    }
+
+    fn begin(&self) -> Option<i64> {
+        self.begin
     }
 
     fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {

@@ -15,6 +15,7 @@ pub mod stream;
 pub mod text;
 
 use ::lidar::nmea::Fix;
+use ::lidar::pcap::{has_capture_magic, is_capture_name};
 use anyhow::Context;
 use command_line::answer::Answer;
 use command_line::exit_code;
@@ -92,7 +93,7 @@ pub fn is_drive(path: &Path) -> bool {
         extension.is_some_and(|extension| known.contains(&extension.as_str()))
     };
     if path.is_file() {
-        return has_extension(path, &["pcap", "pcapng"]);
+        return is_capture_name(path);
     }
     if path.join(MANIFEST_FILE).is_file() {
         return true;
@@ -100,7 +101,8 @@ pub fn is_drive(path: &Path) -> bool {
     let files = || path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
     !path.join("clouds").is_dir()
         && !files().any(|file| has_extension(&file, &["ply"]))
-        && files().any(|file| has_extension(&file, &["pcap", "pcapng", "pcd", "bin"]))
+        && files()
+            .any(|file| is_capture_name(&file) || has_capture_magic(&file) || has_extension(&file, &["pcd", "bin"]))
 }
 
 /// Prints the report and writes the page.
@@ -130,6 +132,9 @@ impl DriveReport {
         if drive.is_inferred() {
             let lines = vec![format!("no {MANIFEST_FILE}: sweeps of one LiDAR, whose frame is the body frame")];
             report.section("Drive", lines);
+        }
+        for text in drive.lidars().flat_map(|lidar| &lidar.missing.texts) {
+            report.doubt(format!("lidar: files are missing: {text}"));
         }
         let lidar = lidar::add(drive, reading == Reading::All, &mut report)?;
         secondary_lidars::add(drive, &mut report);

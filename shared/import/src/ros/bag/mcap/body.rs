@@ -42,10 +42,14 @@ impl<'a> Body<'a> {
         Ok(String::from_utf8_lossy(text).into_owned())
     }
 
-    /// Channels and their messages in a statistics record.
-    pub fn counts(mut self) -> io::Result<Vec<(u16, u64)>> {
-        // messages u64, schemas u16, channels, attachments, metadata and chunks u32, first and last time u64
-        self.array::<42>()?;
+    /// Time of the first message, if there is one, and channels and their messages in a statistics record.
+    pub fn statistics(mut self) -> io::Result<(Option<i64>, Vec<(u16, u64)>)> {
+        let n_messages = self.u64()?;
+        // schemas u16, channels, attachments, metadata and chunks u32
+        self.array::<18>()?;
+        let first = self.u64()? as i64;
+        let _last = self.u64()?;
+        let first = Some(first).filter(|_| n_messages > 0);
         let n_bytes = self.u32()? as usize;
         let entries = self.rest.get(..n_bytes).ok_or(io::ErrorKind::UnexpectedEof)?;
         let mut entries = Body::new(entries);
@@ -53,7 +57,7 @@ impl<'a> Body<'a> {
         while !entries.rest.is_empty() {
             counts.push((entries.u16()?, entries.u64()?));
         }
-        Ok(counts)
+        Ok((first, counts))
     }
 }
 

@@ -5,6 +5,7 @@ use super::packets::{PacketSurvey, survey};
 use super::pictures;
 use super::stream::{Stream, seconds_between};
 use drive::{Drive, SourcePosition, SweepSource};
+use files::calendar::text_of_nanos;
 use geometry::Stamp;
 use lidar::nmea::{Fix, LogStats};
 use lidar::{ClockReference, SweepError, SweepInfo, SweepPoint};
@@ -22,6 +23,8 @@ const N_SECTORS: usize = 36;
 const FEW_RETURNS: usize = 500;
 /// Largest share of missing time in the unread part without a doubt.
 const MAX_MISSING_SHARE: f64 = 0.02;
+/// Packets that arrive in another order have a smaller step back, ns.
+const MAX_STEP_BACK_NANOS: i64 = 2_000_000_000;
 
 /// Facts about the LiDAR that other parts of the report need.
 pub struct LidarSurvey {
@@ -191,6 +194,7 @@ fn add_streams(
         report.section("Captures", lines);
     }
     add_unread(packets, report);
+    add_set_back(&packets.stamps, report);
     if packets.stamps.is_empty() {
         report.doubt(format!("no data packet of {} in the captures", drive.model().name()));
     }
@@ -200,6 +204,21 @@ fn add_streams(
         report.streams.push(Stream::new("lidar sweeps", model, stamps));
     }
     shift.map(|nanos| nanos as f64 * 1e-9)
+}
+
+/// Adds a doubt if the clock of the recorder was set back.
+fn add_set_back(captured: &[i64], report: &mut DriveReport) {
+    let steps: Vec<&[i64]> =
+        captured.windows(2).filter(|pair| pair[0].saturating_sub(pair[1]) > MAX_STEP_BACK_NANOS).collect();
+    if let Some(first) = steps.first() {
+        report.doubt(format!(
+            "lidar: the clock of the recorder steps back {} time(s), first by {:.1} s after {}: process each part in a folder of \
+             its own",
+            steps.len(),
+            first[0].saturating_sub(first[1]) as f64 * 1e-9,
+            text_of_nanos(first[0])
+        ));
+    }
 }
 
 /// Compares size and time of the part that was not read.
