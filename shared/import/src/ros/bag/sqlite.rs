@@ -22,7 +22,7 @@ pub(super) struct Sqlite {
     topics: Topics,
     /// Topics by the id of their row.
     ids: BTreeMap<i64, usize>,
-    /// Time of the first message.
+    /// Time of the earliest message.
     begin: Option<i64>,
 }
 
@@ -50,8 +50,9 @@ impl Sqlite {
         while let Some(row) = rows.next_row().map_err(ImportError::from_sqlite)? {
             let topic = found.topic(&row)?;
             found.topics.count(topic, 1);
-            if found.begin.is_none() {
-                found.begin = Some(found.int(&row, TIMESTAMP)?);
+            // Rows of several topics may be in another order.
+            if let Ok(Some(Value::Int(received))) = row.value(TIMESTAMP) {
+                found.begin = Some(found.begin.map_or(received, |begin| begin.min(received)));
             }
         }
         Ok(found)
