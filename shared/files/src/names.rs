@@ -112,7 +112,7 @@ impl<'a> Parts<'a> {
         let Some(whole) = self.name[..self.at].strip_suffix('.') else { return false };
         let before = whole.trim_end_matches(|c: char| c.is_ascii_digit());
         let has_whole = before.len() < whole.len() && (before.is_empty() || before.ends_with('_'));
-        let rest = self.name[end..].as_bytes();
+        let rest = &self.name.as_bytes()[end..];
         // Three numbers with points are a version or a date.
         let is_chain = rest.first() == Some(&b'.') && rest.get(1).is_some_and(u8::is_ascii_digit);
         has_whole && !is_chain
