@@ -170,19 +170,18 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
             let rule = "must be a stamp: seconds with decimals, a date, or an integer since 1970 in s, ms, us or ns";
             return Err(ImportError::at_line(path, number, format!("{line:?} {rule}")));
         };
-        match file {
-            Some(at) => by_name[names[words[at]]] = Some(stamp),
-            None => {
-                if let Some(previous) = in_order.last().filter(|previous| **previous > stamp) {
-                    let rule = format!(
-                        "stamp {stamp} ns is {:.6} s before the previous one, {previous} ns; stamps without names must increase: \
+        if let Some(at) = file {
+            by_name[names[words[at]]] = Some(stamp);
+        } else {
+            if let Some(previous) = in_order.last().filter(|previous| **previous > stamp) {
+                let rule = format!(
+                    "stamp {stamp} ns is {:.6} s before the previous one, {previous} ns; stamps without names must increase: \
                          write the name of its sweep on each line, or correct the stamps",
-                        previous.saturating_sub(stamp) as f64 * 1e-9
-                    );
-                    return Err(ImportError::at_line(path, number, rule));
-                }
-                in_order.push(stamp);
+                    previous.saturating_sub(stamp) as f64 * 1e-9
+                );
+                return Err(ImportError::at_line(path, number, rule));
             }
+            in_order.push(stamp);
         }
     }
     if by_name.iter().any(Option::is_some) {

@@ -6,6 +6,9 @@ use std::io::{self, Read};
 /// Longest text in the header of a chunk: the name of a compression.
 const MAX_NAME: u32 = 64;
 
+/// Channels and their numbers of messages.
+pub(super) type ChannelCounts = Vec<(u16, u64)>;
+
 /// Reads a body from its start.
 #[derive(Clone, Copy)]
 pub(super) struct Body<'a> {
@@ -43,7 +46,7 @@ impl<'a> Body<'a> {
     }
 
     /// Time of the first message, if there is one, and channels and their messages in a statistics record.
-    pub fn statistics(mut self) -> io::Result<(Option<i64>, Vec<(u16, u64)>)> {
+    pub fn statistics(mut self) -> io::Result<(Option<i64>, ChannelCounts)> {
         let n_messages = self.u64()?;
         // schemas u16, channels, attachments, metadata and chunks u32
         self.array::<18>()?;
