@@ -183,7 +183,9 @@ mod tests {
     fn damaged_captures_follow_the_capture_before_them() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut files: Vec<PathBuf> = ["b.pcap", "a.pcap"].iter().map(|name| folder.path().join(name)).collect();
-        files.iter().for_each(|path| std::fs::write(path, "no capture").expect("writes"));
+        for path in &files {
+            std::fs::write(path, "no capture").expect("writes");
+        }
         sort_by_time(&mut files).expect("sorts");
         assert!(files[0].ends_with("a.pcap"));
     }
