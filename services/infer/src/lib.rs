@@ -25,7 +25,9 @@ use doubts::Doubt;
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
 use segmentation::intensity::{ForeignIntensity, IntensityUse};
 use segmentation::spherical::AskedColumns;
-use segmentation::{ComputeDevice, ModelInput, Options, Refinement, Report, Segmenter, SpectraColumn, UnknownBelow};
+use segmentation::{
+    ComputeDevice, ModelInput, MountingFault, Options, Refinement, Report, Segmenter, SpectraColumn, UnknownBelow,
+};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head, find_file,
@@ -64,6 +66,10 @@ stage::settings! {
         /// Share of submaps that are too wide for the grid of the model, above which the classes are doubtful: enlarged cells
         /// miss kerbs and thin objects. One submap in ten may contain a far outlier.
         pub max_coarsened_share: f64 = 0.1 => stage::within(0.0, 1.0);
+        /// Share of submaps in which the LiDAR is not above the ground as on a vehicle, above which the classes are
+        /// doubtful: no ground near the path, a height outside 0.7 to 4 m, or ground steeper than any street. A wrong
+        /// mounting affects all submaps.
+        pub max_misplaced_share: f64 = 0.5 => stage::within(0.0, 1.0);
         /// Share of submaps whose intensities are on another scale than in training, above which the classes are
         /// doubtful. One in ten may be a square of white stone.
         pub max_foreign_intensity_share: f64 = 0.1 => stage::within(0.0, 1.0);
@@ -82,6 +88,7 @@ pub struct Infer {
     has_unknown: bool,
     max_unseen_share: f64,
     max_coarsened_share: f64,
+    max_misplaced_share: f64,
     max_foreign_intensity_share: f64,
     /// Treatment of intensities on another scale.
     intensity_use: &'static str,
@@ -137,6 +144,14 @@ impl Infer {
         if share(n_coarsened, n_submaps) > limit {
             outputs.report_doubt(&Doubt::SubmapsCoarsened { n_coarsened, n_submaps, limit });
         }
+        let faults = MountingFault::ALL.map(|fault| (fault, outputs.counted(counter(fault))));
+        let n_misplaced: u64 = faults.iter().map(|(_, n)| n).sum();
+        let limit = self.max_misplaced_share;
+        if share(n_misplaced, n_submaps) > limit {
+            let found = faults.iter().filter(|(_, n)| *n > 0).map(|(fault, n)| format!("{fault} in {n}"));
+            let found = found.collect::<Vec<_>>().join(", ");
+            outputs.report_doubt(&Doubt::LidarMisplaced { n_misplaced, n_submaps, limit, found });
+        }
         let n_foreign = outputs.counted("submaps_foreign_intensity");
         let limit = self.max_foreign_intensity_share;
         if share(n_foreign, n_submaps) > limit {
@@ -156,7 +171,19 @@ fn options(settings: &Settings) -> Options {
     }
 }
 
+/// The counter of submaps with a fault.
+const fn counter(fault: MountingFault) -> &'static str {
+    match fault {
+        MountingFault::NoGround => "submaps_without_ground",
+        MountingFault::Height => "submaps_lidar_height",
+        MountingFault::Slope => "submaps_steep_ground",
+    }
+}
+
 fn count(report: Report, outputs: &mut Outputs) {
+    if let Some(fault) = report.lidar.fault() {
+        outputs.count(counter(fault), 1);
+    }
     outputs.count("points_unseen", report.n_unseen as u64);
     if report.coarsened > 1 {
         outputs.count("submaps_coarsened", 1);
@@ -219,6 +246,7 @@ impl Stage for Infer {
             has_unknown: settings.unknown_below > 0.0,
             max_unseen_share: settings.max_unseen_share,
             max_coarsened_share: settings.max_coarsened_share,
+            max_misplaced_share: settings.max_misplaced_share,
             max_foreign_intensity_share: settings.max_foreign_intensity_share,
             intensity_use: match options(settings).intensity {
                 IntensityUse::Auto | IntensityUse::Normalized => "they were normalized with the ground as reference",

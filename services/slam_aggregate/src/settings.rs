@@ -65,6 +65,9 @@ stage::settings! {
         /// Heading error is converted to metres at a 50 m lever arm. Results that are placed by fixes have their own
         /// limits in export.
         pub max_lost_m: f64 = 5.0 => stage::within(0.0, 1e6);
+        /// Seconds of the drive without matches that support the path; beyond it, the result is doubtful. Stretches have
+        /// at least 5 sweeps without a match among 10. A drive without any match is always doubtful.
+        pub max_unmatched_s: f64 = 0.0 => stage::within(0.0, 1e6);
         /// Share of the fixes that must agree with the result; below it, the result is doubtful. If more than half of
         /// the fixes are rejected, the rejected ones may be the correct ones. 0 accepts a drive whose fixes are not
         /// used at all.

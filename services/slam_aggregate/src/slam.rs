@@ -229,6 +229,10 @@ impl Stage for SlamAggregate {
         if let Some(doubt) = self.stretches.contested(self.settings.max_contested_s) {
             outputs.report_doubt(&doubt);
         }
+        // Fixes do not excuse it: without matches, the points of a submap do not fit each other.
+        if let Some(doubt) = self.stretches.unmatched(self.settings.max_unmatched_s) {
+            outputs.report_doubt(&doubt);
+        }
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         // Fixes correct the path, and export reports doubts about the remaining deviations.

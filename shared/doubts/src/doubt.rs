@@ -213,6 +213,28 @@ pub enum Doubt {
         /// The stretches.
         stretches: String,
     },
+    /// [`DoubtKind::PathUnmatched`].
+    PathUnmatched {
+        /// Sweeps without a match in the stretches.
+        n_unmatched: u64,
+        /// All sweeps.
+        n_sweeps: u64,
+        /// Time of these sweeps, s.
+        seconds: f64,
+        /// Path of these sweeps, m.
+        path_m: f64,
+        /// Longest time, s.
+        limit_s: f64,
+        /// The stretches.
+        stretches: String,
+    },
+    /// [`DoubtKind::NoSweepMatched`].
+    NoSweepMatched {
+        /// All sweeps.
+        n_sweeps: u64,
+        /// Time of the drive, s.
+        seconds: f64,
+    },
     /// [`DoubtKind::ImuNotUsed`].
     ImuNotUsed {
         /// Contradiction to the LiDAR, as a text.
@@ -256,6 +278,17 @@ pub enum Doubt {
         share: f64,
         /// Largest share.
         limit: f64,
+    },
+    /// [`DoubtKind::LidarMisplaced`].
+    LidarMisplaced {
+        /// Submaps in which the ground is not where the mounting puts it.
+        n_misplaced: u64,
+        /// All submaps.
+        n_submaps: u64,
+        /// Largest share.
+        limit: f64,
+        /// What was found, as a text.
+        found: String,
     },
     /// [`DoubtKind::ForeignIntensities`].
     ForeignIntensities {
@@ -368,12 +401,15 @@ impl Doubt {
             Self::ReceiverDelay { .. } => DoubtKind::ReceiverDelay,
             Self::MotionContested { .. } => DoubtKind::MotionContested,
             Self::PathLost { .. } => DoubtKind::PathLost,
+            Self::PathUnmatched { .. } => DoubtKind::PathUnmatched,
+            Self::NoSweepMatched { .. } => DoubtKind::NoSweepMatched,
             Self::ImuNotUsed { .. } => DoubtKind::ImuNotUsed,
             Self::FewPointsColored { .. } => DoubtKind::FewPointsColored,
             Self::NoSpectra { .. } => DoubtKind::NoSpectra,
             Self::ImagesUnused { .. } => DoubtKind::ImagesUnused,
             Self::CubesUnused { .. } => DoubtKind::CubesUnused,
             Self::PointsUnseen { .. } => DoubtKind::PointsUnseen,
+            Self::LidarMisplaced { .. } => DoubtKind::LidarMisplaced,
             Self::ForeignIntensities { .. } => DoubtKind::ForeignIntensities,
             Self::SubmapsCoarsened { .. } => DoubtKind::SubmapsCoarsened,
             Self::HeadingUndetermined { .. } => DoubtKind::HeadingUndetermined,
@@ -425,9 +461,11 @@ impl Doubt {
             Self::SilentSensors { sensors } => sensors.len() as f64,
             Self::NoSweep { n_packets } => *n_packets as f64,
             Self::ReceiverDelay { late_s } => late_s.abs(),
-            Self::MotionContested { seconds, .. } => *seconds,
+            Self::MotionContested { seconds, .. } | Self::PathUnmatched { seconds, .. } => *seconds,
+            Self::NoSweepMatched { n_sweeps, .. } => *n_sweeps as f64,
             Self::PathLost { growth_m, .. } => *growth_m,
             Self::ImuNotUsed { .. } => 1.0,
+            Self::LidarMisplaced { n_misplaced, n_submaps, .. } => share(*n_misplaced, *n_submaps),
             Self::ForeignIntensities { n_foreign, n_submaps, .. } => share(*n_foreign, *n_submaps),
             Self::SubmapsCoarsened { n_coarsened, n_submaps, .. } => share(*n_coarsened, *n_submaps),
             Self::HeadingUndetermined { largest_deg, .. } => *largest_deg,
@@ -542,6 +580,17 @@ impl Display for Doubt {
                 "the scene did not constrain the motion for {seconds:.1} s of the drive ({stretches}): there the deviation of position and \
                  heading grew by {growth_m:.1} m within {lever_m} m, more than {limit_m} m; the path may be shorter, longer or bent"
             ),
+            Self::PathUnmatched { n_unmatched, n_sweeps, seconds, path_m, limit_s, stretches } => write!(
+                f,
+                "{n_unmatched} of {n_sweeps} sweeps have no match that supports the path, for {seconds:.1} s and {path_m:.1} m \
+                 of it, more than max_unmatched_s = {limit_s} ({stretches}): there the path is a prediction, or rest, whatever \
+                 its stated deviation; look at the clouds there"
+            ),
+            Self::NoSweepMatched { n_sweeps, seconds } => write!(
+                f,
+                "none of the {n_sweeps} sweeps of {seconds:.1} s matches another: the result has no path, and all clouds lie at \
+                 the start; check model, rings and point times of the LiDAR, and record with more points per sweep"
+            ),
             Self::ImuNotUsed { reason } => write!(
                 f,
                 "the inertial unit is not used: {reason}; check the units (m/s^2, rad/s) and axes of its file, imu.body_from_imu and \
@@ -563,6 +612,12 @@ impl Display for Doubt {
                 f,
                 "the model could not classify {:.1} % of the points (limit {:.1} %): they are unlabeled; does it suit this LiDAR?",
                 100.0 * share,
+                100.0 * limit
+            ),
+            Self::LidarMisplaced { n_misplaced, n_submaps, limit, found } => write!(
+                f,
+                "in {n_misplaced} of {n_submaps} submaps the LiDAR is not above the ground as on a vehicle (limit {:.0} %): {found}; \
+                 the classes are not reliable; check lidar.body_from_lidar in drive.toml",
                 100.0 * limit
             ),
             Self::ForeignIntensities { n_foreign, n_submaps, limit, treatment } => write!(

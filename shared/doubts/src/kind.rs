@@ -168,6 +168,12 @@ kinds! {
     MotionContested "motion_contested" SlamAggregate Place Check "Drive again in less traffic."
     /// The scene did not determine the motion.
     PathLost "path_lost" SlamAggregate Place Check "Drive with an IMU and a GNSS receiver, or along houses."
+    /// Stretches of the path have no match that supports them.
+    PathUnmatched "path_unmatched" SlamAggregate Place Check
+        "Look at the clouds there; record with more points per sweep, or drive where walls and poles are in range."
+    /// No sweep matches another: there is no path.
+    NoSweepMatched "no_sweep_matched" SlamAggregate Place Empty
+        "Check model, rings and point times of the LiDAR; record with more points per sweep."
     /// The IMU contradicts the LiDAR, is dead, or reports noise.
     ImuNotUsed "imu_not_used" SlamAggregate Place Check
         "Check units (m/s^2, rad/s), axes (`imu.body_from_imu`) and clock, or remove `[imu]`."
@@ -183,6 +189,9 @@ kinds! {
 
     /// Points that the model cannot classify.
     PointsUnseen "points_unseen" Infer Classes Check "Use a model for this LiDAR and mounting."
+    /// The ground is not where the mounting of the LiDAR puts it.
+    LidarMisplaced "lidar_misplaced" Infer Classes Check
+        "Check `lidar.body_from_lidar` of `drive.toml`."
     /// Intensities on another scale than in training.
     ForeignIntensities "foreign_intensities" Infer Classes Check
         "Look at the classes; `intensity = \"off\"` does without intensities."

@@ -1,7 +1,7 @@
 //! The model that gives ground points their class, without a network (crate [`ground`]), and its model file.
 
 use crate::model_file::{ModelFile, encode_model};
-use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use crate::{LidarAboveGround, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use candle_core::{Device, Tensor};
 use ground::{Ground, MAX_GAP_CELLS, OutOfRange, Parameters, Settings, Tolerance};
 use messages::ClassRow;
@@ -64,7 +64,9 @@ impl Segmenter for GroundQuasiFlat {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let ground = Ground::find_with(input.header, input.points, self.parameters.clone());
-        classes.copy_from_slice(&ground.classes(&ground.heights(input.points)));
-        Ok(Report { n_unseen: ground.n_outside(), coarsened: ground.coarsened(), ..Report::default() })
+        let heights_m = ground.heights(input.points);
+        classes.copy_from_slice(&ground.classes(&heights_m));
+        let lidar = LidarAboveGround::find(input.header, input.points, &heights_m);
+        Ok(Report { n_unseen: ground.n_outside(), coarsened: ground.coarsened(), lidar, ..Report::default() })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::intensity::ForeignIntensity;
 use crate::refinement::Refinement;
-use crate::{CellProbabilities, ModelCard, SegmentationError};
+use crate::{CellProbabilities, LidarAboveGround, ModelCard, SegmentationError};
 use ground::{Ground, SubmapGround};
 use messages::{ClassId, ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
 use std::sync::Arc;
@@ -47,6 +47,8 @@ pub struct Report {
     pub coarsened: u32,
     /// Median intensities of the ground, if they show that the intensities are not on the scale of the training data.
     pub foreign_intensity: Option<ForeignIntensity>,
+    /// The LiDAR above the ground near its path.
+    pub lidar: LidarAboveGround,
 }
 
 /// Assigns a class and a score to every point.

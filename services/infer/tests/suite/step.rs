@@ -341,6 +341,34 @@ fn submaps_too_wide_for_the_model_are_doubted() {
     assert_eq!(bench.doubt("submaps_coarsened"), Some(0.5));
 }
 
+#[test]
+fn lidar_that_is_not_above_the_ground_is_doubted() {
+    let (header, points, is_road) = street_sweep();
+    let doubt = |max_misplaced_share: f64, change: &dyn Fn(&mut SubmapPoint)| {
+        let mut bench =
+            Bench::<Infer>::new(&Settings { max_misplaced_share, ..ground() }, &at_root()).expect("the model loads");
+        let mut points = points.clone();
+        points.iter_mut().for_each(change);
+        bench.send::<SubmapTopic>(0, header, points);
+        bench.tick().expect("steps");
+        bench.finish().expect("an end");
+        bench.doubt("lidar_misplaced")
+    };
+    assert!(is_road.iter().any(|is_road| *is_road));
+    assert_eq!(doubt(0.5, &|_| ()), None);
+    let (sin, cos) = 30_f32.to_radians().sin_cos();
+    let upside_down = |point: &mut SubmapPoint| (point.y, point.z) = (-point.y, -point.z);
+    let rolled = |point: &mut SubmapPoint| {
+        (point.y, point.z) = (cos * point.y - sin * point.z, sin * point.y + cos * point.z);
+    };
+    let on_the_road = |point: &mut SubmapPoint| point.z += 1.9;
+    let changes: [&dyn Fn(&mut SubmapPoint); 3] = [&upside_down, &rolled, &on_the_road];
+    for (number, change) in changes.into_iter().enumerate() {
+        assert_eq!(doubt(0.5, change), Some(1.0), "change {number}");
+        assert_eq!(doubt(1.0, change), None, "the limit is a setting");
+    }
+}
+
 /// The ground of KITTI drives has a median of 66, the ground of the training has 12.
 #[test]
 fn intensities_on_another_scale_are_doubted_and_normalized() {

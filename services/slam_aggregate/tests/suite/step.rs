@@ -283,6 +283,48 @@ fn report_on_bridged_sweeps_names_the_predicting_sensors() {
     assert!(none.contains("predicted by constant motion"), "{none}");
 }
 
+/// Every 60th return of a sweep: too few to match.
+fn sparse(number: u32) -> RawSweep {
+    let mut raw = raw(number);
+    raw.rows = raw.rows.iter().step_by(60).copied().collect();
+    raw
+}
+
+#[test]
+fn drive_whose_sweeps_never_match_is_a_doubt() {
+    let raws: Vec<RawSweep> = (0..12).map(sparse).collect();
+    let doubts = |settings: &Settings, raws: &[RawSweep]| {
+        let (bench, _) = run(settings, raws);
+        ["no_sweep_matched", "path_unmatched", "path_lost"].map(|name| bench.doubt(name))
+    };
+    for algorithm in OdometryAlgorithm::ALL {
+        let settings = Settings { odometry: *algorithm, max_unmatched_s: 100.0, ..Settings::default() };
+        assert_eq!(doubts(&settings, &raws), [Some(12.0), None, None], "whatever the limit and the deviation");
+    }
+    let dense: Vec<RawSweep> = (0..12).map(raw).collect();
+    assert_eq!(doubts(&Settings::default(), &dense), [None; 3]);
+    assert_eq!(doubts(&Settings::default(), &raws[..1]), [None; 3], "one sweep has nothing to match");
+}
+
+#[test]
+fn stretch_without_matches_is_a_doubt_also_after_a_restart() {
+    let raws: Vec<RawSweep> =
+        (0..20).map(|number| if (8..14).contains(&number) { sparse(number) } else { raw(number) }).collect();
+    let folder = drive_folder("");
+    let context = context(folder.path());
+    let mut bench = Bench::<SlamAggregate>::new(&Settings::default(), &context).unwrap();
+    for (number, raw) in raws.iter().enumerate() {
+        feed(&mut bench, raw);
+        if number == 11 {
+            bench = bench.restarted(&Settings::default(), &context).unwrap();
+        }
+    }
+    bench.finish().unwrap();
+    let seconds = bench.doubt("path_unmatched").unwrap();
+    assert!((0.5..1.2).contains(&seconds), "{seconds} s");
+    assert_eq!(bench.doubt("no_sweep_matched"), None);
+}
+
 #[test]
 fn truncated_state_is_rejected() {
     let mut whole = bench(&Settings::default());

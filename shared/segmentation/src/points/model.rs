@@ -13,7 +13,8 @@ use crate::options::Options;
 use crate::refinement::Refinement;
 use crate::segmenter::CellSegmenter;
 use crate::{
-    CellProbabilities, ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter, SubmapProbabilities,
+    CellProbabilities, ComputeDevice, LidarAboveGround, ModelCard, ModelInput, Report, SegmentationError, Segmenter,
+    SubmapProbabilities,
 };
 use ground::SubmapGround;
 use messages::{ClassId, ClassRow};
@@ -135,7 +136,8 @@ impl CellSegmenter for PointModel {
         let cell_of_point = cell_of_each(&grid, input.points.len());
         drop(grid);
         let cells = CellProbabilities::new(self.classes.len(), self.per_cell(&cloud)?, cell_of_point);
-        let report = Report { coarsened: 1, foreign_intensity: foreign, ..Report::default() };
+        let lidar = LidarAboveGround::find(input.header, input.points, &ground.heights_m);
+        let report = Report { coarsened: 1, foreign_intensity: foreign, lidar, ..Report::default() };
         Ok(SubmapProbabilities { cells, report })
     }
 }

@@ -15,7 +15,7 @@ use crate::class_rows::write_rows;
 use crate::intensity::SubmapIntensities;
 use crate::model_file::ModelFile;
 use crate::options::Options;
-use crate::{CellProbabilities, ModelCard, ModelInput, Report, SegmentationError};
+use crate::{CellProbabilities, LidarAboveGround, ModelCard, ModelInput, Report, SegmentationError};
 use ground::SubmapGround;
 use kernels::images::PlanesRef;
 use messages::{ClassId, ClassRow};
@@ -40,6 +40,7 @@ pub(super) struct Prepared {
     /// The ground, if it is removed before the network.
     removed: Option<RemovedGround>,
     intensities: SubmapIntensities,
+    lidar: LidarAboveGround,
 }
 
 /// The ground points of a submap that are removed before the network.
@@ -102,7 +103,8 @@ impl SweepImages {
         let trained = self.settings.ground_intensities;
         let intensities = SubmapIntensities::find(self.options.intensity, input.points, &ground.heights_m, trained);
         let sweeps = sweeps_with_points(input).into_iter().step_by(self.options.every).collect();
-        Prepared { sweeps, ground, removed, intensities }
+        let lidar = LidarAboveGround::find(input.header, input.points, &ground.heights_m);
+        Prepared { sweeps, ground, removed, intensities, lidar }
     }
     /// Source of the images of the submap.
     pub(super) fn source<'a>(&self, input: &'a ModelInput<'a>, prepared: &'a Prepared) -> ImageSource<'a> {
@@ -161,7 +163,7 @@ impl SweepImages {
 impl Prepared {
     /// The report of a submap whose points all have a class.
     pub(super) fn report(&self) -> Report {
-        Report { coarsened: 1, foreign_intensity: self.intensities.foreign, ..Report::default() }
+        Report { coarsened: 1, foreign_intensity: self.intensities.foreign, lidar: self.lidar, ..Report::default() }
     }
     /// The range image of a sweep.
     pub(super) fn sweep(&self, source: &ImageSource<'_>, of: &SweepPoints) -> RangeSweep {
