@@ -18,7 +18,7 @@ use ndarray::Array2;
 use random::Random;
 use registration::{Odometry, OdometrySettings, Sweep, TimedPoint};
 use segmentation::network::Inference;
-use segmentation::spherical::SphericalModel;
+use segmentation::spherical::{LoadedModel, SphericalModel};
 use segmentation::{ModelInput, Options};
 use spectral::{Calibration, Mosaic, Reference, WhiteTarget};
 use std::f64::consts::FRAC_PI_2;
@@ -160,7 +160,7 @@ fn ground() -> anyhow::Result<Round> {
 
 /// Runs on an eighth of a sweep's image: valgrind computes fused multiplications one at a time.
 fn network() -> anyhow::Result<Round> {
-    let (model, weights) = SphericalModel::load(&model_file("street.safetensors"))?;
+    let LoadedModel { model, weights } = SphericalModel::load(&model_file("street.safetensors"))?;
     let settings = model.settings();
     let network = Inference::new(settings.network.clone(), &weights, Border::Circular)?;
     let mut input = Planes::zeros(settings.network.inputs(), 32, settings.columns / settings.fold / 8);

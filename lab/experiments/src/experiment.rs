@@ -24,17 +24,24 @@ pub trait Experiment {
     fn table(&self, results: &Results) -> String;
 }
 
-/// Part `.0` of `.1` parts of the trainings, from 1.
+/// A part of the trainings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Job(pub usize, pub usize);
+pub struct Job {
+    /// Number of the part, from 1.
+    pub number: usize,
+    /// Number of parts.
+    pub n_parts: usize,
+}
 
 impl std::str::FromStr for Job {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-        match numbers {
-            Some((i, n)) if (1..=n).contains(&i) => Ok(Self(i, n)),
+        let parsed = |(number, n_parts): (&str, &str)| {
+            Some(Self { number: number.parse().ok()?, n_parts: n_parts.parse().ok()? })
+        };
+        match text.split_once('/').and_then(parsed) {
+            Some(job) if (1..=job.n_parts).contains(&job.number) => Ok(job),
             _ => Err(format!("`{text}` must be I/N with 1 <= I <= N, for example 2/4")),
         }
     }
@@ -43,7 +50,7 @@ impl std::str::FromStr for Job {
 impl Job {
     /// Whether the training at this index belongs to the job.
     fn has(self, index: usize) -> bool {
-        index % self.1 == self.0 - 1
+        index % self.n_parts == self.number - 1
     }
 }
 
@@ -51,7 +58,9 @@ impl Job {
 pub fn train_all(
     experiment: &dyn Experiment,
     recipes: &[Recipe],
-    (store, budget, job): (&Store, &Budget<'_>, Job),
+    store: &Store,
+    budget: &Budget<'_>,
+    job: Job,
 ) -> anyhow::Result<usize> {
     for recipe in recipes {
         if let Some(text) = store.set_aside_if_changed(recipe)? {
@@ -72,7 +81,7 @@ pub fn train_all(
     for (index, recipe) in recipes.iter().enumerate() {
         // All jobs need the weights of sources.
         let is_source = recipes.iter().any(|of| of.sources().any(|source| source == recipe));
-        if !(job.has(index) || is_source && job.0 == 1) || store.is_finished(recipe, needs_weights(recipe)?)? {
+        if !(job.has(index) || is_source && job.number == 1) || store.is_finished(recipe, needs_weights(recipe)?)? {
             continue;
         }
         let mut is_ready = true;
@@ -89,7 +98,7 @@ pub fn train_all(
             let checksum = task.checksum();
             if set_aside_other_inputs(store, recipes, &recipe.data, checksum)? {
                 // Trainings before this one are to be repeated.
-                return train_all(experiment, recipes, (store, budget, job));
+                return train_all(experiment, recipes, store, budget, job);
             }
             loaded = Some((&recipe.data, task, checksum));
         }
@@ -170,10 +179,11 @@ pub fn run(
     experiment: &dyn Experiment,
     store: &Store,
     n_seeds: u64,
-    (budget, job): (&Budget<'_>, Job),
+    budget: &Budget<'_>,
+    job: Job,
 ) -> anyhow::Result<()> {
     let recipes = experiment.recipes(n_seeds);
-    let n_left = train_all(experiment, &recipes, (store, budget, job))?;
+    let n_left = train_all(experiment, &recipes, store, budget, job)?;
     let results = store.collect(&recipes)?;
     println!("{}", experiment.table(&results));
     println!("{} of {} trainings are done; {:.2} CPU hours used", results.len(), recipes.len(), budget.used() / 3600.0);

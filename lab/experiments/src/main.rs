@@ -154,7 +154,7 @@ fn main() -> anyhow::Result<()> {
         if plan {
             return print_plan(experiment.as_ref(), &experiment.recipes(seeds), &store);
         }
-        run(experiment.as_ref(), &store, seeds, (&Budget::new(budget_hours), job))
+        run(experiment.as_ref(), &store, seeds, &Budget::new(budget_hours), job)
     };
     // Inside the pool: a call from outside waits for another thread several times per step.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;

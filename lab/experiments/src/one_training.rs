@@ -80,7 +80,7 @@ impl<N: Network> Trainings<'_, N> {
         let tree = match &recipe.tree_of {
             Some(source) => {
                 let source = self.trainer(source)?.best_trainer()?;
-                let (_, confusion) = source.evaluate(self.sets.validation.as_ref())?;
+                let confusion = source.evaluate(self.sets.validation.as_ref())?.confusion;
                 Hierarchy::from_confusions(&confusion, *n_classes, tree.n_used_nodes())
             }
             None => tree.clone(),
@@ -112,7 +112,7 @@ impl<N: Network> Trainings<'_, N> {
         };
         let best = trainer.best_trainer()?;
         let scene = |(name, data): &(&'static str, Box<dyn Dataset<N::Example>>)| -> anyhow::Result<Scene> {
-            Ok(Scene::new(name, task.n_classes, &best.evaluate(data.as_ref())?.1))
+            Ok(Scene::new(name, task.n_classes, &best.evaluate(data.as_ref())?.confusion))
         };
         let outcome = Outcome {
             epochs: trainer.curves().epochs.len(),

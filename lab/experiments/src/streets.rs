@@ -31,8 +31,9 @@ const CPU_SECONDS: f64 = 75.0;
 
 const HIERARCHICAL: &str = "hierarchical Jac. 2";
 
-/// The recipe of a loss (row) in a column of a table.
-fn recipe((row, column): (&str, &str), (data, classes): (StreetData, &[ClassId]), seed: u64) -> Recipe {
+/// The recipe of a kind of training.
+fn recipe(kind: &Kind<'_>, seed: u64) -> Recipe {
+    let &Kind { row, column, data, classes } = kind;
     let n_inputs = if data == StreetData::UrbanInColor { N_INPUTS_WITH_COLOR } else { N_INPUTS };
     let outputs = FOLD * classes.len();
     let widths = vec![16, 24, 32];
@@ -76,13 +77,26 @@ impl Streets {
     }
 }
 
-/// One kind of training of a table: row, column, data, classes.
-type Kind = (&'static str, &'static str, StreetData, &'static [ClassId]);
+/// One kind of training of a table.
+#[derive(Clone, Copy)]
+struct Kind<'a> {
+    /// Loss.
+    row: &'a str,
+    column: &'a str,
+    data: StreetData,
+    classes: &'a [ClassId],
+}
+
+impl<'a> Kind<'a> {
+    const fn new(row: &'a str, column: &'a str, data: StreetData, classes: &'a [ClassId]) -> Self {
+        Self { row, column, data, classes }
+    }
+}
 
 /// A table of trainings that differ in losses, classes or color.
 pub struct StreetTable {
     name: &'static str,
-    kinds: &'static [Kind],
+    kinds: &'static [Kind<'static>],
     table: fn(&Results) -> String,
     streets: Streets,
 }
@@ -90,17 +104,19 @@ pub struct StreetTable {
 impl StreetTable {
     /// Tables 6.4 and 6.5 in form: training and test in urban and in rural towns.
     pub fn towns() -> Self {
-        const KINDS: [Kind; 2] =
-            [("CE + Jac. 2", "urban", StreetData::Urban, &ALL), ("CE + Jac. 2", "rural", StreetData::Rural(20), &ALL)];
+        const KINDS: [Kind<'static>; 2] = [
+            Kind::new("CE + Jac. 2", "urban", StreetData::Urban, &ALL),
+            Kind::new("CE + Jac. 2", "rural", StreetData::Rural(20), &ALL),
+        ];
         let table = |results: &Results| precision_table(&columns(results, |recipe| Some(recipe.column.clone())));
         Self { name: "towns", kinds: &KINDS, table, streets: Streets::default() }
     }
     /// Table 6.8.
     pub fn specialized() -> Self {
-        const KINDS: [Kind; 3] = [
-            ("CE + Jac. 2", "M1", StreetData::Urban, &ALL),
-            ("CE + Jac. 2", "M2", StreetData::Urban, NO_GROUND),
-            ("CE + Jac. 2", "M3", StreetData::Urban, NO_GROUND_AND_BUILDINGS),
+        const KINDS: [Kind<'static>; 3] = [
+            Kind::new("CE + Jac. 2", "M1", StreetData::Urban, &ALL),
+            Kind::new("CE + Jac. 2", "M2", StreetData::Urban, NO_GROUND),
+            Kind::new("CE + Jac. 2", "M3", StreetData::Urban, NO_GROUND_AND_BUILDINGS),
         ];
         let table = |results: &Results| {
             iou_table(&columns(results, |recipe| Some(recipe.column.clone())), NO_GROUND_AND_BUILDINGS.len())
@@ -109,25 +125,25 @@ impl StreetTable {
     }
     /// Tables 6.9 and 6.10.
     pub fn hierarchy() -> Self {
-        const KINDS: [Kind; 4] = [
-            ("CE", "losses", StreetData::Urban, &ALL),
-            ("CE + Jac. 2", "losses", StreetData::Urban, &ALL),
-            ("Jac. 2", "losses", StreetData::Urban, &ALL),
-            (HIERARCHICAL, "losses", StreetData::Urban, &ALL),
+        const KINDS: [Kind<'static>; 4] = [
+            Kind::new("CE", "losses", StreetData::Urban, &ALL),
+            Kind::new("CE + Jac. 2", "losses", StreetData::Urban, &ALL),
+            Kind::new("Jac. 2", "losses", StreetData::Urban, &ALL),
+            Kind::new(HIERARCHICAL, "losses", StreetData::Urban, &ALL),
         ];
         Self { name: "hierarchy", kinds: &KINDS, table: hierarchy_table, streets: Streets::default() }
     }
     /// Table 6.12.
     pub fn color() -> Self {
-        const KINDS: [Kind; 8] = [
-            ("Jac. 2", "P1", StreetData::Urban, NO_GROUND_AND_BUILDINGS),
-            ("Jac. 2", "P2", StreetData::Urban, NO_GROUND),
-            ("Jac. 2", "P3", StreetData::Urban, &ALL),
-            (HIERARCHICAL, "P4", StreetData::Urban, &ALL),
-            ("Jac. 2", "P1 RGB", StreetData::UrbanInColor, NO_GROUND_AND_BUILDINGS),
-            ("Jac. 2", "P2 RGB", StreetData::UrbanInColor, NO_GROUND),
-            ("Jac. 2", "P3 RGB", StreetData::UrbanInColor, &ALL),
-            (HIERARCHICAL, "P4 RGB", StreetData::UrbanInColor, &ALL),
+        const KINDS: [Kind<'static>; 8] = [
+            Kind::new("Jac. 2", "P1", StreetData::Urban, NO_GROUND_AND_BUILDINGS),
+            Kind::new("Jac. 2", "P2", StreetData::Urban, NO_GROUND),
+            Kind::new("Jac. 2", "P3", StreetData::Urban, &ALL),
+            Kind::new(HIERARCHICAL, "P4", StreetData::Urban, &ALL),
+            Kind::new("Jac. 2", "P1 RGB", StreetData::UrbanInColor, NO_GROUND_AND_BUILDINGS),
+            Kind::new("Jac. 2", "P2 RGB", StreetData::UrbanInColor, NO_GROUND),
+            Kind::new("Jac. 2", "P3 RGB", StreetData::UrbanInColor, &ALL),
+            Kind::new(HIERARCHICAL, "P4 RGB", StreetData::UrbanInColor, &ALL),
         ];
         let table = |results: &Results| iou_table(&columns(results, |recipe| Some(recipe.column.clone())), ALL.len());
         Self { name: "color", kinds: &KINDS, table, streets: Streets::default() }
@@ -140,15 +156,12 @@ impl Experiment for StreetTable {
     }
     fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
         // All seeds of a kind in turn: only the sweeps that were used last are kept.
-        let of_kind = |&(row, column, data, classes): &Kind| {
-            (0..n_seeds).map(move |seed| recipe((row, column), (data, classes), seed))
-        };
-        self.kinds.iter().flat_map(of_kind).collect()
+        self.kinds.iter().flat_map(|kind| (0..n_seeds).map(move |seed| recipe(kind, seed))).collect()
     }
     fn load(&self, recipe: &Recipe) -> anyhow::Result<Task> {
-        let kind = self.kinds.iter().find(|(row, column, ..)| recipe.row == *row && recipe.column == *column);
-        let &(_, _, data, classes) = kind.with_context(|| format!("no training of this table: {}", recipe.name()))?;
-        self.streets.load(recipe, [data], classes)
+        let kind = self.kinds.iter().find(|kind| recipe.row == kind.row && recipe.column == kind.column);
+        let kind = kind.with_context(|| format!("no training of this table: {}", recipe.name()))?;
+        self.streets.load(recipe, [kind.data], kind.classes)
     }
     fn cpu_seconds(&self, _: &Recipe) -> f64 {
         CPU_SECONDS

@@ -93,7 +93,7 @@ impl Experiment for Tiny {
     }
 }
 
-const ALL: Job = Job(1, 1);
+const ALL: Job = Job { number: 1, n_parts: 1 };
 
 /// Points on two planes, which are the classes.
 struct Layers;
@@ -150,7 +150,7 @@ impl Experiment for TinyPoints {
 fn trained(experiment: &dyn Experiment, folder: &Path, budget: &Budget<'_>, job: Job) -> (usize, String) {
     let recipes = experiment.recipes(2);
     let store = Store::new(folder.into());
-    let n_left = train_all(experiment, &recipes, (&store, budget, job)).expect("trains");
+    let n_left = train_all(experiment, &recipes, &store, budget, job).expect("trains");
     store.collect(&recipes).expect("writes");
     (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
 }
@@ -194,9 +194,9 @@ fn jobs_together_give_same_results_file() {
     let parts = folder();
     let budget = Budget::new(None);
     let (_, expected) = trained(&Tiny::new(), whole.path(), &budget, ALL);
-    let (_, half) = trained(&Tiny::new(), parts.path(), &budget, Job(1, 2));
+    let (_, half) = trained(&Tiny::new(), parts.path(), &budget, Job { number: 1, n_parts: 2 });
     assert!(half.lines().count() < 6, "{half}");
-    let (n_left, found) = trained(&Tiny::new(), parts.path(), &budget, Job(2, 2));
+    let (n_left, found) = trained(&Tiny::new(), parts.path(), &budget, Job { number: 2, n_parts: 2 });
     assert_eq!((n_left, found), (0, expected));
 }
 
@@ -268,7 +268,7 @@ fn published_results_are_not_trained_again_unless_their_weights_or_other_data_ar
     let again = |folder: &Path, results: &Path, tiny: &Tiny| {
         let recipes = tiny.recipes(2);
         let store = Store::with_published(folder.into(), results).expect("reads the results");
-        let n_left = train_all(tiny, &recipes, (&store, &Budget::new(None), ALL)).expect("trains");
+        let n_left = train_all(tiny, &recipes, &store, &Budget::new(None), ALL).expect("trains");
         store.collect(&recipes).expect("writes");
         (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
     };
@@ -319,7 +319,7 @@ fn table_of_partial_results_counts_seeds() {
     let tiny = Tiny::new();
     let recipes = tiny.recipes(2);
     let store = Store::new(folder.path().into());
-    train_all(&tiny, &recipes, (&store, &Budget::new(None), Job(1, 3))).expect("trains");
+    train_all(&tiny, &recipes, &store, &Budget::new(None), Job { number: 1, n_parts: 3 }).expect("trains");
     let results = store.collect(&recipes).expect("reads");
     let table = tiny.table(&results);
     assert_eq!(results.len(), 2, "{table}");
@@ -346,7 +346,7 @@ fn training_ends_after_patience_without_lower_loss() {
 
 #[test]
 fn job_is_read_from_its_part_and_number() {
-    assert_eq!("2/4".parse(), Ok(Job(2, 4)));
+    assert_eq!("2/4".parse(), Ok(Job { number: 2, n_parts: 4 }));
     for wrong in ["0/4", "5/4", "2", "a/b", "1/0"] {
         assert!(wrong.parse::<Job>().is_err(), "{wrong}");
     }

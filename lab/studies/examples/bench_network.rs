@@ -5,7 +5,7 @@ use geometry::RangeImage;
 use kernels::images::Border;
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use segmentation::network::Inference;
-use segmentation::spherical::{PolarImage, PolarPixel, SphericalModel, features};
+use segmentation::spherical::{LoadedModel, PolarImage, PolarPixel, SphericalModel, features};
 use segmentation::{ModelInput, Segmenter};
 use std::path::PathBuf;
 
@@ -83,7 +83,7 @@ fn turn() -> Vec<SubmapPoint> {
 
 fn main() -> Result<(), segmentation::SegmentationError> {
     let path = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("models/street.safetensors"), PathBuf::from);
-    let (model, weights) = SphericalModel::load(&path)?;
+    let LoadedModel { model, weights } = SphericalModel::load(&path)?;
     let settings = model.settings();
     let (header, points) = submap();
     let cloud = ModelInput::new(&header, &points);

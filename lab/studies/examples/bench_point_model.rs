@@ -65,7 +65,7 @@ fn submap(path: &Path) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
 fn main() {
     let arguments: Vec<_> = std::env::args_os().skip(1).collect();
     let [model, submap_file] = arguments.as_slice() else { panic!("give MODEL SUBMAP") };
-    let (model, _) = PointModel::load(Path::new(model)).expect("a model file");
+    let model = PointModel::load(Path::new(model)).expect("a model file");
     let (header, points) = submap(Path::new(submap_file));
     let before_mb = peak_mb();
     let mut classes = vec![ClassRow::default(); points.len()];

@@ -36,7 +36,7 @@ mod pictures {
         let begin = Instant::now();
         let images = simulation.images(&camera, &[0, 1, 2, 3, 4, 5], stamp);
         println!("{:.0} ms per color image", begin.elapsed().as_secs_f64() * 1e3 / images.len() as f64);
-        let (width, height) = camera.size();
+        let [width, height] = camera.size();
         let mut sheet = RgbImage::new(3 * width, 2 * height);
         for (place, index) in [4, 0, 1, 3, 2, 5].into_iter().enumerate() {
             let picture = RgbImage::from_raw(width, height, images[index].clone()).unwrap();

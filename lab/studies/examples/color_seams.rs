@@ -10,8 +10,8 @@
 //! how differently two exposures depict the same surface.
 
 use coloring::{
-    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, ExposureGains, PointBuffers, PointColor,
-    PosedExposure, ProjectionCamera, Sampler, SubmapPoints, color_into, overlaps, visibility_maps,
+    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, ExposureGains, PointBuffers, PointChoice,
+    PointColor, PosedExposure, ProjectionCamera, Sampler, SubmapPoints, color_into, overlaps, visibility_maps,
 };
 use drive::Drive;
 use geometry::Stamp;
@@ -130,9 +130,10 @@ fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_
         let chunk = &mut chunks[index];
         candidates.points.read_chunk(index, chunk);
         choices.choose(chunk, candidates);
-        for (i, exposure, pixel) in choices.chosen() {
+        for choice in choices.chosen() {
+            let PointChoice { i, exposure, pixel } = choice;
             let plain = images[exposure].sample(pixel);
-            let Some(PointColor { row: level, .. }) = sampler.sample(chunk, (i, exposure, pixel)) else { continue };
+            let Some(PointColor { row: level, .. }) = sampler.sample(chunk, choice) else { continue };
             let same = gains.leveled(plain, exposure);
             colors[i] = Some((exposure, [plain, level]));
             sums.n_points += 1;

@@ -195,7 +195,8 @@ fn histogram(title: &str, [low, high]: [f32; 2], n_bins: usize, values: &[Vec<f3
         }
         shares.iter().map(|share| f64::from(share.sqrt())).collect::<Vec<f64>>()
     });
-    let (low, bin) = (f64::from(low), f64::from(high - low) / n_bins as f64);
+    let bin = f64::from(high - low) / n_bins as f64;
+    let low = f64::from(low);
     let bars = shares[0].iter().enumerate().map(|(i, share)| [low + bin * (i as f64 + 0.5), *share]);
     let edges = |(i, share): (usize, &f64)| [i, i + 1].map(|edge| [low + bin * edge as f64, *share]);
     let line = shares[1].iter().enumerate().flat_map(edges);

@@ -63,20 +63,20 @@ fn main() -> Result<(), Box<dyn Error>> {
             };
             exposures.push(exposure);
             shifted.push([before, after]);
-            pixels.push((index, image));
+            pixels.push(image);
         }
         let mut buffers = PointBuffers::default();
         let sweeps = &header.sweeps[..header.n_sweeps as usize];
         let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.ring_counts(), &mut buffers);
         let visibility = visibility_maps(&points, &exposures);
-        let monitored: Vec<(usize, AlignmentExposure<'_>)> = (0..exposures.len())
+        let monitored: Vec<AlignmentExposure<'_>> = (0..exposures.len())
             .map(|i| {
                 let shift_s = 2e-9 * SHIFT_NANOS as f32;
-                let (camera, image) = pixels[i];
+                let image = pixels[i];
                 let exposure = exposures[i];
                 let shifted = shifted[i];
                 let visibility = &visibility[i];
-                (camera, AlignmentExposure { exposure, shifted, shift_s, visibility, image })
+                AlignmentExposure { exposure, shifted, shift_s, visibility, image }
             })
             .collect();
         monitor.add(profiles_by_camera(&points, &monitored));

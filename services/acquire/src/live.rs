@@ -89,10 +89,9 @@ impl Live {
     fn publish_frame(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
         let auxiliary = &mut self.vehicle.auxiliary;
         let Some(due) = auxiliary.next_frame() else { return Ok(false) };
-        let (cameras, mosaics) = auxiliary.cameras();
         let error = match &due {
-            DueFrame::Color(frame) => publish_image(frame, &cameras[frame.camera], outputs)?,
-            DueFrame::Mosaic(frame) => publish_mosaic(frame, &mosaics[frame.camera], outputs)?,
+            DueFrame::Color(frame) => publish_image(frame, &auxiliary.cameras()[frame.camera], outputs)?,
+            DueFrame::Mosaic(frame) => publish_mosaic(frame, &auxiliary.mosaics()[frame.camera], outputs)?,
         };
         auxiliary.add_published(&due, error);
         Ok(true)

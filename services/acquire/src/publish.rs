@@ -3,13 +3,11 @@
 use crate::{Settings, sweep};
 use acquisition::doubts::{DoubtLimits, Doubts};
 use acquisition::recorded::{CameraFileError, News, image_into, mosaic_into};
-use acquisition::rows::{gnss_row, sweep_header};
+use acquisition::rows::{StampedHeader, gnss_row, sweep_header};
 use drive::manifest::{CameraEntry, MosaicEntry};
 use drive::{Frame, SweepInfo};
 use lidar::nmea::Fix;
-use messages::{
-    GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepHeader, SweepPoint, SweepTopic,
-};
+use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepPoint, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
 /// Publishes a color image. A damaged file is skipped; its error is returned.
@@ -63,13 +61,13 @@ pub(crate) fn publish_sweep(
     outputs.publish(loan, sweep.stamp.0)
 }
 
-/// Publishes the points of a secondary LiDAR that `read` passes on, if there are any. `read` returns header and stamp.
+/// Publishes the points of a secondary LiDAR that `read` passes on, if there are any.
 pub(crate) fn publish_secondary(
-    read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<Option<(SweepHeader, i64)>, StepError>,
+    read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<Option<StampedHeader>, StepError>,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {
     let mut loan = sweep::loan(outputs)?;
-    let Some((header, stamp)) = sweep::fill(&mut loan, read)? else { return Ok(()) };
+    let Some(StampedHeader { header, stamp }) = sweep::fill(&mut loan, read)? else { return Ok(()) };
     *loan.header_mut() = header;
     outputs.publish(loan, stamp)
 }

@@ -14,6 +14,12 @@ use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, enco
 /// Incremented when the saved state changes its meaning.
 const STATE_VERSION: u32 = 7;
 
+/// A sweep, and the message with its points.
+struct ReadSweep {
+    loan: Loan<SweepTopic>,
+    sweep: SweepInfo,
+}
+
 /// A drive, and its published and reported data.
 pub(crate) struct Recorded {
     settings: Settings,
@@ -45,7 +51,7 @@ impl Recorded {
         let next = self.next_sweep(outputs)?;
         self.account.add_losses(&mut self.reader);
         report(self.account.take_news(), outputs);
-        let Some((loan, sweep)) = next else {
+        let Some(ReadSweep { loan, sweep }) = next else {
             if !self.reader.has_begun() {
                 // A restart reads the same drive with the same settings.
                 return Err(StepError::configuration(self.reader.no_sweep()));
@@ -67,11 +73,11 @@ impl Recorded {
     }
 
     /// The next sweep to publish; `None` at the end of the drive or of the part to read.
-    fn next_sweep(&mut self, outputs: &mut Outputs) -> Result<Option<(Loan<SweepTopic>, SweepInfo)>, StepError> {
+    fn next_sweep(&mut self, outputs: &mut Outputs) -> Result<Option<ReadSweep>, StepError> {
         loop {
             let mut loan = sweep::loan(outputs)?;
             match sweep::fill(&mut loan, |sink| self.reader.next_sweep(sink).map_err(StepError::data))? {
-                NextSweep::Sweep(sweep) => return Ok(Some((loan, sweep))),
+                NextSweep::Sweep(sweep) => return Ok(Some(ReadSweep { loan, sweep })),
                 NextSweep::Early => {}
                 NextSweep::Partial => outputs.count("partial_sweeps", 1),
                 NextSweep::End => return Ok(None),

@@ -31,8 +31,13 @@ pub struct Calibrate {
     regions: CubeRegions,
 }
 
-/// The reason for skipping a frame: a counter of the run summary and a line for the operator.
-struct Skip(&'static str, String);
+/// The reason for skipping a frame.
+struct Skip {
+    /// Counter of the run summary.
+    counter: &'static str,
+    /// Note for the operator.
+    note: String,
+}
 
 impl Calibrate {
     /// Publishes the cube of a frame. The outer error ends the run; the inner one skips only this frame.
@@ -68,7 +73,10 @@ impl Calibrate {
         let counts = match counts {
             Ok(counts) => counts,
             Err(error) => {
-                return Ok(Err(Skip("frames_unusable", format!("mosaic camera {}: {error}", header.camera))));
+                return Ok(Err(Skip {
+                    counter: "frames_unusable",
+                    note: format!("mosaic camera {}: {error}", header.camera),
+                }));
             }
         };
         if let Some(settings) = &self.color_lines
@@ -149,10 +157,10 @@ fn camera<'a>(
     let camera = match cameras.get_mut(index as usize) {
         Some(None) => return Ok(None),
         Some(Some(Ok(camera))) => camera,
-        Some(Some(Err(error))) => return Err(Skip("frames_without_reference", error.to_string())),
+        Some(Some(Err(error))) => return Err(Skip { counter: "frames_without_reference", note: error.to_string() }),
         None => {
             let text = format!("mosaic camera {index}: the drive has {n_cameras} mosaic cameras");
-            return Err(Skip("frames_unusable", text));
+            return Err(Skip { counter: "frames_unusable", note: text });
         }
     };
     if !camera.fits(frame) {
@@ -160,7 +168,7 @@ fn camera<'a>(
             "mosaic camera {index}: a frame of {}x{} px and {} bit does not fit the camera",
             frame.width, frame.height, frame.bit_depth
         );
-        return Err(Skip("frames_unusable", text));
+        return Err(Skip { counter: "frames_unusable", note: text });
     }
     Ok(Some(camera))
 }
@@ -212,9 +220,9 @@ impl Stage for Calibrate {
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         for frame in inputs.take::<MosaicTopic>() {
-            if let Err(Skip(counter, text)) = self.publish_cube(&frame, outputs)? {
+            if let Err(Skip { counter, note }) = self.publish_cube(&frame, outputs)? {
                 outputs.count(counter, 1);
-                outputs.note(text);
+                outputs.note(note);
             }
         }
         Ok(Flow::Continue)

@@ -11,6 +11,7 @@ use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
 use crate::resources::lacks_shared_memory;
 use crate::run_folder::last_domain;
+use dataflow::StageProblem;
 use files::text_file::{MAX_SETTINGS_BYTES, read_text};
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};
@@ -35,14 +36,14 @@ pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selecti
     let mode = run.mode;
     let rig = rig(&mut run, mode, &folder, &mut problems);
     let simulated = simulated_drive(&mut problems, copy, changes, &folder.join(&run.drive));
-    let (drive, is_simulated) = drive(&run, &simulated.differences, mode, &folder, &mut problems);
+    let DriveFolder { path: drive, is_simulated } = drive(&run, &simulated.differences, mode, &folder, &mut problems);
     let output = problems.path("output", &run.output, &folder);
     if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
         problems.add_without_place(text);
     }
     let mut stages = stages::read(&mut problems, &folder, copy, changes, selection, &run);
-    let (remark, missing) = select(&mut stages, selection, &mut problems);
-    for (stage, problem) in dataflow::connect(&mut stages, mode) {
+    let Replaced { remark, missing } = select(&mut stages, selection, &mut problems);
+    for StageProblem { stage, problem } in dataflow::connect(&mut stages, mode) {
         problems.add(&stage, problem);
     }
     if stages.is_empty() && problems.is_empty() {
@@ -92,46 +93,53 @@ fn simulated_drive(problems: &mut Problems, copy: &Path, changes: &[Change], dri
     }
 }
 
-/// The folder of the drive, and whether it must be simulated first. `differences`: between a simulated drive and
+/// The folder of a drive.
+struct DriveFolder {
+    path: PathBuf,
+    /// Whether it must be simulated first.
+    is_simulated: bool,
+}
+
+/// Checks the folder of the drive. `differences`: between a simulated drive and
 /// `[simulate]`. Live, the drive only defines the mounting of the sensors, and may be left out.
-fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
+fn drive(run: &Run, differences: &[String], mode: Mode, folder: &Path, problems: &mut Problems) -> DriveFolder {
     let is_live = mode == Mode::Live;
-    let drive = if is_live { folder.join(&run.drive) } else { problems.path("drive", &run.drive, folder) };
+    let path = if is_live { folder.join(&run.drive) } else { problems.path("drive", &run.drive, folder) };
     if run.drive.is_empty() {
-        return (drive, false);
+        return DriveFolder { path, is_simulated: false };
     }
     let file = problems.file();
     let written = file.written_text("run", "drive");
-    let is_written = written.is_some_and(|written| is_same(&folder.join(written), &drive));
+    let is_written = written.is_some_and(|written| is_same(&folder.join(written), &path));
     let may_simulate = !is_live && file.is_written("simulate");
-    let text = match drive.exists() {
-        false if may_simulate && is_written => return (drive, true),
+    let text = match path.exists() {
+        false if may_simulate && is_written => return DriveFolder { path, is_simulated: true },
         // Otherwise the drive of a mistyped path would be simulated and processed.
         false if may_simulate => format!(
             "{} does not exist; [simulate] creates only the drive that the launch file itself names, {}; simulate another one \
              with `replica simulate --out {}`",
-            drive.display(),
+            path.display(),
             written.unwrap_or("none"),
-            drive.display()
+            path.display()
         ),
         false if is_live => {
             format!(
                 "{} does not exist; set run.drive to a drive with the sensor's mounting, or set run.rig",
-                drive.display()
+                path.display()
             )
         }
         false => {
-            format!("{} does not exist, and the launch file has no [simulate] to simulate it", drive.display())
+            format!("{} does not exist, and the launch file has no [simulate] to simulate it", path.display())
         }
         true if may_simulate && is_written && !differences.is_empty() => format!(
             "{} was simulated with {}; remove it to simulate it again, or name another drive",
-            drive.display(),
+            path.display(),
             differences.join(", ")
         ),
-        true => return (drive, false),
+        true => return DriveFolder { path, is_simulated: false },
     };
     problems.add("run", problems.at_value("run", "drive", text));
-    (drive, false)
+    DriveFolder { path, is_simulated: false }
 }
 
 /// Whether two paths lead to the same file, or are the same.
@@ -159,24 +167,28 @@ fn rig(run: &mut Run, mode: Mode, folder: &Path, problems: &mut Problems) -> Opt
     Some(path)
 }
 
-/// Leaves out the stages that the command line deselects. Returns a remark for the operator, and [`Context::missing`].
-fn select(
-    stages: &mut Vec<PlannedStage>,
-    selection: &Selection,
-    problems: &mut Problems,
-) -> (Option<String>, Vec<String>) {
+/// Result of replacing the source.
+struct Replaced {
+    /// Remark for the operator.
+    remark: Option<String>,
+    /// [`Context::missing`].
+    missing: Vec<String>,
+}
+
+/// Leaves out the stages that the command line deselects.
+fn select(stages: &mut Vec<PlannedStage>, selection: &Selection, problems: &mut Problems) -> Replaced {
     for name in selection.without.iter().chain(&selection.source) {
         if !problems.has_table(name) {
             problems
                 .add_without_place(format!("the command line names stage {name}: {}", problems.nearest_table(name)));
         }
     }
-    let Some(source) = &selection.source else { return (None, Vec::new()) };
+    let Some(source) = &selection.source else { return Replaced { remark: None, missing: Vec::new() } };
     let before = stages.clone();
     let left_out = source_selection::leave_out(stages, source);
     let remark =
         (!left_out.is_empty()).then(|| format!("[{source}] replaces their topics; left out: {}", left_out.join(", ")));
-    (remark, source_selection::missing_topics(&before, stages))
+    Replaced { remark, missing: source_selection::missing_topics(&before, stages) }
 }
 
 /// Refuses a recording that would have gaps.

@@ -58,6 +58,14 @@ struct Client {
     answered: Instant,
 }
 
+/// A request of a client.
+pub struct ClientRequest {
+    /// The client.
+    pub client: ClientId,
+    /// Its request.
+    pub request: Request,
+}
+
 impl Control {
     /// Listens for the run of `domain`. The socket of a killed supervisor of the same run is replaced.
     pub fn open(domain: &Domain) -> Result<Self, ControlError> {
@@ -75,7 +83,7 @@ impl Control {
     }
 
     /// The requests since the last call. Never waits.
-    pub fn requests(&mut self) -> Vec<(ClientId, Request)> {
+    pub fn requests(&mut self) -> Vec<ClientRequest> {
         while let Ok((stream, _)) = self.listener.accept() {
             if self.clients.len() < MAX_CLIENTS && stream.set_nonblocking(true).is_ok() {
                 self.clients.insert(self.next_id, Client::new(stream));
@@ -85,7 +93,7 @@ impl Control {
         let mut requests = Vec::new();
         self.clients.retain(|id, client| match client.read_request() {
             Received::Request(request) => {
-                requests.push((*id, request));
+                requests.push(ClientRequest { client: *id, request });
                 true
             }
             Received::Incomplete => client.answer_if_due(),
@@ -203,20 +211,26 @@ mod tests {
     use super::*;
     use std::net::Shutdown;
 
-    /// A client that has sent `text` and closed its sending half; its own end.
-    fn half_closed(text: &str) -> (Client, UnixStream) {
+    /// A client that has closed its sending half.
+    struct HalfClosed {
+        client: Client,
+        /// Its own end.
+        own: UnixStream,
+    }
+
+    fn half_closed(text: &str) -> HalfClosed {
         let (mut own, other) = UnixStream::pair().expect("a pair");
         other.set_nonblocking(true).expect("a socket");
         own.write_all(text.as_bytes()).expect("sends");
         own.shutdown(Shutdown::Write).expect("closes");
-        (Client::new(other), own)
+        HalfClosed { client: Client::new(other), own }
     }
 
     #[test]
     fn request_followed_by_a_half_close_is_answered() {
         // Without a newline the end of the stream ends the request.
         for text in ["{\"stop\":{\"now\":true}}\n", "{\"stop\":{\"now\":true}}"] {
-            let (mut client, mut own) = half_closed(text);
+            let HalfClosed { mut client, mut own } = half_closed(text);
             let Received::Request(request) = client.read_request() else { panic!("{text:?} is a request") };
             assert_eq!(request, Request::Stop { now: true });
             assert!(matches!(client.read_request(), Received::Incomplete), "one request, however often it is read");
@@ -230,13 +244,13 @@ mod tests {
 
     #[test]
     fn cut_request_is_refused_and_an_empty_one_is_dropped() {
-        let (mut client, mut own) = half_closed("{\"stop\":{\"no");
+        let HalfClosed { mut client, mut own } = half_closed("{\"stop\":{\"no");
         assert!(matches!(client.read_request(), Received::Disconnected));
         drop(client);
         let mut answer = String::new();
         own.read_to_string(&mut answer).expect("an answer");
         assert!(answer.contains("unknown request"), "{answer}");
-        let (mut client, _own) = half_closed("");
+        let HalfClosed { mut client, own: _own } = half_closed("");
         assert!(matches!(client.read_request(), Received::Disconnected));
     }
 }

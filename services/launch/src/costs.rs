@@ -1,6 +1,7 @@
 //! `run/costs.csv`: work and cost of each stage over time, a line a second. `replica-lab evaluate trajectory RUN --out
 //! DIR` plots time per sweep and memory over the drive from it.
 
+use crate::metrics::StageHealth;
 use run::health::Health;
 use run::process::Usage;
 use std::collections::BTreeMap;
@@ -30,14 +31,14 @@ impl Costs {
     }
 
     /// Writes if the interval has passed.
-    pub fn update<'a>(&mut self, stages: impl Iterator<Item = (&'a str, &'a Health)>) {
+    pub fn update<'a>(&mut self, stages: impl Iterator<Item = StageHealth<'a>>) {
         if !self.has_failed && self.written.is_none_or(|written| written.elapsed() >= WRITE_EVERY) {
             self.write(stages);
         }
     }
 
     /// Writes a line for each stage with new ticks. If the file cannot be written, the first failure is logged.
-    pub fn write<'a>(&mut self, stages: impl Iterator<Item = (&'a str, &'a Health)>) {
+    pub fn write<'a>(&mut self, stages: impl Iterator<Item = StageHealth<'a>>) {
         self.written = Some(Instant::now());
         let text = self.lines(stages);
         if let Err(error) = append(&self.file, &text)
@@ -47,11 +48,12 @@ impl Costs {
         }
     }
 
-    fn lines<'a>(&mut self, stages: impl Iterator<Item = (&'a str, &'a Health)>) -> String {
+    fn lines<'a>(&mut self, stages: impl Iterator<Item = StageHealth<'a>>) -> String {
         let wall_s = self.begun.elapsed().as_secs_f64();
         let mut text = String::new();
-        for (stage, health) in stages {
-            let (Some(begin), Some(now)) = (health.drive_begin, health.drive_time) else { continue };
+        for StageHealth { stage, health } in stages {
+            let Some(begin) = health.drive_begin else { continue };
+            let Some(now) = health.drive_time else { continue };
             if self.written_ticks.insert(stage.to_owned(), health.ticks) == Some(health.ticks) {
                 continue;
             }
@@ -92,11 +94,14 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("costs.csv");
         let mut costs = Costs::new(file.clone());
-        let beats = [("acquire", health(30)), ("export", Health::default())];
+        let before = health(30);
+        let idle = Health::default();
+        let beats = [StageHealth { stage: "acquire", health: &before }, StageHealth { stage: "export", health: &idle }];
         for _ in 0..2 {
-            costs.write(beats.iter().map(|(name, health)| (*name, health)));
+            costs.write(beats.iter().copied());
         }
-        Costs::new(file.clone()).write([("acquire", &health(31))].into_iter());
+        let after = health(31);
+        Costs::new(file.clone()).write(std::iter::once(StageHealth { stage: "acquire", health: &after }));
         let text = std::fs::read_to_string(&file).expect("written");
         let rows: Vec<&str> = text.lines().map(|line| line.split_once(',').expect("columns").1).collect();
         let expected = ["acquire,3.000,30,0.600,50000000", "acquire,3.100,31,0.620,50000000"];
@@ -106,7 +111,7 @@ mod tests {
     #[test]
     fn unwritable_file_is_tolerated() {
         let mut costs = Costs::new(PathBuf::from("/nowhere/costs.csv"));
-        costs.write([("acquire", &health(1))].into_iter());
+        costs.write(std::iter::once(StageHealth { stage: "acquire", health: &health(1) }));
         assert!(costs.has_failed);
     }
 }

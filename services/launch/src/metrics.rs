@@ -36,11 +36,19 @@ struct Totals {
     ticks: u64,
     points: u64,
     /// Messages and bytes by topic.
-    published: BTreeMap<String, (u64, u64)>,
+    published: BTreeMap<String, Published>,
     /// CPU time of the processes before this one, s.
     cpu_before_s: f64,
     /// CPU time of this process at its last beat, s.
     cpu_s: f64,
+}
+
+/// What a stage has published on a topic.
+#[derive(Clone, Copy, Default)]
+struct Published {
+    messages: u64,
+    /// Bytes of rows.
+    bytes: u64,
 }
 
 impl Totals {
@@ -48,9 +56,9 @@ impl Totals {
         self.ticks = self.ticks.max(health.ticks);
         self.points = self.points.max(health.points);
         for (topic, traffic) in &health.outputs {
-            let (messages, bytes) = self.published.entry(topic.clone()).or_default();
-            *messages = (*messages).max(traffic.messages);
-            *bytes = (*bytes).max(traffic.bytes);
+            let published = self.published.entry(topic.clone()).or_default();
+            published.messages = published.messages.max(traffic.messages);
+            published.bytes = published.bytes.max(traffic.bytes);
         }
         // The CPU time of a process only rises: a lower one belongs to a new process.
         if health.usage.cpu_s < self.cpu_s {
@@ -58,6 +66,15 @@ impl Totals {
         }
         self.cpu_s = health.usage.cpu_s;
     }
+}
+
+/// The last heartbeat of a stage.
+#[derive(Clone, Copy)]
+pub struct StageHealth<'a> {
+    /// Name of the stage.
+    pub stage: &'a str,
+    /// Its heartbeat.
+    pub health: &'a Health,
 }
 
 impl Metrics {
@@ -72,7 +89,7 @@ impl Metrics {
     /// Writes the file if the interval has passed.
     pub fn update<'a>(
         &mut self,
-        stages: impl Iterator<Item = (&'a str, &'a Health)>,
+        stages: impl Iterator<Item = StageHealth<'a>>,
         shared_memory_bytes: impl Fn() -> u64,
         restarts: u32,
     ) {
@@ -84,15 +101,15 @@ impl Metrics {
     /// Writes the file. If it cannot be written, the first failure is logged.
     pub fn write<'a>(
         &mut self,
-        stages: impl Iterator<Item = (&'a str, &'a Health)>,
+        stages: impl Iterator<Item = StageHealth<'a>>,
         shared_memory_bytes: u64,
         restarts: u32,
     ) {
         let Some(file) = self.file.clone() else { return };
         self.written = Some(Instant::now());
-        let stages: Vec<(&str, &Health)> = stages.collect();
-        for (name, health) in &stages {
-            self.stages.entry((*name).to_owned()).or_default().add(health);
+        let stages: Vec<StageHealth<'_>> = stages.collect();
+        for StageHealth { stage, health } in &stages {
+            self.stages.entry((*stage).to_owned()).or_default().add(health);
         }
         let text = self.text(&stages, shared_memory_bytes, restarts);
         if let Err(error) = write(&file, &text)
@@ -102,8 +119,8 @@ impl Metrics {
         }
     }
 
-    fn text(&self, stages: &[(&str, &Health)], shared_memory_bytes: u64, restarts: u32) -> String {
-        let newest = stages.iter().filter_map(|(_, health)| health.drive_time).max();
+    fn text(&self, stages: &[StageHealth<'_>], shared_memory_bytes: u64, restarts: u32) -> String {
+        let newest = stages.iter().filter_map(|stage| stage.health.drive_time).max();
         let mut page = Page::default();
         page.family("replica_stage_ticks_total", "counter", "Ticks that the stage has finished.");
         self.for_each_stage(|stage, totals| page.sample("", &[("stage", stage)], totals.ticks));
@@ -112,7 +129,7 @@ impl Metrics {
         page.family("replica_stage_cpu_seconds_total", "counter", "User and system time of the stage's processes.");
         self.for_each_stage(|stage, totals| page.sample("", &[("stage", stage)], totals.cpu_before_s + totals.cpu_s));
         page.family("replica_stage_resident_bytes", "gauge", "Resident memory, touched shared memory included.");
-        for (stage, health) in stages {
+        for StageHealth { stage, health } in stages {
             page.sample("", &[("stage", stage)], health.usage.rss_bytes);
         }
         page.family(
@@ -120,7 +137,7 @@ impl Metrics {
             "summary",
             "Duration of steps with input, since the process started.",
         );
-        for (stage, health) in stages {
+        for StageHealth { stage, health } in stages {
             page.summary(&[("stage", stage)], &health.step);
         }
         page.family(
@@ -128,29 +145,31 @@ impl Metrics {
             "summary",
             "Time from the start of a tick at the source to its end here.",
         );
-        for (stage, health) in stages {
+        for StageHealth { stage, health } in stages {
             page.summary(&[("stage", stage)], &health.age);
         }
         page.family("replica_stage_lag_seconds", "gauge", "Drive time by which the stage is behind the source.");
-        for (stage, health) in stages {
+        for StageHealth { stage, health } in stages {
             if let Some((newest, own)) = newest.zip(health.drive_time) {
                 page.sample("", &[("stage", stage)], newest.saturating_sub(own) as f64 * 1e-9);
             }
         }
         page.family("replica_topic_messages_total", "counter", "Messages published.");
-        self.for_each_topic(|topic, stage, (messages, _)| {
+        self.for_each_topic(|topic, stage, Published { messages, .. }| {
             page.sample("", &[("topic", topic), ("stage", stage)], messages);
         });
         page.family("replica_topic_bytes_total", "counter", "Bytes of rows published; shared, not copied.");
-        self.for_each_topic(|topic, stage, (_, bytes)| page.sample("", &[("topic", topic), ("stage", stage)], bytes));
+        self.for_each_topic(|topic, stage, Published { bytes, .. }| {
+            page.sample("", &[("topic", topic), ("stage", stage)], bytes);
+        });
         page.family("replica_topic_waiting", "gauge", "Messages that the topic's slowest consumer has not taken yet.");
-        for (stage, health) in stages {
+        for StageHealth { stage, health } in stages {
             for (topic, waiting) in &health.waiting {
                 page.sample("", &[("topic", topic), ("stage", stage)], waiting);
             }
         }
         page.family("replica_topic_queue", "gauge", "Messages that a consumer has taken and that wait for its step.");
-        for (consumer, health) in stages {
+        for StageHealth { stage: consumer, health } in stages {
             for (topic, arrivals) in &health.arrivals {
                 page.sample("", &[("topic", topic), ("consumer", consumer)], arrivals.queue);
             }
@@ -160,7 +179,7 @@ impl Metrics {
             "summary",
             "Time from a message's publication to its delivery to a step.",
         );
-        for (consumer, health) in stages {
+        for StageHealth { stage: consumer, health } in stages {
             for (topic, arrivals) in &health.arrivals {
                 page.summary(&[("topic", topic), ("consumer", consumer)], &arrivals.latency);
             }
@@ -170,7 +189,7 @@ impl Metrics {
         page.family("replica_restarts_total", "counter", "Restarts of the run from its last barrier.");
         page.sample("", &[], restarts);
         page.family("replica_barrier", "gauge", "Last barrier that all stages have saved; 0 = none yet.");
-        page.sample("", &[], stages.iter().map(|(_, health)| health.barrier).min().unwrap_or_default());
+        page.sample("", &[], stages.iter().map(|stage| stage.health.barrier).min().unwrap_or_default());
         page.text
     }
 
@@ -180,7 +199,7 @@ impl Metrics {
         }
     }
 
-    fn for_each_topic(&self, mut each: impl FnMut(&str, &str, (u64, u64))) {
+    fn for_each_topic(&self, mut each: impl FnMut(&str, &str, Published)) {
         self.for_each_stage(|stage, totals| {
             for (topic, published) in &totals.published {
                 each(topic, stage, *published);
@@ -221,7 +240,7 @@ mod tests {
     }
 
     fn written(metrics: &mut Metrics, stages: &[(&str, Health)]) -> String {
-        metrics.write(stages.iter().map(|(name, health)| (*name, health)), 4096, 1);
+        metrics.write(stages.iter().map(|(stage, health)| StageHealth { stage, health }), 4096, 1);
         assert!(!metrics.has_failed);
         std::fs::read_to_string(metrics.file.as_ref().expect("a file")).expect("written")
     }

@@ -65,7 +65,9 @@ fn oom_kills(counters: &[PathBuf]) -> u64 {
 fn oom_counters(groups: &str) -> Vec<PathBuf> {
     let in_group = groups.lines().filter_map(|line| {
         let mut fields = line.splitn(3, ':');
-        let (_, controllers, path) = (fields.next()?, fields.next()?, fields.next()?.trim_end_matches('/'));
+        fields.next()?;
+        let controllers = fields.next()?;
+        let path = fields.next()?.trim_end_matches('/');
         match controllers {
             "" => Some(format!("/sys/fs/cgroup{path}/memory.events").into()),
             "memory" => Some(format!("/sys/fs/cgroup/memory{path}/memory.oom_control").into()),

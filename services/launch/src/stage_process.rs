@@ -76,7 +76,7 @@ impl StageProcess {
         let control = LatestPublisher::open(node, &format!("{}.control", stage.name)).map_err(failed)?;
         let wake = node.open_waker(&wake_name(&stage.name)).map_err(failed)?;
         let heartbeat = LatestSubscriber::open(node, &format!("{}.health", stage.name)).map_err(failed)?;
-        let (child, log_start) = spawn(stage, assignment, &log, format)?;
+        let Spawned { child, log_start } = spawn(stage, assignment, &log, format)?;
         let now = Instant::now();
         Ok(Self {
             name: stage.name.clone(),
@@ -98,7 +98,7 @@ impl StageProcess {
 
     /// Restarts the stage after its process has ended. The supervisor's ends of its services stay open.
     pub fn restart(&mut self, stage: &PlannedStage, assignment: &Path, format: LogFormat) -> Result<(), StartError> {
-        let (child, log_start) = spawn(stage, assignment, &self.log, format)?;
+        let Spawned { child, log_start } = spawn(stage, assignment, &self.log, format)?;
         let now = Instant::now();
         self.child = child;
         self.log_start = log_start;
@@ -179,8 +179,15 @@ impl StageProcess {
     }
 }
 
-/// Starts the program, which appends to its log. Returns the previous length of the log.
-fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat) -> Result<(Child, u64), StartError> {
+/// A started program.
+struct Spawned {
+    child: Child,
+    /// Length of the log before.
+    log_start: u64,
+}
+
+/// Starts the program, which appends to its log.
+fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat) -> Result<Spawned, StartError> {
     let failed = |source: std::io::Error| StartError::Program {
         stage: stage.name.clone(),
         program: stage.program.clone(),
@@ -196,5 +203,5 @@ fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat)
     let log_start = file.metadata().map_or(0, |metadata| metadata.len());
     let stdout = file.try_clone().map_err(failed)?;
     let child = command.stdout(stdout).stderr(file).spawn().map_err(failed)?;
-    Ok((child, log_start))
+    Ok(Spawned { child, log_start })
 }

@@ -64,6 +64,6 @@ fn connect_once(remote: &Remote, key: &Key, wanted: &StageProgram) -> Result<Con
     let silence = Duration::try_from_secs_f64(remote.hang_s).unwrap_or(RECONNECT);
     let limited = sender.set_timeout(Some(silence));
     limited.map_err(|source| LinkError::Ended { peer: remote.host.clone(), source })?;
-    link::start(&remote.host, wanted, (&mut sender, &mut receiver))?;
+    link::start(&remote.host, wanted, &mut sender, &mut receiver)?;
     Ok(Connection { reader: Box::new(receiver), writer: Box::new(sender) })
 }

@@ -5,8 +5,8 @@ use geometry::{Geodetic, Point3};
 use georeference::{Correction, GeoreferenceSettings, InertialUnit};
 use messages::{Message, SubmapTopic};
 use registration::{
-    Algorithm, ImlsSettings, InertialCheck, KeptPoints, MotionSensor, OdometryAlgorithm, OdometrySettings, Sampling,
-    SensorMounting, SpinDirection, Sweep, UntimedTurn,
+    Algorithm, ImlsSettings, InertialCheck, KeptPoints, MotionSensor, OdometryAlgorithm, OdometrySettings, Revolution,
+    Sampling, SensorMounting, SpinDirection, Sweep, UntimedTurn,
 };
 use stage::{Word, list_of_words, one_word};
 
@@ -116,16 +116,15 @@ impl Settings {
         KeptPoints::select(sweep, self.min_range_m, self.thin_m)
     }
 
-    /// Direction of rotation of a sensor without point times, and the time of its revolution, ns. `found`: by the
-    /// odometry.
-    pub(crate) fn untimed_turn(&self, found: Option<(SpinDirection, u32)>) -> Option<(SpinDirection, u32)> {
+    /// The revolution of a sensor without point times. `found`: by the odometry.
+    pub(crate) fn untimed_turn(&self, found: Option<Revolution>) -> Option<Revolution> {
         let spin = match self.untimed_turn {
             UntimedTurn::Clockwise => SpinDirection::Clockwise,
             UntimedTurn::Counterclockwise => SpinDirection::Counterclockwise,
             // With "none" the odometry does not search for it.
             UntimedTurn::Auto | UntimedTurn::None => return found,
         };
-        Some((spin, (self.untimed_turn_s * 1e9) as u32))
+        Some(Revolution { spin, duration_nanos: (self.untimed_turn_s * 1e9) as u32 })
     }
 
     pub(crate) fn algorithm(&self) -> Algorithm {

@@ -13,7 +13,7 @@ use messages::{
 };
 use registration::{
     BodyPoses, GroundVelocity, PreparedSweep, RawSweep, Registered, SecondaryLidar, SelectedOdometry, SensorMounting,
-    Stretches, SweepRows, sweeps_by_tick,
+    Stretches, SweepRows, SweepsByTick, sweeps_by_tick,
 };
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Problem, Stage, StateBytes, StepError, decode_head, next_message,
@@ -176,8 +176,7 @@ impl Stage for SlamAggregate {
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.reopen_submap(outputs)?;
         for message in inputs.take::<ImuTopic>() {
-            let pose_graph = (&mut self.georeferencer, &self.georeference);
-            self.inertial.add(message.rows(), &mut self.odometry, pose_graph);
+            self.inertial.add(message.rows(), &mut self.odometry, &mut self.georeferencer, &self.georeference);
         }
         for message in inputs.take::<GnssTopic>() {
             let n_valid = self.georeferencer.add_gnss(message.rows(), &self.georeference);
@@ -189,7 +188,7 @@ impl Stage for SlamAggregate {
             }
         }
         let mut poses = Vec::new();
-        let (ticks, n_dropped) = sweeps_by_tick(inputs.take::<SweepTopic>(), raw);
+        let SweepsByTick { ticks, n_dropped } = sweeps_by_tick(inputs.take::<SweepTopic>(), raw);
         outputs.count_all([("sweeps_without_first_lidar", n_dropped)]);
         for tick in ticks {
             let raws: Vec<RawSweep<'_>> = tick.iter().map(raw).collect();

@@ -27,7 +27,7 @@ mod secondary_lidar;
 mod sensor;
 mod vehicle;
 
-pub use auxiliary::{AuxiliaryLimits, AuxiliarySensors, AuxiliarySources, DueFrame, DueRows};
+pub use auxiliary::{AuxiliaryLimits, AuxiliaryNews, AuxiliarySensors, AuxiliarySources, DueFrame, DueRows};
 pub use clocks::{ClockEstimate, Clocks};
 pub use images::CameraKind;
 pub use line_address::{LineAddress, LineAddressError};
@@ -35,7 +35,7 @@ pub use mounting::{EmptyOrModel, Mounting};
 pub use recorded_entries::RecordedEntries;
 pub use recording::captures;
 pub use secondary_lidar::SecondaryLidar;
-pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor};
+pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor, SensorStats};
 pub use vehicle::{LivePlan, LiveVehicle};
 
 use geometry::Stamp;

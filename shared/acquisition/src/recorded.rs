@@ -12,7 +12,7 @@ mod trigger;
 pub use account::{DriveAccount, News, SavedDrive};
 pub use camera_file::{CameraFileError, image_into, mosaic_into};
 pub use drive_reader::{
-    DrivePosition, DriveReader, Due, InitialCounts, NextSweep, Part, SkippedAtBegin, drive_problems,
+    DrivePosition, DriveReader, Due, FramesOutside, InitialCounts, NextSweep, Part, SkippedAtBegin, drive_problems,
 };
 pub use inertial::BadLines;
 pub(crate) use odometer::Odometer;

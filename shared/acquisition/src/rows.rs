@@ -6,6 +6,15 @@ use lidar::SliceInfo;
 use lidar::nmea::Fix;
 use messages::{GnssRow, SweepHeader};
 
+/// Header of a message with the returns of a secondary LiDAR.
+#[derive(Clone, Copy, Debug)]
+pub struct StampedHeader {
+    /// The header.
+    pub header: SweepHeader,
+    /// Stamp of the message.
+    pub stamp: i64,
+}
+
 /// The header of a sweep of a LiDAR with this number of rings, 0 without rings.
 pub fn sweep_header(sweep: &SweepInfo, n_rings: usize) -> SweepHeader {
     SweepHeader {

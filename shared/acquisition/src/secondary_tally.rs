@@ -1,10 +1,9 @@
 //! Published data of a secondary LiDAR.
 
 use crate::doubts::Doubts;
-use crate::rows::slice_header;
+use crate::rows::{StampedHeader, slice_header};
 use drive::SweepInfo;
 use lidar::{LidarStats, SliceInfo};
-use messages::SweepHeader;
 use serde::{Deserialize, Serialize};
 
 /// Counts since the start of the drive.
@@ -21,14 +20,14 @@ pub(crate) struct SecondaryTally {
 }
 
 impl SecondaryTally {
-    /// Counts the returns during a sweep of the first LiDAR. Returns header and stamp of their message; `None` without
-    /// returns. `lidar`: index and rings of the LiDAR.
+    /// Counts the returns during a sweep of the first LiDAR. `None` without returns. `lidar`: index of the LiDAR.
     pub fn add(
         &mut self,
         slice: Option<SliceInfo>,
         first: &SweepInfo,
-        (lidar, n_rings): (usize, usize),
-    ) -> Option<(SweepHeader, i64)> {
+        lidar: usize,
+        n_rings: usize,
+    ) -> Option<StampedHeader> {
         // Returns recorded before the first tick are not a loss.
         self.points_skipped += slice.filter(|_| self.ticks > 0).map_or(0, |slice| slice.n_skipped);
         self.ticks += 1;
@@ -36,7 +35,7 @@ impl SecondaryTally {
         let stamp = slice.stamp?;
         self.sweeps += 1;
         let end = first.stamp.0 + i64::from(first.duration_nanos);
-        Some((slice_header(&slice, stamp, end, lidar, n_rings), stamp.0))
+        Some(StampedHeader { header: slice_header(&slice, stamp, end, lidar, n_rings), stamp: stamp.0 })
     }
 
     /// Names and numbers since an earlier tally.

@@ -47,7 +47,7 @@ pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
     let gain = with_delay.peak(&all).powi(2) - without_delay.peak(&all).powi(2);
     let has_delay = gain > SIGNIFICANT_GAIN.powi(2);
     let solution = if has_delay { with_delay } else { without_delay };
-    let (all, solution) = with_rotations_about_axes(&outlines, all, solution, has_delay);
+    let CamerasWithSolution { all, solution } = with_rotations_about_axes(&outlines, all, solution, has_delay);
     let parts = without_each_part(&outlines, &all, &solution, has_delay);
     let camera = |(i, outlines): (usize, &CameraOutlines<'_>)| CameraOffset {
         rotation: solution.rotations[i],
@@ -96,6 +96,12 @@ fn deviation(parts: &[Solution], value: impl Fn(&Solution) -> f32) -> f32 {
     (square * (n - 1.0) / n).sqrt()
 }
 
+/// Outlines of all cameras, and their rotations.
+struct CamerasWithSolution<'a> {
+    all: Vec<CameraOutlines<'a>>,
+    solution: Solution,
+}
+
 /// Adds a rotation about the optical axis for cameras whose peak it raises significantly. For the other cameras, one
 /// more unknown would only add noise.
 fn with_rotations_about_axes<'a>(
@@ -103,7 +109,7 @@ fn with_rotations_about_axes<'a>(
     all: Vec<CameraOutlines<'a>>,
     mut solution: Solution,
     has_delay: bool,
-) -> (Vec<CameraOutlines<'a>>, Solution) {
+) -> CamerasWithSolution<'a> {
     let delay_s = solution.delay_s;
     let fitted = |((outlines, camera), rotation): ((&Vec<Outline>, CameraOutlines<'a>), &mut Rotation)| {
         if !camera.observes_optical_axis() {
@@ -111,7 +117,8 @@ fn with_rotations_about_axes<'a>(
         }
         let mut freed = [camera];
         freed[0].axes.push([0.0, 0.0, 1.0]);
-        let found = Solution { rotations: vec![best_on_grid(&freed[0], delay_s).1], delay_s }.refined(&freed, false);
+        let found =
+            Solution { rotations: vec![best_on_grid(&freed[0], delay_s).rotation], delay_s }.refined(&freed, false);
         let about_axis = |solution: &Solution| solution.rotations[0][2];
         let parts = without_each_part(std::slice::from_ref(outlines), &freed, &found, false);
         let sigma = deviation(&parts, about_axis).hypot(freed[0].common_deviation(2));
@@ -126,7 +133,7 @@ fn with_rotations_about_axes<'a>(
     };
     let all: Vec<CameraOutlines<'a>> = outlines.iter().zip(all).zip(&mut solution.rotations).map(fitted).collect();
     let solution = solution.refined(&all, has_delay);
-    (all, solution)
+    CamerasWithSolution { all, solution }
 }
 
 /// Fits the rotation alone to the edges in a span of ranges, starting from the result of all edges.

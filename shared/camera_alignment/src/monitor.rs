@@ -16,18 +16,36 @@ const MAX_PROFILES: usize = 1200;
 /// Reported ranges, m: a delay is visible at the nearest and invisible at the farthest.
 pub const RANGES_M: [Range<f32>; 3] = [0.0..8.0, 8.0..20.0, 20.0..120.0];
 
-/// The profiles of a submap's depth edges in some exposures. Exposures and profiles are paired with the index of their
-/// camera.
-pub fn profiles_by_camera(
-    points: &SubmapPoints<'_>,
-    exposures: &[(usize, AlignmentExposure<'_>)],
-) -> Vec<(usize, Vec<Profile>)> {
-    let span = |(_, exposure): &(usize, AlignmentExposure<'_>)| {
+/// Profiles of an exposure.
+#[derive(Clone, Debug)]
+pub struct CameraProfiles {
+    /// Index of the camera.
+    pub camera: usize,
+    /// The profiles.
+    pub profiles: Vec<Profile>,
+}
+
+/// The offset of a camera in a range of distances.
+#[derive(Clone, Debug)]
+pub struct RangeOffset {
+    /// Distances, m.
+    pub range_m: Range<f32>,
+    /// The offset.
+    pub offset: CameraOffset,
+}
+
+/// The profiles of a submap's depth edges in some exposures.
+pub fn profiles_by_camera(points: &SubmapPoints<'_>, exposures: &[AlignmentExposure<'_>]) -> Vec<CameraProfiles> {
+    let span = |exposure: &AlignmentExposure<'_>| {
         let time = seconds(exposure.exposure.stamp, points.origin);
         [time - MAX_AGE_S, time + MAX_AGE_S]
     };
     let edges = depth_edges(points, &exposures.iter().map(span).collect::<Vec<_>>());
-    exposures.par_iter().map(|(camera, exposure)| (*camera, exposure.profiles(points, &edges))).collect()
+    let profiles = |exposure: &AlignmentExposure<'_>| CameraProfiles {
+        camera: exposure.image.camera(),
+        profiles: exposure.profiles(points, &edges),
+    };
+    exposures.par_iter().map(profiles).collect()
 }
 
 /// Collects profiles, submap by submap.
@@ -43,18 +61,14 @@ impl OffsetMonitor {
         self.profiles.get(camera).is_some_and(|profiles| profiles.len() >= MAX_PROFILES)
     }
 
-    /// The exposures of cameras that have fewer profiles, each with the index of its camera.
-    pub fn needed<'a>(
-        &self,
-        exposures: impl Iterator<Item = AlignmentExposure<'a>>,
-    ) -> Vec<(usize, AlignmentExposure<'a>)> {
-        let of_camera = exposures.map(|exposure| (exposure.image.camera(), exposure));
-        of_camera.filter(|(camera, _)| !self.is_complete(*camera)).collect()
+    /// The exposures of cameras that have fewer profiles.
+    pub fn needed<'a>(&self, exposures: impl Iterator<Item = AlignmentExposure<'a>>) -> Vec<AlignmentExposure<'a>> {
+        exposures.filter(|exposure| !self.is_complete(exposure.image.camera())).collect()
     }
 
-    /// Adds the profiles of a submap, each list with the index of its camera.
-    pub fn add(&mut self, profiles: Vec<(usize, Vec<Profile>)>) {
-        for (camera, added) in profiles {
+    /// Adds the profiles of a submap.
+    pub fn add(&mut self, profiles: Vec<CameraProfiles>) {
+        for CameraProfiles { camera, profiles: added } in profiles {
             if self.profiles.len() <= camera {
                 self.profiles.resize(camera + 1, Vec::new());
             }
@@ -74,11 +88,11 @@ impl OffsetMonitor {
     }
 
     /// The offset of a camera in each of [`RANGES_M`], with the delay of all profiles.
-    pub fn by_range(&self, camera: usize, offset: &Offset) -> Vec<(Range<f32>, CameraOffset)> {
+    pub fn by_range(&self, camera: usize, offset: &Offset) -> Vec<RangeOffset> {
         let delay_s = offset.delay_s.map_or(0.0, |[delay_s, _]| delay_s);
         let at = |range: Range<f32>| {
             let found = fit_at_range(&self.profiles[camera], range.clone(), &offset.cameras[camera], delay_s);
-            (range, found)
+            RangeOffset { range_m: range, offset: found }
         };
         RANGES_M.into_iter().map(at).collect()
     }

@@ -1,10 +1,9 @@
 //! Log lines about offsets.
 
-use crate::monitor::{OffsetMonitor, RANGES_M};
+use crate::monitor::{OffsetMonitor, RANGES_M, RangeOffset};
 use crate::offset::{CameraOffset, Offset};
 use coloring::ProjectionCamera;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Report of a run on the offset between points and images.
 #[derive(Default)]
@@ -79,7 +78,7 @@ fn overview(names: &[String], offset: &Offset) -> String {
 /// All cameras by range in one line: `offset by range (0-8, 8-20, 20-120 m) in mrad/px: front 0.4/0.3 0.2/0.1 -`, with `-` where
 /// the offset is not observable.
 fn overview_by_range(names: &[String], px_per_rad: &[f32], monitor: &OffsetMonitor, offset: &Offset) -> Option<String> {
-    let bin = |(_, found): (Range<f32>, CameraOffset), px_per_rad: f32| {
+    let bin = |found: &CameraOffset, px_per_rad: f32| {
         let angle = found.angle();
         if found.is_observable() { format!("{:.1}/{:.1}", 1e3 * angle, px_per_rad * angle) } else { "-".to_owned() }
     };
@@ -87,7 +86,7 @@ fn overview_by_range(names: &[String], px_per_rad: &[f32], monitor: &OffsetMonit
     let cameras: Vec<String> = known
         .map(|index| {
             let bins: Vec<String> =
-                monitor.by_range(index, offset).into_iter().map(|found| bin(found, px_per_rad[index])).collect();
+                monitor.by_range(index, offset).iter().map(|found| bin(&found.offset, px_per_rad[index])).collect();
             format!("{} {}", names[index], bins.join(" "))
         })
         .collect();
@@ -96,18 +95,15 @@ fn overview_by_range(names: &[String], px_per_rad: &[f32], monitor: &OffsetMonit
 }
 
 /// The offset of one camera in detail, at most 300 characters.
-pub fn camera_line(
-    name: &str,
-    px_per_rad: f32,
-    found: &CameraOffset,
-    by_range: &[(Range<f32>, CameraOffset)],
-) -> String {
+pub fn camera_line(name: &str, px_per_rad: f32, found: &CameraOffset, by_range: &[RangeOffset]) -> String {
     if !found.is_observable() {
         return format!("offset of {name}: not observable ({} edges, peak {:.1})", found.n_edges, found.peak);
     }
     let mrad = |rad: f32| 1e3 * rad;
-    let ranges: Vec<String> = (by_range.iter().filter(|(_, found)| found.is_observable()))
-        .map(|(range, found)| format!("{:.0}-{:.0} m {:.1}", range.start, range.end, mrad(found.angle())))
+    let ranges: Vec<String> = (by_range.iter().filter(|found| found.offset.is_observable()))
+        .map(|RangeOffset { range_m, offset }| {
+            format!("{:.0}-{:.0} m {:.1}", range_m.start, range_m.end, mrad(offset.angle()))
+        })
         .collect();
     let [x, y, z] = found.rotation.map(mrad);
     let about_axis = if found.is_rotated_about_axis {

@@ -26,22 +26,29 @@ pub struct Solution {
     pub delay_s: f32,
 }
 
+/// A solution with the sum of the scores of all cameras.
+struct ScoredSolution {
+    score: f32,
+    solution: Solution,
+}
+
 impl Solution {
     /// Grid search over all rotations, and over all delays with `may_be_late`.
     pub fn search(cameras: &[CameraOutlines<'_>], may_be_late: bool) -> Self {
         let n_delays = if may_be_late { (MAX_DELAY_S / DELAY_STEP_S).round() as i32 } else { 0 };
         let delays: Vec<f32> = (-n_delays..=n_delays).map(|i| i as f32 * DELAY_STEP_S).collect();
-        let at_delay = |delay_s: &f32| -> (f32, Self) {
-            let found: Vec<(f32, Rotation)> =
-                cameras.par_iter().map(|outlines| best_on_grid(outlines, *delay_s)).collect();
-            let score = found.iter().map(|(score, _)| score).sum();
-            (score, Self { rotations: found.into_iter().map(|(_, rotation)| rotation).collect(), delay_s: *delay_s })
+        let at_delay = |&delay_s: &f32| {
+            let found: Vec<ScoredRotation> =
+                cameras.par_iter().map(|outlines| best_on_grid(outlines, delay_s)).collect();
+            let score = found.iter().map(|found| found.score).sum();
+            let rotations = found.into_iter().map(|found| found.rotation).collect();
+            ScoredSolution { score, solution: Self { rotations, delay_s } }
         };
         // The first of equally good delays.
-        let better = |best: (f32, Self), found: (f32, Self)| if found.0 > best.0 { found } else { best };
-        let found: Vec<(f32, Self)> = delays.par_iter().map(at_delay).collect();
+        let better = |best: ScoredSolution, found: ScoredSolution| if found.score > best.score { found } else { best };
+        let found: Vec<ScoredSolution> = delays.par_iter().map(at_delay).collect();
         let best = found.into_iter().reduce(better);
-        best.map_or_else(|| Self { rotations: vec![[0.0; 3]; cameras.len()], delay_s: 0.0 }, |(_, solution)| solution)
+        best.map_or_else(|| Self { rotations: vec![[0.0; 3]; cameras.len()], delay_s: 0.0 }, |best| best.solution)
     }
 
     /// Coordinate ascent with decreasing steps, one unknown after another, while the score rises.
@@ -101,8 +108,15 @@ impl Solution {
     }
 }
 
-/// The best rotation on the grid of all fitted axes, with its score.
-pub fn best_on_grid(outlines: &CameraOutlines<'_>, delay_s: f32) -> (f32, Rotation) {
+/// A rotation with its score.
+#[derive(Clone, Copy, Debug)]
+pub struct ScoredRotation {
+    pub score: f32,
+    pub rotation: Rotation,
+}
+
+/// The best rotation on the grid of all fitted axes.
+pub fn best_on_grid(outlines: &CameraOutlines<'_>, delay_s: f32) -> ScoredRotation {
     let grid = |axis: usize, step: f32| {
         let n = if axis < outlines.axes.len() { (MAX_ROTATION / step).round() as i32 } else { 0 };
         (-n..=n).map(move |i| i as f32 * step)
@@ -117,10 +131,10 @@ pub fn best_on_grid(outlines: &CameraOutlines<'_>, delay_s: f32) -> (f32, Rotati
             }
         }
     }
-    let mut best = (f32::NEG_INFINITY, [0.0; 3]);
+    let mut best = ScoredRotation { score: f32::NEG_INFINITY, rotation: [0.0; 3] };
     for (score, rotation) in outlines.coarse_scores(&rotations, delay_s).into_iter().zip(rotations) {
-        if score > best.0 {
-            best = (score, rotation);
+        if score > best.score {
+            best = ScoredRotation { score, rotation };
         }
     }
     best

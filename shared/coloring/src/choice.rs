@@ -62,12 +62,32 @@ impl Default for Best {
 /// Index used for a point that no exposure shows.
 pub const NO_EXPOSURE: u32 = u32::MAX;
 
+/// The exposure chosen for a point.
+#[derive(Clone, Copy, Debug)]
+pub struct PointChoice {
+    /// Index of the point in the chunk.
+    pub i: usize,
+    /// Index of the exposure.
+    pub exposure: usize,
+    /// The pixel that shows the point.
+    pub pixel: [f32; 2],
+}
+
+/// An exposure that shows a point.
+#[derive(Clone, Copy, Debug)]
+pub struct ShownPoint {
+    /// Index of the exposure.
+    pub exposure: usize,
+    /// The pixel that shows the point.
+    pub pixel: [f32; 2],
+}
+
 impl Choices {
-    /// For every point that some exposure shows: its index in the chunk, the index of the chosen exposure, and the pixel.
-    pub fn chosen(&self) -> impl Iterator<Item = (usize, usize, [f32; 2])> {
+    /// A choice for every point that some exposure shows.
+    pub fn chosen(&self) -> impl Iterator<Item = PointChoice> {
         let Best { exposures, u, v, .. } = &self.best;
         let indices = (0..self.n_points).filter(|i| exposures[*i] != NO_EXPOSURE);
-        indices.map(|i| (i, exposures[i] as usize, [u[i], v[i]]))
+        indices.map(|i| PointChoice { i, exposure: exposures[i] as usize, pixel: [u[i], v[i]] })
     }
 
     /// The exposure with the smallest expected error among those that show point `i` of the chunk and are `good` at its
@@ -77,7 +97,7 @@ impl Choices {
         chunk: &Chunk,
         candidates: &Candidates<'_>,
         good: impl Fn(usize, [f32; 2]) -> bool,
-    ) -> Option<(usize, [f32; 2])> {
+    ) -> Option<ShownPoint> {
         let error_m = |exposure: &PosedExposure<'_>| {
             let time = seconds(exposure.stamp, candidates.points.origin);
             let p = [chunk.x[i], chunk.y[i], chunk.z[i]];
@@ -85,9 +105,11 @@ impl Choices {
             outside_submap_m(candidates, time) + DRIFT_M_PER_S * (chunk.times[i] - time).abs() + POINTING_RAD * range_m
         };
         let all = 0..candidates.exposures.len();
-        let visible = all.filter_map(|exposure| Some((exposure, candidates.visible_pixel(exposure, chunk, i)?)));
-        let good = visible.filter(|(exposure, pixel)| good(*exposure, *pixel));
-        good.min_by(|(a, _), (b, _)| error_m(&candidates.exposures[*a]).total_cmp(&error_m(&candidates.exposures[*b])))
+        let visible = all
+            .filter_map(|exposure| Some(ShownPoint { exposure, pixel: candidates.visible_pixel(exposure, chunk, i)? }));
+        let good = visible.filter(|shown| good(shown.exposure, shown.pixel));
+        let error_of = |shown: &ShownPoint| error_m(&candidates.exposures[shown.exposure]);
+        good.min_by(|a, b| error_of(a).total_cmp(&error_of(b)))
     }
 
     /// Chooses an exposure for every point of a chunk. Of two equally good exposures, the first in the list is chosen. A
@@ -100,8 +122,8 @@ impl Choices {
         }
         self.best.exposures.fill(NO_EXPOSURE);
         self.best.costs.fill(f32::INFINITY);
-        for (index, least) in order {
-            if self.best.costs.iter().take(self.n_points).all(|cost| *cost < least) {
+        for OrderedExposure { index, least_m } in order {
+            if self.best.costs.iter().take(self.n_points).all(|cost| *cost < least_m) {
                 break;
             }
             self.offer(index, chunk, candidates);
@@ -210,9 +232,16 @@ fn outside_submap_m(candidates: &Candidates<'_>, time: f32) -> f32 {
     if gap(time, candidates.points.time_span()) > 0.0 { OUTSIDE_SUBMAP_M } else { 0.0 }
 }
 
-/// The exposures that may show points of the chunk, with a lower bound of their cost for any point, m. The cheapest come
+/// An exposure that may show points of a chunk.
+struct OrderedExposure {
+    index: u32,
+    /// Lower bound of its cost for any point, m.
+    least_m: f32,
+}
+
+/// The exposures that may show points of the chunk. The cheapest come
 /// first: most points then have an exposure before the expensive ones are considered.
-fn by_least_cost(candidates: &Candidates<'_>, chunk: &Chunk) -> Vec<(u32, f32)> {
+fn by_least_cost(candidates: &Candidates<'_>, chunk: &Chunk) -> Vec<OrderedExposure> {
     let least = |exposure: &PosedExposure<'_>| {
         let time = seconds(exposure.stamp, candidates.points.origin);
         let gap_s = gap(time, chunk.time_span);
@@ -220,8 +249,9 @@ fn by_least_cost(candidates: &Candidates<'_>, chunk: &Chunk) -> Vec<(u32, f32)> 
         extra_m + DRIFT_M_PER_S * gap_s + POINTING_RAD * distance_m(&exposure.position, &chunk.bounds)
     };
     let near = (0..).zip(candidates.exposures).filter(|(index, _)| candidates.may_see(*index as usize, chunk));
-    let mut order: Vec<(u32, f32)> = near.map(|(index, exposure)| (index, least(exposure))).collect();
-    order.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+    let ordered = near.map(|(index, exposure)| OrderedExposure { index, least_m: least(exposure) });
+    let mut order: Vec<OrderedExposure> = ordered.collect();
+    order.sort_by(|a, b| a.least_m.total_cmp(&b.least_m).then(a.index.cmp(&b.index)));
     order
 }
 
@@ -275,7 +305,7 @@ mod tests {
         let mut chunk = Chunk::default();
         points.read_chunk(0, &mut chunk);
         choices.choose(&chunk, &candidates);
-        let exposure_of = |point| choices.chosen().find(|(i, ..)| *i == point).map(|(_, exposure, _)| exposure);
+        let exposure_of = |point| choices.chosen().find(|choice| choice.i == point).map(|choice| choice.exposure);
         assert_eq!(exposure_of(3), None, "a point of an unknown sweep has no time");
         exposure_of(1)
     }

@@ -1,7 +1,7 @@
 //! The `color` column.
 
 use crate::candidates::Candidates;
-use crate::choice::Choices;
+use crate::choice::{Choices, PointChoice, ShownPoint};
 use crate::chunk::{CHUNK, Chunk};
 use crate::color_image::ColorImage;
 use crate::gains::ExposureGains;
@@ -50,7 +50,8 @@ impl<'a> Sampler<'a> {
     /// The color of point `i` of a chunk. It comes from the chosen exposure and pixel. If these are unusable, it comes
     /// from a neighboring pixel or the next best exposure. `None` if the chosen pixel shows the sky and there is no
     /// replacement.
-    pub fn sample(&self, chunk: &Chunk, (i, exposure, pixel): (usize, usize, [f32; 2])) -> Option<PointColor> {
+    pub fn sample(&self, chunk: &Chunk, choice: PointChoice) -> Option<PointColor> {
+        let PointChoice { i, exposure, pixel } = choice;
         let z = chunk.z[i];
         let clear = self.clear_of_sky(exposure, pixel, z);
         if let Some(pixel) = clear {
@@ -64,7 +65,8 @@ impl<'a> Sampler<'a> {
         };
         let other = Choices::best_where(i, chunk, self.candidates, is_good);
         let is_sky = clear.is_none() && self.sky.as_ref().is_some_and(|sky| sky.shows(&self.images[exposure], pixel));
-        let (exposure, pixel) = other.or((!is_sky).then_some((exposure, clear.unwrap_or(pixel))))?;
+        let of_choice = ShownPoint { exposure, pixel: clear.unwrap_or(pixel) };
+        let ShownPoint { exposure, pixel } = other.or((!is_sky).then_some(of_choice))?;
         Some(self.leveled(self.images[exposure].sample(pixel), exposure, pixel))
     }
 
@@ -101,9 +103,9 @@ pub fn color_into(
         choices.choose(chunk, candidates);
         rows.fill(UNSEEN_ROW);
         let mut n_seen = 0;
-        for (i, exposure, pixel) in choices.chosen() {
-            let Some(color) = sampler.sample(chunk, (i, exposure, pixel)) else { continue };
-            rows[i] = color.row;
+        for choice in choices.chosen() {
+            let Some(color) = sampler.sample(chunk, choice) else { continue };
+            rows[choice.i] = color.row;
             n_seen += 1;
         }
         n_seen

@@ -83,8 +83,8 @@ impl<'a> ColorImage<'a> {
     /// The four pixels around (u, v), each with its share in 1/65536.
     #[inline(always)]
     pub fn corners(&self, [u, v]: [f32; 2]) -> [([usize; 2], u64); 4] {
-        let (x0, x1, share_x) = neighbors(u, self.width);
-        let (y0, y1, share_y) = neighbors(v, self.height);
+        let Neighbors { before: x0, after: x1, share: share_x } = neighbors(u, self.width);
+        let Neighbors { before: y0, after: y1, share: share_y } = neighbors(v, self.height);
         [
             ([x0, y0], (256 - share_x) * (256 - share_y)),
             ([x1, y0], share_x * (256 - share_y)),
@@ -94,13 +94,20 @@ impl<'a> ColorImage<'a> {
     }
 }
 
-/// The pixel centers before and after `at`, clamped to the image, and the position of `at` between them in 1/256.
+/// The pixel centers around a position, clamped to the image.
+struct Neighbors {
+    before: usize,
+    after: usize,
+    /// The position between them in 1/256.
+    share: u64,
+}
+
 #[inline]
-fn neighbors(at: f32, len: usize) -> (usize, usize, u64) {
+fn neighbors(at: f32, len: usize) -> Neighbors {
     // Not negative, so that truncation rounds down. Images are less than 2^15 px wide.
     let steps = (at.max(0.0) * 256.0 + 0.5) as i32 as usize;
     let before = (steps >> 8).min(len - 1);
-    (before, (before + 1).min(len - 1), (steps & 255) as u64)
+    Neighbors { before, after: (before + 1).min(len - 1), share: (steps & 255) as u64 }
 }
 
 #[cfg(test)]

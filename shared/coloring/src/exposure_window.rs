@@ -40,6 +40,24 @@ pub struct ExposureWindow<T> {
     tallies: BTreeMap<u32, ExposureTally>,
 }
 
+/// An exposure with a pose.
+#[derive(Clone, Copy, Debug)]
+pub struct PosedData<'a, T> {
+    /// Data of the exposure.
+    pub data: &'a T,
+    /// Pose of the body at its stamp.
+    pub odom_from_body: Pose,
+}
+
+/// Exposures of a time range.
+#[derive(Clone, Debug)]
+pub struct PosedWindow<'a, T> {
+    /// Exposures with a pose.
+    pub exposures: Vec<PosedData<'a, T>>,
+    /// Number of exposures without a pose.
+    pub n_without_pose: u64,
+}
+
 impl<T> Default for ExposureWindow<T> {
     fn default() -> Self {
         Self::with_tallies(BTreeMap::new())
@@ -78,13 +96,14 @@ impl<T> ExposureWindow<T> {
         let end = self.held.partition_point(|kept| kept.stamp <= *stamps.end());
         self.held.get(first..end).unwrap_or_default()
     }
-    /// The exposures with a stamp in `stamps` and their `odom_from_body`, and the number of exposures without a pose.
-    pub fn posed_within(&self, stamps: RangeInclusive<i64>, trajectory: &Trajectory) -> (Vec<(&T, Pose)>, u64) {
+    /// The exposures with a stamp in `stamps`.
+    pub fn posed_within(&self, stamps: RangeInclusive<i64>, trajectory: &Trajectory) -> PosedWindow<'_, T> {
         let near = self.within(stamps);
         let posed = |held: &HeldExposure<T>| trajectory.at(Stamp(held.stamp));
-        let found: Vec<(&T, Pose)> = near.iter().filter_map(|held| Some((&held.data, posed(held)?))).collect();
-        let n_without_pose = (near.len() - found.len()) as u64;
-        (found, n_without_pose)
+        let exposures: Vec<PosedData<'_, T>> =
+            near.iter().filter_map(|held| Some(PosedData { data: &held.data, odom_from_body: posed(held)? })).collect();
+        let n_without_pose = (near.len() - exposures.len()) as u64;
+        PosedWindow { exposures, n_without_pose }
     }
     /// Stamp of the oldest exposure.
     pub fn oldest_stamp(&self) -> Option<i64> {

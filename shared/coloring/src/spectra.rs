@@ -3,7 +3,7 @@
 use crate::bands::Bands;
 use crate::camera::ProjectionCamera;
 use crate::candidates::{AgeLimits, Candidates};
-use crate::choice::{Choices, NO_EXPOSURE};
+use crate::choice::{Choices, NO_EXPOSURE, PointChoice};
 use crate::chunk::{CHUNK, Chunk};
 use crate::cube_image::CubeImage;
 use crate::exposure::PosedExposure;
@@ -187,7 +187,7 @@ impl Batch {
 /// The cells of the points of a chunk in the chosen cubes of a camera. Empty if the camera sees no point of the chunk.
 fn find_cells(choices: &Choices, camera: &CameraCubes<'_>) -> Vec<Cell> {
     let mut cells = Vec::new();
-    for (i, exposure, pixel) in choices.chosen() {
+    for PointChoice { i, exposure, pixel } in choices.chosen() {
         let cube = &camera.cubes[exposure];
         let cell = cube.cell(pixel);
         if cube.valid_bands(cell) != 0 {

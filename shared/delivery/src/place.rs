@@ -61,15 +61,23 @@ impl<'a> Place<'a> {
     }
 }
 
+/// A file with points.
+pub(crate) struct WrittenCloud {
+    /// Size of the file.
+    pub bytes: u64,
+    /// Bounds of its points.
+    pub bounds: Bounds,
+}
+
 /// Writes a cloud whose header and rows are given in the frame of the odometry. It is written in the final frame if its
-/// place is known. Returns size and bounds of the file. The file is not synced.
+/// place is known. The file is not synced.
 pub(crate) fn write_cloud(
     path: &Path,
     header: Header,
     n_points: usize,
     encode: impl Fn(usize, &mut Row<'_>) + Sync,
     place: Option<&Place<'_>>,
-) -> Result<(u64, Bounds), DeliveryError> {
+) -> Result<WrittenCloud, DeliveryError> {
     let coordinates = coordinates(&header, path)?;
     let header = if let Some(place) = place { place.header(header) } else { header };
     let mut writer = PlyWriter::create(path, &header, n_points)?;
@@ -80,7 +88,7 @@ pub(crate) fn write_cloud(
         Ok(())
     };
     writer.write_amended(n_points, encode, moved)?;
-    Ok((writer.finish_unsynced()?, bounds.all()))
+    Ok(WrittenCloud { bytes: writer.finish_unsynced()?, bounds: bounds.all() })
 }
 
 /// Moves the files of a submap to the final frame, if its place is known. `finish` syncs them and gives them their final
@@ -96,25 +104,27 @@ pub fn move_clouds(
         return Ok(());
     }
     let Some(place) = Place::find(entry.seq, world) else { return Ok(()) };
-    (entry.bytes, entry.bounds) = move_file(&folder.path(&entry.file), &place, &finish)?;
+    let moved = move_file(&folder.path(&entry.file), &place, &finish)?;
+    entry.bytes = moved.bytes;
+    entry.bounds = moved.bounds;
     if let Some(spectra) = &mut entry.spectra {
-        (spectra.bytes, _) = move_file(&folder.path(&spectra.file), &place, &finish)?;
+        spectra.bytes = move_file(&folder.path(&spectra.file), &place, &finish)?.bytes;
     }
     place.enter(entry);
     Ok(())
 }
 
-/// Moves a file to the final frame. Returns its new size and bounds.
+/// Moves a file to the final frame.
 fn move_file(
     path: &Path,
     place: &Place<'_>,
     finish: impl Fn(PlyWriter) -> Result<(), DeliveryError>,
-) -> Result<(u64, Bounds), DeliveryError> {
+) -> Result<WrittenCloud, DeliveryError> {
     let cloud = PlyRows::open(path)?;
     let header = cloud.header();
     let coordinates = coordinates(header, path)?;
     if place.lines().iter().all(|line| header.infos.contains(line)) {
-        return Ok((cloud.n_bytes(), coordinates.bounds_of_all(&cloud)?));
+        return Ok(WrittenCloud { bytes: cloud.n_bytes(), bounds: coordinates.bounds_of_all(&cloud)? });
     }
     if !is_in_odometry(header) {
         return Err(DeliveryError::UnknownFrame { path: path.to_owned() });
@@ -130,7 +140,7 @@ fn move_file(
     moved?;
     let n_bytes = writer.n_bytes();
     finish(writer)?;
-    Ok((n_bytes, bounds.all()))
+    Ok(WrittenCloud { bytes: n_bytes, bounds: bounds.all() })
 }
 
 fn coordinates(header: &Header, path: &Path) -> Result<Coordinates, DeliveryError> {

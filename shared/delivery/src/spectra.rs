@@ -13,7 +13,8 @@ use messages::{NO_SPECTRUM, SpectraHeader, SpectraView};
 /// were not measured are NaN, which prevents averaging them by mistake.
 pub(crate) fn write(
     columns: &SubmapColumns<'_>,
-    (head, words): (&SpectraHeader, &[u32]),
+    head: &SpectraHeader,
+    words: &[u32],
     folder: &Folder,
     place: Option<&Place<'_>>,
 ) -> Result<SpectraEntry, DeliveryError> {
@@ -42,7 +43,7 @@ pub(crate) fn write(
             }
         }
     };
-    let (bytes, _) = place::write_cloud(&folder.path(&file), header, seen.len(), encode, place)?;
+    let bytes = place::write_cloud(&folder.path(&file), header, seen.len(), encode, place)?.bytes;
     Ok(SpectraEntry { file, bytes, n_spectra: seen.len() as u64, wavelengths_nm })
 }
 

@@ -26,7 +26,8 @@ pub fn write_submap(
     let file = format!("clouds/submap_{:04}.ply", columns.seq);
     let encode = |i: usize, row: &mut Row<'_>| columns.encode(i, row);
     let n_points = columns.points.len();
-    let (bytes, bounds) = place::write_cloud(&folder.path(&file), columns.header(), n_points, encode, place)?;
+    let place::WrittenCloud { bytes, bounds } =
+        place::write_cloud(&folder.path(&file), columns.header(), n_points, encode, place)?;
     let header = submap.header;
     let mut entry = CloudEntry {
         seq: columns.seq,
@@ -46,8 +47,8 @@ pub fn write_submap(
         spectra: None,
         lost: submap.lost.iter().map(|topic| (*topic).to_owned()).collect(),
     };
-    if let Some(column) = submap.spectra {
-        entry.spectra = Some(spectra::write(&columns, column, folder, place)?);
+    if let Some((head, words)) = submap.spectra {
+        entry.spectra = Some(spectra::write(&columns, head, words, folder, place)?);
     }
     if let Some(place) = place {
         place.enter(&mut entry);

@@ -3,7 +3,8 @@
 mod cameras;
 
 use super::Drive;
-use super::listing::{Frame, IMAGES, MOSAICS, frames};
+use super::lidars::CheckedLidars;
+use super::listing::{Frame, IMAGES, ListedFrames, MOSAICS, frames};
 use super::read::Read;
 use crate::manifest::{GnssEntry, ImuEntry, MANIFEST_VERSION, Manifest, TruthEntry, rules};
 use files::problems::FileError;
@@ -46,18 +47,22 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     let Check { file, unnamed, .. } = check;
     let rig = manifest.as_ref().and_then(|manifest| manifest.rig().ok());
     match (manifest, rig, lidars) {
-        (Some(manifest), Some(rig), Some((first_lidar, other_lidars))) if file.is_sound() => Ok(Drive {
-            folder: folder.to_owned(),
-            manifest,
-            rig,
-            first_lidar,
-            other_lidars,
-            is_inferred,
-            camera_frames,
-            mosaic_frames,
-            sensors,
-            unnamed_files: unnamed,
-        }),
+        (Some(manifest), Some(rig), Some(CheckedLidars { first: first_lidar, others: other_lidars }))
+            if file.is_sound() =>
+        {
+            Ok(Drive {
+                folder: folder.to_owned(),
+                manifest,
+                rig,
+                first_lidar,
+                other_lidars,
+                is_inferred,
+                camera_frames,
+                mosaic_frames,
+                sensors,
+                unnamed_files: unnamed,
+            })
+        }
         _ => Err(file.into_error()),
     }
 }
@@ -170,7 +175,8 @@ impl Check<'_> {
 
     fn frames(&mut self, key: &str, name: &str, camera: usize, extensions: &[&str]) -> Vec<Frame> {
         let Some(folder) = self.folder(key, name) else { return Vec::new() };
-        let (frames, unnamed) = self.listed(key, frames(&folder, camera, extensions)).unwrap_or_default();
+        let ListedFrames { frames, unnamed } =
+            self.listed(key, frames(&folder, camera, extensions)).unwrap_or_default();
         self.unnamed.extend(unnamed);
         frames
     }

@@ -162,9 +162,8 @@ impl Rings {
         for bank in &self.0 {
             n_below -= bank.elevations.len();
             let elevation = (p.z - bank.up_m).atan2(across_m);
-            let (found, is_inside) = bank.nearest(elevation);
-            ring = n_below + found;
-            if is_inside {
+            ring = n_below + bank.nearest(elevation);
+            if bank.is_above_lower_end(elevation) {
                 break;
             }
         }
@@ -173,13 +172,18 @@ impl Rings {
 }
 
 impl Bank {
-    /// Index of the nearest beam, and whether the elevation is above the lower end of the bank.
-    fn nearest(&self, elevation: f32) -> (usize, bool) {
+    /// Whether the elevation is above the lower end of the bank.
+    fn is_above_lower_end(&self, elevation: f32) -> bool {
+        let half_step = 0.5 * (self.elevations[1] - self.elevations[0]);
+        elevation > self.elevations[0] - half_step
+    }
+
+    /// Index of the nearest beam.
+    fn nearest(&self, elevation: f32) -> usize {
         let beams = &self.elevations;
         let above = beams.partition_point(|e| *e < elevation).clamp(1, beams.len() - 1);
         let lower_is_nearer = elevation - beams[above - 1] < beams[above] - elevation;
-        let half_step = 0.5 * (beams[1] - beams[0]);
-        (if lower_is_nearer { above - 1 } else { above }, elevation > beams[0] - half_step)
+        if lower_is_nearer { above - 1 } else { above }
     }
 }
 

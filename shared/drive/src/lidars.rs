@@ -31,9 +31,15 @@ pub struct DriveLidar {
     pub missing: Missing,
 }
 
+/// All LiDARs of a drive.
+pub(super) struct CheckedLidars {
+    pub(super) first: DriveLidar,
+    pub(super) others: Vec<DriveLidar>,
+}
+
 impl Check<'_> {
-    /// All LiDARs, the first one separately; `None` if one has problems.
-    pub(super) fn lidars(&mut self, entries: &[Option<LidarEntry>]) -> Option<(DriveLidar, Vec<DriveLidar>)> {
+    /// All LiDARs; `None` if one has problems.
+    pub(super) fn lidars(&mut self, entries: &[Option<LidarEntry>]) -> Option<CheckedLidars> {
         let keys = self.keys_of_lidars(entries);
         let mut found = Vec::new();
         for (index, entry) in numbered(entries) {
@@ -44,7 +50,7 @@ impl Check<'_> {
             found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps, missing }));
         }
         let mut found = found.into_iter().collect::<Option<Vec<_>>>()?.into_iter();
-        Some((found.next()?, found.collect()))
+        Some(CheckedLidars { first: found.next()?, others: found.collect() })
     }
 
     /// Checks all LiDARs without the files of their sweeps.

@@ -74,8 +74,16 @@ pub(super) fn files_with_name(folder: &Path, is_one: impl Fn(&Path) -> bool) -> 
     Ok(files)
 }
 
-/// Exposures of one camera sorted by stamp, and files whose names are not stamps.
-pub(super) fn frames(folder: &Path, camera: usize, extensions: &[&str]) -> io::Result<(Vec<Frame>, Vec<PathBuf>)> {
+/// Images of one camera.
+#[derive(Default)]
+pub(super) struct ListedFrames {
+    /// Exposures sorted by stamp.
+    pub(super) frames: Vec<Frame>,
+    /// Files whose names are not stamps.
+    pub(super) unnamed: Vec<PathBuf>,
+}
+
+pub(super) fn frames(folder: &Path, camera: usize, extensions: &[&str]) -> io::Result<ListedFrames> {
     let mut frames = Vec::new();
     let mut unnamed = Vec::new();
     for path in files_with_extension(folder, extensions)? {
@@ -85,5 +93,5 @@ pub(super) fn frames(folder: &Path, camera: usize, extensions: &[&str]) -> io::R
         }
     }
     frames.sort_by(|a, b| (a.stamp, &a.path).cmp(&(b.stamp, &b.path)));
-    Ok((frames, unnamed))
+    Ok(ListedFrames { frames, unnamed })
 }

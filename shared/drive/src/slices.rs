@@ -11,7 +11,7 @@ impl SweepSource {
     /// belong to the slice of their stamp. `None` if the recording ended earlier.
     pub fn next_slice(
         &mut self,
-        window: (i64, i64),
+        window: [i64; 2],
         sink: impl FnMut(&[SweepPoint]),
     ) -> Result<Option<SliceInfo>, SweepError> {
         match self {
@@ -40,7 +40,7 @@ impl SweepSource {
 }
 
 impl Clouds {
-    fn next_slice(&mut self, (begin, end): (i64, i64), mut sink: impl FnMut(&[SweepPoint])) -> Option<SliceInfo> {
+    fn next_slice(&mut self, [begin, end]: [i64; 2], mut sink: impl FnMut(&[SweepPoint])) -> Option<SliceInfo> {
         let mut slice = SliceInfo::default();
         let mut is_over = true;
         while let Some(&stamp) = self.stamps.get(self.next) {
@@ -48,7 +48,7 @@ impl Clouds {
                 is_over = false;
                 break;
             }
-            let Some(cloud) = self.current.take().or_else(|| self.load().map(|(cloud, _)| cloud)) else {
+            let Some(cloud) = self.current.take().or_else(|| self.load().map(|loaded| loaded.cloud)) else {
                 self.next += 1;
                 self.taken = 0;
                 continue;

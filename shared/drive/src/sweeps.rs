@@ -88,9 +88,9 @@ impl SweepSource {
     pub fn next_sweep(&mut self, mut sink: impl FnMut(&[SweepPoint])) -> Result<Option<SweepInfo>, SweepError> {
         match self {
             Self::Packets { reader, .. } => reader.next_sweep(sink),
-            Self::Clouds(clouds) => Ok(clouds.next().map(|(returns, sweep)| {
-                sink(&returns);
-                sweep
+            Self::Clouds(clouds) => Ok(clouds.next().map(|loaded| {
+                sink(&loaded.cloud.returns);
+                loaded.sweep
             })),
         }
     }
@@ -185,24 +185,30 @@ impl SweepSource {
     }
 }
 
+/// A cloud file.
+pub(super) struct LoadedCloud {
+    pub(super) cloud: CloudReturns,
+    sweep: SweepInfo,
+}
+
 impl Clouds {
-    fn next(&mut self) -> Option<(Vec<SweepPoint>, SweepInfo)> {
+    fn next(&mut self) -> Option<LoadedCloud> {
         while self.next < self.files.len() {
             let loaded = self.load();
             self.next += 1;
-            if let Some((found, sweep)) = loaded {
-                return Some((found.returns, sweep));
+            if loaded.is_some() {
+                return loaded;
             }
         }
         None
     }
 
     /// The next file; `None` if it cannot be read.
-    pub(super) fn load(&mut self) -> Option<(CloudReturns, SweepInfo)> {
+    pub(super) fn load(&mut self) -> Option<LoadedCloud> {
         let path = self.files.get(self.next)?;
         let loaded = clouds::load(path, &self.format, &self.lidar);
         match loaded.and_then(|found| Ok((self.sweep(self.next, &found)?, found))) {
-            Ok((sweep, found)) => Some((found, sweep)),
+            Ok((sweep, cloud)) => Some(LoadedCloud { cloud, sweep }),
             Err(fault) => {
                 self.n_bad += 1;
                 self.damage.push(format!("{}: {fault}", path.display()));

@@ -58,7 +58,7 @@ pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
         if line.trim().is_empty() {
             continue;
         }
-        let (Some(to_nm), Some(full_scale)) = (to_nm, full_scale) else {
+        let Some((to_nm, full_scale)) = to_nm.zip(full_scale) else {
             return Err(error(EcostressFault::NoUnits));
         };
         let columns: Vec<f32> = line.split_whitespace().map_while(|text| text.parse().ok()).collect();

@@ -65,19 +65,26 @@ pub fn align_odometry(pairs: &[PointPair], yaw: Option<f64>) -> Option<Alignment
     Some(best)
 }
 
+/// Difference in height.
+struct WeightedError {
+    error_m: f64,
+    weight: f64,
+}
+
 /// Median of the differences in height, each weighted by the pair's agreement with the alignment.
 fn median_height_error(pairs: &[PointPair], alignment: &Alignment) -> f64 {
     let scale = SCALE_M * SCALE_M;
     let weight = |pair: &PointPair| pair.weight * (scale / (squared_residual(alignment, pair) + scale)).powi(2);
     let error = |pair: &PointPair| pair.p_in_world.z - (alignment.world_from_odom * pair.p_in_odom).z;
-    let mut errors: Vec<(f64, f64)> = pairs.iter().map(|pair| (error(pair), weight(pair))).collect();
-    errors.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut rest = errors.iter().map(|(_, weight)| weight).sum::<f64>() / 2.0;
-    let half = |(_, weight): &&(f64, f64)| {
-        rest -= weight;
+    let weighted = |pair: &PointPair| WeightedError { error_m: error(pair), weight: weight(pair) };
+    let mut errors: Vec<WeightedError> = pairs.iter().map(weighted).collect();
+    errors.sort_by(|a, b| a.error_m.total_cmp(&b.error_m));
+    let mut rest = errors.iter().map(|error| error.weight).sum::<f64>() / 2.0;
+    let half = |error: &&WeightedError| {
+        rest -= error.weight;
         rest <= 0.0
     };
-    errors.iter().find(half).map_or(0.0, |(error, _)| *error)
+    errors.iter().find(half).map_or(0.0, |error| error.error_m)
 }
 
 fn squared_residual(alignment: &Alignment, pair: &PointPair) -> f64 {
@@ -131,20 +138,25 @@ fn weighted(pairs: &[PointPair], weights: &[f64], yaw: Option<f64>) -> Alignment
 mod tests {
     use super::*;
 
-    fn pairs(error: impl Fn(usize) -> Vector3<f64>) -> (Pose, Vec<PointPair>) {
+    struct TestPairs {
+        truth: Pose,
+        pairs: Vec<PointPair>,
+    }
+
+    fn test_pairs(error: impl Fn(usize) -> Vector3<f64>) -> TestPairs {
         let truth = Isometry3::new(Vector3::new(120.0, -40.0, 7.0), Vector3::z() * 2.2);
         let make = |k: usize| {
             let along = k as f64 * 5.0;
             let p_in_odom = Point3::new(along, 20.0 * (along / 60.0).sin(), 0.1);
             PointPair { p_in_odom, p_in_world: truth * p_in_odom + error(k), weight: 1.0 }
         };
-        (truth, (0..40).map(make).collect())
+        TestPairs { truth, pairs: (0..40).map(make).collect() }
     }
 
     #[test]
     fn alignment_with_a_quarter_of_consecutive_outliers_finds_the_true_rotation() {
         let error = |k: usize| Vector3::new(25.0, -40.0 + k as f64, 30.0);
-        let (truth, pairs) = pairs(|k| if (8..18).contains(&k) { error(k) } else { Vector3::zeros() });
+        let TestPairs { truth, pairs } = test_pairs(|k| if (8..18).contains(&k) { error(k) } else { Vector3::zeros() });
         let found = align_odometry(&pairs, None).expect("there are pairs");
         assert!(found.world_from_odom.rotation.angle_to(&truth.rotation) < 0.01);
         let off = (found.world_from_odom * pairs[20].p_in_odom - truth * pairs[20].p_in_odom).xy().norm();
@@ -155,8 +167,8 @@ mod tests {
     /// A start from all pairs alone converges between both halves or rotates the drive by some degrees.
     #[test]
     fn alignment_with_drifting_outliers_in_nearly_half_keeps_the_most_inliers() {
-        let (truth, pairs) =
-            pairs(|k| if k < 19 { Vector3::new(10.0, 6.0, 9.0) * (1.0 - k as f64 / 40.0) } else { Vector3::zeros() });
+        let drift = |k: usize| Vector3::new(10.0, 6.0, 9.0) * (1.0 - k as f64 / 40.0);
+        let TestPairs { truth, pairs } = test_pairs(|k| if k < 19 { drift(k) } else { Vector3::zeros() });
         for yaw in [None, Some(2.2)] {
             let found = align_odometry(&pairs, yaw).expect("there are pairs");
             let off = (found.world_from_odom * pairs[30].p_in_odom - truth * pairs[30].p_in_odom).xy().norm();
@@ -166,7 +178,7 @@ mod tests {
 
     #[test]
     fn alignment_of_a_short_path_reports_a_small_spread() {
-        let (_, pairs) = pairs(|_| Vector3::zeros());
+        let pairs = test_pairs(|_| Vector3::zeros()).pairs;
         assert!(align_odometry(&pairs[..3], None).expect("there are pairs").spread_m < 10.0);
         assert!(align_odometry(&pairs, None).expect("there are pairs").spread_m > 50.0);
         assert_eq!(align_odometry(&[], None), None);

@@ -53,7 +53,7 @@ impl AntennaTrack {
 
     /// Position `seconds` after the stamp of the fix.
     pub fn at(&self, seconds: f64) -> Point3<f64> {
-        let (k, share) = Self::place(seconds);
+        let TrackPlace { k, share } = Self::place(seconds);
         // Catmull-Rom: cubic, with the velocities below at the ends.
         let p = self.displacement(k);
         let q = self.displacement(k + 1);
@@ -68,15 +68,14 @@ impl AntennaTrack {
 
     /// Velocity `seconds` after the stamp of the fix, m/s.
     pub fn velocity(&self, seconds: f64) -> Vector3<f64> {
-        let (k, share) = Self::place(seconds);
+        let TrackPlace { k, share } = Self::place(seconds);
         (self.tangent(k) * (1.0 - share) + self.tangent(k + 1) * share) / STEP_S
     }
 
-    /// Index of the position before a time, and the share of the step from there.
-    fn place(seconds: f64) -> (usize, f64) {
+    fn place(seconds: f64) -> TrackPlace {
         let steps = (seconds / STEP_S + N_SIDE as f64).clamp(0.0, (N - 1) as f64);
         let k = (steps as usize).min(N - 2);
-        (k, steps - k as f64)
+        TrackPlace { k, share: steps - k as f64 }
     }
     fn displacement(&self, k: usize) -> Vector3<f64> {
         Vector3::from(self.displacements[k]).cast()
@@ -87,6 +86,14 @@ impl AntennaTrack {
         let after = (k + 1).min(N - 1);
         (self.displacement(after) - self.displacement(before)) / (after - before) as f64
     }
+}
+
+/// A time between two positions.
+struct TrackPlace {
+    /// Index of the position before.
+    k: usize,
+    /// Share of the step from there.
+    share: f64,
 }
 
 #[cfg(test)]

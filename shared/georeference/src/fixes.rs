@@ -1,6 +1,7 @@
 //! Converts fixes of a GNSS receiver to antenna positions and velocities in submaps.
 
 use crate::antenna_track::AntennaTrack;
+use crate::georeferencer::NumberedSubmap;
 use crate::recent_path::RecentPath;
 use crate::{AntennaPosition, HorizontalVelocity};
 use geometry::{Geodetic, LocalFrame, Point3, Pose};
@@ -188,12 +189,12 @@ impl Fixes {
         self.pending.drain(..n_over);
     }
     /// Uses the fixes with odometry around their times; at the end of the drive, all up to the last pose. `submap_at`
-    /// returns number and `odom_from_submap` of the submap at a stamp.
+    /// returns the submap at a stamp.
     pub fn update(
         &mut self,
         path: &RecentPath,
         antenna_in_body: &Point3<f64>,
-        submap_at: impl Fn(i64) -> Option<(usize, Pose)>,
+        submap_at: impl Fn(i64) -> Option<NumberedSubmap>,
         is_end: bool,
     ) {
         let Some(last) = path.last() else { return };
@@ -201,11 +202,8 @@ impl Fixes {
         let n_ready = self.pending.iter().take_while(|fix| fix.stamp <= end).count();
         for Fix { stamp, place, hdop, receiver, velocity } in self.pending.drain(..n_ready) {
             let pause = self.used.last().map_or(i64::MAX, |last| stamp.saturating_sub(last.stamp));
-            let (Some(antenna), Some((submap, _))) =
-                (AntennaTrack::new(path, stamp, antenna_in_body), submap_at(stamp))
-            else {
-                continue;
-            };
+            let Some(antenna) = AntennaTrack::new(path, stamp, antenna_in_body) else { continue };
+            let Some(NumberedSubmap { number: submap, .. }) = submap_at(stamp) else { continue };
             if pause < MIN_PAUSE_NANOS {
                 continue;
             }

@@ -236,10 +236,16 @@ impl Georeferencer {
     }
 }
 
-/// Number and pose of the latest submap that began at or before a stamp.
-fn submap_at(nodes: &[Node], stamp: i64) -> Option<(usize, Pose)> {
+/// A submap of the drive.
+pub(crate) struct NumberedSubmap {
+    pub number: usize,
+    pub odom_from_submap: Pose,
+}
+
+/// The latest submap that began at or before a stamp.
+fn submap_at(nodes: &[Node], stamp: i64) -> Option<NumberedSubmap> {
     let number = nodes.partition_point(|node| node.stamp <= stamp).checked_sub(1)?;
-    Some((number, nodes[number].odom_from_submap))
+    Some(NumberedSubmap { number, odom_from_submap: nodes[number].odom_from_submap })
 }
 
 fn header(solution: &Solution, n_uprights: usize, origin: Option<Geodetic>) -> PlacementHeader {

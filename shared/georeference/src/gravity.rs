@@ -4,8 +4,9 @@
 //! the change of velocity divided by the time; the odometry provides both. The remaining part of the mean points up.
 
 use crate::UpDirection;
+use crate::georeferencer::NumberedSubmap;
 use crate::recent_path::{HALF_SPAN_NANOS, RecentPath};
-use geometry::{Point3, Pose, Vector3};
+use geometry::{Point3, Vector3};
 use messages::ImuRow;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -27,8 +28,16 @@ const MAX_PENDING: usize = 1 << 16;
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Gravity {
     /// Samples later than the last pose of the odometry.
-    pending: VecDeque<(i64, Vector3<f64>)>,
+    pending: VecDeque<PendingForce>,
     stretch: Option<Stretch>,
+}
+
+/// A sample that awaits the odometry of its time.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct PendingForce {
+    stamp: i64,
+    /// Specific force, m/s^2.
+    force_in_body: Vector3<f64>,
 }
 
 /// Samples of one submap without gaps.
@@ -47,10 +56,10 @@ struct Stretch {
 
 impl Gravity {
     pub fn push(&mut self, row: &ImuRow) {
-        let force = Vector3::from(row.acceleration);
-        let is_later = self.pending.back().is_none_or(|(last, _)| *last < row.stamp);
-        if is_later && force.iter().all(|v| v.is_finite()) {
-            self.pending.push_back((row.stamp, force));
+        let force_in_body = Vector3::from(row.acceleration);
+        let is_later = self.pending.back().is_none_or(|last| last.stamp < row.stamp);
+        if is_later && force_in_body.iter().all(|v| v.is_finite()) {
+            self.pending.push_back(PendingForce { stamp: row.stamp, force_in_body });
             let n_over = self.pending.len().saturating_sub(MAX_PENDING);
             self.pending.drain(..n_over);
         }
@@ -61,14 +70,15 @@ impl Gravity {
         &mut self,
         path: &RecentPath,
         imu_in_body: &Point3<f64>,
-        submap_at: impl Fn(i64) -> Option<(usize, Pose)>,
+        submap_at: impl Fn(i64) -> Option<NumberedSubmap>,
         up_directions: &mut Vec<UpDirection>,
     ) {
         let Some(end) = path.last() else { return };
-        let n_ready = self.pending.iter().take_while(|(stamp, _)| *stamp <= end - HALF_SPAN_NANOS).count();
-        let ready: Vec<(i64, Vector3<f64>)> = self.pending.drain(..n_ready).collect();
-        for (stamp, force_in_body) in ready {
-            let (Some(pose), Some((submap, _))) = (path.at(stamp), submap_at(stamp)) else { continue };
+        let n_ready = self.pending.iter().take_while(|sample| sample.stamp <= end - HALF_SPAN_NANOS).count();
+        let ready: Vec<PendingForce> = self.pending.drain(..n_ready).collect();
+        for PendingForce { stamp, force_in_body } in ready {
+            let Some(pose) = path.at(stamp) else { continue };
+            let Some(NumberedSubmap { number: submap, .. }) = submap_at(stamp) else { continue };
             let force = pose.rotation * force_in_body;
             let continues = |s: &Stretch| s.submap == submap && ((stamp - s.end) as f64) < GAP_SECONDS * 1e9;
             if self.stretch.as_ref().is_none_or(|stretch| !continues(stretch)) {
@@ -93,16 +103,13 @@ impl Gravity {
         &mut self,
         path: &RecentPath,
         imu_in_body: &Point3<f64>,
-        submap_at: impl Fn(i64) -> Option<(usize, Pose)>,
+        submap_at: impl Fn(i64) -> Option<NumberedSubmap>,
         up_directions: &mut Vec<UpDirection>,
     ) {
         let Some(stretch) = self.stretch.take() else { return };
         let seconds = (stretch.end - stretch.begin) as f64 * 1e-9;
-        let (Some(velocity), Some((_, odom_from_submap))) =
-            (path.velocity(stretch.end, imu_in_body), submap_at(stretch.begin))
-        else {
-            return;
-        };
+        let Some(velocity) = path.velocity(stretch.end, imu_in_body) else { return };
+        let Some(NumberedSubmap { odom_from_submap, .. }) = submap_at(stretch.begin) else { return };
         if seconds < MIN_SECONDS {
             return;
         }

@@ -27,7 +27,8 @@ impl InertialUnit {
         &mut self,
         rows: &[ImuRow],
         odometry: &mut SelectedOdometry,
-        (georeferencer, settings): (&mut Georeferencer, &GeoreferenceSettings),
+        georeferencer: &mut Georeferencer,
+        settings: &GeoreferenceSettings,
     ) {
         let mut samples: Vec<InertialSample> = rows.iter().map(InertialSample::from).collect();
         if let Some(check) = &mut self.check {

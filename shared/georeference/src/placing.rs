@@ -52,22 +52,30 @@ pub(crate) fn place_by_fixes(
     let of_submap = |fix: &UsedFix| odom_from_submap[fix.submap];
     graph.velocities = fixes.iter().filter_map(|fix| fix.horizontal_velocity(late_s, &of_submap(fix))).collect();
     let positions: Vec<AntennaPosition> = fixes.iter().map(|fix| fix.position(late_s, &of_submap(fix))).collect();
-    let Some((spread_m, start)) = start(&graph, &positions, odom_from_submap, yaw_by_velocities(fixes, late_s)) else {
+    let Some(FixedStart { spread_m, world_from_submap }) =
+        start(&graph, &positions, odom_from_submap, yaw_by_velocities(fixes, late_s))
+    else {
         return Placing { spread_m: 0.0, delay, placed: None };
     };
     let is_spread = spread_m >= MIN_SPREAD_M;
-    let placed = is_spread.then(|| solve(graph, &positions, start, fixes, unsmooth_fixes)).flatten();
+    let placed = is_spread.then(|| solve(graph, &positions, world_from_submap, fixes, unsmooth_fixes)).flatten();
     Placing { spread_m, delay, placed }
 }
 
-/// Spread of the fixes, and `world_from_submap` that agrees with the most fixes. `yaw`: rotation from odom to the
-/// world, from the velocities.
+/// Poses that agree with the most fixes.
+struct FixedStart {
+    /// Spread of the fixes.
+    spread_m: f64,
+    world_from_submap: Vec<Pose>,
+}
+
+/// `yaw`: rotation from odom to the world, from the velocities.
 fn start(
     graph: &PoseGraph,
     positions: &[AntennaPosition],
     odom_from_submap: &[Pose],
     yaw: Option<f64>,
-) -> Option<(f64, Vec<Pose>)> {
+) -> Option<FixedStart> {
     let about_z =
         |yaw| Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw));
     let turned: Vec<Pose> = odom_from_submap.iter().map(|pose| about_z(yaw.unwrap_or(0.0)) * pose).collect();
@@ -80,8 +88,8 @@ fn start(
     };
     let pairs: Vec<PointPair> = positions.iter().map(pair).collect();
     let alignment = align_odometry(&pairs, yaw.map(|_| 0.0))?;
-    let start = shape.iter().map(|pose| alignment.world_from_odom * pose).collect();
-    Some((alignment.spread_m, start))
+    let world_from_submap = shape.iter().map(|pose| alignment.world_from_odom * pose).collect();
+    Some(FixedStart { spread_m: alignment.spread_m, world_from_submap })
 }
 
 /// Solves the graph with the fixes; `None` if no fix agrees with the result.

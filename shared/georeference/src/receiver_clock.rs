@@ -74,36 +74,46 @@ fn cost(fixes: &[&UsedFix], late_s: f64) -> f64 {
     fixes.chunks(WINDOW).map(|window| window_cost(window, late_s)).sum()
 }
 
-fn window_cost(window: &[&UsedFix], late_s: f64) -> f64 {
-    let pairs = window.iter().filter_map(|fix| {
+/// Horizontal velocity of the antenna by the odometry and by the receiver, m/s.
+#[derive(Clone, Copy)]
+struct VelocityPair {
+    odom: Vector2<f64>,
+    world: Vector2<f64>,
+    /// Standard deviation of the receiver's velocity.
+    sigma: f64,
+}
+
+impl VelocityPair {
+    /// `late_s`: delay of the receiver's stamps. `None` if the fix has no velocity.
+    fn new(fix: &UsedFix, late_s: f64) -> Option<Self> {
         let velocity = fix.velocity.as_ref()?;
-        Some((fix.antenna.velocity(-late_s).xy(), velocity.vector(), velocity.sigma_mps))
-    });
-    let pairs: Vec<(Vector2<f64>, Vector2<f64>, f64)> = pairs.collect();
+        let odom = fix.antenna.velocity(-late_s).xy();
+        Some(Self { odom, world: velocity.vector(), sigma: velocity.sigma_mps })
+    }
+}
+
+fn window_cost(window: &[&UsedFix], late_s: f64) -> f64 {
+    let pairs: Vec<VelocityPair> = window.iter().filter_map(|fix| VelocityPair::new(fix, late_s)).collect();
     let Some(yaw) = yaw_between(pairs.iter().copied()) else { return 0.0 };
     let rotation = nalgebra::Rotation2::new(yaw);
-    let residual = |(odom, world, sigma): &(Vector2<f64>, Vector2<f64>, f64)| (rotation * odom - world).norm() / sigma;
+    let residual = |VelocityPair { odom, world, sigma }: &VelocityPair| (rotation * odom - world).norm() / sigma;
     pairs.iter().map(|pair| residual(pair).min(MAX_RESIDUAL).powi(2)).sum()
 }
 
 /// Rotation from odom to the world from all velocities, robust against any share of outliers: first from the directions
 /// alone, then without outliers.
 pub(crate) fn yaw_by_velocities(fixes: &[UsedFix], late_s: f64) -> Option<f64> {
-    let pairs = fixes.iter().filter_map(|fix| {
-        let velocity = fix.velocity.as_ref()?;
-        Some((fix.antenna.velocity(-late_s).xy(), velocity.vector(), velocity.sigma_mps))
-    });
-    yaw_between(pairs)
+    yaw_between(fixes.iter().filter_map(|fix| VelocityPair::new(fix, late_s)))
 }
 
 /// Three rounds of weighted directions; from the second one on without directions beyond some standard deviations.
-fn yaw_between(pairs: impl Iterator<Item = (Vector2<f64>, Vector2<f64>, f64)>) -> Option<f64> {
-    let pairs: Vec<_> = pairs.filter(|(odom, world, _)| odom.norm() > 0.0 && world.norm() > 0.0).collect();
+fn yaw_between(pairs: impl Iterator<Item = VelocityPair>) -> Option<f64> {
+    let pairs: Vec<_> = pairs.filter(|pair| pair.odom.norm() > 0.0 && pair.world.norm() > 0.0).collect();
     let mut yaw = None;
     for _ in 0..3 {
         let mut cosine = 0.0;
         let mut sine = 0.0;
-        for (odom, world, sigma) in &pairs {
+        for VelocityPair { odom, world, sigma } in &pairs {
             let weight = yaw.map_or(1.0 / (odom.norm() * world.norm()), |yaw: f64| {
                 let off = (nalgebra::Rotation2::new(yaw) * odom - world).norm() / sigma;
                 (MAX_RESIDUAL.powi(2) / (off * off + MAX_RESIDUAL.powi(2))).powi(2) / (sigma * sigma)

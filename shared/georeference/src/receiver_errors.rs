@@ -6,7 +6,7 @@
 
 use crate::AntennaPosition;
 use crate::fixes::UsedFix;
-use crate::receiver_filter::{is_smoothed, unsmooth};
+use crate::receiver_filter::{FixResidual, is_smoothed, unsmooth};
 use geometry::{Pose, Vector3};
 
 /// The drift of a fix relative to the odometry is measured over this time on either side, ns, and at least to the next
@@ -51,8 +51,9 @@ pub fn correct_positions(
     unsmooth_fixes: bool,
 ) {
     let residual = |p: &AntennaPosition| p.p_in_world - world_from_submap[p.submap] * p.p_in_submap;
-    let stamps = used.iter().map(|fix| fix.stamp);
-    let residuals: Vec<(i64, Vector3<f64>)> = stamps.zip(positions.iter().map(residual)).collect();
+    let residuals = used.iter().zip(positions.iter());
+    let residuals = residuals.map(|(fix, position)| FixResidual { stamp: fix.stamp, residual: residual(position) });
+    let residuals: Vec<FixResidual> = residuals.collect();
     let unsmooths = unsmooth_fixes && is_smoothed(&residuals);
     let noise = independent_noise(&residuals);
     let multipath = multipath_evidence(&residuals, positions, &noise);
@@ -67,12 +68,12 @@ pub fn correct_positions(
         *down *= factor;
         position.sigma_above_m = *down * ABOVE_FACTOR.powf(multipath);
         if !unsmooths || is_by_carrier {
-            let by_height = ACROSS_PER_ABOVE * multipath * residuals[number].1.z.max(0.0);
+            let by_height = ACROSS_PER_ABOVE * multipath * residuals[number].residual.z.max(0.0);
             *east = (*east * factor).hypot(by_height);
             *north = (*north * factor).hypot(by_height);
         } else if let Some(before) = number.checked_sub(1).filter(|n| !used[*n].receiver.is_by_carrier()) {
-            let seconds = (residuals[number].0 - residuals[before].0) as f64 * 1e-9;
-            let change = residuals[number].1 - residuals[before].1;
+            let seconds = (residuals[number].stamp - residuals[before].stamp) as f64 * 1e-9;
+            let change = residuals[number].residual - residuals[before].residual;
             unsmooth(position, &change, seconds, used[number].hdop);
         }
         add_independent(position, &noise);
@@ -81,9 +82,9 @@ pub fn correct_positions(
 
 /// Standard deviations of the errors that are independent from fix to fix, per axis, m, from the second differences. 0
 /// for a smooth sequence.
-fn independent_noise(residuals: &[(i64, Vector3<f64>)]) -> Vector3<f64> {
-    let near = |triple: &&[(i64, Vector3<f64>)]| triple[2].0 - triple[0].0 <= 2 * MAX_NOISE_PAUSE_NANOS;
-    let second_difference = |triple: &[(i64, Vector3<f64>)]| triple[2].1 - triple[1].1 * 2.0 + triple[0].1;
+fn independent_noise(residuals: &[FixResidual]) -> Vector3<f64> {
+    let near = |triple: &&[FixResidual]| triple[2].stamp - triple[0].stamp <= 2 * MAX_NOISE_PAUSE_NANOS;
+    let second_difference = |triple: &[FixResidual]| triple[2].residual - triple[1].residual * 2.0 + triple[0].residual;
     let differences: Vec<Vector3<f64>> = residuals.windows(3).filter(near).map(second_difference).collect();
     Vector3::from_fn(|axis, _| {
         let mut sizes: Vec<f64> = differences.iter().map(|difference| difference[axis].abs()).collect();
@@ -92,30 +93,40 @@ fn independent_noise(residuals: &[(i64, Vector3<f64>)]) -> Vector3<f64> {
     })
 }
 
+/// Sums over the fixes of a time slot.
+struct HeightAverage {
+    slot: i64,
+    /// Sum of the height residuals, m.
+    sum: f64,
+    /// Number of fixes.
+    n: f64,
+    /// Sum of the standard deviations, m.
+    sigmas: f64,
+}
+
 /// Evidence of height errors that last for some seconds, from 0 (none) to 1 (certain).
-fn multipath_evidence(residuals: &[(i64, Vector3<f64>)], positions: &[AntennaPosition], noise: &Vector3<f64>) -> f64 {
-    let Some((first, _)) = residuals.first() else { return 0.0 };
-    // Time slot, sum of the heights, number, and sum of the standard deviations of each average.
-    let mut averages: Vec<(i64, f64, f64, f64)> = Vec::new();
-    for ((stamp, residual), position) in residuals.iter().zip(positions) {
-        let number = (stamp - first) / MULTIPATH_NANOS;
-        match averages.last_mut().filter(|(last, ..)| *last == number) {
-            Some((_, sum, n, sigmas)) => {
-                *sum += residual.z;
-                *n += 1.0;
-                *sigmas += position.sigma_m[2];
+fn multipath_evidence(residuals: &[FixResidual], positions: &[AntennaPosition], noise: &Vector3<f64>) -> f64 {
+    let Some(first) = residuals.first() else { return 0.0 };
+    let mut averages: Vec<HeightAverage> = Vec::new();
+    for (fix, position) in residuals.iter().zip(positions) {
+        let slot = (fix.stamp - first.stamp) / MULTIPATH_NANOS;
+        match averages.last_mut().filter(|last| last.slot == slot) {
+            Some(average) => {
+                average.sum += fix.residual.z;
+                average.n += 1.0;
+                average.sigmas += position.sigma_m[2];
             }
-            None => averages.push((number, residual.z, 1.0, position.sigma_m[2])),
+            None => averages.push(HeightAverage { slot, sum: fix.residual.z, n: 1.0, sigmas: position.sigma_m[2] }),
         }
     }
     if averages.len() < MIN_AVERAGES {
         return 0.0;
     }
     let n = averages.len() as f64;
-    let mean = averages.iter().map(|(_, sum, n, _)| sum / n).sum::<f64>() / n;
-    let variance = averages.iter().map(|(_, sum, n, _)| (sum / n - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let by_noise = averages.iter().map(|(_, _, n, _)| noise.z.powi(2) / n).sum::<f64>() / n;
-    let sigma = averages.iter().map(|(_, _, n, sigmas)| sigmas / n).sum::<f64>() / n;
+    let mean = averages.iter().map(|average| average.sum / average.n).sum::<f64>() / n;
+    let variance = averages.iter().map(|average| (average.sum / average.n - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let by_noise = averages.iter().map(|average| noise.z.powi(2) / average.n).sum::<f64>() / n;
+    let sigma = averages.iter().map(|average| average.sigmas / average.n).sum::<f64>() / n;
     // The variance of a few averages of noise is up to twice its mean.
     let scatter = (variance - 2.0 * by_noise).max(0.0).sqrt() / sigma;
     ((scatter - FREE_SIGMAS) / (MULTIPATH_SIGMAS - FREE_SIGMAS)).clamp(0.0, 1.0)
@@ -136,14 +147,16 @@ fn add_independent(position: &mut AntennaPosition, noise: &Vector3<f64>) {
 }
 
 /// Speed of a fix relative to the submaps in excess of independent noise, m/s; 0 for a single fix.
-fn drift_mps(residuals: &[(i64, Vector3<f64>)], number: usize, noise: &Vector3<f64>) -> f64 {
-    let stamp = residuals[number].0;
-    let n_before = residuals.partition_point(|(at, _)| *at < stamp - DRIFT_NANOS);
-    let n_until = residuals.partition_point(|(at, _)| *at <= stamp + DRIFT_NANOS);
-    let (begin, before) = residuals[n_before.min(number.saturating_sub(1))];
-    let (end, after) = residuals[n_until.max(number + 2).min(residuals.len()) - 1];
+fn drift_mps(residuals: &[FixResidual], number: usize, noise: &Vector3<f64>) -> f64 {
+    let stamp = residuals[number].stamp;
+    let n_before = residuals.partition_point(|fix| fix.stamp < stamp - DRIFT_NANOS);
+    let n_until = residuals.partition_point(|fix| fix.stamp <= stamp + DRIFT_NANOS);
+    let before = residuals[n_before.min(number.saturating_sub(1))];
+    let after = residuals[n_until.max(number + 2).min(residuals.len()) - 1];
     let by_noise = NOISE_DRIFT_QUANTILE * 2.0 * noise.norm_squared();
-    ((after - before).norm_squared() - by_noise).max(0.0).sqrt() / ((end - begin) as f64 * 1e-9).max(1e-3)
+    let moved = after.residual - before.residual;
+    let seconds = ((after.stamp - before.stamp) as f64 * 1e-9).max(1e-3);
+    (moved.norm_squared() - by_noise).max(0.0).sqrt() / seconds
 }
 
 #[cfg(test)]
@@ -155,14 +168,22 @@ mod tests {
     /// Standard deviation towards east at a dilution of 1, m.
     const SIGMA_M: f64 = 0.2;
 
-    /// Corrected fixes on a straight path at a dilution of 1. Each input is a second and the error towards east.
-    fn corrected(fixes: &[(i64, f64)]) -> Vec<AntennaPosition> {
+    /// A fix on a straight path.
+    #[derive(Clone, Copy)]
+    struct TestFix {
+        second: i64,
+        /// Towards east, m.
+        error: f64,
+    }
+
+    /// Corrected fixes at a dilution of 1.
+    fn corrected(fixes: &[TestFix]) -> Vec<AntennaPosition> {
         corrected_with(fixes, 1.0, false, true)
     }
 
-    fn corrected_with(fixes: &[(i64, f64)], hdop: f64, by_carrier: bool, unsmooth: bool) -> Vec<AntennaPosition> {
+    fn corrected_with(fixes: &[TestFix], hdop: f64, by_carrier: bool, unsmooth: bool) -> Vec<AntennaPosition> {
         let at = |second: i64| Point3::new(8.0 * second as f64, 0.0, 1.8);
-        let position = |(second, error): &(i64, f64)| AntennaPosition {
+        let position = |TestFix { second, error }: &TestFix| AntennaPosition {
             submap: 0,
             p_in_submap: at(*second),
             p_in_world: world_from_submap() * at(*second) + Vector3::x() * *error,
@@ -172,7 +193,7 @@ mod tests {
             tolerance_m: 0.0,
         };
         let mut positions: Vec<AntennaPosition> = fixes.iter().map(position).collect();
-        let used = |(second, _): &(i64, f64)| UsedFix::for_test(*second, hdop, by_carrier);
+        let used = |TestFix { second, .. }: &TestFix| UsedFix::for_test(*second, hdop, by_carrier);
         let used: Vec<UsedFix> = fixes.iter().map(used).collect();
         correct_positions(&used.iter().collect::<Vec<_>>(), &mut positions, &[world_from_submap()], unsmooth);
         positions
@@ -183,12 +204,12 @@ mod tests {
     }
 
     /// Factors by which the standard deviations of the heights grow.
-    fn factors(fixes: &[(i64, f64)]) -> Vec<f64> {
+    fn factors(fixes: &[TestFix]) -> Vec<f64> {
         corrected(fixes).iter().map(|p| p.sigma_m[2] / 0.4).collect()
     }
 
     /// Remaining errors towards east.
-    fn errors(fixes: &[(i64, f64)]) -> Vec<f64> {
+    fn errors(fixes: &[TestFix]) -> Vec<f64> {
         corrected(fixes).iter().map(error).collect()
     }
 
@@ -206,11 +227,11 @@ mod tests {
     }
 
     /// Fixes of a smoothing receiver whose unsmoothed positions are exact, but 8 m off for 40 of 140 seconds.
-    fn smoothed(gain_per_s: f64) -> Vec<(i64, f64)> {
+    fn smoothed(gain_per_s: f64) -> Vec<TestFix> {
         let mut filtered = 0.0;
         let follow = |second: i64| {
             filtered += (1.0 - (-gain_per_s).exp()) * (jump(second) - filtered);
-            (second, filtered)
+            TestFix { second, error: filtered }
         };
         (0..140).map(follow).collect()
     }
@@ -222,8 +243,8 @@ mod tests {
     #[test]
     fn unsmoothing_recovers_the_fixes_behind_the_filter() {
         let fixes = smoothed(GAIN_PER_S);
-        assert!(fixes[90].1 > 1.5, "ten seconds after");
-        for ((second, _), error) in fixes.iter().zip(errors(&fixes)) {
+        assert!(fixes[90].error > 1.5, "ten seconds after");
+        for (TestFix { second, .. }, error) in fixes.iter().zip(errors(&fixes)) {
             assert!((error - jump(*second)).abs() < 1e-9, "{second} s: {error} m");
         }
         let corrected = corrected(&fixes);
@@ -235,7 +256,7 @@ mod tests {
     fn smoothed_fixes_keep_their_positions_unless_unsmoothing_is_set() {
         let fixes = smoothed(GAIN_PER_S);
         let kept = corrected_with(&fixes, 1.0, false, false);
-        for ((second, before), position) in fixes.iter().zip(&kept) {
+        for (TestFix { second, error: before }, position) in fixes.iter().zip(&kept) {
             assert!((before - error(position)).abs() < 1e-9, "{second} s");
             assert!((position.sigma_m[0] / SIGMA_M - position.sigma_m[2] / 0.4).abs() < 0.05, "{second} s");
         }
@@ -246,13 +267,15 @@ mod tests {
     fn unsmoothing_with_another_gain_and_noise_still_reduces_the_error() {
         let noise = |second: i64| ((second * 7919 % 13) as f64 - 6.0) * 0.01;
         for gain_per_s in [0.10, 0.20] {
-            let fixes: Vec<(i64, f64)> =
-                smoothed(gain_per_s).into_iter().map(|(second, error)| (second, error + noise(second))).collect();
+            let fixes: Vec<TestFix> = smoothed(gain_per_s)
+                .into_iter()
+                .map(|fix| TestFix { error: fix.error + noise(fix.second), ..fix })
+                .collect();
             let rms = |errors: &[f64]| {
-                let off = errors.iter().zip(&fixes).map(|(error, (second, _))| (error - jump(*second)).powi(2));
+                let off = errors.iter().zip(&fixes).map(|(error, fix)| (error - jump(fix.second)).powi(2));
                 (off.sum::<f64>() / errors.len() as f64).sqrt()
             };
-            let before: Vec<f64> = fixes.iter().map(|(_, error)| *error).collect();
+            let before: Vec<f64> = fixes.iter().map(|fix| fix.error).collect();
             let before = rms(&before);
             let after = rms(&errors(&fixes));
             assert!(after < 0.6 * before, "gain {gain_per_s}: {after} m instead of {before}");
@@ -272,11 +295,11 @@ mod tests {
                 let mut filtered = 0.0;
                 let follow = |second: i64| {
                     filtered = (-GAIN_PER_S / hdop).exp() * (filtered + SPEED_ERROR_MPS * hdop * gauss(stream, second));
-                    (second, filtered)
+                    TestFix { second, error: filtered }
                 };
-                let fixes: Vec<(i64, f64)> = (0..300).map(follow).collect();
+                let fixes: Vec<TestFix> = (0..300).map(follow).collect();
                 let corrected = corrected_with(&fixes, hdop, false, true);
-                before += rms(fixes.iter().map(|fix| fix.1)) / 10.0;
+                before += rms(fixes.iter().map(|fix| fix.error)) / 10.0;
                 after += rms(corrected.iter().map(error)) / 10.0;
                 normalized += rms(corrected.iter().map(|p| error(p) / p.sigma_m[0])) / 10.0;
             }
@@ -293,9 +316,10 @@ mod tests {
     /// Errors of 5 cm that change within a minute have short steps, similar to the output of a filter.
     #[test]
     fn carrier_phase_fixes_keep_their_positions() {
-        let fixes: Vec<(i64, f64)> = (0..140).map(|second| (second, 0.05 * (second as f64 * 0.1).sin())).collect();
+        let fixes: Vec<TestFix> =
+            (0..140).map(|second| TestFix { second, error: 0.05 * (second as f64 * 0.1).sin() }).collect();
         let corrected = corrected_with(&fixes, 1.0, true, true);
-        for ((_, before), after) in fixes.iter().zip(corrected.iter().map(error)) {
+        for (TestFix { error: before, .. }, after) in fixes.iter().zip(corrected.iter().map(error)) {
             assert!((before - after).abs() < 1e-9);
         }
     }
@@ -316,9 +340,9 @@ mod tests {
         for stream in 0..20_i64 {
             // 1.5 m that change within five minutes, and noise whose steps are a tenth of that.
             let slow = |second: i64| 1.5 * (second as f64 * 0.02 + stream as f64).sin();
-            let noisy = |second: i64| (second, slow(second) + 0.1 * noise(second + 1000 * stream));
-            let fixes: Vec<(i64, f64)> = (0..300).map(noisy).collect();
-            let before = rms(fixes.iter().map(|fix| fix.1));
+            let noisy = |second: i64| TestFix { second, error: slow(second) + 0.1 * noise(second + 1000 * stream) };
+            let fixes: Vec<TestFix> = (0..300).map(noisy).collect();
+            let before = rms(fixes.iter().map(|fix| fix.error));
             let after = rms(errors(&fixes).into_iter());
             assert!(after < 1.001 * before, "{stream}: {after} m instead of {before}");
         }
@@ -326,9 +350,9 @@ mod tests {
 
     #[test]
     fn independent_errors_get_larger_deviations_and_average_out() {
-        let noise = |second: i64| (second, 3.7 * gauss(77, second));
-        let fixes: Vec<(i64, f64)> = (0..50).map(noise).collect();
-        for ((_, before), after) in fixes.iter().zip(errors(&fixes)) {
+        let noise = |second: i64| TestFix { second, error: 3.7 * gauss(77, second) };
+        let fixes: Vec<TestFix> = (0..50).map(noise).collect();
+        for (TestFix { error: before, .. }, after) in fixes.iter().zip(errors(&fixes)) {
             assert!((before - after).abs() < 1e-9);
         }
         let corrected = corrected(&fixes);
@@ -342,8 +366,8 @@ mod tests {
     fn drifting_fixes_get_larger_deviations_and_constant_errors_do_not() {
         // Drifts by 0.35 m/s from the tenth second on and stays 3.5 m off; then a pause, and two single fixes.
         let error = |second: i64| 0.35 * (second - 10).clamp(0, 10) as f64;
-        let mut fixes: Vec<(i64, f64)> = (0..30).map(|second| (second, error(second))).collect();
-        fixes.extend([(60, 3.5), (90, 33.5)]);
+        let mut fixes: Vec<TestFix> = (0..30).map(|second| TestFix { second, error: error(second) }).collect();
+        fixes.extend([TestFix { second: 60, error: 3.5 }, TestFix { second: 90, error: 33.5 }]);
         let factors = factors(&fixes);
         for steady in (0..=8).chain(22..30) {
             assert!((factors[steady] - 1.0).abs() < 1e-9, "{steady}: {}", factors[steady]);
@@ -395,7 +419,7 @@ mod tests {
 
     #[test]
     fn single_fix_keeps_the_deviation_of_its_receiver() {
-        assert_eq!(factors(&[(5, 2.0)]), [1.0]);
+        assert_eq!(factors(&[TestFix { second: 5, error: 2.0 }]), [1.0]);
         assert!(factors(&[]).is_empty());
     }
 }

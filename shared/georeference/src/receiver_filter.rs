@@ -22,13 +22,21 @@ const MAX_REVERSALS: f64 = 0.6;
 /// Up to this dilution the reported standard deviations are valid for unsmoothed positions.
 const MAX_RELIABLE_HDOP: f64 = 2.0;
 
+/// Difference between a fix and the position of the antenna by the submaps.
+#[derive(Clone, Copy)]
+pub struct FixResidual {
+    pub stamp: i64,
+    /// World axes, m.
+    pub residual: Vector3<f64>,
+}
+
 /// Whether the receiver smooths, judged from the residuals of its fixes relative to the submaps. Steps between
 /// independent errors are 1.4 times as long as the errors; the steps of the simulated receiver are 0.15 to 0.2 times as
 /// long. A slowly changing error also has short steps, but the steps of the noise on it reverse.
-pub fn is_smoothed(residuals: &[(i64, Vector3<f64>)]) -> bool {
-    let center = [0, 1].map(|axis| median(residuals.iter().map(|(_, residual)| residual[axis])));
-    let errors = residuals.iter().map(|(_, residual)| (residual.x - center[0]).hypot(residual.y - center[1]));
-    let steps: Vec<_> = residuals.windows(2).map(|pair| (pair[1].1 - pair[0].1).xy()).collect();
+pub fn is_smoothed(residuals: &[FixResidual]) -> bool {
+    let center = [0, 1].map(|axis| median(residuals.iter().map(|fix| fix.residual[axis])));
+    let errors = residuals.iter().map(|fix| (fix.residual.x - center[0]).hypot(fix.residual.y - center[1]));
+    let steps: Vec<_> = residuals.windows(2).map(|pair| (pair[1].residual - pair[0].residual).xy()).collect();
     let n_reversals = steps.windows(2).filter(|pair| pair[0].dot(&pair[1]) < 0.0).count();
     let reverses = n_reversals as f64 > MAX_REVERSALS * (steps.len() as f64 - 1.0);
     median(steps.iter().map(nalgebra::Matrix::norm)) < MAX_STEP_SHARE * median(errors) && !reverses

@@ -9,31 +9,38 @@ const KEPT_NANOS: i64 = 3_000_000_000;
 /// Velocities are means over twice this time, ns: a position error of 1 cm then becomes 2 cm/s.
 pub(crate) const HALF_SPAN_NANOS: i64 = 250_000_000;
 
-/// `odom_from_body` by stamp; stamps never decrease.
+/// Poses of the last seconds; stamps never decrease.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct RecentPath(Vec<(i64, Pose)>);
+pub(crate) struct RecentPath(Vec<TimedPose>);
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct TimedPose {
+    stamp: i64,
+    odom_from_body: Pose,
+}
 
 impl RecentPath {
     pub fn push(&mut self, stamp: i64, odom_from_body: Pose) {
-        self.0.push((stamp, odom_from_body));
-        let keep_from = self.0.partition_point(|(at, _)| *at < stamp - KEPT_NANOS);
+        self.0.push(TimedPose { stamp, odom_from_body });
+        let keep_from = self.0.partition_point(|pose| pose.stamp < stamp - KEPT_NANOS);
         self.0.drain(..keep_from);
     }
     pub fn first(&self) -> Option<i64> {
-        self.0.first().map(|(stamp, _)| *stamp)
+        self.0.first().map(|pose| pose.stamp)
     }
     pub fn last(&self) -> Option<i64> {
-        self.0.last().map(|(stamp, _)| *stamp)
+        self.0.last().map(|pose| pose.stamp)
     }
     /// Interpolated pose; `None` before the first and after the last pose.
     pub fn at(&self, stamp: i64) -> Option<Pose> {
-        let after = self.0.partition_point(|(at, _)| *at < stamp);
-        let (end, b) = self.0.get(after)?;
-        if *end == stamp {
-            return Some(*b);
+        let after = self.0.partition_point(|pose| pose.stamp < stamp);
+        let end = self.0.get(after)?;
+        if end.stamp == stamp {
+            return Some(end.odom_from_body);
         }
-        let (begin, a) = self.0.get(after.checked_sub(1)?)?;
-        Some(interpolate(a, b, (stamp - begin) as f64 / (end - begin) as f64))
+        let begin = self.0.get(after.checked_sub(1)?)?;
+        let share = (stamp - begin.stamp) as f64 / (end.stamp - begin.stamp) as f64;
+        Some(interpolate(&begin.odom_from_body, &end.odom_from_body, share))
     }
     /// Mean velocity of a point of the body around a stamp, odom axes, m/s. At either end of the path the mean is over
     /// the available part.

@@ -1,7 +1,7 @@
 //! Blobs: nearby points of a class within one time slice. A moving object is not smeared within a slice.
 
 use crate::candidates::Candidate;
-use crate::sets::Sets;
+use crate::sets::{SetNumbers, Sets};
 use crate::top_view::TopView;
 use messages::{POINT_DYNAMIC, SubmapPoint};
 
@@ -48,20 +48,20 @@ impl Blobs {
         let key = |(idx, candidate): (usize, &Candidate)| {
             let slice = (candidate.time.saturating_sub(begin) / SLICE_NANOS).min(MAX_SLICE) as CoarseCell;
             let [row, col] = [candidate.cell.0, candidate.cell.1].map(|at| (at / width) as CoarseCell);
-            (slice * SLICE + row * ROW + col, idx as u32)
+            CandidateCell { cell: slice * SLICE + row * ROW + col, candidate_idx: idx as u32 }
         };
-        let mut keys: Vec<(CoarseCell, u32)> = candidates.iter().enumerate().map(key).collect();
+        let mut keys: Vec<CandidateCell> = candidates.iter().enumerate().map(key).collect();
         keys.sort_unstable();
-        let cells: Vec<(CoarseCell, &[(CoarseCell, u32)])> =
-            keys.chunk_by(|a, b| a.0 == b.0).map(|members| (members[0].0, members)).collect();
-        let (blob_of_cell, n) = connected(&cells);
+        let members_by_cell: Vec<&[CandidateCell]> = keys.chunk_by(|a, b| a.cell == b.cell).collect();
+        let cells: Vec<CoarseCell> = members_by_cell.iter().map(|members| members[0].cell).collect();
+        let SetNumbers { by_member: blob_of_cell, n } = connected(&cells);
 
         let mut all = vec![Blob::default(); n];
         let mut of_candidate = vec![0; candidates.len()];
-        for (&(cell, members), &number) in cells.iter().zip(&blob_of_cell) {
+        for ((&cell, &members), &number) in cells.iter().zip(&members_by_cell).zip(&blob_of_cell) {
             let blob = &mut all[number as usize];
             blob.slice = (cell / SLICE) as u32;
-            for &(_, idx) in members {
+            for &CandidateCell { candidate_idx: idx, .. } in members {
                 let candidate = &candidates[idx as usize];
                 let point = &points[candidate.point_idx as usize];
                 blob.center[0] += f64::from(point.x);
@@ -80,13 +80,20 @@ impl Blobs {
     }
 }
 
+/// A candidate in its cell; ordered by cell.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct CandidateCell {
+    cell: CoarseCell,
+    candidate_idx: u32,
+}
+
 /// Number of the blob of each coarse cell: eight-connected cells of one slice. `cells` are sorted.
-fn connected<T>(cells: &[(CoarseCell, T)]) -> (Vec<u32>, usize) {
+fn connected(cells: &[CoarseCell]) -> SetNumbers {
     let mut sets = Sets::new(cells.len());
-    for (idx, &(cell, _)) in cells.iter().enumerate() {
+    for (idx, &cell) in cells.iter().enumerate() {
         // The other neighbors are visited from their side.
         for neighbor in [cell + 1, cell + ROW - 1, cell + ROW, cell + ROW + 1] {
-            if let Ok(other) = cells.binary_search_by_key(&neighbor, |cell| cell.0) {
+            if let Ok(other) = cells.binary_search(&neighbor) {
                 sets.union(idx, other);
             }
         }

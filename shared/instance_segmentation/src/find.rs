@@ -5,6 +5,7 @@ use crate::footprints::Footprints;
 use crate::joining::join;
 use crate::movers::Movers;
 use crate::object::Object;
+use crate::sets::SetNumbers;
 use crate::settings::{FootprintSettings, Kind};
 use crate::top_view::TopView;
 use crate::visits::{END_WINDOW_NANOS, Visits};
@@ -36,11 +37,12 @@ fn in_place(view: &TopView, candidates: Vec<Candidate>, kind: &Kind, settings: &
     let is_timed = settings.apart_s > 0.0;
     let apart_nanos = if is_timed { (settings.apart_s * 1e9) as i64 } else { i64::MAX };
     let visits = Visits::from_footprints(&footprints, apart_nanos);
-    let (numbers, n) = if is_timed {
+    let SetNumbers { by_member: numbers, n } = if is_timed {
         // Dilated cells touch up to this distance.
         visits.groups(&footprints, apart_nanos, 2 * view.in_cells(settings.dilation_m) + 1)
     } else {
-        (visits.all.iter().map(|visit| footprints.parts[visit.cell] - 1).collect(), footprints.n)
+        let parts = visits.all.iter().map(|visit| footprints.parts[visit.cell] - 1);
+        SetNumbers { by_member: parts.collect(), n: footprints.n }
     };
     let mut objects: Vec<Object> = (0..n).map(|_| Object::empty()).collect();
     for (visit, &number) in visits.all.iter().zip(&numbers) {

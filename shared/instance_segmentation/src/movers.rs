@@ -3,7 +3,7 @@
 use crate::blobs::{Blob, Blobs};
 use crate::candidates::Candidate;
 use crate::object::{Motion, Object, Waypoint, united};
-use crate::sets::Sets;
+use crate::sets::{SetNumbers, Sets};
 use crate::settings::Kind;
 use crate::top_view::TopView;
 use crate::tracks::{Track, follow};
@@ -27,9 +27,16 @@ const SHARE_OF_PIECE: f64 = 0.5;
 
 /// The moving objects of a class.
 pub(crate) struct Movers {
-    /// Number of the mover of each point of the class, sorted by points. Points of static objects have no entry.
-    of_point: Vec<(u32, u32)>,
+    /// The points of movers, sorted by index.
+    points: Vec<MoverPoint>,
     motions: Vec<Motion>,
+}
+
+/// A point of a mover.
+struct MoverPoint {
+    point_idx: u32,
+    /// Number of the mover.
+    mover: u32,
 }
 
 impl Movers {
@@ -41,7 +48,7 @@ impl Movers {
         kind: &Kind,
     ) -> Self {
         if kind.max_speed_mps == 0.0 {
-            return Self { of_point: Vec::new(), motions: Vec::new() };
+            return Self { points: Vec::new(), motions: Vec::new() };
         }
         let blobs = Blobs::from_candidates(view, points, candidates, link_m);
         let mut tracks = follow(&blobs.all, kind.max_speed_mps);
@@ -61,7 +68,7 @@ impl Movers {
                 }
             }
         }
-        let (numbers, n) = sets.numbers();
+        let SetNumbers { by_member: numbers, n } = sets.numbers();
         let motions = (0..n as u32).filter_map(|mover| {
             motion(paths.iter().zip(&numbers).filter(|(_, number)| **number == mover).map(|(path, _)| path))
         });
@@ -70,8 +77,10 @@ impl Movers {
         for (track, &number) in tracks.iter().zip(&numbers) {
             track.blobs.iter().for_each(|&blob| of_blob[blob] = Some(number));
         }
-        let mover = |(candidate, &blob): (&Candidate, &u32)| Some((candidate.point_idx, of_blob[blob as usize]?));
-        Self { of_point: candidates.iter().zip(&blobs.of_candidate).filter_map(mover).collect(), motions }
+        let mover_point = |(candidate, &blob): (&Candidate, &u32)| {
+            Some(MoverPoint { point_idx: candidate.point_idx, mover: of_blob[blob as usize]? })
+        };
+        Self { points: candidates.iter().zip(&blobs.of_candidate).filter_map(mover_point).collect(), motions }
     }
 
     /// Unites the objects of each mover.
@@ -82,8 +91,8 @@ impl Movers {
         for (idx, object) in objects.iter_mut().enumerate() {
             n_of_mover.fill(0);
             for point in &object.points {
-                if let Ok(found) = self.of_point.binary_search_by_key(point, |entry| entry.0) {
-                    n_of_mover[self.of_point[found].1 as usize] += 1;
+                if let Ok(found) = self.points.binary_search_by_key(point, |mover_point| mover_point.point_idx) {
+                    n_of_mover[self.points[found].mover as usize] += 1;
                 }
             }
             let largest = n_of_mover.iter().enumerate().max_by_key(|(mover, n)| (**n, std::cmp::Reverse(*mover)));

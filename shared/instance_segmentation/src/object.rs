@@ -1,7 +1,7 @@
 //! Objects of a submap: their points, footprints and motion.
 
 use crate::footprint::Footprint;
-use crate::sets::Sets;
+use crate::sets::{SetNumbers, Sets};
 use crate::top_view::Cell;
 use serde::{Deserialize, Serialize};
 
@@ -71,7 +71,7 @@ impl Object {
 
 /// One object for each set, in the order of first members.
 pub(crate) fn united(objects: Vec<Object>, sets: &mut Sets) -> Vec<Object> {
-    let (numbers, n) = sets.numbers();
+    let SetNumbers { by_member: numbers, n } = sets.numbers();
     let mut joined: Vec<Option<Object>> = (0..n).map(|_| None).collect();
     for (object, &number) in objects.into_iter().zip(&numbers) {
         match &mut joined[number as usize] {

@@ -1,17 +1,28 @@
 //! Disjoint sets.
 
 /// Disjoint sets, each named by its first member.
-pub(crate) struct Sets(pub(crate) Vec<u32>);
+pub(crate) struct Sets {
+    /// A member of the same set that is not later.
+    pub(crate) parents: Vec<u32>,
+}
+
+/// Numbers of disjoint sets, from 0.
+pub(crate) struct SetNumbers {
+    /// Number of the set of each member.
+    pub(crate) by_member: Vec<u32>,
+    /// Number of sets.
+    pub(crate) n: usize,
+}
 
 impl Sets {
     pub(crate) fn new(n: usize) -> Self {
-        Self((0..n as u32).collect())
+        Self { parents: (0..n as u32).collect() }
     }
     pub(crate) fn find(&mut self, member: usize) -> usize {
         let mut at = member;
-        while self.0[at] as usize != at {
-            self.0[at] = self.0[self.0[at] as usize];
-            at = self.0[at] as usize;
+        while self.parents[at] as usize != at {
+            self.parents[at] = self.parents[self.parents[at] as usize];
+            at = self.parents[at] as usize;
         }
         at
     }
@@ -23,12 +34,12 @@ impl Sets {
     pub(crate) fn union_firsts(&mut self, first: usize, member: usize) -> usize {
         let other = self.find(member);
         let before = first.min(other);
-        self.0[first.max(other)] = before as u32;
+        self.parents[first.max(other)] = before as u32;
         before
     }
-    /// Number of the set of each member, in the order of first members, and the number of sets.
-    pub(crate) fn numbers(&mut self) -> (Vec<u32>, usize) {
-        let mut numbers = vec![0; self.0.len()];
+    /// Numbers the sets in the order of first members.
+    pub(crate) fn numbers(&mut self) -> SetNumbers {
+        let mut numbers = vec![0; self.parents.len()];
         let mut n = 0;
         for member in 0..numbers.len() {
             let first = self.find(member);
@@ -39,6 +50,6 @@ impl Sets {
                 numbers[member] = numbers[first];
             }
         }
-        (numbers, n as usize)
+        SetNumbers { by_member: numbers, n: n as usize }
     }
 }

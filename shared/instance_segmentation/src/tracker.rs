@@ -31,8 +31,12 @@ pub struct Tracker {
     objects: Vec<TrackedObject>,
 }
 
-/// Column and row of a cell: x and y in odom over `CELL_M`, rounded down.
-type OdomCell = (i32, i32);
+/// Coordinates in odom over `CELL_M`, rounded down; ordered by x.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+struct OdomCell {
+    x: i32,
+    y: i32,
+}
 
 /// Footprint of an object in odom.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -55,7 +59,7 @@ impl TrackedObject {
         let odom_cell = |&(row, col): &(usize, usize)| {
             let (x, y) = grid.center(row, col);
             let p_in_odom = odom_from_submap * Point3::new(x, y, 0.0);
-            ((p_in_odom.x / CELL_M).floor() as i32, (p_in_odom.y / CELL_M).floor() as i32)
+            OdomCell { x: (p_in_odom.x / CELL_M).floor() as i32, y: (p_in_odom.y / CELL_M).floor() as i32 }
         };
         let motion = object.motion.map(|Motion { first, last, velocity: [vx, vy] }| {
             let place = |Waypoint { nanos, center: [x, y] }| {
@@ -75,7 +79,8 @@ impl TrackedObject {
 
     /// Agreement of the predicted center of this object with the first center of `later`: 1 exactly, 0 at the gate.
     fn predicts(&self, later: &Self) -> f64 {
-        let (Some(motion), Some(next)) = (self.motion, later.motion) else { return 0.0 };
+        let Some(motion) = self.motion else { return 0.0 };
+        let Some(next) = later.motion else { return 0.0 };
         let seconds = (next.first.nanos - motion.last.nanos).max(0) as f64 * 1e-9;
         let velocity = motion.velocity;
         let off = |axis: usize| motion.last.center[axis] + velocity[axis] * seconds - next.first.center[axis];
@@ -100,27 +105,36 @@ impl TrackedObject {
     }
 }
 
+/// A new object that may be an old one.
+struct Association {
+    /// Overlap, or agreement with the prediction.
+    share: f64,
+    new_idx: usize,
+    old_idx: usize,
+}
+
 impl Tracker {
     /// Ids of the objects that were observed before. An id is assigned at most once, to the object with the largest overlap, or the
     /// first of equal ones.
     pub fn associate(&self, objects: &[TrackedObject], min_overlap: f64) -> Vec<Option<u32>> {
-        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        let mut pairs: Vec<Association> = Vec::new();
         for (new_idx, new) in objects.iter().enumerate() {
             for (old_idx, old) in self.objects.iter().enumerate() {
-                let share = if old.rows_overlap(new) || (old.motion.is_some() && new.motion.is_some()) {
+                let share = if old.x_ranges_overlap(new) || (old.motion.is_some() && new.motion.is_some()) {
                     old.overlap_with(new)
                 } else {
                     0.0
                 };
                 if share > 0.0 && share >= min_overlap {
-                    pairs.push((share, new_idx, old_idx));
+                    pairs.push(Association { share, new_idx, old_idx });
                 }
             }
         }
-        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let in_order = |pair: &Association| (pair.new_idx, pair.old_idx);
+        pairs.sort_by(|a, b| b.share.total_cmp(&a.share).then(in_order(a).cmp(&in_order(b))));
         let mut ids = vec![None; objects.len()];
         let mut is_taken = vec![false; self.objects.len()];
-        for (_, new_idx, old_idx) in pairs {
+        for Association { new_idx, old_idx, .. } in pairs {
             if ids[new_idx].is_none() && !is_taken[old_idx] {
                 ids[new_idx] = Some(self.objects[old_idx].id);
                 is_taken[old_idx] = true;
@@ -144,12 +158,11 @@ impl Tracker {
 }
 
 impl TrackedObject {
-    /// Whether the row ranges of the two footprints overlap. A fast test: most pairs are far apart, and cells are sorted by row.
-    fn rows_overlap(&self, other: &Self) -> bool {
-        let ends = |object: &Self| {
-            let cells = &object.footprint.all;
-            cells.first().zip(cells.last()).map(|(first, last)| (first.0, last.0))
-        };
-        ends(self).zip(ends(other)).is_some_and(|(a, b)| a.0 <= b.1 && b.0 <= a.1)
+    /// Whether the ranges of x of the two footprints overlap. A fast test: most pairs are far apart, and cells are sorted by x.
+    fn x_ranges_overlap(&self, other: &Self) -> bool {
+        let range = |object: &Self| Some([object.footprint.all.first()?.x, object.footprint.all.last()?.x]);
+        range(self)
+            .zip(range(other))
+            .is_some_and(|([low_a, high_a], [low_b, high_b])| low_a <= high_b && low_b <= high_a)
     }
 }

@@ -54,6 +54,13 @@ fn seconds_between(earlier: &Blob, later: &Blob) -> f64 {
     ((later.nanos - earlier.nanos) as f64 * 1e-9).max(0.01)
 }
 
+/// A blob that may continue a track.
+struct Continuation {
+    distance: f64,
+    track: usize,
+    blob: usize,
+}
+
 /// All tracks, in the order of their first blobs. Blobs are in the order of slices.
 pub(crate) fn follow(blobs: &[Blob], max_speed_mps: f64) -> Vec<Track> {
     let mut tracks: Vec<Track> = Vec::new();
@@ -66,20 +73,22 @@ pub(crate) fn follow(blobs: &[Blob], max_speed_mps: f64) -> Vec<Track> {
         };
         let now = slice.iter().map(|blob| blob.nanos).min().unwrap_or_default();
         active.retain(|&track| is_recent(&tracks[track], now));
-        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        let mut pairs: Vec<Continuation> = Vec::new();
         for (idx, blob) in (first..).zip(slice) {
             for &track in &active {
                 if let Some(distance) = tracks[track].distance(blob, blobs, max_speed_mps) {
-                    pairs.push((distance, track, idx));
+                    pairs.push(Continuation { distance, track, blob: idx });
                 }
             }
         }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let in_order = |pair: &Continuation| (pair.track, pair.blob);
+        pairs.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(in_order(a).cmp(&in_order(b))));
         let mut is_taken = vec![false; slice.len()];
         let mut is_continued = vec![false; tracks.len()];
-        for (_, track, idx) in pairs {
+        for Continuation { track, blob: idx, .. } in pairs {
             if !is_taken[idx - first] && !is_continued[track] {
-                (is_taken[idx - first], is_continued[track]) = (true, true);
+                is_taken[idx - first] = true;
+                is_continued[track] = true;
                 tracks[track].add(idx, blobs);
             }
         }

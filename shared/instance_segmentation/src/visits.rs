@@ -10,7 +10,7 @@
 use crate::candidates::Candidate;
 use crate::footprint::{Footprint, overlap};
 use crate::footprints::Footprints;
-use crate::sets::Sets;
+use crate::sets::{SetNumbers, Sets};
 use crate::top_view::Cell;
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -67,13 +67,13 @@ impl Visits {
         Self { all, of_candidate, latest }
     }
 
-    /// Group of each visit, from 0, and the number of groups. Cells up to `reach` cells apart are neighbors.
-    pub(crate) fn groups(&self, footprints: &Footprints, apart_nanos: i64, reach: usize) -> (Vec<u32>, usize) {
+    /// Groups of the visits. Cells up to `reach` cells apart are neighbors.
+    pub(crate) fn groups(&self, footprints: &Footprints, apart_nanos: i64, reach: usize) -> SetNumbers {
         let mut sets = Sets::new(self.all.len());
         link_neighbors(&self.all, &self.latest, &footprints.parts, apart_nanos, reach, &mut sets);
-        let (mut group_of_visit, n) = sets.numbers();
-        let n = join_standing(&self.all, &mut group_of_visit, n, footprints);
-        (group_of_visit, n)
+        let mut groups = sets.numbers();
+        groups.n = join_standing(&self.all, &mut groups.by_member, groups.n, footprints);
+        groups
     }
 }
 
@@ -101,7 +101,7 @@ fn link_neighbors(
                     let visit_there = &visits[other as usize];
                     let pause = (visit_there.begin - visit.end).max(visit.begin - visit_there.end);
                     // Most neighbors are in the set already.
-                    if pause <= apart_nanos && sets.0[other as usize] as usize != first {
+                    if pause <= apart_nanos && sets.parents[other as usize] as usize != first {
                         first = sets.union_firsts(first, other as usize);
                     }
                     other = visit_there.before;
@@ -149,7 +149,7 @@ fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footpri
             }
         }
     }
-    let (numbers, n) = sets.numbers();
+    let SetNumbers { by_member: numbers, n } = sets.numbers();
     for group in group_of_visit {
         *group = numbers[*group as usize];
     }

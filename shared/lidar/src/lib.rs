@@ -48,7 +48,7 @@ pub use model::Model;
 pub use other_model::OtherModel;
 pub use sensor::{Lidar, Origin};
 pub use stats::LidarStats;
-pub use sweeps::{SliceInfo, SlicePoll, SweepError, SweepInfo, SweepPoll, SweepPosition, SweepReader};
+pub use sweeps::{PacketArrival, SliceInfo, SlicePoll, SweepError, SweepInfo, SweepPoll, SweepPosition, SweepReader};
 
 pub(crate) use blocks::{Blocks, MAX_BLOCKS};
 pub(crate) use calibration::BeamAngles;

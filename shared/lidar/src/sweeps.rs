@@ -101,6 +101,15 @@ struct PacketPosition {
     block: usize,
 }
 
+/// Times of a data packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PacketArrival {
+    /// By the clock of the sensor.
+    pub stamp: Stamp,
+    /// By the clock of the host.
+    pub captured: Stamp,
+}
+
 /// Reads the sweeps of a recording.
 #[derive(Debug)]
 pub struct SweepReader {
@@ -124,8 +133,8 @@ pub struct SweepReader {
     /// Packets lost inside that sweep so far.
     lost_packets: u64,
     fixes: Vec<Fix>,
-    /// Stamp and capture time of the packet with the least delay.
-    arrival: Option<(Stamp, Stamp)>,
+    /// The packet with the least delay.
+    arrival: Option<PacketArrival>,
     /// The slice being read.
     slice: Option<SliceInfo>,
     /// Senders and ports of the other LiDARs of the drive.
@@ -299,9 +308,9 @@ impl SweepReader {
         std::mem::take(&mut self.fixes)
     }
 
-    /// Stamp and capture time of the data packet with the smallest delay from stamp to capture, among those read since
-    /// the last call. The difference is the offset of the clocks of sensor and host, and the delay of the network.
-    pub fn take_arrival(&mut self) -> Option<(Stamp, Stamp)> {
+    /// The data packet with the smallest delay from stamp to capture, among those read since the last call. The
+    /// difference is the offset of the clocks of sensor and host, and the delay of the network.
+    pub fn take_arrival(&mut self) -> Option<PacketArrival> {
         self.arrival.take()
     }
 

@@ -34,7 +34,8 @@ pub(crate) type Answer = Result<(), String>;
 pub fn start(
     peer: &str,
     program: &StageProgram,
-    (sender, receiver): (&mut Sender, &mut Receiver),
+    sender: &mut Sender,
+    receiver: &mut Receiver,
 ) -> Result<(), LinkError> {
     let ended = |source| LinkError::Ended { peer: peer.to_owned(), source };
     send(sender, program).map_err(ended)?;

@@ -2,7 +2,7 @@
 
 use crate::{
     GroundVelocity, ImlsOdometry, ImlsSettings, ImlsState, InertialSample, LocalMap, Odometry, OdometrySettings,
-    OdometryState, Registered, RegistrationError, SpinDirection, Sweep,
+    OdometryState, Registered, RegistrationError, Revolution, SpinDirection, Sweep,
 };
 use geometry::{Pose, Stamp};
 use serde::{Deserialize, Serialize};
@@ -81,8 +81,8 @@ impl SelectedOdometry {
             Self::Imls(_) => None,
         }
     }
-    /// Spin direction and revolution time of the next sweep, see [`Odometry::turning_at`].
-    pub fn turning_at(&self, stamp: Stamp) -> Option<(SpinDirection, u32)> {
+    /// The revolution of the next sweep, see [`Odometry::turning_at`].
+    pub fn turning_at(&self, stamp: Stamp) -> Option<Revolution> {
         match self {
             Self::ScanToMap(odometry) => odometry.turning_at(stamp),
             Self::Imls(_) => None,

@@ -147,7 +147,8 @@ fn row_features(
             let Some(point_idx) = sweep.image().point(row, col) else { continue };
             let cube = VoxelIndex::containing(sweep.points()[point_idx].position.map(f64::from), per_m);
             if taken.insert(cube) {
-                features.push(feature(sweep, point_idx, (row, col), (&shapes, lane, is_smooth), settings));
+                let cell = FeatureCell { row, col, point_idx, shapes: &shapes, lane, is_smooth };
+                features.push(feature(sweep, &cell, settings));
             }
         }
     }
@@ -184,14 +185,21 @@ pub(crate) fn thinned_features(features: &[Feature], spacing_m: f64) -> Vec<Feat
     kept.into_iter().map(|feature_idx| features[feature_idx]).collect()
 }
 
-#[inline(always)]
-fn feature(
-    sweep: &Sweep,
+/// A cell of the range image that holds a feature.
+struct FeatureCell<'a> {
+    row: usize,
+    col: usize,
     point_idx: usize,
-    (row, col): (usize, usize),
-    (shapes, lane, is_smooth): (&Shapes, usize, bool),
-    settings: &FeatureSettings,
-) -> Feature {
+    /// Shapes around the cells of its block.
+    shapes: &'a Shapes,
+    /// Its lane in the block.
+    lane: usize,
+    is_smooth: bool,
+}
+
+#[inline(always)]
+fn feature(sweep: &Sweep, cell: &FeatureCell<'_>, settings: &FeatureSettings) -> Feature {
+    let &FeatureCell { row, col, point_idx, shapes, lane, is_smooth } = cell;
     let point = &sweep.points()[point_idx];
     let center = Vector3::from(point.position);
     let normal = Vector3::from(shapes.normal.map(|axis| axis[lane]));

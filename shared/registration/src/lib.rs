@@ -74,10 +74,10 @@ pub use self_calibration::inertial_check::{Axes, Fit, InertialCheck, InertialCor
 pub use self_calibration::ring_errors::RingError;
 pub use submap::body_poses::BodyPoses;
 pub use submap::kept_points::KeptPoints;
-pub use submap::raw_sweep::{PreparedSweep, RawSweep, sweeps_by_tick};
+pub use submap::raw_sweep::{PreparedSweep, RawSweep, SweepsByTick, sweeps_by_tick};
 pub use submap::{OpenSubmap, SubmapFrame, SweepRows};
 pub use sweep::point::TimedPoint;
 pub use sweep::range_image::RangeImage;
-pub use sweep::{SpinDirection, Sweep, set_times_from_azimuth};
+pub use sweep::{Revolution, SpinDirection, Sweep, set_times_from_azimuth};
 pub use voxel::thinned;
 pub use words::{MotionSensor, OdometryAlgorithm, UntimedTurn};

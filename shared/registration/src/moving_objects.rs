@@ -82,7 +82,7 @@ impl MovingDetector {
         let objects = SmallObjects::segment(&placed, image.cols(), STRIDE);
         let past: Vec<PlacedRanges> = self.memory.iter().map(|(_, ranges)| ranges.placed()).collect();
         let votes_on = |of: &[u32], at_most: usize| {
-            let members = |&object| objects.members(object as usize, at_most).map(move |cell| (object, cell));
+            let members = |&object| objects.members(object as usize, at_most).map(move |cell| Member { object, cell });
             let queries = Queries::new(of.iter().flat_map(members), &placed, &motion.mid.translation.vector);
             queries.votes(&past, objects.n())
         };
@@ -125,6 +125,12 @@ impl MovingDetector {
     }
 }
 
+/// A cell of the range image that belongs to an object.
+struct Member {
+    object: u32,
+    cell: u32,
+}
+
 /// Points of objects that are compared with earlier sweeps.
 struct Queries {
     /// Positions in the odom frame. Unused lanes repeat a position.
@@ -134,20 +140,21 @@ struct Queries {
 }
 
 impl Queries {
-    /// `members` are objects and their cells. `placed` are the points of all cells relative to `middle`, m.
-    fn new(members: impl Iterator<Item = (u32, u32)>, placed: &[[f32; 3]], middle: &Vector3<f64>) -> Self {
-        let (objects, cells): (Vec<u32>, Vec<u32>) = members.unzip();
-        let block = |cells: &[u32]| {
+    /// `placed` are the points of all cells relative to `middle`, m.
+    fn new(members: impl Iterator<Item = Member>, placed: &[[f32; 3]], middle: &Vector3<f64>) -> Self {
+        let members: Vec<Member> = members.collect();
+        let block = |members: &[Member]| {
             let mut block = [[0.0; LANES]; 3];
             for lane in 0..LANES {
-                let position = placed[cells[lane.min(cells.len() - 1)] as usize];
+                let position = placed[members[lane.min(members.len() - 1)].cell as usize];
                 for axis in 0..3 {
                     block[axis][lane] = f64::from(position[axis]) + middle[axis];
                 }
             }
             block
         };
-        Self { positions: cells.chunks(LANES).map(block).collect(), objects }
+        let positions = members.chunks(LANES).map(block).collect();
+        Self { positions, objects: members.iter().map(|member| member.object).collect() }
     }
     /// The votes of all past sweeps on each of `n` objects.
     fn votes(&self, past: &[PlacedRanges], n: usize) -> Vec<Votes> {
@@ -198,16 +205,31 @@ mod tests {
     use super::*;
     use crate::TimedPoint;
 
-    /// A box on the floor: center and half side lengths, m.
-    struct Object([f32; 2], [f32; 2]);
+    /// A box on the floor, 1.5 m high.
+    struct Object {
+        center: [f32; 2],
+        /// Half side lengths, m.
+        half: [f32; 2],
+    }
 
-    /// Range to the nearest of a floor 2 m below, a wall 20 m ahead and the objects, 1.5 m high; and the index of the
-    /// object that was hit.
-    fn nearest(ray: &Vector3<f32>, objects: &[Object]) -> (f32, Option<usize>) {
+    /// What a ray hits.
+    struct Hit {
+        range: f32,
+        object: Option<usize>,
+    }
+
+    /// A sweep, and the object of each point.
+    struct LabeledSweep {
+        sweep: Sweep,
+        objects: Vec<Option<usize>>,
+    }
+
+    /// The nearest of a floor 2 m below, a wall 20 m ahead and the objects.
+    fn nearest(ray: &Vector3<f32>, objects: &[Object]) -> Hit {
         let floor = if ray.z < 0.0 { -2.0 / ray.z } else { f32::MAX };
         let wall = if ray.x > 0.0 { 20.0 / ray.x } else { f32::MAX };
-        let mut best = (floor.min(wall), None);
-        for (number, Object([x, y], [a, b])) in objects.iter().enumerate() {
+        let mut best = Hit { range: floor.min(wall), object: None };
+        for (number, Object { center: [x, y], half: [a, b] }) in objects.iter().enumerate() {
             let low = [x - a, y - b, -1.9];
             let high = [x + a, y + b, -0.4];
             let mut enter = 0.0_f32;
@@ -218,15 +240,15 @@ mod tests {
                 enter = enter.max(a.min(b));
                 leave = leave.min(a.max(b));
             }
-            if enter > 0.0 && enter < leave && enter < best.0 {
-                best = (enter, Some(number));
+            if enter > 0.0 && enter < leave && enter < best.range {
+                best = Hit { range: enter, object: Some(number) };
             }
         }
         best
     }
 
-    /// A sweep of a LiDAR at rest, and the object of each point.
-    fn sweep(number: u32, objects: &[Object]) -> (Sweep, Vec<Option<usize>>) {
+    /// A sweep of a LiDAR at rest.
+    fn sweep(number: u32, objects: &[Object]) -> LabeledSweep {
         let mut points = Vec::new();
         let mut hits = Vec::new();
         for column in 0..2000_u32 {
@@ -235,14 +257,16 @@ mod tests {
                 let elevation = (-30.67 + f32::from(ring) * 1.333_f32).to_radians();
                 let ray =
                     Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
-                let (range, hit) = nearest(&ray, objects);
-                if range < 80.0 {
-                    points.push(TimedPoint { position: (ray * range).into(), offset_nanos: column * 50_000, ring });
-                    hits.push(hit);
+                let hit = nearest(&ray, objects);
+                if hit.range < 80.0 {
+                    let position = (ray * hit.range).into();
+                    points.push(TimedPoint { position, offset_nanos: column * 50_000, ring });
+                    hits.push(hit.object);
                 }
             }
         }
-        (Sweep::new(Stamp(i64::from(number) * 100_000_000), points, 32), hits)
+        let sweep = Sweep::new(Stamp(i64::from(number) * 100_000_000), points, 32);
+        LabeledSweep { sweep, objects: hits }
     }
 
     #[test]
@@ -251,9 +275,9 @@ mod tests {
         let mut moving = MovingDetector::default();
         for number in 0..8 {
             // The first object is static, the second crosses at 3 m/s.
-            let side = [0.75; 2];
-            let objects = [Object([9.0, -4.0], side), Object([9.0, 1.0 + 0.3 * number as f32], side)];
-            let (sweep, hits) = sweep(number, &objects);
+            let object = |center| Object { center, half: [0.75; 2] };
+            let objects = [object([9.0, -4.0]), object([9.0, 1.0 + 0.3 * number as f32])];
+            let LabeledSweep { sweep, objects: hits } = sweep(number, &objects);
             let moves = moving.detect(&sweep, &still);
             let found = &moves.points;
             assert!(found.is_sorted());
@@ -278,7 +302,8 @@ mod tests {
         let still = SweepMotion::still(Pose::identity());
         let mut moving = MovingDetector::default();
         let mut found_in = |number: u32, at: f32| {
-            let (sweep, hits) = sweep(number, &[Object([at, 3.0], [5.0, 1.2])]);
+            let lorry = Object { center: [at, 3.0], half: [5.0, 1.2] };
+            let LabeledSweep { sweep, objects: hits } = sweep(number, &[lorry]);
             let moves = moving.detect(&sweep, &still);
             let n_right = moves.points.iter().filter(|&&idx| hits[idx as usize] == Some(0)).count();
             assert_eq!(moves.points.len(), n_right, "sweep {number}: no other points");

@@ -19,7 +19,7 @@ use crate::self_calibration::ring_errors::{RingError, RingErrors};
 use crate::self_calibration::spin_direction::{TurnLever, TurnShare};
 use crate::{
     Feature, FeatureSettings, GroundVelocity, InertialSample, Kernel, LocalMap, MapSettings, MatchSettings, Matched,
-    Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
+    Revolution, Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
 };
 use geometry::{Pose, Stamp, Vector3};
 use initialization::{InitialMotion, initialize};
@@ -271,12 +271,12 @@ impl Odometry {
         self.state.turn.direction().filter(|_| self.settings.untimed_turn_s.is_some())
     }
 
-    /// Spin direction and revolution time, ns, for the next sweep: see [`Sweep::spinning`]. The time is at most the
-    /// time since the last sweep.
-    pub fn turning_at(&self, stamp: Stamp) -> Option<(SpinDirection, u32)> {
+    /// The revolution of the next sweep, see [`Sweep::spinning`]. Its time is at most the time since the last sweep.
+    pub fn turning_at(&self, stamp: Stamp) -> Option<Revolution> {
         let since_last = stamp.seconds_since(self.state.last.as_ref()?.mid_stamp);
         let turn_s = self.settings.untimed_turn_s?.min(since_last);
-        self.turning().filter(|_| turn_s > 0.0).map(|spin| (spin, (turn_s * 1e9) as u32))
+        let revolution = |spin| Revolution { spin, duration_nanos: (turn_s * 1e9) as u32 };
+        self.turning().filter(|_| turn_s > 0.0).map(revolution)
     }
 
     /// The state on which the following sweeps depend.

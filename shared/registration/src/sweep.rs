@@ -23,6 +23,15 @@ pub enum SpinDirection {
     Counterclockwise,
 }
 
+/// A revolution of a sensor whose recording has no point times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Revolution {
+    /// Direction.
+    pub spin: SpinDirection,
+    /// Time of the revolution, ns.
+    pub duration_nanos: u32,
+}
+
 /// Sets the times of points from a recording without times: the times of a sensor that spins uniformly once in
 /// `duration_nanos`, from rear to rear (-x), as in the sweeps of KITTI raw.
 pub fn set_times_from_azimuth(points: &mut [TimedPoint], spin: SpinDirection, duration_nanos: u32) {
@@ -56,25 +65,16 @@ impl Sweep {
         let image = RangeImage::new(&points, n_rings);
         Self { stamp, points, duration_nanos, image }
     }
-    /// Creates a sweep from points without times of a sensor that spins uniformly once in `duration_nanos`, from rear
-    /// to rear. `stamp` is the time at which it faces ahead, as for a rigid sweep.
-    pub fn spinning(
-        stamp: Stamp,
-        mut points: Vec<TimedPoint>,
-        n_rings: u32,
-        (spin, duration_nanos): (SpinDirection, u32),
-    ) -> Self {
+    /// Creates a sweep from points without times of a sensor that spins uniformly, from rear to rear. `stamp` is the
+    /// time at which it faces ahead, as for a rigid sweep.
+    pub fn spinning(stamp: Stamp, mut points: Vec<TimedPoint>, n_rings: u32, revolution: Revolution) -> Self {
+        let Revolution { spin, duration_nanos } = revolution;
         set_times_from_azimuth(&mut points, spin, duration_nanos);
         Self::new(stamp.plus_nanos(-i64::from(duration_nanos / 2)), points, n_rings)
     }
-    /// Creates a sweep from the rows of topic `sweep`. `untimed`: spin direction of a sensor whose recording has no
-    /// point times, and the time of a revolution, ns, see [`Sweep::spinning`]; `None` leaves the sweep rigid.
-    pub fn from_rows(
-        stamp: Stamp,
-        header: &SweepHeader,
-        rows: &[SweepPoint],
-        untimed: Option<(SpinDirection, u32)>,
-    ) -> Self {
+    /// Creates a sweep from the rows of topic `sweep`. `untimed`: revolution of a sensor whose recording has no point
+    /// times, see [`Sweep::spinning`]; `None` leaves the sweep rigid.
+    pub fn from_rows(stamp: Stamp, header: &SweepHeader, rows: &[SweepPoint], untimed: Option<Revolution>) -> Self {
         let timed = |point: &SweepPoint| TimedPoint {
             position: [point.x, point.y, point.z],
             offset_nanos: if header.has_times == 0 { 0 } else { point.offset_nanos },
@@ -82,7 +82,7 @@ impl Sweep {
         };
         let points = rows.iter().map(timed).collect();
         match untimed.filter(|_| header.has_times == 0) {
-            Some(untimed) => Self::spinning(stamp, points, header.n_rings, untimed),
+            Some(revolution) => Self::spinning(stamp, points, header.n_rings, revolution),
             None => Self::new(stamp, points, header.n_rings),
         }
     }

@@ -5,7 +5,7 @@ mod overlay;
 mod page;
 mod yaw_rates;
 
-pub use overlay::{DEPTH_M, draw_points};
+pub use overlay::{DEPTH_M, ImagePoint, draw_points};
 
 use crate::check::Report;
 use crate::error::RigError;

@@ -11,7 +11,7 @@ use lidar::SweepPoint;
 use messages::{SweepHeader, SweepPoint as Row};
 use nalgebra::{Matrix6, Point3, Vector6};
 use registration::{
-    Feature, FeatureSettings, Kernel, LocalMap, MapPoint, MapSettings, Sweep, Weights, planar_features,
+    Feature, FeatureSettings, Kernel, LocalMap, MapPoint, MapSettings, Revolution, Sweep, Weights, planar_features,
 };
 
 /// Largest number of used sweeps; longer surveys are sampled evenly.
@@ -98,19 +98,35 @@ impl SecondaryMounting {
             }
             let end = sweep.stamp.plus_nanos(i64::from(sweep.duration_nanos));
             let mut others = Vec::new();
-            let slice = other.next_slice((sweep.stamp.0, end.0), |points| others.extend_from_slice(points))?;
+            let slice = other.next_slice([sweep.stamp.0, end.0], |points| others.extend_from_slice(points))?;
             number += 1;
             if sweep.stamp < survey.span[0] || !number.is_multiple_of(every) {
                 continue;
             }
             scene.add_first(&sweep, drive.lidar().n_rings(), &rows, &body_from_first);
-            let stamp = slice.and_then(|slice| slice.stamp);
-            if let (Some(slice), Some(stamp)) = (slice, stamp) {
+            if let Some(slice) = slice
+                && let Some(stamp) = slice.stamp
+            {
                 scene.add_other(stamp, slice.has_times, n_rings, &others, stated);
             }
         }
         Ok(scene.solve(stated))
     }
+}
+
+/// A feature, and the pose of the body at its time.
+struct PosedFeature {
+    odom_from_body: Pose,
+    feature: Feature,
+}
+
+/// Normal equations at a given mounting.
+struct MountingSums {
+    groups: [Sums; GROUPS],
+    /// Number of features near a surface.
+    n_matches: usize,
+    /// Number of features on it.
+    n_on_surface: usize,
 }
 
 /// A feature of the other LiDAR, and the pose of the body at its time.
@@ -138,7 +154,7 @@ impl Scene<'_> {
     fn add_first(&mut self, sweep: &SweepInfo, n_rings: usize, rows: &[SweepPoint], body_from_lidar: &Pose) {
         let header = header(sweep.has_times, n_rings);
         let features = self.features(sweep.stamp, &header, sweep.duration_nanos, rows, body_from_lidar);
-        let place = |(odom_from_body, feature): &(Pose, Feature)| {
+        let place = |PosedFeature { odom_from_body, feature }: &PosedFeature| {
             let pose = odom_from_body * body_from_lidar;
             MapPoint {
                 position: (pose * Point3::from(feature.position).cast::<f64>()).coords.into(),
@@ -157,7 +173,7 @@ impl Scene<'_> {
         let header = header(has_times, n_rings);
         let group = self.group(stamp);
         let features = self.features(stamp, &header, 0, rows, body_from_lidar);
-        let seen = |(odom_from_body, feature)| Seen { odom_from_body, feature, group };
+        let seen = |PosedFeature { odom_from_body, feature }| Seen { odom_from_body, feature, group };
         self.seen.extend(features.into_iter().map(seen));
     }
 
@@ -175,14 +191,16 @@ impl Scene<'_> {
         duration_nanos: u32,
         rows: &[Row],
         body_from_lidar: &Pose,
-    ) -> Vec<(Pose, Feature)> {
-        let untimed = self.settings.untimed_turn.filter(|_| duration_nanos > 0).map(|spin| (spin, duration_nanos));
+    ) -> Vec<PosedFeature> {
+        let revolution = |spin| Revolution { spin, duration_nanos };
+        let untimed = self.settings.untimed_turn.filter(|_| duration_nanos > 0).map(revolution);
         let sweep = Sweep::from_rows(stamp, header, rows, untimed);
         let up = (body_from_lidar.rotation.inverse() * Vector3::z()).cast();
         let settings = FeatureSettings { spacing_m: 0.4, max_range_m: 60.0, ..FeatureSettings::default() };
         let placed = |feature: Feature| {
             let nanos = (f64::from(feature.share) + 0.5) * f64::from(sweep.duration_nanos());
-            Some((self.survey.trajectory.at(stamp.plus_nanos(nanos as i64))?, feature))
+            let odom_from_body = self.survey.trajectory.at(stamp.plus_nanos(nanos as i64))?;
+            Some(PosedFeature { odom_from_body, feature })
         };
         planar_features(&sweep, &up, &settings)
             .into_iter()
@@ -195,7 +213,7 @@ impl Scene<'_> {
         let prior = Matrix6::from_diagonal(&Vector6::from_fn(|i, _| (RESIDUAL_M / PRIOR[i / 3]).powi(2)));
         let mut pose = *stated;
         for round in ROUNDS {
-            let (groups, n_matches, _) = self.sums(&pose, round);
+            let MountingSums { groups, n_matches, .. } = self.sums(&pose, round);
             if n_matches < MIN_MATCHES {
                 return None;
             }
@@ -203,7 +221,8 @@ impl Scene<'_> {
             let step = (all.h + prior).try_inverse()? * all.b;
             pose = moved(&pose, &step);
         }
-        let (groups, n_matches, n_on_surface) = self.sums(&pose, ROUNDS[ROUNDS.len() - 1]);
+        let last = ROUNDS[ROUNDS.len() - 1];
+        let MountingSums { groups, n_matches, n_on_surface } = self.sums(&pose, last);
         let all = total(&groups);
         let covariance = (all.h + prior).try_inverse()?;
         let by_matches = Vector6::from_fn(|i, _| RESIDUAL_M * (covariance[(i, i)] * PER_MEASUREMENT).sqrt());
@@ -223,8 +242,7 @@ impl Scene<'_> {
         })
     }
 
-    /// Normal equations per group at a given mounting, number of features near a surface, and number of features on it.
-    fn sums(&self, body_from_lidar: &Pose, [range_m, radius_m, scale_m]: [f64; 3]) -> ([Sums; GROUPS], usize, usize) {
+    fn sums(&self, body_from_lidar: &Pose, [range_m, radius_m, scale_m]: [f64; 3]) -> MountingSums {
         let kernel = Kernel { radius_m, weights: Weights::Compact };
         let mut groups = [Sums::default(); GROUPS];
         let mut n_matches = 0;
@@ -249,7 +267,7 @@ impl Scene<'_> {
             sums.h += j * j.transpose() * weight;
             sums.b -= j * (r * weight);
         }
-        (groups, n_matches, n_on_surface)
+        MountingSums { groups, n_matches, n_on_surface }
     }
 }
 

@@ -24,8 +24,8 @@ use lidar::SweepInfo;
 use lidar::nmea::Fix;
 use messages::{ImuRow, SweepHeader, SweepPoint};
 use registration::{
-    FeatureSettings, InertialCheck, InertialSample, Odometry, OdometrySettings, Registered, RingError, SensorMounting,
-    SpinDirection, Sweep, planar_features,
+    FeatureSettings, InertialCheck, InertialSample, Odometry, OdometrySettings, Registered, Revolution, RingError,
+    SensorMounting, SpinDirection, Sweep, planar_features,
 };
 
 /// The part of a drive that is surveyed.
@@ -127,16 +127,20 @@ impl Survey {
         let mut pass = Pass::begin(drive, settings, 0.0)?;
         pass.run(usize::MAX)?;
         if pass.bridged_share() > MAX_BRIDGED {
-            let mut shares = Vec::new();
+            // The first of equal shares, which is the stated mounting.
+            let mut best_yaw_deg = 0.0;
+            let mut least_share = f64::INFINITY;
             for yaw_deg in [0.0, 90.0, 180.0, 270.0_f64] {
                 let mut trial = Pass::begin(drive, settings, yaw_deg.to_radians())?;
                 trial.run(TRIAL_SWEEPS)?;
-                shares.push((trial.bridged_share(), yaw_deg));
+                let share = trial.bridged_share();
+                if share < least_share {
+                    least_share = share;
+                    best_yaw_deg = yaw_deg;
+                }
             }
-            // The first of equal shares, which is the stated mounting.
-            let best = shares.iter().copied().reduce(|best, other| if other.0 < best.0 { other } else { best });
-            if let Some((_, yaw_deg)) = best.filter(|(_, yaw_deg)| *yaw_deg != 0.0) {
-                pass = Pass::begin(drive, settings, yaw_deg.to_radians())?;
+            if best_yaw_deg != 0.0 {
+                pass = Pass::begin(drive, settings, best_yaw_deg.to_radians())?;
                 pass.run(usize::MAX)?;
             }
         }
@@ -255,7 +259,8 @@ impl<'a> Pass<'a> {
     }
 
     fn sweep(&self, raw: &RawSweep) -> Sweep {
-        let untimed = self.settings.untimed_turn.map(|spin| (spin, raw.header.duration_nanos));
+        let revolution = |spin| Revolution { spin, duration_nanos: raw.header.duration_nanos };
+        let untimed = self.settings.untimed_turn.map(revolution);
         Sweep::from_rows(raw.stamp, &raw.header, &raw.rows, untimed)
     }
 

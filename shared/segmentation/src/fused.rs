@@ -14,7 +14,7 @@ use crate::model_file::{CardText, ModelFile, encode_model};
 use crate::options::Options;
 use crate::points::{self, PointModel};
 use crate::segmenter::CellSegmenter;
-use crate::settings_rules::{check_rules, temperature_rule};
+use crate::settings_rules::{Rule, check_rules};
 use crate::spherical::{self, GroundUse, SphericalModel};
 use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter, SubmapProbabilities};
 use ground::SubmapGround;
@@ -143,9 +143,9 @@ impl Fused {
         let Fusion { share, every, .. } = *fusion;
         // False for NaN.
         check_rules([
-            ((0.0..=1.0).contains(&share), format!("share = {share}, must be 0 to 1")),
-            ((1..=MOST_EVERY).contains(&every), format!("every = {every}, must be 1 to {MOST_EVERY}")),
-            temperature_rule(fusion.temperature),
+            Rule::new((0.0..=1.0).contains(&share), format!("share = {share}, must be 0 to 1")),
+            Rule::new((1..=MOST_EVERY).contains(&every), format!("every = {every}, must be 1 to {MOST_EVERY}")),
+            Rule::of_temperature(fusion.temperature),
         ])?;
         let of_first = Options { every: options.every.saturating_mul(every), ..*options };
         let [first, second] = files;
@@ -169,8 +169,8 @@ impl Fused {
         for (name, prior) in priors {
             let known = || format!("priors: unknown class {name:?}; known are {}", expected.join(", "));
             check_rules([
-                (expected.contains(&name.as_str()), known()),
-                ((0.01..=100.0).contains(prior), format!("priors: {name} = {prior}, must be 0.01 to 100")),
+                Rule::new(expected.contains(&name.as_str()), known()),
+                Rule::new((0.01..=100.0).contains(prior), format!("priors: {name} = {prior}, must be 0.01 to 100")),
             ])?;
         }
         let prior = |name: &&str| priors.get(*name).map_or(1.0, |prior| prior.powf(1.0 / temperature));

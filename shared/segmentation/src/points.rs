@@ -27,7 +27,7 @@ mod squares;
 mod waffle_iron;
 
 pub use batch::PointBatch;
-pub use cells::CellCloud;
+pub use cells::{CellCloud, GriddedCells};
 pub use features::PointFeature;
 pub use model::PointModel;
 pub use parameters::{Parameter, Parameters, Start};

@@ -12,16 +12,29 @@ pub fn classes_of_names(names: &[String]) -> Result<Vec<ClassId>, SegmentationEr
     classes.map_err(|unknown: UnknownClass| SegmentationError::Settings(format!("classes: {unknown}")))
 }
 
-/// The rule of the divisor of logits, with its text.
-pub fn temperature_rule(temperature: f32) -> (bool, String) {
-    ((0.1..=10.0).contains(&temperature), format!("temperature = {temperature}, must be 0.1 to 10"))
+/// A rule of the settings.
+pub struct Rule {
+    holds: bool,
+    /// Text of the error.
+    text: String,
+}
+
+impl Rule {
+    /// `text` says what was found and what must hold.
+    pub fn new(holds: bool, text: String) -> Self {
+        Self { holds, text }
+    }
+    /// The rule of the divisor of logits.
+    pub fn of_temperature(temperature: f32) -> Self {
+        Self::new((0.1..=10.0).contains(&temperature), format!("temperature = {temperature}, must be 0.1 to 10"))
+    }
 }
 
 /// # Errors
 /// [`SegmentationError::Settings`] with the text of the first rule that does not hold.
-pub fn check_rules<const N: usize>(rules: [(bool, String); N]) -> Result<(), SegmentationError> {
-    match rules.into_iter().find(|(holds, _)| !holds) {
-        Some((_, text)) => Err(SegmentationError::Settings(text)),
+pub fn check_rules<const N: usize>(rules: [Rule; N]) -> Result<(), SegmentationError> {
+    match rules.into_iter().find(|rule| !rule.holds) {
+        Some(violated) => Err(SegmentationError::Settings(violated.text)),
         None => Ok(()),
     }
 }

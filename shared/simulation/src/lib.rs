@@ -41,5 +41,5 @@ pub use limits::OutOfLimits;
 pub use rig::{CalibrationError, RigSpec};
 pub use sensors::lidar::LidarGrade;
 pub use simulation::Simulation;
-pub use spec::{DriveReport, DriveSpec};
+pub use spec::{ClassRate, DriveReport, DriveSpec};
 pub use town::{Town, Traffic};

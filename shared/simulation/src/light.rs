@@ -54,13 +54,22 @@ impl Light {
     }
 }
 
+/// A ray and its hit.
+#[derive(Clone, Copy, Debug)]
+pub struct RayHit {
+    /// The ray.
+    pub ray: Ray,
+    /// Its hit.
+    pub hit: SceneHit,
+}
+
 /// The share of the full sun that reaches each hit, weighted by the cosine.
-pub fn sun_on<'s>(scene: &Scene, hits: &[(Ray, SceneHit)], snapshot: impl Fn(usize) -> &'s Snapshot) -> Vec<f32> {
+pub fn sun_on<'s>(scene: &Scene, hits: &[RayHit], snapshot: impl Fn(usize) -> &'s Snapshot) -> Vec<f32> {
     let sun = sun_direction();
-    let mut shares: Vec<f32> = hits.iter().map(|(_, hit)| hit.normal.dot(&sun).max(0.0)).collect();
+    let mut shares: Vec<f32> = hits.iter().map(|RayHit { hit, .. }| hit.normal.dot(&sun).max(0.0)).collect();
     let facing: Vec<usize> = (0..hits.len()).filter(|i| shares[*i] > 0.0).collect();
     let to_sun = |i: &usize| {
-        let (ray, hit) = &hits[*i];
+        let RayHit { ray, hit } = &hits[*i];
         let origin = ray.at(hit.range_m) + hit.normal * 0.01;
         Ray { origin, direction: sun, seed: ray.seed ^ 0x5_0115 }
     };

@@ -100,17 +100,26 @@ pub struct DriveReport {
     pub n_primitives: usize,
 }
 
+/// Share of a class.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClassRate {
+    /// The class.
+    pub class: ClassId,
+    /// Its share of the returns.
+    pub share: f64,
+}
+
 impl DriveReport {
     /// Classes of the returns with their shares, the most frequent first.
-    pub fn class_rates(&self) -> Vec<(ClassId, f64)> {
+    pub fn class_rates(&self) -> Vec<ClassRate> {
         let total = self.n_returns.max(1) as f64;
-        let mut rates: Vec<(ClassId, f64)> = ClassId::ALL
+        let mut rates: Vec<ClassRate> = ClassId::ALL
             .iter()
             .zip(self.returns_by_class)
             .filter(|(_, n)| *n > 0)
-            .map(|(class, n)| (*class, n as f64 / total))
+            .map(|(class, n)| ClassRate { class: *class, share: n as f64 / total })
             .collect();
-        rates.sort_by(|a, b| b.1.total_cmp(&a.1));
+        rates.sort_by(|a, b| b.share.total_cmp(&a.share));
         rates
     }
 }

@@ -92,6 +92,26 @@ pub struct Calibration {
     valid_bands: u32,
 }
 
+/// Dark frames.
+#[derive(Clone, Copy, Debug)]
+pub struct DarkReference<'a> {
+    /// Exposure time.
+    pub exposure_nanos: u64,
+    /// Mean of the frames.
+    pub frames: &'a Reference,
+}
+
+/// Reflectances of a frame by row and column.
+#[derive(Clone, Debug)]
+pub struct PixelReflectances {
+    /// The reflectances.
+    pub values: Array2<f32>,
+    /// Whether each one is valid.
+    pub valid: Array2<bool>,
+    /// Counts of invalid samples.
+    pub counts: FrameCounts,
+}
+
 impl Calibration {
     /// Computes the gains. Both references must have the size of `mosaic` and at least one frame.
     pub fn new(
@@ -102,13 +122,14 @@ impl Calibration {
     ) -> Result<Self, SpectralError> {
         let panel =
             WhitePanel { exposure_nanos: target.exposure_nanos, reflectances: vec![target.reflectance], region: None };
-        Self::with_panel(mosaic, &[(target.exposure_nanos, dark)], white, &panel)
+        let dark = DarkReference { exposure_nanos: target.exposure_nanos, frames: dark };
+        Self::with_panel(mosaic, &[dark], white, &panel)
     }
 
-    /// Like [`Self::new`], with dark frames of several exposure times (ns) and any white panel.
+    /// Like [`Self::new`], with dark frames of several exposure times and any white panel.
     pub fn with_panel(
         mosaic: &Mosaic,
-        darks: &[(u64, &Reference)],
+        darks: &[DarkReference<'_>],
         white: &Reference,
         panel: &WhitePanel,
     ) -> Result<Self, SpectralError> {
@@ -157,12 +178,8 @@ impl Calibration {
         bands
     }
 
-    /// Reflectance and validity of every pixel in the complete cells of the active area, not yet sorted by band.
-    pub fn reflectance(
-        &self,
-        raw: &[u16],
-        exposure_nanos: u64,
-    ) -> Result<(Array2<f32>, Array2<bool>, FrameCounts), SpectralError> {
+    /// Reflectances of every pixel in the complete cells of the active area, not yet sorted by band.
+    pub fn reflectance(&self, raw: &[u16], exposure_nanos: u64) -> Result<PixelReflectances, SpectralError> {
         let exposure = self.exposure(raw, exposure_nanos)?;
         let [width, height] = self.mosaic.area();
         let mut reflectances = Array2::zeros((height, width));
@@ -178,7 +195,7 @@ impl Calibration {
             }
             valid.iter_mut().zip(&bits).for_each(|(valid, bit)| *valid = *bit == 1);
         }
-        Ok((reflectances, valid, counts))
+        Ok(PixelReflectances { values: reflectances, valid, counts })
     }
 
     /// Converts one frame into a cube: `reflectances` is band-sequential (`n_bands` planes of `n_cells`, row-major), bit

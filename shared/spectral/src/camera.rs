@@ -1,7 +1,7 @@
 //! A mosaic camera of a drive with its references: the only module of this crate that reads files.
 
 use crate::mosaic::check_length;
-use crate::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhitePanel};
+use crate::{Calibration, Correction, DarkReference, FrameCounts, Mosaic, Reference, SpectralError, WhitePanel};
 use drive::manifest::MosaicEntry;
 use formats::raw_mosaic::{RawMosaic, RawMosaicError};
 use formats::sensor_calibration::{SensorCalibration, VirtualBand};
@@ -89,7 +89,10 @@ impl Camera {
             reflectances: reflectances.unwrap_or_else(|| vec![entry.white_reflectance]),
             region: panel.and_then(|panel| panel.region),
         };
-        let darks: Vec<(u64, &Reference)> = darks.iter().map(|(nanos, dark)| (*nanos, dark)).collect();
+        let darks: Vec<DarkReference<'_>> = darks
+            .iter()
+            .map(|dark| DarkReference { exposure_nanos: dark.exposure_nanos, frames: &dark.frames })
+            .collect();
         let calibration = Calibration::with_panel(&mosaic, &darks, &white, &panel).map_err(named)?;
         Self::new(calibration, &entry.wavelengths_nm, sensor).map_err(named)
     }
@@ -157,25 +160,26 @@ impl Camera {
     }
 }
 
-/// The dark references with their exposure times: from `folder` itself, and from its subfolders, which are named by an
+/// Mean of dark frames of an exposure time.
+struct DarkFrames {
+    exposure_nanos: u64,
+    frames: Reference,
+}
+
+/// The dark references: from `folder` itself, and from its subfolders, which are named by an
 /// exposure time in ns.
 #[allow(clippy::disallowed_methods, reason = "a stage reads its calibration before its first step")]
-fn read_darks(
-    name: &str,
-    folder: &Path,
-    exposure_nanos: u64,
-    mosaic: &Mosaic,
-) -> Result<Vec<(u64, Reference)>, CameraError> {
+fn read_darks(name: &str, folder: &Path, exposure_nanos: u64, mosaic: &Mosaic) -> Result<Vec<DarkFrames>, CameraError> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
     let others = entries.filter_map(|path| Some((path.file_name()?.to_str()?.parse::<u64>().ok()?, path)));
     let mut others: Vec<(u64, PathBuf)> = others.filter(|(_, path)| path.is_dir()).collect();
     others.sort();
     let mut darks = Vec::new();
     if others.is_empty() || !frames(folder).is_empty() {
-        darks.push((exposure_nanos, read_reference(name, "dark", folder, mosaic)?));
+        darks.push(DarkFrames { exposure_nanos, frames: read_reference(name, "dark", folder, mosaic)? });
     }
-    for (nanos, folder) in others {
-        darks.push((nanos, read_reference(name, "dark", &folder, mosaic)?));
+    for (exposure_nanos, folder) in others {
+        darks.push(DarkFrames { exposure_nanos, frames: read_reference(name, "dark", &folder, mosaic)? });
     }
     Ok(darks)
 }

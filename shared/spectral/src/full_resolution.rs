@@ -6,7 +6,7 @@
 
 use crate::mosaic::check_length;
 use crate::planes::Planes;
-use crate::{Camera, Demosaicer, Demosaicing, FrameCounts, SpectralError};
+use crate::{Camera, Demosaicer, Demosaicing, FrameCounts, PixelReflectances, SpectralError};
 
 /// Computes cubes of one camera and keeps its buffers.
 #[derive(Debug)]
@@ -37,7 +37,8 @@ impl FullResolution {
         let n_pixels = width * height;
         check_length("mask", masks.len(), n_pixels)?;
         check_length("cube", values.len(), camera.wavelengths_nm().len() * n_pixels)?;
-        let (samples, valid, counts) = camera.calibration().reflectance(raw, exposure_nanos)?;
+        let found = camera.calibration().reflectance(raw, exposure_nanos)?;
+        let PixelReflectances { values: samples, valid, counts } = found;
         // Row-major.
         let (mut samples, _) = samples.into_raw_vec_and_offset();
         let (valid, _) = valid.into_raw_vec_and_offset();

@@ -32,7 +32,7 @@ mod mosaic;
 mod planes;
 mod reference;
 
-pub use calibration::{Calibration, FrameCounts, WhitePanel, WhiteTarget};
+pub use calibration::{Calibration, DarkReference, FrameCounts, PixelReflectances, WhitePanel, WhiteTarget};
 pub use camera::{Camera, CameraError};
 pub use correction::Correction;
 pub use demosaic::{Demosaicer, Demosaicing, Resolution};

@@ -171,7 +171,7 @@ fn surfaces(run: &RunFolder, frame: &TargetFrame<'_>, points: &[CheckPoint]) -> 
         Ok(found)
     };
     let mut sums = vec![PlaneSums::default(); points.len()];
-    let (clouds, _) = cloud::open_all(run)?;
+    let clouds = cloud::open_all(run)?.clouds;
     for cloud in &clouds {
         cloud.each_block(|_, rows| {
             let parts = rows.par_chunks(PART_POINTS * cloud.columns.row_size());

@@ -3,7 +3,7 @@
 mod columns;
 mod spectra;
 
-pub(crate) use columns::{Columns, extra_fields};
+pub(crate) use columns::{Columns, ScanLine, extra_fields};
 pub(crate) use spectra::{Spectra, band_names};
 
 use crate::error::DeliverError;
@@ -108,8 +108,16 @@ impl<'a> Cloud<'a> {
     }
 }
 
-/// All clouds that are in the frame of the run, and the number of points of the other clouds.
-pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), DeliverError> {
+/// The clouds of a run.
+pub(crate) struct OpenedClouds<'a> {
+    /// All clouds that are in the frame of the run.
+    pub clouds: Vec<Cloud<'a>>,
+    /// Number of points of the other clouds.
+    pub n_left_out: u64,
+}
+
+/// Opens all clouds of a run.
+pub(crate) fn open_all(run: &RunFolder) -> Result<OpenedClouds<'_>, DeliverError> {
     let mut clouds = Vec::new();
     let mut n_left_out = 0;
     for entry in &run.index.clouds {
@@ -118,7 +126,7 @@ pub(crate) fn open_all(run: &RunFolder) -> Result<(Vec<Cloud<'_>>, u64), Deliver
             None => n_left_out += entry.n_points,
         }
     }
-    Ok((clouds, n_left_out))
+    Ok(OpenedClouds { clouds, n_left_out })
 }
 
 /// The columns that at least one of the clouds has.

@@ -1,6 +1,6 @@
 //! The points of a run as LAS or LAZ: one pass over the clouds encodes records, a second one writes the files.
 
-use crate::cloud::{self, Cloud, Columns, Spectra};
+use crate::cloud::{self, Cloud, Columns, ScanLine, Spectra};
 use crate::crs::CrsError;
 use crate::error::DeliverError;
 use crate::las::{HeaderFacts, RecordLayout, RecordSource, SCALE_M, Vlr};
@@ -56,7 +56,7 @@ impl<'a> CloudDelivery<'a> {
         frame: &'a TargetFrame<'a>,
         options: &CloudOptions,
     ) -> Result<Self, DeliverError> {
-        let (clouds, without_place) = cloud::open_all(run)?;
+        let cloud::OpenedClouds { clouds, n_left_out: without_place } = cloud::open_all(run)?;
         let bands = if options.has_bands { cloud::band_names(run)? } else { Vec::new() };
         let offset_m = offset(&clouds, frame)?;
         let layout = RecordLayout::new(&cloud::present(run, &clouds), &bands, offset_m);
@@ -90,7 +90,7 @@ impl<'a> CloudDelivery<'a> {
                 let encoder = Encoder { delivery: self, cloud, spectra: &spectra, heading: &heading };
                 let n_rows = rows.len() / cloud.columns.row_size();
                 not_finite += n_rows as u64;
-                for (records, keys) in encoder.block(first, rows, &key_of)? {
+                for Part { records, keys } in encoder.block(first, rows, &key_of)? {
                     not_finite -= keys.len() as u64;
                     spool.add(&records, &keys)?;
                 }
@@ -124,7 +124,10 @@ struct Encoder<'a> {
 }
 
 /// Records, and the key of each.
-type Part<K> = (Vec<u8>, Vec<K>);
+struct Part<K> {
+    records: Vec<u8>,
+    keys: Vec<K>,
+}
 
 impl Encoder<'_> {
     /// Records and keys of the points with finite coordinates, part by part.
@@ -165,7 +168,7 @@ impl Encoder<'_> {
             keys.push(key_of(stored));
         }
         records.truncate(keys.len() * n_bytes);
-        Ok((records, keys))
+        Ok(Part { records, keys })
     }
 }
 
@@ -173,7 +176,7 @@ impl Encoder<'_> {
 /// differ little, which halves the size of LAZ: consecutive shots of different lasers differ by metres.
 fn scan_line_order(columns: &Columns, rows: &[u8]) -> impl Iterator<Item = usize> {
     let line = |row: &[u8]| {
-        let (frame, lidar, ring) = columns.scan_line(row);
+        let ScanLine { frame, lidar, ring } = columns.scan_line(row);
         u64::from(frame) << 32 | u64::from(lidar) << 24 | u64::from(ring) << 16
     };
     let mut order: Vec<u64> =

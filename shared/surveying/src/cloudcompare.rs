@@ -21,16 +21,17 @@ pub fn write_cloudcompare(
     has_bands: bool,
     out: &Path,
 ) -> Result<Vec<String>, DeliverError> {
-    let (clouds, _) = cloud::open_all(run)?;
+    let clouds = cloud::open_all(run)?.clouds;
     let bands = if has_bands { cloud::band_names(run)? } else { Vec::new() };
     let begin = Stamp(run.begin_nanos().unwrap_or(0));
-    clouds.iter().map(|cloud| write_cloud(run, frame, (cloud, &bands), begin, out)).collect()
+    clouds.iter().map(|cloud| write_cloud(run, frame, cloud, &bands, begin, out)).collect()
 }
 
 fn write_cloud(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
-    (cloud, bands): (&Cloud<'_>, &[String]),
+    cloud: &Cloud<'_>,
+    bands: &[String],
     begin: Stamp,
     out: &Path,
 ) -> Result<String, DeliverError> {

@@ -11,10 +11,10 @@
 mod file;
 mod octree;
 
-use crate::cloud_delivery::{CloudDelivery, CloudOptions, LeftOut, metres};
+use crate::cloud_delivery::{CloudDelivery, CloudOptions, metres};
 use crate::error::DeliverError;
 use crate::run_folder::RunFolder;
-use crate::spool::Spool;
+use crate::spool::{KeyedRecords, Spool};
 use crate::target_frame::TargetFrame;
 use crate::tiles::PointFile;
 use octree::{Node, NodeKey, Octree, block_of};
@@ -33,29 +33,33 @@ pub fn write_copc(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
     options: &CloudOptions,
-    (out, name): (&Path, &str),
+    out: &Path,
+    name: &str,
     mut progress: impl FnMut(u64),
-) -> Result<(PointFile, LeftOut), DeliverError> {
+) -> Result<PointFile, DeliverError> {
     let mut delivery = CloudDelivery::new(run, frame, options)?;
     let blocks = delivery.spool(out, block_of, &mut progress)?;
-    let places: Vec<[i16; 3]> = blocks.keys().into_iter().map(|(block, _)| block).collect();
+    let places: Vec<[i16; 3]> = blocks.keys().into_iter().map(|block| block.key).collect();
     let octree = Octree::from_blocks(&places);
-    let nodes = place(&octree, (&blocks, octree.order(places)), (out, delivery.facts.record_bytes), &mut progress)?;
+    let order = octree.order(places);
+    let nodes = Spool::create(out, delivery.facts.record_bytes)?;
+    let nodes = place(&octree, &blocks, order, nodes, &mut progress)?;
     drop(blocks);
     let merged = merged(&nodes.keys());
-    let extent = file::write(&out.join(name), &delivery, &octree, (&nodes, &merged), &mut progress)?;
+    let extent = file::write(&out.join(name), &delivery, &octree, &nodes, &merged, &mut progress)?;
     let bounds = extent.bounds.map(|corner| metres(corner, delivery.facts.offset_m));
-    Ok((PointFile { file: name.to_owned(), n_points: extent.n_points, bounds }, delivery.left_out))
+    Ok(PointFile { file: name.to_owned(), n_points: extent.n_points, bounds })
 }
 
-/// Assigns each point to a node.
+/// Assigns each point of the blocks, in this order, to a node. Adds the points to `nodes`, which is empty.
 fn place(
     octree: &Octree,
-    (blocks, order): (&Spool<[i16; 3]>, Vec<[i16; 3]>),
-    (folder, record_bytes): (&Path, usize),
+    blocks: &Spool<[i16; 3]>,
+    order: Vec<[i16; 3]>,
+    mut nodes: Spool<NodeKey>,
     mut progress: impl FnMut(u64),
 ) -> Result<Spool<NodeKey>, DeliverError> {
-    let mut nodes = Spool::create(folder, record_bytes)?;
+    let record_bytes = nodes.record_bytes();
     let mut root = Node::default();
     for block in order {
         root.forget_all_but(octree, block);
@@ -69,15 +73,15 @@ fn place(
 }
 
 /// Nodes, each with the nodes whose points it takes.
-fn merged(nodes: &[(NodeKey, u64)]) -> BTreeMap<NodeKey, Vec<NodeKey>> {
+fn merged(nodes: &[KeyedRecords<NodeKey>]) -> BTreeMap<NodeKey, Vec<NodeKey>> {
     let mut totals: BTreeMap<NodeKey, u64> = BTreeMap::new();
-    for (key, n_points) in nodes {
+    for KeyedRecords { key, n: n_points } in nodes {
         for ancestor in key.path_from_root() {
             *totals.entry(ancestor).or_default() += n_points;
         }
     }
     let mut merged: BTreeMap<NodeKey, Vec<NodeKey>> = BTreeMap::new();
-    for (key, _) in nodes {
+    for KeyedRecords { key, .. } in nodes {
         let small = key.path_from_root().find(|ancestor| totals[ancestor] <= MERGED_POINTS);
         merged.entry(small.unwrap_or(*key)).or_default().push(*key);
     }

@@ -1,6 +1,6 @@
 //! The points of an unfinished run: a LAS file that grows by one part for each cloud that the run writes.
 
-use crate::cloud::Columns;
+use crate::cloud::{Columns, ScanLine};
 use crate::error::DeliverError;
 use crate::las::{Extent, HEADER_BYTES, HeaderFacts, LasHeader, RecordLayout, RecordSource, Vlr, gps_time_of};
 use delivery::is_in_odometry;
@@ -51,7 +51,7 @@ pub struct Part {
 
 impl GrowingCloud {
     /// Creates the file with the columns of the first cloud.
-    pub fn create(path: &Path, first: &PlyRows, (system, software): (&str, &str)) -> Result<Self, DeliverError> {
+    pub fn create(path: &Path, first: &PlyRows, system: &str, software: &str) -> Result<Self, DeliverError> {
         let columns =
             Columns::from_header(first.header(), COLUMNS).map_err(|rule| DeliverError::content(path, rule))?;
         // The frame of the odometry starts at 0.
@@ -90,8 +90,10 @@ impl GrowingCloud {
         }
         let columns =
             Columns::from_header(cloud.header(), COLUMNS).map_err(|rule| DeliverError::content(&self.path, rule))?;
-        let (rows, path) = sampled_rows(cloud, &columns)?;
-        let (records, extent) = self.records(seq, &rows, &columns, &path);
+        let SampledRows { rows, path } = sampled_rows(cloud, &columns)?;
+        let records = self.records(seq, &rows, &columns, &path);
+        let mut extent = Extent::default();
+        extent.add(&records, self.facts.record_bytes);
         if extent.n_points == 0 {
             return Ok(None);
         }
@@ -109,7 +111,7 @@ impl GrowingCloud {
     }
 
     /// Records of rows in the order of [`PASSES`].
-    fn records(&self, seq: u64, rows: &[u8], columns: &Columns, path: &[[f64; 3]]) -> (Vec<u8>, Extent) {
+    fn records(&self, seq: u64, rows: &[u8], columns: &Columns, path: &[[f64; 3]]) -> Vec<u8> {
         let n_bytes = self.facts.record_bytes;
         let submap = u16::try_from(seq + 1).unwrap_or(u16::MAX);
         let forward = direction(path);
@@ -124,9 +126,7 @@ impl GrowingCloud {
                 self.layout.encode(&source, &mut records[at..]);
             }
         }
-        let mut extent = Extent::default();
-        extent.add(&records, n_bytes);
-        (records, extent)
+        records
     }
 
     fn write_header(&self) -> Result<(), DeliverError> {
@@ -136,8 +136,15 @@ impl GrowingCloud {
     }
 }
 
-/// Rows of evenly spread points, and a position of the LiDAR for each sweep.
-fn sampled_rows(cloud: &PlyRows, columns: &Columns) -> Result<(Vec<u8>, Vec<[f64; 3]>), DeliverError> {
+/// A part of the points of a cloud.
+struct SampledRows {
+    /// Rows of evenly spread points.
+    rows: Vec<u8>,
+    /// A position of the LiDAR for each sweep.
+    path: Vec<[f64; 3]>,
+}
+
+fn sampled_rows(cloud: &PlyRows, columns: &Columns) -> Result<SampledRows, DeliverError> {
     let step = cloud.len().div_ceil(MAX_POINTS).max(1);
     let row_size = columns.row_size();
     let block_points = step * 4096;
@@ -150,14 +157,14 @@ fn sampled_rows(cloud: &PlyRows, columns: &Columns) -> Result<(Vec<u8>, Vec<[f64
         cloud.read_into(first, &mut block)?;
         for row in block.chunks_exact(row_size).step_by(step) {
             rows.extend_from_slice(row);
-            let (frame, lidar, _) = columns.scan_line(row);
+            let ScanLine { frame, lidar, .. } = columns.scan_line(row);
             if lidar == 0 && last_frame.is_none_or(|last| frame > last) {
                 last_frame = Some(frame);
                 path.push(columns.point(row).lidar_xyz);
             }
         }
     }
-    Ok((rows, path))
+    Ok(SampledRows { rows, path })
 }
 
 /// Horizontal direction from the first to the last position; the x axis if there is no direction.
@@ -178,7 +185,7 @@ mod tests {
     const NAMES: [&str; 6] = ["x", "y", "z", "x_lidar_position", "y_lidar_position", "z_lidar_position"];
 
     /// `n` points along x, 1 mm apart, starting at `from` m.
-    fn cloud(path: &Path, info: &str, (from, n): (f64, usize)) -> PlyRows {
+    fn cloud(path: &Path, info: &str, from: f64, n: usize) -> PlyRows {
         let header = Header::new(NAMES.map(|name| (name, Kind::Float)).into_iter().chain([
             ("timestamp", Kind::Double),
             ("index_frame", Kind::Int),
@@ -201,10 +208,10 @@ mod tests {
     fn parts_are_appended_and_their_first_points_are_spread() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("live.las");
-        let first = cloud(&folder.path().join("a.ply"), "frame odometry, m", (0.0, 800));
-        let mut growing = GrowingCloud::create(&path, &first, ("system", "software")).expect("creates");
+        let first = cloud(&folder.path().join("a.ply"), "frame odometry, m", 0.0, 800);
+        let mut growing = GrowingCloud::create(&path, &first, "system", "software").expect("creates");
         let a = growing.add(0, &first).expect("adds").expect("is in the frame");
-        let second = cloud(&folder.path().join("b.ply"), "frame odometry, m", (1.0, 200));
+        let second = cloud(&folder.path().join("b.ply"), "frame odometry, m", 1.0, 200);
         let b = growing.add(1, &second).expect("adds").expect("is in the frame");
         assert_eq!((a.n_points, b.n_points, a.path.len()), (800, 200, 8));
         let bytes = std::fs::read(&path).expect("reads");
@@ -222,12 +229,12 @@ mod tests {
     #[test]
     fn cloud_in_its_final_frame_and_surplus_points_are_left_out() {
         let folder = tempfile::tempdir().expect("a folder");
-        let first = cloud(&folder.path().join("a.ply"), "frame odometry, m", (0.0, 500_000));
+        let first = cloud(&folder.path().join("a.ply"), "frame odometry, m", 0.0, 500_000);
         let path = folder.path().join("live.las");
-        let mut growing = GrowingCloud::create(&path, &first, ("system", "software")).expect("creates");
+        let mut growing = GrowingCloud::create(&path, &first, "system", "software").expect("creates");
         let part = growing.add(0, &first).expect("adds").expect("is in the frame");
         assert_eq!((part.n_all, part.n_points), (500_000, 500_000_u64.div_ceil(3)));
-        let placed = cloud(&folder.path().join("b.ply"), "frame local east-north-up, m", (0.0, 8));
+        let placed = cloud(&folder.path().join("b.ply"), "frame local east-north-up, m", 0.0, 8);
         assert_eq!(growing.add(1, &placed).expect("reads"), None);
     }
 }

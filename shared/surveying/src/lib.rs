@@ -58,5 +58,5 @@ pub use rasters::{RasterOptions, write_rasters};
 pub use run_folder::{Georeference, RunFolder, load_trajectory};
 pub use semantic_kitti::write_semantic_kitti;
 pub use target_frame::TargetFrame;
-pub use tiles::{PointFile, Tiling, write_tiles};
+pub use tiles::{PointFile, Tiling, WrittenTiles, write_tiles};
 pub use trajectory::write_trajectory;

@@ -61,12 +61,12 @@ pub fn write_rasters(
     if fields.camera.is_some() {
         images.push(("color.tif", Content::Color));
     }
-    let tiles: BTreeSet<Tile> = points.keys().into_iter().map(|(tile, _)| tile).collect();
+    let tiles: BTreeSet<Tile> = points.keys().into_iter().map(|tile| tile.key).collect();
     let Some(pyramid) = Pyramid::new(&tiles) else { return Ok(Vec::new()) };
     let stores: Result<Vec<ImageTiles<'_>>, DeliverError> =
         images.iter().map(|(_, content)| ImageTiles::create(out, *content)).collect();
     let stores = stores?;
-    pyramid.build(pyramid.top(), &reader, &stores)?;
+    pyramid.build(pyramid.levels.len() - 1, (0, 0), &reader, &stores)?;
     let grid = Grid {
         low: pyramid.low,
         size: pyramid.size,
@@ -147,15 +147,12 @@ impl Pyramid {
         Some(Self { low, size, levels })
     }
 
-    /// Level and tile that cover everything.
-    fn top(&self) -> (usize, Tile) {
-        (self.levels.len() - 1, (0, 0))
-    }
-
-    /// Cells of a tile. The tile and the tiles below it are added to the images.
+    /// Cells of a tile. The tile and the tiles below it are added to the images. Tile (0, 0) of the last level covers
+    /// everything.
     fn build(
         &self,
-        (level, tile): (usize, Tile),
+        level: usize,
+        tile: Tile,
         reader: &CellReader<'_>,
         images: &[ImageTiles<'_>],
     ) -> Result<Option<Cells>, DeliverError> {
@@ -167,10 +164,10 @@ impl Pyramid {
         } else {
             let below = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (tile.0 * 2 + i, tile.1 * 2 + j));
             let quarters: Result<Vec<Option<Cells>>, DeliverError> =
-                below.par_iter().map(|tile| self.build((level - 1, *tile), reader, images)).collect();
+                below.par_iter().map(|tile| self.build(level - 1, *tile, reader, images)).collect();
             Cells::joined(&quarters?)
         };
-        images.iter().try_for_each(|image| image.add((level, tile), &cells))?;
+        images.iter().try_for_each(|image| image.add(level, tile, &cells))?;
         Ok(Some(cells))
     }
 }

@@ -38,6 +38,13 @@ struct Piece {
     n_bytes: usize,
 }
 
+/// A key with records.
+pub(crate) struct KeyedRecords<K> {
+    pub(crate) key: K,
+    /// Number of its records.
+    pub(crate) n: u64,
+}
+
 impl<K: Ord + Copy> Spool<K> {
     /// Creates a spool in `folder`, which needs space for all records.
     pub(crate) fn create(folder: &Path, record_bytes: usize) -> Result<Self, DeliverError> {
@@ -85,11 +92,18 @@ impl<K: Ord + Copy> Spool<K> {
         Ok(())
     }
 
-    /// Keys with records, and the number of each.
-    pub(crate) fn keys(&self) -> Vec<(K, u64)> {
+    /// Size of a record.
+    pub(crate) fn record_bytes(&self) -> usize {
+        self.record_bytes
+    }
+
+    /// Keys with records.
+    pub(crate) fn keys(&self) -> Vec<KeyedRecords<K>> {
         let n_bytes =
             |of_key: &OfKey| of_key.pieces.iter().map(|piece| piece.n_bytes).sum::<usize>() + of_key.waiting.len();
-        self.keys.iter().map(|(key, of_key)| (*key, (n_bytes(of_key) / self.record_bytes) as u64)).collect()
+        let counted =
+            |(key, of_key): (&K, &OfKey)| KeyedRecords { key: *key, n: (n_bytes(of_key) / self.record_bytes) as u64 };
+        self.keys.iter().map(counted).collect()
     }
 
     /// Passes the records of a key to `take`, in pieces of `most_points`; the last piece may be shorter.
@@ -143,7 +157,8 @@ mod tests {
             let mut spool = Spool { most_waiting_bytes, ..Spool::create(folder.path(), 2).expect("creates") };
             spool.add(&[0, 0, 1, 1, 2, 2, 3, 3], &[7, 5, 7, 5]).expect("adds");
             spool.add(&[4, 4, 5, 5, 6, 6], &[7, 7, 9]).expect("adds");
-            assert_eq!(spool.keys(), [(5, 2), (7, 4), (9, 1)]);
+            let counts: Vec<[u64; 2]> = spool.keys().iter().map(|records| [records.key, records.n]).collect();
+            assert_eq!(counts, [[5, 2], [7, 4], [9, 1]]);
             let mut pieces: Vec<Vec<u8>> = Vec::new();
             let mut take = |bytes: &[u8]| {
                 pieces.push(bytes.to_vec());

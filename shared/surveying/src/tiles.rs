@@ -4,6 +4,7 @@ use crate::cloud_delivery::{CloudDelivery, CloudOptions, LeftOut, metres};
 use crate::error::DeliverError;
 use crate::las::{Extent, LasFile};
 use crate::run_folder::RunFolder;
+use crate::spool::KeyedRecords;
 use crate::target_frame::TargetFrame;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -34,44 +35,67 @@ pub struct PointFile {
     pub bounds: [[f64; 3]; 2],
 }
 
+/// The tiles of a run.
+#[derive(Clone, Debug)]
+pub struct WrittenTiles {
+    /// Their files.
+    pub files: Vec<PointFile>,
+    /// Points in no file.
+    pub left_out: LeftOut,
+}
+
 /// Names of tiles, without extension. Sorted names are sorted by easting, then northing.
 struct TileNames {
     /// Side of a tile, m; 0 = one file.
     side: i64,
-    /// Smallest column and row.
-    first: (i64, i64),
-    /// Least number of digits of both numbers.
-    digits: (usize, usize),
+    /// Smallest column.
+    first_column: i64,
+    /// Smallest row.
+    first_row: i64,
+    /// Least number of digits of a column or easting.
+    x_digits: usize,
+    /// Least number of digits of a row or northing.
+    y_digits: usize,
 }
 
-/// Digits of the easting and northing of UTM.
-const UTM_DIGITS: (usize, usize) = (6, 7);
+/// Digits of the easting of UTM.
+const EASTING_DIGITS: usize = 6;
+/// Digits of its northing.
+const NORTHING_DIGITS: usize = 7;
 /// Least number of digits of a column or row.
 const INDEX_DIGITS: usize = 4;
 
 impl TileNames {
     fn new(tiles: impl Iterator<Item = (i64, i64)> + Clone, side: i64) -> Self {
-        let least = |axis: fn((i64, i64)) -> i64| tiles.clone().map(axis).min().unwrap_or(0);
-        let most = |axis: fn((i64, i64)) -> i64| tiles.clone().map(axis).max().unwrap_or(0);
-        let first = (least(|tile| tile.0), least(|tile| tile.1));
-        let last = (most(|tile| tile.0), most(|tile| tile.1));
+        let columns = tiles.clone().map(|(column, _)| column);
+        let rows = tiles.map(|(_, row)| row);
+        let first_column = columns.clone().min().unwrap_or(0);
+        let first_row = rows.clone().min().unwrap_or(0);
+        let last_column = columns.max().unwrap_or(0);
+        let last_row = rows.max().unwrap_or(0);
         let n_digits = |number: i64| number.to_string().len();
-        let digits = if first.0 < 0 || first.1 < 0 {
-            (n_digits(last.0 - first.0).max(INDEX_DIGITS), n_digits(last.1 - first.1).max(INDEX_DIGITS))
+        let is_numbered = first_column < 0 || first_row < 0;
+        let x_digits = if is_numbered {
+            n_digits(last_column - first_column).max(INDEX_DIGITS)
         } else {
-            (n_digits(last.0 * side).max(UTM_DIGITS.0), n_digits(last.1 * side).max(UTM_DIGITS.1))
+            n_digits(last_column * side).max(EASTING_DIGITS)
         };
-        Self { side, first, digits }
+        let y_digits = if is_numbered {
+            n_digits(last_row - first_row).max(INDEX_DIGITS)
+        } else {
+            n_digits(last_row * side).max(NORTHING_DIGITS)
+        };
+        Self { side, first_column, first_row, x_digits, y_digits }
     }
 
     /// The lower left corner in m. If the delivery has negative coordinates, column and row, counted from its lower left: a name
     /// with a minus would be read as an option, and would not sort.
     fn name(&self, (column, row): (i64, i64)) -> String {
-        let Self { side, first, digits: (x_digits, y_digits) } = *self;
+        let Self { side, first_column, first_row, x_digits, y_digits } = *self;
         if side == 0 {
             "points".to_owned()
-        } else if first.0 < 0 || first.1 < 0 {
-            format!("column{:0x_digits$}_row{:0y_digits$}", column - first.0, row - first.1)
+        } else if first_column < 0 || first_row < 0 {
+            format!("column{:0x_digits$}_row{:0y_digits$}", column - first_column, row - first_row)
         } else {
             format!("{:0x_digits$}_{:0y_digits$}", column * side, row * side)
         }
@@ -84,10 +108,11 @@ impl TileNames {
 pub fn write_tiles(
     run: &RunFolder,
     frame: &TargetFrame<'_>,
-    (options, tiling): (&CloudOptions, Tiling),
+    options: &CloudOptions,
+    tiling: Tiling,
     out: &Path,
     mut progress: impl FnMut(u64),
-) -> Result<(Vec<PointFile>, LeftOut), DeliverError> {
+) -> Result<WrittenTiles, DeliverError> {
     let mut delivery = CloudDelivery::new(run, frame, options)?;
     let [x0, y0, _] = delivery.facts.offset_m.map(|offset| offset as i64 * STEPS_PER_M);
     let side = i64::from(tiling.side_m) * STEPS_PER_M;
@@ -97,7 +122,7 @@ pub fn write_tiles(
     };
     let spool = delivery.spool(out, tile_of, &mut progress)?;
     let tiles = spool.keys();
-    let names = TileNames::new(tiles.iter().map(|(tile, _)| *tile), i64::from(tiling.side_m));
+    let names = TileNames::new(tiles.iter().map(|tile| tile.key), i64::from(tiling.side_m));
     let extension = if tiling.is_compressed { "laz" } else { "las" };
     let name = |tile| format!("{}.{extension}", names.name(tile));
     let mut files = Vec::new();
@@ -105,7 +130,7 @@ pub fn write_tiles(
     for tiles in tiles.chunks(rayon::current_num_threads()) {
         let written: Result<Vec<PointFile>, DeliverError> = tiles
             .par_iter()
-            .map(|(tile, _)| {
+            .map(|KeyedRecords { key: tile, .. }| {
                 let file = name(*tile);
                 let mut las = LasFile::create(&out.join(&file), &delivery.facts, &delivery.vlrs, tiling.is_compressed)?;
                 spool.each_piece(tile, POINTS_AT_A_TIME, |records| las.write(records))?;
@@ -114,9 +139,9 @@ pub fn write_tiles(
             })
             .collect();
         files.extend(written?);
-        progress(tiles.iter().map(|(_, n_points)| n_points).sum());
+        progress(tiles.iter().map(|tile| tile.n).sum());
     }
-    Ok((files, delivery.left_out))
+    Ok(WrittenTiles { files, left_out: delivery.left_out })
 }
 
 #[cfg(test)]

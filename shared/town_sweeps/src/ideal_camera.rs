@@ -69,7 +69,7 @@ impl IdealCamera {
         shown: &[usize],
     ) -> Vec<f32> {
         let mut values = vec![f32::NAN; shown.len() * self.n_bands];
-        trace_points(simulation, (header, points), shown, self.n_rays, |place, hit, sun| {
+        trace_points(simulation, header, points, shown, self.n_rays, |place, hit, sun| {
             let part = self.palette.part(hit, sun, SKY_VIEW, 1.0);
             let of_point = &mut values[place * self.n_bands..][..self.n_bands];
             for (band, value) in of_point.iter_mut().enumerate() {

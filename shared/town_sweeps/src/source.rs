@@ -5,7 +5,7 @@ use geometry::Stamp;
 use lidar::velodyne::Model;
 use messages::ClassId;
 use simulation::Simulation;
-use simulation::sensors::lidar::{Block, Firing, Lidar, LidarModel, LidarReturn, PatternLidar};
+use simulation::sensors::lidar::{Block, Firing, FiringReturn, Lidar, LidarModel, LidarReturn, PatternLidar};
 
 /// Duration of a revolution, s, or of a sweep for a pattern without revolutions.
 const TURN_SECONDS: f64 = 0.1;
@@ -72,8 +72,8 @@ impl<'a> Source<'a> {
             Self::Rotating(lidar) => rotating_turn(lidar, turn),
             Self::Pattern(lidar) => {
                 let begin = turn as i64 * TURN_NANOS;
-                let returned = |(firing, found): (Firing, LidarReturn)| {
-                    let LidarReturn { range_m, intensity, class, .. } = found;
+                let returned = |FiringReturn { firing, received }: FiringReturn| {
+                    let LidarReturn { range_m, intensity, class, .. } = received;
                     let Firing { nanos, azimuth_deg, elevation_deg, ring } = firing;
                     Return { nanos: nanos - begin, azimuth_deg, elevation_deg, ring, range_m, intensity, class }
                 };

@@ -5,7 +5,7 @@ use messages::{SubmapHeader, SubmapPoint, SubmapSweep};
 use random::hash;
 use raytrace::{Ray, Vec3};
 use simulation::Simulation;
-use simulation::light::sun_on;
+use simulation::light::{RayHit, sun_on};
 use town::{Material, SceneHit};
 
 /// Points are traced in groups of this duration, ns; moving objects are static within a group.
@@ -35,7 +35,7 @@ pub fn true_surfaces(
     shown: &[usize],
 ) -> Vec<Option<TrueSurface>> {
     let mut surfaces = vec![None; shown.len()];
-    trace_points(simulation, (header, points), shown, N_RAYS, |place, hit, sun| {
+    trace_points(simulation, header, points, shown, N_RAYS, |place, hit, sun| {
         surfaces[place] = Some(TrueSurface { material: hit.surface.material, is_sunlit: sun > 0.0 });
     });
     surfaces
@@ -45,7 +45,8 @@ pub fn true_surfaces(
 /// it. Rays pass through leaves and fences at random; `n_rays` are tried.
 pub(crate) fn trace_points(
     simulation: &Simulation,
-    submap: (&SubmapHeader, &[SubmapPoint]),
+    header: &SubmapHeader,
+    points: &[SubmapPoint],
     shown: &[usize],
     n_rays: u64,
     mut visit: impl FnMut(usize, &SceneHit, f32),
@@ -53,7 +54,7 @@ pub(crate) fn trace_points(
     let mut is_found = vec![false; shown.len()];
     let mut places: Vec<usize> = (0..shown.len()).collect();
     for number in 0..n_rays {
-        trace(simulation, submap, (shown, &mut places, number), &mut |place, hit, sun| {
+        trace(simulation, header, points, shown, &mut places, number, &mut |place, hit, sun| {
             is_found[place] = true;
             visit(place, hit, sun);
         });
@@ -61,11 +62,14 @@ pub(crate) fn trace_points(
     }
 }
 
-/// Traces the ray of this number to each entry of `shown`.
+/// Traces the ray of this number to the entries of `shown` at `places`, which it sorts by time.
 fn trace(
     simulation: &Simulation,
-    (header, points): (&SubmapHeader, &[SubmapPoint]),
-    (shown, places, number): (&[usize], &mut [usize], u64),
+    header: &SubmapHeader,
+    points: &[SubmapPoint],
+    shown: &[usize],
+    places: &mut [usize],
+    number: u64,
     visit: &mut dyn FnMut(usize, &SceneHit, f32),
 ) {
     // The submap frame is the body frame at the start of the first sweep.
@@ -86,8 +90,8 @@ fn trace(
         let (rays, ranges): (Vec<Ray>, Vec<f32>) = group
             .iter()
             .map(|place| {
-                let (eye, at) = eye_and_point(sweep, &points[shown[*place]]);
-                let [eye, at] = [world(eye), world(at)];
+                let point = &points[shown[*place]];
+                let [eye, at] = [world(eye(sweep, point)), world([point.x, point.y, point.z])];
                 let point = shown[*place] as u64;
                 let seed = if number == 0 { point } else { hash(point, number) };
                 let ray = Ray { origin: eye, direction: (at - eye).normalize(), seed };
@@ -99,24 +103,23 @@ fn trace(
         let hits = simulation.scene.cast_all(&rays, REACH_M, |_| &snapshot);
         let seen = (0..group.len()).filter_map(|i| {
             let hit = hits[i].filter(|hit| (hit.range_m - ranges[i]).abs() < NEAR_M)?;
-            Some((group[i], (rays[i], hit)))
+            Some((group[i], RayHit { ray: rays[i], hit }))
         });
-        let (seen, hits): (Vec<usize>, Vec<(Ray, SceneHit)>) = seen.unzip();
+        let (seen, hits): (Vec<usize>, Vec<RayHit>) = seen.unzip();
         let suns = sun_on(&simulation.scene, &hits, |_| &snapshot);
-        for ((place, (_, hit)), sun) in seen.into_iter().zip(&hits).zip(suns) {
+        for ((place, RayHit { hit, .. }), sun) in seen.into_iter().zip(&hits).zip(suns) {
             visit(place, hit, sun);
         }
     }
 }
 
-/// Position of the LiDAR at the shot of a point, and the point, in the submap frame.
-fn eye_and_point(sweep: &SubmapSweep, point: &SubmapPoint) -> ([f32; 3], [f32; 3]) {
+/// Position of the LiDAR at the shot of a point, in the submap frame.
+fn eye(sweep: &SubmapSweep, point: &SubmapPoint) -> [f32; 3] {
     let share = (point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32).min(1.0);
     let begin = &sweep.submap_from_lidar_begin;
     let end = &sweep.submap_from_lidar_end;
     let at = [point.x, point.y, point.z];
     // The point minus the ray of the range image, with the rounding of this subtraction: published experiments depend on
     // it.
-    let eye = std::array::from_fn(|axis| at[axis] - (at[axis] - (begin[axis] + share * (end[axis] - begin[axis]))));
-    (eye, at)
+    std::array::from_fn(|axis| at[axis] - (at[axis] - (begin[axis] + share * (end[axis] - begin[axis]))))
 }

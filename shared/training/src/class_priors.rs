@@ -37,13 +37,10 @@ impl LabeledMeans {
     pub fn mean_iou(&self, priors: &[f32]) -> Option<f64> {
         let logarithms: Vec<f32> = priors.iter().map(|prior| prior.ln()).collect();
         let mut confusion = Confusion::new(priors.len());
-        for (row, truth) in self.points(priors.len()) {
-            confusion.add(usize::from(truth), best(row, &logarithms, None).class);
+        for (row, truth) in self.logarithms.chunks_exact(priors.len()).zip(&self.truth) {
+            confusion.add(usize::from(*truth), best(row, &logarithms, None).class);
         }
         confusion.mean_iou()
-    }
-    fn points(&self, n_classes: usize) -> impl Iterator<Item = (&[f32], u8)> {
-        self.logarithms.chunks_exact(n_classes).zip(self.truth.iter().copied())
     }
     /// The mean IoU for each logarithm of the prior of one class, with given logarithms of the others.
     fn mean_ious(&self, logarithms: &[f32], class: usize) -> [f64; N_STEPS] {

@@ -65,6 +65,6 @@ pub use nearest_examples::NearestExamples;
 pub use network::{Derivatives, LabeledLogits, LabeledLogitsResult, Network};
 pub use point_augmentation::{Augmentation, Elastic, add_noise, distort, rotate, scale};
 pub use point_network::PointNetwork;
-pub use trainer::{Progress, TrainSettings, Trainer};
+pub use trainer::{Evaluation, Progress, TrainSettings, Trainer};
 pub use training_spheres::{DrawnItem, TrainingSpheres};
 pub use variables::Variables;

@@ -3,6 +3,8 @@
 mod checkpoint;
 mod evaluation;
 
+pub use evaluation::Evaluation;
+
 use crate::adam::Adam;
 use crate::criterion::Criterion;
 use crate::curves::{Curves, Epoch};
@@ -226,7 +228,7 @@ impl<N: Network> Trainer<N> {
             progress(i + 1, batches.len());
             Ok(())
         })?;
-        let (validation_loss, confusion) = self.evaluate(validation)?;
+        let Evaluation { loss: validation_loss, confusion } = self.evaluate(validation)?;
         // Nine decimals: serde_json may change the last digit of longer numbers, and a resumed training must give the same values.
         let rounded = |value: f64| (value * 1e9).round() / 1e9;
         let [validation_loss, mean_iou, accuracy] =

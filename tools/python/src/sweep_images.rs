@@ -5,7 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyBytes};
 use segmentation::intensity::IntensityUse;
-use segmentation::spherical::{OwnedSpectra, OwnedSubmap, SubmapSweeps};
+use segmentation::spherical::{LoadedImages, OwnedSpectra, OwnedSubmap, SubmapSweeps};
 use segmentation::{Options, Refinement, SegmentationError};
 use stage::messages::pod::{Pod, bytes_from_rows, bytes_from_rows_mut, zeroed_rows};
 use std::path::PathBuf;
@@ -29,7 +29,8 @@ impl SweepImages {
         let intensity = intensity.parse::<IntensityUse>();
         let intensity = intensity.map_err(|error| PyValueError::new_err(format!("intensity: {error}")))?;
         let refinement = Refinement { rough_ground, ..Refinement::NONE };
-        let (images, card) = segmentation::spherical::SweepImages::load(&model).map_err(|error| exception(&error))?;
+        let loaded = segmentation::spherical::SweepImages::load(&model).map_err(|error| exception(&error))?;
+        let LoadedImages { images, card } = loaded;
         let images = images.with_options(Options { every, intensity, refinement, ..Options::default() });
         Ok(Self { images: Arc::new(images), digest: card.digest })
     }
@@ -101,7 +102,7 @@ impl SubmapImages {
 
     /// The rows of the topic `class`.
     fn classes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let (classes, _) = py.detach(|| self.0.classes());
+        let classes = py.detach(|| self.0.classes().classes);
         PyBytes::new(py, bytes_from_rows(&classes))
     }
 }

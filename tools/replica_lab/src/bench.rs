@@ -95,8 +95,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     args.answer.print(&report, || report.markdown(args.stages))?;
-    let (text, data) = write(&report, args)?;
-    eprintln!("{}\n{}", text.display(), data.display());
+    for file in write(&report, args)? {
+        eprintln!("{}", file.display());
+    }
     Ok(ExitCode::from(if report.runs_agree() { 0 } else { exit_code::INCOMPLETE }))
 }
 
@@ -110,7 +111,8 @@ fn configurations(args: &Args, available: usize) -> anyhow::Result<Vec<Configura
     Ok(cores.into_iter().map(|cores| Configuration { cores }).collect())
 }
 
-fn write(report: &Report, args: &Args) -> anyhow::Result<(PathBuf, PathBuf)> {
+/// Writes the report as text and as data. Returns the files.
+fn write(report: &Report, args: &Args) -> anyhow::Result<[PathBuf; 2]> {
     let name = format!("{}-{}", report.date, report.machine.commit.replace(' ', "-"));
     let write = |extension: &str, bytes: &[u8]| -> anyhow::Result<PathBuf> {
         let path = args.out.join(format!("{name}.{extension}"));
@@ -120,7 +122,7 @@ fn write(report: &Report, args: &Args) -> anyhow::Result<(PathBuf, PathBuf)> {
     create(&args.out)?;
     let text = write("md", report.markdown(args.stages).as_bytes())?;
     let data = write("json", &serde_json::to_vec_pretty(report)?)?;
-    Ok((text, data))
+    Ok([text, data])
 }
 
 fn create(folder: &Path) -> anyhow::Result<()> {

@@ -3,7 +3,7 @@
 mod camera_setup;
 
 use anyhow::{Context, bail};
-use camera_setup::CameraSetup;
+use camera_setup::{CameraSetup, DriveCamera};
 use command_line::argument::{InvalidValue, rectangle, words};
 use command_line::say;
 use formats::envi::{self, Header, Image};
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut written = std::collections::BTreeSet::new();
     for input in &args.inputs {
         let (drive, frames) = if input.is_dir() {
-            let (setup, frames) = CameraSetup::from_drive(input, args)?;
+            let DriveCamera { setup, frames } = CameraSetup::from_drive(input, args)?;
             (Some(setup), frames)
         } else {
             (None, vec![input.clone()])

@@ -132,7 +132,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         // The diagnosis is made from the data before clipping.
         let diagnosis = diagnose(&source);
         let after: Vec<Channel> = match stretch {
-            Some(stretch) => source.channels.iter().map(|channel| stretch.apply(channel, &[]).0).collect(),
+            Some(stretch) => source.channels.iter().map(|channel| stretch.apply(channel, &[]).channel).collect(),
             None => source.channels.clone(),
         };
         inputs.push(InputReport::new(

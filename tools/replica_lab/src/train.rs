@@ -150,7 +150,7 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
             bar.set_message(format!("epoch {number}"));
             bar.reset();
             trainer.epoch(data, validation, &mut |done, all| set(&bar, done, all))?;
-            write_state(recipe, &trainer, (trainer.best(), uncalibrated), &args.out)?;
+            write_state(recipe, &trainer, trainer.best(), uncalibrated, &args.out)?;
             let last = trainer.curves().epochs[number];
             bar.suspend(|| {
                 writeln!(
@@ -172,7 +172,8 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
             None => trainer.with_weights(&weights)?.temperature(validation)?,
         };
         let ground_intensities = data.as_ref().and_then(TrainingData::ground_intensities);
-        write_state(recipe, &trainer, (&weights, Calibration { temperature, ground_intensities }), &args.out)?;
+        let calibration = Calibration { temperature, ground_intensities };
+        write_state(recipe, &trainer, &weights, calibration, &args.out)?;
     }
     if let Some(BestEpoch { epoch, mean_iou }) = trainer.curves().best() {
         writeln!(
@@ -241,7 +242,8 @@ fn model_path(out: &Path) -> PathBuf {
 fn write_state<R: TrainingRecipe>(
     recipe: &R,
     trainer: &Trainer<R::Network>,
-    (weights, calibration): (&Weights, Calibration),
+    weights: &Weights,
+    calibration: Calibration,
     out: &Path,
 ) -> anyhow::Result<()> {
     let write = |path: &Path, bytes: &[u8]| write_atomic(path, bytes).with_context(|| path.display().to_string());

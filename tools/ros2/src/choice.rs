@@ -11,9 +11,21 @@ const CAMERA_INFO: &str = "sensor_msgs/CameraInfo";
 /// Topics with their types, as they were found.
 pub type Topics = BTreeMap<String, String>;
 
-/// Chooses topics that `--topic` does not name by type, for the given targets. Returns the choice, and lines about omitted
-/// topics.
-pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<(BTreeMap<Role, String>, Vec<String>)> {
+/// The chosen topics.
+pub struct Choice {
+    pub roles: BTreeMap<Role, String>,
+    /// Lines about omitted topics.
+    pub notes: Vec<String>,
+}
+
+/// The chosen image topics.
+struct Cameras {
+    chosen: Vec<String>,
+    notes: Vec<String>,
+}
+
+/// Chooses topics that `--topic` does not name by type, for the given targets.
+pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<Choice> {
     let mut roles = BTreeMap::new();
     let mut notes = Vec::new();
     let is_wished = |role: &Role| args.topics.iter().any(|(wished, _)| wished == role);
@@ -54,15 +66,15 @@ pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<(BTreeMap<Role, St
     }
     let names_cameras = args.topics.iter().any(|(role, _)| matches!(role, Role::Camera(_) | Role::Mosaic(_)));
     if args.cameras.is_some() && !names_cameras {
-        let (cameras, left_out) = cameras(topics, &of(LiveSensor::Camera));
-        roles.extend(cameras.into_iter().enumerate().map(|(index, topic)| (Role::Camera(index), topic)));
+        let Cameras { chosen, notes: left_out } = cameras(topics, &of(LiveSensor::Camera));
+        roles.extend(chosen.into_iter().enumerate().map(|(index, topic)| (Role::Camera(index), topic)));
         notes.extend(left_out);
     }
-    Ok((roles, notes))
+    Ok(Choice { roles, notes })
 }
 
 /// Image topics that have a `camera_info` in their namespace, one for each, by name: compressed images before raw ones.
-fn cameras(topics: &Topics, images: &[&String]) -> (Vec<String>, Vec<String>) {
+fn cameras(topics: &Topics, images: &[&String]) -> Cameras {
     let mut by_info: BTreeMap<String, Vec<&String>> = BTreeMap::new();
     let mut notes = Vec::new();
     for topic in images {
@@ -81,7 +93,7 @@ fn cameras(topics: &Topics, images: &[&String]) -> (Vec<String>, Vec<String>) {
         notes.extend(others.iter().map(|topic| format!("{topic}: not taken, {first} shows the same camera")));
         chosen.push(first.clone());
     }
-    (chosen, notes)
+    Cameras { chosen, notes }
 }
 
 /// Names that the `camera_info` of an image topic may have: in its namespace, or in the namespace of the raw image of a

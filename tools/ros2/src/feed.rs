@@ -17,8 +17,12 @@ const MAX_WAITING: usize = 8;
 /// Largest number of messages that are taken from a topic before the next topic.
 const MAX_AT_ONCE: usize = 64;
 
-/// A message and the time of its reception, ns since the Unix epoch.
-type Received = (Vec<u8>, i64);
+/// A received message.
+struct Received {
+    bytes: Vec<u8>,
+    /// Time of arrival, ns since the Unix epoch.
+    stamp: i64,
+}
 
 /// Reads messages and writes their data.
 struct Worker {
@@ -53,7 +57,7 @@ impl Feed {
         let mut worker = Worker { name: topic.clone(), topic: reader, sink, counts: Arc::clone(&counts) };
         let target = if is_image {
             let (sender, messages) = sync_channel::<Received>(MAX_WAITING);
-            let work = move || messages.iter().for_each(|(message, received)| worker.handle(&message, received));
+            let work = move || messages.iter().for_each(|received| worker.handle(&received.bytes, received.stamp));
             Target::Thread(sender, thread::Builder::new().name(role.to_string()).spawn(work)?)
         } else {
             Target::Here(worker)
@@ -69,7 +73,7 @@ impl Feed {
                 Ok(None) => return false,
                 Ok(Some(taken)) => {
                     self.losses.add(taken.publisher, taken.number);
-                    self.hand_over((taken.bytes, nanos_now()));
+                    self.hand_over(Received { bytes: taken.bytes, stamp: nanos_now() });
                 }
                 Err(reason) => leave_out(&self.counts, &self.topic, &reason),
             }
@@ -80,7 +84,7 @@ impl Feed {
     fn hand_over(&mut self, received: Received) {
         lock(&self.counts).n_messages += 1;
         match &mut self.target {
-            Target::Here(worker) => worker.handle(&received.0, received.1),
+            Target::Here(worker) => worker.handle(&received.bytes, received.stamp),
             Target::Thread(sender, _) => {
                 if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) = sender.try_send(received) {
                     let mut counts = lock(&self.counts);
@@ -102,7 +106,8 @@ impl Feed {
                 lock(&self.counts).n_unwritten += 1;
             }
         }
-        let (counts, n_lost) = (lock(&self.counts), self.losses.n_lost());
+        let counts = lock(&self.counts);
+        let n_lost = self.losses.n_lost();
         eprintln!("{} ({}): {}", self.topic, self.role, counts.summary(n_lost));
         n_lost == 0 && counts.is_complete()
     }
@@ -116,7 +121,7 @@ impl Worker {
             Ok(data) => data,
             Err(reason) => return leave_out(&self.counts, &self.name, &reason),
         };
-        let (n_images, n_lines, n_packets, errors) = self.sink.write(&data);
+        let Written { n_images, n_lines, n_packets, errors } = self.sink.write(&data);
         let mut counts = lock(&self.counts);
         counts.n_unstamped = n_unstamped;
         counts.n_images += n_images;
@@ -131,27 +136,37 @@ impl Worker {
     }
 }
 
+/// What was written of a message.
+#[derive(Default)]
+struct Written {
+    n_images: u64,
+    n_lines: u64,
+    n_packets: u64,
+    /// Errors of the rest.
+    errors: Vec<anyhow::Error>,
+}
+
 impl Sink {
-    /// Writes the data. Returns the numbers of images, lines and packets that were written, and the errors of the rest.
-    fn write(&self, data: &LiveData<'_>) -> (u64, u64, u64, Vec<anyhow::Error>) {
+    /// Writes the data.
+    fn write(&self, data: &LiveData<'_>) -> Written {
         let split = |results: Vec<anyhow::Result<()>>| {
             let n = results.iter().filter(|result| result.is_ok()).count() as u64;
             (n, results.into_iter().filter_map(Result::err).collect())
         };
         match (self, data) {
             (Self::Folder(folder), LiveData::Image { stamp, extension, content }) => {
-                let (n, errors) = split(vec![write_image(folder, *stamp, extension, content)]);
-                (n, 0, 0, errors)
+                let (n_images, errors) = split(vec![write_image(folder, *stamp, extension, content)]);
+                Written { n_images, errors, ..Written::default() }
             }
             (Self::Udp(udp), LiveData::Lines(lines)) => {
-                let (n, errors) = split(lines.iter().map(|line| udp.send_line(line)).collect());
-                (0, n, 0, errors)
+                let (n_lines, errors) = split(lines.iter().map(|line| udp.send_line(line)).collect());
+                Written { n_lines, errors, ..Written::default() }
             }
             (Self::Udp(udp), LiveData::Packets(packets)) => {
-                let (n, errors) = split(packets.iter().map(|packet| udp.send(packet)).collect());
-                (0, 0, n, errors)
+                let (n_packets, errors) = split(packets.iter().map(|packet| udp.send(packet)).collect());
+                Written { n_packets, errors, ..Written::default() }
             }
-            _ => (0, 0, 0, vec![anyhow!("the role does not fit the type")]),
+            _ => Written { errors: vec![anyhow!("the role does not fit the type")], ..Written::default() },
         }
     }
 }

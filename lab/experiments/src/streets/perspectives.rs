@@ -3,7 +3,7 @@
 use super::classes::{ALL, SIMPLE};
 use super::iou_table::{columns, iou_table};
 use super::street_data::StreetData;
-use super::{Streets, recipe};
+use super::{Kind, Streets, recipe};
 use crate::experiment::{Experiment, Results};
 use crate::recipe::Recipe;
 use crate::task::Task;
@@ -23,7 +23,7 @@ impl Experiment for Perspectives {
         "perspectives"
     }
     fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
-        let of_loss = |row: &str, seed| recipe((row, "urban"), (StreetData::Urban, &ALL), seed);
+        let of_loss = |row: &str, seed| recipe(&Kind::new(row, "urban", StreetData::Urban, &ALL), seed);
         let of_seed = |seed| {
             let plain = of_loss(LOSS, seed);
             let named = |row: &str, of: Recipe| Recipe { row: row.to_owned(), ..of };

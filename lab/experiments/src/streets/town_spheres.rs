@@ -7,7 +7,7 @@ use random::Random;
 use rayon::prelude::*;
 use segmentation::ModelInput;
 use segmentation::intensity::IntensityMap;
-use segmentation::points::{CellCloud, PointFeature, SphereSettings};
+use segmentation::points::{CellCloud, GriddedCells, PointFeature, SphereSettings};
 use simulation::{Simulation, Town};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -87,7 +87,7 @@ fn clouds(seeds: RangeInclusive<u64>) -> anyhow::Result<Vec<ClassifiedCells>> {
 /// The cells of a submap: the most frequent class of their points, and the color of the first one.
 fn town_cloud(simulation: &Simulation, submap: &TownSubmap) -> anyhow::Result<ClassifiedCells> {
     let input = ModelInput::new(&submap.header, &submap.points);
-    let (mut cloud, grid) =
+    let GriddedCells { mut cloud, grid } =
         CellCloud::from_input(&input, &input.ground().heights(input.points), &IntensityMap::Unknown, CELL_M)?;
     let firsts: Vec<usize> = (0..grid.len()).map(|cell| grid.points_of(cell)[0] as usize).collect();
     let levels = IdealCamera::color().values(simulation, &submap.header, &submap.points, &firsts);

@@ -3,7 +3,7 @@
 use super::classes::ALL;
 use super::iou_table::{columns, iou_table, precision_table};
 use super::street_data::StreetData;
-use super::{Streets, recipe};
+use super::{Kind, Streets, recipe};
 use crate::experiment::{Experiment, Results};
 use crate::recipe::Recipe;
 use crate::task::Task;
@@ -39,10 +39,10 @@ impl Experiment for Transfer {
     }
     fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
         let loss = "CE + Jac. 2";
-        let source = |seed| recipe((loss, SOURCE), (StreetData::UrbanUpright, &ALL), seed);
+        let source = |seed| recipe(&Kind::new(loss, SOURCE, StreetData::UrbanUpright, &ALL), seed);
         let target = |(n_drives, seed, method): (u64, u64, &Method)| {
             let column = format!("{} sweeps", 4 * n_drives);
-            let mut recipe = recipe((loss, &column), (StreetData::Rural(n_drives), &ALL), seed);
+            let mut recipe = recipe(&Kind::new(loss, &column, StreetData::Rural(n_drives), &ALL), seed);
             method.name.clone_into(&mut recipe.row);
             recipe.start = method.is_transferred.then(|| Box::new(source(seed)));
             recipe.frozen = method.frozen.unwrap_or_default().iter().map(|&prefix| prefix.to_owned()).collect();

@@ -12,7 +12,7 @@ mod town;
 
 use crate::town::{Town, TrueExposure, TruePoint, with_true_flags};
 use coloring::{
-    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, PointBuffers, PosedExposure,
+    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ColorSteps, PointBuffers, PointChoice, PosedExposure,
     ProjectionCamera, Sampler, SubmapPoints, visibility_maps,
 };
 use geometry::{Pose, RigCamera, Stamp};
@@ -134,10 +134,10 @@ impl Part<'_> {
             points.read_chunk(index, &mut chunk);
             choices.choose(&chunk, &candidates);
             let mut chosen = vec![None; truth.len()];
-            for (i, exposure, pixel) in choices.chosen() {
-                let sampled = |sampler: &Sampler<'_>| {
-                    sampler.sample(&chunk, (i, exposure, pixel)).map(|color| (color.exposure, color.pixel))
-                };
+            for choice in choices.chosen() {
+                let PointChoice { i, exposure, pixel } = choice;
+                let sampled =
+                    |sampler: &Sampler<'_>| sampler.sample(&chunk, choice).map(|color| (color.exposure, color.pixel));
                 chosen[i] = sampler.as_ref().map_or(Some((exposure, pixel)), sampled);
             }
             let mut table = Table::default();

@@ -106,7 +106,8 @@ impl Town<'_> {
         let p = world_from_body * estimated.inverse() * odom_from_submap * p_in_submap;
         let origin = (world_from_body * self.simulation.rig.lidar.body_from_lidar).translation.vector;
         let range_m = (p.coords - origin).norm();
-        let (origin, direction) = (origin.cast(), ((p.coords - origin) / range_m).cast());
+        let direction = ((p.coords - origin) / range_m).cast();
+        let origin = origin.cast();
         let scene = &self.simulation.scene;
         let key = (seconds / SNAPSHOT_S).round() as i64;
         let [now, later] = snapshots.entry(key).or_insert_with(|| {

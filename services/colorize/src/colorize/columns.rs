@@ -1,9 +1,10 @@
 //! Output: the columns of a due submap.
 
 use super::Colorize;
-use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
+use camera_alignment::{AlignmentExposure, CameraProfiles, profiles_by_camera};
 use coloring::{
-    CameraCubes, Candidates, ColorSteps, ExposureWindow, SpectraColumn, SubmapPoints, color_into, visibility_maps,
+    CameraCubes, Candidates, ColorSteps, ExposureWindow, PosedData, SpectraColumn, SubmapPoints, color_into,
+    visibility_maps,
 };
 use geometry::{Pose, Stamp};
 use materials::PointMaterials;
@@ -39,19 +40,19 @@ impl Colorize {
         Ok(())
     }
 
-    /// Publishes the colors of a submap. Also returns the brightness profiles at depth edges, with the index of their
-    /// camera.
+    /// Publishes the colors of a submap. Also returns the brightness profiles at depth edges.
     fn publish_color(
         &self,
         submap: &Received<SubmapTopic>,
         points: &SubmapPoints<'_>,
         odom_from_submap: &Pose,
         outputs: &mut Outputs,
-    ) -> Result<Vec<(usize, Vec<Profile>)>, StepError> {
+    ) -> Result<Vec<CameraProfiles>, StepError> {
         let mut exposures = Vec::new();
         let mut images = Vec::new();
         let mut shifted = Vec::new();
-        for (image, odom_from_body) in self.within_reach(&self.held.images, submap.header(), outputs) {
+        for PosedData { data: image, odom_from_body } in self.within_reach(&self.held.images, submap.header(), outputs)
+        {
             let Some(pixels) = self.color_image(image) else { continue };
             let camera = &self.cameras[image.header().camera as usize];
             exposures.push(camera.exposure(image.stamp(), &odom_from_body, odom_from_submap));
@@ -94,7 +95,7 @@ impl Colorize {
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
-        for (cube, odom_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
+        for PosedData { data: cube, odom_from_body } in self.within_reach(&self.held.cubes, submap.header(), outputs) {
             let Some(cells) = self.cube_image(cube) else { continue };
             let index = cube.header().camera as usize;
             cameras[index].add(&self.mosaics[index], cells, [&odom_from_body, odom_from_submap], cube.stamp());
@@ -121,18 +122,18 @@ impl Colorize {
         Ok(())
     }
 
-    /// The exposures within `max_age_s` of the submap, with `odom_from_body`. Exposures before the first or after the last
+    /// The exposures within `max_age_s` of the submap. Exposures before the first or after the last
     /// known pose are skipped and counted, once per submap.
     fn within_reach<'a, T: Message>(
         &self,
         window: &'a ExposureWindow<Received<T>>,
         header: &SubmapHeader,
         outputs: &mut Outputs,
-    ) -> Vec<(&'a Received<T>, Pose)> {
+    ) -> Vec<PosedData<'a, Received<T>>> {
         let from = header.stamp_begin.saturating_sub(self.max_age_nanos);
         let until = header.stamp_end.saturating_add(self.max_age_nanos);
-        let (found, n_without_pose) = window.posed_within(from..=until, &self.held.trajectory);
-        outputs.count("exposures_without_pose", n_without_pose);
-        found
+        let found = window.posed_within(from..=until, &self.held.trajectory);
+        outputs.count("exposures_without_pose", found.n_without_pose);
+        found.exposures
     }
 }

@@ -127,7 +127,7 @@ fn poses(simulation: &Simulation, stamp: Stamp) -> Vec<StampedPose> {
 /// The images of all color cameras.
 fn images(simulation: &Simulation, stamp: Stamp) -> Vec<(ImageHeader, Vec<u8>)> {
     let camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
-    let (width, height) = camera.size();
+    let [width, height] = camera.size();
     let image = |index: usize| {
         let header = ImageHeader { camera: index as u32, width, height, channels: 3, exposure_nanos: 2_000_000 };
         (header, simulation.image(&camera, index, stamp))

@@ -9,22 +9,38 @@ use settings::Problem;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Connects the stages by their topics and sorts them in dataflow order. Each problem belongs to a stage's table.
-pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Problem)> {
+/// A problem of a stage.
+pub struct StageProblem {
+    /// Its table.
+    pub stage: String,
+    /// The problem.
+    pub problem: Problem,
+}
+
+/// The producer of a topic.
+struct Producer {
+    /// Index of the stage.
+    stage: usize,
+    port: PortDescription,
+}
+
+/// Connects the stages by their topics and sorts them in dataflow order.
+pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<StageProblem> {
     let mut problems = Vec::new();
     let mut report = |stage: &PlannedStage, text: String| {
-        problems.push((stage.name.clone(), Problem { key: String::new(), span: stage.span.clone(), text }));
+        let problem = Problem { key: String::new(), span: stage.span.clone(), text };
+        problems.push(StageProblem { stage: stage.name.clone(), problem });
     };
-    let mut producers: BTreeMap<String, (usize, PortDescription)> = BTreeMap::new();
+    let mut producers: BTreeMap<String, Producer> = BTreeMap::new();
     for (index, stage) in stages.iter().enumerate() {
         for port in &stage.description.outputs {
-            if let Some((other, _)) = producers.get(&port.topic) {
+            if let Some(other) = producers.get(&port.topic) {
                 let topic = &port.topic;
-                let other = &stages[*other].name;
+                let other = &stages[other.stage].name;
                 let hint = format!("give this one another name, e.g. remap = {{ {topic} = \"{topic}_b\" }}");
                 report(stage, format!("topic {topic} is already produced by [{other}]; {hint}"));
             } else {
-                producers.insert(port.topic.clone(), (index, port.clone()));
+                producers.insert(port.topic.clone(), Producer { stage: index, port: port.clone() });
             }
         }
     }
@@ -34,7 +50,7 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
             match producers.get(&port.topic) {
                 None if port.optional => {}
                 None => report(stage, format!("needs topic {}, which no stage of this file produces", port.topic)),
-                Some((producer, output)) => {
+                Some(Producer { stage: producer, port: output }) => {
                     let producer = &stages[*producer].name;
                     if output.version != port.version {
                         let versions = format!("expects version {} of topic {}", port.version, port.topic);
@@ -66,9 +82,12 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
             report(stage, format!("is a second source, after [{}]: a run has one source", earlier.name));
         }
     }
-    let edges: Vec<(usize, usize)> = consumers
+    let edges: Vec<Edge> = consumers
         .iter()
-        .flat_map(|(topic, indices)| indices.iter().map(|consumer| (producers[topic].0, *consumer)))
+        .flat_map(|(topic, indices)| {
+            let producer = producers[topic].stage;
+            indices.iter().map(move |consumer| Edge { producer, consumer: *consumer })
+        })
         .collect();
     let order = match order(stages.len(), &edges) {
         Ok(order) => order,
@@ -80,7 +99,7 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
     };
     let channels: BTreeMap<&String, TopicChannels> = producers
         .iter()
-        .map(|(topic, (producer, port))| {
+        .map(|(topic, Producer { stage: producer, port })| {
             let consumers = consumers.get(topic).map(Vec::as_slice).unwrap_or_default();
             (topic, channels(port, &stages[*producer].name, consumers.iter().map(|index| &*stages[*index].name), mode))
         })
@@ -92,9 +111,9 @@ pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Probl
         };
         ports.iter().filter_map(|port| channels.get(&port.topic).map(with_port)).collect()
     };
-    let connected: Vec<(Vec<_>, Vec<_>)> =
-        stages.iter().map(|s| (of(s, &s.description.inputs), of(s, &s.description.outputs))).collect();
-    for (stage, (inputs, outputs)) in stages.iter_mut().zip(connected) {
+    let inputs: Vec<Vec<_>> = stages.iter().map(|stage| of(stage, &stage.description.inputs)).collect();
+    let outputs: Vec<Vec<_>> = stages.iter().map(|stage| of(stage, &stage.description.outputs)).collect();
+    for ((stage, inputs), outputs) in stages.iter_mut().zip(inputs).zip(outputs) {
         stage.inputs = inputs;
         stage.outputs = outputs;
     }
@@ -135,12 +154,19 @@ fn channels<'a>(
     }
 }
 
+/// A topic from one stage to another, by their indices.
+struct Edge {
+    producer: usize,
+    consumer: usize,
+}
+
 /// Sorts producers before consumers, otherwise in the order of the file. `Err`: the members of cycles.
-fn order(n: usize, edges: &[(usize, usize)]) -> Result<Vec<usize>, Vec<usize>> {
+fn order(n: usize, edges: &[Edge]) -> Result<Vec<usize>, Vec<usize>> {
     let mut done: Vec<usize> = Vec::new();
     while done.len() < n {
         let ready = (0..n).find(|candidate| {
-            !done.contains(candidate) && edges.iter().all(|(from, to)| to != candidate || done.contains(from))
+            let is_ready = |edge: &Edge| edge.consumer != *candidate || done.contains(&edge.producer);
+            !done.contains(candidate) && edges.iter().all(is_ready)
         });
         match ready {
             Some(next) => done.push(next),
@@ -201,7 +227,7 @@ mod tests {
     fn texts(stages: &mut Vec<PlannedStage>) -> Vec<String> {
         connect(stages, Mode::Offline)
             .into_iter()
-            .map(|(stage, problem)| format!("{stage}: {}", problem.text))
+            .map(|StageProblem { stage, problem }| format!("{stage}: {}", problem.text))
             .collect()
     }
 

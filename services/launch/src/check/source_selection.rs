@@ -94,8 +94,14 @@ mod tests {
         }
     }
 
-    /// Stages that a replay of `topics` leaves out, and the topics that the replay lacks.
-    fn replay_of(topics: &str) -> (String, String) {
+    struct Replay {
+        /// Stages that it leaves out.
+        left_out: String,
+        /// Topics that it lacks.
+        missing: String,
+    }
+
+    fn replay_of(topics: &str) -> Replay {
         let before = vec![
             stage("acquire", "", "sweep image gnss"),
             stage("slam", "sweep gnss?", "submap trajectory placement"),
@@ -106,20 +112,20 @@ mod tests {
         ];
         let mut stages = before.clone();
         let left_out = leave_out(&mut stages, "replay");
-        (left_out.join(" "), missing_topics(&before, &stages).join(" "))
+        Replay { left_out: left_out.join(" "), missing: missing_topics(&before, &stages).join(" ") }
     }
 
     #[test]
     fn replay_of_all_topics_that_remaining_stages_read_lacks_none() {
-        assert_eq!(replay_of("sweep image gnss").1, "");
-        let (left_out, missing) = replay_of("submap trajectory placement color spectra");
+        assert_eq!(replay_of("sweep image gnss").missing, "");
+        let Replay { left_out, missing } = replay_of("submap trajectory placement color spectra");
         assert_eq!((left_out.as_str(), missing.as_str()), ("acquire slam colorize", ""));
     }
 
     #[test]
     fn replay_lacks_topics_whose_stage_was_left_out_and_that_others_read() {
-        assert_eq!(replay_of("submap trajectory color").1, "placement spectra");
-        assert_eq!(replay_of("submap trajectory placement").1, "image");
-        assert_eq!(replay_of("sweep").1, "image gnss");
+        assert_eq!(replay_of("submap trajectory color").missing, "placement spectra");
+        assert_eq!(replay_of("submap trajectory placement").missing, "image");
+        assert_eq!(replay_of("sweep").missing, "image gnss");
     }
 }

@@ -41,7 +41,8 @@ pub fn read(
             Some(_) => sibling("replica-remote")?,
             None => programs::find(&table.name, &table.keys.program, folder)?,
         };
-        programs::describe(&program, &table.keys.python, &request).map(|description| (program, description))
+        programs::describe(&program, &table.keys.python, &request)
+            .map(|description| DescribedProgram { program, description })
     });
     let described = tables.into_iter().zip(described);
     described.filter_map(|(table, described)| planned(table, described, folder, problems)).collect()
@@ -69,14 +70,20 @@ fn tables(problems: &mut Problems, folder: &Path, without: &[String], run: &Run)
     tables
 }
 
+/// A program that has described itself.
+struct DescribedProgram {
+    program: PathBuf,
+    description: Description,
+}
+
 fn planned(
     table: Table,
-    described: Result<(PathBuf, Description), ProgramError>,
+    described: Result<DescribedProgram, ProgramError>,
     folder: &Path,
     problems: &mut Problems,
 ) -> Option<PlannedStage> {
     let Table { name, span, keys, remote } = table;
-    let (program, mut description) = match described {
+    let DescribedProgram { program, mut description } = match described {
         Ok(described) => described,
         Err(error) => {
             problems.add_at(&name, span, error.to_string());

@@ -6,19 +6,22 @@ use tracing::field::{Field, Visit};
 
 /// Collects fields by name.
 #[derive(Default)]
-pub struct Fields(pub Map<String, Value>);
+pub struct Fields {
+    /// The values.
+    pub by_name: Map<String, Value>,
+}
 
 impl Fields {
     /// Removes and returns a text.
     pub fn take_text(&mut self, name: &str) -> Option<String> {
-        match self.0.remove(name)? {
+        match self.by_name.remove(name)? {
             Value::String(text) => Some(text),
             other => Some(other.to_string()),
         }
     }
 
     fn add(&mut self, field: &Field, value: Value) {
-        self.0.insert(field.name().to_owned(), value);
+        self.by_name.insert(field.name().to_owned(), value);
     }
 }
 

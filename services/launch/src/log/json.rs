@@ -31,9 +31,9 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>> Layer<S> for JsonLayer {
         line.insert("level".to_owned(), event.metadata().level().as_str().into());
         line.insert("kind".to_owned(), fields.take_text("kind").unwrap_or_else(|| "message".to_owned()).into());
         line.insert("message".to_owned(), fields.take_text("message").unwrap_or_default().into());
-        line.extend(fields.0);
+        line.extend(fields.by_name);
         for span in context.event_scope(event).into_iter().flatten() {
-            if let Some(Fields(fields)) = span.extensions().get() {
+            if let Some(Fields { by_name: fields }) = span.extensions().get() {
                 for (name, value) in fields {
                     line.entry(name.as_str()).or_insert_with(|| value.clone());
                 }

@@ -62,7 +62,7 @@ impl<S: Subscriber> Layer<S> for TerminalLayer {
         let screen = Screen::from_output(&std::io::stderr());
         if let Some(screen) = screen.filter(|_| kind == "progress" && self.has_table) {
             let slowest = fields.take_text("slowest").unwrap_or_default();
-            let stages = fields.0.remove("stages").unwrap_or_default();
+            let stages = fields.by_name.remove("stages").unwrap_or_default();
             let stages = serde_json::from_value::<Vec<StageFigures>>(stages).unwrap_or_default();
             let text = table(&stages, &slowest, &message, screen);
             self.write("", |table| table.text = text);
@@ -86,7 +86,7 @@ impl<S: Subscriber> Layer<S> for TerminalLayer {
 /// The end of the log of a faulty stage.
 fn last_log_lines(fields: &mut Fields) -> String {
     let stage = fields.take_text("stage").unwrap_or_default();
-    let lines = fields.0.remove("last_log_lines");
+    let lines = fields.by_name.remove("last_log_lines");
     let lines = lines.as_ref().and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
     if lines.is_empty() {
         let log = fields.take_text("log").unwrap_or_default();

@@ -66,7 +66,7 @@ impl Supervisor {
         let started = processes.start(&self.run, &ipc.node, from, self.format);
         let ending = started.and_then(|()| self.observe_to_end(&ipc, &mut processes));
         processes.kill();
-        for process in &processes.0 {
+        for process in &processes.all {
             self.account.add_process(process);
         }
         ending
@@ -97,7 +97,7 @@ impl Supervisor {
         if polls.count.is_multiple_of(MEASURE_EVERY) {
             self.account.measure_shared_memory(&self.run.domain);
         }
-        self.observers.update(&processes.0, &self.run.domain, self.account.restarts);
+        self.observers.update(&processes.all, &self.run.domain, self.account.restarts);
         let is_finished = match judge(at, &processes.observed(self.origin), policy) {
             Judgment::Blame(fault) => return Ok(self.handle_fault(fault, processes, policy)),
             Judgment::Finish => true,
@@ -105,14 +105,14 @@ impl Supervisor {
         };
         self.operator.poll(&mut self.swaps, &self.run);
         let is_ending = self.operator.is_ending();
-        let arrived = self.swaps.advance(&processes.0, &self.run, &mut self.operator.control, is_ending)?;
+        let arrived = self.swaps.advance(&processes.all, &self.run, &mut self.operator.control, is_ending)?;
         polls.command.pause = self.swaps.is_draining();
         if let Some(barrier) = arrived {
             return Ok(Some(Ending::Swap(barrier)));
         }
         self.restart_due_stages(&ipc.node, processes)?;
         if is_finished {
-            self.observers.show_last(&processes.0);
+            self.observers.show_last(&processes.all);
             return Ok(Some(Ending::Done));
         }
         if self.operator.must_stop() {
@@ -186,7 +186,7 @@ impl Supervisor {
     fn restart_due_stages(&mut self, node: &Node, processes: &mut Processes) -> Result<(), SuperviseError> {
         let run = &self.run;
         let restarts = &mut self.stage_restarts;
-        for process in processes.0.iter_mut().filter(|process| process.awaits_restart) {
+        for process in processes.all.iter_mut().filter(|process| process.awaits_restart) {
             let stage = run.plan.stages.iter().find(|stage| stage.name == process.name);
             let Some(stage) = stage.filter(|stage| restarts.is_due(&stage.name)) else { continue };
             // The ports of the dead process must be free for the next one.
@@ -224,7 +224,7 @@ impl Supervisor {
     /// Removes old states. The barrier before the last complete one is also kept: the run falls back to it if a state
     /// of the last one is damaged.
     fn remove_old_states(&self, processes: &Processes, polls: &mut Polls) {
-        let complete = processes.0.iter().map(|process| process.health.barrier).min().unwrap_or_default();
+        let complete = processes.all.iter().map(|process| process.health.barrier).min().unwrap_or_default();
         if complete > polls.barrier {
             self.run.folder.states().remove_before(polls.barrier);
             polls.barrier = complete;

@@ -3,7 +3,7 @@
 use super::error::SuperviseError;
 use crate::costs::Costs;
 use crate::log::LogFormat;
-use crate::metrics::Metrics;
+use crate::metrics::{Metrics, StageHealth};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::recorder::Recorder;
@@ -70,7 +70,7 @@ impl Observers {
 
     /// Shows and writes the figures that are due.
     pub fn update(&mut self, processes: &[StageProcess], domain: &Domain, restarts: u32) {
-        let health = || processes.iter().map(|process| (process.name.as_str(), &process.health));
+        let health = || processes.iter().map(|process| StageHealth { stage: &process.name, health: &process.health });
         self.progress.report(processes);
         self.metrics.update(health(), || domain.used_bytes(), restarts);
         if let Some(costs) = &mut self.costs {
@@ -84,7 +84,7 @@ impl Observers {
 
     /// Writes the final figures.
     pub fn write_last(&mut self, health: &BTreeMap<String, Health>, domain: &Domain, restarts: u32) {
-        let health = || health.iter().map(|(name, health)| (name.as_str(), health));
+        let health = || health.iter().map(|(stage, health)| StageHealth { stage, health });
         self.metrics.write(health(), domain.used_bytes(), restarts);
         if let Some(costs) = &mut self.costs {
             costs.write(health());

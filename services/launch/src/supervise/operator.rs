@@ -2,7 +2,7 @@
 
 use super::error::SuperviseError;
 use crate::active_run::ActiveRun;
-use crate::control::Control;
+use crate::control::{ClientRequest, Control};
 use crate::swap::Swaps;
 use run::control::{Answer, Request};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
@@ -31,7 +31,7 @@ impl Operator {
     /// Receives signals and requests. Never waits.
     pub fn poll(&mut self, swaps: &mut Swaps, run: &ActiveRun) {
         self.n_end_requests += self.signals.pending().count();
-        for (client, request) in self.control.requests() {
+        for ClientRequest { client, request } in self.control.requests() {
             match request {
                 Request::Stop { now } => {
                     self.n_end_requests = self.n_end_requests.max(if now { 2 } else { 1 });

@@ -17,7 +17,10 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// All started processes.
 #[derive(Default)]
-pub struct Processes(pub Vec<StageProcess>);
+pub struct Processes {
+    /// In the order of the plan.
+    pub all: Vec<StageProcess>,
+}
 
 impl Processes {
     /// Starts all stages from a barrier.
@@ -30,44 +33,44 @@ impl Processes {
     ) -> Result<(), SuperviseError> {
         for stage in &run.plan.stages {
             let assignment = run.folder.assign(&run.plan, stage, &run.domain, from, None)?;
-            self.0.push(StageProcess::start(stage, &assignment, run.folder.log(&stage.name), format, node)?);
+            self.all.push(StageProcess::start(stage, &assignment, run.folder.log(&stage.name), format, node)?);
         }
         Ok(())
     }
 
     /// The process of a stage.
     pub fn find(&mut self, stage: &str) -> Option<&mut StageProcess> {
-        self.0.iter_mut().find(|process| process.name == stage)
+        self.all.iter_mut().find(|process| process.name == stage)
     }
 
     /// Reads exit statuses and heartbeats.
     pub fn observe(&mut self) {
-        self.0.iter_mut().for_each(StageProcess::observe);
+        self.all.iter_mut().for_each(StageProcess::observe);
     }
 
     /// The last observations, with times since `origin`.
     pub fn observed(&self, origin: Instant) -> Vec<ObservedStage> {
-        self.0.iter().map(|process| process.observed(origin)).collect()
+        self.all.iter().map(|process| process.observed(origin)).collect()
     }
 
     /// Whether all have connected to their topics.
     pub fn are_ready(&self) -> bool {
-        self.0.iter().all(|process| !matches!(process.health.activity, Activity::Starting | Activity::Connecting(_)))
+        self.all.iter().all(|process| !matches!(process.health.activity, Activity::Starting | Activity::Connecting(_)))
     }
 
     /// Publishes a command to all running processes.
     pub fn command(&mut self, command: Command) -> Result<(), IpcError> {
-        let mut running = self.0.iter_mut().filter(|process| process.status.is_none());
+        let mut running = self.all.iter_mut().filter(|process| process.status.is_none());
         running.try_for_each(|process| process.command(command))
     }
 
     /// Asks all to stop, and kills the processes that do not stop in time.
     pub fn stop(&mut self) {
-        for process in &self.0 {
+        for process in &self.all {
             process.signal(Signal::TERM);
         }
         let asked = Instant::now();
-        while asked.elapsed() < STOP_TIMEOUT && self.0.iter().any(|process| process.status.is_none()) {
+        while asked.elapsed() < STOP_TIMEOUT && self.all.iter().any(|process| process.status.is_none()) {
             self.observe();
             std::thread::sleep(POLL);
         }
@@ -77,9 +80,9 @@ impl Processes {
     /// Kills all processes. At the same time, because freeing gigabytes of memory takes a process some tenths of a
     /// second.
     pub fn kill(&mut self) {
-        for process in &self.0 {
+        for process in &self.all {
             process.signal(Signal::KILL);
         }
-        self.0.iter_mut().for_each(StageProcess::kill);
+        self.all.iter_mut().for_each(StageProcess::kill);
     }
 }

@@ -41,7 +41,7 @@ fn ticks(drive: &Drive) -> Vec<Tick> {
         let mut rows = Vec::new();
         let mut of_rear = Vec::new();
         let Some(sweep) = first.next_sweep(|piece| rows.extend_from_slice(piece)).unwrap() else { break };
-        let window = (sweep.stamp.0, sweep.stamp.0 + i64::from(sweep.duration_nanos));
+        let window = [sweep.stamp.0, sweep.stamp.0 + i64::from(sweep.duration_nanos)];
         let slice = rear.next_slice(window, |piece| of_rear.extend_from_slice(piece)).unwrap().unwrap();
         let header = |n_rings, lidar| SweepHeader {
             duration_nanos: sweep.duration_nanos,

@@ -12,6 +12,7 @@ pub use sources::AuxiliarySources;
 
 use super::clocks::Clocks;
 use super::recorded_entries::RecordedEntries;
+use super::sensor::SensorStats;
 use crate::counters::ReportedCounts;
 use crate::doubts::Tally;
 use crate::error::LiveError;
@@ -20,12 +21,11 @@ use drive::SweepInfo;
 use drive::manifest::{CameraEntry, MosaicEntry};
 use files::atomic_file::AtomicFile;
 use frames::Frames;
-use geometry::Stamp;
-use lidar::LidarStats;
+use lidar::PacketArrival;
 use lidar::nmea::{Fix, LogStats};
-use logs::{FixLog, SampleLog};
+use logs::{FixLog, SampleLog, TakenSamples};
 use messages::ImuRow;
-use references::References;
+use references::{AddedReferences, References};
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
@@ -78,6 +78,14 @@ pub struct DueRows {
     pub samples: Vec<ImuRow>,
 }
 
+/// News of the auxiliary sensors.
+pub struct AuxiliaryNews {
+    /// Names and numbers.
+    pub counts: Vec<(&'static str, u64)>,
+    /// Notes for the operator.
+    pub notes: Vec<String>,
+}
+
 impl AuxiliarySensors {
     /// Starts to receive, and to record in the folder of the recording. The trigger rule thins out the images that are
     /// published.
@@ -89,10 +97,11 @@ impl AuxiliarySensors {
     ) -> Result<Self, LiveError> {
         let entries = sources.entries();
         fs::create_dir_all(&folder).map_err(|source| LiveError::File { path: folder.clone(), source })?;
-        let (frames, references) = sources.start_frames(&folder, &entries, trigger)?.unzip();
+        let mut references = References::default();
+        let frames = sources.start_frames(&folder, &entries, trigger, &mut references)?;
         Ok(Self {
             frames,
-            references: references.unwrap_or_default(),
+            references,
             fixes: sources.start_fixes(&folder, entries.gnss.as_ref())?,
             samples: sources.start_samples(&folder, entries.imu.as_ref())?,
             folder,
@@ -114,9 +123,14 @@ impl AuxiliarySensors {
         &self.entries
     }
 
-    /// Entries of the color cameras and of the mosaic cameras.
-    pub fn cameras(&self) -> (&[CameraEntry], &[MosaicEntry]) {
-        (&self.entries.cameras, &self.entries.mosaics)
+    /// Entries of the color cameras.
+    pub fn cameras(&self) -> &[CameraEntry] {
+        &self.entries.cameras
+    }
+
+    /// Entries of the mosaic cameras.
+    pub fn mosaics(&self) -> &[MosaicEntry] {
+        &self.entries.mosaics
     }
 
     /// Whether the fixes come from the receiver's own log, so that the LiDAR's position packets are not used.
@@ -125,19 +139,19 @@ impl AuxiliarySensors {
     }
 
     /// Adds a sweep that was published, and the arrival of one of its packets.
-    pub fn add_sweep(&mut self, info: &SweepInfo, arrival: Option<(Stamp, Stamp)>) {
+    pub fn add_sweep(&mut self, info: &SweepInfo, arrival: Option<PacketArrival>) {
         let end = info.stamp.0.saturating_add(i64::from(info.duration_nanos));
         let [begin, last] = self.span.unwrap_or([info.stamp.0, end]);
         self.span = Some([begin, last.max(end)]);
-        if let Some((stamp, arrived)) = arrival {
-            self.clocks.add(LIDAR, stamp, arrived);
+        if let Some(PacketArrival { stamp, captured }) = arrival {
+            self.clocks.add(LIDAR, stamp, captured);
         }
     }
 
     /// Adds the arrival of a packet of a secondary LiDAR.
-    pub fn add_arrival_of_lidar(&mut self, name: &str, arrival: Option<(Stamp, Stamp)>) {
-        if let Some((stamp, arrived)) = arrival {
-            self.clocks.add(&format!("{LIDAR} {name}"), stamp, arrived);
+    pub fn add_arrival_of_lidar(&mut self, name: &str, arrival: Option<PacketArrival>) {
+        if let Some(PacketArrival { stamp, captured }) = arrival {
+            self.clocks.add(&format!("{LIDAR} {name}"), stamp, captured);
         }
     }
 
@@ -163,7 +177,7 @@ impl AuxiliarySensors {
             due.fixes = fixes.due;
         }
         if let Some(log) = &mut self.samples {
-            let (samples, bad) = log.take_due(self.span, &mut self.clocks)?;
+            let TakenSamples { rows: samples, errors: bad } = log.take_due(self.span, &mut self.clocks)?;
             due.samples = samples;
             let n_bad = bad.len() as u64;
             self.tally.imu_samples += due.samples.len() as u64;
@@ -220,14 +234,14 @@ impl AuxiliarySensors {
 
     /// Counts and reports dark and white frames that were added during the run.
     fn search_references(&mut self, is_end: bool) {
-        let (n_added, notes) = self.references.added(is_end);
+        let AddedReferences { n: n_added, notes } = self.references.added(is_end);
         self.count("references_added", n_added);
         self.notes.extend(notes);
     }
 
     /// Counters and notes since the last call. `packets`: counters of the LiDAR's packets and of the sentences in them.
-    pub fn take_news(&mut self, packets: Option<(LidarStats, LogStats)>) -> (Vec<(&'static str, u64)>, Vec<String>) {
-        if let Some((lidar, log)) = packets {
+    pub fn take_news(&mut self, packets: Option<SensorStats>) -> AuxiliaryNews {
+        if let Some(SensorStats { lidar, log }) = packets {
             let log = self.log_stats(log);
             let new = self.reported.take_new(lidar, log);
             self.counts.extend(new);
@@ -238,7 +252,7 @@ impl AuxiliarySensors {
         self.search_references(false);
         self.counts.extend(self.fixes.as_mut().into_iter().flat_map(FixLog::take_counts));
         self.counts.extend(self.samples.as_mut().into_iter().flat_map(SampleLog::take_counts));
-        (std::mem::take(&mut self.counts), std::mem::take(&mut self.notes))
+        AuxiliaryNews { counts: std::mem::take(&mut self.counts), notes: std::mem::take(&mut self.notes) }
     }
 
     /// Writes the table of clocks into the recording, if it is time.

@@ -70,7 +70,7 @@ impl LineLog {
         let of_thread = Arc::clone(&shared);
         let address = address.clone();
         let thread = std::thread::Builder::new().name("lines".to_owned()).spawn(move || {
-            if let Err(error) = receive(Some(link), &address, (&mut file, size), &of_thread) {
+            if let Err(error) = receive(Some(link), &address, &mut file, size, &of_thread) {
                 *of_thread.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             }
         })?;
@@ -91,7 +91,7 @@ impl LineLog {
 
     /// The next complete line; after [`LineLog::close`] also the last one without an end.
     pub(super) fn next_line(&mut self) -> io::Result<Option<Line>> {
-        let Some((text, end)) = self.lines.next_line(self.thread.is_none())? else { return Ok(None) };
+        let Some(FileLine { text, end }) = self.lines.next_line(self.thread.is_none())? else { return Ok(None) };
         let mut arrivals = self.shared.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
         while arrivals.front().is_some_and(|arrival| arrival.size < end) {
             arrivals.pop_front();
@@ -134,7 +134,8 @@ fn end_line(file: &mut File) -> io::Result<u64> {
 fn receive(
     mut link: Option<Link>,
     address: &LineAddress,
-    (file, mut size): (&mut File, u64),
+    file: &mut File,
+    mut size: u64,
     shared: &Shared,
 ) -> io::Result<()> {
     let mut buffer = vec![0; CHUNK + 1];
@@ -235,6 +236,13 @@ struct LineFile {
     is_rest: bool,
 }
 
+/// A line of a file.
+struct FileLine {
+    text: Vec<u8>,
+    /// Offset of its end.
+    end: u64,
+}
+
 impl LineFile {
     fn at(path: &Path, offset: u64) -> io::Result<Self> {
         let mut file = File::open(path)?;
@@ -242,8 +250,8 @@ impl LineFile {
         Ok(Self { file, buffer: Vec::new(), begin: 0, offset, is_rest: false })
     }
 
-    /// The next line and the offset of its end. `is_complete`: the file does not grow.
-    fn next_line(&mut self, is_complete: bool) -> io::Result<Option<(Vec<u8>, u64)>> {
+    /// The next line. `is_complete`: the file does not grow.
+    fn next_line(&mut self, is_complete: bool) -> io::Result<Option<FileLine>> {
         loop {
             let rest = &self.buffer[self.begin..];
             if let Some(length) = rest.iter().position(|byte| *byte == b'\n') {
@@ -252,7 +260,8 @@ impl LineFile {
                 if std::mem::take(&mut self.is_rest) {
                     continue;
                 }
-                return Ok(Some((text, self.offset - (self.buffer.len() - self.begin) as u64)));
+                let end = self.offset - (self.buffer.len() - self.begin) as u64;
+                return Ok(Some(FileLine { text, end }));
             }
             if self.is_rest {
                 self.begin = self.buffer.len();
@@ -260,7 +269,7 @@ impl LineFile {
                 let text = rest[..MAX_LINE].to_vec();
                 self.begin = self.buffer.len();
                 self.is_rest = true;
-                return Ok(Some((text, self.offset)));
+                return Ok(Some(FileLine { text, end: self.offset }));
             }
             self.buffer.drain(..self.begin);
             self.begin = 0;
@@ -268,7 +277,7 @@ impl LineFile {
             self.offset += n as u64;
             if n == 0 {
                 let is_last = is_complete && !self.buffer.is_empty();
-                return Ok(is_last.then(|| (std::mem::take(&mut self.buffer), self.offset)));
+                return Ok(is_last.then(|| FileLine { text: std::mem::take(&mut self.buffer), end: self.offset }));
             }
         }
     }

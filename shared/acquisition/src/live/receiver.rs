@@ -32,17 +32,28 @@ const MAX_PACKET: usize = 65_536;
 
 /// The bound sockets of a sensor.
 #[derive(Debug)]
-pub(crate) struct Sockets(Vec<(UdpSocket, SocketAddrV4)>);
+pub(crate) struct Sockets {
+    all: Vec<BoundSocket>,
+}
+
+/// A socket and the address to which it is bound.
+#[derive(Debug)]
+pub struct BoundSocket {
+    /// The socket.
+    pub socket: UdpSocket,
+    /// Its address.
+    pub address: SocketAddrV4,
+}
 
 impl Sockets {
     /// Binds the sockets; the first one is for data packets.
     pub(crate) fn bind(addresses: &[SocketAddrV4]) -> Result<Self, LiveError> {
-        Ok(Self(addresses.iter().map(|address| bind(*address)).collect::<Result<_, _>>()?))
+        Ok(Self { all: addresses.iter().map(|address| bind(*address)).collect::<Result<_, _>>()? })
     }
 
     /// Size of the kernel's receive buffer of the data socket, with bookkeeping.
     pub(crate) fn buffer_bytes(&self) -> usize {
-        self.0.first().and_then(|(socket, _)| socket_recv_buffer_size(socket).ok()).unwrap_or_default()
+        self.all.first().and_then(|bound| socket_recv_buffer_size(&bound.socket).ok()).unwrap_or_default()
     }
 }
 
@@ -52,15 +63,15 @@ pub fn address(text: &str) -> Result<SocketAddrV4, LiveError> {
 }
 
 /// Binds a non-blocking socket.
-pub fn bind(address: SocketAddrV4) -> Result<(UdpSocket, SocketAddrV4), LiveError> {
-    let bound = || -> io::Result<(UdpSocket, SocketAddrV4)> {
+pub fn bind(address: SocketAddrV4) -> Result<BoundSocket, LiveError> {
+    let bound = || -> io::Result<BoundSocket> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
         // The first call needs a privilege; the second is limited by net.core.rmem_max. A smaller buffer also works.
         if set_socket_recv_buffer_size_force(&socket, BUFFER).is_err() {
             let _ = set_socket_recv_buffer_size(&socket, BUFFER);
         }
-        Ok((socket, address))
+        Ok(BoundSocket { socket, address })
     };
     bound().map_err(|source| LiveError::Bind { address, source })
 }
@@ -149,7 +160,7 @@ impl Receiver {
 
     fn update_dropped(&mut self) {
         if let Some(sockets) = &self.sockets {
-            self.n_dropped = sockets.0.iter().filter_map(|(socket, _)| dropped(socket)).sum();
+            self.n_dropped = sockets.all.iter().filter_map(|bound| dropped(&bound.socket)).sum();
         }
     }
 
@@ -190,9 +201,9 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
     while !shared.stop.load(Ordering::Relaxed) {
         let timeout = if recorder.has_unwritten() { FLUSH } else { IDLE };
         let mut n_packets = 0;
-        for (is_ready, (socket, address)) in wait_for_packets(sockets, timeout)?.into_iter().zip(&sockets.0) {
+        for (is_ready, bound) in wait_for_packets(sockets, timeout)?.into_iter().zip(&sockets.all) {
             if is_ready {
-                n_packets += take_burst(socket, *address, BURST, &mut packet, &mut recorder)?;
+                n_packets += take_burst(&bound.socket, bound.address, BURST, &mut packet, &mut recorder)?;
             }
         }
         shared.n_packets.fetch_add(n_packets, Ordering::Relaxed);
@@ -210,7 +221,7 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
             shared.has_grown.notify_all();
         }
     }
-    for (socket, address) in &sockets.0 {
+    for BoundSocket { socket, address } in &sockets.all {
         let n_packets = take_burst(socket, *address, MAX_HELD, &mut packet, &mut recorder)?;
         shared.n_packets.fetch_add(n_packets, Ordering::Relaxed);
     }
@@ -220,11 +231,11 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
 /// Waits for packets. Returns for each socket whether it has packets.
 fn wait_for_packets(sockets: &Sockets, timeout: Duration) -> io::Result<Vec<bool>> {
     let mut descriptors: Vec<PollFd<'_>> =
-        sockets.0.iter().map(|(socket, _)| PollFd::new(socket, PollFlags::IN)).collect();
+        sockets.all.iter().map(|bound| PollFd::new(&bound.socket, PollFlags::IN)).collect();
     let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(timeout.subsec_nanos()) };
     match poll(&mut descriptors, Some(&timeout)) {
         Ok(_) => Ok(descriptors.iter().map(|descriptor| !descriptor.revents().is_empty()).collect()),
-        Err(rustix::io::Errno::INTR) => Ok(vec![false; sockets.0.len()]),
+        Err(rustix::io::Errno::INTR) => Ok(vec![false; sockets.all.len()]),
         Err(error) => Err(error.into()),
     }
 }

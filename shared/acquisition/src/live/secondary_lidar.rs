@@ -6,12 +6,11 @@ use super::recording::{Recording, folder_of};
 use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
 use crate::error::LiveError;
+use crate::rows::StampedHeader;
 use crate::secondary_tally::{SecondaryTally, named};
 use drive::SweepInfo;
-use geometry::Stamp;
 use lidar::nmea::LogStats;
-use lidar::{Lidar, SlicePoll, SweepError, SweepPoint, SweepReader};
-use messages::SweepHeader;
+use lidar::{Lidar, PacketArrival, SlicePoll, SweepError, SweepPoint, SweepReader};
 use std::net::SocketAddrV4;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -34,7 +33,16 @@ pub struct SecondaryLidar {
     tally: SecondaryTally,
     /// Sweeps whose packets arrived too late.
     n_late: u64,
-    reported: (ReportedCounts, SecondaryTally, u64, u64),
+    reported: Reported,
+}
+
+/// Counts at the last report.
+#[derive(Default)]
+struct Reported {
+    counts: ReportedCounts,
+    tally: SecondaryTally,
+    n_packets: u64,
+    n_late: u64,
 }
 
 impl SecondaryLidar {
@@ -58,22 +66,22 @@ impl SecondaryLidar {
             examined_bytes: 0,
             tally: SecondaryTally::default(),
             n_late: 0,
-            reported: Default::default(),
+            reported: Reported::default(),
         })
     }
 
     /// Passes the returns during a sweep of the first LiDAR to `sink`. Waits for their packets up to 100 ms, while
-    /// packets arrive. Returns header and stamp; `None` without returns.
+    /// packets arrive. `None` without returns.
     pub fn next_sweep(
         &mut self,
         first: &SweepInfo,
         mut sink: impl FnMut(&[SweepPoint]),
-    ) -> Result<Option<(SweepHeader, i64)>, LiveError> {
+    ) -> Result<Option<StampedHeader>, LiveError> {
         if let Some(source) = self.receiver.take_error() {
             let path = self.recording.captures().last().cloned().unwrap_or_default();
             return Err(LiveError::File { path, source });
         }
-        let window = (first.stamp.0, first.stamp.0 + i64::from(first.duration_nanos));
+        let window = [first.stamp.0, first.stamp.0 + i64::from(first.duration_nanos)];
         let until = Instant::now() + WAIT;
         let slice = loop {
             self.open_reader()?;
@@ -88,7 +96,7 @@ impl SecondaryLidar {
             }
         };
         let n_rings = self.reader.as_ref().map_or(0, SweepReader::n_rings);
-        Ok(self.tally.add(slice, first, (self.index, n_rings)))
+        Ok(self.tally.add(slice, first, self.index, n_rings))
     }
 
     /// Whether it sends packets now. A LiDAR that has failed must not delay the others.
@@ -119,7 +127,7 @@ impl SecondaryLidar {
     }
 
     /// Stamp and capture time of the packet with the least delay since the last call.
-    pub fn take_arrival(&mut self) -> Option<(Stamp, Stamp)> {
+    pub fn take_arrival(&mut self) -> Option<PacketArrival> {
         self.reader.as_mut().and_then(SweepReader::take_arrival)
     }
 
@@ -127,17 +135,18 @@ impl SecondaryLidar {
     pub fn take_counts(&mut self) -> Vec<(String, u64)> {
         let n_packets = self.receiver.n_packets();
         let n_late = self.n_late;
-        let (counts, tally, packets_before, late_before) = &mut self.reported;
+        let reported = &mut self.reported;
         let own = [
-            ("udp_packets", n_packets - *packets_before),
+            ("udp_packets", n_packets - reported.n_packets),
             ("udp_packets_dropped", self.receiver.take_dropped()),
-            ("sweeps_late", n_late - *late_before),
+            ("sweeps_late", n_late - reported.n_late),
         ];
-        let of_sweeps = self.tally.since(tally);
+        let of_sweeps = self.tally.since(&reported.tally);
+        let counts = &mut reported.counts;
         let of_packets = self.reader.as_ref().map(|reader| counts.take_new(reader.stats(), LogStats::default()));
-        *tally = self.tally;
-        *packets_before = n_packets;
-        *late_before = n_late;
+        reported.tally = self.tally;
+        reported.n_packets = n_packets;
+        reported.n_late = n_late;
         named(&self.name, own.into_iter().chain(of_sweeps).chain(of_packets.into_iter().flatten())).collect()
     }
 

@@ -5,9 +5,8 @@ use super::receiver::{Receiver, Sockets};
 use super::recording::{LIDAR, Recording};
 use crate::error::{LiveError, NoSweepError};
 use drive::LiveRig;
-use geometry::Stamp;
 use lidar::nmea::{Fix, LogStats};
-use lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader};
+use lidar::{LidarStats, PacketArrival, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader};
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -72,6 +71,15 @@ pub enum LivePoll {
     Waiting,
     /// The recording has ended.
     Ended,
+}
+
+/// Counters of a sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct SensorStats {
+    /// Packets.
+    pub lidar: LidarStats,
+    /// Sentences in its position packets.
+    pub log: LogStats,
 }
 
 /// Numbers of sweeps that were not passed on.
@@ -289,13 +297,13 @@ impl LiveSensor {
         self.n_sweeps
     }
 
-    /// Packet and sentence counters; `None` until the sensor is found.
-    pub fn stats(&self) -> Option<(LidarStats, LogStats)> {
-        self.reader.as_ref().map(|reader| (reader.stats(), reader.log_stats()))
+    /// Counters; `None` until the sensor is found.
+    pub fn stats(&self) -> Option<SensorStats> {
+        self.reader.as_ref().map(|reader| SensorStats { lidar: reader.stats(), log: reader.log_stats() })
     }
 
     /// Stamp and capture time of the packet with the least delay since the last call.
-    pub fn take_arrival(&mut self) -> Option<(Stamp, Stamp)> {
+    pub fn take_arrival(&mut self) -> Option<PacketArrival> {
         self.reader.as_mut().and_then(SweepReader::take_arrival)
     }
 

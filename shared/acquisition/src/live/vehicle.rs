@@ -1,11 +1,11 @@
 //! All sensors of a live vehicle: the interpretation of their settings, and their reports.
 
-use super::auxiliary::{AuxiliaryLimits, AuxiliarySensors, AuxiliarySources};
+use super::auxiliary::{AuxiliaryLimits, AuxiliaryNews, AuxiliarySensors, AuxiliarySources};
 use super::mounting::Mounting;
 use super::receiver::{address, bind};
 use super::recording::{captures, folder_inside};
 use super::secondary_lidar::SecondaryLidar;
-use super::sensor::{Discarded, LiveLimits, LiveSensor};
+use super::sensor::{Discarded, LiveLimits, LiveSensor, SensorStats};
 use crate::doubts::Doubts;
 use crate::error::LiveError;
 use crate::recorded::{News, Trigger};
@@ -165,7 +165,7 @@ impl LiveVehicle {
             ("partial_sweeps", partial),
         ];
         self.n_packets = n_packets;
-        let (counts, notes) = self.auxiliary.take_news(self.lidar.stats());
+        let AuxiliaryNews { counts, notes } = self.auxiliary.take_news(self.lidar.stats());
         news.counts.extend(of_lidar.into_iter().chain(counts).map(|(name, n)| (name.into(), n)));
         for lidar in &mut self.secondary_lidars {
             news.counts.extend(lidar.take_counts().into_iter().map(|(name, n)| (name.into(), n)));
@@ -179,7 +179,7 @@ impl LiveVehicle {
         if self.lidar.n_sweeps() == 0 && self.n_packets > 0 {
             doubts.no_sweep(self.n_packets);
         }
-        if let Some((lidar, log)) = self.lidar.stats() {
+        if let Some(SensorStats { lidar, log }) = self.lidar.stats() {
             doubts.captures(&lidar, self.lidar.recorded_bytes());
             self.auxiliary.doubt(&lidar, log, !self.secondary_lidars.is_empty(), doubts);
             self.secondary_lidars.iter().for_each(|lidar| lidar.doubt(doubts));

@@ -1,5 +1,6 @@
 //! Published and lost data of a recorded drive, for the summary of the run.
 
+use super::secondary_lidars::SecondaryNews;
 use super::{BadLines, CameraFileError, DrivePosition, DriveReader, Due, SkippedAtBegin};
 use crate::counters::ReportedCounts;
 use crate::doubts::{Doubts, Tally};
@@ -78,7 +79,7 @@ impl DriveAccount {
 
     /// Adds packets and files that were lost or damaged since the last call.
     pub fn add_losses(&mut self, reader: &mut DriveReader) {
-        let (counts, damage) = reader.take_news_of_secondary_lidars();
+        let SecondaryNews { counts, damage } = reader.take_news_of_secondary_lidars();
         self.news.counts.extend(counts.into_iter().map(|(name, n)| (name.into(), n)));
         for text in damage {
             self.note_damage(text);
@@ -155,8 +156,8 @@ impl DriveAccount {
         } else {
             doubts.log(&source.log_stats(), tally.gnss_rows, tally.fixes);
         }
-        if let Some((n_outside, n_frames)) = reader.frames_outside() {
-            doubts.outside(n_outside, n_frames);
+        if let Some(frames) = reader.frames_outside() {
+            doubts.outside(frames.n_outside, frames.n_all);
         }
         doubts.silent(&reader.silent_sensors(tally.fixes, tally.imu_samples));
     }

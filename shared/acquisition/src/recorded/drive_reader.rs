@@ -3,15 +3,16 @@
 use super::events::Events;
 use super::inertial::{BadLines, Inertial};
 use super::odometer::Odometer;
-use super::secondary_lidars::{SecondaryLidars, SecondaryPosition};
-use super::trigger::Trigger;
+use super::secondary_lidars::{SecondaryLidars, SecondaryNews, SecondaryPosition};
+use super::trigger::{ThinnedFrames, Trigger};
 use crate::doubts::Doubts;
 use crate::error::{DriveError, NoSweepError};
+use crate::rows::StampedHeader;
 use drive::manifest::Manifest;
 use drive::{Drive, DriveLidar, Frame, SourcePosition, SweepInfo, SweepSource};
 use lidar::nmea::{Fix, LogStats};
 use lidar::{OtherModel, SweepError, SweepPoint};
-use messages::{ImageTopic, ImuRow, Message, MosaicTopic, SweepHeader};
+use messages::{ImageTopic, ImuRow, Message, MosaicTopic};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -169,6 +170,15 @@ impl InitialCounts {
     }
 }
 
+/// Exposures outside of the sweeps.
+#[derive(Clone, Copy, Debug)]
+pub struct FramesOutside {
+    /// Number of exposures before the first or after the last sweep.
+    pub n_outside: u64,
+    /// Number of all exposures.
+    pub n_all: u64,
+}
+
 impl DriveReader {
     /// Opens a drive. The trigger rule thins out its exposures.
     pub fn open(folder: &Path, part: Part, trigger: Trigger) -> Result<Self, DriveError> {
@@ -177,8 +187,10 @@ impl DriveReader {
         let secondary_lidars = SecondaryLidars::open(&drive, &mut source)?;
         let (fixes, log) = drive.fixes().map_err(DriveError::Log)?;
         let odometer = Odometer::new(&fixes);
-        let (images, skipped_images) = trigger.thin_out(drive.camera_frames(), &odometer);
-        let (mosaics, skipped_mosaics) = trigger.thin_out(drive.mosaic_frames(), &odometer);
+        let ThinnedFrames { kept: images, n_skipped: skipped_images } =
+            trigger.thin_out(drive.camera_frames(), &odometer);
+        let ThinnedFrames { kept: mosaics, n_skipped: skipped_mosaics } =
+            trigger.thin_out(drive.mosaic_frames(), &odometer);
         let without_height = fixes.iter().filter(|fix| fix.altitude_m.is_none()).count() as u64;
         let n_fixes = fixes.len() as u64;
         let strange_files = drive.strange_files().len() as u64;
@@ -227,18 +239,18 @@ impl DriveReader {
     }
 
     /// Passes the points of a secondary LiDAR during `sweep`, which [`DriveReader::next_sweep`] returned last, to
-    /// `sink`. Returns header and stamp; `None` without points. `index` counts from the first secondary LiDAR.
+    /// `sink`. `None` without points. `index` counts from the first secondary LiDAR.
     pub fn next_sweep_of_secondary(
         &mut self,
         index: usize,
         sweep: &SweepInfo,
         sink: impl FnMut(&[SweepPoint]),
-    ) -> Result<Option<(SweepHeader, i64)>, SweepError> {
+    ) -> Result<Option<StampedHeader>, SweepError> {
         self.secondary_lidars.next_sweep(index, sweep, sink)
     }
 
-    /// Counters and damaged files of the secondary LiDARs since the last call.
-    pub(super) fn take_news_of_secondary_lidars(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
+    /// News of the secondary LiDARs since the last call.
+    pub(super) fn take_news_of_secondary_lidars(&mut self) -> SecondaryNews {
         self.secondary_lidars.take_news()
     }
 
@@ -280,12 +292,12 @@ impl DriveReader {
         self.images.n_left() + self.mosaics.n_left()
     }
 
-    /// Numbers of exposures before the first or after the last sweep, and of all exposures. `None` without a sweep.
-    pub fn frames_outside(&self) -> Option<(u64, u64)> {
+    /// Exposures before the first or after the last sweep. `None` without a sweep.
+    pub fn frames_outside(&self) -> Option<FramesOutside> {
         let frames = || self.drive.camera_frames().iter().chain(self.drive.mosaic_frames());
         let first = self.at.first?;
         let is_outside = |frame: &&Frame| frame.stamp.0 < first || self.at.is_complete && frame.stamp.0 >= self.at.end;
-        Some((frames().filter(is_outside).count() as u64, frames().count() as u64))
+        Some(FramesOutside { n_outside: frames().filter(is_outside).count() as u64, n_all: frames().count() as u64 })
     }
 
     /// LiDARs without points, cameras without a file, and other sensors without a message. `n_fixes` and `n_samples`

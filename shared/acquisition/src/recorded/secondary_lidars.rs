@@ -3,11 +3,11 @@
 use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
 use crate::error::DriveError;
+use crate::rows::StampedHeader;
 use crate::secondary_tally::{SecondaryTally, named};
 use drive::{Drive, Missing, SourcePosition, SweepInfo, SweepSource};
 use lidar::nmea::LogStats;
 use lidar::{SweepError, SweepPoint};
-use messages::SweepHeader;
 use serde::{Deserialize, Serialize};
 
 /// All secondary LiDARs.
@@ -36,6 +36,14 @@ enum Source {
 pub(crate) struct SecondaryPosition {
     source: Option<SourcePosition>,
     tally: SecondaryTally,
+}
+
+/// News of all secondary LiDARs.
+pub(crate) struct SecondaryNews {
+    /// Names and numbers of packets and sweeps.
+    pub counts: Vec<(String, u64)>,
+    /// Errors of damaged files.
+    pub damage: Vec<String>,
 }
 
 impl SecondaryLidars {
@@ -71,23 +79,23 @@ impl SecondaryLidars {
         self.0.len()
     }
 
-    /// Passes the returns of a LiDAR during a sweep of the first one to `sink`. Returns header and stamp; `None` without returns.
+    /// Passes the returns of a LiDAR during a sweep of the first one to `sink`. `None` without returns.
     pub fn next_sweep(
         &mut self,
         index: usize,
         first: &SweepInfo,
         sink: impl FnMut(&[SweepPoint]),
-    ) -> Result<Option<(SweepHeader, i64)>, SweepError> {
+    ) -> Result<Option<StampedHeader>, SweepError> {
         let Some(lidar) = self.0.get_mut(index) else { return Ok(None) };
         let Source::Sweeps(source) = &mut lidar.source else { return Ok(None) };
         let end = first.stamp.0 + i64::from(first.duration_nanos);
-        let slice = source.next_slice((first.stamp.0, end), sink)?;
+        let slice = source.next_slice([first.stamp.0, end], sink)?;
         lidar.tally.bad_sweeps = source.n_bad_clouds();
-        Ok(lidar.tally.add(slice, first, (index + 1, lidar.n_rings)))
+        Ok(lidar.tally.add(slice, first, index + 1, lidar.n_rings))
     }
 
-    /// Names and numbers of packets and sweeps since the last call, and the errors of damaged files.
-    pub fn take_news(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
+    /// News since the last call.
+    pub fn take_news(&mut self) -> SecondaryNews {
         let mut counts = Vec::new();
         let mut damage = Vec::new();
         for lidar in &mut self.0 {
@@ -98,7 +106,7 @@ impl SecondaryLidars {
             damage.extend(source.damage().iter().skip(lidar.n_damage_reported).cloned());
             lidar.n_damage_reported = source.damage().len();
         }
-        (counts, damage)
+        SecondaryNews { counts, damage }
     }
 
     /// LiDARs without data, with the reasons.

@@ -22,14 +22,22 @@ pub struct Trigger {
     distance_m: f64,
 }
 
+/// Exposures after the rule.
+pub(crate) struct ThinnedFrames {
+    /// The exposures that pass.
+    pub kept: Vec<Frame>,
+    /// Number of the others.
+    pub n_skipped: u64,
+}
+
 impl Trigger {
     /// A rule with the largest rate, Hz, and the least distance between exposures, m; 0 = no limit.
     pub fn new(hz: f64, distance_m: f64) -> Self {
         Self { period_s: if hz > 0.0 { 1.0 / hz } else { 0.0 }, distance_m }
     }
 
-    /// The exposures that pass the rule, for each camera separately, and the number of the others.
-    pub(crate) fn thin_out(&self, frames: &[Frame], odometer: &Odometer) -> (Vec<Frame>, u64) {
+    /// Applies the rule to the exposures of each camera separately.
+    pub(crate) fn thin_out(&self, frames: &[Frame], odometer: &Odometer) -> ThinnedFrames {
         let mut last_of: BTreeMap<usize, Stamp> = BTreeMap::new();
         let passes = |frame: &&Frame| {
             let passes = last_of.get(&frame.camera).is_none_or(|last| self.is_due(*last, frame.stamp, odometer));
@@ -40,7 +48,7 @@ impl Trigger {
         };
         let kept: Vec<Frame> = frames.iter().filter(passes).cloned().collect();
         let n_skipped = (frames.len() - kept.len()) as u64;
-        (kept, n_skipped)
+        ThinnedFrames { kept, n_skipped }
     }
 
     /// Whether an exposure passes the rule, given the last exposure that passed.
@@ -75,7 +83,7 @@ mod tests {
         // The vehicle stands for three seconds, then drives at 5 m/s.
         let speeds: Vec<f64> = (0..12).map(|s| if s < 4 { 0.0 } else { 5.0 }).collect();
         let odometer = Odometer::new(&fixes(&speeds));
-        let (kept, n_skipped) = Trigger::new(1.0, 1.0).thin_out(&frames(2, 10, 10), &odometer);
+        let ThinnedFrames { kept, n_skipped } = Trigger::new(1.0, 1.0).thin_out(&frames(2, 10, 10), &odometer);
         let camera_1: Vec<Frame> = kept.iter().filter(|frame| frame.camera == 1).cloned().collect();
         assert_eq!(kept.len(), camera_1.len() * 2);
         assert_eq!(n_skipped as usize, 200 - kept.len());
@@ -93,7 +101,7 @@ mod tests {
         for (i, frame) in triggered.iter_mut().enumerate() {
             frame.stamp = frame.stamp.plus_nanos(if i % 2 == 0 { 20_000_000 } else { -20_000_000 });
         }
-        let (kept, n_skipped) = Trigger::new(1.0, 1.0).thin_out(&triggered, &odometer);
+        let ThinnedFrames { kept, n_skipped } = Trigger::new(1.0, 1.0).thin_out(&triggered, &odometer);
         assert_eq!((kept, n_skipped), (triggered, 0));
     }
 
@@ -102,9 +110,10 @@ mod tests {
         let none = Odometer::new(&[]);
         let still = Odometer::new(&fixes(&[0.0; 12]));
         let all = frames(1, 10, 10);
-        assert_eq!(Trigger::new(1.0, 1.0).thin_out(&all, &none).0.len(), 10);
-        assert_eq!(Trigger::new(1.0, 0.0).thin_out(&all, &still).0.len(), 10);
-        assert_eq!(Trigger::new(0.0, 1.0).thin_out(&all, &still).0.len(), 1);
-        assert_eq!(Trigger::new(0.0, 0.0).thin_out(&all, &still), (all, 0));
+        assert_eq!(Trigger::new(1.0, 1.0).thin_out(&all, &none).kept.len(), 10);
+        assert_eq!(Trigger::new(1.0, 0.0).thin_out(&all, &still).kept.len(), 10);
+        assert_eq!(Trigger::new(0.0, 1.0).thin_out(&all, &still).kept.len(), 1);
+        let untouched = Trigger::new(0.0, 0.0).thin_out(&all, &still);
+        assert_eq!((untouched.kept, untouched.n_skipped), (all, 0));
     }
 }

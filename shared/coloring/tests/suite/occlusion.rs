@@ -175,7 +175,7 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
             submap.read_chunk(index, &mut chunk);
             choices.choose(&chunk, &candidates);
             let mut chosen = vec![None; points.len()];
-            choices.chosen().for_each(|(i, exposure, _)| chosen[i] = Some(exposure));
+            choices.chosen().for_each(|choice| chosen[choice.i] = Some(choice.exposure));
             let mut table = [Score::default(); RANGES_M.len()];
             for (point, choice) in points.iter().zip(chosen).step_by(STRIDE) {
                 let stamp = sweeps[usize::from(point.sweep_idx)].stamp + i64::from(point.offset_nanos);

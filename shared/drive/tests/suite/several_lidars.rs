@@ -50,7 +50,7 @@ fn second_lidar_has_its_own_files_name_and_mounting() {
     let mut second = SweepSource::open(drive.lidars().nth(1).expect("there")).expect("opens");
     let mut stamps = Vec::new();
     for k in 0..6 {
-        let window = (k * 100_000_000, (k + 1) * 100_000_000);
+        let window = [k * 100_000_000, (k + 1) * 100_000_000];
         stamps.push(second.next_slice(window, |_| {}).expect("reads").and_then(|slice| slice.stamp).map(|at| at.0));
     }
     let expected = [50, 150, 250, 350, 450].map(|ms| Some(ms * 1_000_000));

@@ -169,9 +169,16 @@ mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector};
 
-    /// A chain of poses with three loops and quasi-random blocks, as a block system and as a dense matrix with its
-    /// right-hand side.
-    fn system(pairs: &[(usize, usize)]) -> (BlockSystem, DMatrix<f64>, DVector<f64>) {
+    /// The same system twice.
+    struct TestSystem {
+        system: BlockSystem,
+        dense: DMatrix<f64>,
+        /// Right-hand side of the dense matrix.
+        right: DVector<f64>,
+    }
+
+    /// A chain of poses with three loops and quasi-random blocks. Each pair shares a measurement.
+    fn test_system(pairs: &[(usize, usize)]) -> TestSystem {
         let n = 12;
         let drawn = |seed: usize| (seed as f64 * 0.618_033_988_749).fract() - 0.5;
         let mut system = BlockSystem::new(n);
@@ -179,7 +186,8 @@ mod tests {
         let mut right = DVector::zeros(6 * n);
         for (number, (a, b)) in pairs.iter().enumerate() {
             let block = |which: usize| Matrix6::from_fn(|r, c| drawn(1 + number * 173 + which * 91 + r * 13 + c * 7));
-            let (j_a, j_b) = (block(0) + Matrix6::identity(), block(1) - Matrix6::identity());
+            let j_a = block(0) + Matrix6::identity();
+            let j_b = block(1) - Matrix6::identity();
             for (row, left) in [(*a, j_a), (*b, j_b)] {
                 for (col, other) in [(*a, j_a), (*b, j_b)] {
                     let product = left.transpose() * other;
@@ -202,14 +210,14 @@ mod tests {
         system.add_diagonal(0, &Matrix6::identity());
         let mut corner = dense.fixed_view_mut::<6, 6>(0, 0);
         corner += Matrix6::identity();
-        (system, dense, right)
+        TestSystem { system, dense, right }
     }
 
     #[test]
     fn block_elimination_equals_the_dense_inverse() {
         let chain = (1..12).map(|k| (k - 1, k));
         let pairs: Vec<(usize, usize)> = chain.chain([(0, 9), (3, 11), (2, 7)]).collect();
-        let (system, dense, right) = system(&pairs);
+        let TestSystem { system, dense, right } = test_system(&pairs);
         let order = Order::new(12, pairs.into_iter());
         let gradient = system.gradient().to_vec();
         let factored = system.factor(&order).expect("positive definite");

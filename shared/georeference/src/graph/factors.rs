@@ -1,6 +1,6 @@
 //! Residuals of the measurements and their derivatives.
 
-use super::measurements::{AntennaPosition, HorizontalVelocity, RelativePose, UpDirection};
+use super::measurements::{AntennaPosition, HorizontalVelocity, RelativeError, RelativePose, UpDirection};
 use super::tangent::{inverse_right_jacobian, skew};
 use geometry::Pose;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
@@ -20,7 +20,7 @@ pub struct UnaryFactor {
 
 impl RelativeFactor {
     pub fn new(relative: &RelativePose, world_from_target: &Pose, world_from_source: &Pose) -> Self {
-        let (translation, rotation) = relative.error(world_from_target, world_from_source);
+        let RelativeError { translation, rotation } = relative.error(world_from_target, world_from_source);
         let target_from_source = world_from_target.inv_mul(world_from_source);
         let axes = *target_from_source.rotation.to_rotation_matrix().matrix();
         let jacobian = inverse_right_jacobian(&rotation);

@@ -78,11 +78,22 @@ pub struct PoseGraph {
     pub velocities: Vec<HorizontalVelocity>,
 }
 
+/// Difference between a relative pose and its measurement.
+pub(crate) struct RelativeError {
+    /// Axes of the target, m.
+    pub translation: Vector3<f64>,
+    /// Axes of the source, rad.
+    pub rotation: Vector3<f64>,
+}
+
 impl RelativePose {
-    /// Difference between these poses and the measurement: translation in the target's axes, rotation in the source's.
-    pub(crate) fn error(&self, world_from_target: &Pose, world_from_source: &Pose) -> (Vector3<f64>, Vector3<f64>) {
+    /// Difference between these poses and the measurement.
+    pub(crate) fn error(&self, world_from_target: &Pose, world_from_source: &Pose) -> RelativeError {
         let found = world_from_target.inv_mul(world_from_source);
         let rotation: UnitQuaternion<f64> = self.target_from_source.rotation.inverse() * found.rotation;
-        (found.translation.vector - self.target_from_source.translation.vector, rotation.scaled_axis())
+        RelativeError {
+            translation: found.translation.vector - self.target_from_source.translation.vector,
+            rotation: rotation.scaled_axis(),
+        }
     }
 }

@@ -125,6 +125,14 @@ impl PoseGraph {
     }
 }
 
+/// The gauge as a measurement of the first submap: position in world axes, rotation in axes of the submap, whose z axis
+/// is vertical within some degrees.
+struct GaugePrior {
+    information: Matrix6<f64>,
+    residual: Vector6<f64>,
+    jacobian: Matrix6<f64>,
+}
+
 struct Problem<'a> {
     graph: &'a PoseGraph,
     gauge: Gauge,
@@ -249,16 +257,14 @@ impl Problem<'_> {
         for up_direction in &self.graph.up_directions {
             add(up_direction.submap, UnaryFactor::from_up_direction(up_direction, &poses[up_direction.submap]), 1.0);
         }
-        let (information, residual, jacobian) = self.gauge_prior(&poses[0]);
+        let GaugePrior { information, residual, jacobian } = self.gauge_prior(&poses[0]);
         let weighted = jacobian.transpose() * information;
         system.add_diagonal(0, &(weighted * jacobian));
         system.add_gradient(0, &(weighted * residual));
         system
     }
 
-    /// Information, residual and Jacobian of the gauge: position in world axes, rotation in axes of the first submap,
-    /// whose z axis is vertical within some degrees.
-    fn gauge_prior(&self, first: &Pose) -> (Matrix6<f64>, Vector6<f64>, Matrix6<f64>) {
+    fn gauge_prior(&self, first: &Pose) -> GaugePrior {
         let information = match self.gauge {
             Gauge::Positions => [FREE; 6],
             Gauge::FirstPosition => [FIXED, FIXED, FIXED, FREE, FREE, FREE],
@@ -270,7 +276,7 @@ impl Problem<'_> {
         residual.fixed_rows_mut::<3>(3).copy_from(&(self.start.rotation.inverse() * first.rotation).scaled_axis());
         let mut jacobian = Matrix6::identity();
         jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(first.rotation.to_rotation_matrix().matrix());
-        (Matrix6::from_diagonal(&Vector6::from(information)), residual, jacobian)
+        GaugePrior { information: Matrix6::from_diagonal(&Vector6::from(information)), residual, jacobian }
     }
 
     fn cost(&self, poses: &[Pose], weights: &RobustWeights) -> f64 {
@@ -296,7 +302,7 @@ impl Problem<'_> {
             .iter()
             .map(|u| UnaryFactor::from_up_direction(u, &poses[u.submap]).chi_squared())
             .sum();
-        let (information, residual, _) = self.gauge_prior(&poses[0]);
+        let GaugePrior { information, residual, .. } = self.gauge_prior(&poses[0]);
         odometry + loops + positions + velocities + up_directions + residual.dot(&(information * residual))
     }
 }

@@ -49,11 +49,25 @@ fn cell(at: &Vector3<f64>, cell_m: f64, side: usize) -> Option<usize> {
     Some(index(at.y)? * side + index(at.x)?)
 }
 
+/// A source located in the target.
+pub struct Located {
+    pub target_from_source: Pose,
+    /// Share of walls that coincide with walls, 0 to 1.
+    pub walls_share: f64,
+}
+
+/// Sum of the heights in a cell.
+#[derive(Clone, Copy, Default)]
+struct HeightSum {
+    sum: f64,
+    n: u32,
+}
+
 impl TopView {
     pub fn new(surfaces: &[SurfacePoint], frame_from_center: &Pose) -> Self {
         let center_from_frame = frame_from_center.inverse();
         let mut walls = vec![0; WALL_SIDE * WALL_SIDE];
-        let mut sums = vec![(0.0, 0); GROUND_SIDE * GROUND_SIDE];
+        let mut sums = vec![HeightSum::default(); GROUND_SIDE * GROUND_SIDE];
         for surface in surfaces {
             let at = (center_from_frame * surface.position).coords;
             if is_wall(surface)
@@ -68,17 +82,16 @@ impl TopView {
             if is_ground(surface)
                 && let Some(index) = cell(&at, GROUND_CELL_M, GROUND_SIDE)
             {
-                sums[index].0 += at.z;
-                sums[index].1 += 1;
+                sums[index].sum += at.z;
+                sums[index].n += 1;
             }
         }
-        let mean = |(sum, n): &(f64, u32)| if *n > 0 { (sum / f64::from(*n)) as f32 } else { f32::NAN };
+        let mean = |cell: &HeightSum| if cell.n > 0 { (cell.sum / f64::from(cell.n)) as f32 } else { f32::NAN };
         Self { frame_from_center: *frame_from_center, walls, ground: sums.iter().map(mean).collect() }
     }
 
-    /// Returns `target_from_source` near a guess, and the share of walls that coincide with walls, 0 to 1. `None` if
-    /// there are too few walls or too little ground.
-    pub fn locate(&self, source: &[SurfacePoint], target_from_source: &Pose) -> Option<(Pose, f64)> {
+    /// Locates a source near a guess of `target_from_source`. `None` if there are too few walls or too little ground.
+    pub fn locate(&self, source: &[SurfacePoint], target_from_source: &Pose) -> Option<Located> {
         let walls: Vec<&SurfacePoint> = source.iter().filter(|surface| is_wall(surface)).collect();
         if walls.len() < 50 {
             return None;
@@ -86,7 +99,8 @@ impl TopView {
         let walls: Vec<&SurfacePoint> = walls.iter().step_by(walls.len().div_ceil(MAX_WALLS)).copied().collect();
         let center_from_source = self.frame_from_center.inverse() * target_from_source;
         let n_rotations = (ANGLE_RAD / ANGLE_STEP_RAD).round() as i32;
-        let mut best = (0, center_from_source);
+        let mut best_score = 0;
+        let mut best_pose = center_from_source;
         for rotation in -n_rotations..=n_rotations {
             // Rotates about the vehicle's position in the target.
             let rotated = rotated_in_place(&center_from_source, f64::from(rotation) * ANGLE_STEP_RAD);
@@ -95,17 +109,18 @@ impl TopView {
             for east in 0..WINDOW {
                 for north in 0..WINDOW {
                     let score = scores[north * WINDOW + east];
-                    if score > best.0 {
+                    if score > best_score {
                         let metres = |cells: usize| (cells as f64 - SHIFTS as f64) * CELL_M;
-                        best = (score, Isometry3::translation(metres(east), metres(north), 0.0) * rotated);
+                        best_score = score;
+                        best_pose = Isometry3::translation(metres(east), metres(north), 0.0) * rotated;
                     }
                 }
             }
         }
-        let share = f64::from(best.0) / (2.0 * walls.len() as f64);
-        let rise = self.rise(source, &best.1)?;
-        let raised = Isometry3::translation(0.0, 0.0, rise) * best.1;
-        Some((self.frame_from_center * raised, share))
+        let walls_share = f64::from(best_score) / (2.0 * walls.len() as f64);
+        let rise = self.rise(source, &best_pose)?;
+        let raised = Isometry3::translation(0.0, 0.0, rise) * best_pose;
+        Some(Located { target_from_source: self.frame_from_center * raised, walls_share })
     }
 
     /// The number of coinciding walls for each shift, row by row, starting in the south-west. A shift by whole cells

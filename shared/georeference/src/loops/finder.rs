@@ -1,11 +1,19 @@
 //! Searches loop closures among keyframes.
 
-use super::correlation::TopView;
+use super::correlation::{Located, TopView};
 use super::keyframe::{Keyframe, SurfacePoint};
 use super::refinement::{map_of, refine};
 use super::scan_context::{ContextMatch, ScanContext};
 use crate::graph::RelativePose;
 use geometry::{Isometry3, Pose, Vector3};
+
+/// A keyframe that may show the same place, by scan contexts.
+struct RankedTarget<'a> {
+    matched: ContextMatch,
+    /// The compared place near the source keyframe.
+    source_from_place: Pose,
+    target: &'a Keyframe,
+}
 
 /// Criteria for two keyframes of one place.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,7 +93,7 @@ impl LoopFinder {
             let submap_from_place = keyframe.submap_from_body * Isometry3::translation(along, 0.0, 0.0);
             (submap_from_place, ScanContext::new(&source, &submap_from_place))
         });
-        let mut ranked: Vec<(ContextMatch, Pose, &Keyframe)> = Vec::new();
+        let mut ranked: Vec<RankedTarget<'_>> = Vec::new();
         for candidate in candidates {
             let surfaces: Vec<SurfacePoint> = candidate.surfaces().collect();
             let context = ScanContext::new(&surfaces, &candidate.submap_from_body);
@@ -96,13 +104,16 @@ impl LoopFinder {
                 let best = by_place.iter().map(|both| both[direction]);
                 let best = best.min_by(|a, b| a.0.distance.total_cmp(&b.0.distance));
                 let best = best.filter(|(matched, _)| matched.distance < self.settings.max_distance);
-                ranked.extend(best.map(|(matched, place)| (matched, place, candidate)));
+                ranked.extend(best.map(|(matched, source_from_place)| RankedTarget {
+                    matched,
+                    source_from_place,
+                    target: candidate,
+                }));
             }
         }
-        ranked.sort_by(|a, b| a.0.distance.total_cmp(&b.0.distance));
+        ranked.sort_by(|a, b| a.matched.distance.total_cmp(&b.matched.distance));
         let tried = ranked.iter().take(self.settings.max_candidates);
-        let verified =
-            tried.filter_map(|(matched, place, target)| self.verify(keyframe, &source, target, place, matched));
+        let verified = tried.filter_map(|ranked| self.verify(keyframe, &source, ranked));
         verified.max_by(|a, b| a.matched.total_cmp(&b.matched))
     }
 
@@ -116,15 +127,13 @@ impl LoopFinder {
         &self,
         keyframe: &Keyframe,
         source: &[SurfacePoint],
-        target: &Keyframe,
-        source_from_place: &Pose,
-        matched: &ContextMatch,
+        RankedTarget { matched, source_from_place, target }: &RankedTarget<'_>,
     ) -> Option<LoopClosure> {
         let surfaces: Vec<SurfacePoint> = target.surfaces().collect();
         let rotation = Isometry3::rotation(Vector3::z() * matched.rotation_rad);
         let guess = target.submap_from_body * rotation * source_from_place.inverse();
         let top_view = TopView::new(&surfaces, &target.submap_from_body);
-        let (located, walls) = top_view.locate(source, &guess)?;
+        let Located { target_from_source: located, walls_share: walls } = top_view.locate(source, &guess)?;
         if walls < self.settings.min_walls {
             return None;
         }

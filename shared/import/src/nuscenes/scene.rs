@@ -82,7 +82,7 @@ pub(super) fn plan(source: &Path, versions: &[PathBuf], options: &Options) -> Re
     let mut frames = frames(source, tables, &choice.scenes, &calibrated)?;
     let poses = ego_poses(tables, &frames)?;
     let sweep_frames = frames.remove(LIDAR).unwrap_or_default();
-    let body_from_lidar = calibration(&sweep_frames, &calibrated, tables)?.0;
+    let body_from_lidar = calibration(&sweep_frames, &calibrated, tables)?.body_from_sensor;
 
     let file = |(number, frame): (usize, &Frame)| {
         let name = frame.path.file_name().unwrap_or_default().to_string_lossy();
@@ -136,15 +136,27 @@ pub(super) fn plan(source: &Path, versions: &[PathBuf], options: &Options) -> Re
     Ok(plan)
 }
 
-/// Channel and calibration of each calibrated sensor.
-fn calibrated_sensors(tables: &Path) -> Result<BTreeMap<String, (String, CalibratedSensor)>, ImportError> {
+/// A calibrated sensor with its channel.
+struct ChannelSensor {
+    channel: String,
+    sensor: CalibratedSensor,
+}
+
+/// A calibrated sensor with its mounting.
+struct MountedSensor<'a> {
+    body_from_sensor: Pose,
+    sensor: &'a CalibratedSensor,
+}
+
+/// All calibrated sensors by token.
+fn calibrated_sensors(tables: &Path) -> Result<BTreeMap<String, ChannelSensor>, ImportError> {
     let sensors: Vec<Sensor> = table::rows(&tables.join("sensor.json"))?;
     let channels: BTreeMap<String, String> = sensors.into_iter().map(|sensor| (sensor.token, sensor.channel)).collect();
     let mut found = BTreeMap::new();
     table::each_row(&tables.join("calibrated_sensor.json"), |row: CalibratedSensor| {
         let channel = channels.get(&row.sensor_token);
         let channel = channel.ok_or_else(|| format!("sensor {} is not in sensor.json", row.sensor_token))?;
-        found.insert(row.token.clone(), (channel.clone(), row));
+        found.insert(row.token.clone(), ChannelSensor { channel: channel.clone(), sensor: row });
         Ok(())
     })?;
     Ok(found)
@@ -155,7 +167,7 @@ fn frames(
     source: &Path,
     tables: &Path,
     scenes: &BTreeSet<String>,
-    calibrated: &BTreeMap<String, (String, CalibratedSensor)>,
+    calibrated: &BTreeMap<String, ChannelSensor>,
 ) -> Result<BTreeMap<String, Vec<Frame>>, ImportError> {
     let mut samples = BTreeSet::new();
     table::each_row(&tables.join("sample.json"), |row: Sample| {
@@ -173,7 +185,7 @@ fn frames(
             return Ok(());
         }
         let known = calibrated.get(&data.calibrated_sensor_token);
-        let (channel, _) = known.ok_or_else(|| {
+        let ChannelSensor { channel, .. } = known.ok_or_else(|| {
             format!("calibrated sensor {} is not in calibrated_sensor.json", data.calibrated_sensor_token)
         })?;
         if channel != LIDAR && !CAMERAS.contains(&channel.as_str()) {
@@ -224,12 +236,12 @@ fn ego_poses(tables: &Path, frames: &BTreeMap<String, Vec<Frame>>) -> Result<BTr
 /// Mounting and calibration of a sensor, which must be the same for all its files.
 fn calibration<'a>(
     frames: &[Frame],
-    calibrated: &'a BTreeMap<String, (String, CalibratedSensor)>,
+    calibrated: &'a BTreeMap<String, ChannelSensor>,
     tables: &Path,
-) -> Result<(Pose, &'a CalibratedSensor), ImportError> {
+) -> Result<MountedSensor<'a>, ImportError> {
     let path = tables.join("calibrated_sensor.json");
     let tokens: BTreeSet<&str> = frames.iter().map(|frame| frame.data.calibrated_sensor_token.as_str()).collect();
-    let mut sensors = tokens.iter().filter_map(|token| calibrated.get(*token)).map(|(_, sensor)| sensor);
+    let mut sensors = tokens.iter().filter_map(|token| calibrated.get(*token)).map(|found| &found.sensor);
     let Some(sensor) = sensors.next() else { return Err(ImportError::at(&path, "has no calibration of the scene")) };
     let is_same = |other: &CalibratedSensor| {
         (other.translation, other.rotation, &other.camera_intrinsic)
@@ -241,16 +253,16 @@ fn calibration<'a>(
     }
     let pose = table::pose(sensor.translation, sensor.rotation);
     let pose = pose.map_err(|rule| ImportError::at(&path, format!("sensor {}: {rule}", sensor.token)))?;
-    Ok((pose, sensor))
+    Ok(MountedSensor { body_from_sensor: pose, sensor })
 }
 
 fn camera(
     channel: &str,
     frames: &[Frame],
-    calibrated: &BTreeMap<String, (String, CalibratedSensor)>,
+    calibrated: &BTreeMap<String, ChannelSensor>,
     tables: &Path,
 ) -> Result<Camera, ImportError> {
-    let (body_from_camera, sensor) = calibration(frames, calibrated, tables)?;
+    let MountedSensor { body_from_sensor: body_from_camera, sensor } = calibration(frames, calibrated, tables)?;
     let fault = |rule: String| ImportError::at(&tables.join("calibrated_sensor.json"), format!("{channel}: {rule}"));
     let [[fx, skew, cx], [_, fy, cy], _] = sensor.camera_intrinsic[..] else {
         return Err(fault("camera_intrinsic must be 3 rows of 3 numbers".into()));

@@ -1,11 +1,10 @@
 //! Selects the packets of the sensor from all packets of the captures and puts them in order.
 
-use super::{PacketPosition, SweepError, SweepReader};
+use super::{PacketArrival, PacketPosition, SweepError, SweepReader};
 use crate::ClockReference;
 use crate::capture::Arrival;
 use crate::clock::Step;
 use crate::reorder::{Held, Place, n_lost};
-use geometry::Stamp;
 use std::net::SocketAddrV4;
 
 impl SweepReader {
@@ -126,9 +125,10 @@ impl SweepReader {
                 stamp
             }
         };
-        let delay = |(stamp, captured): (Stamp, Stamp)| captured.0.saturating_sub(stamp.0);
-        if self.arrival.is_none_or(|least| delay((stamp, held.captured)) < delay(least)) {
-            self.arrival = Some((stamp, held.captured));
+        let delay = |packet: PacketArrival| packet.captured.0.saturating_sub(packet.stamp.0);
+        let arrival = PacketArrival { stamp, captured: held.captured };
+        if self.arrival.is_none_or(|least| delay(arrival) < delay(least)) {
+            self.arrival = Some(arrival);
         }
         std::mem::swap(&mut self.bytes, &mut held.bytes);
         self.spare.push(held.bytes);

@@ -39,7 +39,7 @@ impl SweepReader {
     /// slice. Slices must follow each other and must not be mixed with [`SweepReader::poll_sweep`].
     pub fn poll_slice(
         &mut self,
-        (begin, end): (i64, i64),
+        [begin, end]: [i64; 2],
         mut sink: impl FnMut(&[SweepPoint]),
     ) -> Result<SlicePoll, SweepError> {
         let mut slice = self.slice.take().unwrap_or(SliceInfo { has_times: true, ..SliceInfo::default() });

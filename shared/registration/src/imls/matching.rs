@@ -14,8 +14,9 @@ const MIN_MATCHES: usize = 60;
 const CHUNK: usize = 32;
 /// Rotations are converted to the displacement at this distance, m, in the report on degenerate directions.
 const LEVER_M: f64 = 10.0;
-/// A match has converged if its last step is below this, m and rad.
-const CONVERGED: (f64, f64) = (0.05, 5e-3);
+/// A match has converged if the translation and rotation of its last step are below these.
+const CONVERGED_M: f64 = 0.05;
+const CONVERGED_RAD: f64 = 5e-3;
 
 /// Inputs of the report in addition to the paper's constants; see [`crate::MatchSettings`].
 pub(super) struct Reported {
@@ -65,7 +66,7 @@ pub(super) fn match_samples(
         n_degenerate_directions: influences.iter().filter(is_degenerate).count() as u32,
         information: equations.pose() / mean_square.max(1e-6),
         step_information: equations.pose() / reported.drift_residual_m.powi(2),
-        converged: step.fixed_rows::<3>(0).norm() < CONVERGED.0 && step.fixed_rows::<3>(3).norm() < CONVERGED.1,
+        converged: step.fixed_rows::<3>(0).norm() < CONVERGED_M && step.fixed_rows::<3>(3).norm() < CONVERGED_RAD,
     })
 }
 

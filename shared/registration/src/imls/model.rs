@@ -25,37 +25,64 @@ struct Packed {
 #[derive(Clone, Debug, Default)]
 struct Cell {
     points: Vec<Packed>,
-    /// Sweep number and point count, in the order of `points`.
-    sweeps: VecDeque<(u32, u32)>,
+    /// The sweeps of the points, in the order of `points`.
+    sweeps: VecDeque<SweepCount>,
+}
+
+/// Number of points of a sweep in a cell.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct SweepCount {
+    sweep: u32,
+    n_points: u32,
+}
+
+/// Cells that hold points of a sweep.
+#[derive(Clone, Debug)]
+struct SweepCells {
+    sweep: u32,
+    keys: Vec<u64>,
+}
+
+/// A point with the normal of its surface, odom frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OrientedPoint {
+    /// m.
+    pub position: Vector3<f64>,
+    /// Unit vector.
+    pub normal: Vector3<f32>,
 }
 
 /// All points of the last sweeps.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Model {
     cells: HashMap<u64, Cell, SpreadKeys>,
-    /// Keys of the cells that hold points of each sweep.
-    keys: VecDeque<(u32, Vec<u64>)>,
+    /// The cells of each sweep.
+    by_sweep: VecDeque<SweepCells>,
 }
 
 /// The points of a [`Model`], by cell.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SavedModel {
-    cells: Vec<(u64, VecDeque<(u32, u32)>)>,
+    cells: Vec<SavedCell>,
     points: SavedBytes,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct SavedCell {
+    key: u64,
+    sweeps: VecDeque<SweepCount>,
 }
 
 impl Packed {
     const BYTES: usize = 12;
 
-    fn new(position: &Vector3<f64>, normal: &Vector3<f32>) -> (u64, Self) {
-        let cell = VoxelIndex::containing((*position).into(), 1.0 / CELL_M);
-        let in_cell = |axis: usize| (position[axis] / CELL_M - f64::from(cell.0[axis])) * STEPS;
-        let packed = Self {
+    fn new(point: &OrientedPoint, cell: &VoxelIndex) -> Self {
+        let in_cell = |axis: usize| (point.position[axis] / CELL_M - f64::from(cell.0[axis])) * STEPS;
+        Self {
             // Casts saturate.
             position: std::array::from_fn(|axis| in_cell(axis) as u16),
-            normal: std::array::from_fn(|axis| (normal[axis] * NORMAL_STEPS).round() as i16),
-        };
-        (cell.key(), packed)
+            normal: std::array::from_fn(|axis| (point.normal[axis] * NORMAL_STEPS).round() as i16),
+        }
     }
     /// Position relative to the corner of its cell, m.
     #[inline]
@@ -81,26 +108,27 @@ impl Packed {
 }
 
 impl Model {
-    /// Adds the points of sweep `number`, m and unit normals in the odom frame, and drops sweeps that are too old.
-    pub fn insert(&mut self, number: u32, points: &[(Vector3<f64>, Vector3<f32>)], n_sweeps: u32) {
+    /// Adds the points of sweep `number` and drops sweeps that are too old.
+    pub fn insert(&mut self, number: u32, points: &[OrientedPoint], n_sweeps: u32) {
         let mut keys = Vec::new();
-        for (position, normal) in points {
-            let (key, packed) = Packed::new(position, normal);
+        for point in points {
+            let index = VoxelIndex::containing(point.position.into(), 1.0 / CELL_M);
+            let key = index.key();
             let cell = self.cells.entry(key).or_default();
-            cell.points.push(packed);
+            cell.points.push(Packed::new(point, &index));
             match cell.sweeps.back_mut() {
-                Some((last, n)) if *last == number => *n += 1,
+                Some(last) if last.sweep == number => last.n_points += 1,
                 _ => {
-                    cell.sweeps.push_back((number, 1));
+                    cell.sweeps.push_back(SweepCount { sweep: number, n_points: 1 });
                     keys.push(key);
                 }
             }
         }
-        self.keys.push_back((number, keys));
+        self.by_sweep.push_back(SweepCells { sweep: number, keys });
         let oldest = (number + 1).saturating_sub(n_sweeps);
-        let n_old = self.keys.partition_point(|(sweep, _)| *sweep < oldest);
-        let old: Vec<(u32, Vec<u64>)> = self.keys.drain(..n_old).collect();
-        for (sweep, keys) in old {
+        let n_old = self.by_sweep.partition_point(|cells| cells.sweep < oldest);
+        let old: Vec<SweepCells> = self.by_sweep.drain(..n_old).collect();
+        for SweepCells { sweep, keys } in old {
             for key in keys {
                 self.drop_sweep(key, sweep);
             }
@@ -109,9 +137,9 @@ impl Model {
 
     fn drop_sweep(&mut self, key: u64, sweep: u32) {
         let Some(cell) = self.cells.get_mut(&key) else { return };
-        if let Some((_, n)) = cell.sweeps.front().copied().filter(|(first, _)| *first == sweep) {
+        if let Some(first) = cell.sweeps.front().copied().filter(|first| first.sweep == sweep) {
             cell.sweeps.pop_front();
-            cell.points.drain(..n as usize);
+            cell.points.drain(..first.n_points as usize);
         }
         if cell.points.is_empty() {
             self.cells.remove(&key);
@@ -199,7 +227,8 @@ impl Model {
         for key in &keys {
             bytes.extend(self.cells[key].points.iter().flat_map(|point| point.to_bytes()));
         }
-        let cells = keys.into_iter().map(|key| (key, self.cells[&key].sweeps.clone())).collect();
+        let cell = |key: u64| SavedCell { key, sweeps: self.cells[&key].sweeps.clone() };
+        let cells = keys.into_iter().map(cell).collect();
         SavedModel { cells, points: SavedBytes(bytes) }
     }
 
@@ -207,14 +236,14 @@ impl Model {
         let mut model = Self::default();
         let mut points = saved.points.0.chunks_exact(Packed::BYTES).map(Packed::from_bytes);
         let mut by_sweep: std::collections::BTreeMap<u32, Vec<u64>> = std::collections::BTreeMap::new();
-        for (key, sweeps) in saved.cells {
-            let n: u32 = sweeps.iter().map(|(_, n)| n).sum();
-            for (sweep, _) in &sweeps {
-                by_sweep.entry(*sweep).or_default().push(key);
+        for SavedCell { key, sweeps } in saved.cells {
+            let n: u32 = sweeps.iter().map(|count| count.n_points).sum();
+            for count in &sweeps {
+                by_sweep.entry(count.sweep).or_default().push(key);
             }
             model.cells.insert(key, Cell { points: points.by_ref().take(n as usize).collect(), sweeps });
         }
-        model.keys = by_sweep.into_iter().collect();
+        model.by_sweep = by_sweep.into_iter().map(|(sweep, keys)| SweepCells { sweep, keys }).collect();
         model
     }
 }
@@ -228,9 +257,11 @@ mod tests {
     }
 
     /// A grid of 2 cm on the plane z = `height`.
-    fn floor(height: f64) -> Vec<(Vector3<f64>, Vector3<f32>)> {
+    fn floor(height: f64) -> Vec<OrientedPoint> {
         let at = |i: i32| f64::from(i) * 0.02;
-        (-50..50).flat_map(|i| (-50..50).map(move |k| (Vector3::new(at(i), at(k), height), Vector3::z()))).collect()
+        let point =
+            |i: i32, k: i32| OrientedPoint { position: Vector3::new(at(i), at(k), height), normal: Vector3::z() };
+        (-50..50).flat_map(|i| (-50..50).map(move |k| point(i, k))).collect()
     }
 
     #[test]
@@ -240,7 +271,8 @@ mod tests {
         for _ in 0..4000 {
             let mut number = |size: f32| random.range(-size, size);
             let position = Vector3::new(number(1.0), number(1.0), number(0.1)).cast::<f64>();
-            points.push((position, Vector3::new(number(0.2), number(0.2), 1.0).normalize()));
+            let normal = Vector3::new(number(0.2), number(0.2), 1.0).normalize();
+            points.push(OrientedPoint { position, normal });
         }
         let mut model = Model::default();
         model.insert(0, &points, 100);
@@ -249,15 +281,19 @@ mod tests {
             let x = Vector3::new(f64::from(i) * 0.007 - 0.7, 0.3, 0.15);
             let mut weights = 0.0;
             let mut heights = 0.0;
-            let mut nearest = (f64::MAX, Vector3::zeros());
-            for (position, normal) in &points {
-                let away = x - position;
-                let normal = normal.cast::<f64>();
+            let mut nearest_m = f64::MAX;
+            let mut nearest_normal = Vector3::zeros();
+            for point in &points {
+                let away = x - point.position;
+                let normal = point.normal.cast::<f64>();
                 if away.norm() <= 0.2 {
                     let weight = (-away.norm_squared() / 0.0036).exp();
                     weights += weight;
                     heights += weight * away.dot(&normal);
-                    nearest = if away.norm() < nearest.0 { (away.norm(), normal) } else { nearest };
+                    if away.norm() < nearest_m {
+                        nearest_m = away.norm();
+                        nearest_normal = normal;
+                    }
                 }
             }
             let found = model.surface(&x, &settings());
@@ -270,7 +306,7 @@ mod tests {
                     found.distance_m,
                     heights / weights
                 );
-                assert!((found.normal - nearest.1).norm() < 1e-3);
+                assert!((found.normal - nearest_normal).norm() < 1e-3);
             }
         }
     }

@@ -23,8 +23,9 @@ use serde::{Deserialize, Serialize};
 /// Consecutive sweeps without a match (half a second) after which a new model begins: the old one is out of reach. Not
 /// in the paper.
 const MAX_BRIDGED: u32 = 5;
-/// Motion after which the map for loop closures grows, m and rad, as in [`crate::Odometry`].
-const MIN_MOTION: (f64, f64) = (0.1, 0.01);
+/// Motion or rotation after which the map for loop closures grows, as in [`crate::Odometry`].
+const MIN_MOTION_M: f64 = 0.1;
+const MIN_ROTATION_RAD: f64 = 0.01;
 /// Lower bound for the time between the last shots of two sweeps, s, in case the stamps of a recording contradict the
 /// point times.
 const MIN_SECONDS: f64 = 1e-3;
@@ -288,8 +289,8 @@ impl ImlsOdometry {
 
     fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
         let moved = self.state.grown_at.is_none_or(|at| {
-            (at.translation.vector - motion.mid.translation.vector).norm() > MIN_MOTION.0
-                || at.rotation.angle_to(&motion.mid.rotation) > MIN_MOTION.1
+            (at.translation.vector - motion.mid.translation.vector).norm() > MIN_MOTION_M
+                || at.rotation.angle_to(&motion.mid.rotation) > MIN_ROTATION_RAD
         });
         if moved {
             self.maps.insert(self.state.n_grown, features, motion, &TurnLever::NONE, &self.settings.map);

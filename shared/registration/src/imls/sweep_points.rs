@@ -1,5 +1,6 @@
 //! Points of a sweep that may enter the model: with normal and planarity, without small objects.
 
+use super::model::OrientedPoint;
 use crate::moving_objects::small_objects::SmallObjects;
 use crate::sweep::neighborhood::{LANES, Planes, Shapes};
 use crate::{DeskewTable, Feature, Sweep};
@@ -27,8 +28,12 @@ pub(super) struct SweepPoints {
     duration_nanos: u32,
 }
 
-/// Normal and planarity of a cell; planarity is -1 if they are unknown.
-type Shape = ([f32; 3], f32);
+/// The surface around a cell; planarity is -1 if it is unknown.
+#[derive(Clone, Copy)]
+struct CellShape {
+    normal: [f32; 3],
+    planarity: f32,
+}
 
 impl SweepPoints {
     /// All points with a normal, without small objects. `end_from_begin`: motion of the LiDAR during the sweep,
@@ -48,14 +53,14 @@ impl SweepPoints {
         let rows = image.rows();
         let cols = image.cols();
         let planes = Planes::new(&image, 1);
-        let shapes: Vec<Vec<Shape>> = (0..rows).into_par_iter().map(|row| row_shapes(&planes, row)).collect();
+        let shapes: Vec<Vec<CellShape>> = (0..rows).into_par_iter().map(|row| row_shapes(&planes, row)).collect();
         let level = level_from_end.cast::<f32>().to_rotation_matrix();
         let cell = |cell: usize| (level * image.position(cell / cols, cell % cols)).into();
         let placed: Vec<[f32; 3]> = (0..rows * cols).into_par_iter().map(cell).collect();
         let of_small_object = SmallObjects::segment(&placed, cols, cols).contained(placed.len());
         let point = |(idx, point): (usize, &crate::TimedPoint)| {
             let (row, col) = sweep.image().cell(idx)?;
-            let (normal, planarity) = shapes[row][col];
+            let CellShape { normal, planarity } = shapes[row][col];
             let raw = Vector3::from(point.position);
             if planarity < 0.0 || of_small_object[row * cols + col] || !ranges_m.contains(&raw.norm()) {
                 return None;
@@ -93,11 +98,11 @@ impl SweepPoints {
     }
 
     /// Positions and normals in the odom frame, for the model.
-    pub fn placed(&self, odom_from_begin: &Pose, odom_from_end: &Pose) -> Vec<(Vector3<f64>, Vector3<f32>)> {
+    pub fn placed(&self, odom_from_begin: &Pose, odom_from_end: &Pose) -> Vec<OrientedPoint> {
         let rotation = odom_from_end.rotation.cast::<f32>();
         let place = |(point, position): (&SweepPoint, [f32; 3])| {
             let position = odom_from_end * Point3::from(position).cast::<f64>();
-            (position.coords, rotation * Vector3::from(point.normal))
+            OrientedPoint { position: position.coords, normal: rotation * Vector3::from(point.normal) }
         };
         let end_from_begin = odom_from_end.inverse() * odom_from_begin;
         self.points.iter().zip(self.deskewed(&end_from_begin)).map(place).collect()
@@ -111,7 +116,7 @@ impl SweepPoints {
 }
 
 /// Shapes around all cells of a row.
-fn row_shapes(planes: &Planes, row: usize) -> Vec<Shape> {
+fn row_shapes(planes: &Planes, row: usize) -> Vec<CellShape> {
     wide_loops::run(
         #[inline(always)]
         || {
@@ -119,7 +124,8 @@ fn row_shapes(planes: &Planes, row: usize) -> Vec<Shape> {
             for first in (0..planes.n()).step_by(LANES) {
                 let Shapes { normal: [x, y, z], planarity, .. } = Shapes::around(planes, row, first);
                 let lanes = 0..LANES.min(planes.n() - first);
-                found.extend(lanes.map(|lane| ([x[lane], y[lane], z[lane]], planarity[lane])));
+                let shape = |lane: usize| CellShape { normal: [x[lane], y[lane], z[lane]], planarity: planarity[lane] };
+                found.extend(lanes.map(shape));
             }
             found
         },

@@ -9,8 +9,16 @@ pub(crate) const SAME_SURFACE: f32 = 0.8;
 /// Coordinate of unused lanes, m: outside of every search radius.
 const UNUSED: f32 = 1e6;
 
-/// Position relative to the cell's lower corner (m), unit normal, and levers.
-pub(crate) type Oriented = ([f32; 3], [f32; 3], [f32; 2]);
+/// A point of a surface, relative to its cell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CellPoint {
+    /// Position relative to the cell's lower corner, m.
+    pub position: [f32; 3],
+    /// Unit normal.
+    pub normal: [f32; 3],
+    /// Levers of the ring's elevation and of the revolution, see [`crate::MapPoint`].
+    pub levers: [f32; 2],
+}
 
 /// Lanes per coordinate: x y z, then the normal, then the levers.
 type Block = [[f32; LANES]; 8];
@@ -31,17 +39,18 @@ impl Cell {
     pub fn n(&self) -> usize {
         self.n
     }
-    pub fn get(&self, at: usize) -> Oriented {
+    pub fn get(&self, at: usize) -> CellPoint {
         let value = |part: usize| self.blocks[at / LANES][part][at % LANES];
-        ([0, 1, 2].map(value), [3, 4, 5].map(value), [6, 7].map(value))
+        CellPoint { position: [0, 1, 2].map(value), normal: [3, 4, 5].map(value), levers: [6, 7].map(value) }
     }
-    pub fn set(&mut self, at: usize, (position, normal, levers): Oriented) {
+    pub fn set(&mut self, at: usize, point: CellPoint) {
+        let CellPoint { position, normal, levers } = point;
         let block = &mut self.blocks[at / LANES];
         for (part, value) in block.iter_mut().zip(position.into_iter().chain(normal).chain(levers)) {
             part[at % LANES] = value;
         }
     }
-    pub fn push(&mut self, point: Oriented) {
+    pub fn push(&mut self, point: CellPoint) {
         if self.n.is_multiple_of(LANES) {
             // Most cells have one block; the first push would reserve four.
             self.blocks.reserve_exact(1);
@@ -65,7 +74,7 @@ impl Cell {
             self.set(at - 1, self.get(at));
         }
         self.n -= 1;
-        self.set(self.n, ([UNUSED; 3], [0.0; 3], [0.0; 2]));
+        self.set(self.n, CellPoint { position: [UNUSED; 3], normal: [0.0; 3], levers: [0.0; 2] });
         self.blocks.truncate(self.n.div_ceil(LANES));
     }
     /// Index of the first point in `cube`, where `per_side` cubes fill the cell's side.

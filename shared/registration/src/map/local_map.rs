@@ -1,7 +1,7 @@
 //! The sliding local map to which sweeps are matched.
 
 use crate::Kernel;
-use crate::map::cell::{Cell, Oriented, SAME_SURFACE, SurfaceSums};
+use crate::map::cell::{Cell, CellPoint, SAME_SURFACE, SurfaceSums};
 use crate::voxel::{SpreadKeys, VoxelIndex};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -71,8 +71,8 @@ impl LocalMap {
     pub fn from_points(points: &[MapPoint]) -> Self {
         let mut map = Self::default();
         for point in points {
-            let (key, in_cell) = placed(point);
-            map.push(key, in_cell, point.batch);
+            let placed = PlacedPoint::new(point);
+            map.push(placed.key, placed.point, point.batch);
         }
         map
     }
@@ -81,7 +81,7 @@ impl LocalMap {
         let mut met: HashMap<u64, usize, SpreadKeys> = HashMap::default();
         let point = |&(key, batch): &(u64, u32)| {
             let at = met.entry(key).or_default();
-            let (position, normal, [lever, turn_lever]) = self.cells[&key].get(*at);
+            let CellPoint { position, normal, levers: [lever, turn_lever] } = self.cells[&key].get(*at);
             *at += 1;
             let corner = VoxelIndex::from_key(key).0;
             let position = std::array::from_fn(|axis| f64::from(corner[axis]) * CELL_M + f64::from(position[axis]));
@@ -106,8 +106,8 @@ impl LocalMap {
             #[inline(always)]
             || self.refine(new_points, settings),
         );
-        for (key, new) in added {
-            self.push(key, new, batch);
+        for PlacedPoint { key, point } in added {
+            self.push(key, point, batch);
         }
         let oldest = batch.saturating_sub(settings.batches.saturating_sub(1));
         let n_expired = self.order.iter().take(n_before).take_while(|(_, batch)| *batch < oldest).count();
@@ -118,27 +118,27 @@ impl LocalMap {
     }
     /// Refines the map with the points whose cubes are occupied, and returns the others with their cells.
     #[inline(always)]
-    fn refine(&mut self, new_points: &[MapPoint], settings: &MapSettings) -> Vec<(u64, Oriented)> {
+    fn refine(&mut self, new_points: &[MapPoint], settings: &MapSettings) -> Vec<PlacedPoint> {
         let per_side = (CELL_M / settings.spacing_m).round().max(1.0) as f32;
         let cube_of = |position: [f32; 3]| position.map(|v| (v * per_side).floor());
         let mut added = Vec::new();
         for new in new_points {
-            let (key, new) = placed(new);
-            let cube = cube_of(new.0);
-            let taken = self.cells.get_mut(&key).and_then(|cell| Some((cell.in_cube(cube, per_side)?, cell)));
+            let new = PlacedPoint::new(new);
+            let cube = cube_of(new.point.position);
+            let taken = self.cells.get_mut(&new.key).and_then(|cell| Some((cell.in_cube(cube, per_side)?, cell)));
             let Some((at, cell)) = taken else {
-                added.push((key, new));
+                added.push(new);
                 continue;
             };
-            let refined = refined(cell.get(at), &new, settings.refinement as f32);
+            let refined = refined(cell.get(at), &new.point, settings.refinement as f32);
             // A point must stay in its cube, otherwise thinning would find the cube empty.
-            if cube_of(refined.0) == cube {
+            if cube_of(refined.position) == cube {
                 cell.set(at, refined);
             }
         }
         added
     }
-    fn push(&mut self, key: u64, point: Oriented, batch: u32) {
+    fn push(&mut self, key: u64, point: CellPoint, batch: u32) {
         self.cells.entry(key).or_default().push(point);
         self.order.push_back((key, batch));
     }
@@ -184,27 +184,37 @@ impl LocalMap {
     }
 }
 
-/// The cell key of a point, and the point relative to the cell's corner.
-#[inline(always)]
-fn placed(point: &MapPoint) -> (u64, Oriented) {
-    let position = point.position.map(|v| (v / UNIT_M).round() * UNIT_M);
-    let cell = VoxelIndex::containing(position, 1.0 / CELL_M);
-    let in_cell = std::array::from_fn(|axis| (position[axis] - f64::from(cell.0[axis]) * CELL_M) as f32);
-    (cell.key(), (in_cell, point.normal, [point.lever, point.turn_lever]))
+/// A point with the key of its cell.
+struct PlacedPoint {
+    key: u64,
+    point: CellPoint,
+}
+
+impl PlacedPoint {
+    #[inline(always)]
+    fn new(point: &MapPoint) -> Self {
+        let position = point.position.map(|v| (v / UNIT_M).round() * UNIT_M);
+        let cell = VoxelIndex::containing(position, 1.0 / CELL_M);
+        let in_cell = std::array::from_fn(|axis| (position[axis] - f64::from(cell.0[axis]) * CELL_M) as f32);
+        let levers = [point.lever, point.turn_lever];
+        Self { key: cell.key(), point: CellPoint { position: in_cell, normal: point.normal, levers } }
+    }
 }
 
 /// A point, moved along its normal by `share` of its distance to the plane through a new point of the same surface. It
 /// does not move tangentially, so thinning is not affected.
 #[inline(always)]
-fn refined((position, normal, levers): Oriented, new: &Oriented, share: f32) -> Oriented {
+fn refined(old: CellPoint, new: &CellPoint, share: f32) -> CellPoint {
+    let CellPoint { position, normal, levers } = old;
     let axis = Vector3::from(normal);
-    let height = axis.dot(&(Vector3::from(new.0) - Vector3::from(position)));
-    if axis.dot(&Vector3::from(new.1)) <= SAME_SURFACE || height.abs() >= REFINEMENT_GATE_M {
-        return (position, normal, levers);
+    let height = axis.dot(&(Vector3::from(new.position) - Vector3::from(position)));
+    if axis.dot(&Vector3::from(new.normal)) <= SAME_SURFACE || height.abs() >= REFINEMENT_GATE_M {
+        return old;
     }
     let unit = UNIT_M as f32;
     let moved = (Vector3::from(position) + axis * (share * height)).map(|v| (v / unit).round() * unit);
-    (moved.into(), normal, std::array::from_fn(|at| levers[at] + share * (new.2[at] - levers[at])))
+    let levers = std::array::from_fn(|at| levers[at] + share * (new.levers[at] - levers[at]));
+    CellPoint { position: moved.into(), normal, levers }
 }
 
 /// Result of [`LocalMap::surface`].

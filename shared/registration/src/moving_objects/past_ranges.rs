@@ -33,7 +33,7 @@ impl PastRanges {
         let rows = image.rows();
         let cols = image.cols();
         let mut ranges = vec![0; rows * cols];
-        let mut sums = vec![(0.0_f64, 0_u32); rows];
+        let mut slope_sums = vec![SlopeSum::default(); rows];
         wide_loops::run(
             #[inline(always)]
             || {
@@ -46,11 +46,12 @@ impl PastRanges {
                 }
             },
         );
-        for (row, sum) in sums.iter_mut().enumerate() {
+        for (row, sum) in slope_sums.iter_mut().enumerate() {
             for col in (0..cols).step_by(SECTOR).flat_map(|col| [col, col + 1]) {
                 let [x, y, z] = image.position(row, col).into();
                 if !x.is_nan() {
-                    *sum = (sum.0 + f64::from(z / (x * x + y * y).sqrt()), sum.1 + 1);
+                    sum.sum += f64::from(z / (x * x + y * y).sqrt());
+                    sum.n += 1;
                 }
             }
         }
@@ -69,16 +70,23 @@ impl PastRanges {
             }
         }
         fill_gaps(&mut shares);
-        Self { motion, slopes: slopes(&sums), shares, ranges }
+        Self { motion, slopes: slopes(&slope_sums), shares, ranges }
     }
 }
 
+/// Sum of the slopes of the rays of a row.
+#[derive(Clone, Copy, Default)]
+struct SlopeSum {
+    sum: f64,
+    n: u32,
+}
+
 /// Mean slope of each row. An empty row takes the slope of the row below, so that slopes ascend.
-fn slopes(sums: &[(f64, u32)]) -> Vec<f32> {
+fn slopes(sums: &[SlopeSum]) -> Vec<f32> {
     let mut last = f32::MIN;
-    let mean = |(sum, n): &(f64, u32)| {
-        if *n > 0 {
-            last = last.max((sum / f64::from(*n)) as f32);
+    let mean = |row: &SlopeSum| {
+        if row.n > 0 {
+            last = last.max((row.sum / f64::from(row.n)) as f32);
         }
         last
     };

@@ -47,7 +47,7 @@ impl InitialMotion {
     pub fn from_log(log: &SensorLog, [begin, end]: [Stamp; 2], mounting: &SensorMounting) -> Self {
         let inertial = log.mean(begin, end).filter(|_| log.covers(begin, end));
         let lidar_from_body = mounting.body_from_lidar.rotation.inverse();
-        let angular = inertial.map_or_else(Vector3::zeros, |(_, rate)| lidar_from_body * rate);
+        let angular = inertial.map_or_else(Vector3::zeros, |mean| lidar_from_body * mean.rate);
         let velocity = log.velocity_at(end).filter(|velocity| end.seconds_since(velocity.stamp) < VELOCITY_VALID_S);
         Self { angular, speed: velocity.map(crate::GroundVelocity::speed) }
     }

@@ -13,7 +13,7 @@ mod lidar_step;
 mod propagation;
 mod velocity;
 
-use crate::prediction::sensors::SensorLog;
+use crate::prediction::sensors::{InertialMean, SensorLog};
 use crate::{Acceleration, SensorMounting};
 use geometry::{Pose, Stamp, UnitQuaternion, Vector3};
 use lidar_step::LidarStep;
@@ -42,8 +42,9 @@ const FIRST_RATE: f64 = 0.5;
 const MEASURED_SPEED: f64 = 0.5;
 /// Angle between the first specific force and the vertical, rad: braking by 1 m/s^2.
 const FIRST_TILT: f64 = 0.1;
-/// Jitter of matched poses, m and rad, which is not motion.
-const POSE_NOISE: (f64, f64) = (5e-3, 5e-4);
+/// Jitter of matched poses, which is not motion.
+const POSE_NOISE_M: f64 = 5e-3;
+const POSE_NOISE_RAD: f64 = 5e-4;
 /// Number of sweeps that share the gyroscope bias error. The bias, which is common to all steps, shifts each sweep in
 /// the same direction, and the map stays: half of its 60 sweeps measure the bias together. Without inertial samples
 /// steps have little in common.
@@ -126,7 +127,7 @@ impl Navigation {
     /// `is_measured`: by a receiver.
     pub fn begin(velocity: &Vector3<f64>, is_measured: bool, log: &SensorLog, [begin, end]: [Stamp; 2]) -> Self {
         let inertial = log.mean(begin, end).filter(|_| log.covers(begin, end));
-        let up = inertial.map_or_else(Vector3::z, |(force, _)| force);
+        let up = inertial.map_or_else(Vector3::z, |mean| mean.force);
         let mut covariance = SMatrix::<f64, N, N>::zeros();
         let rate_bias = if inertial.is_some() { RATE_BIAS_SIGMA } else { FIRST_RATE };
         for axis in 0..3 {
@@ -220,8 +221,8 @@ impl Navigation {
         let sources = PredictionSources { inertial: has_samples, receiver };
         let lidar = LidarStep::new(mounting, from, &self.rotation);
         let information = if sources.inertial {
-            let (m, rad) = POSE_NOISE;
-            inverse(&(lidar.covariance(&self.covariance) + diagonal(m * m, rad * rad)))
+            let jitter = diagonal(POSE_NOISE_M * POSE_NOISE_M, POSE_NOISE_RAD * POSE_NOISE_RAD);
+            inverse(&(lidar.covariance(&self.covariance) + jitter))
         } else {
             Matrix6::zeros()
         };
@@ -284,8 +285,8 @@ impl Navigation {
     /// the angular rates are the gyroscope bias.
     pub fn update_standstill(&mut self, log: &SensorLog, at: Stamp) {
         let is_gravity_alone = |force: Vector3<f64>| (force - self.force_bias + self.gravity()).norm() < STANDING_MPS2;
-        let still = log.standstill(at).filter(|(force, _)| self.velocity.norm() < SLOW_MPS && is_gravity_alone(*force));
-        let Some((_, rate)) = still else { return };
+        let still = log.standstill(at).filter(|mean| self.velocity.norm() < SLOW_MPS && is_gravity_alone(mean.force));
+        let Some(InertialMean { rate, .. }) = still else { return };
         let measure = |part: usize| {
             let mut h = SMatrix::<f64, 3, N>::zeros();
             h.fixed_view_mut::<3, 3>(0, part).copy_from(&Matrix3::identity());

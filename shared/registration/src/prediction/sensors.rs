@@ -99,6 +99,26 @@ impl GroundVelocity {
     }
 }
 
+/// Means over the time between two samples.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InertialInterval {
+    /// Duration, s.
+    pub seconds: f64,
+    /// Specific force, m/s^2.
+    pub force: Vector3<f64>,
+    /// Angular rate, rad/s.
+    pub rate: Vector3<f64>,
+}
+
+/// Mean measurement of an inertial unit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InertialMean {
+    /// Specific force, m/s^2.
+    pub force: Vector3<f64>,
+    /// Angular rate, rad/s.
+    pub rate: Vector3<f64>,
+}
+
 /// Samples and velocities in time order.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct SensorLog {
@@ -137,38 +157,45 @@ impl SensorLog {
         around.windows(2).all(|pair| pair[1].stamp.0 - pair[0].stamp.0 <= GAP_NANOS)
     }
 
-    /// Means of consecutive samples with the time that each of them covers, s, from `begin` to `end`.
-    pub fn between(&self, begin: Stamp, end: Stamp) -> impl Iterator<Item = (f64, Vector3<f64>, Vector3<f64>)> {
+    /// Means of consecutive samples with the time that each of them covers, from `begin` to `end`.
+    pub fn between(&self, begin: Stamp, end: Stamp) -> impl Iterator<Item = InertialInterval> {
         let after = self.samples.partition_point(|sample| sample.stamp <= begin).saturating_sub(1);
         let pairs = self.samples[after..].windows(2).take_while(move |pair| pair[0].stamp < end);
         pairs.map(move |pair| {
             let from = pair[0].stamp.max(begin);
             let to = pair[1].stamp.min(end);
-            (to.seconds_since(from), (pair[0].force + pair[1].force) * 0.5, (pair[0].rate + pair[1].rate) * 0.5)
+            InertialInterval {
+                seconds: to.seconds_since(from),
+                force: (pair[0].force + pair[1].force) * 0.5,
+                rate: (pair[0].rate + pair[1].rate) * 0.5,
+            }
         })
     }
 
     /// Mean force and rate from `begin` to `end`; `None` without samples.
-    pub fn mean(&self, begin: Stamp, end: Stamp) -> Option<(Vector3<f64>, Vector3<f64>)> {
-        let zero = (0.0, Vector3::zeros(), Vector3::zeros());
-        let sum = |(seconds, force, rate), (s, f, r): (f64, Vector3<f64>, Vector3<f64>)| {
-            (seconds + s, force + f * s, rate + r * s)
-        };
-        let (seconds, force, rate) = self.between(begin, end).fold(zero, sum);
-        (seconds > 0.0).then(|| (force / seconds, rate / seconds))
+    pub fn mean(&self, begin: Stamp, end: Stamp) -> Option<InertialMean> {
+        let mut seconds = 0.0;
+        let mut force = Vector3::zeros();
+        let mut rate = Vector3::zeros();
+        for interval in self.between(begin, end) {
+            seconds += interval.seconds;
+            force += interval.force * interval.seconds;
+            rate += interval.rate * interval.seconds;
+        }
+        (seconds > 0.0).then(|| InertialMean { force: force / seconds, rate: rate / seconds })
     }
 
     /// Mean force and rate of the last half second before `end` if the samples show that the vehicle stands.
-    pub fn standstill(&self, end: Stamp) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    pub fn standstill(&self, end: Stamp) -> Option<InertialMean> {
         let begin = end.plus_nanos(-STILL_NANOS);
-        let (force, rate) = self.mean(begin, end).filter(|_| self.covers(begin, end))?;
+        let mean = self.mean(begin, end).filter(|_| self.covers(begin, end))?;
         let after = self.samples.partition_point(|sample| sample.stamp < begin);
         let window: Vec<&InertialSample> = self.samples[after..].iter().take_while(|s| s.stamp <= end).collect();
         let mean_square =
             |of: &dyn Fn(&InertialSample) -> f64| window.iter().map(|s| of(s)).sum::<f64>() / window.len() as f64;
-        let is_still = mean_square(&|s| (s.force - force).norm_squared()) < STILL_MPS2 * STILL_MPS2
-            && mean_square(&|s| (s.rate - rate).norm_squared()) < STILL_RADPS * STILL_RADPS;
-        is_still.then_some((force, rate))
+        let is_still = mean_square(&|s| (s.force - mean.force).norm_squared()) < STILL_MPS2 * STILL_MPS2
+            && mean_square(&|s| (s.rate - mean.rate).norm_squared()) < STILL_RADPS * STILL_RADPS;
+        is_still.then_some(mean)
     }
 
     /// Removes and returns the next velocity up to `end`.
@@ -209,10 +236,10 @@ mod tests {
         let ramp = log((0..100).map(|i| sample(i * 10, i as f64 * 0.01)));
         for (begin, end) in [(0, 500), (103, 217), (391, 397), (985, 990)] {
             let [begin, end] = [begin, end].map(|millis| Stamp(millis * 1_000_000));
-            let seconds: f64 = ramp.between(begin, end).map(|(seconds, ..)| seconds).sum();
+            let seconds: f64 = ramp.between(begin, end).map(|interval| interval.seconds).sum();
             assert!((seconds - end.seconds_since(begin)).abs() < 1e-9);
             let middle = (begin.0 + end.0) as f64 * 0.5e-9;
-            let (force, rate) = ramp.mean(begin, end).expect("samples");
+            let InertialMean { force, rate } = ramp.mean(begin, end).expect("samples");
             assert!((force.x - middle).abs() < 5e-3 && (rate.z - force.x).abs() < 1e-12, "{force} {middle}");
         }
     }

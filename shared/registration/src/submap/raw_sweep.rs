@@ -1,6 +1,6 @@
 //! Received sweeps of all LiDARs, and their grouping.
 
-use crate::{KeptPoints, SpinDirection, Sweep};
+use crate::{KeptPoints, Revolution, Sweep};
 use geometry::Stamp;
 use messages::{SweepHeader, SweepPoint};
 
@@ -28,7 +28,7 @@ pub struct PreparedSweep {
 
 impl RawSweep<'_> {
     /// Converts the points for the odometry. `untimed` is as in [`Sweep::from_rows`].
-    pub fn sweep(&self, untimed: Option<(SpinDirection, u32)>) -> Sweep {
+    pub fn sweep(&self, untimed: Option<Revolution>) -> Sweep {
         Sweep::from_rows(self.stamp, self.header, self.rows, untimed)
     }
     /// Whether another sweep begins during this one.
@@ -37,10 +37,17 @@ impl RawSweep<'_> {
     }
 }
 
-/// Groups messages: a sweep of the first LiDAR, then the sweeps of the other LiDARs that begin during it. Also returns
-/// the number of dropped messages: sweeps of other LiDARs without a sweep of the first. In live operation either may be
-/// lost.
-pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> (Vec<Vec<M>>, u64) {
+/// Messages of topic `sweep`, grouped.
+#[derive(Clone, Debug)]
+pub struct SweepsByTick<M> {
+    /// Each begins with a sweep of the first LiDAR.
+    pub ticks: Vec<Vec<M>>,
+    /// Sweeps of other LiDARs without a sweep of the first. In live operation either may be lost.
+    pub n_dropped: u64,
+}
+
+/// Groups messages: a sweep of the first LiDAR, then the sweeps of the other LiDARs that begin during it.
+pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> SweepsByTick<M> {
     let mut ticks = Vec::<Vec<M>>::new();
     let mut n_dropped = 0;
     for message in messages {
@@ -50,24 +57,30 @@ pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> 
             _ => n_dropped += 1,
         }
     }
-    (ticks, n_dropped)
+    SweepsByTick { ticks, n_dropped }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn raw_sweep_from(message: &(SweepHeader, i64)) -> RawSweep<'_> {
-        RawSweep { seq: 0, stamp: Stamp(message.1), header: &message.0, rows: &[] }
+    struct Message {
+        header: SweepHeader,
+        stamp: i64,
+    }
+
+    fn raw_sweep_from(message: &Message) -> RawSweep<'_> {
+        RawSweep { seq: 0, stamp: Stamp(message.stamp), header: &message.header, rows: &[] }
     }
 
     #[test]
     fn sweeps_of_other_lidars_without_one_of_the_first_are_dropped() {
         let header = |lidar| SweepHeader { duration_nanos: 100, lidar, ..SweepHeader::default() };
         let messages = [(1, 40), (0, 50), (2, 50), (1, 151), (0, 150), (1, 160), (2, 250)];
-        let messages: Vec<(SweepHeader, i64)> = messages.map(|(lidar, stamp)| (header(lidar), stamp)).to_vec();
-        let (ticks, n_dropped) = sweeps_by_tick(messages, raw_sweep_from);
-        let stamps: Vec<Vec<i64>> = ticks.iter().map(|tick| tick.iter().map(|message| message.1).collect()).collect();
+        let messages = messages.map(|(lidar, stamp)| Message { header: header(lidar), stamp });
+        let SweepsByTick { ticks, n_dropped } = sweeps_by_tick(messages.into(), raw_sweep_from);
+        let stamps: Vec<Vec<i64>> =
+            ticks.iter().map(|tick| tick.iter().map(|message| message.stamp).collect()).collect();
         assert_eq!((stamps, n_dropped), (vec![vec![50, 50], vec![150, 160, 250]], 2));
     }
 }

@@ -20,14 +20,18 @@ impl Directions {
         let chunks = directions.slopes.chunks_mut(CHUNK).zip(directions.azimuths.chunks_mut(CHUNK));
         wide_loops::run(
             #[inline(always)]
-            || points.chunks(CHUNK).zip(chunks).for_each(|(points, chunks)| write_directions(points, chunks)),
+            || {
+                for (points, (slopes, azimuths)) in points.chunks(CHUNK).zip(chunks) {
+                    write_directions(points, slopes, azimuths);
+                }
+            },
         );
         directions
     }
 }
 
 #[inline(always)]
-fn write_directions(points: &[TimedPoint], (slopes, azimuths): (&mut [f32], &mut [f32])) {
+fn write_directions(points: &[TimedPoint], slopes: &mut [f32], azimuths: &mut [f32]) {
     for ((point, slope), azimuth) in points.iter().zip(slopes).zip(azimuths) {
         let [x, y, z] = point.position;
         // `hypot` is slow because it avoids overflow near the limits of f32.

@@ -44,11 +44,11 @@ fn gate(range: f32) -> f32 {
 #[inline(always)]
 fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
     let center = planes.block(row, first, 0);
-    let (left, right) = (planes.block(row, first, NEIGHBOR_STEP), planes.block(row, first, -NEIGHBOR_STEP));
+    let left = planes.block(row, first, NEIGHBOR_STEP);
+    let right = planes.block(row, first, -NEIGHBOR_STEP);
     // At the edge of the image the cell itself replaces the missing neighbor.
-    let above = planes.above(row).unwrap_or(row);
-    let below = planes.below(row).unwrap_or(row);
-    let (above, below) = (planes.block(above, first, 0), planes.block(below, first, 0));
+    let above = planes.block(planes.above(row).unwrap_or(row), first, 0);
+    let below = planes.block(planes.below(row).unwrap_or(row), first, 0);
     let mut cosines = [0.0; LANES];
     for lane in 0..LANES {
         let x = center[0][lane];

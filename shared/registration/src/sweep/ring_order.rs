@@ -120,14 +120,15 @@ impl Turns {
 /// Mean slope of each ring that has points.
 #[inline(always)]
 fn mean_slopes(slopes: &[f32], rings: &[u8], n: usize) -> Vec<f64> {
-    let mut sums = vec![(0.0, 0_u32); n];
+    let mut sums = vec![0.0; n];
+    let mut n_points = vec![0_u32; n];
     for (slope, ring) in slopes.iter().zip(rings) {
         if !slope.is_nan() {
-            let sum = &mut sums[usize::from(*ring)];
-            *sum = (sum.0 + f64::from(*slope), sum.1 + 1);
+            sums[usize::from(*ring)] += f64::from(*slope);
+            n_points[usize::from(*ring)] += 1;
         }
     }
-    sums.into_iter().filter(|(_, n)| *n > 0).map(|(sum, n)| sum / f64::from(n)).collect()
+    sums.into_iter().zip(n_points).filter(|(_, n)| *n > 0).map(|(sum, n)| sum / f64::from(n)).collect()
 }
 
 #[cfg(test)]
@@ -135,8 +136,14 @@ mod tests {
     use super::*;
     use crate::TimedPoint;
 
+    /// Points with their true rings.
+    struct StoredRings {
+        points: Vec<TimedPoint>,
+        rings: Vec<u8>,
+    }
+
     /// Rings from the highest to the lowest, each a turn that starts at `begin` rad; every seventh point is missing.
-    fn ring_by_ring(n_rings: u8, begin: f32) -> (Vec<TimedPoint>, Vec<u8>) {
+    fn ring_by_ring(n_rings: u8, begin: f32) -> StoredRings {
         let mut points = Vec::new();
         let mut rings = Vec::new();
         for ring in (0..n_rings).rev() {
@@ -153,13 +160,13 @@ mod tests {
                 rings.push(ring);
             }
         }
-        (points, rings)
+        StoredRings { points, rings }
     }
 
     #[test]
     fn points_stored_ring_by_ring_get_their_rings() {
         for begin in [0.0, 2.0, -PI] {
-            let (points, truth) = ring_by_ring(64, begin);
+            let StoredRings { points, rings: truth } = ring_by_ring(64, begin);
             let Rings { by_point: rings, n } =
                 rings_by_order(&Directions::from_points(&points)).expect("rings in order");
             let n_wrong = rings.iter().zip(&truth).filter(|(ring, truth)| ring != truth).count();
@@ -169,7 +176,7 @@ mod tests {
 
     #[test]
     fn points_in_the_order_of_time_have_no_rings_by_order() {
-        let (mut points, _) = ring_by_ring(32, 0.0);
+        let mut points = ring_by_ring(32, 0.0).points;
         points.sort_by(|a, b| {
             f32::atan2(a.position[1], a.position[0]).total_cmp(&f32::atan2(b.position[1], b.position[0]))
         });

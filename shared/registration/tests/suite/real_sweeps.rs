@@ -170,13 +170,21 @@ fn durlacher_is_as_long_as_by_its_inertial_system() {
     // Other odometries err by 0.13 to 0.35 m.
     assert!((moved.norm() - 15.90).abs() < 0.5, "{moved}");
     // The pose applies when the sensor faces ahead, in the middle of the revolution. The vehicle ends at 7 m/s.
-    let (delay_s, remaining_m) = against_track(&registered, &ins_track(&real_data::path("annieway/durlacher/ins.csv")));
+    let track = ins_track(&real_data::path("annieway/durlacher/ins.csv"));
+    let BestDelay { s: delay_s, rms_m: remaining_m } = against_track(&registered, &track);
     println!("{delay_s:.3} s behind the stamps of the INS, then {remaining_m:.3} m");
     assert!((0.0..0.1).contains(&delay_s) && remaining_m < 0.03, "{delay_s} s, {remaining_m} m");
 }
 
-/// Time (s) and distance from the first position (m) of each line of the INS.
-fn ins_track(path: &Path) -> Vec<(f64, f64)> {
+/// A line of the INS.
+struct InsPosition {
+    /// Time since the first line, s.
+    s: f64,
+    /// Distance from the first position, m.
+    from_first_m: f64,
+}
+
+fn ins_track(path: &Path) -> Vec<InsPosition> {
     let text = std::fs::read_to_string(path).expect("reads");
     let rows = text.lines().filter(|line| line.starts_with("20")).map(|line| {
         let fields: Vec<&str> = line.split(';').collect();
@@ -187,29 +195,40 @@ fn ins_track(path: &Path) -> Vec<(f64, f64)> {
     });
     let rows: Vec<_> = rows.collect();
     let (begin_s, begin) = rows[0];
-    rows.iter().map(|(s, place)| (s - begin_s, (place[0] - begin[0]).hypot(place[1] - begin[1]))).collect()
+    let position = |(s, place): &(f64, [f64; 2])| InsPosition {
+        s: s - begin_s,
+        from_first_m: (place[0] - begin[0]).hypot(place[1] - begin[1]),
+    };
+    rows.iter().map(position).collect()
 }
 
-/// The delay of the poses relative to the stamps of the track that fits the distances from the first position best, s,
-/// and the root mean square of the residuals, m.
-fn against_track(registered: &[Registered], track: &[(f64, f64)]) -> (f64, f64) {
+/// The delay of the poses relative to the stamps of the track that fits the distances from the first position best.
+struct BestDelay {
+    s: f64,
+    /// Root mean square of the residuals, m.
+    rms_m: f64,
+}
+
+fn against_track(registered: &[Registered], track: &[InsPosition]) -> BestDelay {
     let at = |s: f64| {
-        let next = track.partition_point(|(stamp, _)| *stamp < s).clamp(1, track.len() - 1);
-        let [(s0, m0), (s1, m1)] = [track[next - 1], track[next]];
-        m0 + ((s - s0) / (s1 - s0)).clamp(0.0, 1.0) * (m1 - m0)
+        let next = track.partition_point(|position| position.s < s).clamp(1, track.len() - 1);
+        let before = &track[next - 1];
+        let after = &track[next];
+        let share = ((s - before.s) / (after.s - before.s)).clamp(0.0, 1.0);
+        before.from_first_m + share * (after.from_first_m - before.from_first_m)
     };
     let first = registered[0].motion.mid.translation.vector;
     let remaining = |delay_s: f64| {
         // Skips poses that a delay moves beyond the track.
         let errors = (4..registered.len() - 4).map(|number| {
             let found_m = (registered[number].motion.mid.translation.vector - first).norm();
-            found_m - (at(track[number].0 + delay_s) - at(delay_s))
+            found_m - (at(track[number].s + delay_s) - at(delay_s))
         });
         let errors: Vec<f64> = errors.collect();
         (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
     };
-    let delays = (-200..=200).map(|ms| f64::from(ms) * 1e-3).map(|delay_s| (delay_s, remaining(delay_s)));
-    delays.min_by(|a, b| a.1.total_cmp(&b.1)).expect("delays")
+    let delays = (-200..=200).map(|ms| f64::from(ms) * 1e-3).map(|s| BestDelay { s, rms_m: remaining(s) });
+    delays.min_by(|a, b| a.rms_m.total_cmp(&b.rms_m)).expect("delays")
 }
 
 /// The rings of this unit have errors of a tenth of a degree, and its two laser blocks of 7 cm. Without an estimate the

@@ -3,7 +3,7 @@
 use super::Verdict;
 use super::hypotheses::{Hypothesis, lenses, mountings};
 use crate::survey::{PixelBuffer, Survey, decoded};
-use camera_alignment::{AlignmentExposure, Offset, OffsetMonitor, Profile, fit_rotation};
+use camera_alignment::{AlignmentExposure, CameraProfiles, Offset, OffsetMonitor, Profile, fit_rotation};
 use coloring::{PointBuffers, ProjectionCamera, SubmapPoints, VisibilityMap};
 use drive::manifest::rules::MAX_DELAY_NANOS;
 use drive::{Drive, Frame};
@@ -53,13 +53,13 @@ impl<'a> CameraScores<'a> {
                 profiles(survey, &stated, frame.stamp, pixels)
             });
             peaks.push(peak(&profiles));
-            monitor.add(vec![(camera, profiles)]);
+            monitor.add(vec![CameraProfiles { camera, profiles }]);
         }
         Self { drive, survey, frames, offset: monitor.offset(), peaks }
     }
 
     /// The hypothesis with the highest peak, if it fits far better than the stated camera.
-    fn better(&self, camera: usize, hypotheses: &[Hypothesis]) -> Option<(Hypothesis, f32)> {
+    fn better(&self, camera: usize, hypotheses: &[Hypothesis]) -> Option<BetterHypothesis> {
         let prepared: Vec<ProjectionCamera> =
             hypotheses.iter().map(|hypothesis| ProjectionCamera::from(&hypothesis.camera)).collect();
         let mut by_hypothesis: Vec<Vec<Profile>> = vec![Vec::new(); hypotheses.len()];
@@ -78,11 +78,11 @@ impl<'a> CameraScores<'a> {
         // The first of equal peaks.
         let best = (0..peaks.len()).reduce(|best, i| if peaks[i] > peaks[best] { i } else { best })?;
         let is_better = peaks[best] >= MIN_PEAK && peaks[best] > self.peaks[camera] + MIN_GAIN;
-        is_better.then(|| (hypotheses[best].clone(), peaks[best]))
+        is_better.then(|| BetterHypothesis { hypothesis: hypotheses[best].clone(), peak: peaks[best] })
     }
 
-    /// Common delay of the stamps of all cameras in `cameras` at which their outlines fit far better, s.
-    fn common_delay(&self, cameras: &[usize]) -> Option<(f64, f32)> {
+    /// Common delay of the stamps of all cameras in `cameras` at which their outlines fit far better.
+    fn common_delay(&self, cameras: &[usize]) -> Option<CommonDelay> {
         let fine = (-MAX_DELAY_STEPS..=MAX_DELAY_STEPS).map(|step| step * DELAY_STEP_NANOS);
         let delays: Vec<i64> =
             fine.chain(SCALES_S.map(|seconds| seconds * 1_000_000_000)).filter(|d| *d != 0).collect();
@@ -104,8 +104,21 @@ impl<'a> CameraScores<'a> {
         let best = (0..delays.len()).reduce(|best, i| if squares[i] > squares[best] { i } else { best })?;
         let found = squares[best].sqrt();
         let stated = stated.sqrt();
-        (found >= MIN_PEAK && found > stated + MIN_GAIN).then(|| (delays[best] as f64 * 1e-9, found))
+        let is_better = found >= MIN_PEAK && found > stated + MIN_GAIN;
+        is_better.then(|| CommonDelay { late_s: delays[best] as f64 * 1e-9, peak: found })
     }
+}
+
+/// A hypothesis that fits better than the stated camera.
+struct BetterHypothesis {
+    hypothesis: Hypothesis,
+    peak: f32,
+}
+
+/// A delay of all cameras.
+struct CommonDelay {
+    late_s: f64,
+    peak: f32,
 }
 
 /// The exposures of a camera within the survey.
@@ -132,9 +145,9 @@ fn frame_profiles(
 fn profiles(survey: &Survey, camera: &ProjectionCamera, stamp: Stamp, pixels: &PixelBuffer) -> Vec<Profile> {
     let Some(image) = pixels.view() else { return Vec::new() };
     let at = |nanos: i64| survey.trajectory.at(stamp.plus_nanos(nanos));
-    let (Some(pose), Some(before), Some(after)) = (at(0), at(-SHIFT_NANOS), at(SHIFT_NANOS)) else {
-        return Vec::new();
-    };
+    let Some(pose) = at(0) else { return Vec::new() };
+    let Some(before) = at(-SHIFT_NANOS) else { return Vec::new() };
+    let Some(after) = at(SHIFT_NANOS) else { return Vec::new() };
     let reach = (camera_alignment::MAX_AGE_S * 1e9) as i64;
     let visibility = VisibilityMap::unobstructed();
     let mut found = Vec::new();
@@ -170,9 +183,9 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<
         .filter(|camera| !scores.offset.cameras[*camera].is_observable() && !scores.frames[*camera].is_empty())
         .collect();
     if lost.len() == scores.frames.iter().filter(|frames| !frames.is_empty()).count()
-        && let Some((late_s, height)) = scores.common_delay(&lost)
+        && let Some(found) = scores.common_delay(&lost)
     {
-        return vec![delay(late_s, height)];
+        return vec![delay(&found)];
     }
     let mut verdicts = vec![common_delay(&scores.offset)];
     for (camera, name) in names.iter().enumerate().filter(|(camera, _)| on_time[*camera]) {
@@ -181,8 +194,8 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<
     verdicts
 }
 
-fn delay(late_s: f64, height: f32) -> Verdict {
-    let value = format!("exposures {:+.1} s after their stamps (peak {height:.0})", -late_s);
+fn delay(CommonDelay { late_s, peak }: &CommonDelay) -> Verdict {
+    let value = format!("exposures {:+.1} s after their stamps (peak {peak:.0})", -late_s);
     let advice = if late_s.abs() * 1e9 <= MAX_DELAY_NANOS as f64 {
         format!("add {late_s:+.1} s to delay_nanos of all cameras")
     } else {
@@ -211,8 +224,8 @@ fn camera_verdict(scores: &CameraScores<'_>, camera: usize, name: &str, names: &
     let rig = scores.drive.rig();
     let stated = &rig.cameras[camera];
     let found = &scores.offset.cameras[camera];
-    let of_hypothesis = |(hypothesis, height): (Hypothesis, f32)| {
-        let value = format!("{} (peak {height:.0}, as stated {:.0})", hypothesis.text, scores.peaks[camera]);
+    let of_hypothesis = |BetterHypothesis { hypothesis, peak }: BetterHypothesis| {
+        let value = format!("{} (peak {peak:.0}, as stated {:.0})", hypothesis.text, scores.peaks[camera]);
         let limit = format!("peak {MIN_GAIN:.0} above the stated one");
         Verdict::new(hypothesis.check, name, false, [value, limit, hypothesis.advice])
     };

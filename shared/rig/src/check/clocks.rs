@@ -114,20 +114,22 @@ mod tests {
         }
     }
 
-    fn offset(begin_s: i64, end_s: i64) -> (Answer, Option<i64>) {
+    #[track_caller]
+    fn check([begin_s, end_s]: [i64; 2], answer: Answer, offset_s: Option<i64>) {
         let found = judgment(&sensor(begin_s, end_s), [Stamp(100 * SECOND), Stamp(112 * SECOND)]);
-        (found.answer, found.offset_s)
+        assert_eq!(found.answer, answer);
+        assert_eq!(found.offset_s, offset_s);
     }
 
     #[test]
     fn offsets_of_zones_and_leap_seconds_are_named() {
-        assert_eq!(offset(100, 112), (Answer::Fits, None));
-        assert_eq!(offset(99, 113), (Answer::Fits, None));
-        assert_eq!(offset(3700, 3712), (Answer::Doubt, Some(3600)));
-        assert_eq!(offset(118, 130), (Answer::Doubt, Some(18)));
-        assert_eq!(offset(63, 75), (Answer::Doubt, Some(-37)));
-        assert_eq!(offset(100 - 19_800, 112 - 19_800), (Answer::Doubt, Some(-19_800)));
-        assert_eq!(offset(50_000, 50_012), (Answer::Doubt, None));
+        check([100, 112], Answer::Fits, None);
+        check([99, 113], Answer::Fits, None);
+        check([3700, 3712], Answer::Doubt, Some(3600));
+        check([118, 130], Answer::Doubt, Some(18));
+        check([63, 75], Answer::Doubt, Some(-37));
+        check([100 - 19_800, 112 - 19_800], Answer::Doubt, Some(-19_800));
+        check([50_000, 50_012], Answer::Doubt, None);
         assert_eq!(reason(18), "GPS time instead of UTC (18 leap seconds)");
         assert_eq!(reason(-7200), "local time of a zone -2 hours from UTC");
     }

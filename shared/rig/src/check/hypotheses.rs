@@ -102,7 +102,7 @@ pub(super) fn mountings(rig: &Rig, index: usize, names: &[String]) -> Vec<Hypoth
         "invert body_from_camera: the file has camera_from_body",
         at(inverse),
     ));
-    for (rotation, name) in axes() {
+    for AxisOrder { rotation, name } in axes() {
         let text = format!("it fits with other axes: x, y, z of the camera are {name} of the stated one");
         let advice = "camera axes are x right, y down, z forward; multiply body_from_camera by this exchange of axes";
         found.push(Hypothesis::new("mounting", text, advice, at(turned(&camera.body_from_camera, &rotation))));
@@ -130,8 +130,14 @@ pub(crate) fn turned(body_from_camera: &Pose, rotation: &UnitQuaternion<f64>) ->
     Isometry3::from_parts(body_from_camera.translation, body_from_camera.rotation * rotation)
 }
 
-/// The 23 other right-handed orders and senses of three axes, with their names.
-fn axes() -> Vec<(UnitQuaternion<f64>, String)> {
+/// An order of three axes and their senses.
+struct AxisOrder {
+    rotation: UnitQuaternion<f64>,
+    name: String,
+}
+
+/// The 23 other right-handed orders and senses.
+fn axes() -> Vec<AxisOrder> {
     const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
     let mut found = Vec::new();
     for order in ORDERS {
@@ -143,7 +149,7 @@ fn axes() -> Vec<(UnitQuaternion<f64>, String)> {
                     format!("{}{}", if sign(axis) < 0.0 { "-" } else { "" }, ["x", "y", "z"][order[axis]])
                 };
                 let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-                found.push((rotation, format!("{}, {}, {}", name(0), name(1), name(2))));
+                found.push(AxisOrder { rotation, name: format!("{}, {}, {}", name(0), name(1), name(2)) });
             }
         }
     }
@@ -158,8 +164,8 @@ mod tests {
     fn axes_are_all_other_rotations_of_a_cube() {
         let axes = axes();
         assert_eq!(axes.len(), 23);
-        assert!(axes.iter().all(|(rotation, _)| rotation.angle() > 1.0));
-        let names: std::collections::BTreeSet<&String> = axes.iter().map(|(_, name)| name).collect();
+        assert!(axes.iter().all(|axes| axes.rotation.angle() > 1.0));
+        let names: std::collections::BTreeSet<&String> = axes.iter().map(|axes| &axes.name).collect();
         assert_eq!(names.len(), 23);
     }
 }

@@ -3,7 +3,7 @@
 use super::Verdict;
 use crate::survey::{RawSweep, Survey};
 use drive::Drive;
-use registration::{Odometry, OdometrySettings, SensorMounting, SpinDirection, Sweep, TimedPoint};
+use registration::{Odometry, OdometrySettings, Revolution, SensorMounting, SpinDirection, Sweep, TimedPoint};
 
 /// Number of first sweeps that are not compared, because the motion is not accurate yet.
 const SETTLED: usize = 8;
@@ -13,8 +13,17 @@ const MAX_SHARE: f64 = 0.93;
 /// Residuals of a stretch of the drive for each kind of point times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpinCosts {
-    /// Name and mean cost; the first entry is the current one.
-    pub by_spin: Vec<(&'static str, f64)>,
+    /// The first entry is the current one.
+    pub by_spin: Vec<SpinCost>,
+}
+
+/// Residuals for one kind of point times.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpinCost {
+    /// Name of the kind.
+    pub name: &'static str,
+    /// Mean cost.
+    pub cost: f64,
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -48,8 +57,9 @@ impl SpinCosts {
             let present = untimed_turn.map_or(Times::None, Times::Turning);
             kinds.sort_by_key(|(_, times)| *times != present);
         }
-        let cost = |(name, times): &(&'static str, Times)| Some((*name, mean_cost(drive, stretch, *times)?));
-        let by_spin: Vec<(&'static str, f64)> = kinds.iter().filter_map(cost).collect();
+        let cost =
+            |(name, times): &(&'static str, Times)| Some(SpinCost { name, cost: mean_cost(drive, stretch, *times)? });
+        let by_spin: Vec<SpinCost> = kinds.iter().filter_map(cost).collect();
         (by_spin.len() > 1).then_some(Self { by_spin })
     }
 }
@@ -75,7 +85,7 @@ fn mean_cost(drive: &Drive, stretch: &[RawSweep], times: Times) -> Option<f64> {
 
 fn timed(raw: &RawSweep, times: Times) -> Sweep {
     let untimed = match times {
-        Times::Turning(spin) => Some((spin, raw.header.duration_nanos)),
+        Times::Turning(spin) => Some(Revolution { spin, duration_nanos: raw.header.duration_nanos }),
         _ => None,
     };
     let sweep = Sweep::from_rows(raw.stamp, &raw.header, &raw.rows, untimed);
@@ -92,12 +102,12 @@ pub(super) fn verdict(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinD
     let Some(SpinCosts { by_spin }) = costs else {
         return Verdict::unknown("spin", "lidar", "the vehicle did not move for two seconds");
     };
-    let list: Vec<String> = by_spin.iter().map(|(name, cost)| format!("{name} {cost:.4}")).collect();
+    let list: Vec<String> = by_spin.iter().map(|SpinCost { name, cost }| format!("{name} {cost:.4}")).collect();
     let value = format!("residuals by times of the points: {}", list.join(", "));
-    let present = by_spin[0].1;
+    let present = by_spin[0].cost;
     // The first of equal costs.
-    let best = by_spin.iter().copied().reduce(|best, other| if other.1 < best.1 { other } else { best });
-    let better = best.filter(|(_, cost)| *cost < MAX_SHARE * present).map(|(name, _)| name);
+    let best = by_spin.iter().copied().reduce(|best, other| if other.cost < best.cost { other } else { best });
+    let better = best.filter(|best| best.cost < MAX_SHARE * present).map(|best| best.name);
     let advice = match better {
         Some("reversed") => "the points are fired in the opposite direction of their times: check the order of the \
                              points, or the sense of the azimuth"

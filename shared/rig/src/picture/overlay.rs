@@ -57,16 +57,24 @@ fn overlay(drive: &Drive, survey: &Survey, frame: &Frame, sweep: &KeptSweep) -> 
     let camera = &drive.rig().cameras[frame.camera];
     let odom_from_camera = odom_from_body * camera.body_from_camera;
     let shown = in_frame(sweep, &odom_from_camera)
-        .filter_map(|p| Some((p.coords.norm(), camera.model.pixel_from_camera(&p)?.into())));
+        .filter_map(|p| Some(ImagePoint { depth_m: p.coords.norm(), at: camera.model.pixel_from_camera(&p)?.into() }));
     draw_points(&mut image, shown.collect());
     Some(image)
 }
 
-/// Draws points (distance from the camera, m; column and row, px) into an image, colored by [`DEPTH_M`], near points on
-/// top.
-pub fn draw_points(image: &mut RgbImage, mut points: Vec<(f64, [f64; 2])>) {
-    points.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (depth_m, at) in points {
+/// A point in an image.
+#[derive(Clone, Copy, Debug)]
+pub struct ImagePoint {
+    /// Distance from the camera, m.
+    pub depth_m: f64,
+    /// Column and row, px.
+    pub at: [f64; 2],
+}
+
+/// Draws points into an image, colored by [`DEPTH_M`], near points on top.
+pub fn draw_points(image: &mut RgbImage, mut points: Vec<ImagePoint>) {
+    points.sort_by(|a, b| b.depth_m.total_cmp(&a.depth_m));
+    for ImagePoint { depth_m, at } in points {
         dot(image, at, SIDE, color(depth_m));
     }
 }

@@ -33,7 +33,7 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
         ));
         return;
     }
-    let file = lasers(drive.lidar());
+    let file = velodyne_lasers(drive.lidar());
     let is_significant =
         |error: &RingError| error.is_measured() && error.mean.abs() > SIGNIFICANT * error.variance.sqrt();
     let mut n_replaced = 0;
@@ -54,7 +54,7 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     }
     let common = "errors common to all rings, or linear over the rings, are not observable";
     refined.changes.push(change("elevation of all rings".into(), &RingError::UNKNOWN, Outcome::NotObservable, common));
-    if let Some((model, lasers)) = file.filter(|_| n_replaced > 0) {
+    if let Some(VelodyneLasers { model, lasers }) = file.filter(|_| n_replaced > 0) {
         let error_of =
             |ring: u8| errors.get(usize::from(ring)).filter(|error| is_significant(error)).map_or(0.0, correction);
         let rings = drive.lidar().rings();
@@ -90,14 +90,21 @@ fn detrended(errors: &[RingError]) -> Vec<RingError> {
     errors.iter().enumerate().map(without).collect()
 }
 
-/// The lasers of a Velodyne in firing order.
-fn lasers(lidar: &Lidar) -> Option<(lidar::velodyne::Model, Vec<Laser>)> {
+/// A Velodyne.
+struct VelodyneLasers {
+    model: lidar::velodyne::Model,
+    /// In firing order.
+    lasers: Vec<Laser>,
+}
+
+/// The lasers of the LiDAR if it is a Velodyne.
+fn velodyne_lasers(lidar: &Lidar) -> Option<VelodyneLasers> {
     let Model::Velodyne(model) = lidar.model() else { return None };
     let lasers = match lidar.calibration_file() {
         Some((_, text)) => lasers_from_file(text, model).ok()?,
         None => model.lasers().to_vec(),
     };
-    Some((model, lasers))
+    Some(VelodyneLasers { model, lasers })
 }
 
 /// A calibration file of the unit in the format of ROS drivers, in rad and m.

@@ -15,10 +15,24 @@ const ANTENNA_NAMES: [&str; 3] = ["gnss", "gps", "antenna"];
 /// Usual names of the body frame.
 const BODY_NAMES: [&str; 3] = ["base_link", "base_footprint", "body"];
 
+/// Parent of a frame.
+#[derive(Clone, Debug)]
+struct ParentFrame {
+    parent: String,
+    parent_from_frame: Pose,
+}
+
+/// A frame above another one.
+struct Ancestor {
+    name: String,
+    /// Pose of the lower frame in this one.
+    from_frame: Pose,
+}
+
 /// Frames by name, each with its parent.
 #[derive(Clone, Debug, Default)]
 pub struct FrameTree {
-    frames: BTreeMap<String, (String, Pose)>,
+    frames: BTreeMap<String, ParentFrame>,
 }
 
 impl FrameTree {
@@ -57,24 +71,25 @@ impl FrameTree {
         let pose =
             pose_of([position[0], position[1], position[2]], [rotation[0], rotation[1], rotation[2], rotation[3]])
                 .map_err(|rule| fault(format!("{child}: {rule}")))?;
-        self.frames.insert(child, (parent, pose));
+        self.frames.insert(child, ParentFrame { parent, parent_from_frame: pose });
         Ok(())
     }
 
     /// Whether the tree has a frame.
     pub fn has(&self, frame: &str) -> bool {
-        self.frames.contains_key(frame) || self.frames.values().any(|(parent, _)| parent == frame)
+        self.frames.contains_key(frame) || self.frames.values().any(|entry| entry.parent == frame)
     }
 
-    /// The frames from one up to the root, with the pose of the first in each.
-    fn up_from(&self, frame: &str) -> Result<Vec<(String, Pose)>, String> {
-        let mut way = vec![(frame.to_owned(), Pose::identity())];
-        while let Some((last, pose)) = way.last().cloned() {
-            let Some((parent, parent_from_last)) = self.frames.get(&last) else { break };
+    /// The frames from one up to the root.
+    fn up_from(&self, frame: &str) -> Result<Vec<Ancestor>, String> {
+        let mut way = vec![Ancestor { name: frame.to_owned(), from_frame: Pose::identity() }];
+        while let Some(last) = way.last() {
+            let Some(entry) = self.frames.get(&last.name) else { break };
             if way.len() > MAX_DEPTH {
                 return Err(format!("the parents of frame {frame} form a circle, or are more than {MAX_DEPTH}"));
             }
-            way.push((parent.clone(), parent_from_last * pose));
+            let from_frame = entry.parent_from_frame * last.from_frame;
+            way.push(Ancestor { name: entry.parent.clone(), from_frame });
         }
         Ok(way)
     }
@@ -90,7 +105,7 @@ impl FrameTree {
         let mut roots: Vec<&String> = self
             .frames
             .values()
-            .map(|(parent, _)| parent)
+            .map(|entry| &entry.parent)
             .filter(|parent| !self.frames.contains_key(*parent))
             .collect();
         roots.sort();
@@ -111,8 +126,9 @@ impl FrameTree {
         let body = self.body(options)?;
         let of_frame = self.up_from(frame)?;
         let of_body = self.up_from(&body)?;
-        let common = of_frame.iter().find_map(|(name, from_frame)| {
-            of_body.iter().find(|(other, _)| other == name).map(|(_, from_body)| from_body.inverse() * from_frame)
+        let common = of_frame.iter().find_map(|frame| {
+            let body = of_body.iter().find(|other| other.name == frame.name)?;
+            Some(body.from_frame.inverse() * frame.from_frame)
         });
         common.ok_or_else(|| format!("frames {frame} and {body} are not connected; {}", self.list()))
     }
@@ -129,7 +145,7 @@ impl FrameTree {
             let found: BTreeSet<&String> = self.frames.keys().filter(is_named).collect();
             // If a sensor has frames of its parts, the frame nearest to the body.
             let nearest: Vec<&&String> =
-                found.iter().filter(|frame| !found.contains(&self.frames[**frame].0)).collect();
+                found.iter().filter(|frame| !found.contains(&self.frames[**frame].parent)).collect();
             match nearest[..] {
                 [frame] => {
                     parts.notes.push(format!("{kind}: frame {frame}"));

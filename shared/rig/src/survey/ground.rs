@@ -43,46 +43,70 @@ pub fn ground_plane(features: &[Feature], up: &Vector3<f32>) -> Option<GroundPla
         let is_near = (RANGE_M[0]..RANGE_M[1]).contains(&at.norm()) && !feature.is_rough;
         let at = at.cast::<f64>();
         let normal = normal.cast::<f64>();
-        (is_near && normal.dot(&up) > MAX_TILT.cos() && -normal.dot(&at) > MIN_HEIGHT_M).then_some((at, normal))
+        (is_near && normal.dot(&up) > MAX_TILT.cos() && -normal.dot(&at) > MIN_HEIGHT_M)
+            .then_some(Candidate { at, normal })
     };
-    let candidates: Vec<(Vector3<f64>, Vector3<f64>)> = features.iter().filter_map(candidate).collect();
+    let candidates: Vec<Candidate> = features.iter().filter_map(candidate).collect();
     let every = candidates.len().div_ceil(MAX_SEEDS).max(1);
-    let seeds = candidates.iter().step_by(every).map(|(at, normal)| (*normal, -normal.dot(at)));
-    let support = |plane: &(Vector3<f64>, f64)| on(&candidates, plane, NEAR_M).count();
+    let seeds = candidates
+        .iter()
+        .step_by(every)
+        .map(|seed| Plane { normal: seed.normal, height_m: -seed.normal.dot(&seed.at) });
+    let support = |plane: &Plane| plane.points(&candidates, NEAR_M).count();
     // The first of equally good planes.
-    let best = seeds.map(|plane| (support(&plane), plane)).reduce(|a, b| if b.0 > a.0 { b } else { a });
-    let mut plane = best.filter(|(n, _)| *n >= MIN_FEATURES)?.1;
+    let mut most = 0;
+    let mut best = None;
+    for plane in seeds {
+        let n = support(&plane);
+        if n > most {
+            most = n;
+            best = Some(plane);
+        }
+    }
+    let mut plane = best.filter(|_| most >= MIN_FEATURES)?;
     for _ in 0..ROUNDS {
-        let points: Vec<Vector3<f64>> = on(&candidates, &plane, 0.5 * NEAR_M).collect();
+        let points: Vec<Vector3<f64>> = plane.points(&candidates, 0.5 * NEAR_M).collect();
         if points.len() < MIN_FEATURES {
             return None;
         }
-        plane = fitted(&points);
+        plane = Plane::fitted(&points);
     }
-    let n_features = on(&candidates, &plane, 0.5 * NEAR_M).count();
-    Some(GroundPlane { normal: plane.0, height_m: plane.1, n_features })
+    let n_features = plane.points(&candidates, 0.5 * NEAR_M).count();
+    Some(GroundPlane { normal: plane.normal, height_m: plane.height_m, n_features })
 }
 
-/// The positions on a plane with this normal and distance.
-fn on<'a>(
-    candidates: &'a [(Vector3<f64>, Vector3<f64>)],
-    (normal, height_m): &'a (Vector3<f64>, f64),
-    near_m: f64,
-) -> impl Iterator<Item = Vector3<f64>> + 'a {
-    let is_on = move |(at, of): &&(Vector3<f64>, Vector3<f64>)| {
-        of.dot(normal) > ALIGNED && (normal.dot(at) + height_m).abs() < near_m
-    };
-    candidates.iter().filter(is_on).map(|(at, _)| *at)
+/// A feature that may be on the ground.
+struct Candidate {
+    at: Vector3<f64>,
+    normal: Vector3<f64>,
 }
 
-/// Least squares plane of points: normal towards the origin, and distance.
-fn fitted(points: &[Vector3<f64>]) -> (Vector3<f64>, f64) {
-    let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-    let spread: Matrix3<f64> = points.iter().map(|at| (at - mean) * (at - mean).transpose()).sum();
-    let eigen = SymmetricEigen::new(spread);
-    let normal: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into();
-    let normal = if normal.dot(&mean) > 0.0 { -normal } else { normal };
-    (normal, -normal.dot(&mean))
+/// A plane below the sensor.
+struct Plane {
+    /// Unit normal towards the sensor.
+    normal: Vector3<f64>,
+    /// Distance from the sensor, m.
+    height_m: f64,
+}
+
+impl Plane {
+    /// Least squares plane of points.
+    fn fitted(points: &[Vector3<f64>]) -> Self {
+        let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+        let spread: Matrix3<f64> = points.iter().map(|at| (at - mean) * (at - mean).transpose()).sum();
+        let eigen = SymmetricEigen::new(spread);
+        let normal: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into();
+        let normal = if normal.dot(&mean) > 0.0 { -normal } else { normal };
+        Self { normal, height_m: -normal.dot(&mean) }
+    }
+    /// The positions of the candidates on the plane.
+    fn points(&self, candidates: &[Candidate], near_m: f64) -> impl Iterator<Item = Vector3<f64>> {
+        let is_on = move |candidate: &&Candidate| {
+            candidate.normal.dot(&self.normal) > ALIGNED
+                && (self.normal.dot(&candidate.at) + self.height_m).abs() < near_m
+        };
+        candidates.iter().filter(is_on).map(|candidate| candidate.at)
+    }
 }
 
 #[cfg(test)]

@@ -23,9 +23,9 @@ impl Default for GroundHistogram {
 }
 
 impl GroundHistogram {
-    /// Adds points with their heights above the ground, m.
-    pub fn add(&mut self, points: impl Iterator<Item = (u8, f32)>) {
-        for (intensity, _) in points.filter(|(_, height_m)| height_m.abs() < GROUND_M) {
+    /// Adds a point with its height above the ground, m.
+    pub fn add(&mut self, intensity: u8, height_m: f32) {
+        if height_m.abs() < GROUND_M {
             self.0[usize::from(intensity)] += 1;
         }
     }

@@ -31,7 +31,7 @@ impl GroundByRing {
             if rings.len() <= ring {
                 rings.resize_with(ring + 1, GroundHistogram::default);
             }
-            rings[ring].add(std::iter::once((intensity, height_m)));
+            rings[ring].add(intensity, height_m);
         }
         Self(rings)
     }
@@ -93,24 +93,29 @@ fn median(ring: &GroundHistogram) -> Option<f32> {
 
 /// The training value for an intensity, linear between quantiles of the ground.
 fn between(found: GroundIntensities, trained: GroundIntensities) -> impl Fn(f32) -> u8 {
-    let mut knots = vec![(0.0_f32, 0.0_f32)];
+    /// An intensity, and the training value for it.
+    struct Knot {
+        from: f32,
+        to: f32,
+    }
+    let mut knots = vec![Knot { from: 0.0, to: 0.0 }];
     for (number, (from, to)) in found.into_iter().zip(trained).enumerate() {
-        let (from, to) = (f32::from(from), f32::from(to));
+        let knot = Knot { from: f32::from(from), to: f32::from(to) };
         match knots.last_mut() {
             // Equal quantiles of a coarse scale are one knot, the one nearest to the median.
-            Some(last) if from <= last.0 && from > 0.0 && number <= N / 2 => last.1 = to,
-            Some(last) if from <= last.0 => {}
-            _ => knots.push((from, to)),
+            Some(last) if knot.from <= last.from && knot.from > 0.0 && number <= N / 2 => last.to = knot.to,
+            Some(last) if knot.from <= last.from => {}
+            _ => knots.push(knot),
         }
     }
-    if knots.last().is_some_and(|last| last.0 < 255.0) {
-        knots.push((255.0, 255.0));
+    if knots.last().is_some_and(|last| last.from < 255.0) {
+        knots.push(Knot { from: 255.0, to: 255.0 });
     }
     move |intensity| {
-        let after = knots.iter().position(|knot| knot.0 >= intensity).unwrap_or(knots.len() - 1).max(1);
-        let (x0, y0) = knots[after - 1];
-        let (x1, y1) = knots[after];
-        (y0 + (y1 - y0) * (intensity - x0) / (x1 - x0)).round() as u8
+        let after = knots.iter().position(|knot| knot.from >= intensity).unwrap_or(knots.len() - 1).max(1);
+        let below = &knots[after - 1];
+        let above = &knots[after];
+        (below.to + (above.to - below.to) * (intensity - below.from) / (above.from - below.from)).round() as u8
     }
 }
 

@@ -19,9 +19,17 @@ pub struct CellCloud {
     pub colors: Vec<[f32; 3]>,
 }
 
+/// The cells of a submap, and the grid with the points of each.
+#[derive(Clone, Debug)]
+pub struct GriddedCells {
+    /// The cells, in the order of their first points.
+    pub cloud: CellCloud,
+    /// The points of each cell.
+    pub grid: VoxelGrid,
+}
+
 impl CellCloud {
-    /// The cells of side `cell_m` of a submap, in the order of their first points, and the grid with the points of each
-    /// cell. Points with invalid coordinates are in no cell.
+    /// The cells of side `cell_m` of a submap. Points with invalid coordinates are in no cell.
     ///
     /// # Errors
     /// If the side of the cells is not a positive number.
@@ -30,7 +38,7 @@ impl CellCloud {
         heights_m: &[f32],
         intensities: &IntensityMap,
         cell_m: f32,
-    ) -> Result<(Self, VoxelGrid), SegmentationError> {
+    ) -> Result<GriddedCells, SegmentationError> {
         let positions: Vec<[f32; 3]> = input.points.iter().map(|point| [point.x, point.y, point.z]).collect();
         let grid =
             VoxelGrid::new(&positions, cell_m).map_err(|error| SegmentationError::Settings(error.to_string()))?;
@@ -60,7 +68,7 @@ impl CellCloud {
                 r.iter().zip(g).zip(b).map(|((r, g), b)| [*r, g, b].map(|v| v / 255.0)).collect()
             }),
         };
-        Ok((cloud, grid))
+        Ok(GriddedCells { cloud, grid })
     }
     /// Number of points.
     pub fn len(&self) -> usize {

@@ -1,6 +1,6 @@
 //! The model: settings, parameters, and the classification of a submap.
 
-use super::cells::{CellCloud, cell_of_each};
+use super::cells::{CellCloud, GriddedCells, cell_of_each};
 use super::parameters::Parameters;
 use super::prediction::{CloudPrediction, RegionInput};
 use super::settings::{PointSettings, VERSION};
@@ -48,10 +48,15 @@ impl PointModel {
     ///
     /// # Errors
     /// The errors of [`crate::load`].
-    pub fn load(path: &Path) -> Result<(Self, Weights), SegmentationError> {
-        let model = Self::from_file(&ModelFile::read(path)?)?;
-        let weights = model.parameters.weights()?;
-        Ok((model, weights))
+    pub fn load(path: &Path) -> Result<Self, SegmentationError> {
+        Self::from_file(&ModelFile::read(path)?)
+    }
+    /// The weights of the model.
+    ///
+    /// # Errors
+    /// If the weights cannot be copied.
+    pub fn weights(&self) -> Result<Weights, SegmentationError> {
+        self.parameters.weights()
     }
     /// Sets the options; options of sweeps are not used.
     ///
@@ -132,7 +137,7 @@ impl CellSegmenter for PointModel {
         let trained = self.settings.ground_intensities;
         let SubmapIntensities { map, foreign } =
             SubmapIntensities::find(self.options.intensity, input.points, &ground.heights_m, trained);
-        let (cloud, grid) = CellCloud::from_input(input, &ground.heights_m, &map, self.settings.cell_m)?;
+        let GriddedCells { cloud, grid } = CellCloud::from_input(input, &ground.heights_m, &map, self.settings.cell_m)?;
         let cell_of_point = cell_of_each(&grid, input.points.len());
         drop(grid);
         let cells = CellProbabilities::new(self.classes.len(), self.per_cell(&cloud)?, cell_of_point);

@@ -10,7 +10,7 @@ use crate::SegmentationError;
 use crate::intensity::GroundIntensities;
 use crate::model_file::encode_model;
 use crate::network::Weights;
-use crate::settings_rules::{check_rules, classes_of_names, temperature_rule};
+use crate::settings_rules::{Rule, check_rules, classes_of_names};
 use messages::ClassId;
 use serde::{Deserialize, Serialize};
 
@@ -76,29 +76,35 @@ impl PointSettings {
         let cell_m = self.cell_m;
         let radius_m = self.spheres.radius_m;
         let rules = [
-            (
+            Rule::new(
                 (1..=ClassId::ALL.len()).contains(&classes.len()),
                 format!("{} classes, must be 1 to {}", classes.len(), ClassId::ALL.len()),
             ),
-            (inputs == n_values, format!("network.inputs = {inputs}, must be the {n_values} values of the features")),
-            (outputs == classes.len(), format!("network.outputs = {outputs}, must be the {} classes", classes.len())),
-            ((0.02..=5.0).contains(&cell_m), format!("cell_m = {cell_m}, must be 0.02 to 5")),
-            (
+            Rule::new(
+                inputs == n_values,
+                format!("network.inputs = {inputs}, must be the {n_values} values of the features"),
+            ),
+            Rule::new(
+                outputs == classes.len(),
+                format!("network.outputs = {outputs}, must be the {} classes", classes.len()),
+            ),
+            Rule::new((0.02..=5.0).contains(&cell_m), format!("cell_m = {cell_m}, must be 0.02 to 5")),
+            Rule::new(
                 radius_m <= MOST_CELLS * cell_m,
                 format!("spheres.radius_m = {radius_m}, must be at most {MOST_CELLS} cells of {cell_m} m"),
             ),
-            (
+            Rule::new(
                 self.squares.is_none_or(|squares| squares.side_m <= 2.0 * MOST_CELLS * cell_m),
                 format!("squares.side_m must be at most {} cells of {cell_m} m", 2.0 * MOST_CELLS),
             ),
-            (
+            Rule::new(
                 match &self.network {
                     PointNetworkSpec::Kpconv(network) => network.cell_m == cell_m,
                     _ => true,
                 },
                 format!("network.cell_m must be cell_m = {cell_m}: the neighborhoods of kpconv are multiples of it"),
             ),
-            temperature_rule(self.temperature),
+            Rule::of_temperature(self.temperature),
         ];
         check_rules(rules)?;
         Ok(classes)

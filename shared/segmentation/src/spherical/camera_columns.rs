@@ -62,13 +62,16 @@ impl<'a> CameraColumns<'a> {
                 let ColorRow { r, g, b, camera } = self.colors?[point];
                 (camera != UNSEEN).then(|| f32::from([r, g, b][*channel]) / 255.0)
             }
-            Source::Spectra(weights) => resampled(self.spectra?.spectrum(point)?, weights),
+            Source::Spectra(weights) => {
+                let (measured, reflectances) = self.spectra?.spectrum(point)?;
+                resampled(measured, reflectances, weights)
+            }
         }
     }
 }
 
 /// The weighted mean of the measured bands. `None` if no band has weight.
-fn resampled((measured, reflectances): (u64, &[f32]), weights: &[f32; MAX_BANDS]) -> Option<f32> {
+fn resampled(measured: u64, reflectances: &[f32], weights: &[f32; MAX_BANDS]) -> Option<f32> {
     let mut sum = 0.0;
     let mut total = 0.0;
     for (band, (reflectance, weight)) in reflectances.iter().zip(weights).enumerate() {
@@ -90,9 +93,9 @@ mod tests {
         // Bands of 640, 655 and 700 nm for 650 nm.
         weights[..2].copy_from_slice(&[0.6, 0.8]);
         let reflectances = [0.2, 0.4, 0.9];
-        let value = |measured: u64| resampled((measured, &reflectances), &weights);
+        let value = |measured: u64| resampled(measured, &reflectances, &weights);
         assert!((value(0b111).expect("known") - (0.6 * 0.2 + 0.8 * 0.4) / 1.4).abs() < 1e-6);
         assert_eq!([value(0b001), value(0b100), value(0)], [Some(0.2), None, None]);
-        assert_eq!(resampled((1, &[f32::NAN]), &weights), None);
+        assert_eq!(resampled(1, &[f32::NAN], &weights), None);
     }
 }

@@ -31,6 +31,14 @@ pub struct SphericalModel {
     point_votes: VoteBuffers,
 }
 
+/// A model with the weights of its file.
+pub struct LoadedModel {
+    /// The model.
+    pub model: SphericalModel,
+    /// The weights.
+    pub weights: Weights,
+}
+
 impl SphericalModel {
     pub(crate) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
         let settings = Settings::from_file(file)?;
@@ -41,11 +49,11 @@ impl SphericalModel {
     ///
     /// # Errors
     /// The errors of [`crate::load`].
-    pub fn load(path: &std::path::Path) -> Result<(Self, Weights), SegmentationError> {
+    pub fn load(path: &std::path::Path) -> Result<LoadedModel, SegmentationError> {
         let file = ModelFile::read(path)?;
         let model = Self::from_file(&file)?;
         let weights = Weights::from_file(&model.settings().network, &file)?;
-        Ok((model, weights))
+        Ok(LoadedModel { model, weights })
     }
     /// Creates a model from settings and weights.
     ///

@@ -6,7 +6,7 @@ use crate::SegmentationError;
 use crate::intensity::GroundIntensities;
 use crate::model_file::{ModelFile, encode_model};
 use crate::network::{NetworkSpec, Weights};
-use crate::settings_rules::{check_rules, classes_of_names, temperature_rule};
+use crate::settings_rules::{Rule, check_rules, classes_of_names};
 use messages::ClassId;
 use serde::{Deserialize, Serialize};
 
@@ -95,30 +95,30 @@ impl Settings {
         let outputs = self.network.outputs();
         let [rows, columns] = self.network.multiple_of();
         let rules = [
-            ((64..=8192).contains(&self.columns), format!("columns = {}, must be 64 to 8192", self.columns)),
-            ((1..=16).contains(&self.fold), format!("fold = {}, must be 1 to 16", self.fold)),
-            (
+            Rule::new((64..=8192).contains(&self.columns), format!("columns = {}, must be 64 to 8192", self.columns)),
+            Rule::new((1..=16).contains(&self.fold), format!("fold = {}, must be 1 to 16", self.fold)),
+            Rule::new(
                 self.columns.is_multiple_of(self.fold.max(1) * columns),
                 format!("columns = {}, must be a multiple of fold x {columns}", self.columns),
             ),
-            (
+            Rule::new(
                 (1..=MAX_CLASSES).contains(&classes.len()),
                 format!("{} classes, must be 1 to {MAX_CLASSES}", classes.len()),
             ),
-            (rows <= 64, format!("network: rows must be a multiple of {rows}, the limit is 64")),
-            (
+            Rule::new(rows <= 64, format!("network: rows must be a multiple of {rows}, the limit is 64")),
+            Rule::new(
                 inputs == self.fold * n_features,
                 format!("network.inputs = {inputs}, must be fold x {n_features} features"),
             ),
-            (
+            Rule::new(
                 outputs == self.fold * classes.len(),
                 format!("network.outputs = {outputs}, must be fold x {} classes", classes.len()),
             ),
-            (
+            Rule::new(
                 (0.02..=5.0).contains(&self.vote_cell_m),
                 format!("vote_cell_m = {}, must be 0.02 to 5", self.vote_cell_m),
             ),
-            temperature_rule(self.temperature),
+            Rule::of_temperature(self.temperature),
         ];
         check_rules(rules)?;
         Ok(classes)

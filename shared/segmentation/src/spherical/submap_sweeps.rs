@@ -33,6 +33,14 @@ pub struct OwnedSpectra {
     pub rows: Vec<u32>,
 }
 
+/// The classes of a submap.
+pub struct SegmentedSubmap {
+    /// The class of every point.
+    pub classes: Vec<ClassRow>,
+    /// How the points were classified.
+    pub report: Report,
+}
+
 impl OwnedSubmap {
     fn input(&self) -> ModelInput<'_> {
         let spectra =
@@ -122,11 +130,11 @@ impl SubmapSweeps {
         })
     }
     /// The class of every point from the votes of the sweeps so far.
-    pub fn classes(&self) -> (Vec<ClassRow>, Report) {
+    pub fn classes(&self) -> SegmentedSubmap {
         let mut classes = vec![ClassRow::default(); self.votes.len()];
         let input = self.submap.input();
         let cells = self.images.cells(&input, &self.votes);
         let report = self.images.decide(&input, &self.prepared, &cells, &mut classes);
-        (classes, report)
+        SegmentedSubmap { classes, report }
     }
 }

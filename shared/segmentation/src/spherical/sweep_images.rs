@@ -51,6 +51,14 @@ struct RemovedGround {
     is_ground: Vec<bool>,
 }
 
+/// The steps for a model file.
+pub struct LoadedImages {
+    /// The steps.
+    pub images: SweepImages,
+    /// The card of the file.
+    pub card: ModelCard,
+}
+
 impl SweepImages {
     /// Creates the steps for a model with these settings.
     ///
@@ -64,9 +72,9 @@ impl SweepImages {
     ///
     /// # Errors
     /// If the file cannot be read, or has another architecture or invalid settings.
-    pub fn load(path: &Path) -> Result<(Self, ModelCard), SegmentationError> {
+    pub fn load(path: &Path) -> Result<LoadedImages, SegmentationError> {
         let file = ModelFile::read(path)?;
-        Ok((Self::new(Settings::from_file(&file)?)?, file.card))
+        Ok(LoadedImages { images: Self::new(Settings::from_file(&file)?)?, card: file.card })
     }
     /// Sets the options. Points of sweeps that do not go through the network get the votes of their cells.
     #[must_use]

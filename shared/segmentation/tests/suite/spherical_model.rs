@@ -6,8 +6,8 @@ use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSwe
 use random::Random;
 use segmentation::network::{Inference, NetworkSpec, WeightTensor, Weights};
 use segmentation::spherical::{
-    ARCHITECTURE, Feature, Features, GroundUse, ImageSource, N_FEATURES, OwnedSubmap, Settings, SphericalModel,
-    SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
+    ARCHITECTURE, Feature, Features, GroundUse, ImageSource, LoadedModel, N_FEATURES, OwnedSubmap, SegmentedSubmap,
+    Settings, SphericalModel, SubmapSweeps, SweepImages, VERSION, features, range_sweeps,
 };
 use segmentation::{ModelCard, ModelInput, SegmentationError, Segmenter};
 use std::path::PathBuf;
@@ -63,7 +63,7 @@ fn load(bytes: &[u8]) -> Result<SphericalModel, SegmentationError> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path: PathBuf = folder.path().join("model.safetensors");
     std::fs::write(&path, bytes).expect("writes");
-    SphericalModel::load(&path).map(|(model, _)| model)
+    SphericalModel::load(&path).map(|loaded| loaded.model)
 }
 
 /// Two sweeps of a LiDAR that moves 1 m in each, and their rays.
@@ -281,7 +281,8 @@ fn scores_of_a_network_outside_the_model_give_its_classes() {
         let scores = Planes::from_tensor(&output, 6).expect("an image").to_channels_first();
         sweeps.vote(sweep, &scores).expect("fits");
     }
-    assert!(sweeps.classes() == (expected, report));
+    let SegmentedSubmap { classes, report: found } = sweeps.classes();
+    assert!(classes == expected && found == report);
     let error = sweeps.vote(1, &[0.0; 5]).expect_err("too few");
     assert_eq!(error.to_string(), "scores of sweep 1: 5 numbers; the model needs [6, 16, 256] channels, rows, columns");
 }
@@ -290,7 +291,7 @@ fn scores_of_a_network_outside_the_model_give_its_classes() {
 #[test]
 fn shipped_model_keeps_its_bytes_and_default_features() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/street.safetensors");
-    let (model, weights) = SphericalModel::load(path.as_ref()).expect("loads");
+    let LoadedModel { model, weights } = SphericalModel::load(path.as_ref()).expect("loads");
     assert!(model.settings().features.is_default() && model.settings().ground == GroundUse::Kept);
     assert!(model.settings().to_bytes(&weights).expect("encodes") == std::fs::read(path).expect("reads"));
 }

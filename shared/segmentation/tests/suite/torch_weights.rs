@@ -4,7 +4,7 @@ use candle_core::Device;
 use kernels::images::{Border, LANES, Planes};
 use safetensors::SafeTensors;
 use segmentation::network::Inference;
-use segmentation::spherical::SphericalModel;
+use segmentation::spherical::{LoadedModel, SphericalModel};
 use std::path::PathBuf;
 
 /// Shape and values of a tensor of the file.
@@ -17,7 +17,7 @@ fn tensor(file: &SafeTensors<'_>, name: &str) -> ([usize; 3], Vec<f32>) {
 #[test]
 fn network_with_torch_weights_gives_output_of_torch() {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/torch_unet.safetensors");
-    let (model, weights) = SphericalModel::load(&path).expect("a model file");
+    let LoadedModel { model, weights } = SphericalModel::load(&path).expect("a model file");
     let network = Inference::new(model.settings().network.clone(), &weights, Border::Circular).expect("fits");
     let bytes = std::fs::read(&path).expect("is there");
     let file = SafeTensors::deserialize(&bytes).expect("safetensors");

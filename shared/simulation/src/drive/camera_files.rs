@@ -4,7 +4,7 @@ use super::files::Folder;
 use super::progress::{MOSAIC_WORK, Progress, image_work};
 use crate::error::SimulationError;
 use crate::sensors::camera::ColorCamera;
-use crate::sensors::mosaic::{BIT_DEPTH, Chip, MosaicCamera, SIZE, sensor_calibration};
+use crate::sensors::mosaic::{BIT_DEPTH, Chip, DefectivePixel, MosaicCamera, SIZE, sensor_calibration};
 use crate::simulation::{MOSAIC_STREAM, Simulation};
 use formats::pgm::pgm_from_samples;
 use geometry::Stamp;
@@ -48,7 +48,7 @@ pub fn write_mosaics(
         let name = &mosaic.name;
         let model = mosaic.sensor.clone();
         folder.write(&format!("{name}/sensor.xml"), sensor_calibration(&model).to_xml().as_bytes())?;
-        for (u, v, fault) in Chip::new(model.sensor_id).defects() {
+        for DefectivePixel { u, v, defect: fault } in Chip::new(model.sensor_id).defects() {
             let _ = writeln!(defects, "{name},{u},{v},{fault:?}");
         }
         let camera = MosaicCamera::new(model, &mosaic.lens).exposed(simulation.spec.mosaic_exposure_nanos);

@@ -47,7 +47,7 @@ impl Folder {
         fs::write(&path, bytes).map_err(SimulationError::write(&path))
     }
     /// Writes an sRGB image.
-    pub fn write_jpeg(&self, name: &str, pixels: &[u8], (width, height): (u32, u32)) -> Result<(), SimulationError> {
+    pub fn write_jpeg(&self, name: &str, pixels: &[u8], [width, height]: [u32; 2]) -> Result<(), SimulationError> {
         let mut bytes = Vec::new();
         JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
             .encode(pixels, width, height, ExtendedColorType::Rgb8)

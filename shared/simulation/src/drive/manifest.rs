@@ -28,7 +28,11 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
     };
     Manifest {
         other_lidars: rig.other_lidars.iter().map(other_lidar).collect(),
-        cameras: if spec.cameras { rig.cameras.iter().enumerate().map(camera).collect() } else { Vec::new() },
+        cameras: if spec.cameras {
+            (0..).zip(&rig.cameras).map(|(index, spec)| camera(index, spec)).collect()
+        } else {
+            Vec::new()
+        },
         mosaics: if spec.mosaics {
             rig.mosaics.iter().map(|entry| mosaic(entry, spec.mosaic_exposure_nanos)).collect()
         } else {
@@ -64,7 +68,7 @@ fn other_lidar(OtherLidarSpec { name, lidar }: &OtherLidarSpec) -> LidarEntry {
     }
 }
 
-fn camera((index, camera): (usize, &CameraSpec)) -> CameraEntry {
+fn camera(index: usize, camera: &CameraSpec) -> CameraEntry {
     CameraEntry {
         delay_nanos: 0,
         name: camera.name.clone(),

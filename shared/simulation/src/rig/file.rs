@@ -116,22 +116,18 @@ fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
     let imu: Option<RawImu> = file.optional("imu", &[]);
     let imu = imu.and_then(|raw| imu_spec(&mut file, &raw));
     match (name, body_height_m, lidars, mosaics.into_iter().collect()) {
-        (Some(name), Some(body_height_m), Some((lidar, lidar_name, other_lidars)), Some(mosaics))
-            if file.is_sound() =>
-        {
-            Ok(RigSpec {
-                name,
-                body_height_m,
-                lidar,
-                lidar_name,
-                other_lidars,
-                trigger: TriggerSpec { rate_hz: trigger.rate_hz, way_m: trigger.way_m },
-                cameras,
-                mosaics,
-                gnss,
-                imu,
-            })
-        }
+        (Some(name), Some(body_height_m), Some(lidars), Some(mosaics)) if file.is_sound() => Ok(RigSpec {
+            name,
+            body_height_m,
+            lidar: lidars.first,
+            lidar_name: lidars.first_name,
+            other_lidars: lidars.others,
+            trigger: TriggerSpec { rate_hz: trigger.rate_hz, way_m: trigger.way_m },
+            cameras,
+            mosaics,
+            gnss,
+            imu,
+        }),
         _ => Err(file.into_error()),
     }
 }
@@ -158,22 +154,21 @@ fn mosaic(file: &mut TomlFile, index: usize, raw: RawMosaic, names: &mut BTreeSe
         format!("value {:?} must be a folder of its own: a to z, 0 to 9, _", raw.name)
     });
     let body_from_camera = camera_pose(file, &key("mounting"), &raw.mounting);
-    let models = [MosaicModel::hs02(), MosaicModel::hs03()].map(|model| (model.name, model));
-    let sensor = one_of(file, &key("sensor"), &raw.sensor, &models)?;
+    let models = [MosaicModel::hs02(), MosaicModel::hs03()];
+    let sensor = one_of(file, &key("sensor"), &raw.sensor, &models, |model| model.name)?;
     Some(MosaicSpec { name: raw.name, sensor, body_from_camera, lens: raw.lens })
 }
 
 fn gnss_spec(file: &mut TomlFile, raw: &RawGnss) -> Option<GnssSpec> {
     rules::position(file, "gnss.antenna_in_body", &raw.antenna_in_body);
-    let receivers = Receiver::ALL.map(|receiver| (receiver.name(), receiver));
-    let receiver = one_of(file, "gnss.receiver", &raw.receiver, &receivers)?;
+    let receiver = one_of(file, "gnss.receiver", &raw.receiver, &Receiver::ALL, |receiver| receiver.name())?;
     Some(GnssSpec { receiver, antenna_in_body: raw.antenna_in_body })
 }
 
 fn imu_spec(file: &mut TomlFile, raw: &RawImu) -> Option<ImuSpec> {
     within(file, "imu.rate_hz", raw.rate_hz, 10.0, 1000.0);
     rules::position(file, "imu.position_in_body", &raw.position_in_body);
-    let grade = one_of(file, "imu.grade", &raw.grade, &Grade::ALL.map(|grade| (grade.name(), grade)))?;
+    let grade = one_of(file, "imu.grade", &raw.grade, &Grade::ALL, |grade| grade.name())?;
     Some(ImuSpec { grade, rate_hz: raw.rate_hz, position_in_body: raw.position_in_body })
 }
 
@@ -181,10 +176,16 @@ fn within(file: &mut TomlFile, key: &str, value: f64, low: f64, high: f64) {
     file.rule(key, (low..=high).contains(&value), || format!("value {value} must be {low} to {high}"));
 }
 
-fn one_of<T: Clone>(file: &mut TomlFile, key: &str, name: &str, known: &[(&str, T)]) -> Option<T> {
-    let found = known.iter().find(|(known, _)| *known == name).map(|(_, value)| value.clone());
+fn one_of<T: Clone>(
+    file: &mut TomlFile,
+    key: &str,
+    name: &str,
+    known: &[T],
+    name_of: impl Fn(&T) -> &'static str,
+) -> Option<T> {
+    let found = known.iter().find(|known| name_of(known) == name).cloned();
     file.rule(key, found.is_some(), || {
-        let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+        let names: Vec<&str> = known.iter().map(&name_of).collect();
         format!("value {name:?} must be one of {}", names.join(", "))
     });
     found

@@ -59,8 +59,8 @@ impl ColorCamera {
     }
 
     /// Columns and rows.
-    pub const fn size(&self) -> (u32, u32) {
-        (self.width, self.height)
+    pub const fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
     }
 
     /// Automatic gain for exposures of cameras that fire together.

@@ -4,7 +4,7 @@ use super::exposure::Exposure;
 use super::lens::FAR_M;
 use super::sky_view::SkyView;
 use crate::illuminants::{skylight, sunlight};
-use crate::light::{Light, SKY_STRENGTH, mirrored, sun_on};
+use crate::light::{Light, RayHit, SKY_STRENGTH, mirrored, sun_on};
 use crate::sensors::filter::Filter;
 use raytrace::Ray;
 use town::material::{Material, Properties};
@@ -31,7 +31,26 @@ pub struct Sample {
 }
 
 /// A ray with its instant of the exposure.
-type TimedRay = (Ray, usize);
+#[derive(Clone, Copy)]
+struct TimedRay {
+    ray: Ray,
+    instant: usize,
+}
+
+/// Results of rays.
+struct TracedRays {
+    /// Contribution of each ray.
+    parts: Vec<Part>,
+    hits: Vec<Option<SceneHit>>,
+}
+
+/// Light at a hit.
+struct LightAtHit {
+    /// Visible share of the sky.
+    open: f32,
+    /// Share of the light that is not specularly reflected.
+    kept: f32,
+}
 
 /// Contributions to a ray: the direct hit and its specular reflection.
 pub type Seen = [Part; 2];
@@ -97,27 +116,30 @@ impl Palette {
             let gloss = self.properties[hit.surface.material as usize].gloss;
             if gloss > 0.0 { mirrored(gloss, -hit.normal.dot(&ray.direction)) } else { 0.0 }
         };
-        let timed_rays: Vec<TimedRay> = samples.iter().map(|sample| (sample.ray, sample.instant)).collect();
-        let (direct, hits) = self.parts(exposure, &timed_rays, |i, hit| {
+        let timed_ray = |sample: &Sample| TimedRay { ray: sample.ray, instant: sample.instant };
+        let timed_rays: Vec<TimedRay> = samples.iter().map(timed_ray).collect();
+        let TracedRays { parts: direct, hits } = self.trace(exposure, &timed_rays, |i, hit| {
             let Sample { instant, ray, at } = &samples[i];
-            (sky.open(exposure, *instant, ray, hit, *at), 1.0 - share(ray, hit))
+            LightAtHit { open: sky.open(exposure, *instant, ray, hit, *at), kept: 1.0 - share(ray, hit) }
         });
         let mut seen: Vec<Seen> = direct.into_iter().map(|part| [part, Part::default()]).collect();
 
         let mut shares = Vec::new();
         let mut mirror_rays: Vec<TimedRay> = Vec::new();
-        for (i, (ray, instant)) in timed_rays.iter().enumerate() {
+        for (i, TimedRay { ray, instant }) in timed_rays.iter().enumerate() {
             let Some(hit) = hits[i] else { continue };
             let share = share(ray, &hit);
             if share >= FAINT {
                 let direction = ray.direction - hit.normal * (2.0 * hit.normal.dot(&ray.direction));
                 let origin = ray.at(hit.range_m) + hit.normal * 0.01;
-                mirror_rays.push((Ray { origin, direction, seed: ray.seed ^ 0x3144 }, *instant));
+                let mirrored = Ray { origin, direction, seed: ray.seed ^ 0x3144 };
+                mirror_rays.push(TimedRay { ray: mirrored, instant: *instant });
                 shares.push((i, share));
             }
         }
         // Only one reflection is traced.
-        let (images, _) = self.parts(exposure, &mirror_rays, |_, _| (OPEN_IN_MIRROR, 1.0));
+        let in_mirror = |_, _: &SceneHit| LightAtHit { open: OPEN_IN_MIRROR, kept: 1.0 };
+        let images = self.trace(exposure, &mirror_rays, in_mirror).parts;
         for ((i, share), image) in shares.into_iter().zip(images) {
             seen[i][1] = Part { light: image.light.times(share), ..image };
         }
@@ -131,26 +153,26 @@ impl Palette {
         samples.iter().map(|sample| sample.and_then(|_| seen.next()).unwrap_or_default()).collect()
     }
 
-    /// Contributions and hits of rays. `place(i, hit)` returns the visible share of the sky at the hit of ray i, and the
-    /// share of its light that is not specularly reflected.
-    fn parts(
+    /// Traces rays. `light_at(i, hit)` returns the light at the hit of ray i.
+    fn trace(
         &self,
         exposure: &Exposure<'_>,
         timed_rays: &[TimedRay],
-        place: impl Fn(usize, &SceneHit) -> (f32, f32),
-    ) -> (Vec<Part>, Vec<Option<SceneHit>>) {
-        let rays: Vec<Ray> = timed_rays.iter().map(|(ray, _)| *ray).collect();
-        let hits = exposure.scene.cast_all(&rays, FAR_M, |i| exposure.snapshot(timed_rays[i].1));
+        light_at: impl Fn(usize, &SceneHit) -> LightAtHit,
+    ) -> TracedRays {
+        let rays: Vec<Ray> = timed_rays.iter().map(|timed| timed.ray).collect();
+        let hits = exposure.scene.cast_all(&rays, FAR_M, |i| exposure.snapshot(timed_rays[i].instant));
         let places: Vec<usize> = (0..hits.len()).filter(|i| hits[*i].is_some()).collect();
-        let met: Vec<(Ray, SceneHit)> = rays.iter().zip(&hits).filter_map(|(ray, hit)| Some((*ray, (*hit)?))).collect();
-        let mut suns = sun_on(exposure.scene, &met, |k| exposure.snapshot(timed_rays[places[k]].1)).into_iter();
+        let met = rays.iter().zip(&hits).filter_map(|(ray, hit)| Some(RayHit { ray: *ray, hit: (*hit)? }));
+        let met: Vec<RayHit> = met.collect();
+        let mut suns = sun_on(exposure.scene, &met, |k| exposure.snapshot(timed_rays[places[k]].instant)).into_iter();
         let part = |(i, hit): (usize, &Option<SceneHit>)| {
             let Some((hit, sun)) = hit.as_ref().zip(hit.and_then(|_| suns.next())) else {
                 return Part { material: WHITE, light: Light::sky(&rays[i].direction) };
             };
-            let (open, kept) = place(i, hit);
+            let LightAtHit { open, kept } = light_at(i, hit);
             self.part(hit, sun, open, kept)
         };
-        (hits.iter().enumerate().map(part).collect(), hits)
+        TracedRays { parts: hits.iter().enumerate().map(part).collect(), hits }
     }
 }

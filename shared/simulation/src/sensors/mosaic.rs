@@ -9,7 +9,7 @@ mod chip;
 mod model;
 
 pub use calibration::sensor_calibration;
-pub use chip::{BIT_DEPTH, Chip, Defect, SIZE};
+pub use chip::{BIT_DEPTH, Chip, Defect, DefectivePixel, SIZE};
 pub use model::{InterferenceFilter, MosaicModel};
 
 use super::exposure::{Exposure, stratified};

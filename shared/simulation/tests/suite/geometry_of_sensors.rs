@@ -201,7 +201,7 @@ fn image_shows_points_where_lens_model_projects_them() {
 fn sky_fills_pixels_above_roofs_and_none_below_the_horizon() {
     let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
     let camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
-    let (width, height) = camera.size();
+    let [width, height] = camera.size();
     let stamp = simulation.exposures()[0];
     let shares = |index: usize, rows: std::ops::Range<u32>| -> Vec<f32> {
         let exposure = simulation.color_exposure(index, stamp);

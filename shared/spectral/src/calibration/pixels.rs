@@ -1,7 +1,7 @@
 //! Bias, dark current and gain of every pixel, from dark and white frames.
 
 use crate::mosaic::check_length;
-use crate::{Mosaic, Reference, SpectralError};
+use crate::{DarkReference, Mosaic, Reference, SpectralError};
 
 /// Smallest valid `white - dark`, counts.
 const MIN_SIGNAL: f64 = 1.0;
@@ -41,10 +41,10 @@ pub struct Pixels<'a> {
 }
 
 impl<'a> Pixels<'a> {
-    /// Takes `darks`, frames with their exposure time, ns. All references must hold frames.
+    /// All references must hold frames.
     pub fn new(
         mosaic: &'a Mosaic,
-        darks: &[(u64, &'a Reference)],
+        darks: &[DarkReference<'a>],
         white: &'a Reference,
         panel: &'a WhitePanel,
     ) -> Result<Self, SpectralError> {
@@ -69,7 +69,7 @@ impl<'a> Pixels<'a> {
     fn known(&self, x: usize, y: usize) -> Option<Pixel> {
         let at = y * self.mosaic.size()[0] as usize + x;
         let line = self.darks.at(at)?;
-        let (bias, rate) = line;
+        let DarkLine { bias, rate } = line;
         let reflectances = &self.panel.reflectances;
         let (signal, reflectance) = match (&self.band_signals, &reflectances[..]) {
             (None, [reflectance]) => (self.signal(at, line)?, *reflectance),
@@ -85,8 +85,8 @@ impl<'a> Pixels<'a> {
     }
 
     /// White minus dark, counts.
-    fn signal(&self, at: usize, (bias, rate): (f64, f64)) -> Option<f64> {
-        let dark = bias + rate * self.panel.exposure_nanos as f64;
+    fn signal(&self, at: usize, line: DarkLine) -> Option<f64> {
+        let dark = line.bias + line.rate * self.panel.exposure_nanos as f64;
         Some(f64::from(self.white.mean(at)?) - dark).filter(|signal| *signal >= MIN_SIGNAL)
     }
 
@@ -108,7 +108,7 @@ impl<'a> Pixels<'a> {
 
 fn check(
     mosaic: &Mosaic,
-    darks: &[(u64, &Reference)],
+    darks: &[DarkReference<'_>],
     white: &Reference,
     panel: &WhitePanel,
 ) -> Result<(), SpectralError> {
@@ -122,9 +122,9 @@ fn check(
     if let Some(reflectance) = panel.reflectances.iter().find(|value| !(**value > 0.0 && **value <= 1.0)) {
         return Err(SpectralError::WhiteReflectance(*reflectance));
     }
-    for (_, dark) in darks {
-        check_length("dark", dark.mosaic().n_samples(), mosaic.n_samples())?;
-        dark.check()?;
+    for dark in darks {
+        check_length("dark", dark.frames.mosaic().n_samples(), mosaic.n_samples())?;
+        dark.frames.check()?;
     }
     check_length("white", white.mosaic().n_samples(), mosaic.n_samples())?;
     white.check()?;
@@ -145,40 +145,59 @@ fn check(
 /// Bias and dark current of each pixel by linear least squares over its means at all exposure times. With one exposure time the dark
 /// current is zero.
 struct DarkLines<'a> {
-    /// Dark references by exposure time, ns from the mean of all.
-    darks: Vec<(f64, &'a Reference)>,
+    darks: Vec<OffsetDark<'a>>,
     /// Mean exposure time, ns.
     middle: f64,
     /// Sum of the squared deviations of the exposure times from their mean, ns^2.
     spread: f64,
 }
 
+/// A dark reference.
+struct OffsetDark<'a> {
+    /// Exposure time from the mean of all.
+    offset_nanos: f64,
+    frames: &'a Reference,
+}
+
+/// Dark signal of a pixel over the exposure time.
+#[derive(Clone, Copy)]
+struct DarkLine {
+    /// Counts.
+    bias: f64,
+    /// Dark current, counts per ns.
+    rate: f64,
+}
+
 impl<'a> DarkLines<'a> {
-    fn new(darks: &[(u64, &'a Reference)]) -> Result<Self, SpectralError> {
+    fn new(darks: &[DarkReference<'a>]) -> Result<Self, SpectralError> {
         if darks.is_empty() {
             return Err(SpectralError::Frames { what: "dark", n_frames: 0 });
         }
-        let middle = darks.iter().map(|(nanos, _)| *nanos as f64).sum::<f64>() / darks.len() as f64;
-        let darks: Vec<_> = darks.iter().map(|(nanos, dark)| (*nanos as f64 - middle, *dark)).collect();
-        let spread = darks.iter().map(|(offset, _)| offset * offset).sum();
+        let middle = darks.iter().map(|dark| dark.exposure_nanos as f64).sum::<f64>() / darks.len() as f64;
+        let with_offset = |dark: &DarkReference<'a>| OffsetDark {
+            offset_nanos: dark.exposure_nanos as f64 - middle,
+            frames: dark.frames,
+        };
+        let darks: Vec<OffsetDark<'a>> = darks.iter().map(with_offset).collect();
+        let spread = darks.iter().map(|dark| dark.offset_nanos * dark.offset_nanos).sum();
         Ok(Self { darks, middle, spread })
     }
 
-    /// Bias, counts, and dark current, counts per ns. `None` if a sample was saturated.
+    /// The line of a pixel. `None` if a sample was saturated.
     #[inline]
-    fn at(&self, at: usize) -> Option<(f64, f64)> {
+    fn at(&self, at: usize) -> Option<DarkLine> {
         let mut sum = 0.0;
         let mut products = 0.0;
-        for (offset, dark) in &self.darks {
-            let counts = f64::from(dark.mean(at)?);
+        for dark in &self.darks {
+            let counts = f64::from(dark.frames.mean(at)?);
             sum += counts;
-            products += offset * counts;
+            products += dark.offset_nanos * counts;
         }
         let mean = sum / self.darks.len() as f64;
         if self.spread == 0.0 {
-            return Some((mean, 0.0));
+            return Some(DarkLine { bias: mean, rate: 0.0 });
         }
         let rate = products / self.spread;
-        Some((mean - rate * self.middle, rate))
+        Some(DarkLine { bias: mean - rate * self.middle, rate })
     }
 }

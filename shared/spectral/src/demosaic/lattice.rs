@@ -8,6 +8,15 @@ pub struct Lattice {
     pub pattern: usize,
 }
 
+/// Rows of samples around a row.
+#[derive(Clone, Copy)]
+pub struct RowsAround {
+    pub above: usize,
+    pub below: usize,
+    /// Distance from the row above, in pixels.
+    pub step: usize,
+}
+
 impl Lattice {
     /// Number of bands.
     pub fn n_bands(&self) -> usize {
@@ -38,14 +47,18 @@ impl Lattice {
         (-(margin as isize)..(length + margin) as isize).map(|at| fold(at) as usize).collect()
     }
 
-    /// The two rows of samples around row `y` of the bands in row `ky` of the pattern, and the distance of `y` from the
-    /// first one, in pixels. Beyond the outermost rows, these rows are used.
-    pub fn between(&self, y: usize, ky: usize) -> (usize, usize, usize) {
+    /// The rows of samples around row `y` of the bands in row `ky` of the pattern. Beyond the outermost rows, these rows
+    /// are used.
+    pub fn between(&self, y: usize, ky: usize) -> RowsAround {
         if y < ky {
-            return (ky, ky, 0);
+            return RowsAround { above: ky, below: ky, step: 0 };
         }
         let step = (y - ky) % self.pattern;
         let above = y - step;
-        if above + self.pattern < self.height { (above, above + self.pattern, step) } else { (above, above, 0) }
+        if above + self.pattern < self.height {
+            RowsAround { above, below: above + self.pattern, step }
+        } else {
+            RowsAround { above, below: above, step: 0 }
+        }
     }
 }

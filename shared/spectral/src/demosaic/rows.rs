@@ -57,7 +57,7 @@ impl<'a> Rows<'a> {
             let above = if y < ky { &self.below } else { &self.above };
             let above = &above[band * width..][..width];
             let below = &self.below[band * width..][..width];
-            match self.parts.lattice.between(y, ky).2 {
+            match self.parts.lattice.between(y, ky).step {
                 0 => out.copy_from_slice(above),
                 step => {
                     let share = step as f32 / pattern as f32;

@@ -1,6 +1,9 @@
 //! Reflectance of synthetic scenes with known ground truth. The sensor model here is independent of the library.
 
-use spectral::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhitePanel, WhiteTarget};
+use spectral::{
+    Calibration, Correction, DarkReference, FrameCounts, Mosaic, PixelReflectances, Reference, SpectralError,
+    WhitePanel, WhiteTarget,
+};
 
 const RHO_WHITE: f64 = 0.98;
 const T_WHITE: u64 = 4_000_000;
@@ -110,7 +113,8 @@ fn equal_samples_have_equal_reflectances_bit_by_bit() {
 fn white_target_has_its_reflectance() {
     for camera in cameras() {
         let raw = camera.expose(T_RAW, |_, _| RHO_WHITE);
-        let (reflectances, valid, _) = camera.calibration().reflectance(&raw, T_RAW).expect("fits");
+        let PixelReflectances { values: reflectances, valid, .. } =
+            camera.calibration().reflectance(&raw, T_RAW).expect("fits");
         assert_eq!([reflectances.len(), valid.len()], [camera.mosaic.n_bands() * camera.mosaic.n_cells(); 2]);
         assert!(valid.iter().all(|valid| *valid));
         assert!(reflectances.iter().all(|r| (r - 0.98).abs() < 0.001));
@@ -121,7 +125,8 @@ fn white_target_has_its_reflectance() {
 fn binned_reflectances_equal_those_per_pixel() {
     for camera in cameras() {
         let raw = camera.expose(T_RAW, |x, y| 0.01 * f64::from((x * 31 + y * 17) % 200));
-        let (pixels, valid, pixel_counts) = camera.calibration().reflectance(&raw, T_RAW).expect("fits");
+        let PixelReflectances { values: pixels, valid, counts: pixel_counts } =
+            camera.calibration().reflectance(&raw, T_RAW).expect("fits");
         let (cube, masks, counts) = camera.cube(&raw);
         assert_eq!(pixel_counts, counts);
         assert!(counts.saturated > 0, "the scene must saturate at some pixels");
@@ -182,7 +187,7 @@ fn frames_without_light_are_black_or_masked() {
     let dark = camera.reference("dark", std::slice::from_ref(&camera.bias));
     let calibration = Calibration::new(&camera.mosaic, &dark, &dark, TARGET).expect("sound");
     assert_eq!(calibration.valid_bands(), 0);
-    let (reflectances, valid, counts) =
+    let PixelReflectances { values: reflectances, valid, counts } =
         calibration.reflectance(&camera.expose(T_RAW, |_, _| 0.5), T_RAW).expect("fits");
     assert_eq!([reflectances.len(), valid.len()], [camera.mosaic.n_bands() * camera.mosaic.n_cells(); 2]);
     assert_eq!(counts.dead, valid.len() as u64);
@@ -204,7 +209,7 @@ fn reflectance_is_independent_of_the_exposure_time() {
     let calibration = camera.calibration();
     for nanos in [1_000_000, 2_500_000, 5_000_000] {
         let raw = camera.expose(nanos, |_, _| 0.4);
-        let (reflectances, _, _) = calibration.reflectance(&raw, nanos).expect("fits");
+        let reflectances = calibration.reflectance(&raw, nanos).expect("fits").values;
         let mean = f64::from(reflectances.mean().expect("not empty"));
         assert!((mean - 0.4).abs() < 0.0005, "at {nanos} ns: {mean}");
     }
@@ -285,16 +290,19 @@ fn dark_frames_of_two_exposures_determine_bias_and_dark_current() {
     let white = camera.reference("white", &[with_current(camera.expose(T_WHITE, |_, _| RHO_WHITE), T_WHITE)]);
     let panel = WhitePanel { exposure_nanos: T_WHITE, reflectances: vec![RHO_WHITE], region: None };
     let raw = with_current(camera.expose(20_000_000, |_, _| 0.1), 20_000_000);
-    let worst = |darks: &[(u64, &Reference)]| {
+    let worst = |darks: &[DarkReference<'_>]| {
         let calibration = Calibration::with_panel(&camera.mosaic, darks, &white, &panel).expect("sound");
-        let (reflectances, _, counts) = calibration.reflectance(&raw, 20_000_000).expect("fits");
+        let PixelReflectances { values: reflectances, counts, .. } =
+            calibration.reflectance(&raw, 20_000_000).expect("fits");
         assert_eq!(counts.masked(), 0);
         reflectances.iter().map(|r| (r - 0.1).abs()).fold(0.0, f32::max)
     };
-    let both = worst(&[(1_000_000, &short), (40_000_000, &long)]);
+    let short = DarkReference { exposure_nanos: 1_000_000, frames: &short };
+    let long = DarkReference { exposure_nanos: 40_000_000, frames: &long };
+    let both = worst(&[short, long]);
     assert!(both < 0.001, "off by {both}");
     // With one exposure time the dark current of 20 ms counts as light.
-    let one = worst(&[(1_000_000, &short)]);
+    let one = worst(&[short]);
     assert!(one > 0.01, "off by {one} only");
     assert!(matches!(
         Calibration::with_panel(&camera.mosaic, &[], &white, &panel),
@@ -324,8 +332,11 @@ fn panel_region_with_reflectances_per_band_calibrates_the_frame() {
         let white = camera.reference("white", std::slice::from_ref(&frame));
         let reflectances: Vec<f64> = (0..mosaic.n_bands()).map(rho).collect();
         let panel = WhitePanel { exposure_nanos: T_WHITE, reflectances, region: Some(region) };
-        let with = |panel: &WhitePanel| Calibration::with_panel(&mosaic, &[(T_WHITE, &dark)], &white, panel);
-        let (reflectances, valid, _) = with(&panel).expect("sound").reflectance(&frame, T_WHITE).expect("fits");
+        let dark = DarkReference { exposure_nanos: T_WHITE, frames: &dark };
+        let with = |panel: &WhitePanel| Calibration::with_panel(&mosaic, &[dark], &white, panel);
+        let calibration = with(&panel).expect("sound");
+        let found = calibration.reflectance(&frame, T_WHITE).expect("fits");
+        let PixelReflectances { values: reflectances, valid, .. } = found;
         assert!(valid.iter().all(|valid| *valid));
         for ((y, x), r) in reflectances.indexed_iter() {
             let expected = scene(x as u32 + x0, y as u32 + y0);

@@ -34,7 +34,7 @@ fn text_from_bytes(bytes: &[u8]) -> Result<&str, String> {
     }
     std::str::from_utf8(bytes).map_err(|error| {
         let (before, rest) = bytes.split_at(error.valid_up_to());
-        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+        let line = before.split(|byte| *byte == b'\n').count();
         let byte = rest.first().copied().unwrap_or_default();
         format!("line {line}: byte {byte:#04x} is not UTF-8; save the file as CSV in UTF-8")
     })

@@ -44,6 +44,15 @@ struct ExtraColumn {
     none: f64,
 }
 
+/// The shot of a row.
+pub(crate) struct ScanLine {
+    /// Number of the sweep.
+    pub(crate) frame: u32,
+    pub(crate) lidar: u8,
+    /// Number of the laser.
+    pub(crate) ring: u8,
+}
+
 impl Columns {
     /// The columns of a cloud. The error is the rule that its header violates. `table` has all columns that may be
     /// present.
@@ -132,11 +141,10 @@ impl Columns {
         self.present.clone()
     }
 
-    /// Sweep, LiDAR and laser of a row.
     #[inline]
-    pub(crate) fn scan_line(&self, row: &[u8]) -> (u32, u8, u8) {
+    pub(crate) fn scan_line(&self, row: &[u8]) -> ScanLine {
         let frame = i32::from_le_bytes(field(row, self.index_frame)) as u32;
-        (frame, self.lidar.map_or(0, |at| row[at]), row[self.ring])
+        ScanLine { frame, lidar: self.lidar.map_or(0, |at| row[at]), ring: row[self.ring] }
     }
 
     /// The point of a row.
@@ -146,7 +154,7 @@ impl Columns {
             Kind::Double => std::array::from_fn(|k| f64::from_le_bytes(field(row, at + 8 * k))),
             _ => std::array::from_fn(|k| f64::from(f32::from_le_bytes(field(row, at + 4 * k)))),
         };
-        let (frame, lidar, ring) = self.scan_line(row);
+        let ScanLine { frame, lidar, ring } = self.scan_line(row);
         CloudPoint {
             xyz: coordinates(self.xyz),
             lidar_xyz: coordinates(self.lidar_xyz),

@@ -36,7 +36,8 @@ pub(super) fn write(
     path: &Path,
     delivery: &CloudDelivery<'_>,
     octree: &Octree,
-    (spool, merged): (&Spool<NodeKey>, &BTreeMap<NodeKey, Vec<NodeKey>>),
+    spool: &Spool<NodeKey>,
+    merged: &BTreeMap<NodeKey, Vec<NodeKey>>,
     mut progress: impl FnMut(u64),
 ) -> Result<Extent, DeliverError> {
     let facts = &delivery.facts;
@@ -44,7 +45,7 @@ pub(super) fn write(
     let file = AtomicFile::create(path).map_err(DeliverError::file(path, "create"))?;
     let mut writer = CopcWriter::begin(&file, delivery, &laz).map_err(DeliverError::file(path, "write"))?;
     let nodes: Vec<(&NodeKey, &Vec<NodeKey>)> = merged.iter().collect();
-    let sizes: BTreeMap<NodeKey, u64> = spool.keys().into_iter().collect();
+    let sizes: BTreeMap<NodeKey, u64> = spool.keys().into_iter().map(|records| (records.key, records.n)).collect();
     let n_points = |(_, keys): &(&NodeKey, &Vec<NodeKey>)| keys.iter().map(|key| sizes[key]).sum::<u64>();
     let mut rest = &nodes[..];
     while !rest.is_empty() {
@@ -165,8 +166,8 @@ impl<'a> CopcWriter<'a> {
             n_points: self.extent.n_points,
             bounds: self.extent.bounds,
         };
-        let info =
-            info(octree, offset_m, (evlr_at + (evlr.len() - hierarchy.len()) as u64, hierarchy.len()), self.times_s);
+        let place = HierarchyPlace { at: evlr_at + (evlr.len() - hierarchy.len()) as u64, n_bytes: hierarchy.len() };
+        let info = info(octree, offset_m, &place, self.times_s);
         self.writer.seek(SeekFrom::Start(0))?;
         self.writer.write_all(&header.bytes(facts))?;
         self.writer.write_all(&info_vlr(info))?;
@@ -193,14 +194,20 @@ fn info_vlr(data: Vec<u8>) -> Vec<u8> {
     Vlr { user: "copc", id: 1, description: "copc info", data }.bytes()
 }
 
+/// The hierarchy in the file.
+struct HierarchyPlace {
+    at: u64,
+    n_bytes: usize,
+}
+
 /// Center and half side of the root, its spacing; offset and size of the hierarchy; smallest and largest time.
-fn info(octree: &Octree, offset_m: [f64; 3], hierarchy: (u64, usize), times_s: [f64; 2]) -> Vec<u8> {
+fn info(octree: &Octree, offset_m: [f64; 3], hierarchy: &HierarchyPlace, times_s: [f64; 2]) -> Vec<u8> {
     let side_m = (1_u64 << octree.side_bits) as f64 * SCALE_M;
     let low = metres(octree.low, offset_m);
     let doubles = low.map(|value| value + side_m / 2.0).into_iter().chain([side_m / 2.0, side_m / 128.0]);
     let mut bytes: Vec<u8> = doubles.flat_map(f64::to_le_bytes).collect();
-    bytes.extend(hierarchy.0.to_le_bytes());
-    bytes.extend((hierarchy.1 as u64).to_le_bytes());
+    bytes.extend(hierarchy.at.to_le_bytes());
+    bytes.extend((hierarchy.n_bytes as u64).to_le_bytes());
     bytes.extend(times_s.map(|time| if time.is_finite() { time } else { 0.0 }).into_iter().flat_map(f64::to_le_bytes));
     bytes.resize(INFO_BYTES, 0);
     bytes

@@ -5,8 +5,8 @@ use std::fmt;
 
 /// How far a drive may leave the area of use of its system: degrees of latitude and of longitude.
 ///
-/// Surveys across an edge stay in one system: Bavaria uses zone 32 up to 1.9 degrees east of its edge. At this distance from
-/// its zone, UTM is as exact as inside; its scale differs by up to 0.35 % from 1 instead of 0.1 %.
+/// Surveys across an edge stay in one system. The series of the projection still converge at this distance; the scale differs from 1
+/// by up to 0.35 % instead of 0.1 %.
 pub const MARGIN_DEG: [f64; 2] = [0.5, 2.0];
 
 /// The area of use of a system by the EPSG registry (version 11.022), as a range of latitudes and longitudes.

@@ -58,26 +58,26 @@ impl Tags {
         Self { layout, entries: Vec::new() }
     }
 
-    fn push(&mut self, (tag, kind): (u16, u16), n: usize, values: Vec<u8>) {
+    fn push(&mut self, tag: u16, kind: u16, n: usize, values: Vec<u8>) {
         self.entries.push(Entry { tag, kind, n: n as u64, values });
     }
     pub(super) fn shorts(&mut self, tag: u16, values: &[u16]) {
-        self.push((tag, 3), values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
+        self.push(tag, 3, values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
     }
     pub(super) fn longs(&mut self, tag: u16, values: &[u32]) {
-        self.push((tag, 4), values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
+        self.push(tag, 4, values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
     }
     /// Adds a tag with offsets in the file.
     pub(super) fn places(&mut self, tag: u16, places: &[u64]) {
         let kind = if self.layout == Layout::Big { 16 } else { 4 };
         let values = places.iter().flat_map(|place| self.layout.word(*place)).collect();
-        self.push((tag, kind), places.len(), values);
+        self.push(tag, kind, places.len(), values);
     }
     pub(super) fn doubles(&mut self, tag: u16, values: &[f64]) {
-        self.push((tag, 12), values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
+        self.push(tag, 12, values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
     }
     pub(super) fn text(&mut self, tag: u16, text: &str) {
-        self.push((tag, 2), text.len() + 1, [text.as_bytes(), b"\0"].concat());
+        self.push(tag, 2, text.len() + 1, [text.as_bytes(), b"\0"].concat());
     }
 
     /// The directory at byte `at`: entries, offset of the next directory, then values that do not fit into an entry.

@@ -48,14 +48,33 @@ pub(super) struct ImageTiles<'a> {
     stored: Mutex<Stored>,
 }
 
-/// Offset and size of a tile in the image.
-type TilePlace = (u64, u32);
+/// A tile in the image.
+#[derive(Clone, Copy, Default)]
+struct TilePlace {
+    at: u64,
+    n_bytes: u32,
+}
+
+/// A tile in the temporary file.
+#[derive(Clone, Copy)]
+struct StoredTile {
+    at: u64,
+    n_bytes: usize,
+}
+
+/// A directory in the image.
+struct DirectoryPlace {
+    layout: Layout,
+    level: usize,
+    at: u64,
+    is_last: bool,
+}
 
 #[derive(Default)]
 struct Stored {
     n_bytes: u64,
-    /// Offset and size in the file, by level and tile.
-    tiles: BTreeMap<(usize, Tile), (u64, usize)>,
+    /// By level and tile.
+    tiles: BTreeMap<(usize, Tile), StoredTile>,
 }
 
 impl Content<'_> {
@@ -96,12 +115,12 @@ impl<'a> ImageTiles<'a> {
         Ok(Self { content, file, folder: folder.to_owned(), stored: Mutex::default() })
     }
 
-    pub(super) fn add(&self, key: (usize, Tile), cells: &Cells) -> Result<(), DeliverError> {
+    pub(super) fn add(&self, level: usize, tile: Tile, cells: &Cells) -> Result<(), DeliverError> {
         let bytes = compressed(&self.content.encode(cells));
         let mut stored = self.stored.lock().unwrap_or_else(PoisonError::into_inner);
         let at = stored.n_bytes;
         stored.n_bytes += bytes.len() as u64;
-        stored.tiles.insert(key, (at, bytes.len()));
+        stored.tiles.insert((level, tile), StoredTile { at, n_bytes: bytes.len() });
         drop(stored);
         self.file.write_all_at(&bytes, at).map_err(DeliverError::file(&self.folder, "write a temporary file"))
     }
@@ -119,7 +138,10 @@ impl<'a> ImageTiles<'a> {
         let empty = compressed(&self.content.empty());
         // The sizes of the directories do not depend on the offsets of the tiles.
         let first_tile = |layout: Layout| {
-            let directory = |level| self.directory(grid, (layout, level), frame, &[], (0, false)).len() as u64;
+            let directory = |level| {
+                let place = DirectoryPlace { layout, level, at: 0, is_last: false };
+                self.directory(grid, &place, frame, &[]).len() as u64
+            };
             layout.signature().len() as u64 + (0..grid.n_levels).map(directory).sum::<u64>()
         };
         let n_tile_bytes = stored.n_bytes + (grid.n_levels * empty.len()) as u64;
@@ -129,7 +151,7 @@ impl<'a> ImageTiles<'a> {
         let mut places: Vec<Vec<TilePlace>> = vec![Vec::new(); grid.n_levels];
         // Tiles in the file: all existing tiles, and for each level one empty tile to which all positions without points
         // refer.
-        let mut order: Vec<Option<(u64, usize)>> = Vec::new();
+        let mut order: Vec<Option<StoredTile>> = Vec::new();
         for level in (0..grid.n_levels).rev() {
             let [columns, rows] = grid.tiles(level);
             let empty_at = at;
@@ -137,24 +159,27 @@ impl<'a> ImageTiles<'a> {
             at += empty.len() as u64;
             for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row as i64, column as i64))) {
                 let found = stored.tiles.get(&(level, (column, row))).copied();
-                let (place, n_bytes) = found.map_or((empty_at, empty.len()), |(_, n_bytes)| (at, n_bytes));
-                if found.is_some() {
+                places[level].push(match found {
+                    Some(tile) => TilePlace { at, n_bytes: tile.n_bytes as u32 },
+                    None => TilePlace { at: empty_at, n_bytes: empty.len() as u32 },
+                });
+                if let Some(tile) = found {
                     order.push(found);
-                    at += n_bytes as u64;
+                    at += tile.n_bytes as u64;
                 }
-                places[level].push((place, n_bytes as u32));
             }
         }
         let mut writer = BufWriter::with_capacity(1 << 20, file);
         writer.write_all(layout.signature())?;
         let mut at = layout.signature().len() as u64;
         for (level, places) in places.iter().enumerate() {
-            let directory = self.directory(grid, (layout, level), frame, places, (at, level + 1 == grid.n_levels));
+            let place = DirectoryPlace { layout, level, at, is_last: level + 1 == grid.n_levels };
+            let directory = self.directory(grid, &place, frame, places);
             at += directory.len() as u64;
             writer.write_all(&directory)?;
         }
         for tile in order {
-            let Some((at, n_bytes)) = tile else {
+            let Some(StoredTile { at, n_bytes }) = tile else {
                 writer.write_all(&empty)?;
                 continue;
             };
@@ -165,17 +190,11 @@ impl<'a> ImageTiles<'a> {
         writer.flush()
     }
 
-    /// The directory of a level, which starts at byte `at`.
-    fn directory(
-        &self,
-        grid: &Grid,
-        (layout, level): (Layout, usize),
-        frame: &TargetFrame<'_>,
-        places: &[TilePlace],
-        (at, is_last): (u64, bool),
-    ) -> Vec<u8> {
+    /// The directory of a level.
+    fn directory(&self, grid: &Grid, place: &DirectoryPlace, frame: &TargetFrame<'_>, places: &[TilePlace]) -> Vec<u8> {
+        let &DirectoryPlace { layout, level, at, is_last } = place;
         let [columns, rows] = grid.tiles(level);
-        let places = if places.is_empty() { &vec![(0, 0); columns * rows] } else { places };
+        let places = if places.is_empty() { &vec![TilePlace::default(); columns * rows] } else { places };
         let [width, height] = grid.size.map(|n| (n * TILE).div_ceil(1 << level) as u32);
         let bits = self.content.bits();
         let n_samples = bits.len() as u16;
@@ -202,7 +221,8 @@ impl<'a> ImageTiles<'a> {
         }
         tags.shorts(322, &[TILE as u16]);
         tags.shorts(323, &[TILE as u16]);
-        let (begins, sizes): (Vec<u64>, Vec<u32>) = places.iter().copied().unzip();
+        let begins: Vec<u64> = places.iter().map(|place| place.at).collect();
+        let sizes: Vec<u32> = places.iter().map(|place| place.n_bytes).collect();
         tags.places(324, &begins);
         tags.longs(325, &sizes);
         if matches!(self.content, Content::Color) {
@@ -280,10 +300,10 @@ mod tests {
         let image = ImageTiles::create(folder.path(), Content::Height).expect("creates");
         let grid = Grid { low: (0, 0), size: [2, 1], n_levels: 2, cell_m: 0.2 };
         let mut tiles = Vec::new();
-        for (key, height) in [((0, (1, 0)), 2.5), ((1, (0, 0)), 7.0)] {
+        for (level, tile, height) in [(0, (1, 0), 2.5), (1, (0, 0), 7.0)] {
             let mut cells = Cells::joined(&[]);
             cells.height.fill(height);
-            image.add(key, &cells).expect("adds");
+            image.add(level, tile, &cells).expect("adds");
             tiles.push(compressed(&image.content.encode(&cells)));
         }
         let write = |name: &str, classic_bytes: u64| {

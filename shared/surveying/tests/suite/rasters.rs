@@ -23,7 +23,8 @@ fn read(path: &Path) -> (Vec<Level>, Vec<u8>) {
         let entry =
             |tag: usize| (0..n).map(|k| at + 2 + 12 * k).find(|entry| word(*entry) == tag).expect("has the tag");
         let longs = |tag: usize| -> Vec<usize> {
-            let (entry, n) = (entry(tag), long(entry(tag) + 4));
+            let entry = entry(tag);
+            let n = long(entry + 4);
             let begin = if n == 1 { entry + 8 } else { long(entry + 8) };
             (0..n).map(|k| long(begin + 4 * k)).collect()
         };

@@ -2,17 +2,17 @@
 
 use crate::support::{BEGIN_S, LasContent, gps_time_s, options, street, time_s, utm, write_run};
 use std::path::Path;
-use surveying::{LeftOut, RunFolder, TargetFrame, Tiling, write_tiles};
+use surveying::{LeftOut, RunFolder, TargetFrame, Tiling, WrittenTiles, write_tiles};
 
 const LAZ_20_M: Tiling = Tiling { side_m: 20, is_compressed: true };
 /// From Unix time to adjusted standard GPS time, with 18 leap seconds.
 const ADJUSTED_S: f64 = 315_964_800.0 + 1e9 - 18.0;
 
-fn deliver(run: &Path, out: &Path, tiling: Tiling) -> (Vec<surveying::PointFile>, LeftOut) {
+fn deliver(run: &Path, out: &Path, tiling: Tiling) -> WrittenTiles {
     let run = RunFolder::open(run).expect("opens");
     let frame = utm(run.georeference.as_ref().expect("is placed"));
     std::fs::create_dir_all(out).expect("made");
-    write_tiles(&run, &frame, (&options(), tiling), out, |_| ()).expect("writes")
+    write_tiles(&run, &frame, &options(), tiling, out, |_| ()).expect("writes")
 }
 
 /// Numbers of the cloud and of the point in it, by the time of a record.
@@ -28,7 +28,7 @@ fn points_lie_by_sweep_and_laser_and_then_in_their_order() {
     let run = folder.path().join("run");
     let out = folder.path().join("out");
     write_run(&run, &[(street(1000), true)]);
-    let (files, _) = deliver(&run, &out, Tiling { side_m: 0, is_compressed: true });
+    let files = deliver(&run, &out, Tiling { side_m: 0, is_compressed: true }).files;
     let places = LasContent::read(&out.join(&files[0].file))
         .records
         .iter()
@@ -48,7 +48,7 @@ fn every_point_is_in_its_tile_once_with_its_values() {
     let out = folder.path().join("out");
     let points = street(1000);
     write_run(&run, &[(points[..600].to_vec(), true), (points[600..].to_vec(), true)]);
-    let (files, left_out) = deliver(&run, &out, LAZ_20_M);
+    let WrittenTiles { files, left_out } = deliver(&run, &out, LAZ_20_M);
     assert_eq!(left_out, LeftOut::default());
     assert!(files.len() >= 3, "{files:?}");
     let opened = RunFolder::open(&run).expect("opens");
@@ -89,7 +89,7 @@ fn las_and_laz_have_the_same_records_for_any_number_of_threads() {
     let write = |name: &str, n_threads: usize, is_compressed: bool| {
         let out = folder.path().join(name);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().expect("threads");
-        let (files, _) = pool.install(|| deliver(&run, &out, Tiling { side_m: 0, is_compressed }));
+        let files = pool.install(|| deliver(&run, &out, Tiling { side_m: 0, is_compressed })).files;
         assert_eq!(files.len(), 1);
         LasContent::read(&out.join(&files[0].file))
     };
@@ -110,7 +110,7 @@ fn points_without_place_or_finite_coordinates_are_counted() {
     points[7].0[1] = f64::NAN;
     points[8].0[2] = f64::INFINITY;
     write_run(&run, &[(points, true), (street(30), false)]);
-    let (files, left_out) = deliver(&run, &out, LAZ_20_M);
+    let WrittenTiles { files, left_out } = deliver(&run, &out, LAZ_20_M);
     assert_eq!(left_out, LeftOut { without_place: 30, not_finite: 2 });
     assert_eq!(files.iter().map(|file| file.n_points).sum::<u64>(), 98);
 }
@@ -128,7 +128,7 @@ fn local_coordinates_are_those_of_the_clouds_without_reference_system() {
     let mut options = options();
     options.note = "not georeferenced: a reason".to_owned();
     let tiling = Tiling { side_m: 0, is_compressed: false };
-    let (files, _) = write_tiles(&opened, &frame, (&options, tiling), &out, |_| ()).expect("writes");
+    let files = write_tiles(&opened, &frame, &options, tiling, &out, |_| ()).expect("writes").files;
     let content = LasContent::read(&out.join(&files[0].file));
     assert_eq!(content.records.len(), points.len());
     for record in &content.records {

@@ -16,12 +16,21 @@ const ROWS_PER_TASK: usize = 4096;
 /// Number of candidate temperatures: 0.5 to 3.9, each 10 % larger than the previous one.
 const N_TEMPERATURES: usize = 22;
 
+/// Result of an evaluation.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// Mean loss of a batch.
+    pub loss: f64,
+    /// Confusion matrix of all examples.
+    pub confusion: Confusion,
+}
+
 impl<N: Network> Trainer<N> {
-    /// Mean loss of a batch, and the confusion matrix of all examples.
+    /// Evaluates all examples.
     ///
     /// # Errors
     /// If the data do not fit the network.
-    pub fn evaluate(&self, data: &dyn Dataset<N::Example>) -> Result<(f64, Confusion), TrainingError> {
+    pub fn evaluate(&self, data: &dyn Dataset<N::Example>) -> Result<Evaluation, TrainingError> {
         let mut confusion = Confusion::new(self.criterion.n_classes);
         let mut sum = 0.0;
         let mut n = 0;
@@ -33,7 +42,7 @@ impl<N: Network> Trainer<N> {
             }
             Ok(())
         })?;
-        Ok((sum / f64::from(n.max(1)), confusion))
+        Ok(Evaluation { loss: sum / f64::from(n.max(1)), confusion })
     }
 
     /// The divisor of the logits that maximizes the likelihood of the labels (temperature scaling, Guo et al. 2017). With

@@ -2,7 +2,7 @@
 
 use random::Random;
 use segmentation::points::PointNetworkSpec;
-use training::{Dataset, Hierarchy, Loss, PointExample, PointNetwork, TrainSettings, Trainer, UNKNOWN};
+use training::{Dataset, Evaluation, Hierarchy, Loss, PointExample, PointNetwork, TrainSettings, Trainer, UNKNOWN};
 
 const CLASSES: usize = 3;
 
@@ -99,9 +99,9 @@ fn point_network_of_each_kind_learns() {
     // PointNet has no neighborhoods, and its transforms have statistics of as many rows as a batch has clouds.
     for (network, limits) in NETWORKS.into_iter().zip([[0.7, 0.6], [0.7, 0.6], [0.85, 0.4], [0.7, 0.6]]) {
         let mut trainer = trainer(network, TrainSettings { epochs: 12, ..settings() });
-        let (before, _) = trainer.evaluate(&Streets(4)).expect("evaluates");
+        let before = trainer.evaluate(&Streets(4)).expect("evaluates").loss;
         train(&mut trainer, 12);
-        let (after, confusion) = trainer.evaluate(&Streets(4)).expect("evaluates");
+        let Evaluation { loss: after, confusion } = trainer.evaluate(&Streets(4)).expect("evaluates");
         let mean_iou = confusion.mean_iou().expect("some");
         assert!(
             after < limits[0] * before && mean_iou > limits[1],

@@ -21,6 +21,15 @@ pub struct Channel {
     max: f64,
 }
 
+/// An interval of values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DenseInterval {
+    /// Its lower end.
+    pub low: f64,
+    /// Share of the values in it.
+    pub share: f64,
+}
+
 impl Channel {
     /// A channel without values.
     pub fn new(wavelength_nm: f32) -> Self {
@@ -87,8 +96,8 @@ impl Channel {
         inside as f64 / self.n.max(1) as f64
     }
 
-    /// The interval of this width with the largest share of the values: its lower end and the share.
-    pub fn densest(&self, width: f64) -> (f64, f64) {
+    /// The interval of this width with the largest share of the values.
+    pub fn densest(&self, width: f64) -> DenseInterval {
         let n_inside = ((width / BIN).round() as usize).clamp(1, N_BINS);
         let mut inside: u64 = self.bins[..n_inside].iter().sum();
         let mut best = inside;
@@ -100,7 +109,7 @@ impl Channel {
                 start = first;
             }
         }
-        (LOW + start as f64 * BIN, best as f64 / self.n.max(1) as f64)
+        DenseInterval { low: LOW + start as f64 * BIN, share: best as f64 / self.n.max(1) as f64 }
     }
 
     /// Shares of the values in `n` equal intervals from 0 to 1. Values outside are left out.
@@ -171,7 +180,7 @@ mod tests {
         near(channel.min(), 0.1);
         near(channel.max(), 0.8);
         assert_eq!((channel.rate_above(0.05), channel.rate_above(0.15), channel.rate_above(0.9)), (1.0, 0.5, 0.0));
-        assert_eq!((channel.invalid_rate(), channel.densest(0.11).1), (0.2, 0.75));
+        assert_eq!((channel.invalid_rate(), channel.densest(0.11).share), (0.2, 0.75));
         assert_eq!(channel.histogram(10), [0.0, 0.5, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0]);
         assert_eq!(Channel::new(500.0).mean(), None);
     }

@@ -1,6 +1,6 @@
 //! Diagnosis of the reflectances of an input.
 
-use super::channel::Channel;
+use super::channel::{Channel, DenseInterval};
 use super::source::Source;
 
 /// Width of the interval in which concentrated channels lie (thesis 4.3.1: "concentrated between 0.1 and 0.2").
@@ -45,7 +45,7 @@ pub fn diagnose(source: &Source) -> Vec<String> {
         (end >= CUT_SHARE && end > CUT_CONTRAST * before).then(|| (end, format!("at {max:.2}")))
     }));
     findings.extend(about(&channels, "concentrated", |channel| {
-        let (low, share) = channel.densest(NARROW);
+        let DenseInterval { low, share } = channel.densest(NARROW);
         (share >= CONCENTRATED).then(|| (share, format!("between {low:.2} and {:.2}", low + NARROW)))
     }));
     findings.extend(about(&channels, "dark reference missing or too weak", |channel| {

@@ -123,10 +123,11 @@ impl Camera {
         let middle = |k: usize| f64::midpoint(min[k], max[k]);
         let along_x = max[0] - min[0] >= max[1] - min[1];
         let fallback = if along_x { Vector3::x() } else { Vector3::y() };
-        let (place, heading) = match pose_on_path(path, share) {
-            Some(found) => found,
-            None => (Vector3::new(middle(0), middle(1), min[2] + LIDAR_HEIGHT_M), fallback),
-        };
+        let pose = pose_on_path(path, share).unwrap_or_else(|| PathPose {
+            position: Vector3::new(middle(0), middle(1), min[2] + LIDAR_HEIGHT_M),
+            heading: fallback,
+        });
+        let PathPose { position: place, heading } = pose;
         let eye = place - heading * CAMERA_BACK_M + Vector3::z() * CAMERA_UP_M;
         let target = place + heading * TARGET_AHEAD_M - Vector3::z() * LIDAR_HEIGHT_M;
         Self::looking(eye, target, size)
@@ -156,14 +157,21 @@ fn center(size: PictureSize) -> [f64; 2] {
     [size.width as f64 / 2.0, size.height as f64 / 2.0]
 }
 
-/// Position and horizontal heading at `share` of the path. The heading is taken over the 20 m around, or less at the ends.
-fn pose_on_path(path: &[[f64; 3]], share: f64) -> Option<(Vector3<f64>, Vector3<f64>)> {
+/// A pose on a path.
+struct PathPose {
+    position: Vector3<f64>,
+    /// Horizontal unit vector.
+    heading: Vector3<f64>,
+}
+
+/// The pose at `share` of the path. The heading is taken over the 20 m around, or less at the ends.
+fn pose_on_path(path: &[[f64; 3]], share: f64) -> Option<PathPose> {
     let path: Vec<Vector3<f64>> = path.iter().map(|p| Vector3::from(*p)).collect();
     let place = *path.get(((path.len().checked_sub(1)?) as f64 * share) as usize)?;
     let around: Vec<&Vector3<f64>> = path.iter().filter(|p| (*p - place).norm() < 10.0).collect();
     let mut heading = *around.last()? - *around.first()?;
     heading.z = 0.0;
-    Some((place, heading.try_normalize(0.5)?))
+    Some(PathPose { position: place, heading: heading.try_normalize(0.5)? })
 }
 
 #[cfg(test)]

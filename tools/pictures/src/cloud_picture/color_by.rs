@@ -95,8 +95,8 @@ impl ShownField {
 
     /// A property that the table does not have.
     fn from_property(name: &str) -> Self {
-        let (name, property) = (name.to_owned(), name.to_owned());
-        Self { name, property, shown: Shown::Ramp, none: None, range: None, names: None }
+        let property = name.to_owned();
+        Self { name: property.clone(), property, shown: Shown::Ramp, none: None, range: None, names: None }
     }
 }
 

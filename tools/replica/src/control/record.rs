@@ -47,12 +47,18 @@ pub struct Args {
     may_drop: bool,
 }
 
+/// The positional arguments.
+struct RunAndFile<'a> {
+    run: RunArgument,
+    /// The recording.
+    file: &'a Path,
+}
+
 impl Args {
-    /// The run and the recording.
-    fn run_and_file(&self) -> Result<(RunArgument, &Path), UsageError> {
+    fn run_and_file(&self) -> Result<RunAndFile<'_>, UsageError> {
         match self.paths.as_slice() {
-            [file] => Ok((self.run.clone(), file)),
-            [output, file] if self.run.is_default() => Ok((RunArgument::from_output(output), file)),
+            [file] => Ok(RunAndFile { run: self.run.clone(), file }),
+            [output, file] if self.run.is_default() => Ok(RunAndFile { run: RunArgument::from_output(output), file }),
             [output, _] => {
                 Err(UsageError(format!("{} and --run both select the run: give one of them", output.display())))
             }
@@ -75,7 +81,7 @@ enum End {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // A second signal leaves a truncated file.
     let stop = StopFlag::register(exit::INCOMPLETE)?;
-    let (run, file) = args.run_and_file()?;
+    let RunAndFile { run, file } = args.run_and_file()?;
     let run = run.find_alive()?;
     let known: Vec<&str> = run.wiring.topics().map(|(_, topic)| topic.channels.topic.as_str()).collect();
     let names = with_placement(args.topics.clone(), &known);

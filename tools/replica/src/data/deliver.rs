@@ -23,8 +23,8 @@ use std::process::ExitCode;
 use surveying::check_points::{CheckPoint, load_check_points, write_check_points};
 use surveying::objects::write_objects;
 use surveying::{
-    CloudOptions, PointFile, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc,
-    write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
+    CloudOptions, PointFile, RasterOptions, RunFolder, TargetFrame, Tiling, WrittenTiles, write_cloudcompare,
+    write_copc, write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
 };
 
 /// Largest side of a tile, m.
@@ -143,16 +143,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
     // Tiles read and write each point, COPC also places it.
     let bar = progress_bar("deliver", run.index.n_points * if args.copc { 5 } else { 2 });
-    let (mut files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
+    let written = write_tiles(&run, target, &options, tiling, &args.out, |n| bar.inc(n))?;
+    let WrittenTiles { mut files, left_out } = written;
     let n_points = files.iter().map(|file| file.n_points).sum();
     let n_tiles = files.len();
     if args.copc {
-        files.push(write_copc(&run, target, &options, (&args.out, COPC_FILE), |n| bar.inc(n))?.0);
+        files.push(write_copc(&run, target, &options, &args.out, COPC_FILE, |n| bar.inc(n))?);
     }
     bar.finish_and_clear();
-    let others = write_others(args, &run, (target, &options), check_points)?;
+    let others = write_others(args, &run, target, &options, check_points)?;
     let unusable = others.check_points.as_ref().and_then(|found| found.unusable(bounds(&files)));
-    let facts = Facts::new(&run, &frame, (n_points, &files), left_out);
+    let facts = Facts::new(&run, &frame, n_points, &files, left_out);
     facts.write(&args.out)?;
     let delivered = Delivered { out: &args.out, facts, others };
     args.answer.print(&delivered, || delivered.text(n_tiles))?;
@@ -174,7 +175,8 @@ fn bounds(files: &[PointFile]) -> [[f64; 3]; 2] {
 fn write_others(
     args: &Args,
     run: &RunFolder,
-    (target, options): (&TargetFrame<'_>, &CloudOptions),
+    target: &TargetFrame<'_>,
+    options: &CloudOptions,
     check_points: Option<Vec<CheckPoint>>,
 ) -> anyhow::Result<Others> {
     let mut others = Others {

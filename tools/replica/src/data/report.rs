@@ -62,7 +62,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let runs: Vec<FinishedRun> = args.runs.iter().map(|folder| FinishedRun::load(folder)).collect::<Result<_, _>>()?;
     if let [run] = runs.as_slice() {
-        let (page, facts) = report(run).with_context(|| run.folder.display().to_string())?;
+        let RunReport { page, facts } = report(run).with_context(|| run.folder.display().to_string())?;
         write(args.out.as_deref().unwrap_or(&run.folder), REPORT_FILES, &page, &facts)?;
         args.answer.print(&facts, String::new)?;
     } else {
@@ -74,8 +74,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Page and facts of a run.
-fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
+/// The report on a run.
+struct RunReport {
+    page: String,
+    facts: Facts,
+}
+
+fn report(run: &FinishedRun) -> anyhow::Result<RunReport> {
     let material = Material::from_run(run)?;
     let fixes = material.drive_report.as_ref().map(|report| report.fixes.as_slice()).unwrap_or_default();
     let survey = material.survey.as_ref();
@@ -108,7 +113,7 @@ fn report(run: &FinishedRun) -> anyhow::Result<(String, Facts)> {
         stages: StageCosts::from_run(run),
         settings: Settings::from_run(run),
     };
-    Ok((sections::page(run, &facts, &material), facts))
+    Ok(RunReport { page: sections::page(run, &facts, &material), facts })
 }
 
 /// Writes both files, each atomically.

@@ -6,7 +6,7 @@ use anyhow::Context;
 use command_line::argument::words;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use settings::{Field, Settings, parse_table};
-use simulation::{DriveReport, DriveSettings, LidarGrade, Town, Traffic, write_drive};
+use simulation::{ClassRate, DriveReport, DriveSettings, LidarGrade, Town, Traffic, write_drive};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -178,7 +178,7 @@ fn print(report: &DriveReport, folder: &Path) -> std::io::Result<()> {
         report.n_images,
         report.n_mosaics
     )?;
-    for (class, share) in report.class_rates() {
+    for ClassRate { class, share } in report.class_rates() {
         writeln!(out, "{:>14} {:6.2} %", class.name(), share * 100.0)?;
     }
     Ok(())

@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use drive::Drive;
 use formats::raw_mosaic::RawMosaic;
 use formats::sensor_calibration::{FilterBand, SensorCalibration};
-use spectral::{Calibration, Camera, Mosaic, Reference, WhitePanel};
+use spectral::{Calibration, Camera, DarkReference, Mosaic, Reference, WhitePanel};
 use std::path::{Path, PathBuf};
 
 /// A calibrated camera and the meaning of its values.
@@ -26,9 +26,16 @@ pub struct CameraSetup {
 const REFLECTANCE: &str = "reflectance";
 const SHARE: &str = "share of the full scale, not a reflectance: no white reference";
 
+/// A camera of a drive.
+pub struct DriveCamera {
+    pub setup: CameraSetup,
+    /// Its frames.
+    pub frames: Vec<PathBuf>,
+}
+
 impl CameraSetup {
-    /// The camera of a drive, and its frames.
-    pub fn from_drive(folder: &Path, args: &Args) -> anyhow::Result<(Self, Vec<PathBuf>)> {
+    /// The camera of a drive.
+    pub fn from_drive(folder: &Path, args: &Args) -> anyhow::Result<DriveCamera> {
         let drive = Drive::open(folder)?;
         let mosaics = &drive.manifest().mosaics;
         let index = match &args.camera {
@@ -50,7 +57,7 @@ impl CameraSetup {
             exposure_nanos: Some(mosaics[index].exposure_nanos),
             is_reflectance: true,
         };
-        Ok((setup, frames.map(|frame| frame.path.clone()).collect()))
+        Ok(DriveCamera { setup, frames: frames.map(|frame| frame.path.clone()).collect() })
     }
 
     /// The camera of a single frame, with the references from the arguments.
@@ -67,7 +74,7 @@ impl CameraSetup {
         let of_sensor = sensor.as_ref().and_then(|sensor| sensor.bit_depth);
         let bit_depth = args.bit_depth.unwrap_or(frame.bit_depth.min(of_sensor.unwrap_or(16)));
         let mosaic = Mosaic::new(size, pattern, area, bit_depth)?;
-        let (calibration, is_reflectance) = calibration(&mosaic, frame, args)?;
+        let FrameCalibration { calibration, is_reflectance } = calibration(&mosaic, frame, args)?;
         let n_bands = mosaic.n_bands();
         let filters_nm: Vec<f64> = match &sensor {
             Some(sensor) => sensor.bands.iter().map(FilterBand::wavelength_nm).collect(),
@@ -98,18 +105,24 @@ impl CameraSetup {
     }
 }
 
-/// Calibration of the camera, and whether it gives reflectances.
-fn calibration(mosaic: &Mosaic, frame: &RawMosaic, args: &Args) -> anyhow::Result<(Calibration, bool)> {
+/// Calibration of a camera from arguments.
+struct FrameCalibration {
+    calibration: Calibration,
+    /// Whether it gives reflectances.
+    is_reflectance: bool,
+}
+
+fn calibration(mosaic: &Mosaic, frame: &RawMosaic, args: &Args) -> anyhow::Result<FrameCalibration> {
     let white = if args.white.is_empty() { None } else { Some(reference("white", &args.white, mosaic)?) };
     let of_frame = args.exposure_ms.or(frame.exposure_nanos);
-    let (dark, dark_nanos) = if args.dark.is_empty() {
-        (constant("dark", mosaic, 0)?, None)
+    let TimedReference { reference: dark, exposure_nanos: dark_nanos } = if args.dark.is_empty() {
+        TimedReference { reference: constant("dark", mosaic, 0)?, exposure_nanos: None }
     } else {
         reference("dark", &args.dark, mosaic)?
     };
     let dark_nanos = args.dark_exposure_ms.or(dark_nanos).or(of_frame).unwrap_or(1);
     let (white, white_nanos) = match (white, args.white_region) {
-        (Some((white, nanos)), _) => (white, args.white_exposure_ms.or(nanos).or(of_frame)),
+        (Some(white), _) => (white.reference, args.white_exposure_ms.or(white.exposure_nanos).or(of_frame)),
         (None, Some(_)) => {
             let mut white = Reference::new("white", mosaic);
             white.add(&frame.samples)?;
@@ -120,12 +133,16 @@ fn calibration(mosaic: &Mosaic, frame: &RawMosaic, args: &Args) -> anyhow::Resul
             let full = f64::from(mosaic.saturation());
             let panel = WhitePanel { exposure_nanos: 1, reflectances: vec![(full - 1.0) / full], region: None };
             let white = constant("white", mosaic, mosaic.saturation() - 1)?;
-            return Ok((Calibration::with_panel(mosaic, &[(1, &dark)], &white, &panel)?, false));
+            let calibration =
+                Calibration::with_panel(mosaic, &[DarkReference { exposure_nanos: 1, frames: &dark }], &white, &panel)?;
+            return Ok(FrameCalibration { calibration, is_reflectance: false });
         }
     };
     let exposure_nanos = white_nanos.context("--white-exposure-ms must be given: the file has no exposure time")?;
     let panel = WhitePanel { exposure_nanos, reflectances: args.white_reflectance.clone(), region: args.white_region };
-    Ok((Calibration::with_panel(mosaic, &[(dark_nanos, &dark)], &white, &panel)?, true))
+    let dark = DarkReference { exposure_nanos: dark_nanos, frames: &dark };
+    let calibration = Calibration::with_panel(mosaic, &[dark], &white, &panel)?;
+    Ok(FrameCalibration { calibration, is_reflectance: true })
 }
 
 fn constant(what: &'static str, mosaic: &Mosaic, level: u16) -> anyhow::Result<Reference> {
@@ -134,8 +151,14 @@ fn constant(what: &'static str, mosaic: &Mosaic, level: u16) -> anyhow::Result<R
     Ok(reference)
 }
 
-/// The mean of all frames, and their exposure time if it is the same in all files.
-fn reference(what: &'static str, paths: &[PathBuf], mosaic: &Mosaic) -> anyhow::Result<(Reference, Option<u64>)> {
+/// The mean of some frames.
+struct TimedReference {
+    reference: Reference,
+    /// Exposure time if it is the same in all files.
+    exposure_nanos: Option<u64>,
+}
+
+fn reference(what: &'static str, paths: &[PathBuf], mosaic: &Mosaic) -> anyhow::Result<TimedReference> {
     let mut reference = Reference::new(what, mosaic);
     let mut exposures = Vec::new();
     for path in images(paths)? {
@@ -153,7 +176,7 @@ fn reference(what: &'static str, paths: &[PathBuf], mosaic: &Mosaic) -> anyhow::
         exposures.push(frame.exposure_nanos);
     }
     let first = exposures.first().copied().flatten().filter(|first| exposures.iter().all(|e| *e == Some(*first)));
-    Ok((reference, first))
+    Ok(TimedReference { reference, exposure_nanos: first })
 }
 
 /// The files, and the images of the folders sorted by name.

@@ -36,7 +36,7 @@ pub struct Args {
 
 /// Prints the table.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let (mut overlaps, n_unknown) = overlaps(&args.truth, &args.prediction)?;
+    let ComparedPoints { mut overlaps, n_unknown } = overlaps(&args.truth, &args.prediction)?;
     let void = ClassId::Unlabeled as u8;
     let scores = args.classes.iter().map(|&class| overlaps.score(class as u8, void, args.min_points));
     let scores: Vec<InstanceScores> = scores.collect();
@@ -48,8 +48,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(exit_code::INCOMPLETE))
 }
 
-/// The overlaps of all points, and the number of points without truth.
-fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<(Overlaps, u64)> {
+/// All points of a run.
+struct ComparedPoints {
+    overlaps: Overlaps,
+    /// Number of points without truth.
+    n_unknown: u64,
+}
+
+fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<ComparedPoints> {
     let mut overlaps = Overlaps::default();
     let mut n_unknown = 0;
     let predicted_files = cloud_files(prediction)?;
@@ -68,7 +74,7 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<(Overlaps, u64)> 
                 }
             }
         }
-        return Ok((overlaps, n_unknown));
+        return Ok(ComparedPoints { overlaps, n_unknown });
     }
     let true_files = cloud_files(truth)?;
     let n_true = true_files.len();
@@ -82,7 +88,7 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<(Overlaps, u64)> 
         ensure!(n_true == n_points, "{}: {n_points} points, but {n_true} in the truth", file.display());
         truth.into_iter().zip(predicted).for_each(|(truth, predicted)| overlaps.add(truth, predicted));
     }
-    Ok((overlaps, n_unknown))
+    Ok(ComparedPoints { overlaps, n_unknown })
 }
 
 /// Class and instance of each point of a cloud.
@@ -146,16 +152,16 @@ mod tests {
                 write_cloud(&side.join(format!("{name}.ply")), &[vec![(10, id); n], vec![(7, 0); 5]].concat());
             }
         }
-        let (mut overlaps, n_unknown) = overlaps(&truth, &found).expect("compares");
+        let ComparedPoints { mut overlaps, n_unknown } = overlaps(&truth, &found).expect("compares");
         let score = overlaps.score(10, 0, 10);
         assert_eq!((score.n_true, score.matches.as_slice(), n_unknown), (1, [1.0].as_slice(), 0));
         assert!(table(&[score]).contains("| vehicles | 1 | 1 | 100.00 | 100.00 |"));
 
         write_cloud(&found.join("b.ply"), &[(10, 3)]);
-        let error = super::overlaps(&truth, &found).expect_err("differs in length").to_string();
+        let error = super::overlaps(&truth, &found).err().expect("differs in length").to_string();
         assert!(error.contains("b.ply: 1 points, but 9 in the truth"), "{error}");
         write_cloud(&found.join("b.ply"), &[(10, -3)]);
-        let error = super::overlaps(&truth, &found).expect_err("is negative").to_string();
+        let error = super::overlaps(&truth, &found).err().expect("is negative").to_string();
         assert!(error.contains("instance of point 0 is -3"), "{error}");
     }
 }

@@ -38,6 +38,14 @@ struct Group {
     sweeps: usize,
 }
 
+/// Means of two models.
+pub struct GroupMeans {
+    /// Classes of the models.
+    pub classes: Vec<ClassId>,
+    /// Means of the points with one of these classes, by group.
+    pub groups: Vec<LabeledMeans>,
+}
+
 impl PriorRecipe {
     /// Reads and checks a recipe.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
@@ -48,13 +56,8 @@ impl PriorRecipe {
         }
         Ok(recipe)
     }
-    /// The classes of two models, and for each group the means of its points with one of these classes.
-    pub fn means(
-        &self,
-        first: &Path,
-        second: &Path,
-        fusion: &Fusion,
-    ) -> anyhow::Result<(Vec<ClassId>, Vec<LabeledMeans>)> {
+    /// The means of the points of all groups.
+    pub fn means(&self, first: &Path, second: &Path, fusion: &Fusion) -> anyhow::Result<GroupMeans> {
         let mut classes = Vec::new();
         let mut groups = Vec::new();
         for group in &self.group {
@@ -63,7 +66,7 @@ impl PriorRecipe {
             groups.push(group.means(&fused)?);
             classes = fused.classes().to_vec();
         }
-        Ok((classes, groups))
+        Ok(GroupMeans { classes, groups })
     }
 }
 

@@ -1,5 +1,6 @@
 //! `replica-lab fit-materials`: fits the model of the materials.
 
+use super::library::{Kind, Library};
 use super::{TownArgs, is_held_out, library};
 use anyhow::Context;
 use command_line::say;
@@ -27,22 +28,31 @@ pub struct Args {
     out: PathBuf,
 }
 
+/// A fit with ascending bands.
+struct SortedFit {
+    /// The bands of the simulation, ascending.
+    order: Vec<usize>,
+    fit: Fit,
+    wavelengths_nm: Vec<f32>,
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut found: Option<(Vec<usize>, Fit, Vec<f32>)> = None;
+    let mut found: Option<SortedFit> = None;
     args.towns.for_each(false, |town| {
-        let (order, fit, _) = found.get_or_insert_with(|| {
+        let SortedFit { order, fit, .. } = found.get_or_insert_with(|| {
             let nm = &town.spectra.wavelengths_nm;
             let mut order: Vec<usize> = (0..nm.len()).collect();
             order.sort_by(|a, b| nm[*a].total_cmp(&nm[*b]));
             let sorted: Vec<f32> = order.iter().map(|band| nm[*band]).collect();
             let mut fit = Fit::new(&sorted);
             for surface in Material::ALL.iter().filter(|surface| !is_held_out(**surface)) {
-                let (Some(material), spectrum) = (surface.id(), surface.spectrum()) else { continue };
+                let Some(material) = surface.id() else { continue };
+                let spectrum = surface.spectrum();
                 let reflectances: Vec<f32> = sorted.iter().map(|nm| spectrum.at(*nm)).collect();
                 fit.add_surface(&format!("{surface:?}"), material, &reflectances);
             }
-            (order, fit, sorted)
+            SortedFit { order, fit, wavelengths_nm: sorted }
         });
         let spectra = sorted(&town.spectra, order);
         for (i, surface) in town.surfaces.iter().enumerate() {
@@ -52,10 +62,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         Ok(())
     })?;
-    let (_, mut fit, wavelengths_nm) = found.context("no submap was simulated")?;
+    let SortedFit { mut fit, wavelengths_nm, .. } = found.context("no submap was simulated")?;
     for path in &args.library {
-        let (known, others) = library::read(path, &wavelengths_nm)?;
-        for (name, material, reflectances) in &known {
+        let Library { known, others } = library::read(path, &wavelengths_nm)?;
+        for Kind { name, material, reflectances } in &known {
             fit.add_surface(name, *material, reflectances);
         }
         eprintln!("{}: {} kinds; without a material: {}", path.display(), known.len(), others.join(", "));

@@ -32,11 +32,23 @@ const KINDS: [(&str, MaterialId); 22] = [
     ("zinc", MaterialId::Metal),
 ];
 
-/// A kind of surface: its name, its material, and its reflectances.
-pub type Kind = (String, MaterialId, Vec<f32>);
+/// A kind of surface.
+pub struct Kind {
+    pub name: String,
+    pub material: MaterialId,
+    /// Mean of its samples.
+    pub reflectances: Vec<f32>,
+}
 
-/// Mean reflectances of the samples of each kind, at these wavelengths. Names without a material are also returned.
-pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<(Vec<Kind>, Vec<String>)> {
+/// A library of spectra.
+pub struct Library {
+    pub known: Vec<Kind>,
+    /// Names without a material.
+    pub others: Vec<String>,
+}
+
+/// Reads the kinds of a library at these wavelengths.
+pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<Library> {
     let mut kinds = BTreeMap::<String, Vec<Vec<f64>>>::new();
     let mut others = Vec::new();
     for spectrum in reference::read(path)? {
@@ -50,8 +62,10 @@ pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<(Vec<Kind>, V
         let sum = |band: usize| samples.iter().map(|values| values[band]).sum::<f64>();
         (0..wavelengths_nm.len()).map(|band| (sum(band) / samples.len() as f64) as f32).collect()
     };
-    let known = kinds.iter().filter_map(|(kind, samples)| Some((kind.clone(), material_of(kind)?, mean(samples))));
-    Ok((known.collect(), others))
+    let known = kinds.iter().filter_map(|(kind, samples)| {
+        Some(Kind { name: kind.clone(), material: material_of(kind)?, reflectances: mean(samples) })
+    });
+    Ok(Library { known: known.collect(), others })
 }
 
 /// The name without the number of the sample.

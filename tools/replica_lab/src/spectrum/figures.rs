@@ -128,7 +128,7 @@ impl Figures<'_> {
                 self.stretch.filter(is_same_kind).unwrap_or(default)
             }) {
                 let means = source.channels.iter().zip(&region.values).filter_map(|(channel, values)| {
-                    Some([nm(channel), moments(stretch.apply(channel, values).1.into_iter())?[0]])
+                    Some([nm(channel), moments(stretch.apply(channel, values).values.into_iter())?[0]])
                 });
                 lines.push(line(lines.len(), &format!("{}, {}", source.name, stretch.description()), means.collect()));
             }

@@ -1,7 +1,7 @@
 //! The report as Markdown, CSV or JSON.
 
 use super::reference::Match;
-use pictures::bands::channel::Channel;
+use pictures::bands::channel::{Channel, DenseInterval};
 use pictures::bands::source::Source;
 use serde::Serialize;
 use std::fmt::Write;
@@ -76,7 +76,7 @@ impl InputReport {
             max: channel.max(),
             deviation: channel.deviation(),
             densest: {
-                let (low, share) = channel.densest(0.1);
+                let DenseInterval { low, share } = channel.densest(0.1);
                 [share, low]
             },
             above: thresholds.iter().map(|threshold| channel.rate_above(*threshold)).collect(),

@@ -9,7 +9,7 @@ use intensities::augment_intensities;
 use random::Random;
 use segmentation::intensity::GroundIntensities;
 use segmentation::spherical::{PolarImage, PolarPixel};
-pub use sparse_view::sparse_view;
+pub use sparse_view::{SparseImage, sparse_view};
 use training::UNKNOWN;
 use view::random_view;
 

@@ -6,7 +6,7 @@ use super::{Calibration, SharedRecipe, TrainingRecipe};
 use kernels::images::Border;
 use segmentation::ComputeDevice;
 use segmentation::network::{CLASS_LAYER, Weights};
-use segmentation::spherical::{Settings, SphericalModel};
+use segmentation::spherical::{LoadedModel, Settings, SphericalModel};
 use std::path::Path;
 use training::{BevHead, ClassLayer, ImageNetwork, Variables, match_classes};
 
@@ -30,7 +30,7 @@ impl TrainingRecipe for Recipe {
         let variables = Variables::random(&settings.network, self.train.seed)?;
         if let Some(start) = &self.model.start {
             let start = folder.join(start);
-            let (model, mut weights) = SphericalModel::load(&start)?;
+            let LoadedModel { model, mut weights } = SphericalModel::load(&start)?;
             let tensors = &["weight", "bias"].map(|kind| format!("{CLASS_LAYER}.{kind}"));
             let n_classes = match_classes(
                 &mut weights,

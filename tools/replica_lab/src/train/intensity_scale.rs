@@ -47,7 +47,7 @@ mod tests {
             every: 1,
         };
         let mut ground = GroundHistogram::default();
-        ground.add((0..5000).map(|i| (8 + (i % 9) as u8, 0.0)));
+        (0..5000).for_each(|i| ground.add(8 + (i % 9) as u8, 0.0));
         assert_eq!(IntensityScale::for_source(&source(None), &ground), IntensityScale::Own);
         let scale = IntensityScale::for_source(&source(Some(0.9)), &ground);
         assert_eq!(scale, IntensityScale::Foreign(ground.quantiles()));

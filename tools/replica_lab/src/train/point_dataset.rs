@@ -15,7 +15,7 @@ use messages::ClassId;
 use random::Random;
 use segmentation::ModelInput;
 use segmentation::intensity::{GroundHistogram, GroundIntensities};
-use segmentation::points::{CellCloud, PointSettings};
+use segmentation::points::{CellCloud, GriddedCells, PointSettings};
 use std::path::Path;
 use training::{
     Augmentation, ClassifiedCells, Dataset, DrawnItem, PointExample, TrainingSpheres, UNKNOWN, classes_of_cells,
@@ -63,7 +63,8 @@ impl PointDataset {
         })
     }
 
-    fn push(&mut self, (labeled, ground): (ClassifiedCells, GroundHistogram), weight: f64) -> anyhow::Result<()> {
+    fn push(&mut self, submap: SubmapCells, weight: f64) -> anyhow::Result<()> {
+        let SubmapCells { cells: labeled, ground } = submap;
         for class in 0..self.counts.len() {
             let n = labeled.truth.iter().filter(|of| usize::from(**of) == class).count();
             self.counts[class] += n as u64;
@@ -97,29 +98,38 @@ impl PointDataset {
     }
 }
 
-/// The cells of a submap with the most frequent class of their points, without removed classes, and the intensities of its
-/// ground.
+/// The cells of a submap, without removed classes.
+struct SubmapCells {
+    /// Each has the most frequent class of its points.
+    cells: ClassifiedCells,
+    /// Intensities of the ground.
+    ground: GroundHistogram,
+}
+
 fn cells_of(
     Labeled { input: whole, classes }: &Labeled<'_>,
-    (outputs, removed_classes): (&[u8], &RemovedClasses),
+    outputs: &[u8],
+    removed_classes: &RemovedClasses,
     settings: &PointSettings,
     scale: IntensityScale,
-) -> anyhow::Result<(ClassifiedCells, GroundHistogram)> {
+) -> anyhow::Result<SubmapCells> {
     let of_all_m = whole.ground().heights(whole.points);
     let points = removed_classes.kept(whole.points, classes);
     let heights_m = removed_classes.kept(&of_all_m, classes);
     let colors = whole.colors.map(|colors| removed_classes.kept(colors, classes));
     let kept_classes = removed_classes.kept(classes, classes);
     let input = ModelInput { points: &points, colors: colors.as_deref(), spectra: None, ..*whole };
-    let (cloud, grid) =
+    let GriddedCells { cloud, grid } =
         CellCloud::from_input(&input, &heights_m, &scale.map(whole.points, &of_all_m), settings.cell_m)?;
     let kept_outputs: Vec<u8> = kept_classes.iter().map(|class| outputs[usize::from(*class)]).collect();
     let truth = classes_of_cells(&grid, &kept_outputs);
     let mut ground = GroundHistogram::default();
     if !cloud.intensities.is_empty() && scale == IntensityScale::Own {
-        ground.add(whole.points.iter().zip(&of_all_m).map(|(point, height_m)| (point.intensity, *height_m)));
+        for (point, height_m) in whole.points.iter().zip(&of_all_m) {
+            ground.add(point.intensity, *height_m);
+        }
     }
-    Ok((ClassifiedCells { cloud, truth }, ground))
+    Ok(SubmapCells { cells: ClassifiedCells { cloud, truth }, ground })
 }
 
 impl TrainingData for PointDataset {
@@ -128,8 +138,8 @@ impl TrainingData for PointDataset {
         let settings = self.settings.clone();
         let needs = self.needs.clone();
         let removed_classes = self.removed_classes.clone();
-        let convert = |of: Labeled<'_>| cells_of(&of, (&outputs, &removed_classes), &settings, IntensityScale::Own);
-        simulate((data, seeds), &needs, convert, |cells| self.push(cells, 1.0), progress)
+        let convert = |of: Labeled<'_>| cells_of(&of, &outputs, &removed_classes, &settings, IntensityScale::Own);
+        simulate(data, seeds, &needs, convert, |cells| self.push(cells, 1.0), progress)
     }
 
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
@@ -139,10 +149,9 @@ impl TrainingData for PointDataset {
         let mut n_labeled = 0;
         while let Some(submap) = recording.next()? {
             if n_submaps % source.every == 0 {
-                let removed = (self.outputs.as_slice(), &self.removed_classes);
-                let cells = cells_of(&submap.labeled(), removed, &self.settings, scale)?;
+                let cells = cells_of(&submap.labeled(), &self.outputs, &self.removed_classes, &self.settings, scale)?;
                 // Data sets label key frames only.
-                let is_labeled = cells.0.truth.iter().any(|class| *class != UNKNOWN);
+                let is_labeled = cells.cells.truth.iter().any(|class| *class != UNKNOWN);
                 if is_labeled {
                     self.push(cells, source.weight)?;
                 }
@@ -241,7 +250,7 @@ mod tests {
         let header = SubmapHeader::default();
         let of = Labeled { input: ModelInput::new(&header, &points), classes: &classes };
         let cells =
-            cells_of(&of, (&data.outputs, &data.removed_classes), &data.settings, IntensityScale::Own).expect("cells");
+            cells_of(&of, &data.outputs, &data.removed_classes, &data.settings, IntensityScale::Own).expect("cells");
         data.push(cells, weight).expect("written");
         data.finish();
     }

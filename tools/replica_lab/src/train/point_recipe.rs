@@ -166,7 +166,7 @@ mod tests {
             panic!("a recipe of points")
         };
         let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/points.safetensors");
-        let (model, _) = PointModel::load(Path::new(model)).expect("loads");
+        let model = PointModel::load(Path::new(model)).expect("loads");
         let of_recipe = recipe.settings().expect("settings");
         let ground_intensities = model.settings().ground_intensities;
         assert_eq!(model.settings(), &PointSettings { ground_intensities, ..of_recipe });

@@ -32,7 +32,8 @@ impl TrainingRecipe for PointRecipe {
         let mut network = PointNetwork::random(&settings.network, self.train.seed)?;
         if let Some(start) = &self.model.start {
             let start = folder.join(start);
-            let (model, mut weights) = PointModel::load(&start)?;
+            let model = PointModel::load(&start)?;
+            let mut weights = model.weights()?;
             let n_classes =
                 match_classes(&mut weights, class_layer(model.settings()), &network.weights()?, class_layer(&settings));
             let n_taken = network.begin_with(&weights)?;

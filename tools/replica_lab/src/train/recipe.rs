@@ -176,7 +176,7 @@ mod tests {
         let recipe: Recipe = toml::from_str(&shipped()).expect("is a recipe");
         recipe.check().expect("is right");
         let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/street.safetensors");
-        let (model, _) = segmentation::spherical::SphericalModel::load(Path::new(model)).expect("loads");
+        let model = segmentation::spherical::SphericalModel::load(Path::new(model)).expect("loads").model;
         let &Settings { temperature, ground_intensities, .. } = model.settings();
         let of_recipe = recipe.settings().expect("settings");
         assert_eq!(model.settings(), &Settings { temperature, ground_intensities, ..of_recipe });

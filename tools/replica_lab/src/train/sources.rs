@@ -17,7 +17,8 @@ pub struct Labeled<'a> {
 /// Simulates drives. `convert` runs in parallel on each submap; `push` receives the results in order. Calls `progress` with the number
 /// of finished drives and of all drives.
 pub fn simulate<T: Send>(
-    (data, seeds): (&Data, Range),
+    data: &Data,
+    seeds: Range,
     needs: &CameraNeeds,
     convert: impl Fn(Labeled<'_>) -> anyhow::Result<T> + Sync,
     mut push: impl FnMut(T) -> anyhow::Result<()>,

@@ -1,7 +1,7 @@
 //! The data set of a recipe: sweeps of simulated towns and of recordings.
 
 use super::TrainingData;
-use super::augmentation::{augment, sparse_view};
+use super::augmentation::{SparseImage, augment, sparse_view};
 use super::bev_labels::bev_labels;
 use super::camera_columns::CameraNeeds;
 use super::camera_dropout::ImageAugmentation;
@@ -76,8 +76,9 @@ impl SweepDataset {
             self.counts[usize::from(*class)] += 1;
         }
         if image.image.has_intensity && scale == IntensityScale::Own {
-            let pixels = image.image.pixels.iter().filter(|pixel| pixel.is_valid());
-            self.ground.add(pixels.map(|pixel| (pixel.intensity, pixel.height_m)));
+            for pixel in image.image.pixels.iter().filter(|pixel| pixel.is_valid()) {
+                self.ground.add(pixel.intensity, pixel.height_m);
+            }
         }
         self.file.push(image)
     }
@@ -133,7 +134,7 @@ impl TrainingData for SweepDataset {
         let convert = |of: Labeled<'_>| Ok(images_of(&of, &settings, &removed_classes, IntensityScale::Own));
         let push =
             |images: Vec<LabeledImage>| images.iter().try_for_each(|image| self.push(image, IntensityScale::Own));
-        simulate((data, seeds), &needs, convert, push, progress)?;
+        simulate(data, seeds, &needs, convert, push, progress)?;
         self.end_source(first, 1.0);
         Ok(())
     }
@@ -206,7 +207,7 @@ impl Dataset for SweepDataset {
         });
         // Last, so that the random numbers of the other changes are the same without it.
         let sparse_view = random.filter(|_| self.has_sparse_views).map(|random| {
-            let (image, pixels) = sparse_view(&of_sweep, random);
+            let SparseImage { image, pixels } = sparse_view(&of_sweep, random);
             SparseView { input: self.input(&image), pixels }
         });
         let mut truth = of_sweep.truth;

@@ -206,7 +206,7 @@ fn row(weights: &Weights, row: usize) -> &[f32] {
 fn training_from_a_model_with_other_classes_starts_with_the_outputs_of_the_same_names() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = train(folder.path(), "first", &recipe_text(CLASSES, "", TOWNS));
-    let (_, first) = SphericalModel::load(&path).expect("loads");
+    let first = SphericalModel::load(&path).expect("loads").weights;
     let start = |classes: &str| {
         let recipe = recipe(classes, "start = 'first/model.safetensors'", TOWNS);
         recipe.network(folder.path(), ComputeDevice::Cpu).expect("a network").weights().expect("weights")
@@ -229,7 +229,7 @@ fn training_from_a_model_with_other_classes_starts_with_the_outputs_of_the_same_
 fn model_has_the_temperature_of_the_recipe() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = train(folder.path(), "fixed", &recipe_text(CLASSES, "temperature = 2.5", TOWNS));
-    let temperature = SphericalModel::load(&path).expect("loads").0.settings().temperature;
+    let temperature = SphericalModel::load(&path).expect("loads").model.settings().temperature;
     assert!((temperature - 2.5).abs() < 1e-6, "{temperature}");
 }
 
@@ -239,7 +239,7 @@ fn model_is_a_mean_of_the_weights_before_and_after_training() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let weights = |name: &str, model: &str| {
         let path = train(folder.path(), name, &recipe_text(CLASSES, model, TOWNS));
-        SphericalModel::load(&path).expect("loads").1
+        SphericalModel::load(&path).expect("loads").weights
     };
     let start = weights("start", "");
     let after = weights("after", "start = 'start/model.safetensors'");
@@ -314,7 +314,7 @@ fn training_with_consistency_and_bev_head_gives_a_model_without_the_head() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let weights = |name: &str, terms: &str| {
         let text = recipe_text(CLASSES, "", TOWNS).replace("[train]", &format!("[train]\n{terms}"));
-        SphericalModel::load(&train(folder.path(), name, &text)).expect("loads").1
+        SphericalModel::load(&train(folder.path(), name, &text)).expect("loads").weights
     };
     let off = weights("off", "");
     let on = weights("on", "consistency = 1.0\nbev_head = 0.5");

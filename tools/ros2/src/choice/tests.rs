@@ -11,7 +11,7 @@ fn topics(found: &[(&str, &str)]) -> Topics {
 }
 
 fn chosen(found: &[(&str, &str)], more: &[&str]) -> (Vec<(String, String)>, String) {
-    let (roles, notes) = choose(&topics(found), &args(more)).expect("chooses");
+    let Choice { roles, notes } = choose(&topics(found), &args(more)).expect("chooses");
     (roles.into_iter().map(|(role, topic)| (role.to_string(), topic)).collect(), notes.join("\n"))
 }
 
@@ -42,7 +42,7 @@ fn only_topic_of_a_type_gets_its_role() {
 #[test]
 fn several_topics_of_a_type_are_refused_until_one_is_named() {
     let found = [("/a/imu", "sensor_msgs/Imu"), ("/b/imu", "sensor_msgs/Imu")];
-    let error = choose(&topics(&found), &args(&[])).expect_err("is ambiguous").to_string();
+    let error = choose(&topics(&found), &args(&[])).err().expect("is ambiguous").to_string();
     assert_eq!(error, "several topics can be the imu: /a/imu, /b/imu; --topic imu=TOPIC chooses");
     assert_eq!(chosen(&found, &["--topic", "imu=/b/imu"]).0, []);
 }
@@ -92,6 +92,6 @@ fn sensors_without_target_are_not_chosen() {
         ("/imu", "sensor_msgs/Imu"),
         ("/points", "sensor_msgs/PointCloud2"),
     ]);
-    let (roles, notes) = choose(&found, &args).expect("chooses");
+    let Choice { roles, notes } = choose(&found, &args).expect("chooses");
     assert_eq!((roles, notes), (BTreeMap::from([(Role::Imu, "/imu".to_owned())]), Vec::new()));
 }

@@ -90,6 +90,13 @@ impl FixLog {
     }
 }
 
+/// Samples that are due.
+pub(super) struct TakenSamples {
+    pub(super) rows: Vec<ImuRow>,
+    /// Errors of damaged lines.
+    pub(super) errors: Vec<ImuError>,
+}
+
 /// The IMU.
 pub(super) struct SampleLog {
     path: PathBuf,
@@ -105,12 +112,8 @@ impl SampleLog {
         Self { path, log, parser, waiting: VecDeque::new(), n_left_out: 0, n_interruptions: 0 }
     }
 
-    /// Samples up to the last sweep, and errors of damaged lines.
-    pub(super) fn take_due(
-        &mut self,
-        span: Option<[i64; 2]>,
-        clocks: &mut Clocks,
-    ) -> Result<(Vec<ImuRow>, Vec<ImuError>), LiveError> {
+    /// Samples up to the last sweep.
+    pub(super) fn take_due(&mut self, span: Option<[i64; 2]>, clocks: &mut Clocks) -> Result<TakenSamples, LiveError> {
         let mut errors = Vec::new();
         while let Some(line) = next_line(&mut self.log, &self.path)? {
             match self.parser.take(&line.text) {
@@ -133,7 +136,7 @@ impl SampleLog {
             acceleration,
             angular_rate,
         };
-        Ok((samples.into_iter().map(row).collect(), errors))
+        Ok(TakenSamples { rows: samples.into_iter().map(row).collect(), errors })
     }
 
     pub(super) fn take_counts(&mut self) -> [(&'static str, u64); 2] {

@@ -30,6 +30,15 @@ struct Folder {
     n_added: u64,
 }
 
+/// Frames that were added during the run.
+#[derive(Debug, Default, PartialEq)]
+pub struct AddedReferences {
+    /// Number of frames.
+    pub n: u64,
+    /// A note for the operator for each folder with its first ones.
+    pub notes: Vec<String>,
+}
+
 impl References {
     /// Records the frames of a camera: the frames next to its images, else the frames of the rig.
     pub fn record(&mut self, camera: &str, images: &Path, of_rig: &Path, recorded: &Path) -> io::Result<()> {
@@ -46,11 +55,10 @@ impl References {
         Ok(())
     }
 
-    /// Number of frames that were added since the last search, and a line for the operator for each folder with the first ones. Searches
-    /// every ten seconds, or at the end.
-    pub fn added(&mut self, is_end: bool) -> (u64, Vec<String>) {
+    /// The frames that were added since the last search. Searches every ten seconds, or at the end.
+    pub fn added(&mut self, is_end: bool) -> AddedReferences {
         if !is_end && self.searched.is_some_and(|searched| searched.elapsed() < INTERVAL) {
-            return (0, Vec::new());
+            return AddedReferences::default();
         }
         self.searched = Some(Instant::now());
         let mut n_added = 0;
@@ -67,7 +75,7 @@ impl References {
             }
             folder.n_added = folder.n_added.max(later.len() as u64);
         }
-        (n_added, notes)
+        AddedReferences { n: n_added, notes }
     }
 }
 
@@ -107,14 +115,15 @@ mod tests {
         references.record("hs03", &at("grabber/hs03"), &at("rig/hs03"), &recorded).expect("records");
         assert!(recorded.join("dark/1.pgm").is_file() && recorded.join("white/3.pgm").is_file());
         assert!(!recorded.join("dark/2.pgm").exists(), "frames next to the images take precedence");
-        assert_eq!(references.added(false), (0, Vec::new()));
+        assert_eq!(references.added(false), AddedReferences::default());
         fs::write(at("grabber/hs03/dark/2000000/4.pgm"), "frame").expect("writes");
-        assert_eq!(references.added(false), (0, Vec::new()), "not yet again");
-        let (n, notes) = references.added(true);
+        assert_eq!(references.added(false), AddedReferences::default(), "not yet again");
+        let AddedReferences { n, notes } = references.added(true);
         assert_eq!((n, notes.len()), (1, 1));
         assert!(notes[0].contains("mosaic hs03: ") && notes[0].contains("dark/2000000/4.pgm was added"), "{notes:?}");
         fs::write(at("grabber/hs03/dark/5.pgm"), "frame").expect("writes");
-        assert_eq!(references.added(true), (1, Vec::new()), "one line for each folder");
+        let later = references.added(true);
+        assert_eq!(later, AddedReferences { n: 1, notes: Vec::new() }, "one line for each folder");
         assert!(!recorded.join("dark/5.pgm").exists());
     }
 }

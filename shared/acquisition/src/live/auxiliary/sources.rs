@@ -100,18 +100,19 @@ impl AuxiliarySources {
         }
     }
 
-    /// Creates the folders of the cameras, records their references and starts to watch.
+    /// Creates the folders of the cameras, records their `references` and starts to watch.
     pub(super) fn start_frames(
         &self,
         recording: &Path,
         entries: &RecordedEntries,
         trigger: Trigger,
-    ) -> Result<Option<(Frames, References)>, LiveError> {
-        let (Some(root), Some((rig, _))) = (&self.cameras, &self.rig) else { return Ok(None) };
+        references: &mut References,
+    ) -> Result<Option<Frames>, LiveError> {
+        let Some(root) = &self.cameras else { return Ok(None) };
+        let Some((rig, _)) = &self.rig else { return Ok(None) };
         let fault = |path: &Path, source: io::Error| LiveError::File { path: path.to_owned(), source };
         let mut watched = Vec::new();
         let mut names = BTreeMap::new();
-        let mut references = References::default();
         let color = entries
             .cameras
             .iter()
@@ -145,7 +146,7 @@ impl AuxiliarySources {
             recorded.and_then(|()| record_file(&rig.join(name), &target)).map_err(|error| fault(&target, error))?;
         }
         let watch = ImageWatch::start(watched, begin_of(recording).map_err(|error| fault(recording, error))?)?;
-        Ok(Some((Frames::new(watch, names, trigger), references)))
+        Ok(Some(Frames::new(watch, names, trigger)))
     }
 
     pub(super) fn start_fixes(&self, recording: &Path, entry: Option<&GnssEntry>) -> Result<Option<FixLog>, LiveError> {

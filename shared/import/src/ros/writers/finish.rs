@@ -164,12 +164,12 @@ impl Writers<'_> {
         let receiver = [Role::Nmea, Role::Gnss].into_iter().find_map(|role| Some((role, *roles.topics.get(&role)?)));
         if let (Some(log), Some((role, topic))) = (gnss, receiver) {
             let path = out.join(gnss::FILE);
-            let counts = (log.n_lines, log.n_late, log.n_without);
+            let counts = GnssCounts { n_lines: log.n_lines, n_late: log.n_late, n_without: log.n_without };
             let origin = log.finish().at(&path)?.ok_or("no position with a height".to_owned());
             let frame = frame_of.get(&role).map_or("", String::as_str);
             match origin.and_then(|origin| Ok((origin, rig.body_from(frame)?))) {
                 Ok((origin, body_from_antenna)) => {
-                    parts.report.extend(gnss_report(&topics[topic].name, role, counts));
+                    parts.report.extend(gnss_report(&topics[topic].name, role, &counts));
                     let antenna_in_body = body_from_antenna.translation.vector.into();
                     parts.manifest.gnss =
                         Some(GnssEntry { delay_nanos: 0, file: gnss::FILE.into(), origin, antenna_in_body });
@@ -280,7 +280,17 @@ fn imu_report(log: &imu::ImuLog, topic: &str, was_in_g: bool) -> Vec<String> {
     lines
 }
 
-fn gnss_report(topic: &str, role: Role, (n_lines, n_late, n_without): (u64, u64, u64)) -> Vec<String> {
+/// Lines of a log of fixes.
+struct GnssCounts {
+    n_lines: u64,
+    /// Not in order.
+    n_late: u64,
+    /// Without a position.
+    n_without: u64,
+}
+
+fn gnss_report(topic: &str, role: Role, counts: &GnssCounts) -> Vec<String> {
+    let GnssCounts { n_lines, n_late, n_without } = *counts;
     if role == Role::Nmea {
         return vec![format!("imported: {n_lines} NMEA sentences from {topic}")];
     }

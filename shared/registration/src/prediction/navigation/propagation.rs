@@ -2,7 +2,7 @@
 
 use super::{ATTITUDE, FORCE_BIAS, N, Navigation, POSITION, RATE_BIAS, ROTATION, VELOCITY, symmetric};
 use crate::Acceleration;
-use crate::prediction::sensors::SensorLog;
+use crate::prediction::sensors::{InertialInterval, SensorLog};
 use geometry::{Stamp, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
@@ -14,6 +14,14 @@ const FORCE_NOISE: f64 = 0.01;
 const RATE_NOISE: f64 = 3e-4;
 const FORCE_BIAS_WALK: f64 = 2e-4;
 const RATE_BIAS_WALK: f64 = 1e-5;
+
+/// Integral over inertial samples.
+struct InertialIntegral {
+    /// Integral of the specific force in the axes at the start of the step.
+    force: Vector3<f64>,
+    /// Mean axes of the body there.
+    axes: Matrix3<f64>,
+}
 
 /// Time constant with which an unmeasured rotation decays to straight motion, s.
 const STRAIGHTENING_S: f64 = 1.0;
@@ -44,7 +52,7 @@ impl Navigation {
         let mut add = |part: usize, sigma: f64| noise.fixed_rows_mut::<3>(part).fill(sigma * sigma);
         set(POSITION, VELOCITY, Matrix3::identity() * seconds);
         if has_samples {
-            let (force, axes) = self.integrate(log, [from, to]);
+            let InertialIntegral { force, axes } = self.integrate(log, [from, to]);
             let gravity = self.gravity().cross_matrix() * self.begin_from_level() * seconds;
             for (part, by) in [(VELOCITY, 1.0), (POSITION, seconds * 0.5)] {
                 set(part, ROTATION, -force.cross_matrix() * by);
@@ -71,13 +79,12 @@ impl Navigation {
         self.cross_covariance *= transition.transpose();
     }
 
-    /// Integrates inertial samples. Returns the integral of the specific force in the axes at the start of the step,
-    /// and the mean axes of the body there.
-    fn integrate(&mut self, log: &SensorLog, [from, to]: [Stamp; 2]) -> (Vector3<f64>, Matrix3<f64>) {
+    /// Integrates inertial samples.
+    fn integrate(&mut self, log: &SensorLog, [from, to]: [Stamp; 2]) -> InertialIntegral {
         let gravity = self.gravity();
         let begin = self.rotation;
         let mut integral = Vector3::zeros();
-        for (seconds, force, rate) in log.between(from, to) {
+        for InertialInterval { seconds, force, rate } in log.between(from, to) {
             let half_rotation = UnitQuaternion::from_scaled_axis((rate - self.rate_bias) * (seconds * 0.5));
             let half_way = self.rotation * half_rotation;
             let force = half_way * (force - self.force_bias);
@@ -87,7 +94,8 @@ impl Navigation {
             self.rotation = half_way * half_rotation;
             integral += force * seconds;
         }
-        (integral, begin.slerp(&self.rotation, 0.5).to_rotation_matrix().into_inner())
+        let axes = begin.slerp(&self.rotation, 0.5).to_rotation_matrix().into_inner();
+        InertialIntegral { force: integral, axes }
     }
 
     /// Continues at constant velocity. Returns the mean axes of the body relative to the axes at the start of the step.

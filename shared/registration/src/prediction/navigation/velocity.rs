@@ -22,7 +22,7 @@ impl Navigation {
     pub(super) fn update_velocity(&mut self, measured: &GroundVelocity, log: &SensorLog, mounting: &SensorMounting) {
         let lever = mounting.antenna_in_body - mounting.imu_in_body;
         let rate = log.mean(measured.stamp.plus_nanos(-20_000_000), measured.stamp.plus_nanos(20_000_000));
-        let rate = rate.map_or(self.last_rate, |(_, rate)| rate - self.rate_bias);
+        let rate = rate.map_or(self.last_rate, |mean| mean.rate - self.rate_bias);
         let by_rotation = self.rotation * rate.cross(&lever);
         let [east, north] = measured.east_north;
         if !self.north_is_known {

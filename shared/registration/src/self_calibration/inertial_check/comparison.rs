@@ -30,6 +30,15 @@ pub struct Fit {
     pub scale: f64,
 }
 
+/// The best fit to the sums.
+#[derive(Clone, Copy, Debug)]
+pub struct BestFit {
+    /// The fit.
+    pub fit: Fit,
+    /// Residual of the best fit with other axes.
+    pub other_residual: f64,
+}
+
 impl Fit {
     /// Body axes and the documented unit of measurement.
     pub const NOMINAL: Self = Self { axes: Axes::BODY, scale: 1.0 };
@@ -82,15 +91,15 @@ impl Sums {
         sum.max(0.0)
     }
 
-    /// The best fit with one of these scales, and the residual of the second best with other axes.
-    pub fn best(&self, scales: &[f64]) -> (Fit, f64) {
+    /// The best fit with one of these scales.
+    pub fn best(&self, scales: &[f64]) -> BestFit {
         let fits = || Axes::all().flat_map(|axes| scales.iter().map(move |scale| Fit { axes, scale: *scale }));
         let least = |fits: &mut dyn Iterator<Item = Fit>| {
             fits.map(|fit| (fit, self.residual(&fit))).min_by(|a, b| a.1.total_cmp(&b.1))
         };
-        let (best, _) = least(&mut fits()).unwrap_or((Fit::NOMINAL, 0.0));
-        let (_, second) = least(&mut fits().filter(|fit| fit.axes != best.axes)).unwrap_or((best, f64::MAX));
-        (best, second)
+        let (fit, _) = least(&mut fits()).unwrap_or((Fit::NOMINAL, 0.0));
+        let others = least(&mut fits().filter(|other| other.axes != fit.axes));
+        BestFit { fit, other_residual: others.map_or(f64::MAX, |(_, residual)| residual) }
     }
 
     /// Sum of the outer products of body and unit vectors under a fit.
@@ -115,7 +124,7 @@ mod tests {
                 sums.add(&body, &(axes.matrix().transpose() * biased));
             }
             let centered = sums.centered();
-            let (best, second) = centered.best(&[1.0, degrees]);
+            let BestFit { fit: best, other_residual: second } = centered.best(&[1.0, degrees]);
             assert_eq!(best, Fit { axes, scale: degrees });
             assert!(centered.residual(&best) < 1e-9 && second > 1e-3, "{second}");
         }

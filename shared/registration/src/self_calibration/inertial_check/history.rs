@@ -27,12 +27,19 @@ struct Knot {
     angle: Vector3<f64>,
 }
 
+/// Pose of the body at a time.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct TimedPose {
+    stamp: i64,
+    pose: Pose,
+}
+
 /// Recent samples and poses.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct History {
     knots: VecDeque<Knot>,
     /// Consecutively measured poses.
-    poses: VecDeque<(i64, Pose)>,
+    poses: VecDeque<TimedPose>,
     /// Stamp up to which rotations have been compared.
     rotations_until: i64,
     /// Stamp up to which accelerations have been compared.
@@ -60,12 +67,16 @@ impl History {
             self.poses.clear();
             return None;
         };
-        let is_next = |(last, _): &(i64, Pose)| seconds(*last, stamp.0) > 0.0 && seconds(*last, stamp.0) < MAX_STEP_S;
+        let is_next = |last: &TimedPose| {
+            let step_s = seconds(last.stamp, stamp.0);
+            step_s > 0.0 && step_s < MAX_STEP_S
+        };
         if !self.poses.back().is_some_and(is_next) {
             self.poses.clear();
         }
-        let rate = self.poses.back().map(|last| angular_rate(last, &(stamp.0, *pose)));
-        self.poses.push_back((stamp.0, *pose));
+        let next = TimedPose { stamp: stamp.0, pose: *pose };
+        let rate = self.poses.back().map(|last| angular_rate(last, &next));
+        self.poses.push_back(next);
         if self.poses.len() > MAX_POSES {
             self.poses.pop_front();
         }
@@ -84,14 +95,14 @@ impl History {
         let mut until = self.rotations_until;
         let Some(last) = self.knots.back() else { return };
         for (a, b) in self.poses.iter().zip(self.poses.iter().skip(1)) {
-            if b.0 <= until || b.0 + lag > last.stamp {
+            if b.stamp <= until || b.stamp + lag > last.stamp {
                 continue;
             }
-            until = b.0;
-            if self.covers(a.0 - lag, b.0 + lag) {
+            until = b.stamp;
+            if self.covers(a.stamp - lag, b.stamp + lag) {
                 let mean_at = |late_s: f64| {
                     let late = (late_s * 1e9) as i64;
-                    (self.angle_at(b.0 + late) - self.angle_at(a.0 + late)) / seconds(a.0, b.0)
+                    (self.angle_at(b.stamp + late) - self.angle_at(a.stamp + late)) / seconds(a.stamp, b.stamp)
                 };
                 use_pair(&angular_rate(a, b), &mean_at);
             }
@@ -108,26 +119,28 @@ impl History {
     ) {
         let mut until = self.accelerations_until;
         let Some(last) = self.knots.back().map(|knot| knot.stamp) else { return };
-        for (stamp, pose) in &self.poses {
-            if *stamp <= until {
+        for middle in &self.poses {
+            if middle.stamp <= until {
                 continue;
             }
-            let before = self.poses.iter().rfind(|(at, _)| seconds(*at, *stamp) >= HALF_SPAN_S);
-            let after = self.poses.iter().find(|(at, _)| seconds(*stamp, *at) >= HALF_SPAN_S);
-            let (Some((begin, from)), Some((end, to))) = (before, after) else { continue };
-            if *end > last {
+            let begin = self.poses.iter().rfind(|other| seconds(other.stamp, middle.stamp) >= HALF_SPAN_S);
+            let end = self.poses.iter().find(|other| seconds(middle.stamp, other.stamp) >= HALF_SPAN_S);
+            let Some(begin) = begin else { continue };
+            let Some(end) = end else { continue };
+            if end.stamp > last {
                 continue;
             }
-            until = *stamp;
-            if !self.covers(*begin, *end) {
+            until = middle.stamp;
+            if !self.covers(begin.stamp, end.stamp) {
                 continue;
             }
-            let at = |pose: &Pose| (pose * imu_in_body).coords;
-            let velocities =
-                [(at(pose) - at(from)) / seconds(*begin, *stamp), (at(to) - at(pose)) / seconds(*stamp, *end)];
-            let acceleration = (velocities[1] - velocities[0]) / (0.5 * seconds(*begin, *end));
-            let force = pose.rotation.inverse() * (acceleration + Vector3::z() * gravity_mps2);
-            use_pair(&force, &self.mean_force(*begin, *stamp, *end));
+            let velocity = |from: &TimedPose, to: &TimedPose| {
+                ((to.pose * imu_in_body).coords - (from.pose * imu_in_body).coords) / seconds(from.stamp, to.stamp)
+            };
+            let change = velocity(middle, end) - velocity(begin, middle);
+            let acceleration = change / (0.5 * seconds(begin.stamp, end.stamp));
+            let force = middle.pose.rotation.inverse() * (acceleration + Vector3::z() * gravity_mps2);
+            use_pair(&force, &self.mean_force(begin.stamp, middle.stamp, end.stamp));
         }
         self.accelerations_until = until;
     }
@@ -175,6 +188,6 @@ fn seconds(from: i64, to: i64) -> f64 {
     (to - from) as f64 * 1e-9
 }
 
-fn angular_rate((begin, from): &(i64, Pose), (end, to): &(i64, Pose)) -> Vector3<f64> {
-    (from.rotation.inverse() * to.rotation).scaled_axis() / seconds(*begin, *end)
+fn angular_rate(from: &TimedPose, to: &TimedPose) -> Vector3<f64> {
+    (from.pose.rotation.inverse() * to.pose.rotation).scaled_axis() / seconds(from.stamp, to.stamp)
 }

@@ -1,6 +1,6 @@
 //! Decides whether the unit is correct, wrong, or correct in other axes or units.
 
-use super::comparison::{Fit, Sums};
+use super::comparison::{BestFit, Fit, Sums};
 use super::{
     DEGREE, GRAVITY_MPS2, InertialCheck, InertialCorrection, InertialMounting, LAG_STEP_S, LAG_STEPS, Trust, lag_s,
 };
@@ -103,18 +103,20 @@ impl InertialCheck {
 
     fn rate_evidence(&self, rates: &[Sums]) -> Evidence {
         let scales = [1.0, DEGREE];
-        let found = rates.iter().map(|sums| (sums, sums.best(&scales)));
-        let least = found.clone().min_by(|a, b| a.0.residual(&a.1.0).total_cmp(&b.0.residual(&b.1.0)));
-        let Some((sums, (best, _))) = least else {
+        let found = rates.iter().map(|sums| {
+            let best = sums.best(&scales).fit;
+            (best, sums.residual(&best), sums)
+        });
+        let least = found.min_by(|(_, a, _), (_, b, _)| a.total_cmp(b));
+        let Some((best, residual, sums)) = least else {
             return Evidence { best: Fit::NOMINAL, residual: 0.0, over_current: 0.0, over_others: 0.0 };
         };
-        let residual = sums.residual(&best);
         let variance = (residual / (3.0 * sums.n())).max(RATE_SIGMA * RATE_SIGMA);
         let likelier = |other: f64| (other - residual) / (2.0 * variance * RATES_PER_PAIR);
         // Fits with other axes at any time offset, and with these axes at the current one.
         let others = rates.iter().map(|sums| {
-            let (fit, second) = sums.best(&scales);
-            if fit.axes == best.axes { second } else { sums.residual(&fit) }
+            let BestFit { fit, other_residual } = sums.best(&scales);
+            if fit.axes == best.axes { other_residual } else { sums.residual(&fit) }
         });
         let over_others = likelier(others.fold(f64::MAX, f64::min));
         let of_current = rates.iter().map(|sums| sums.residual(&self.correction.rate)).fold(f64::MAX, f64::min);
@@ -123,12 +125,12 @@ impl InertialCheck {
 
     fn force_evidence(&self) -> Evidence {
         let scales = [1.0, GRAVITY_MPS2];
-        let (best, second) = self.forces.best(&scales);
+        let BestFit { fit: best, other_residual } = self.forces.best(&scales);
         let residual = self.forces.residual(&best);
         let variance = (residual / (3.0 * self.forces.n())).max(FORCE_SIGMA * FORCE_SIGMA);
         let likelier = |other: f64| (other - residual) / (2.0 * variance * FORCES_PER_PAIR);
         let over_current = likelier(self.forces.residual(&self.correction.force));
-        Evidence { best, residual, over_current, over_others: likelier(second) }
+        Evidence { best, residual, over_current, over_others: likelier(other_residual) }
     }
 
     /// Reason why the current correction does not fit.

@@ -7,11 +7,15 @@ use lidar::velodyne::Model;
 use messages::MAX_LIDARS;
 use std::collections::BTreeSet;
 
-/// The first LiDAR, its name, and the other LiDARs; `None` if one of them has problems.
-pub(super) fn lidars(
-    file: &mut TomlFile,
-    raws: Vec<Option<RawLidar>>,
-) -> Option<(LidarSpec, Option<String>, Vec<OtherLidarSpec>)> {
+/// The LiDARs of a rig.
+pub(super) struct RigLidars {
+    pub first: LidarSpec,
+    pub first_name: Option<String>,
+    pub others: Vec<OtherLidarSpec>,
+}
+
+/// Checks the LiDARs; `None` if one of them has problems.
+pub(super) fn lidars(file: &mut TomlFile, raws: Vec<Option<RawLidar>>) -> Option<RigLidars> {
     let n = raws.len();
     file.rule("lidar", n <= MAX_LIDARS, || format!("{n} LiDARs; at most {MAX_LIDARS} are supported"));
     let mut names = BTreeSet::new();
@@ -27,17 +31,16 @@ pub(super) fn lidars(
         file.rule(&format!("{key}.name"), n == 1 || is_word, || {
             format!("value {name:?} must be a name of its own: a to z, 0 to 9, _")
         });
-        found.push((name, spec?));
+        found.push(OtherLidarSpec { name, lidar: spec? });
     }
     let mut found = found.into_iter();
-    let (name, first) = found.next()?;
-    let others = found.map(|(name, lidar)| OtherLidarSpec { name, lidar }).collect();
-    Some((first, Some(name).filter(|name| !name.is_empty()), others))
+    let OtherLidarSpec { name, lidar: first } = found.next()?;
+    let first_name = Some(name).filter(|name| !name.is_empty());
+    Some(RigLidars { first, first_name, others: found.collect() })
 }
 
 fn lidar(file: &mut TomlFile, key: &str, raw: &RawLidar) -> Option<LidarSpec> {
     let body_from_lidar = pose(file, &format!("{key}.mounting"), &raw.mounting);
-    let models = Model::ALL.map(|model| (model.name(), model));
-    let model = one_of(file, &format!("{key}.model"), &raw.model, &models)?;
+    let model = one_of(file, &format!("{key}.model"), &raw.model, &Model::ALL, |model| model.name())?;
     Some(LidarSpec { model, body_from_lidar })
 }

@@ -23,9 +23,9 @@ use lidar::nmea::{Fix, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_
 use place::{GEOID_M, world};
 use random::hash;
 use rayon::prelude::*;
-use receiver::Tracking;
-use signal::{Antenna, Around, Signal, Surroundings};
-use sky::{Satellite, Sky};
+use receiver::{ReceivedSignal, Tracking};
+use signal::{Antenna, Around, Surroundings};
+use sky::Sky;
 use std::fmt::Write;
 use town::Scene;
 
@@ -60,7 +60,7 @@ impl Epoch {
 
 /// Epochs of a drive, one per second.
 pub fn record(scene: &Scene, motion: &Motion, spec: &GnssSpec, seconds: f64, seed: u64) -> Vec<Epoch> {
-    record_in(|at| Around(scene, scene.at(at)), motion, spec, seconds, seed)
+    record_in(|at| Around { scene, snapshot: scene.at(at) }, motion, spec, seconds, seed)
 }
 
 fn record_in<S: Surroundings>(
@@ -79,19 +79,19 @@ fn record_in<S: Surroundings>(
         let place = (motion.pose(at) * antenna_in_body).coords;
         let around = around(at);
         let antenna = Antenna::new(&around, place, motion.velocity_of(&antenna_in_body, at), noise);
-        let received = |satellite| Some((satellite, antenna.receive(&satellite)?));
+        let received = |satellite| Some(ReceivedSignal { signal: antenna.receive(&satellite)?, satellite });
         sky.above(at).into_iter().filter_map(received).collect()
     };
     // Signals depend only on the position and are computed in parallel; the receiver has state.
-    let received: Vec<Vec<(Satellite, Signal)>> = (0..n).into_par_iter().map(receive).collect();
+    let received: Vec<Vec<ReceivedSignal>> = (0..n).into_par_iter().map(receive).collect();
     let mut tracking = Tracking::new(spec.receiver, hash(seed, 2));
     received.iter().enumerate().map(|(i, signals)| epoch(motion, spec, &mut tracking, i as i64, signals)).collect()
 }
 
-fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, signals: &[(Satellite, Signal)]) -> Epoch {
+fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, signals: &[ReceivedSignal]) -> Epoch {
     let at = i as f64;
     let stamp = motion.begin.plus_nanos(i * 1_000_000_000);
-    let n_in_sight = signals.iter().filter(|(_, signal)| !signal.is_reflected).count() as u32;
+    let n_in_sight = signals.iter().filter(|received| !received.signal.is_reflected).count() as u32;
     let Some(position) = tracking.next(signals) else {
         return Epoch { stamp, fix: None, n_in_sight, n_reflected: 0, error: None };
     };
@@ -138,6 +138,7 @@ mod tests {
     use super::*;
     use crate::motion::example;
     use raytrace::{Ray, Vec3};
+    use signal::SurfaceHit;
 
     /// Endless walls along the street: distance from its center line and height, m. With height 0 there are no walls.
     #[derive(Clone, Copy)]
@@ -150,25 +151,27 @@ mod tests {
         fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool {
             self.nearest(ray, max_m).is_some()
         }
-        fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, Vec3)> {
+        fn nearest(&self, ray: &Ray, max_m: f32) -> Option<SurfaceHit> {
             let side = ray.direction.y.signum();
             let range = (side * self.half_width - ray.origin.y) / ray.direction.y;
             let hits = range > 0.0 && range < max_m && ray.at(range).z < self.height;
-            hits.then(|| (range, Vec3::new(0.0, -side, 0.0)))
+            hits.then(|| SurfaceHit { range_m: range, normal: Vec3::new(0.0, -side, 0.0) })
         }
     }
 
     const FIELD: Canyon = Canyon { half_width: 20.0, height: -1e6 };
 
-    /// Whether there is a hill overhead.
-    struct Underground(bool);
+    struct Underground {
+        /// Whether there is a hill overhead.
+        has_hill: bool,
+    }
 
     impl Surroundings for Underground {
         fn is_blocked(&self, _: &Ray, _: f32) -> bool {
-            self.0
+            self.has_hill
         }
-        fn nearest(&self, ray: &Ray, _: f32) -> Option<(f32, Vec3)> {
-            self.0.then(|| (5.0, -ray.direction))
+        fn nearest(&self, ray: &Ray, _: f32) -> Option<SurfaceHit> {
+            self.has_hill.then(|| SurfaceHit { range_m: 5.0, normal: -ray.direction })
         }
     }
 
@@ -254,7 +257,7 @@ mod tests {
     fn tunnel_gives_an_outage_in_the_nmea_log() {
         let motion = motion();
         let spec = spec(Receiver::SingleFrequency);
-        let tunnel = |at: f64| Underground((20.0..28.0).contains(&at));
+        let tunnel = |at: f64| Underground { has_hill: (20.0..28.0).contains(&at) };
         let epochs = record_in(tunnel, &motion, &spec, 40.0, 3);
         let without: Vec<usize> = (0..epochs.len()).filter(|i| epochs[*i].fix.is_none()).collect();
         assert_eq!(without, (20..28).collect::<Vec<_>>());

@@ -97,9 +97,27 @@ pub struct Tracking {
     second: u64,
     slow: Vec<f64>,
     zenith: f64,
-    /// Error and variances of the filtered position; `None` before the first and after a long outage.
-    filtered: Option<(Vector3<f64>, Vector3<f64>)>,
+    /// `None` before the first position and after a long outage.
+    filtered: Option<FilteredPosition>,
     seconds_without: u32,
+}
+
+/// A satellite and its signal at the antenna.
+#[derive(Clone, Copy, Debug)]
+pub struct ReceivedSignal {
+    /// The satellite.
+    pub satellite: Satellite,
+    /// Its signal.
+    pub signal: Signal,
+}
+
+/// State of the filter per axis of the world frame.
+#[derive(Clone, Copy, Debug)]
+struct FilteredPosition {
+    /// Error of the position, m.
+    error: Vector3<f64>,
+    /// Its variances, m^2.
+    variances: Vector3<f64>,
 }
 
 impl Tracking {
@@ -113,8 +131,8 @@ impl Tracking {
     }
 
     /// The position one second later; `None` without a solution.
-    pub fn next(&mut self, signals: &[(Satellite, Signal)]) -> Option<Position> {
-        let ranges = signals.iter().filter_map(|(satellite, signal)| self.range(satellite, signal)).collect();
+    pub fn next(&mut self, signals: &[ReceivedSignal]) -> Option<Position> {
+        let ranges = signals.iter().filter_map(|received| self.range(&received.satellite, &received.signal)).collect();
         let solution = solve(ranges);
         let position = self.filter(solution);
         self.second += 1;
@@ -142,25 +160,28 @@ impl Tracking {
 
     /// Kalman filter per axis: predicted with the measured velocity, updated with new positions.
     fn filter(&mut self, solution: Option<Solution>) -> Option<Position> {
-        let spread = self.filtered.map(|(error, variances)| (error, variances.add_scalar(TRUST_M * TRUST_M)));
+        let spread = self.filtered.map(|filtered| FilteredPosition {
+            variances: filtered.variances.add_scalar(TRUST_M * TRUST_M),
+            ..filtered
+        });
         let Some(solution) = solution else {
             self.seconds_without += 1;
             self.filtered = spread.filter(|_| self.seconds_without <= FORGET_SECONDS);
             return None;
         };
         self.seconds_without = 0;
-        let (error, variances) = match spread {
-            None => (solution.error, solution.variances),
-            Some((error, variances)) => {
+        let filtered = match spread {
+            None => FilteredPosition { error: solution.error, variances: solution.variances },
+            Some(FilteredPosition { error, variances }) => {
                 let gain = variances.component_div(&(variances + solution.variances));
                 let error = error + gain.component_mul(&(solution.error - error));
-                (error, variances - gain.component_mul(&variances))
+                FilteredPosition { error, variances: variances - gain.component_mul(&variances) }
             }
         };
-        self.filtered = Some((error, variances));
+        self.filtered = Some(filtered);
         let speed_mps = self.receiver.errors().speed_mps * solution.hdop;
         let speed_error = Vector3::from_fn(|axis, _| speed_mps * self.draw(100 + axis as u64));
-        Some(Position { error, speed_error, hdop: solution.hdop, used: solution.used })
+        Some(Position { error: filtered.error, speed_error, hdop: solution.hdop, used: solution.used })
     }
 
     /// Advances the slow errors, which are first-order Gauss-Markov processes.

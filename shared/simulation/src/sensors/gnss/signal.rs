@@ -38,19 +38,34 @@ const SAME_WALL_M: f64 = 0.5;
 pub trait Surroundings {
     /// Whether the ray hits anything before `max_m`.
     fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool;
-    /// Range (m) and normal of the nearest surface.
-    fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, Vec3)>;
+    /// The nearest surface.
+    fn nearest(&self, ray: &Ray, max_m: f32) -> Option<SurfaceHit>;
+}
+
+/// A surface hit by a ray.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceHit {
+    /// Range, m.
+    pub range_m: f32,
+    /// Normal.
+    pub normal: Vec3,
 }
 
 /// A town at one time.
-pub struct Around<'a>(pub &'a Scene, pub Snapshot);
+pub struct Around<'a> {
+    /// The town.
+    pub scene: &'a Scene,
+    /// Its movers.
+    pub snapshot: Snapshot,
+}
 
 impl Surroundings for Around<'_> {
     fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool {
-        self.0.is_blocked(&self.1, ray, max_m)
+        self.scene.is_blocked(&self.snapshot, ray, max_m)
     }
-    fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, Vec3)> {
-        self.0.cast(&self.1, ray, max_m).map(|hit| (hit.range_m, hit.normal))
+    fn nearest(&self, ray: &Ray, max_m: f32) -> Option<SurfaceHit> {
+        let hit = self.scene.cast(&self.snapshot, ray, max_m)?;
+        Some(SurfaceHit { range_m: hit.range_m, normal: hit.normal })
     }
 }
 
@@ -70,6 +85,15 @@ pub struct Signal {
 pub struct Wall {
     normal: Vector3<f64>,
     distance_m: f64,
+}
+
+/// A signal reflected by a wall.
+#[derive(Clone, Copy, Debug)]
+struct Reflection {
+    /// Detour, m.
+    late_m: f64,
+    /// Mean of the cosine of the carrier phase over the smoothing time, -1 to 1.
+    fading: f64,
 }
 
 /// An antenna at one time.
@@ -99,9 +123,9 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
     }
 
     fn add_wall(&mut self, ray: &Ray) {
-        let Some((range, normal)) = self.around.nearest(ray, REACH_M) else { return };
-        let normal: Vector3<f64> = normal.cast();
-        let distance_m = -f64::from(range) * normal.dot(&ray.direction.cast());
+        let Some(hit) = self.around.nearest(ray, REACH_M) else { return };
+        let normal: Vector3<f64> = hit.normal.cast();
+        let distance_m = -f64::from(hit.range_m) * normal.dot(&ray.direction.cast());
         // Vertical, and far enough away not to be part of the ego vehicle.
         if normal.z.abs() > 0.2 || distance_m < 0.5 {
             return;
@@ -117,15 +141,16 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         let to = satellite.direction;
         let free_dbhz = ZENITH_DBHZ - HORIZON_LOSS_DB * (1.0 - to.z);
         let open = self.open_share(satellite);
-        let reflections: Vec<(f64, f64)> =
+        let reflections: Vec<Reflection> =
             self.walls.iter().filter_map(|wall| self.reflection(satellite, wall)).collect();
         if open > 0.0 {
             let share = (REFLECTED / open).min(0.9);
-            let detour_m = reflections.iter().map(|(late_m, fading)| peak_shift(*late_m, share, *fading)).sum();
+            let shift_m = |reflection: &Reflection| peak_shift(reflection.late_m, share, reflection.fading);
+            let detour_m = reflections.iter().map(shift_m).sum();
             return Some(Signal { strength_dbhz: free_dbhz + 20.0 * open.log10(), detour_m, is_reflected: false });
         }
         // The earliest reflection is tracked.
-        let late_m = reflections.iter().map(|(late_m, _)| *late_m).min_by(f64::total_cmp)?;
+        let late_m = reflections.iter().map(|reflection| reflection.late_m).min_by(f64::total_cmp)?;
         let strength_dbhz = free_dbhz + 20.0 * REFLECTED.log10();
         Some(Signal { strength_dbhz, detour_m: late_m, is_reflected: true })
     }
@@ -145,9 +170,8 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         (0..=N_CONE).filter(|i| free(*i)).count() as f64 / (N_CONE + 1) as f64
     }
 
-    /// Detour (m) by a wall and the mean of the cosine of its carrier phase over the smoothing time, -1 to 1; `None` if
-    /// the wall does not reflect the signal of the satellite.
-    fn reflection(&self, satellite: &Satellite, wall: &Wall) -> Option<(f64, f64)> {
+    /// The reflection by a wall; `None` if the wall does not reflect the signal of the satellite.
+    fn reflection(&self, satellite: &Satellite, wall: &Wall) -> Option<Reflection> {
         let to = satellite.direction;
         let facing = to.dot(&wall.normal);
         if facing < 0.02 {
@@ -157,9 +181,9 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         let image = to - wall.normal * (2.0 * facing);
         let expected = wall.distance_m / facing;
         let number = 2000 + 2 * satellite.index as u64;
-        let (range, normal) = self.around.nearest(&self.ray(self.position, image, number), REACH_M)?;
-        let on_wall = (f64::from(range) - expected).abs() < 0.3 && normal.cast::<f64>().dot(&wall.normal) > 0.98;
-        let mirror = self.position + image * (f64::from(range) - 0.05);
+        let SurfaceHit { range_m, normal } = self.around.nearest(&self.ray(self.position, image, number), REACH_M)?;
+        let on_wall = (f64::from(range_m) - expected).abs() < 0.3 && normal.cast::<f64>().dot(&wall.normal) > 0.98;
+        let mirror = self.position + image * (f64::from(range_m) - 0.05);
         if !on_wall || self.around.is_blocked(&self.ray(mirror, to, number + 1), REACH_M) {
             return None;
         }
@@ -168,7 +192,7 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         let turns = 2.0 * facing * self.velocity.dot(&wall.normal) * SMOOTHING_SECONDS / WAVE_M;
         let half = 0.5 * TAU * turns;
         let kept = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
-        Some((late_m, kept * (TAU * late_m / WAVE_M).cos()))
+        Some(Reflection { late_m, fading: kept * (TAU * late_m / WAVE_M).cos() })
     }
 
     fn ray(&self, origin: Vector3<f64>, direction: Vector3<f64>, number: u64) -> Ray {
@@ -199,10 +223,10 @@ mod tests {
         fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool {
             self.nearest(ray, max_m).is_some()
         }
-        fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, Vec3)> {
+        fn nearest(&self, ray: &Ray, max_m: f32) -> Option<SurfaceHit> {
             let range = (self.at - ray.origin.x) / ray.direction.x;
             let hits = range > 0.0 && range < max_m && ray.at(range).z < self.height;
-            hits.then(|| (range, Vec3::new(-ray.direction.x.signum(), 0.0, 0.0)))
+            hits.then(|| SurfaceHit { range_m: range, normal: Vec3::new(-ray.direction.x.signum(), 0.0, 0.0) })
         }
     }
 
@@ -232,7 +256,7 @@ mod tests {
         let around = OneWall { at: -10.0, height: 100.0 };
         let still = Antenna::new(&around, Vector3::zeros(), Vector3::zeros(), 1);
         let satellite = from(1.0, 0.0, 1.0);
-        let (late_m, _) = still.reflection(&satellite, &still.walls[0]).expect("an image");
+        let late_m = still.reflection(&satellite, &still.walls[0]).expect("an image").late_m;
         assert!((late_m - 20.0 * 0.5_f64.sqrt()).abs() < 1e-6, "{late_m}");
         // By geometry, the image of the antenna in the wall is 20 m behind it.
         let by_geometry = Vector3::new(20.0, 0.0, 0.0).dot(&satellite.direction);
@@ -241,7 +265,8 @@ mod tests {
         assert!(signal.detour_m.abs() < REFLECTED / (1.0 - REFLECTED) * late_m && !signal.is_reflected);
         // Driving away from the wall, the phase turns fast and averages out; along it, nothing changes.
         let fading = |velocity| Antenna::new(&around, Vector3::zeros(), velocity, 1);
-        let (_, kept) = fading(Vector3::new(8.13, 0.0, 0.0)).reflection(&satellite, &still.walls[0]).expect("one");
+        let away = fading(Vector3::new(8.13, 0.0, 0.0));
+        let kept = away.reflection(&satellite, &still.walls[0]).expect("one").fading;
         assert!(kept.abs() < 0.01, "{kept}");
         let along = fading(Vector3::new(0.0, 8.13, 0.0)).receive(&satellite).expect("free");
         assert!((along.detour_m - signal.detour_m).abs() < 1e-9);
@@ -255,9 +280,10 @@ mod tests {
             fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool {
                 self.nearest(ray, max_m).is_some()
             }
-            fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, Vec3)> {
+            fn nearest(&self, ray: &Ray, max_m: f32) -> Option<SurfaceHit> {
                 let walls = [OneWall { at: -8.0, height: 30.0 }, OneWall { at: 8.0, height: 12.0 }];
-                walls.iter().filter_map(|wall| wall.nearest(ray, max_m)).min_by(|a, b| a.0.total_cmp(&b.0))
+                let hits = walls.iter().filter_map(|wall| wall.nearest(ray, max_m));
+                hits.min_by(|a, b| a.range_m.total_cmp(&b.range_m))
             }
         }
         let antenna = Antenna::new(&Canyon, Vector3::zeros(), Vector3::zeros(), 1);

@@ -19,16 +19,34 @@ pub enum System {
     Galileo,
 }
 
-/// Walker constellation: inclination (deg), satellites, planes, phase shift from plane to plane in units of a full turn
-/// divided by the number of satellites, radius of the orbit (m).
-struct Walker(f64, u32, u32, u32, f64);
+/// Walker constellation.
+struct Walker {
+    inclination_deg: f64,
+    n_satellites: u32,
+    n_planes: u32,
+    /// Phase shift from plane to plane in units of a full turn divided by the number of satellites.
+    phase_shift: u32,
+    orbit_radius_m: f64,
+}
 
 impl System {
     /// GPS has five or more satellites in each of its six planes; Galileo is Walker 24/3/1 (its OS SIS ICD).
     const fn walker(self) -> Walker {
         match self {
-            Self::Gps => Walker(55.0, 30, 6, 1, 26_560e3),
-            Self::Galileo => Walker(56.0, 24, 3, 1, 29_600e3),
+            Self::Gps => Walker {
+                inclination_deg: 55.0,
+                n_satellites: 30,
+                n_planes: 6,
+                phase_shift: 1,
+                orbit_radius_m: 26_560e3,
+            },
+            Self::Galileo => Walker {
+                inclination_deg: 56.0,
+                n_satellites: 24,
+                n_planes: 3,
+                phase_shift: 1,
+                orbit_radius_m: 29_600e3,
+            },
         }
     }
 }
@@ -67,7 +85,13 @@ impl Sky {
         let mut satellites = Vec::new();
         let world = world();
         for (system, [node, phase]) in [System::Gps, System::Galileo].into_iter().zip(self.turns) {
-            let Walker(inclination_deg, n, planes, shift, radius) = system.walker();
+            let Walker {
+                inclination_deg,
+                n_satellites: n,
+                n_planes: planes,
+                phase_shift: shift,
+                orbit_radius_m: radius,
+            } = system.walker();
             let rate = (EARTH_GM / radius.powi(3)).sqrt();
             let (sin_i, cos_i) = inclination_deg.to_radians().sin_cos();
             for plane in 0..planes {

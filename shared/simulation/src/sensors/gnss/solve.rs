@@ -43,7 +43,7 @@ pub struct Solution {
 /// Position from consistent ranges; `None` if there are too few or the geometry is degenerate.
 pub fn solve(mut ranges: Vec<CodeRange>) -> Option<Solution> {
     loop {
-        let (solution, residuals) = least_squares(&ranges)?;
+        let LeastSquares { solution, residuals } = least_squares(&ranges)?;
         let worst = residuals.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
             // At least one range more than unknowns must remain; otherwise there are no residuals.
@@ -60,8 +60,14 @@ fn n_unknowns(ranges: &[CodeRange]) -> usize {
     3 + has(System::Gps) + has(System::Galileo)
 }
 
-/// The solution without its ranges, and each residual in its standard deviations.
-fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
+struct LeastSquares {
+    /// The solution without its ranges.
+    solution: Solution,
+    /// Each residual in its standard deviations.
+    residuals: Vec<f64>,
+}
+
+fn least_squares(ranges: &[CodeRange]) -> Option<LeastSquares> {
     if ranges.len() < n_unknowns(ranges) {
         return None;
     }
@@ -97,7 +103,7 @@ fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
         hdop: (shape[(0, 0)] + shape[(1, 1)]).sqrt(),
         used: Vec::new(),
     };
-    Some((solution, ranges.iter().map(residual).collect()))
+    Some(LeastSquares { solution, residuals: ranges.iter().map(residual).collect() })
 }
 
 const fn clock(system: System) -> usize {

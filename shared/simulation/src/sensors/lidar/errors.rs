@@ -134,11 +134,16 @@ pub(super) struct LaserError {
 mod tests {
     use super::*;
 
-    fn deviation(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    struct Statistics {
+        mean: f64,
+        deviation: f64,
+    }
+
+    fn statistics(values: impl Iterator<Item = f64>) -> Statistics {
         let values: Vec<f64> = values.collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
-        (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+        Statistics { mean, deviation: (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt() }
     }
 
     #[test]
@@ -158,11 +163,11 @@ mod tests {
         let mut signs = [0; 2];
         for unit_seed in 0..40 {
             let poor = LidarErrors { unit_seed, ..LidarErrors::POOR }.per_laser(Model::Hdl64e);
-            let (common, ring) = deviation(poor.iter().map(|laser| laser.elevation_deg));
+            let Statistics { mean: common, deviation: ring } = statistics(poor.iter().map(|laser| laser.elevation_deg));
             signs[usize::from(common > 0.0)] += 1;
             assert!((0.06..0.26).contains(&common.abs()), "{common}");
             assert!((0.06..0.13).contains(&ring), "{ring}");
-            let (_, range) = deviation(poor.iter().map(|laser| laser.range_m));
+            let Statistics { deviation: range, .. } = statistics(poor.iter().map(|laser| laser.range_m));
             assert!((0.009..0.02).contains(&range), "{range}");
             let typical = LidarErrors { unit_seed, ..LidarErrors::TYPICAL }.per_laser(Model::Hdl32e);
             assert_eq!(typical.len(), 32);

@@ -25,7 +25,7 @@ mod returns;
 pub use errors::{LidarErrors, LidarGrade};
 pub use model::LidarModel;
 pub use optics::Optics;
-pub use pattern::{Firing, Pattern, PatternLidar};
+pub use pattern::{Firing, FiringReturn, Pattern, PatternLidar};
 pub use returns::{Block, LidarReturn, N_BLOCKS, N_LASERS};
 
 use crate::motion::Motion;
@@ -63,6 +63,12 @@ pub struct Lidar<'a> {
     body_from_lidar: Pose,
     seed: u64,
     step: u32,
+}
+
+/// Result of the rays of a packet.
+struct TracedPacket {
+    blocks: [Block; N_BLOCKS],
+    n_rays: usize,
 }
 
 /// A firing and the hit of its center ray.
@@ -104,13 +110,13 @@ impl<'a> Lidar<'a> {
 
     /// The blocks of one packet.
     pub fn packet(&self, packet: u64) -> [Block; N_BLOCKS] {
-        self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).0
+        self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).blocks
     }
 
     /// The blocks of several packets, computed in parallel.
     pub fn packets(&self, packets: Range<u64>) -> Vec<[Block; N_BLOCKS]> {
         let movers = self.movers_in_reach(packets.clone());
-        packets.into_par_iter().map(|packet| self.shoot(packet, &movers).0).collect()
+        packets.into_par_iter().map(|packet| self.shoot(packet, &movers).blocks).collect()
     }
 
     /// The payload of a packet with these blocks.
@@ -130,7 +136,7 @@ impl<'a> Lidar<'a> {
 
     /// Number of rays of a packet, side rays included; for benchmarks.
     pub fn n_rays(&self, packet: u64) -> usize {
-        self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).1
+        self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).n_rays
     }
 
     fn packet_nanos(&self, packet: u64) -> i64 {
@@ -170,8 +176,7 @@ impl<'a> Lidar<'a> {
         beams
     }
 
-    /// The blocks and the number of traced rays.
-    fn shoot(&self, packet: u64, movers: &[usize]) -> ([Block; N_BLOCKS], usize) {
+    fn shoot(&self, packet: u64, movers: &[usize]) -> TracedPacket {
         let begin = self.packet_nanos(packet);
         let middle = (begin + self.model.packet_nanos() / 2) as f64 * 1e-9;
         let snapshot = self.scene.some_at(movers, middle);
@@ -204,7 +209,7 @@ impl<'a> Lidar<'a> {
                 returns: std::array::from_fn(|i| returns[first + i]),
             }
         });
-        (blocks, middles.len() + sides.len())
+        TracedPacket { blocks, n_rays: middles.len() + sides.len() }
     }
 
     /// Encoder reading of a block.

@@ -101,6 +101,15 @@ impl Pattern {
     }
 }
 
+/// A shot and its return.
+#[derive(Clone, Copy, Debug)]
+pub struct FiringReturn {
+    /// The shot.
+    pub firing: Firing,
+    /// Its return.
+    pub received: LidarReturn,
+}
+
 /// A perfect unit with such a pattern that moves through a scene.
 ///
 /// Each beam is traced by its center and its four sides (see [`super`]). Pose and movers are constant during steps of 0.1
@@ -136,14 +145,14 @@ impl<'a> PatternLidar<'a> {
     }
 
     /// The shots in a time range, ns since the start of the drive, and their returns.
-    pub fn sweep(&self, nanos: Range<i64>) -> Vec<(Firing, LidarReturn)> {
+    pub fn sweep(&self, nanos: Range<i64>) -> Vec<FiringReturn> {
         let firings = self.pattern.firings(nanos);
         let steps: Vec<&[Firing]> =
             firings.chunk_by(|a, b| a.nanos.div_euclid(STEP_NANOS) == b.nanos.div_euclid(STEP_NANOS)).collect();
         steps.into_par_iter().flat_map_iter(|step| self.step(step)).collect()
     }
 
-    fn step(&self, firings: &[Firing]) -> Vec<(Firing, LidarReturn)> {
+    fn step(&self, firings: &[Firing]) -> Vec<FiringReturn> {
         let Some(first) = firings.first() else { return Vec::new() };
         let seconds = (first.nanos.div_euclid(STEP_NANOS) * STEP_NANOS + STEP_NANOS / 2) as f64 * 1e-9;
         let world_from_lidar: Isometry3<f32> = (self.motion.pose(seconds) * self.body_from_lidar).cast();
@@ -157,7 +166,8 @@ impl<'a> PatternLidar<'a> {
         let received = |(firing, (rays, hits)): (&Firing, (&[Ray], &[_]))| {
             let of_ray = |(ray, hit): (&Ray, &Option<_>)| self.receiver.part(PART_WEIGHT, ray, hit.as_ref()?);
             let mut parts: Vec<Part> = rays.iter().zip(hits).filter_map(of_ray).collect();
-            Some((*firing, self.receiver.strongest(&mut parts, firing.ring.into(), rays[0].seed)?))
+            let received = self.receiver.strongest(&mut parts, firing.ring.into(), rays[0].seed)?;
+            Some(FiringReturn { firing: *firing, received })
         };
         firings.iter().zip(rays_of_firings).filter_map(received).collect()
     }

@@ -62,11 +62,19 @@ fn calibrated_gain(laser: usize) -> f32 {
     1.0 + GAIN_SIGMA * gauss(hash(0x6a14, laser as u64)).clamp(-2.0, 2.0)
 }
 
-fn materials(optics: &Optics) -> Vec<(Properties, f32)> {
+/// A material for a laser.
+#[derive(Clone, Debug)]
+struct LaserMaterial {
+    properties: Properties,
+    /// Reflectance at the wavelength of the laser.
+    reflectance: f32,
+}
+
+fn materials(optics: &Optics) -> Vec<LaserMaterial> {
     let with_reflectance = |material: &Material| {
         let properties = material.properties();
         let reflectance = properties.spectrum.at(optics.wavelength_nm);
-        (properties, reflectance)
+        LaserMaterial { properties, reflectance }
     };
     Material::ALL.iter().map(with_reflectance).collect()
 }
@@ -75,8 +83,8 @@ fn materials(optics: &Optics) -> Vec<(Properties, f32)> {
 #[derive(Clone, Debug)]
 pub struct Receiver {
     optics: Optics,
-    /// Properties, and reflectance at the wavelength of the laser, by material.
-    materials: Vec<(Properties, f32)>,
+    /// By material.
+    materials: Vec<LaserMaterial>,
     lasers: Vec<LaserReceiver>,
 }
 
@@ -99,7 +107,7 @@ impl Receiver {
 
     /// Light returned by a hit; `None` if it is reflected away or transmitted.
     pub fn part(&self, weight: f32, ray: &Ray, hit: &SceneHit) -> Option<Part> {
-        let (properties, reflectance) = &self.materials[hit.surface.material as usize];
+        let LaserMaterial { properties, reflectance } = &self.materials[hit.surface.material as usize];
         let incidence = -hit.normal.dot(&ray.direction);
         let off2 = 2.0 * (1.0 - incidence) / (MIRROR_ANGLE * MIRROR_ANGLE);
         let mirrored = if off2 < 9.0 { MIRROR_GAIN * properties.gloss * (-off2).exp() } else { 0.0 };

@@ -36,16 +36,27 @@ pub enum Defect {
 #[derive(Clone, Copy, Debug)]
 pub struct Chip(u64);
 
+/// A pixel with a defect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DefectivePixel {
+    /// Column.
+    pub u: usize,
+    /// Row.
+    pub v: usize,
+    /// Defect.
+    pub defect: Defect,
+}
+
 impl Chip {
     /// The chip of a serial number.
     pub fn new(sensor_id: &str) -> Self {
         Self(sensor_id.bytes().fold(0x00c4_1900, |seed, byte| hash(seed, u64::from(byte))))
     }
 
-    /// Defective pixels: column, row and defect, row by row.
-    pub fn defects(self) -> impl Iterator<Item = (usize, usize, Defect)> {
+    /// Defective pixels, row by row.
+    pub fn defects(self) -> impl Iterator<Item = DefectivePixel> {
         let pixels = (0..SIZE[1]).flat_map(|v| (0..SIZE[0]).map(move |u| (u, v)));
-        pixels.filter_map(move |(u, v)| self.defect(u, v).map(|defect| (u, v, defect)))
+        pixels.filter_map(move |(u, v)| self.defect(u, v).map(|defect| DefectivePixel { u, v, defect }))
     }
 
     /// Defect of a pixel, if any.
@@ -85,26 +96,32 @@ impl Chip {
 mod tests {
     use super::*;
 
-    /// Mean and standard deviation of a chip's samples.
-    fn statistics(light: f32, exposure_ms: f32) -> (f64, f64) {
+    /// Statistics of a chip's samples.
+    #[derive(Debug, PartialEq)]
+    struct Statistics {
+        mean: f64,
+        deviation: f64,
+    }
+
+    fn statistics(light: f32, exposure_ms: f32) -> Statistics {
         let chip = Chip::new("a chip");
         let pixels = (0..40_000).map(|i| [i % 200, i / 200]).filter(|[u, v]| chip.defect(*u, *v).is_none());
         let samples: Vec<f64> = pixels.map(|at| f64::from(chip.read_out(at, light, exposure_ms, 5))).collect();
         let mean = samples.iter().sum::<f64>() / samples.len() as f64;
         let variance = samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / samples.len() as f64;
-        (mean, variance.sqrt())
+        Statistics { mean, deviation: variance.sqrt() }
     }
 
     #[test]
     fn samples_grow_with_light_and_dark_current_and_saturate() {
-        let (dark, spread) = statistics(0.0, 5.0);
+        let Statistics { mean: dark, deviation: spread } = statistics(0.0, 5.0);
         assert!((dark - 16.25).abs() < 0.1 && (1.0..1.8).contains(&spread), "{dark} {spread}");
-        let (long, _) = statistics(0.0, 100.0);
+        let long = statistics(0.0, 100.0).mean;
         assert!((long - dark - 4.75).abs() < 0.15, "{long}");
-        let (lit, spread) = statistics(400.0, 5.0);
+        let Statistics { mean: lit, deviation: spread } = statistics(400.0, 5.0);
         // The shot noise of 4300 electrons is 6.1 counts, the gain non-uniformity 2.8.
         assert!((lit - dark - 400.0).abs() < 0.5 && (6.0..8.0).contains(&spread), "{lit} {spread}");
-        assert_eq!(statistics(3000.0, 5.0), (1023.0, 0.0));
+        assert_eq!(statistics(3000.0, 5.0), Statistics { mean: 1023.0, deviation: 0.0 });
     }
 
     #[test]
@@ -112,11 +129,11 @@ mod tests {
         let chip = Chip::new("13.8.0.2");
         let defects: Vec<_> = chip.defects().collect();
         assert!((15..80).contains(&defects.len()), "{}", defects.len());
-        for (u, v, defect) in &defects {
+        for DefectivePixel { u, v, defect } in &defects {
             let expected = if *defect == Defect::Hot { 1023 } else { 0 };
             assert!((0..5).all(|seed| chip.read_out([*u, *v], 300.0, 5.0, seed) == expected));
         }
-        assert!(defects.iter().any(|d| d.2 == Defect::Hot) && defects.iter().any(|d| d.2 == Defect::Dead));
+        assert!(defects.iter().any(|d| d.defect == Defect::Hot) && defects.iter().any(|d| d.defect == Defect::Dead));
         assert_ne!(defects, Chip::new("9.4.0.3").defects().collect::<Vec<_>>());
     }
 }

@@ -18,6 +18,15 @@ pub struct FieldRule {
     tolerance: f64,
 }
 
+/// The first element of a field that differs.
+struct FieldDifference {
+    index: usize,
+    a: Number,
+    b: Number,
+    /// Largest distance of all elements.
+    largest: f64,
+}
+
 impl FieldRule {
     /// Rules for envelope, header and row. Field names of the first two start with `envelope.` and `header.`.
     pub fn from_table(table: &ByteTable, tolerance: impl Fn(&str) -> f64) -> [Vec<Self>; 3] {
@@ -33,8 +42,8 @@ impl FieldRule {
         })
     }
 
-    /// The first element that differs by more than the tolerance: its index and both values; and the largest distance.
-    fn difference(&self, a: &[u8], b: &[u8]) -> Option<(usize, Number, Number, f64)> {
+    /// The first element that differs by more than the tolerance.
+    fn difference(&self, a: &[u8], b: &[u8]) -> Option<FieldDifference> {
         let mut first = None;
         let mut largest = 0.0_f64;
         for index in 0..self.field.count {
@@ -54,7 +63,7 @@ impl FieldRule {
             largest = if distance.is_nan() { distance } else { largest.max(distance) };
             first.get_or_insert((index, a, b));
         }
-        first.map(|(index, a, b)| (index, a, b, largest))
+        first.map(|(index, a, b)| FieldDifference { index, a, b, largest })
     }
 }
 
@@ -85,7 +94,7 @@ impl Differences {
 
     fn add_part(&mut self, rules: &[FieldRule], a: &[u8], b: &[u8], place: &str, first: &mut Option<String>) {
         for rule in rules {
-            let Some((index, a, b, largest)) = rule.difference(a, b) else { continue };
+            let Some(FieldDifference { index, a, b, largest }) = rule.difference(a, b) else { continue };
             first.get_or_insert_with(|| {
                 let element = if rule.field.count > 1 { format!("[{index}]") } else { String::new() };
                 format!("{place}{}{element}: {a} in a, {b} in b, difference {}", rule.name, a.distance(b))

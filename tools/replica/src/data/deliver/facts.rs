@@ -47,7 +47,8 @@ impl<'a> Facts<'a> {
     pub fn new(
         run: &RunFolder,
         ChosenFrame { target, unreferenced, outside_area }: &'a ChosenFrame<'_>,
-        (n_points, files): (u64, &'a [PointFile]),
+        n_points: u64,
+        files: &'a [PointFile],
         LeftOut { without_place, not_finite }: LeftOut,
     ) -> Self {
         let crs = target.crs();

@@ -40,8 +40,8 @@ impl Material {
             (report, Bands::from_run(run, drive.as_ref()))
         };
         let of_clouds = || (CloudSurvey::from_run(run), pictures(run, drive.as_ref()));
-        let ((drive_report, bands), (survey, (overlays, without_overlays, range_picture))) =
-            rayon::join(of_drive, of_clouds);
+        let ((drive_report, bands), (survey, pictures)) = rayon::join(of_drive, of_clouds);
+        let PicturesOfRun { overlays, without_overlays, range_picture } = pictures;
         let bands = bands?;
         let survey = survey?;
         let band_charts = bands.as_ref().map(Bands::charts);
@@ -49,19 +49,31 @@ impl Material {
     }
 }
 
-/// Overlays, why they are missing, and the range image.
-fn pictures(run: &FinishedRun, drive: Option<&Drive>) -> (Vec<Picture>, &'static str, Option<Picture>) {
+/// Pictures of a moment of the run.
+struct PicturesOfRun {
+    overlays: Vec<Picture>,
+    /// Why there are no overlays.
+    without_overlays: &'static str,
+    range_picture: Option<Picture>,
+}
+
+fn pictures(run: &FinishedRun, drive: Option<&Drive>) -> PicturesOfRun {
     let Some(stamp) = middle_of_path(run) else {
-        return (Vec::new(), "There is no trajectory, so no points can be drawn over images.", None);
+        let without_overlays = "There is no trajectory, so no points can be drawn over images.";
+        return PicturesOfRun { overlays: Vec::new(), without_overlays, range_picture: None };
     };
     let points: Vec<MomentPoint> = points_around(run, stamp, SWEEP_HALF_S).unwrap_or_default();
     let range_picture = range_picture(&points).and_then(|image| png(String::new(), &image));
-    let reason = match drive {
+    let without_overlays = match drive {
         None => "The drive folder can no longer be read, so there are no images.",
         Some(drive) if drive.manifest().cameras.is_empty() && drive.manifest().mosaics.is_empty() => {
             "The drive has no cameras."
         }
-        Some(drive) => return (overlays(run, drive, stamp), "No image shows points of the clouds.", range_picture),
+        Some(drive) => {
+            let overlays = overlays(run, drive, stamp);
+            let without_overlays = "No image shows points of the clouds.";
+            return PicturesOfRun { overlays, without_overlays, range_picture };
+        }
     };
-    (Vec::new(), reason, range_picture)
+    PicturesOfRun { overlays: Vec::new(), without_overlays, range_picture }
 }

@@ -8,7 +8,7 @@ use formats::raw_mosaic::RawMosaic;
 use geometry::{RigCamera, Stamp};
 use image::{Rgb, RgbImage};
 use rayon::prelude::*;
-use rig::picture::{DEPTH_M, draw_points};
+use rig::picture::{DEPTH_M, ImagePoint, draw_points};
 use rig::survey::decoded;
 
 /// Points this long before and after the exposure, s: together a revolution at the usual 10 Hz.
@@ -39,7 +39,7 @@ pub fn overlay(run: &FinishedRun, drive: &Drive, frame: &Frame, max_width: u32) 
     let entry = &drive.manifest().cameras[frame.camera];
     let pixels = decoded(frame, entry)?;
     let full = RgbImage::from_raw(pixels.width, pixels.height, pixels.bytes)?;
-    let image = with_points(run, frame.stamp, &drive.rig().cameras[frame.camera], (&full, max_width))?;
+    let image = with_points(run, frame.stamp, &drive.rig().cameras[frame.camera], &full, max_width)?;
     jpeg(title(&entry.name, drive, frame), &image)
 }
 
@@ -47,7 +47,7 @@ pub fn overlay(run: &FinishedRun, drive: &Drive, frame: &Frame, max_width: u32) 
 fn mosaic_overlay(run: &FinishedRun, drive: &Drive, frame: &Frame, max_width: u32) -> Option<Picture> {
     let entry = &drive.manifest().mosaics[frame.camera];
     let full = brightness(&RawMosaic::read(&frame.path).ok()?, entry.pattern)?;
-    let image = with_points(run, frame.stamp, &drive.rig().mosaics[frame.camera], (&full, max_width))?;
+    let image = with_points(run, frame.stamp, &drive.rig().mosaics[frame.camera], &full, max_width)?;
     jpeg(title(&entry.name, drive, frame), &image)
 }
 
@@ -78,7 +78,8 @@ fn with_points(
     run: &FinishedRun,
     stamp: Stamp,
     camera: &RigCamera,
-    (full, max_width): (&RgbImage, u32),
+    full: &RgbImage,
+    max_width: u32,
 ) -> Option<RgbImage> {
     let mut image = thumbnail(full, max_width)?;
     let scale = f64::from(image.width()) / f64::from(full.width());
@@ -87,9 +88,9 @@ fn with_points(
     let shown = points.iter().filter_map(|point| {
         let p = camera_from_world * point.position;
         let at: [f64; 2] = camera.model.pixel_from_camera(&p)?.into();
-        Some((p.coords.norm(), at.map(|v| (v + 0.5) * scale - 0.5)))
+        Some(ImagePoint { depth_m: p.coords.norm(), at: at.map(|v| (v + 0.5) * scale - 0.5) })
     });
-    let shown: Vec<(f64, [f64; 2])> = shown.collect();
+    let shown: Vec<ImagePoint> = shown.collect();
     if shown.is_empty() {
         return None;
     }

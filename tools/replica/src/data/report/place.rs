@@ -22,7 +22,7 @@ pub struct Place {
     /// Deviations of the antenna on the path from the fixes within the time of the trajectory. `None` without fixes or origin.
     pub fixes: Option<FixDeviations>,
     #[serde(skip)]
-    offsets: Vec<(Point3<f64>, Point3<f64>)>,
+    offsets: Vec<FixOffset>,
     #[serde(skip)]
     path: Vec<[f64; 2]>,
     #[serde(skip)]
@@ -56,7 +56,7 @@ impl Place {
             length_m: run.trajectory.length_m(),
             seconds: last.0.seconds_since(first.0),
             fixes: FixDeviations::from_offsets(&offsets),
-            offsets: offsets.into_iter().map(|(on_path, fix, _)| (on_path, fix)).collect(),
+            offsets,
             path,
             has_north: origin.is_some(),
         })
@@ -69,9 +69,9 @@ impl Place {
         let flat = |p: &Point3<f64>| [p.x, p.y];
         // The fixes first, so that the path is drawn over them.
         let mut series: Vec<Series> =
-            shown().map(|(on_path, fix)| Series::thin_line("", COLORS[4], vec![flat(on_path), flat(fix)])).collect();
+            shown().map(|o| Series::thin_line("", COLORS[4], vec![flat(&o.on_path), flat(&o.fix)])).collect();
         if !self.offsets.is_empty() {
-            series.push(Series::dots("fixes", COLORS[1], shown().map(|(_, fix)| flat(fix)).collect()));
+            series.push(Series::dots("fixes", COLORS[1], shown().map(|offset| flat(&offset.fix)).collect()));
         }
         series.push(Series::line("path", COLORS[0], self.path.clone()));
         let axes = if self.has_north { ["east, m", "north, m"] } else { ["x, m", "y, m"] };
@@ -79,13 +79,17 @@ impl Place {
     }
 }
 
-/// The antenna on the path, the fix, and whether the fix has a height.
-fn offsets(
-    run: &FinishedRun,
-    origin: Geodetic,
-    drive: Option<&Drive>,
-    fixes: &[Fix],
-) -> Vec<(Point3<f64>, Point3<f64>, bool)> {
+/// A fix and the path at its time.
+#[derive(Clone, Copy, Debug)]
+struct FixOffset {
+    /// The antenna on the path.
+    on_path: Point3<f64>,
+    fix: Point3<f64>,
+    /// Whether the fix has a height.
+    has_height: bool,
+}
+
+fn offsets(run: &FinishedRun, origin: Geodetic, drive: Option<&Drive>, fixes: &[Fix]) -> Vec<FixOffset> {
     let frame = LocalFrame::new(origin);
     let gnss = drive.and_then(|drive| drive.manifest().gnss.as_ref());
     let antenna = gnss.map_or(Point3::origin(), |gnss| Point3::from(gnss.antenna_in_body));
@@ -94,19 +98,19 @@ fn offsets(
         let [latitude_deg, longitude_deg] = fix.position_deg;
         let altitude_m = fix.altitude_m.unwrap_or(origin.altitude_m + on_path.z);
         let place = frame.world_from_geodetic(&Geodetic::new(latitude_deg, longitude_deg, altitude_m)?);
-        Some((on_path, place, fix.altitude_m.is_some()))
+        Some(FixOffset { on_path, fix: place, has_height: fix.altitude_m.is_some() })
     };
     fixes.iter().filter_map(offset).collect()
 }
 
 impl FixDeviations {
-    fn from_offsets(offsets: &[(Point3<f64>, Point3<f64>, bool)]) -> Option<Self> {
-        let differences: Vec<(Vector3<f64>, bool)> =
-            offsets.iter().map(|(on_path, fix, has_height)| (on_path - fix, *has_height)).collect();
+    fn from_offsets(offsets: &[FixOffset]) -> Option<Self> {
+        let differences: Vec<Vector3<f64>> = offsets.iter().map(|offset| offset.on_path - offset.fix).collect();
         let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
-        let axis = |k: usize| rms(&differences.iter().map(|(d, _)| d[k]).collect::<Vec<_>>());
-        let heights: Vec<f64> = differences.iter().filter(|(_, has_height)| *has_height).map(|(d, _)| d.z).collect();
-        let mut horizontal: Vec<f64> = differences.iter().map(|(d, _)| d.xy().norm()).collect();
+        let axis = |k: usize| rms(&differences.iter().map(|d| d[k]).collect::<Vec<_>>());
+        let with_height = differences.iter().zip(offsets).filter(|(_, offset)| offset.has_height);
+        let heights: Vec<f64> = with_height.map(|(d, _)| d.z).collect();
+        let mut horizontal: Vec<f64> = differences.iter().map(|d| d.xy().norm()).collect();
         horizontal.sort_by(f64::total_cmp);
         Some(Self {
             n: differences.len(),
@@ -125,11 +129,15 @@ mod tests {
 
     #[test]
     fn deviations_of_fixes_are_by_axis_and_heights_only_where_known() {
-        let at = |x: f64, y: f64, z: f64| Point3::new(x, y, z);
+        let offset = |on_path: [f64; 3], fix: [f64; 3], has_height| FixOffset {
+            on_path: on_path.into(),
+            fix: fix.into(),
+            has_height,
+        };
         let offsets = [
-            (at(3.0, 0.0, 2.0), at(0.0, 0.0, 0.0), true),
-            (at(0.0, 4.0, 9.0), at(0.0, 0.0, 0.0), false),
-            (at(1.0, 0.0, 0.0), at(1.0, 0.0, 0.0), true),
+            offset([3.0, 0.0, 2.0], [0.0, 0.0, 0.0], true),
+            offset([0.0, 4.0, 9.0], [0.0, 0.0, 0.0], false),
+            offset([1.0, 0.0, 0.0], [1.0, 0.0, 0.0], true),
         ];
         let found = FixDeviations::from_offsets(&offsets).expect("has fixes");
         assert_eq!((found.n, found.median_horizontal_m, found.largest_horizontal_m), (3, 3.0, 4.0));

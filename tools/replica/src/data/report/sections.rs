@@ -136,7 +136,7 @@ fn views(page: &mut Page, run: &FinishedRun, facts: &Facts, material: &Material)
 
 /// Colors of the classes that occur, the most frequent first.
 fn class_legend(facts: &Facts) -> impl Iterator<Item = (String, String)> {
-    by_share(facts).into_iter().map(|(name, _)| (color_of(&name), name))
+    by_share(facts).into_iter().map(|class| (color_of(class.name), class.name.to_owned()))
 }
 
 fn color_of(class: &str) -> String {
@@ -145,9 +145,16 @@ fn color_of(class: &str) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-fn by_share(facts: &Facts) -> Vec<(String, u64)> {
-    let mut classes: Vec<(String, u64)> = facts.points.classes.iter().map(|(name, n)| (name.clone(), *n)).collect();
-    classes.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+/// Number of points of a class.
+struct ClassCount<'a> {
+    name: &'a str,
+    n: u64,
+}
+
+fn by_share(facts: &Facts) -> Vec<ClassCount<'_>> {
+    let counts = facts.points.classes.iter().map(|(name, n)| ClassCount { name, n: *n });
+    let mut classes: Vec<ClassCount<'_>> = counts.collect();
+    classes.sort_by_key(|class| std::cmp::Reverse(class.n));
     classes
 }
 
@@ -183,19 +190,19 @@ fn reflectances(page: &mut Page, facts: &Facts, material: &Material) {
 
 fn classes(page: &mut Page, facts: &Facts) {
     let classes = by_share(facts);
-    let n_all: u64 = classes.iter().map(|(_, n)| n).sum();
+    let n_all: u64 = classes.iter().map(|class| class.n).sum();
     if n_all == 0 {
         return;
     }
     page.section("Classes");
     let share = |n: u64| n as f64 / n_all as f64;
-    let largest = classes.first().map_or(1.0, |(_, n)| share(*n));
+    let largest = classes.first().map_or(1.0, |class| share(class.n));
     let rows: Vec<BarRow> = classes
         .iter()
-        .map(|(name, n)| BarRow {
-            name: name.clone(),
-            pieces: vec![([0.0, share(*n)], color_of(name))],
-            text: format!("{:.2} %", 100.0 * share(*n)),
+        .map(|class| BarRow {
+            name: class.name.to_owned(),
+            pieces: vec![([0.0, share(class.n)], color_of(class.name))],
+            text: format!("{:.2} %", 100.0 * share(class.n)),
         })
         .collect();
     page.drawing(&bars(&rows, [0.0, largest], ["", ""]), "Share of the points.");

@@ -151,7 +151,7 @@ impl LiveRun {
     fn add(&mut self, seq: u64, rows: &PlyRows) -> anyhow::Result<Option<Part>> {
         let growing = match &mut self.growing {
             Some(growing) => growing,
-            None => self.growing.insert(GrowingCloud::create(&self.files[0], rows, (SYSTEM, SOFTWARE))?),
+            None => self.growing.insert(GrowingCloud::create(&self.files[0], rows, SYSTEM, SOFTWARE)?),
         };
         Ok(growing.add(seq, rows)?)
     }

@@ -22,25 +22,31 @@ fn cores() -> Check {
 
 /// The vector instructions for which kernels are compiled (crate `wide_loops`).
 fn instructions() -> Check {
-    let (found, state) = vectors();
+    let Vectors { found, state } = vectors();
     Check::ok("instructions", found, "AVX2 and FMA or more on x86-64: loops take 8 numbers at once").or(state, || {
         "the loops take 4 numbers at once; in a virtual machine let the guest see the host's processor".to_owned()
     })
 }
 
+/// Vector instructions of the processor.
+struct Vectors {
+    found: &'static str,
+    state: State,
+}
+
 #[cfg(target_arch = "x86_64")]
-fn vectors() -> (&'static str, State) {
+fn vectors() -> Vectors {
     let has_v3 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
     match (is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq"), has_v3) {
-        (true, true) => ("AVX-512", State::Ok),
-        (_, true) => ("AVX2", State::Ok),
-        _ => ("SSE2", State::Warning),
+        (true, true) => Vectors { found: "AVX-512", state: State::Ok },
+        (_, true) => Vectors { found: "AVX2", state: State::Ok },
+        _ => Vectors { found: "SSE2", state: State::Warning },
     }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn vectors() -> (&'static str, State) {
-    ("as compiled", State::Ok)
+fn vectors() -> Vectors {
+    Vectors { found: "as compiled", state: State::Ok }
 }
 
 fn memory() -> Check {

@@ -5,7 +5,7 @@ use crate::train::recipe::Recipe;
 use crate::train::recipe_data::Range;
 use crate::train::sweep_dataset::SweepDataset;
 use anyhow::Context;
-use segmentation::spherical::{Settings, SphericalModel};
+use segmentation::spherical::{LoadedModel, Settings, SphericalModel};
 use std::path::Path;
 use training::NearestExamples;
 
@@ -14,7 +14,7 @@ const PER_CLASS: usize = 128;
 
 /// Reads a model and draws examples from the first drives of its recipe, one for each of the recipe's towns.
 pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalModel> {
-    let (model, weights) = SphericalModel::load(path)?;
+    let LoadedModel { model, weights } = SphericalModel::load(path)?;
     let of_recipe = Recipe::load(recipe)?;
     let settings = model.settings().clone();
     let Settings { temperature, ground_intensities, .. } = settings;

@@ -19,8 +19,23 @@ pub struct SubmapErrors {
     pub n_submaps: usize,
     /// Submaps without a true pose.
     pub n_without_truth: usize,
-    /// Name, unit and comparison.
-    pub quantities: [(&'static str, &'static str, Comparison); 3],
+    /// All quantities.
+    pub quantities: [Quantity; 3],
+}
+
+/// A compared quantity.
+#[derive(Clone, Copy, Debug)]
+pub struct Quantity {
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub comparison: Comparison,
+}
+
+/// An error with its stated deviation.
+#[derive(Clone, Copy)]
+struct StatedError {
+    real: f64,
+    stated: f64,
 }
 
 /// Real errors of one quantity against the stated deviations.
@@ -48,7 +63,8 @@ impl SubmapErrors {
         let mut n_without_truth = 0;
         let mut submaps: Vec<(Pose, Pose, PoseDeviation)> = Vec::new();
         for cloud in clouds {
-            let (Some(sigma_m), Some(sigma_rad)) = (cloud.sigma_m, cloud.sigma_rad) else { continue };
+            let Some(sigma_m) = cloud.sigma_m else { continue };
+            let Some(sigma_rad) = cloud.sigma_rad else { continue };
             let Some(world_from_body) = truth.at(Stamp(cloud.stamp_begin)) else {
                 n_without_truth += 1;
                 continue;
@@ -71,43 +87,46 @@ impl SubmapErrors {
             .iter()
             .map(|(truth, pose, deviation)| (PoseError::between(truth, &(truth_from_run * pose)), *deviation))
             .collect();
-        let compare =
-            |value: fn(&(PoseError, PoseDeviation)) -> (f64, f64)| Comparison::from_pairs(errors.iter().map(value));
+        let compare = |name, unit, real: fn(&PoseError) -> f64, stated: fn(&PoseDeviation) -> f64| {
+            let pairs =
+                errors.iter().map(|(error, deviation)| StatedError { real: real(error), stated: stated(deviation) });
+            Quantity { name, unit, comparison: Comparison::from_pairs(pairs) }
+        };
         Ok(Some(Self {
             is_in_world,
             n_submaps: submaps.len(),
             n_without_truth,
             quantities: [
-                ("horizontal position", "m", compare(|(error, stated)| (error.horizontal_m, stated.position_m))),
-                ("height", "m", compare(|(error, stated)| (error.height_m, stated.height_m))),
-                ("heading", "deg", compare(|(error, stated)| (error.heading_deg, stated.heading_deg))),
+                compare("horizontal position", "m", |error| error.horizontal_m, |stated| stated.position_m),
+                compare("height", "m", |error| error.height_m, |stated| stated.height_m),
+                compare("heading", "deg", |error| error.heading_deg, |stated| stated.heading_deg),
             ],
         }))
     }
 
     /// Whether no error lies beyond three of its deviations.
     pub fn is_honest(&self) -> bool {
-        self.quantities.iter().all(|(_, _, comparison)| comparison.n_beyond == 0)
+        self.quantities.iter().all(|quantity| quantity.comparison.n_beyond == 0)
     }
 }
 
 impl Comparison {
     /// Comparison of pairs of an error and its deviation. The submap that defines the frame has the deviation 0 and is left out.
-    fn from_pairs(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
-        let pairs: Vec<(f64, f64)> = pairs.filter(|(_, stated)| *stated > 0.0 && stated.is_finite()).collect();
-        let rms = |value: fn(&(f64, f64)) -> f64| {
+    fn from_pairs(pairs: impl Iterator<Item = StatedError>) -> Self {
+        let pairs: Vec<StatedError> = pairs.filter(|pair| pair.stated > 0.0 && pair.stated.is_finite()).collect();
+        let rms = |value: fn(&StatedError) -> f64| {
             let sum: f64 = pairs.iter().map(|pair| value(pair).powi(2)).sum();
             (sum / pairs.len().max(1) as f64).sqrt()
         };
-        let max = |value: fn(&(f64, f64)) -> f64| pairs.iter().map(value).fold(0.0, f64::max);
+        let max = |value: fn(&StatedError) -> f64| pairs.iter().map(value).fold(0.0, f64::max);
         Self {
             n: pairs.len(),
-            real_rms: rms(|(real, _)| *real),
-            real_max: max(|(real, _)| *real),
-            stated_rms: rms(|(_, stated)| *stated),
-            ratio_rms: rms(|(real, stated)| real / stated),
-            ratio_max: max(|(real, stated)| real / stated),
-            n_beyond: pairs.iter().filter(|(real, stated)| *real > BEYOND * stated).count(),
+            real_rms: rms(|pair| pair.real),
+            real_max: max(|pair| pair.real),
+            stated_rms: rms(|pair| pair.stated),
+            ratio_rms: rms(|pair| pair.real / pair.stated),
+            ratio_max: max(|pair| pair.real / pair.stated),
+            n_beyond: pairs.iter().filter(|pair| pair.real > BEYOND * pair.stated).count(),
         }
     }
 }
@@ -118,7 +137,9 @@ mod tests {
 
     #[test]
     fn comparison_matches_manual_calculation() {
-        let found = Comparison::from_pairs([(3.0, 1.0), (8.0, 2.0), (5.0, 0.0)].into_iter());
+        let found = Comparison::from_pairs(
+            [[3.0, 1.0], [8.0, 2.0], [5.0, 0.0]].map(|[real, stated]| StatedError { real, stated }).into_iter(),
+        );
         assert_eq!((found.n, found.real_max, found.ratio_max, found.n_beyond), (2, 8.0, 4.0, 1));
         assert!((found.real_rms - 36.5_f64.sqrt()).abs() < 1e-12 && (found.stated_rms - 2.5_f64.sqrt()).abs() < 1e-12);
         assert!((found.ratio_rms - 12.5_f64.sqrt()).abs() < 1e-12);

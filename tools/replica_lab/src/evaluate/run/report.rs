@@ -1,6 +1,6 @@
 //! All scores of a run as Markdown and JSON.
 
-use super::deviations::{Comparison, SubmapErrors};
+use super::deviations::{Comparison, Quantity, SubmapErrors};
 use super::errors::{AbsoluteErrors, PoseScores};
 use super::point_scores::{PointScores, REASONS};
 use crate::evaluate::instances;
@@ -162,7 +162,7 @@ fn write_poses(poses: &PoseScores, text: &mut String) {
             text.push_str(
                 "| error | unit | n | RMSE | mean | median | p95 | max |\n|---|---|---|---|---|---|---|---|\n",
             );
-            for (name, unit, found) in absolute.rows() {
+            for AbsoluteRow { name, unit, found } in absolute.rows() {
                 let Some(s) = found else { continue };
                 let [rmse, mean, median, p95, max] =
                     [s.rmse, s.mean, s.median, s.p95, s.max].map(|value| format!("{value:.4}"));
@@ -189,7 +189,7 @@ fn write_deviations(submaps: &SubmapErrors, text: &mut String) {
     );
     text.push_str("| quantity | unit | n | real RMS | real max | stated RMS | ratio RMS | ratio max | beyond 3 |\n");
     text.push_str("|---|---|---|---|---|---|---|---|---|\n");
-    for (name, unit, found) in &submaps.quantities {
+    for Quantity { name, unit, comparison: found } in &submaps.quantities {
         let Comparison { n, real_rms, real_max, stated_rms, ratio_rms, ratio_max, n_beyond } = found;
         let _ = writeln!(
             text,
@@ -201,9 +201,20 @@ fn write_deviations(submaps: &SubmapErrors, text: &mut String) {
     let _ = writeln!(text, "\nThe run is {verdict} lies beyond three of its stated deviations.");
 }
 
+/// A row of the table of absolute errors.
+struct AbsoluteRow {
+    name: &'static str,
+    unit: &'static str,
+    found: Option<Statistics>,
+}
+
 impl AbsoluteErrors {
-    fn rows(&self) -> [(&'static str, &'static str, Option<Statistics>); 3] {
-        [("horizontal position", "m", self.horizontal), ("height", "m", self.height), ("heading", "deg", self.heading)]
+    fn rows(&self) -> [AbsoluteRow; 3] {
+        [
+            AbsoluteRow { name: "horizontal position", unit: "m", found: self.horizontal },
+            AbsoluteRow { name: "height", unit: "m", found: self.height },
+            AbsoluteRow { name: "heading", unit: "deg", found: self.heading },
+        ]
     }
 }
 
@@ -232,7 +243,7 @@ fn color_json(points: &PointScores) -> Value {
 }
 
 fn absolute_json(absolute: &AbsoluteErrors) -> Value {
-    let row = |(name, unit, found): (&'static str, &'static str, Option<Statistics>)| {
+    let row = |AbsoluteRow { name, unit, found }: AbsoluteRow| {
         let found = found
             .map(|s| json!({"n": s.n, "rmse": s.rmse, "mean": s.mean, "median": s.median, "p95": s.p95, "max": s.max}));
         json!({"error": name, "unit": unit, "of": found})
@@ -241,7 +252,7 @@ fn absolute_json(absolute: &AbsoluteErrors) -> Value {
 }
 
 fn deviations_json(submaps: &SubmapErrors) -> Value {
-    let row = |(name, unit, found): &(&'static str, &'static str, Comparison)| {
+    let row = |Quantity { name, unit, comparison: found }: &Quantity| {
         json!({
             "quantity": name, "unit": unit, "n": found.n, "real_rms": found.real_rms, "real_max": found.real_max,
             "stated_rms": found.stated_rms, "ratio_rms": found.ratio_rms, "ratio_max": found.ratio_max,

@@ -48,10 +48,11 @@ pub fn errors(report: &Report) -> String {
 
     let mut charts = vec![upper, middle];
     let rows = report.segment_rows();
-    let by_length: Vec<_> = rows.iter().filter_map(|row| Some((row.0?, row.2, row.3))).collect();
-    if by_length.len() > 1 {
-        let translation: Vec<[f64; 2]> = by_length.iter().map(|row| [row.0, row.1]).collect();
-        let rotation: Vec<[f64; 2]> = by_length.iter().map(|row| [row.0, row.2]).collect();
+    let translation: Vec<[f64; 2]> =
+        rows.iter().filter_map(|row| Some([row.length_m?, row.translation_percent])).collect();
+    let rotation: Vec<[f64; 2]> =
+        rows.iter().filter_map(|row| Some([row.length_m?, row.rotation_deg_per_100_m])).collect();
+    if let [_, .., [last, _]] = translation[..] {
         let top = translation.iter().chain(&rotation).map(|point| point[1]);
         let axis = Axis::from_zero("", top);
         let series = vec![
@@ -60,7 +61,6 @@ pub fn errors(report: &Report) -> String {
             Series::line("rotation, degrees per 100 m", COLORS[1], rotation.clone()),
             Series::dots("rotation, degrees per 100 m", COLORS[1], rotation),
         ];
-        let last = by_length[by_length.len() - 1].0;
         let length = Axis::new("length, m", [0.0, 1.05 * last]);
         charts.push(Chart { size, ..Chart::new("Mean error by segment length (KITTI)", length, axis, series) });
     }

@@ -30,35 +30,56 @@ pub fn unpaired(association: &Association) -> [(&'static str, usize); 3] {
     ]
 }
 
-/// Name, unit, numbers.
-type Row = (String, &'static str, Option<Statistics>);
+/// A row of the table of errors.
+struct ErrorRow {
+    name: String,
+    unit: &'static str,
+    found: Option<Statistics>,
+}
+
+/// A row of the table of segments.
+#[derive(Debug)]
+pub struct SegmentRow {
+    /// Length; `None`: all.
+    pub length_m: Option<f64>,
+    /// Number of segments.
+    pub n: usize,
+    pub translation_percent: f64,
+    pub rotation_deg_per_100_m: f64,
+}
 
 impl Report {
     /// Absolute and relative errors.
-    fn rows(&self) -> Vec<Row> {
+    fn rows(&self) -> Vec<ErrorRow> {
         let degrees = 180.0 / std::f64::consts::PI;
         let in_degrees = |values: Vec<f64>| Statistics::from_values(values).map(|found| found.times(degrees));
+        let row = |name: &str, unit, found| ErrorRow { name: name.to_owned(), unit, found };
         let mut rows = vec![
-            ("position (ATE)".to_owned(), "m", Statistics::from_values(position_errors(&self.pairs))),
-            ("rotation".to_owned(), "deg", in_degrees(rotation_errors(&self.pairs))),
+            row("position (ATE)", "m", Statistics::from_values(position_errors(&self.pairs))),
+            row("rotation", "deg", in_degrees(rotation_errors(&self.pairs))),
         ];
         for (name, errors) in &self.relative {
             let translation = Statistics::from_values(errors.iter().map(|error| error.translation_m));
             let rotation = in_degrees(errors.iter().map(|error| error.rotation_rad).collect());
-            rows.push((format!("{name}, translation"), "m", translation));
-            rows.push((format!("{name}, rotation"), "deg", rotation));
+            rows.push(row(&format!("{name}, translation"), "m", translation));
+            rows.push(row(&format!("{name}, rotation"), "deg", rotation));
         }
         rows
     }
 
-    /// Length (`None`: all), number of segments, translation error in %, rotation error in degrees per 100 m.
-    pub fn segment_rows(&self) -> Vec<(Option<f64>, usize, f64, f64)> {
+    /// Mean errors of the segments by length.
+    pub fn segment_rows(&self) -> Vec<SegmentRow> {
         let row = |length_m: Option<f64>| {
             let of_length = || self.segments.iter().filter(|segment| length_m.is_none_or(|l| segment.length_m == l));
             let n = of_length().count();
             let mean = |value: fn(&Segment) -> f64| of_length().map(value).sum::<f64>() / n as f64;
             let rotation = mean(|segment| segment.rotation_rad_per_m);
-            (length_m, n, 100.0 * mean(|segment| segment.translation), 100.0 * rotation.to_degrees())
+            SegmentRow {
+                length_m,
+                n,
+                translation_percent: 100.0 * mean(|segment| segment.translation),
+                rotation_deg_per_100_m: 100.0 * rotation.to_degrees(),
+            }
         };
         let mut lengths: Vec<f64> = self.segments.iter().map(|segment| segment.length_m).collect();
         lengths.sort_by(f64::total_cmp);
@@ -77,7 +98,7 @@ impl Report {
         let unpaired = self.unpaired.iter().filter(|(_, n)| *n > 0).map(|(why, n)| format!("; {n} {why}"));
         let _ = writeln!(text, "- poses: {} paired{}", self.pairs.len(), unpaired.collect::<String>());
         text.push_str("\n| error | unit | n | RMSE | mean | median | p95 | max |\n|---|---|---|---|---|---|---|---|\n");
-        for (name, unit, found) in self.rows() {
+        for ErrorRow { name, unit, found } in self.rows() {
             let numbers = match found {
                 None => "0 | - | - | - | - | -".to_owned(),
                 Some(s) => {
@@ -93,7 +114,8 @@ impl Report {
             return text;
         }
         text.push_str("\n| segments, m | n | translation, % | rotation, deg per 100 m |\n|---|---|---|---|\n");
-        for (length_m, n, translation, rotation) in self.segment_rows() {
+        for row in self.segment_rows() {
+            let SegmentRow { length_m, n, translation_percent: translation, rotation_deg_per_100_m: rotation } = row;
             let length = length_m.map_or("all".to_owned(), |length| length.to_string());
             let _ = writeln!(text, "| {length} | {n} | {translation:.4} | {rotation:.4} |");
         }
@@ -108,10 +130,11 @@ impl Report {
                 "deviation": found.deviation, "min": found.min, "max": found.max,
             })
         };
-        let error = |(name, unit, found): Row| json!({"error": name, "unit": unit, "of": found.map(statistics)});
-        let segment = |(length_m, n, translation, rotation): (Option<f64>, usize, f64, f64)| {
+        let error = |ErrorRow { name, unit, found }: ErrorRow| json!({"error": name, "unit": unit, "of": found.map(statistics)});
+        let segment = |row: SegmentRow| {
             json!({
-                "length_m": length_m, "n": n, "translation_percent": translation, "rotation_deg_per_100_m": rotation,
+                "length_m": row.length_m, "n": row.n, "translation_percent": row.translation_percent,
+                "rotation_deg_per_100_m": row.rotation_deg_per_100_m,
             })
         };
         json!({

@@ -73,7 +73,7 @@ pub fn spectra(model: &Model, spectra: &Spectra, rows: &[MaterialRow], size: [us
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             (!values.is_empty()).then_some([f64::from(spectra.wavelengths_nm[*band]), mean])
         }));
-        if let Some((reference, points)) = nearest(model, &measured) {
+        if let Some(NearestReference { reference, points, .. }) = nearest(model, &measured) {
             let reference = format!("{} ({})", model.references[reference].name, model.references[reference].material);
             lines.push(Series::thin_line(reference, color, points));
         }
@@ -96,15 +96,25 @@ fn normalized(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     points.into_iter().map(|[nm, value]| [nm, value / mean.max(1e-9)]).collect()
 }
 
+/// A reference near a measured spectrum.
+struct NearestReference {
+    /// Sum of the squared differences.
+    off: f64,
+    /// Its index.
+    reference: usize,
+    /// Wavelengths and normalized values.
+    points: Vec<[f64; 2]>,
+}
+
 /// The reference with the smallest squared difference, at the same wavelengths.
-fn nearest(model: &Model, measured: &[[f64; 2]]) -> Option<(usize, Vec<[f64; 2]>)> {
+fn nearest(model: &Model, measured: &[[f64; 2]]) -> Option<NearestReference> {
     let of_reference = |reference: usize| {
         let at = |[nm, measured]: &[f64; 2]| Some(([*nm, model.reflectance(reference, *nm as f32)?], *measured));
         let (points, measured): (Vec<[f64; 2]>, Vec<f64>) = measured.iter().filter_map(at).unzip();
         let points = normalized(points.into_iter());
         let off: f64 = points.iter().zip(measured).map(|(point, measured)| (point[1] - measured).powi(2)).sum();
-        (off, reference, points)
+        NearestReference { off, reference, points }
     };
     let candidates = (0..model.references.len()).map(of_reference);
-    candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, reference, points)| (reference, points))
+    candidates.min_by(|a, b| a.off.total_cmp(&b.off))
 }

@@ -52,8 +52,12 @@ pub fn reflectances(image: &BandImage, sensor: &SensorCalibration) -> anyhow::Re
                 .collect(),
         },
     };
-    let (sum, count) = (result.values.iter().filter(|value| value.is_finite()))
-        .fold((0.0_f64, 0_u64), |(sum, count), value| (sum + f64::from(*value), count + 1));
+    let mut sum = 0.0_f64;
+    let mut count = 0_u64;
+    for value in result.values.iter().filter(|value| value.is_finite()) {
+        sum += f64::from(*value);
+        count += 1;
+    }
     let factor = GRAY / (sum / count.max(1) as f64) as f32;
     result.values.iter_mut().for_each(|value| *value *= factor);
     Ok(result)

@@ -9,9 +9,15 @@ use segmentation::spherical::{PolarImage, PolarPixel};
 /// Rings of the sparsest sensor.
 const MIN_ROWS: usize = 8;
 
-/// Removes rings, every n-th or at random, and in half of the cases single returns or close ones. Returns the pixels that are left: the
-/// pixel of the view, and the one with the same point in the whole sweep.
-pub fn sparse_view(of: &LabeledImage, random: &mut Random) -> (PolarImage, Vec<[u32; 2]>) {
+/// A view of a sweep with fewer points.
+pub struct SparseImage {
+    pub image: PolarImage,
+    /// The pixels that are left: the pixel of the view, and the one with the same point in the whole sweep.
+    pub pixels: Vec<[u32; 2]>,
+}
+
+/// Removes rings, every n-th or at random, and in half of the cases single returns or close ones.
+pub fn sparse_view(of: &LabeledImage, random: &mut Random) -> SparseImage {
     let columns = of.image.columns;
     let rows = fewer_rows(of.image.rows, random);
     let LabeledImage { mut image, mut truth } = view(of, &rows, 0, columns);
@@ -26,7 +32,7 @@ pub fn sparse_view(of: &LabeledImage, random: &mut Random) -> (PolarImage, Vec<[
     let pixels =
         pixels.map(|pixel| [pixel, rows[pixel / columns] * columns + pixel % columns].map(|pixel| pixel as u32));
     let pixels = pixels.collect();
-    (image, pixels)
+    SparseImage { image, pixels }
 }
 
 /// At most three quarters of the rows, and at least a quarter of them or [`MIN_ROWS`].
@@ -71,7 +77,7 @@ mod tests {
             let mut most = 0;
             let mut n_thinned = 0;
             for seed in 0..60 {
-                let (image, pixels) = sparse_view(&of, &mut Random::new(seed));
+                let SparseImage { image, pixels } = sparse_view(&of, &mut Random::new(seed));
                 assert_eq!(image.pixels.len(), image.rows * of.image.columns);
                 assert_eq!(pixels.len(), image.pixels.iter().filter(|pixel| pixel.is_valid()).count());
                 for [sparse, full] in pixels.iter().map(|pair| pair.map(|pixel| pixel as usize)) {

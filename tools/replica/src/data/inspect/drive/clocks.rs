@@ -26,11 +26,12 @@ const MAX_CAPTURE_OFFSET_S: f64 = 1.0;
 /// Adds facts and doubts.
 pub fn add(lidar: &LidarSurvey, report: &mut DriveReport) {
     let mut lines = Vec::new();
-    let (line, doubt) = referenced(&lidar.clock_references);
-    lines.extend(line);
-    // A LiDAR alone needs no other clock.
-    let has_others = report.streams.iter().any(|stream| !stream.is_reference && stream.name != "lidar sweeps");
-    report.doubts.extend(doubt.filter(|_| has_others));
+    if let Some(Remark { line, doubt }) = referenced(&lidar.clock_references) {
+        lines.push(line);
+        // A LiDAR alone needs no other clock.
+        let has_others = report.streams.iter().any(|stream| !stream.is_reference && stream.name != "lidar sweeps");
+        report.doubts.extend(doubt.filter(|_| has_others));
+    }
     if let Some(ahead_s) = lidar.ahead_of_capture_s {
         lines.push(format!("LiDAR minus capturing machine: {ahead_s:+.3} s"));
         if ahead_s.abs() > MAX_CAPTURE_OFFSET_S && lidar.capture_ahead_of_gnss_s.is_none() {
@@ -60,18 +61,24 @@ pub fn add(lidar: &LidarSurvey, report: &mut DriveReport) {
         .filter_map(|stream| Some((stream.name.clone(), stream.span()?, stream.period_s().unwrap_or(0.0))))
         .collect();
     for (name, span, period_s) in others {
-        let (line, doubt) = compared(&name, span, reference, period_s);
+        let Remark { line, doubt } = compared(&name, span, reference, period_s);
         lines.push(line);
         report.doubts.extend(doubt);
     }
     report.section("Clocks", lines);
 }
 
+/// A line of the section, and a doubt.
+struct Remark {
+    line: String,
+    doubt: Option<String>,
+}
+
 /// The reference that the LiDAR reports for its clock.
-fn referenced(references: &BTreeMap<ClockReference, u64>) -> (Option<String>, Option<String>) {
+fn referenced(references: &BTreeMap<ClockReference, u64>) -> Option<Remark> {
     let n_all = references.values().sum::<u64>();
     if n_all == 0 {
-        return (None, None);
+        return None;
     }
     let percent = |n: u64| format!("{:.1} %", n as f64 / n_all as f64 * 100.0);
     let parts: Vec<String> = references.iter().map(|(reference, n)| format!("{reference} {}", percent(*n))).collect();
@@ -84,11 +91,11 @@ fn referenced(references: &BTreeMap<ClockReference, u64>) -> (Option<String>, Op
             parts.join(", ")
         )
     });
-    (Some(format!("reference of the LiDAR's clock: {}", parts.join(", "))), doubt)
+    Some(Remark { line: format!("reference of the LiDAR's clock: {}", parts.join(", ")), doubt })
 }
 
 /// Compares start and end of a sensor with the LiDAR.
-fn compared(name: &str, span: [Stamp; 2], lidar: [Stamp; 2], period_s: f64) -> (String, Option<String>) {
+fn compared(name: &str, span: [Stamp; 2], lidar: [Stamp; 2], period_s: f64) -> Remark {
     let [begin_s, end_s] = [0, 1].map(|k| seconds_between(span[k], lidar[k]));
     let line = format!("{name}: begins {}, ends {}", relative(begin_s), relative(end_s));
     let lidar_s = seconds_between(lidar[1], lidar[0]);
@@ -100,13 +107,11 @@ fn compared(name: &str, span: [Stamp; 2], lidar: [Stamp; 2], period_s: f64) -> (
         && (!has_overlap || offset_s.abs() > MAX_SPREAD_S)
         && let Some(why) = explained(offset_s)
     {
-        return (line, Some(format!("clocks: {name} is {offset_s:+.1} s off the LiDAR: {why}")));
+        return Remark { line, doubt: Some(format!("clocks: {name} is {offset_s:+.1} s off the LiDAR: {why}")) };
     }
     if !has_overlap {
-        return (
-            line,
-            Some(format!("clocks: {name} has no time in common with the LiDAR: it is {offset_s:+.1} s off")),
-        );
+        let text = format!("clocks: {name} has no time in common with the LiDAR: it is {offset_s:+.1} s off");
+        return Remark { line, doubt: Some(text) };
     }
     // A slow sensor begins and ends up to one period within the drive.
     let allowed_s = MAX_MISSING_S.max(1.5 * period_s);
@@ -118,7 +123,7 @@ fn compared(name: &str, span: [Stamp; 2], lidar: [Stamp; 2], period_s: f64) -> (
         missing.push(format!("ends {:.1} s before the LiDAR", -end_s));
     }
     let doubt = (!missing.is_empty()).then(|| format!("{name} {}", missing.join(" and ")));
-    (line, doubt)
+    Remark { line, doubt }
 }
 
 fn relative(seconds: f64) -> String {
@@ -148,18 +153,21 @@ mod tests {
     #[test]
     fn reference_of_the_clock_is_told_and_doubted_where_it_is_absent() {
         let of = |counts: &[(ClockReference, u64)]| referenced(&counts.iter().copied().collect());
-        assert_eq!(of(&[]), (None, None));
-        let (line, doubt) = of(&[(ClockReference::Pulse, 3), (ClockReference::PulseAbsent, 1)]);
-        assert_eq!(line.as_deref(), Some("reference of the LiDAR's clock: PPS locked 75.0 %, PPS absent 25.0 %"));
+        assert!(of(&[]).is_none());
+        let Remark { line, doubt } =
+            of(&[(ClockReference::Pulse, 3), (ClockReference::PulseAbsent, 1)]).expect("references");
+        assert_eq!(line, "reference of the LiDAR's clock: PPS locked 75.0 %, PPS absent 25.0 %");
         assert_eq!(doubt, None);
-        let (_, doubt) = of(&[(ClockReference::FreeRunning, 3), (ClockReference::Ptp, 1)]);
-        assert!(doubt.is_some_and(|text| text.contains("75.0 % of its packets (PTP 25.0 %, free-running 75.0 %)")));
+        let remark = of(&[(ClockReference::FreeRunning, 3), (ClockReference::Ptp, 1)]).expect("references");
+        assert!(
+            remark.doubt.is_some_and(|text| text.contains("75.0 % of its packets (PTP 25.0 %, free-running 75.0 %)"))
+        );
     }
 
     #[test]
     fn offsets_of_clocks_are_explained_and_missing_parts_are_named() {
         let doubt = |begin_s: f64, end_s: f64| {
-            compared("camera 0", span(begin_s, end_s), span(0.0, 60.0), 0.5).1.unwrap_or_default()
+            compared("camera 0", span(begin_s, end_s), span(0.0, 60.0), 0.5).doubt.unwrap_or_default()
         };
         assert_eq!(doubt(0.3, 59.9), "");
         assert_eq!(doubt(-30.0, 80.0), "", "longer than the LiDAR");
