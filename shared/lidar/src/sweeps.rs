@@ -104,9 +104,9 @@ struct PacketPosition {
 /// Times of a data packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PacketArrival {
-    /// By the clock of the sensor.
+    /// Time by the clock of the sensor.
     pub stamp: Stamp,
-    /// By the clock of the host.
+    /// Time by the clock of the host.
     pub captured: Stamp,
 }
 

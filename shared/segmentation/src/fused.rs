@@ -145,7 +145,7 @@ impl Fused {
         check_rules([
             Rule::new((0.0..=1.0).contains(&share), format!("share = {share}, must be 0 to 1")),
             Rule::new((1..=MOST_EVERY).contains(&every), format!("every = {every}, must be 1 to {MOST_EVERY}")),
-            Rule::of_temperature(fusion.temperature),
+            Rule::for_temperature(fusion.temperature),
         ])?;
         let of_first = Options { every: options.every.saturating_mul(every), ..*options };
         let [first, second] = files;

@@ -25,7 +25,7 @@ impl Rule {
         Self { holds, text }
     }
     /// The rule of the divisor of logits.
-    pub fn of_temperature(temperature: f32) -> Self {
+    pub fn for_temperature(temperature: f32) -> Self {
         Self::new((0.1..=10.0).contains(&temperature), format!("temperature = {temperature}, must be 0.1 to 10"))
     }
 }

@@ -18,7 +18,7 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(3);
 /// All started processes.
 #[derive(Default)]
 pub struct Processes {
-    /// In the order of the plan.
+    /// Processes in the order of the plan.
     pub all: Vec<StageProcess>,
 }
 

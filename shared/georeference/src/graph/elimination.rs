@@ -169,7 +169,7 @@ mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector};
 
-    /// The same system twice.
+    /// One system in blocks and as a dense matrix.
     struct TestSystem {
         system: BlockSystem,
         dense: DMatrix<f64>,

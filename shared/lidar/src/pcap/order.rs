@@ -97,7 +97,7 @@ fn check_numbers(by_name: &[Recorded], by_time: &[Recorded]) -> Result<(), Strin
     let [before, after] = [&pair[0], &pair[1]];
     let back_s = (before.last.0.saturating_sub(after.first.0)) as f64 * 1e-9;
     Err(format!(
-        "{} has the higher number, but its times are earlier than those of {}, by {back_s:.3} s: the clock of the recorder was set \
+        "{} has the higher number, but its times are earlier than the times of {}, by {back_s:.3} s: the clock of the recorder was set \
          back, or files were renamed. Process each recording in a folder of its own; if the times are right, name the files in \
          the order of their times",
         after.text(),
@@ -173,7 +173,7 @@ mod tests {
         let error = sorted(&[("x_0.pcap", 600_000), ("x_1.pcap", 0), ("x_2.pcap", 20)]).expect_err("is refused");
         let words = [
             "x_1.pcap (3184 bytes, 2023-11-14 22:13:20.000 UTC to 2023-11-14 22:13:20.019 UTC) has the higher number",
-            "earlier than those of x_0.pcap (3184 bytes, 2023-11-14 22:23:20.000 UTC to",
+            "earlier than the times of x_0.pcap (3184 bytes, 2023-11-14 22:23:20.000 UTC to",
             "by 600.019 s",
         ];
         assert!(words.iter().all(|words| error.contains(words)), "{error}");

@@ -93,7 +93,7 @@ fn detrended(errors: &[RingError]) -> Vec<RingError> {
 /// A Velodyne.
 struct VelodyneLasers {
     model: lidar::velodyne::Model,
-    /// In firing order.
+    /// Lasers in firing order.
     lasers: Vec<Laser>,
 }
 

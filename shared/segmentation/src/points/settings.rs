@@ -104,7 +104,7 @@ impl PointSettings {
                 },
                 format!("network.cell_m must be cell_m = {cell_m}: the neighborhoods of kpconv are multiples of it"),
             ),
-            Rule::of_temperature(self.temperature),
+            Rule::for_temperature(self.temperature),
         ];
         check_rules(rules)?;
         Ok(classes)

@@ -118,7 +118,7 @@ impl Settings {
                 (0.02..=5.0).contains(&self.vote_cell_m),
                 format!("vote_cell_m = {}, must be 0.02 to 5", self.vote_cell_m),
             ),
-            Rule::of_temperature(self.temperature),
+            Rule::for_temperature(self.temperature),
         ];
         check_rules(rules)?;
         Ok(classes)

@@ -73,7 +73,7 @@ struct DirectoryPlace {
 #[derive(Default)]
 struct Stored {
     n_bytes: u64,
-    /// By level and tile.
+    /// Stored tiles by level and tile.
     tiles: BTreeMap<(usize, Tile), StoredTile>,
 }
 

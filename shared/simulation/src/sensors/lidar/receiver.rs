@@ -83,7 +83,7 @@ fn materials(optics: &Optics) -> Vec<LaserMaterial> {
 #[derive(Clone, Debug)]
 pub struct Receiver {
     optics: Optics,
-    /// By material.
+    /// Properties of each material.
     materials: Vec<LaserMaterial>,
     lasers: Vec<LaserReceiver>,
 }
