@@ -148,7 +148,7 @@ fn what_cannot_be_viewed_is_refused_with_the_rule() {
     fs::write(&file, [b"LASF".to_vec(), vec![0; 600]].concat()).expect("writes");
     for (path, rule) in [
         (file.as_path(), "not a COPC file"),
-        (folder.path(), "the run is not finished"),
+        (folder.path(), "is not a run, it has no summary.json"),
         (&folder.path().join("absent"), "absent: No such file"),
     ] {
         let output = replica(&["view", text(path), "--port", "0"]);
