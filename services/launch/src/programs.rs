@@ -172,7 +172,7 @@ fn ask<T: DeserializeOwned>(
             break status;
         }
         if begun.elapsed() > ANSWER_TIMEOUT {
-            // Whether or not the program can be killed, there is no answer.
+            // The program has not answered, whether or not it can be killed.
             let _ = child.kill().and_then(|()| child.wait());
             return Err(ProgramError::Timeout { program: program_path(), question: question_text() });
         }

@@ -267,7 +267,7 @@ impl NullaryFnOnce for AddTolerance<'_> {
 }
 
 /// Change of range over one cell on a surface that recedes from one neighbor to the other, m: the smaller of the two
-/// differences. At a silhouette there is no such surface, so the step to the background does not count as slope.
+/// differences. A silhouette does not recede so: the step to the background does not count as slope.
 #[inline(always)]
 fn rise(before: f32, here: f32, after: f32) -> f32 {
     let a = here - before;

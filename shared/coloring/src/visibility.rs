@@ -79,7 +79,7 @@ impl VisibilityMap {
         Self { grid, max_range_m: vec![f32::INFINITY] }
     }
 
-    /// The largest range at which a point of the cell is visible, m. Minus infinity if there is no such cell.
+    /// The largest range at which a point of the cell is visible, m. Minus infinity outside of the image.
     #[inline(always)]
     pub fn max_range_m(&self, cell: u32) -> f32 {
         self.max_range_m.get(cell as usize).copied().unwrap_or(f32::NEG_INFINITY)

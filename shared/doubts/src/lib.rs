@@ -1,7 +1,7 @@
 //! Doubts: reasons not to rely on the results of a run as they are.
 //!
 //! A run with a doubt is complete, but ends with exit code 3. The library or stage that finds one constructs a variant of
-//! [`Doubt`], which holds the figures and writes the text that operators read. A reader of `summary.json` has only the name,
+//! [`Doubt`], which holds the figures and writes the text that operators read (`doubt/text.rs`). A reader of `summary.json` has only the name,
 //! and finds its [`DoubtKind`]: subject, [`Severity`] and what to do.
 //!
 //! This crate must never judge: it has no limits and no defaults, reads no file and no clock, and depends on no topic.

@@ -18,10 +18,10 @@ const GROUND_M: f32 = 0.15;
 /// Least number of ground points near a position.
 const MIN_NEAR: f64 = 30.0;
 /// Heights of LiDARs above the ground, m: from a robot or a person who stoops to a mast on a van.
-/// Found in KITTI raw 0048, Annieway durlacher and simulated drives of four rigs: 1.7 to 3.0 m.
+/// These limits were not fitted to drives: KITTI raw 0048, Annieway durlacher and simulated drives of four rigs have 1.7 to 3.0 m.
 const HEIGHTS_M: RangeInclusive<f32> = 0.7..=4.0;
-/// Largest slope of ground relative to the horizontal plane of the body at the start, degrees. The drives above have at
-/// most 2.1; a drive from one side of a pass of 17 % to the other has 19.
+/// Largest slope of ground relative to the horizontal plane of the body at the start, degrees: a
+/// drive from one side of a pass of 17 % to the other has 19. The drives above have at most 2.1.
 const MAX_SLOPE_DEG: f32 = 20.0;
 
 /// The LiDAR above the ground near its path.

@@ -19,7 +19,7 @@ pub struct EarlierResults {
 }
 
 impl EarlierResults {
-    /// The results in `output`. `None` if there is no cloud, no saved state, and no run that processed a point.
+    /// The results in `output`. `None` without a cloud, a saved state or a run that processed a point.
     pub fn find(output: &Path) -> Option<Self> {
         let has_summary = Summary::file(output).exists();
         let summary = Summary::load(output).ok();

@@ -45,7 +45,7 @@ impl Background {
         Self { grid, step, rim, references }
     }
 
-    /// The reference at a pixel. `None` if there is no sky because surfaces surround the pixel.
+    /// The reference at a pixel. `None` if surfaces surround the pixel.
     pub fn reference(&self, image: &ColorImage<'_>, pixel: [f32; 2]) -> Option<Tint> {
         let cell = self.grid.cell(pixel[0], pixel[1]);
         if self.rim.surroundings(cell) == Surroundings::Surface {

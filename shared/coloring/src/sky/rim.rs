@@ -39,7 +39,7 @@ impl RimMap {
         Self { surroundings: all.iter().zip(&some).map(of_cell).collect() }
     }
 
-    /// The surroundings of a cell; [`Surroundings::Nothing`] if there is no such cell.
+    /// The surroundings of a cell; [`Surroundings::Nothing`] outside of the image.
     pub fn surroundings(&self, cell: u32) -> Surroundings {
         self.surroundings.get(cell as usize).copied().unwrap_or(Surroundings::Nothing)
     }

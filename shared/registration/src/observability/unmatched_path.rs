@@ -12,7 +12,7 @@ const WINDOW: usize = 10;
 /// Sweeps without a match among them that make a stretch. As many in a row abandon the map. Fewer lie between matches
 /// to the same map, which support the path on both sides.
 ///
-/// KITTI raw 0048, both Annieway drives, the sample, and 6 s each of simulated urban, suburban, rural, field, tunnel and
+/// The number follows from that limit. As a check: KITTI raw 0048, both Annieway drives, the sample, and 6 s each of simulated urban, suburban, rural, field, tunnel and
 /// motorway drives have no sweep without a match.
 const MIN_UNMATCHED: usize = 5;
 /// Stretches with a shorter pause are listed as one, ns.
