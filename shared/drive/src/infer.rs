@@ -54,8 +54,8 @@ impl KindOfFiles {
     }
 }
 
-/// Files that begin as captures but have other names.
-fn unnamed_captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
+/// Files that begin as captures but have other names, of the first files of unknown kind.
+pub fn unnamed_captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let is_unknown = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let is_known = FORMATS.iter().chain(&IMPORTED).any(|extension| name.ends_with(&format!(".{extension}")));
@@ -90,6 +90,14 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
             first.display()
         )));
     }
+    let is_imported = |kind: &KindOfFiles| IMPORTED.contains(&kind.extension);
+    if !kinds.is_empty() && kinds.iter().all(is_imported) {
+        return Err(problem(format!(
+            "contains neither {MANIFEST_FILE} nor *.{}, but {}: make a drive of them with `replica import`",
+            FORMATS.join(", *."),
+            KindOfFiles::texts(&kinds)
+        )));
+    }
     if kinds.len() > 1 {
         return Err(problem(format!(
             "has several kinds of recordings: {}; move each kind into its own folder, or write a {MANIFEST_FILE} that names \
@@ -97,16 +105,8 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
             KindOfFiles::texts(&kinds)
         )));
     }
-    let (extension, mut files) = match kinds.pop() {
-        Some(kind) if IMPORTED.contains(&kind.extension) => {
-            return Err(problem(format!(
-                "contains neither {MANIFEST_FILE} nor *.{}, but {}: make a drive of them with `replica import`",
-                FORMATS.join(", *."),
-                kind.text()
-            )));
-        }
-        Some(KindOfFiles { extension, files }) => (extension, files),
-        None => return Err(problem(format!("contains neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *.")))),
+    let Some(KindOfFiles { extension, mut files }) = kinds.pop() else {
+        return Err(problem(format!("contains neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))));
     };
     if extension == "bin" {
         check_rows(&files[0])?;

@@ -33,7 +33,7 @@ mod sweeps;
 
 pub use camera_rig::CameraRig;
 pub use clouds::{is_return, returns_from_cloud};
-pub use infer::KindOfFiles;
+pub use infer::{KindOfFiles, unnamed_captures};
 pub use labelled_sweep::{LabelledSweep, NoLabel, Shot, TrueLabel};
 pub use labels::{LabelReader, TrueLabels, find_label};
 pub use lidar::SweepInfo;

@@ -135,7 +135,7 @@ impl Check<'_> {
         let none = Sweeps::default();
         let key_of = |name: &str| format!("{key}.{name}");
         let extensions: &[&str] = match entry.format.as_str() {
-            "pcap" => &["pcap", "pcapng", "pcap1, *.pcap2, ..."],
+            "pcap" => &["pcap", "pcapng"],
             "pcd" => &["pcd"],
             "bin" | "nuscenes" => &["bin"],
             other => {
@@ -202,7 +202,7 @@ struct Sweeps {
 /// Stamps of clouds without `times.txt`: 10 sweeps per second. Missing numbers in the names leave their time.
 fn assumed_stamps(files: &[PathBuf]) -> Vec<Stamp> {
     let positions = positions(files).unwrap_or_else(|| (0..files.len() as u64).collect());
-    positions.into_iter().map(|k| Stamp(i64::try_from(k).unwrap_or(i64::MAX).saturating_mul(SWEEP_NANOS))).collect()
+    positions.into_iter().map(|k| Stamp(k as i64 * SWEEP_NANOS)).collect()
 }
 
 /// Whether the packets of two LiDARs in the same captures can be distinguished.

@@ -12,18 +12,24 @@ pub struct Missing {
     pub texts: Vec<String>,
 }
 
+/// Most numbers of a series for each file that is there.
+const MAX_NUMBERS_PER_FILE: u64 = 100;
+
 /// Position of each file in its series, from 0: the number in its name in steps of the series. `None` if the names are not
 /// counted, or not in this order.
 ///
-/// A series has a step that divides all differences and is at least half of them. So times in names are not a series.
+/// A series has a step that divides all differences and is at least half of them. So times in names are not a series, nor are
+/// files of which almost all numbers would be missing.
 pub(super) fn positions(files: &[PathBuf]) -> Option<Vec<u64>> {
     let names: Vec<String> = files.iter().map(|path| name(path)).collect();
-    let numbers = numbers(names.iter().map(String::as_str)).filter(|numbers| numbers.is_sorted())?;
+    let numbers = numbers(names.iter().map(String::as_str)).filter(|numbers| numbers.is_sorted_by(|a, b| a < b))?;
     let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let step = steps.iter().copied().fold(0, gcd);
     let n_single = steps.iter().filter(|other| **other == step).count();
     let is_series = step > 0 && n_single * 2 >= steps.len();
-    is_series.then(|| numbers.iter().map(|number| (number - numbers[0]) / step).collect())
+    let positions = is_series.then(|| numbers.iter().map(|number| (number - numbers[0]) / step).collect::<Vec<_>>());
+    positions
+        .filter(|positions| positions.last().is_some_and(|last| *last <= MAX_NUMBERS_PER_FILE * files.len() as u64))
 }
 
 /// The missing files of a series of files.
@@ -67,6 +73,9 @@ mod tests {
         assert_eq!(found(&["x_10.pcd", "x_20.pcd", "x_30.pcd", "x_60.pcd"]), Some(vec![0, 1, 2, 5]));
         assert_eq!(found(&["103.pcd", "201.pcd", "298.pcd", "405.pcd"]), None, "times in an unknown unit");
         assert_eq!(found(&["a.pcd", "b.pcd"]), None);
+        assert_eq!(found(&["01.pcd", "1.pcd", "2.pcd"]), None, "one number twice");
+        assert_eq!(found(&["1.pcd", "2.pcd", "20231114.pcd"]), None, "a date");
+        assert_eq!(found(&["0.pcd", "1.pcd", "18000000000000000000.pcd"]), None);
     }
 
     #[test]

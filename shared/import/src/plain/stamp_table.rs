@@ -133,6 +133,12 @@ fn stamp_of(words: &[&str], file: Option<usize>, has_nanos: bool) -> Result<Opti
     ))
 }
 
+/// Whether a header, which may be a comment, names a column of ns past a second.
+fn names_nanos(header: &str) -> bool {
+    let mut words = header.split(|c: char| !c.is_ascii_alphanumeric());
+    words.any(|word| NANOS_COLUMNS.contains(&word.to_lowercase().as_str()))
+}
+
 /// The stamp of seconds with a decimal comma.
 fn decimal_comma(word: &str) -> Option<i64> {
     let (whole, decimals) = word.split_once(',')?;
@@ -150,6 +156,7 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
     let mut has_nanos = false;
     for (number, line) in (1..).zip(text.lines().map(str::trim)) {
         if line.is_empty() || line.starts_with('#') {
+            has_nanos |= names_nanos(line);
             continue;
         }
         // Next to other separators, a comma is a decimal comma.
@@ -164,7 +171,7 @@ fn read_table(path: &Path, files: &[(String, PathBuf)]) -> Result<Vec<i64>, Impo
             let is_header = !has_header && in_order.is_empty() && by_name.iter().all(Option::is_none);
             if is_header && line.contains(|c: char| c.is_ascii_alphabetic()) {
                 has_header = true;
-                has_nanos = words.iter().any(|word| NANOS_COLUMNS.contains(&word.to_lowercase().as_str()));
+                has_nanos |= names_nanos(line);
                 continue;
             }
             let rule = "must be a stamp: seconds with decimals, a date, or an integer since 1970 in s, ms, us or ns";

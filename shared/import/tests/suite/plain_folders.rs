@@ -101,6 +101,18 @@ fn decimal_commas_and_columns_of_ns_give_the_fraction_of_the_second() {
         let stamps: Vec<i64> = sweeps_of(&drive).into_iter().map(|(stamp, _)| stamp - 67_409_024).collect();
         assert_eq!(stamps, [0, 1_250_000_000, 2_500_000_000], "{text}");
     }
+    // With fewer than nine digits, only a header shows that they are ns. It may be a comment.
+    for header in ["file,sec,nsec", "# file,sec,nsec"] {
+        let folder = folder();
+        let source = sweeps(&folder, &["0", "1"]);
+        write_file(
+            &source.join("timestamps.csv"),
+            format!("{header}\n0.pcd,1583836591,5000000\n1.pcd,1583836591,105000000\n"),
+        );
+        let (_, drive) = imported(&import_from(&source, &folder));
+        let stamps: Vec<i64> = sweeps_of(&drive).into_iter().map(|(stamp, _)| stamp).collect();
+        assert_eq!(stamps[1] - stamps[0], 100_000_000, "{header}");
+    }
 }
 
 #[test]

@@ -38,14 +38,26 @@ pub(super) enum Next {
 }
 
 #[derive(Clone, Debug)]
-enum Format {
+pub(super) enum Format {
     Classic { link: u32, fraction_nanos: i64 },
     Ng { interfaces: Vec<Interface>, last_stamp: Stamp },
 }
 
+impl Format {
+    /// The format of a file that begins with these bytes.
+    pub(super) fn from_magic(magic: [u8; 4]) -> Option<Self> {
+        match u32::from_le_bytes(magic) {
+            0xa1b2_c3d4 | 0xd4c3_b2a1 => Some(Self::Classic { link: 0, fraction_nanos: 1000 }),
+            0xa1b2_3c4d | 0x4d3c_b2a1 => Some(Self::Classic { link: 0, fraction_nanos: 1 }),
+            SECTION => Some(Self::Ng { interfaces: Vec::new(), last_stamp: Stamp(0) }),
+            _ => None,
+        }
+    }
+}
+
 /// Clock of an interface of a pcapng section.
 #[derive(Clone, Copy, Debug)]
-struct Interface {
+pub(super) struct Interface {
     link: u32,
     ticks_per_second: u64,
     offset_seconds: i64,
@@ -83,14 +95,11 @@ impl Records {
         let mut magic = [0; 4];
         let damaged = |damage| PcapError::Damaged { path: path.to_owned(), offset: 0, damage };
         file.read_exact(&mut magic).map_err(|_| damaged(Damage::NoHeader))?;
-        let (big_endian, format) = match u32::from_le_bytes(magic) {
-            0xa1b2_c3d4 => (false, Format::Classic { link: 0, fraction_nanos: 1000 }),
-            0xa1b2_3c4d => (false, Format::Classic { link: 0, fraction_nanos: 1 }),
-            0xd4c3_b2a1 => (true, Format::Classic { link: 0, fraction_nanos: 1000 }),
-            0x4d3c_b2a1 => (true, Format::Classic { link: 0, fraction_nanos: 1 }),
-            SECTION => (false, Format::Ng { interfaces: Vec::new(), last_stamp: Stamp(0) }),
-            other => return Err(damaged(Damage::Magic(other))),
+        let Some(format) = Format::from_magic(magic) else {
+            return Err(damaged(Damage::Magic(u32::from_le_bytes(magic))));
         };
+        // Of a classic capture; a section of pcapng has its own mark.
+        let big_endian = magic[0] == 0xa1;
         let mut records = Self { path: path.to_owned(), file, offset: 4, big_endian, format, frame: Vec::new() };
         match &records.format {
             Format::Classic { .. } => {

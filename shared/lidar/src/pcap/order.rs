@@ -1,6 +1,6 @@
 //! The order in which captures were recorded, from the times inside. Names only decide where times do not.
 
-use super::blocks::{Next, Records};
+use super::blocks::{Format, Next, Records};
 use super::{PcapError, last_stamp};
 use files::calendar::text_of_nanos;
 use files::names::{numbers, sort_by_name};
@@ -26,9 +26,7 @@ pub fn is_capture_name(path: &Path) -> bool {
 pub fn has_capture_magic(path: &Path) -> bool {
     let mut begin = [0; 4];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut begin));
-    let numbers = [u32::from_le_bytes(begin), u32::from_be_bytes(begin)];
-    let classic = [0xa1b2_c3d4, 0xa1b2_3c4d, 0xa1b2_cd34];
-    read.is_ok() && (numbers.iter().any(|number| classic.contains(number)) || begin == [0x0a, 0x0d, 0x0d, 0x0a])
+    read.is_ok() && Format::from_magic(begin).is_some()
 }
 
 /// A capture and its times.
@@ -42,6 +40,9 @@ struct Recorded {
 /// Sorts captures by their times. Captures that overlap, of several sensors, are sorted by name in natural order. The error
 /// names captures whose numbers contradict their times.
 pub fn sort_by_time(files: &mut [PathBuf]) -> Result<(), String> {
+    if files.len() < 2 {
+        return Ok(());
+    }
     sort_by_name(files);
     let mut previous = Stamp(i64::MIN);
     let mut firsts = Vec::new();

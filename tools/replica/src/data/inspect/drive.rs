@@ -93,7 +93,7 @@ pub fn is_drive(path: &Path) -> bool {
         extension.is_some_and(|extension| known.contains(&extension.as_str()))
     };
     if path.is_file() {
-        return is_capture_name(path);
+        return is_capture_name(path) || has_capture_magic(path);
     }
     if path.join(MANIFEST_FILE).is_file() {
         return true;
@@ -101,8 +101,8 @@ pub fn is_drive(path: &Path) -> bool {
     let files = || path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
     !path.join("clouds").is_dir()
         && !files().any(|file| has_extension(&file, &["ply"]))
-        && files()
-            .any(|file| is_capture_name(&file) || has_capture_magic(&file) || has_extension(&file, &["pcd", "bin"]))
+        && (files().any(|file| is_capture_name(&file) || has_extension(&file, &["pcd", "bin"]))
+            || !drive::unnamed_captures(path).unwrap_or_default().is_empty())
 }
 
 /// Prints the report and writes the page.
