@@ -5,7 +5,7 @@
 //! `delay` makes the stamps of all images earlier, ms. The expected result is the opposite rotation, and that delay.
 
 use camera_alignment::report::camera_line;
-use camera_alignment::{AlignmentExposure, OffsetMonitor, profiles_by_camera};
+use camera_alignment::{AlignmentExposure, OffsetMonitor, profiles_of_exposures};
 use coloring::{ColorImage, PointBuffers, ProjectionCamera, SubmapPoints, visibility_maps};
 use drive::Drive;
 use geometry::{RigCamera, Stamp, UnitQuaternion, Vector3};
@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 AlignmentExposure { exposure, shifted, shift_s, visibility, image }
             })
             .collect();
-        monitor.add(profiles_by_camera(&points, &monitored));
+        monitor.add(profiles_of_exposures(&points, &monitored));
     }
     let start = std::time::Instant::now();
     let offset = monitor.offset();

@@ -42,7 +42,7 @@ pub fn plan_as(copy: &Path, path: &Path, changes: &[Change], selection: &Selecti
         problems.add_without_place(text);
     }
     let mut stages = stages::read(&mut problems, &folder, copy, changes, selection, &run);
-    let Replaced { remark, missing } = select(&mut stages, selection, &mut problems);
+    let SelectedStages { remark, missing } = select(&mut stages, selection, &mut problems);
     for StageProblem { stage, problem } in dataflow::connect(&mut stages, mode) {
         problems.add(&stage, problem);
     }
@@ -167,28 +167,28 @@ fn rig(run: &mut Run, mode: Mode, folder: &Path, problems: &mut Problems) -> Opt
     Some(path)
 }
 
-/// Result of replacing the source.
-struct Replaced {
-    /// Remark for the operator.
+/// Consequences of the selection of stages.
+struct SelectedStages {
+    /// Stages left out because the source replaces their topics, for the operator.
     remark: Option<String>,
     /// [`Context::missing`].
     missing: Vec<String>,
 }
 
 /// Leaves out the stages that the command line deselects.
-fn select(stages: &mut Vec<PlannedStage>, selection: &Selection, problems: &mut Problems) -> Replaced {
+fn select(stages: &mut Vec<PlannedStage>, selection: &Selection, problems: &mut Problems) -> SelectedStages {
     for name in selection.without.iter().chain(&selection.source) {
         if !problems.has_table(name) {
             problems
                 .add_without_place(format!("the command line names stage {name}: {}", problems.nearest_table(name)));
         }
     }
-    let Some(source) = &selection.source else { return Replaced { remark: None, missing: Vec::new() } };
+    let Some(source) = &selection.source else { return SelectedStages { remark: None, missing: Vec::new() } };
     let before = stages.clone();
     let left_out = source_selection::leave_out(stages, source);
     let remark =
         (!left_out.is_empty()).then(|| format!("[{source}] replaces their topics; left out: {}", left_out.join(", ")));
-    Replaced { remark, missing: source_selection::missing_topics(&before, stages) }
+    SelectedStages { remark, missing: source_selection::missing_topics(&before, stages) }
 }
 
 /// Refuses a recording that would have gaps.

@@ -28,6 +28,6 @@ mod search;
 
 pub use depth_edges::{DepthEdge, depth_edges};
 pub use fit::{fit, fit_at_range, fit_rotation};
-pub use monitor::{CameraProfiles, OffsetMonitor, RANGES_M, RangeOffset, profiles_by_camera};
+pub use monitor::{ExposureProfiles, OffsetMonitor, RANGES_M, RangeOffset, profiles_of_exposures};
 pub use offset::{CameraOffset, Offset, Rotation};
 pub use profile::{AlignmentExposure, MAX_AGE_S, Profile, REACH};

@@ -16,9 +16,9 @@ const MAX_PROFILES: usize = 1200;
 /// Reported ranges, m: a delay is visible at the nearest and invisible at the farthest.
 pub const RANGES_M: [Range<f32>; 3] = [0.0..8.0, 8.0..20.0, 20.0..120.0];
 
-/// Profiles of an exposure.
+/// Profiles at the depth edges in an exposure.
 #[derive(Clone, Debug)]
-pub struct CameraProfiles {
+pub struct ExposureProfiles {
     /// Index of the camera.
     pub camera: usize,
     /// The profiles.
@@ -35,13 +35,13 @@ pub struct RangeOffset {
 }
 
 /// The profiles of a submap's depth edges in some exposures.
-pub fn profiles_by_camera(points: &SubmapPoints<'_>, exposures: &[AlignmentExposure<'_>]) -> Vec<CameraProfiles> {
+pub fn profiles_of_exposures(points: &SubmapPoints<'_>, exposures: &[AlignmentExposure<'_>]) -> Vec<ExposureProfiles> {
     let span = |exposure: &AlignmentExposure<'_>| {
         let time = seconds(exposure.exposure.stamp, points.origin);
         [time - MAX_AGE_S, time + MAX_AGE_S]
     };
     let edges = depth_edges(points, &exposures.iter().map(span).collect::<Vec<_>>());
-    let profiles = |exposure: &AlignmentExposure<'_>| CameraProfiles {
+    let profiles = |exposure: &AlignmentExposure<'_>| ExposureProfiles {
         camera: exposure.image.camera(),
         profiles: exposure.profiles(points, &edges),
     };
@@ -67,8 +67,8 @@ impl OffsetMonitor {
     }
 
     /// Adds the profiles of a submap.
-    pub fn add(&mut self, profiles: Vec<CameraProfiles>) {
-        for CameraProfiles { camera, profiles: added } in profiles {
+    pub fn add(&mut self, profiles: Vec<ExposureProfiles>) {
+        for ExposureProfiles { camera, profiles: added } in profiles {
             if self.profiles.len() <= camera {
                 self.profiles.resize(camera + 1, Vec::new());
             }

@@ -40,9 +40,9 @@ pub struct ExposureWindow<T> {
     tallies: BTreeMap<u32, ExposureTally>,
 }
 
-/// An exposure with a pose.
+/// A held exposure with the pose of the body at its stamp.
 #[derive(Clone, Copy, Debug)]
-pub struct PosedData<'a, T> {
+pub struct HeldWithPose<'a, T> {
     /// Data of the exposure.
     pub data: &'a T,
     /// Pose of the body at its stamp.
@@ -51,9 +51,9 @@ pub struct PosedData<'a, T> {
 
 /// Exposures of a time range.
 #[derive(Clone, Debug)]
-pub struct PosedWindow<'a, T> {
+pub struct ExposuresInRange<'a, T> {
     /// Exposures with a pose.
-    pub exposures: Vec<PosedData<'a, T>>,
+    pub exposures: Vec<HeldWithPose<'a, T>>,
     /// Number of exposures without a pose.
     pub n_without_pose: u64,
 }
@@ -97,13 +97,15 @@ impl<T> ExposureWindow<T> {
         self.held.get(first..end).unwrap_or_default()
     }
     /// The exposures with a stamp in `stamps`.
-    pub fn posed_within(&self, stamps: RangeInclusive<i64>, trajectory: &Trajectory) -> PosedWindow<'_, T> {
+    pub fn posed_within(&self, stamps: RangeInclusive<i64>, trajectory: &Trajectory) -> ExposuresInRange<'_, T> {
         let near = self.within(stamps);
         let posed = |held: &HeldExposure<T>| trajectory.at(Stamp(held.stamp));
-        let exposures: Vec<PosedData<'_, T>> =
-            near.iter().filter_map(|held| Some(PosedData { data: &held.data, odom_from_body: posed(held)? })).collect();
+        let exposures: Vec<HeldWithPose<'_, T>> = near
+            .iter()
+            .filter_map(|held| Some(HeldWithPose { data: &held.data, odom_from_body: posed(held)? }))
+            .collect();
         let n_without_pose = (near.len() - exposures.len()) as u64;
-        PosedWindow { exposures, n_without_pose }
+        ExposuresInRange { exposures, n_without_pose }
     }
     /// Stamp of the oldest exposure.
     pub fn oldest_stamp(&self) -> Option<i64> {

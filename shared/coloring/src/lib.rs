@@ -58,7 +58,7 @@ pub use color_doubts::{DoubtLimits, ExposureKind};
 pub use color_image::ColorImage;
 pub use cube_image::CubeImage;
 pub use exposure::PosedExposure;
-pub use exposure_window::{ExposureTally, ExposureWindow, HeldExposure, PosedData, PosedWindow};
+pub use exposure_window::{ExposureTally, ExposureWindow, ExposuresInRange, HeldExposure, HeldWithPose};
 pub use frustum::Frustum;
 pub use gains::{ExposureGains, Overlap, overlaps};
 pub use lens::Lens;

@@ -65,7 +65,7 @@ pub fn align_odometry(pairs: &[PointPair], yaw: Option<f64>) -> Option<Alignment
     Some(best)
 }
 
-/// Difference in height.
+/// Difference in height of a pair, m, with its weight.
 struct WeightedError {
     error_m: f64,
     weight: f64,

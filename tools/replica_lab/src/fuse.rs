@@ -5,7 +5,7 @@ mod prior_recipe;
 use anyhow::Context;
 use command_line::argument;
 use files::atomic_file::write_atomic;
-use prior_recipe::{GroupMeans, PriorRecipe};
+use prior_recipe::{MeansByGroup, PriorRecipe};
 use segmentation::Fusion;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// The priors that fit the drives of a recipe.
 fn fit(recipe: &Path, args: &Args, without: &Fusion) -> anyhow::Result<BTreeMap<String, f32>> {
     let recipe = PriorRecipe::load(recipe)?;
-    let GroupMeans { classes, groups } = recipe.means(&args.first, &args.second, without)?;
+    let MeansByGroup { classes, groups } = recipe.means(&args.first, &args.second, without)?;
     let factors = fit_priors(&groups, classes.len());
     let ones = vec![1.0; factors.len()];
     for (number, group) in (1..).zip(&groups) {

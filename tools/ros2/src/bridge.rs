@@ -1,7 +1,7 @@
 //! Finds topics, subscribes to them, and passes their messages on.
 
 use crate::arguments::Args;
-use crate::choice::{Choice, Topics, choose};
+use crate::choice::{ChosenTopics, Topics, choose};
 use crate::feed::Feed;
 use crate::names::{topic_from_dds, type_from_dds};
 use crate::roles::Role;
@@ -127,7 +127,7 @@ impl Bridge<'_> {
         if !self.is_chosen && self.found.is_some_and(|found| found.elapsed() >= discover) {
             self.is_chosen = true;
             let topics: Topics = offers.iter().map(|(topic, offer)| (topic.clone(), offer.kind.clone())).collect();
-            let Choice { roles: chosen, notes } = choose(&topics, self.args)?;
+            let ChosenTopics { roles: chosen, notes } = choose(&topics, self.args)?;
             for note in notes {
                 eprintln!("{note}");
             }

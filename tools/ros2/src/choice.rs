@@ -12,20 +12,20 @@ const CAMERA_INFO: &str = "sensor_msgs/CameraInfo";
 pub type Topics = BTreeMap<String, String>;
 
 /// The chosen topics.
-pub struct Choice {
+pub struct ChosenTopics {
     pub roles: BTreeMap<Role, String>,
     /// Lines about omitted topics.
     pub notes: Vec<String>,
 }
 
 /// The chosen image topics.
-struct Cameras {
+struct CameraTopics {
     chosen: Vec<String>,
     notes: Vec<String>,
 }
 
 /// Chooses topics that `--topic` does not name by type, for the given targets.
-pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<Choice> {
+pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<ChosenTopics> {
     let mut roles = BTreeMap::new();
     let mut notes = Vec::new();
     let is_wished = |role: &Role| args.topics.iter().any(|(wished, _)| wished == role);
@@ -66,15 +66,15 @@ pub fn choose(topics: &Topics, args: &Args) -> anyhow::Result<Choice> {
     }
     let names_cameras = args.topics.iter().any(|(role, _)| matches!(role, Role::Camera(_) | Role::Mosaic(_)));
     if args.cameras.is_some() && !names_cameras {
-        let Cameras { chosen, notes: left_out } = cameras(topics, &of(LiveSensor::Camera));
+        let CameraTopics { chosen, notes: left_out } = cameras(topics, &of(LiveSensor::Camera));
         roles.extend(chosen.into_iter().enumerate().map(|(index, topic)| (Role::Camera(index), topic)));
         notes.extend(left_out);
     }
-    Ok(Choice { roles, notes })
+    Ok(ChosenTopics { roles, notes })
 }
 
 /// Image topics that have a `camera_info` in their namespace, one for each, by name: compressed images before raw ones.
-fn cameras(topics: &Topics, images: &[&String]) -> Cameras {
+fn cameras(topics: &Topics, images: &[&String]) -> CameraTopics {
     let mut by_info: BTreeMap<String, Vec<&String>> = BTreeMap::new();
     let mut notes = Vec::new();
     for topic in images {
@@ -93,7 +93,7 @@ fn cameras(topics: &Topics, images: &[&String]) -> Cameras {
         notes.extend(others.iter().map(|topic| format!("{topic}: not taken, {first} shows the same camera")));
         chosen.push(first.clone());
     }
-    Cameras { chosen, notes }
+    CameraTopics { chosen, notes }
 }
 
 /// Names that the `camera_info` of an image topic may have: in its namespace, or in the namespace of the raw image of a

@@ -1,9 +1,9 @@
 //! Output: the columns of a due submap.
 
 use super::Colorize;
-use camera_alignment::{AlignmentExposure, CameraProfiles, profiles_by_camera};
+use camera_alignment::{AlignmentExposure, ExposureProfiles, profiles_of_exposures};
 use coloring::{
-    CameraCubes, Candidates, ColorSteps, ExposureWindow, PosedData, SpectraColumn, SubmapPoints, color_into,
+    CameraCubes, Candidates, ColorSteps, ExposureWindow, HeldWithPose, SpectraColumn, SubmapPoints, color_into,
     visibility_maps,
 };
 use geometry::{Pose, Stamp};
@@ -47,11 +47,12 @@ impl Colorize {
         points: &SubmapPoints<'_>,
         odom_from_submap: &Pose,
         outputs: &mut Outputs,
-    ) -> Result<Vec<CameraProfiles>, StepError> {
+    ) -> Result<Vec<ExposureProfiles>, StepError> {
         let mut exposures = Vec::new();
         let mut images = Vec::new();
         let mut shifted = Vec::new();
-        for PosedData { data: image, odom_from_body } in self.within_reach(&self.held.images, submap.header(), outputs)
+        for HeldWithPose { data: image, odom_from_body } in
+            self.within_reach(&self.held.images, submap.header(), outputs)
         {
             let Some(pixels) = self.color_image(image) else { continue };
             let camera = &self.cameras[image.header().camera as usize];
@@ -83,7 +84,7 @@ impl Colorize {
             let shifted = [(*before)?, (*after)?];
             Some(AlignmentExposure { exposure: *exposure, shifted, shift_s, visibility, image: *image })
         });
-        Ok(profiles_by_camera(points, &self.held.monitor.needed(posed)))
+        Ok(profiles_of_exposures(points, &self.held.monitor.needed(posed)))
     }
 
     fn publish_spectra(
@@ -95,7 +96,8 @@ impl Colorize {
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         let mut cameras: Vec<CameraCubes<'_>> = self.mosaics.iter().map(|_| CameraCubes::default()).collect();
-        for PosedData { data: cube, odom_from_body } in self.within_reach(&self.held.cubes, submap.header(), outputs) {
+        for HeldWithPose { data: cube, odom_from_body } in self.within_reach(&self.held.cubes, submap.header(), outputs)
+        {
             let Some(cells) = self.cube_image(cube) else { continue };
             let index = cube.header().camera as usize;
             cameras[index].add(&self.mosaics[index], cells, [&odom_from_body, odom_from_submap], cube.stamp());
@@ -129,7 +131,7 @@ impl Colorize {
         window: &'a ExposureWindow<Received<T>>,
         header: &SubmapHeader,
         outputs: &mut Outputs,
-    ) -> Vec<PosedData<'a, Received<T>>> {
+    ) -> Vec<HeldWithPose<'a, Received<T>>> {
         let from = header.stamp_begin.saturating_sub(self.max_age_nanos);
         let until = header.stamp_end.saturating_add(self.max_age_nanos);
         let found = window.posed_within(from..=until, &self.held.trajectory);

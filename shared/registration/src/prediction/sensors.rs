@@ -99,7 +99,7 @@ impl GroundVelocity {
     }
 }
 
-/// Means over the time between two samples.
+/// Means over the time between two samples, along the axes of the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InertialInterval {
     /// Duration, s.
@@ -110,7 +110,7 @@ pub(crate) struct InertialInterval {
     pub rate: Vector3<f64>,
 }
 
-/// Mean measurement of an inertial unit.
+/// Mean measurement of an inertial unit, along the axes of the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InertialMean {
     /// Specific force, m/s^2.

@@ -3,7 +3,7 @@
 use super::Verdict;
 use super::hypotheses::{Hypothesis, lenses, mountings};
 use crate::survey::{PixelBuffer, Survey, decoded};
-use camera_alignment::{AlignmentExposure, CameraProfiles, Offset, OffsetMonitor, Profile, fit_rotation};
+use camera_alignment::{AlignmentExposure, ExposureProfiles, Offset, OffsetMonitor, Profile, fit_rotation};
 use coloring::{PointBuffers, ProjectionCamera, SubmapPoints, VisibilityMap};
 use drive::manifest::rules::MAX_DELAY_NANOS;
 use drive::{Drive, Frame};
@@ -53,7 +53,7 @@ impl<'a> CameraScores<'a> {
                 profiles(survey, &stated, frame.stamp, pixels)
             });
             peaks.push(peak(&profiles));
-            monitor.add(vec![CameraProfiles { camera, profiles }]);
+            monitor.add(vec![ExposureProfiles { camera, profiles }]);
         }
         Self { drive, survey, frames, offset: monitor.offset(), peaks }
     }
@@ -117,6 +117,7 @@ struct BetterHypothesis {
 
 /// A delay of all cameras.
 struct CommonDelay {
+    /// The delay, s.
     late_s: f64,
     peak: f32,
 }

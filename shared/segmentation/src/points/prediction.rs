@@ -37,7 +37,10 @@ pub enum Regions {
 
 impl Regions {
     /// The regions of a cloud. Each valid point is in at least one.
-    fn cover<'a>(self, positions: &'a [[f32; 3]]) -> Result<Box<dyn Iterator<Item = Region> + 'a>, SegmentationError> {
+    fn covering<'a>(
+        self,
+        positions: &'a [[f32; 3]],
+    ) -> Result<Box<dyn Iterator<Item = Region> + 'a>, SegmentationError> {
         Ok(match self {
             Self::Spheres(spheres) => {
                 let index = SpatialIndex::new(positions);
@@ -75,7 +78,7 @@ impl CloudPrediction<'_> {
         input: impl Fn(&Region) -> RegionInput + Sync,
     ) -> Result<Vec<f32>, SegmentationError> {
         let mut votes = Votes::new(positions.len(), self.network.outputs());
-        let mut regions = self.regions.cover(positions)?.peekable();
+        let mut regions = self.regions.covering(positions)?.peekable();
         while regions.peek().is_some() {
             let mut together = Vec::new();
             let mut n_points = 0;

@@ -51,9 +51,9 @@ struct RemovedGround {
     is_ground: Vec<bool>,
 }
 
-/// The steps for a model file.
+/// Steps before and after the network of a model file, with its card.
 pub struct LoadedImages {
-    /// The steps.
+    /// Steps before and after the network.
     pub images: SweepImages,
     /// The card of the file.
     pub card: ModelCard,

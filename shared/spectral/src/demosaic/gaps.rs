@@ -1,6 +1,6 @@
 //! Invalid samples: their replacement, and the bands that they invalidate.
 
-use super::lattice::{Lattice, RowsAround};
+use super::lattice::{Lattice, SamplesBetween};
 
 /// Replaces every sample that is not `valid` by the mean of the nearest samples of its band: left and above after their
 /// own replacement, right and below if they are valid; 0 if there are no such samples. Filters then do not treat it as
@@ -31,7 +31,7 @@ pub fn masks_into(lattice: &Lattice, valid: &[bool], masks: &mut [u32]) {
             // Interpolation along columns equals interpolation along rows of the transposed image.
             let columns = Lattice { width: height, height: width, pattern };
             for (x, bits) in bits.iter_mut().enumerate() {
-                let RowsAround { above: left, below: right, .. } = columns.between(x, kx);
+                let SamplesBetween { before: left, after: right, .. } = columns.between(x, kx);
                 let needs_right = x > left;
                 *bits |= u32::from(valid[left] && (valid[right] || !needs_right)) << kx;
             }
@@ -40,7 +40,7 @@ pub fn masks_into(lattice: &Lattice, valid: &[bool], masks: &mut [u32]) {
     for (y, masks) in masks.chunks_exact_mut(width).enumerate() {
         masks.fill(0);
         for ky in 0..pattern {
-            let RowsAround { above, below, step } = lattice.between(y, ky);
+            let SamplesBetween { before: above, after: below, step } = lattice.between(y, ky);
             let below = if step == 0 { above } else { below };
             let rows = along[above * width..][..width].iter().zip(&along[below * width..][..width]);
             masks.iter_mut().zip(rows).for_each(|(mask, (above, below))| *mask |= (above & below) << (ky * pattern));

@@ -8,12 +8,14 @@ pub struct Lattice {
     pub pattern: usize,
 }
 
-/// Rows of samples around a row.
+/// Rows of samples before and after a row.
 #[derive(Clone, Copy)]
-pub struct RowsAround {
-    pub above: usize,
-    pub below: usize,
-    /// Distance from the row above, in pixels.
+pub struct SamplesBetween {
+    /// The row at or before the position.
+    pub before: usize,
+    /// The next row.
+    pub after: usize,
+    /// Distance from the row before, in pixels.
     pub step: usize,
 }
 
@@ -49,16 +51,16 @@ impl Lattice {
 
     /// The rows of samples around row `y` of the bands in row `ky` of the pattern. Beyond the outermost rows, these rows
     /// are used.
-    pub fn between(&self, y: usize, ky: usize) -> RowsAround {
+    pub fn between(&self, y: usize, ky: usize) -> SamplesBetween {
         if y < ky {
-            return RowsAround { above: ky, below: ky, step: 0 };
+            return SamplesBetween { before: ky, after: ky, step: 0 };
         }
         let step = (y - ky) % self.pattern;
-        let above = y - step;
-        if above + self.pattern < self.height {
-            RowsAround { above, below: above + self.pattern, step }
+        let before = y - step;
+        if before + self.pattern < self.height {
+            SamplesBetween { before, after: before + self.pattern, step }
         } else {
-            RowsAround { above, below: above, step: 0 }
+            SamplesBetween { before, after: before, step: 0 }
         }
     }
 }

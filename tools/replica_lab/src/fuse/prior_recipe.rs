@@ -39,7 +39,7 @@ struct Group {
 }
 
 /// Means of two models.
-pub struct GroupMeans {
+pub struct MeansByGroup {
     /// Classes of the models.
     pub classes: Vec<ClassId>,
     /// Means of the points with one of these classes, by group.
@@ -57,7 +57,7 @@ impl PriorRecipe {
         Ok(recipe)
     }
     /// The means of the points of all groups.
-    pub fn means(&self, first: &Path, second: &Path, fusion: &Fusion) -> anyhow::Result<GroupMeans> {
+    pub fn means(&self, first: &Path, second: &Path, fusion: &Fusion) -> anyhow::Result<MeansByGroup> {
         let mut classes = Vec::new();
         let mut groups = Vec::new();
         for group in &self.group {
@@ -66,7 +66,7 @@ impl PriorRecipe {
             groups.push(group.means(&fused)?);
             classes = fused.classes().to_vec();
         }
-        Ok(GroupMeans { classes, groups })
+        Ok(MeansByGroup { classes, groups })
     }
 }
 

@@ -1,6 +1,6 @@
 //! `replica-lab fit-materials`: fits the model of the materials.
 
-use super::library::{Kind, Library};
+use super::library::{Library, SurfaceKind};
 use super::{TownArgs, is_held_out, library};
 use anyhow::Context;
 use command_line::say;
@@ -65,7 +65,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let SortedFit { mut fit, wavelengths_nm, .. } = found.context("no submap was simulated")?;
     for path in &args.library {
         let Library { known, others } = library::read(path, &wavelengths_nm)?;
-        for Kind { name, material, reflectances } in &known {
+        for SurfaceKind { name, material, reflectances } in &known {
             fit.add_surface(name, *material, reflectances);
         }
         eprintln!("{}: {} kinds; without a material: {}", path.display(), known.len(), others.join(", "));

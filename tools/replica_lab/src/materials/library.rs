@@ -33,7 +33,7 @@ const KINDS: [(&str, MaterialId); 22] = [
 ];
 
 /// A kind of surface.
-pub struct Kind {
+pub struct SurfaceKind {
     pub name: String,
     pub material: MaterialId,
     /// Mean of its samples.
@@ -42,7 +42,7 @@ pub struct Kind {
 
 /// A library of spectra.
 pub struct Library {
-    pub known: Vec<Kind>,
+    pub known: Vec<SurfaceKind>,
     /// Names without a material.
     pub others: Vec<String>,
 }
@@ -63,7 +63,7 @@ pub fn read(path: &Path, wavelengths_nm: &[f32]) -> anyhow::Result<Library> {
         (0..wavelengths_nm.len()).map(|band| (sum(band) / samples.len() as f64) as f32).collect()
     };
     let known = kinds.iter().filter_map(|(kind, samples)| {
-        Some(Kind { name: kind.clone(), material: material_of(kind)?, reflectances: mean(samples) })
+        Some(SurfaceKind { name: kind.clone(), material: material_of(kind)?, reflectances: mean(samples) })
     });
     Ok(Library { known: known.collect(), others })
 }

@@ -11,7 +11,7 @@ fn topics(found: &[(&str, &str)]) -> Topics {
 }
 
 fn chosen(found: &[(&str, &str)], more: &[&str]) -> (Vec<(String, String)>, String) {
-    let Choice { roles, notes } = choose(&topics(found), &args(more)).expect("chooses");
+    let ChosenTopics { roles, notes } = choose(&topics(found), &args(more)).expect("chooses");
     (roles.into_iter().map(|(role, topic)| (role.to_string(), topic)).collect(), notes.join("\n"))
 }
 
@@ -92,6 +92,6 @@ fn sensors_without_target_are_not_chosen() {
         ("/imu", "sensor_msgs/Imu"),
         ("/points", "sensor_msgs/PointCloud2"),
     ]);
-    let Choice { roles, notes } = choose(&found, &args).expect("chooses");
+    let ChosenTopics { roles, notes } = choose(&found, &args).expect("chooses");
     assert_eq!((roles, notes), (BTreeMap::from([(Role::Imu, "/imu".to_owned())]), Vec::new()));
 }

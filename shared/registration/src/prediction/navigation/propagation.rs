@@ -17,9 +17,9 @@ const RATE_BIAS_WALK: f64 = 1e-5;
 
 /// Integral over inertial samples.
 struct InertialIntegral {
-    /// Integral of the specific force in the axes at the start of the step.
-    force: Vector3<f64>,
-    /// Mean axes of the body there.
+    /// Integral of the specific force, m/s, in the axes at the start of the step.
+    force_integral: Vector3<f64>,
+    /// Mean axes of the body during the step, in the axes at its start.
     axes: Matrix3<f64>,
 }
 
@@ -52,7 +52,7 @@ impl Navigation {
         let mut add = |part: usize, sigma: f64| noise.fixed_rows_mut::<3>(part).fill(sigma * sigma);
         set(POSITION, VELOCITY, Matrix3::identity() * seconds);
         if has_samples {
-            let InertialIntegral { force, axes } = self.integrate(log, [from, to]);
+            let InertialIntegral { force_integral: force, axes } = self.integrate(log, [from, to]);
             let gravity = self.gravity().cross_matrix() * self.begin_from_level() * seconds;
             for (part, by) in [(VELOCITY, 1.0), (POSITION, seconds * 0.5)] {
                 set(part, ROTATION, -force.cross_matrix() * by);
@@ -95,7 +95,7 @@ impl Navigation {
             integral += force * seconds;
         }
         let axes = begin.slerp(&self.rotation, 0.5).to_rotation_matrix().into_inner();
-        InertialIntegral { force: integral, axes }
+        InertialIntegral { force_integral: integral, axes }
     }
 
     /// Continues at constant velocity. Returns the mean axes of the body relative to the axes at the start of the step.

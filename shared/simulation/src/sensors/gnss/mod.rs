@@ -24,7 +24,7 @@ use place::{GEOID_M, world};
 use random::hash;
 use rayon::prelude::*;
 use receiver::{ReceivedSignal, Tracking};
-use signal::{Antenna, Around, Surroundings};
+use signal::{Antenna, Surroundings, TownAtTime};
 use sky::Sky;
 use std::fmt::Write;
 use town::Scene;
@@ -60,7 +60,7 @@ impl Epoch {
 
 /// Epochs of a drive, one per second.
 pub fn record(scene: &Scene, motion: &Motion, spec: &GnssSpec, seconds: f64, seed: u64) -> Vec<Epoch> {
-    record_in(|at| Around { scene, snapshot: scene.at(at) }, motion, spec, seconds, seed)
+    record_in(|at| TownAtTime { scene, snapshot: scene.at(at) }, motion, spec, seconds, seed)
 }
 
 fn record_in<S: Surroundings>(

@@ -52,14 +52,14 @@ pub struct SurfaceHit {
 }
 
 /// A town at one time.
-pub struct Around<'a> {
+pub struct TownAtTime<'a> {
     /// The town.
     pub scene: &'a Scene,
-    /// Its movers.
+    /// Its movers at that time.
     pub snapshot: Snapshot,
 }
 
-impl Surroundings for Around<'_> {
+impl Surroundings for TownAtTime<'_> {
     fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool {
         self.scene.is_blocked(&self.snapshot, ray, max_m)
     }

@@ -22,31 +22,31 @@ fn cores() -> Check {
 
 /// The vector instructions for which kernels are compiled (crate `wide_loops`).
 fn instructions() -> Check {
-    let Vectors { found, state } = vectors();
+    let VectorInstructions { found, state } = vectors();
     Check::ok("instructions", found, "AVX2 and FMA or more on x86-64: loops take 8 numbers at once").or(state, || {
         "the loops take 4 numbers at once; in a virtual machine let the guest see the host's processor".to_owned()
     })
 }
 
 /// Vector instructions of the processor.
-struct Vectors {
+struct VectorInstructions {
     found: &'static str,
     state: State,
 }
 
 #[cfg(target_arch = "x86_64")]
-fn vectors() -> Vectors {
+fn vectors() -> VectorInstructions {
     let has_v3 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
     match (is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq"), has_v3) {
-        (true, true) => Vectors { found: "AVX-512", state: State::Ok },
-        (_, true) => Vectors { found: "AVX2", state: State::Ok },
-        _ => Vectors { found: "SSE2", state: State::Warning },
+        (true, true) => VectorInstructions { found: "AVX-512", state: State::Ok },
+        (_, true) => VectorInstructions { found: "AVX2", state: State::Ok },
+        _ => VectorInstructions { found: "SSE2", state: State::Warning },
     }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn vectors() -> Vectors {
-    Vectors { found: "as compiled", state: State::Ok }
+fn vectors() -> VectorInstructions {
+    VectorInstructions { found: "as compiled", state: State::Ok }
 }
 
 fn memory() -> Check {
