@@ -105,21 +105,28 @@ fn process_tests_are_listed() {
     assert!(unlisted.is_empty(), "{PAGE} does not list these process tests: {unlisted:#?}");
 }
 
-/// The tests that only run every night, and those that the page names.
+/// The tests that only run every night, those that the page lists as such, and the tests of the same kind that are not long.
 #[test]
 fn long_tests_are_listed() {
-    let page = std::fs::read_to_string(root().join(PAGE)).expect("the page exists");
-    let (_, section) = page.split_once("\n## Long tests\n").expect("a section");
-    let mut n_tests = 0;
-    for file in ["shared", "services", "tools", "tests"].iter().flat_map(|folder| files(&root().join(folder), &["rs"]))
-    {
+    let mut long = BTreeSet::new();
+    let folders = ["shared", "services", "tools", "tests", "lab", "examples"];
+    for file in folders.iter().flat_map(|folder| files(&root().join(folder), &["rs"])) {
         let text = std::fs::read_to_string(&file).expect("text");
         for (index, _) in text.match_indices(concat!("#[ignore = ", "\"long: ")) {
-            n_tests += 1;
             let (_, signature) = text[index..].split_once("fn ").expect("a function");
-            let name = signature.split('(').next().unwrap_or_default();
-            assert!(section.contains(&format!("::{name}`")), "{PAGE} does not list the long test {name}");
+            long.extend(signature.split('(').next().map(str::to_owned));
         }
     }
-    assert!(n_tests > 0);
+    let page = std::fs::read_to_string(root().join(PAGE)).expect("the page exists");
+    let (_, section) = page.split_once("\n## Long tests\n").expect("a section");
+    let rows: Vec<Vec<&str>> =
+        section.lines().filter(|line| line.starts_with("| `")).map(|line| line.split('|').collect()).collect();
+    let functions = |column: usize| -> BTreeSet<String> {
+        let spans = rows.iter().flat_map(|row| row[column].split('`').skip(1).step_by(2));
+        spans.filter_map(|span| span.rsplit_once("::")).map(|(_, function)| function.to_owned()).collect()
+    };
+    assert!(!long.is_empty());
+    assert_eq!(functions(1), long, "{PAGE} must list the long tests");
+    let frequent = functions(2);
+    assert!(frequent.is_disjoint(&long), "{PAGE} lists long tests as tests of every change");
 }

@@ -37,8 +37,9 @@ impl RunFolder {
     pub fn open_with(path: &Path, columns: &'static [Column]) -> Result<Self, DeliverError> {
         let index_path = path.join(INDEX);
         if !index_path.exists() {
-            let rule = "has no clouds/index.json: the run wrote no clouds\nhint: run the drive with the stages acquire, \
-                        slam_aggregate and export";
+            let rule = format!(
+                "has no {INDEX}: the run wrote no clouds\nhint: run the drive with the stages acquire, slam_aggregate and export"
+            );
             return Err(DeliverError::content(path, rule));
         }
         let text = std::fs::read_to_string(&index_path).map_err(DeliverError::file(&index_path, "read"))?;

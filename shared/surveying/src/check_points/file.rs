@@ -52,21 +52,24 @@ fn parse(text: &str) -> Result<Vec<CheckPoint>, Fault> {
     // Spreadsheets put a byte order mark before the first name.
     let text = text.trim_start_matches('\u{feff}');
     // Excel reads the separator from a first line such as "sep=;".
-    let is_used = |line: &str| !line.trim().is_empty() && !line.starts_with("sep=");
-    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| is_used(line));
-    let mut found = lines.by_ref().filter(|(_, line)| !line.starts_with('#'));
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
+    let mut found = lines.by_ref().filter(|(_, line)| !line.starts_with('#') && !line.starts_with("sep="));
     let (line, header) = found.next().ok_or((0, "has no line with names".to_owned()))?;
     let table = Table::new(line, header)?;
     let mut points = Vec::new();
     let mut decimals = Decimals::default();
     for (line, row) in lines {
-        let fields = fields(row, table.separator).map_err(|rule| (line, rule))?;
+        let fields = fields(row, table.separator);
         if row.starts_with('#') {
             // A comment must not hide a point that is named "#12".
-            if fields.len() == table.names.len() && table.point(line, &fields, &mut Decimals::default()).is_ok() {
+            let point = fields.ok().map(|fields| table.point(line, &fields, &mut Decimals::default()));
+            if point.is_some_and(|point| point.is_ok()) {
                 return Err((line, "a comment, or a point whose name begins with `#`; rename the point".to_owned()));
             }
-        } else if fields.iter().any(|field| !field.is_empty()) {
+            continue;
+        }
+        let fields = fields.map_err(|rule| (line, rule))?;
+        if fields.iter().any(|field| !field.is_empty()) {
             points.push(table.point(line, &fields, &mut decimals)?);
         }
     }
@@ -156,7 +159,7 @@ impl Decimals {
         let value = field.replacen(',', ".", 1).parse().ok().filter(|value: &f64| value.is_finite());
         let groups = field.trim_start_matches(['-', '+']).split_once(',');
         let may_be_thousands = groups.is_some_and(|(whole, rest)| whole.len() <= 3 && rest.len() == 3);
-        if value.is_some() && separator == ',' && may_be_thousands {
+        if value.is_some() && separator != ';' && may_be_thousands {
             return Err("has a decimal comma or a separator of thousands; write all numbers with decimal points");
         }
         value.ok_or("is not a number")
@@ -221,6 +224,7 @@ mod tests {
             "name,x,y,z\nP 1,452060.5,5410567.25,50\nP2,452080,5410569,-1.5\n",
             "name;x;y;z\r\nP 1;452060,5;5410567,25;50,0\r\nP2;452080,0;5410569,0;-1,5\r\n;;;\r\n",
             "\u{feff}sep=;\nName;X;Y;Z\nP 1;452060.5;5410567.25;50\nP2;452080;5410569;-1.5\n",
+            "# site A, \"old\" marks\nname,x,y,z\n# a, \"x\" y\nP 1,452060.5,5410567.25,50\nP2,452080,5410569,-1.5\n",
             "name\tx\ty\tz\nP 1\t452060.5\t5410567.25\t50\nP2\t452080\t5410569\t-1.5\n",
             "\"name\", \"x\",\"y\",\"z\"\n\"P 1\",\"452060,5\",\"5410567,25\",50\n\"P2\" ,452080,5410569,\"-1,5\"\n",
             "\u{feff}\"Name\";\"X\";\"Y\";\"Z\"\n\"P 1\";452060,5;5410567,25;50\nP2;452080;5410569;-1,5\n",
@@ -231,6 +235,8 @@ mod tests {
         }
         let points = parse("name,x,y,z\n\"a, \"\"b\"\"\",1,2,3\n").expect("parses");
         assert_eq!(points[0].name, "a, \"b\"");
+        let points = parse("sep=,\nname,x,y,z\nsep=1,1,2,3\n").expect("parses");
+        assert_eq!(points[0].name, "sep=1");
     }
 
     #[test]
@@ -254,6 +260,7 @@ mod tests {
                 2,
                 "7 fields, the first line names 4; numbers with decimal commas",
             ),
+            ("name\tx\ty\tz\nA\t1,234\t2\t3\n", 2, "x: \"1,234\" has a decimal comma or a separator of thousands"),
             ("name;x;y;z\nA;1.234,5;2;3\n", 2, "x: \"1.234,5\" mixes decimal commas and decimal points"),
             ("name;x;y;z\nA;452,060;1;2\nB;3.5;1;2\n", 3, "x: \"3.5\" mixes decimal commas"),
             ("name,x,y,z\nA,\"1,234\",2,3\n", 2, "x: \"1,234\" has a decimal comma or a separator of thousands"),

@@ -9,7 +9,7 @@ use std::path::Path;
 use surveying::{LeftOut, PointFile, RunFolder};
 
 /// Name of the file.
-const FILE: &str = "delivery.json";
+pub(super) const FILE: &str = "delivery.json";
 
 /// The whole file.
 #[derive(Serialize)]
@@ -25,7 +25,7 @@ pub struct Facts<'a> {
     heights: Option<String>,
     /// Why coordinates are local although a reference system was wanted.
     unreferenced: Option<&'a str>,
-    /// Where the drive is outside of the area of use of the reference system; left out if it is inside.
+    /// Where the drive is outside of the area of use of the reference system; left out if it is inside or within the margin.
     #[serde(skip_serializing_if = "Option::is_none")]
     outside_area: Option<&'a str>,
     /// Time of the first shot, s since the Unix epoch.

@@ -1,13 +1,11 @@
 //! The output folder of a finished run, and what else a folder may be.
 
+use super::facts::FILE as DELIVERY;
 use anyhow::{Context, bail};
+use drive::MANIFEST_FILE;
 use run::summary::Summary;
 use std::path::Path;
 use surveying::RunFolder;
-
-/// The file of a drive folder, and the file of a delivery.
-const DRIVE: &str = "drive.toml";
-const DELIVERY: &str = "delivery.json";
 
 /// Reads the summary and the files of a finished run, for a command. The error for another folder names what it is.
 pub fn open_finished_run(folder: &Path, command: &str) -> anyhow::Result<(Summary, RunFolder)> {
@@ -20,9 +18,9 @@ pub fn open_finished_run(folder: &Path, command: &str) -> anyhow::Result<(Summar
         bail!("{place}: is a file; {needs}");
     }
     if !Summary::file(folder).exists() {
-        if folder.join(DRIVE).exists() {
+        if folder.join(MANIFEST_FILE).exists() {
             bail!(
-                "{place}: is a drive, it has {DRIVE}; {needs}\nhint: `replica-launch launch.toml --set run.drive={place} --set \
+                "{place}: is a drive, it has {MANIFEST_FILE}; {needs}\nhint: `replica-launch launch.toml --set run.drive={place} --set \
                  run.output=out/NAME`, then `replica {command} out/NAME`"
             );
         }

@@ -43,7 +43,8 @@ pub struct ChosenFrame<'a> {
     pub target: TargetFrame<'a>,
     /// Why they are local although a reference system was wanted.
     pub unreferenced: Option<String>,
-    /// Where the drive is outside of the area of use of the reference system, if `--force-crs` accepts that.
+    /// Where the drive is outside of the area of use of the reference system and its margin, if `--force-crs` or `--crs auto`
+    /// accepts that.
     pub outside_area: Option<String>,
 }
 
@@ -94,7 +95,8 @@ pub fn choose<'a>(args: &Args, run: &'a RunFolder, summary: &Summary) -> anyhow:
         && let Some(place) = place_outside(run, crs)
     {
         let text = outside_text(crs, &place);
-        let is_near = path(run).all(|place| crs.area().contains_with_margin(&place));
+        // A place outside of the margin comes first.
+        let is_near = crs.area().contains_with_margin(&place);
         if is_epsg && !is_near && !args.force_crs {
             return Err(UsageError(format!("--crs: {text}; {}", systems_that_fit(crs, &place))).into());
         }
@@ -154,10 +156,10 @@ fn outside_text(crs: &Crs, place: &Geodetic) -> String {
 
 /// The systems to use at a place instead of this one, and how.
 fn systems_that_fit(crs: &Crs, place: &Geodetic) -> String {
-    let names: Vec<String> =
-        Crs::containing(place).iter().map(|fits| format!("EPSG:{} ({})", fits.epsg(), fits.name())).collect();
+    let fitting = Crs::containing(place);
+    let names: Vec<String> = fitting.iter().map(|fits| format!("EPSG:{} ({})", fits.epsg(), fits.name())).collect();
     let force = format!("--force-crs writes EPSG:{} nevertheless", crs.epsg());
-    match Crs::containing(place).first() {
+    match fitting.first() {
         Some(first) => format!("systems that fit: {}\nhint: --crs EPSG:{}; {force}", names.join(", "), first.epsg()),
         None => format!("no supported system fits, UTM ends at latitudes -80 and 84\nhint: {POLAR}; {force}"),
     }
