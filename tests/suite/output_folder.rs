@@ -1,7 +1,8 @@
 //! An output folder belongs to one run: the next run replaces its results only on request.
 
-use replica_tests::{Launch, output_text, undisturbed};
+use replica_tests::{Launch, binary, gate, output_text, undisturbed, wait_for};
 use std::os::unix::fs::MetadataExt;
+use std::process::Command;
 
 const SOURCE: &str = "ticks = 20\npoints = 500";
 
@@ -55,6 +56,32 @@ fn run_that_failed_before_its_first_point_may_be_repeated() {
         let output = launch.run();
         assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
     }
+}
+
+#[test]
+fn copied_output_of_a_live_run_has_no_part_in_it() {
+    let launch = Launch::misbehaving("", SOURCE, &gate(19));
+    let running = launch.start();
+    launch.wait_for_barrier(2);
+    let copied = Command::new("cp").arg("-a").arg(launch.output()).arg(launch.folder().join("copy")).status();
+    assert!(copied.expect("cp").success());
+    let copy = launch.folder().join("copy");
+    let stop = Command::new(binary("replica")).args(["stop", "--run"]).arg(&copy).output().expect("replica");
+    let text = output_text(&stop);
+    assert!(!stop.status.success() && text.contains("copy is not alive"), "{text}");
+    let second = launch.start_again(&["--overwrite", "--set", "run.output=copy"]);
+    let supervisor = second.pid().as_raw_nonzero().get();
+    wait_for("the stages of the second run", || {
+        let wiring = std::fs::read(copy.join("run/wiring.json")).ok()?;
+        let wiring: serde_json::Value = serde_json::from_slice(&wiring).ok()?;
+        (wiring["supervisor"] == supervisor && copy.join("run/states/2").exists()).then_some(())
+    });
+    launch.open_gate();
+    assert_eq!(second.wait(), Some(0), "{}", launch.stderr());
+    assert_eq!(running.wait(), Some(0), "{}", launch.stderr());
+    let expected = undisturbed(SOURCE, "");
+    assert!(launch.read("sink.txt") == expected, "the run of the copy changed the original");
+    assert!(std::fs::read(copy.join("sink.txt")).expect("written") == expected, "the run of the copy");
 }
 
 #[test]

@@ -3,6 +3,8 @@
 
 use replica_tests::{Launch, gate, output_text, reported_seconds, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use std::process::{Child, Command};
 
 const SOURCE: &str = "ticks = 60\npoints = 500";
 
@@ -47,6 +49,39 @@ fn hung_stage_is_killed_and_restarted() {
     let words = "[relay] hang: no heartbeat for ";
     let report = recovers_once("hang_s = 10.0", "hang", &[words]);
     assert!(reported_seconds(&report, words) >= 10.0, "{report}");
+}
+
+/// The run and seven endless loops share one processor: a step of 2 s takes about 16 s.
+#[test]
+#[ignore = "long: .ci/run --nightly"]
+fn healthy_stage_without_a_processor_is_not_killed() {
+    let first = |set: CpuSet| (0..CpuSet::MAX_CPU).find(|processor| set.is_set(*processor)).expect("a processor");
+    let mut one = CpuSet::new();
+    one.set(first(sched_getaffinity(None).expect("the own processors")));
+    // Processes that this thread starts inherit it.
+    sched_setaffinity(None, &one).expect("one of the own processors");
+    let launch = Launch::misbehaving("hang_s = 5.0\nstall_s = 6.0", SOURCE, "fault = \"works\"\nat_tick = 23");
+    let loops: Vec<_> = (0..7).map(|_| EndlessLoop::start()).collect();
+    let running = launch.start();
+    assert_eq!(running.wait(), Some(0), "{}", launch.stderr());
+    drop(loops);
+    assert_eq!(launch.summary()["total"]["restarts"], 0, "{}", launch.stderr());
+    assert!(launch.stderr().contains("[relay] has waited"), "{}", launch.stderr());
+}
+
+/// A process that uses a processor until it is dropped.
+struct EndlessLoop(Child);
+
+impl EndlessLoop {
+    fn start() -> Self {
+        Self(Command::new("sh").args(["-c", "while :; do :; done"]).spawn().expect("a shell"))
+    }
+}
+
+impl Drop for EndlessLoop {
+    fn drop(&mut self) {
+        self.0.kill().and_then(|()| self.0.wait()).expect("killed");
+    }
 }
 
 #[test]

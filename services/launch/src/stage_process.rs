@@ -1,6 +1,7 @@
 //! One stage's process: started, observed, commanded, killed.
 
 mod log_tail;
+mod starvation;
 
 use crate::decision::ObservedStage;
 use crate::log::LogFormat;
@@ -11,11 +12,17 @@ use run::assignment::{Command as StageCommand, wake_name};
 use run::health::Health;
 use run::process::stage_command;
 use rustix::process::{Pid, Signal, kill_process_group};
+use starvation::Starvation;
 use std::fs::OpenOptions;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus, Stdio};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// A stage without progress for this long is observed for lack of processor time; most steps are far shorter.
+const OBSERVED_AFTER: Duration = Duration::from_secs(1);
+/// Time without a processor that an operator should know about.
+const REPORTED_STARVATION: Duration = Duration::from_secs(10);
 
 /// A stage that cannot be started.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +63,12 @@ pub struct StageProcess {
     pub health: Health,
     last_heartbeat: Instant,
     last_progress: Instant,
+    starvation: Starvation,
+    /// Time without a processor since its last heartbeat.
+    starved_since_heartbeat: Duration,
+    /// Time without a processor since its last progress.
+    starved_since_progress: Duration,
+    is_starvation_reported: bool,
     heartbeat_error: Option<String>,
     /// Set once the process has ended.
     pub status: Option<ExitStatus>,
@@ -90,6 +103,10 @@ impl StageProcess {
             health: Health::default(),
             last_heartbeat: now,
             last_progress: now,
+            starvation: Starvation::default(),
+            starved_since_heartbeat: Duration::ZERO,
+            starved_since_progress: Duration::ZERO,
+            is_starvation_reported: false,
             heartbeat_error: None,
             status: None,
             awaits_restart: false,
@@ -102,8 +119,8 @@ impl StageProcess {
         let now = Instant::now();
         self.child = child;
         self.log_start = log_start;
-        self.last_heartbeat = now;
-        self.last_progress = now;
+        self.hear(now);
+        self.progress(now);
         self.health = Health::default();
         self.status = None;
         self.awaits_restart = false;
@@ -121,12 +138,45 @@ impl StageProcess {
         let health = beat.ok().flatten().and_then(|bytes| serde_json::from_slice::<Health>(&bytes).ok());
         if let Some(health) = health {
             let now = Instant::now();
-            self.last_heartbeat = now;
+            self.hear(now);
             if health.progress_mark != self.health.progress_mark || health.activity != self.health.activity {
-                self.last_progress = now;
+                self.progress(now);
             }
             self.health = health;
         }
+        if self.status.is_none() && self.last_progress.elapsed() > OBSERVED_AFTER {
+            let starved = self.starvation.look(self.child.id());
+            self.starved_since_heartbeat += starved;
+            self.starved_since_progress += starved;
+            self.report_starvation();
+        }
+    }
+
+    /// Warns once: the operator can end other programs.
+    fn report_starvation(&mut self) {
+        let starved_s = self.starved_since_progress.as_secs_f64();
+        if self.starved_since_progress > REPORTED_STARVATION
+            && !std::mem::replace(&mut self.is_starvation_reported, true)
+        {
+            let load = starvation::load();
+            tracing::warn!(
+                starved_s,
+                "[{}] has waited {starved_s:.0} s for a processor since its last progress ({load}): the run is slow, but no \
+                 result changes; end other programs, or give the run processors of its own (taskset)",
+                self.name
+            );
+        }
+    }
+
+    fn hear(&mut self, now: Instant) {
+        self.last_heartbeat = now;
+        self.starved_since_heartbeat = Duration::ZERO;
+    }
+
+    fn progress(&mut self, now: Instant) {
+        self.last_progress = now;
+        self.starved_since_progress = Duration::ZERO;
+        self.starvation = Starvation::default();
     }
 
     /// The last observations of [`StageProcess::observe`], with times since `origin`.
@@ -138,6 +188,8 @@ impl StageProcess {
             ticks: self.health.ticks,
             last_heartbeat: self.last_heartbeat - origin,
             last_progress: self.last_progress - origin,
+            starved_since_heartbeat: self.starved_since_heartbeat,
+            starved_since_progress: self.starved_since_progress,
             heartbeat_error: self.heartbeat_error.clone(),
             awaits_restart: self.awaits_restart,
         }

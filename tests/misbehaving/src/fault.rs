@@ -2,6 +2,7 @@
 
 use crate::relay::Settings;
 use rustix::process::{Signal, getpid, kill_process};
+use rustix::time::{ClockId, clock_gettime};
 use stage::messages::{ClassTopic, Message};
 use stage::{Context, Loan, Outputs, StepError};
 use std::path::PathBuf;
@@ -9,6 +10,9 @@ use std::time::{Duration, Instant};
 
 /// Longest wait, far more than saving takes on a busy machine.
 const MAX_WAIT: Duration = Duration::from_mins(3);
+
+/// Processor time of a long step.
+const WORK: Duration = Duration::from_secs(2);
 
 stage::words! {
     /// Kind of the fault.
@@ -27,6 +31,8 @@ stage::words! {
         Stall = "stall",
         /// The step waits until the file `once` exists.
         Waits = "waits",
+        /// The step uses `WORK` of processor time.
+        Works = "works",
         /// SIGKILL.
         Killed = "killed",
         /// SIGBUS.
@@ -71,6 +77,7 @@ impl FaultKind {
             | Self::Panic
             | Self::Hang
             | Self::Stall
+            | Self::Works
             | Self::Killed
             | Self::BusError
             | Self::ExhaustsMemory
@@ -155,6 +162,11 @@ impl Fault {
                 outputs.publish(loan, 0)
             }),
             FaultKind::Stall => stall(),
+            FaultKind::Works => {
+                let begun = processor_time();
+                while processor_time() - begun < WORK {}
+                Ok(())
+            }
             FaultKind::None
             | FaultKind::Waits
             | FaultKind::HangsAtStart
@@ -202,6 +214,12 @@ impl Fault {
         std::fs::write(mark, []).map_err(StepError::io)?;
         Ok(true)
     }
+}
+
+/// Processor time of this thread.
+fn processor_time() -> Duration {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }
 
 fn send(signal: Signal) -> Result<(), StepError> {

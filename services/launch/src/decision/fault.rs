@@ -38,6 +38,10 @@ pub struct ObservedStage {
     pub last_heartbeat: Duration,
     /// Time at which its progress or its activity last changed.
     pub last_progress: Duration,
+    /// Time since its last heartbeat in which it wanted a processor and had none: it does not count as silence.
+    pub starved_since_heartbeat: Duration,
+    /// Time since its last progress in which it wanted a processor and had none: it does not count as a stall.
+    pub starved_since_progress: Duration,
     /// Error of reading its last heartbeat.
     pub heartbeat_error: Option<String>,
     /// Live: the stage has failed, and its restart is due later.
@@ -97,6 +101,32 @@ pub struct Fault {
     pub cause: Option<Cause>,
 }
 
+/// A duration that counts for a limit, and the rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Counted {
+    /// Time that counts, s.
+    pub seconds: f64,
+    /// Further time, in which the stage wanted a processor and had none, s.
+    pub starved_s: f64,
+}
+
+impl Counted {
+    fn new(at: Duration, since: Duration, starved: Duration) -> Self {
+        let seconds = at.saturating_sub(since).saturating_sub(starved).as_secs_f64();
+        Self { seconds, starved_s: starved.as_secs_f64() }
+    }
+}
+
+impl fmt::Display for Counted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} s", self.seconds)?;
+        if self.starved_s >= 1.0 {
+            write!(f, " (without {:.1} s in which other programs had the processors)", self.starved_s)?;
+        }
+        Ok(())
+    }
+}
+
 /// Kind of a stage's fault.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FaultKind {
@@ -106,13 +136,13 @@ pub enum FaultKind {
     EarlyExit,
     /// No heartbeat.
     Hang {
-        /// Duration, s.
-        seconds: f64,
+        /// Duration without the time in which the stage lacked a processor.
+        silence: Counted,
     },
     /// Heartbeats, but no progress.
     Stall {
-        /// Duration, s.
-        seconds: f64,
+        /// Duration without the time in which the stage lacked a processor.
+        stall: Counted,
         /// Activity during the stall.
         activity: Activity,
         /// Ticks finished before the stall.
@@ -120,8 +150,8 @@ pub enum FaultKind {
     },
     /// Every stage waits for another one, and no stage makes progress.
     Deadlock {
-        /// Duration, s.
-        seconds: f64,
+        /// Duration without the time in which the last stage with progress lacked a processor.
+        pause: Counted,
         /// Activity of each stage.
         activities: String,
     },
@@ -147,16 +177,16 @@ impl fmt::Display for FaultKind {
         match self {
             Self::Exit(exit) => write!(f, "{exit}"),
             Self::EarlyExit => write!(f, "ended with exit code 0 before its work was done"),
-            Self::Hang { seconds } => write!(f, "no heartbeat for {seconds:.1} s"),
-            Self::Stall { seconds, activity, ticks } => match activity {
-                Activity::Working => write!(f, "{seconds:.1} s in the step of tick {ticks}"),
-                Activity::Starting => write!(f, "{seconds:.1} s in its start"),
-                Activity::Saving => write!(f, "{seconds:.1} s while saving its state"),
-                Activity::Connecting(topic) => write!(f, "{seconds:.1} s waiting for topic {topic} to open"),
-                other => write!(f, "{seconds:.1} s in {other:?}"),
+            Self::Hang { silence } => write!(f, "no heartbeat for {silence}"),
+            Self::Stall { stall, activity, ticks } => match activity {
+                Activity::Working => write!(f, "{stall} in the step of tick {ticks}"),
+                Activity::Starting => write!(f, "{stall} in its start"),
+                Activity::Saving => write!(f, "{stall} while saving its state"),
+                Activity::Connecting(topic) => write!(f, "{stall} waiting for topic {topic} to open"),
+                other => write!(f, "{stall} in {other:?}"),
             },
-            Self::Deadlock { seconds, activities } => {
-                write!(f, "no stage has made progress for {seconds:.1} s ({activities})")
+            Self::Deadlock { pause, activities } => {
+                write!(f, "no stage has made progress for {pause} ({activities})")
             }
             Self::UnreadableHeartbeat(error) => write!(f, "cannot be read: {error}"),
         }
@@ -247,9 +277,9 @@ fn fault(
         Some(exit) => return Some(FaultKind::Exit(exit)),
         None => {}
     }
-    let seconds = at.saturating_sub(stage.last_heartbeat).as_secs_f64();
-    if seconds > policy.hang_s {
-        return Some(FaultKind::Hang { seconds });
+    let silence = Counted::new(at, stage.last_heartbeat, stage.starved_since_heartbeat);
+    if silence.seconds > policy.hang_s {
+        return Some(FaultKind::Hang { silence });
     }
     let since = match stage.activity {
         Activity::Connecting(_) => connecting_since?,
@@ -262,10 +292,10 @@ fn fault(
         | Activity::Draining
         | Activity::Done => return None,
     };
-    let seconds = at.saturating_sub(since).as_secs_f64();
+    let stall = Counted::new(at, since, stage.starved_since_progress);
     let activity = stage.activity.clone();
     let ticks = stage.ticks;
-    (seconds > policy.stall_limit_s(&stage.name)).then_some(FaultKind::Stall { seconds, activity, ticks })
+    (stall.seconds > policy.stall_limit_s(&stage.name)).then_some(FaultKind::Stall { stall, activity, ticks })
 }
 
 /// Every stage waits for another one and no stage makes progress. A stage that works has its own limit (see [`fault`]);
@@ -275,14 +305,14 @@ fn deadlock(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Option<F
     if policy.is_live || running.iter().any(|stage| is_active(&stage.activity)) {
         return None;
     }
-    let last_progress = running.iter().map(|stage| stage.last_progress).max()?;
-    let seconds = at.saturating_sub(last_progress).as_secs_f64();
-    if seconds <= policy.stall_s {
+    let counted = running.iter().map(|stage| Counted::new(at, stage.last_progress, stage.starved_since_progress));
+    let pause = counted.min_by(|a, b| a.seconds.total_cmp(&b.seconds))?;
+    if pause.seconds <= policy.stall_s {
         return None;
     }
     let activities = running.iter().map(|stage| format!("{}: {:?}", stage.name, stage.activity));
     let activities = activities.collect::<Vec<_>>().join("; ");
-    let kind = FaultKind::Deadlock { seconds, activities };
+    let kind = FaultKind::Deadlock { pause, activities };
     Some(Fault { stage: running.first()?.name.clone(), kind, cause: None })
 }
 

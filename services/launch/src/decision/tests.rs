@@ -1,7 +1,7 @@
 //! Tables of every rule of [`judge`], [`restart_stage`] and [`restart_run`].
 
 use super::cause::Cause;
-use super::fault::{Exit, FaultKind};
+use super::fault::{Counted, Exit, FaultKind};
 use super::*;
 use run::health::Activity;
 use run::health::Activity::{Blocked, Connecting, Done, Draining, Paused, Ready, Saving, Starting, Waiting, Working};
@@ -39,6 +39,8 @@ fn healthy(name: &str, activity: Activity) -> ObservedStage {
         ticks: 23,
         last_heartbeat: NOW,
         last_progress: NOW,
+        starved_since_heartbeat: Duration::ZERO,
+        starved_since_progress: Duration::ZERO,
         heartbeat_error: None,
         awaits_restart: false,
     }
@@ -122,6 +124,25 @@ fn stage_without_heartbeat_hangs_after_hang_s() {
         assert_eq!(judged(&[stage(5)], &policy()), "Continue", "{activity:?}: exactly at the limit");
         assert_eq!(judged(&[stage(6)], &policy()), "[relay] hang: no heartbeat for 6.0 s", "{activity:?}");
     }
+}
+
+#[test]
+fn time_without_a_processor_counts_neither_as_silence_nor_as_a_stall() {
+    let starved = |stage: ObservedStage, seconds| ObservedStage {
+        starved_since_heartbeat: s(seconds),
+        starved_since_progress: s(seconds),
+        ..stage
+    };
+    assert_eq!(judged(&[starved(silent("relay", 40), 35)], &policy()), "Continue");
+    let words = "[relay] hang: no heartbeat for 6.0 s (without 34.0 s in which other programs had the processors)";
+    assert_eq!(judged(&[starved(silent("relay", 40), 34)], &policy()), words);
+    assert_eq!(judged(&[starved(without_progress("relay", Working, 600), 540)], &policy()), "Continue");
+    let words =
+        "[relay] stall: 61.0 s (without 539.0 s in which other programs had the processors) in the step of tick 23";
+    assert_eq!(judged(&[starved(without_progress("relay", Working, 600), 539)], &policy()), words);
+    let waiting = [without_progress("source", Blocked(topic()), 600), without_progress("relay", Waiting(topic()), 100)];
+    assert!(judged(&waiting, &policy()).starts_with("[source] stall: no stage has made progress for 100.0 s"));
+    assert_eq!(judged(&waiting.map(|stage| starved(stage, 60)), &policy()), "Continue");
 }
 
 #[test]
@@ -243,7 +264,7 @@ fn exhausted_resource_decides_whether_a_restart_can_help() {
         assert_eq!(fault.may_restart(), may_restart, "{exit:?}: {added}");
     }
     // A stage that stalls because its disk is full.
-    let stalled = FaultKind::Stall { seconds: 61.0, activity: Saving, ticks: 3 };
+    let stalled = FaultKind::Stall { stall: Counted { seconds: 61.0, starved_s: 0.0 }, activity: Saving, ticks: 3 };
     let fault = Fault { stage: "relay".to_owned(), kind: stalled, cause: None };
     assert!(Cause::from_evidence(fault.signal(), &logged("x (os error 28)")).is_some());
 }
